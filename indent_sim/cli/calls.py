@@ -108,7 +108,7 @@ def plot(shown: Result | Study | Sequence[Result], what: str = "force", **wish: 
         runs = [one if isinstance(one, Results) else reader.read(one) for one in several]
         pictured = panels.pictured(runs, panels.wish({"what": _words(what)} | _listed(wish)))
     with pictured as figure:
-        canvas.keep_ticks_apart(figure)
+        canvas.lay_out(figure)
         return figure
 
 

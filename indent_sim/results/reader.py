@@ -111,9 +111,10 @@ def data_frame(table: Mapping[str, np.ndarray]) -> pandas.DataFrame:
     return pandas.DataFrame(dict(table))
 
 
-def read(path: Path | str) -> Results:
+def read(path: Path | str, report: Report | None = None) -> Results:
     """Read a result folder, a force table or a measured curve; UsageError when there is none or it is damaged.
 
+    report: what its run.json says, where this process has just written it [read and checked].
     Of a table that is no result's, a measured curve, the rows are numbered, its units are those that it says, and the
     contact radius is unknown.
     """
@@ -136,7 +137,7 @@ def read(path: Path | str) -> Results:
         surface = read_table(path / SURFACE, tables.SURFACE_COLUMNS, tables.SURFACE_MAY_BE_EMPTY)
         known = np.isin(surface["step"], columns["step"])
         surface = {name: values[known] for name, values in surface.items()}
-    return Results(path, columns, report_of(path), surface)
+    return Results(path, columns, report_of(path) if report is None else report, surface)
 
 
 def report_of(path: Path) -> Report:

@@ -24,7 +24,7 @@ from indent_sim.process.limits import spent
 from indent_sim.process.ranks import Alone, on_root
 from indent_sim.process.signals import unmasked
 from indent_sim.process.usage import Clock, memory
-from indent_sim.results.folder import asked_from
+from indent_sim.results.folder import asked_from, read_report
 from indent_sim.results.reader import begun_report, earlier_run, lost_files, read
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.run.accuracy import Asked, Attempt, asked_in, attempts, entry, foreseen, refuse_other_bars, unjudged
@@ -358,7 +358,7 @@ def mpi() -> Any:
 def _plot(directory: Path, report: dict[str, Any]) -> None:
     from indent_sim.results.pictures import canvas, experiment, panels
 
-    draw = amend(directory, report)
-    draw(canvas.FORCE_PICTURE, lambda: panels.draw_results([read(directory)], directory / canvas.FORCE_PICTURE), None)
+    draw, picture = amend(directory, report), directory / canvas.FORCE_PICTURE
+    draw(picture.name, lambda: panels.draw_results([read(directory, read_report(directory))], picture), None)
     if experiment.is_there(directory, report):
         draw(experiment.EXPERIMENT_PICTURE, lambda: experiment.draw(directory), None)

@@ -164,7 +164,7 @@ def test_no_picture_of_a_shipped_scene_has_a_fault(path: Path, tmp_path: Path, m
     drawn: list[Any] = []
 
     def keep(figure: Any, path: Path) -> None:
-        canvas.keep_ticks_apart(figure)
+        canvas.lay_out(figure)
         drawn.append((path.name, faults(figure)))
 
     for module in (canvas, forces, experiment):

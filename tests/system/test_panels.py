@@ -36,7 +36,7 @@ def drawn(tmp_path, monkeypatch):
     figures = []
 
     def keep(figure, path):
-        canvas.keep_ticks_apart(figure)
+        canvas.lay_out(figure)
         figures.append(figure)
 
     for module in (panels.canvas, forces):

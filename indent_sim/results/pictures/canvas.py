@@ -19,6 +19,7 @@ import numpy as np
 
 from indent_sim.process.errors import UsageError
 from indent_sim.results.folder import is_own_file
+from indent_sim.results.pictures import layout
 from indent_sim.results.pictures.axes import in_picture
 
 if TYPE_CHECKING:
@@ -184,11 +185,22 @@ def _with_power(offset: str) -> str:
     return re.sub(r"(?<![\d.])1(?=×)", "", powers)
 
 
-def keep_ticks_apart(figure: Figure) -> None:
-    """Fewer numbers along every axis whose numbers would touch. The layout, half of the cost of a picture, is found
-    once, and again where numbers have gone or a panel is true to scale."""
+def lay_out(figure: Figure) -> None:
+    """Places of all panels and numbers along their axes that do not touch, once and for all."""
     _write_numbers_as_text(figure)
-    _lay_out(figure)
+    if (engine := figure.get_layout_engine()) is not None and layout.is_plain(figure):
+        layout.place(figure, engine.get()["rect"])
+    else:
+        _measured(figure)
+    figure.set_layout_engine("none")
+
+
+def _measured(figure: Figure) -> None:
+    """Matplotlib's layout, and fewer numbers along every axis whose numbers would touch.
+
+    The layout is found once, and again where numbers have gone or a panel is true to scale: it costs as much as all else.
+    """
+    _execute(figure)
     again = any(axes.get_aspect() != "auto" for axes in figure.axes)  # whose size the first layout has changed
     for axes in figure.axes:
         for along in (along for along in (axes.xaxis, axes.yaxis) if along.get_scale() == "linear"):
@@ -198,11 +210,10 @@ def keep_ticks_apart(figure: Figure) -> None:
                 axes.locator_params(axis=along.axis_name, nbins=bins)  # type: ignore[attr-defined, unused-ignore]
                 again = True
     if again:
-        _lay_out(figure)
-    figure.set_layout_engine("none")
+        _execute(figure)
 
 
-def _lay_out(figure: Figure) -> None:
+def _execute(figure: Figure) -> None:
     """Places of all panels, as a drawing finds them."""
     engine = figure.get_layout_engine()
     if engine is not None:
@@ -222,7 +233,7 @@ def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
     kind = format_of(path)
     with warnings.catch_warnings():  # of a letter that the font lacks: a box stands for it
         warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from", UserWarning)
-        keep_ticks_apart(figure)
+        lay_out(figure)
         _write(figure, path, kind, dpi or DPI[kind])
 
 

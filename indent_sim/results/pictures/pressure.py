@@ -113,8 +113,7 @@ def contact_of(results: Results, step: float) -> PressedSurface:
 def _infinite(results: Results, step: float) -> tuple[tuple[float, float], ...]:
     """Where a sharp tip makes the pressure infinite, and how far beside that a mesh does not know it [length]."""
     peak = results.table.get("p_max", np.zeros(len(results)))[results["step"] == step]
-    scene = scene_of(results.path)
-    if scene is None or not len(peak) or np.isfinite(peak[0]):
+    if not len(peak) or np.isfinite(peak[0]) or (scene := scene_of(results.path)) is None:
         return ()
     tip, mesh = scene.indenter, scene.mesh
     size = mesh.h_contact if isinstance(mesh.h_contact, float) else 0.0
