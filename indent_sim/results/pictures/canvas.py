@@ -198,7 +198,7 @@ def lay_out(figure: Figure) -> None:
 def _measured(figure: Figure) -> None:
     """Matplotlib's layout, and fewer numbers along every axis whose numbers would touch.
 
-    The layout is found once, and again where numbers have gone or a panel is true to scale: it costs as much as all else.
+    It costs as much as all else: it is found once, and again where numbers have gone or a panel is true to scale.
     """
     _execute(figure)
     again = any(axes.get_aspect() != "auto" for axes in figure.axes)  # whose size the first layout has changed
