@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
 
 FEWEST_NEW = 50_000  # objects until the garbage collector looks for circles: loading makes many, and none to let go
@@ -11,6 +12,7 @@ FEWEST_NEW = 50_000  # objects until the garbage collector looks for circles: lo
 def main() -> None:
     """The console script."""
     gc.set_threshold(FEWEST_NEW)
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # for which it reads what is said of every installed package
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is somebody to catch it: `Program.invoke`
     from indent_sim.cli.commands import main as run

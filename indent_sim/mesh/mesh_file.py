@@ -18,7 +18,6 @@ from io import StringIO
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, TypeVar
-from xml.etree import ElementTree
 
 import numpy as np
 
@@ -156,6 +155,8 @@ def _made(reader: Reader, found: Found, made: Callable[[MeshFile], T]) -> T:
 
 def _refuse_references(found: Found) -> None:
     """An XDMF file may name others for its numbers: plain names beside it, and real files, alone, which count too."""
+    from xml.etree import ElementTree  # of no use to other files
+
     sizes, file = {"": found.size}, found.name
     for item in ElementTree.parse(found.path).iter():  # its reader takes any element for a DataItem
         if item.get("Format", "XML") == "XML":

@@ -121,9 +121,9 @@ class Layer(LayerContact):
         rim = math.sqrt(last_panel / max(self.tip.reach / self.h - a, 1e-4 * last_panel))
         return self._smooth_count(a) + math.ceil(12.0 * rim)
 
-    def solution(self, delta: float, a: float) -> Solution:
+    def solution(self, delta: float, a: float, found: _LinearKernel | None = None) -> Solution:
         """Turn the linear solutions at the contact radius a [h] into physical quantities."""
-        depth, lin = delta / self.h, self.at(a)
+        depth, lin = delta / self.h, found or self.at(a)
         phi = depth * lin.one - lin.shape
         edge = depth * lin.one_edge - lin.shape_edge if self.tip.edge is not None else 0.0
         force = 2.0 * self.E_star * self.h**2 * float(lin.w @ phi)
@@ -131,8 +131,8 @@ class Layer(LayerContact):
         stiffness = 2.0 * self.E_star * self.h * float(lin.w @ lin.one)
         layer_part = _LayerPart(lin.kernel, a, depth * lin.one_modes - lin.shape_modes)
         pressure = pointwise(_pressure, self, a, edge, layer_part)
-        u_z, area = pointwise(_u_z, self, lin, a, depth), math.pi * (a * self.h) ** 2
-        return Solution(float(delta), force, float(a * self.h), area, energy, stiffness, pressure, u_z)
+        u_z = pointwise(_u_z, self, lin, a, depth)
+        return Solution(float(delta), force, float(a * self.h), self.area(a), energy, stiffness, pressure, u_z)
 
 
 def sneddon_force(delta: float, tip: Tip, half_space: Stack) -> float:
@@ -231,8 +231,9 @@ def _by_parts(g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: Sequen
 
 
 def _integrand(g: Shape, g_r: np.ndarray, r: np.ndarray, y: np.ndarray) -> np.ndarray:
-    t = r * np.cosh(y)
-    return (g(t.ravel()).reshape(t.shape) - g_r) * np.cosh(y) / np.sinh(y) ** 2 / r
+    cosh = np.cosh(y)
+    t = r * cosh
+    return (g(t.ravel()).reshape(t.shape) - g_r) * cosh / np.sinh(y) ** 2 / r
 
 
 def _abel_nodes(a: float, r: float, breaks: Sequence[float]) -> Nodes:

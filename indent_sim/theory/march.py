@@ -1,22 +1,42 @@
-"""LayerContact: the contact of a layer theory at one depth after another, and under a force."""
+"""LayerContact: the contact of a layer theory at one depth or force after another, or at many at once.
+
+Once the powers of Hertz's contact are taken out of it, whatever belongs to a contact of the size a is an analytic
+function of a,
+    delta = h g d(a),  F = E* h^n a^(n-1) g f(a),  dF/ddelta = E* h^(n-1) a^(n-1) s(a),
+    U = E* h^(n+1) a^(n-1) g^2 u(a),  p_max = E* (g/a) p(a),
+with g(a) the tip's profile, a and g in units of h, n = 2 (n = 1 in plane strain). Chebyshev polynomials through a few
+sizes meet it to rounding, which their last coefficients tell; where these are not small nothing is interpolated: a tip
+with kinks, a pressure whose largest place wanders.
+Source: Trefethen (2013), Approximation Theory and Approximation Practice, chapters 3 and 8.
+"""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, ClassVar, Self
+from functools import cached_property, lru_cache, partial
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebval
 
 from indent_sim.theory.profiles import Tip
 from indent_sim.theory.roots import first_guess, increasing_root, next_guess
-from indent_sim.theory.solution import MAX_SLENDERNESS, Solution, check_contact, no_contact
+from indent_sim.theory.solution import COARSE, MAX_SLENDERNESS, Solution, check_contact, largest_pressure, no_contact
 from indent_sim.theory.stack import Stack
 
 SIGN_RINGS = 40  # of a contact, in which the sign of the pressure is looked at
 TENSION = 1e-6  # of the force: less is a lost digit
+# Depths from which on a few sizes may tell all of them, and most sizes for each: a search of one takes four or five
+FEWEST_SAMPLED, PER_DEPTH = 9, 1.6
+COUNTS = (8, 15, 29, 57, 113)  # sizes, those of each among those of the next
+ROUNDING, LAST = 2e-13, 2  # relative size of that many last coefficients once a polynomial has converged
+STILL, LEAST_MOVED, ROUNDS = 1e-14, 1e-10, 30  # relative steps: at the end of a search, and of a secant; most rounds
+FEW_PLACES, PLACES_PER_A = 21, 8.0  # in a contact, where its largest pressure is looked for: it changes within h
+DEPTH, FORCE = 0, 1  # columns of what belongs to a contact
+Sizes = TypeVar("Sizes", float, np.ndarray)
 
 
 def pointwise(value: Callable[..., np.ndarray], contact: LayerContact, *known: Any) -> Callable[[Any], np.ndarray]:
@@ -60,16 +80,63 @@ class LayerContact(ABC):
         """The linear problem of the contact size a; its `touch` is the depth [h] of a smooth tip with this contact."""
 
     @abstractmethod
-    def solution(self, delta: float, a: float) -> Solution:
-        """The contact of size a at the depth delta [L]."""
+    def solution(self, delta: float, a: float, found: Any = None) -> Solution:
+        """The contact of size a at the depth delta [L]; found: what `at` says of that size, where it is known."""
+
+    def area(self, a: Sizes) -> Sizes:
+        """Area [L^2] of a disc of radius a, in plane strain the width [L] of a band."""
+        return math.pi * (a * self.h) ** 2 if self.dimensions == 2 else 2.0 * a * self.h
+
+    @staticmethod
+    def stretched(a: Sizes) -> Sizes:
+        """The variable in which what belongs to a contact of size a is smooth between two sizes."""
+        return a
+
+    @staticmethod
+    def size_at(x: float) -> float:
+        """The size with that variable."""
+        return x
 
     def largest(self) -> float:
         """The contact size that cannot be reached."""
         return min(self.wall, self.tip.reach / self.h, MAX_SLENDERNESS)
 
+    def touching(self, a: float) -> Solution:
+        """The contact of size a of a smooth tip."""
+        found = self.at(a)
+        return self.solution(found.touch * self.h, a, found)
+
     def curve(self, deltas: Sequence[float]) -> list[Solution]:
-        """One Solution per depth [L], each contact sought from its neighbour's; none for a depth <= 0. Raises
-        ValueError when the contact would reach the wall, the end of the tip, or a/h = 100."""
+        """One Solution per depth [L]; none for a depth <= 0. Raises ValueError when the contact would reach the wall,
+        the end of the tip, or a/h = 100.
+
+        Those of many depths are interpolated where that is exact to rounding, else each is sought from its neighbour's.
+        """
+        depths = sorted({delta for delta in deltas if delta > 0.0})
+        sampled = self._sampled(depths[0], depths[-1], len(depths)) if depths else None
+        if sampled is None:
+            return self._one_by_one(deltas)
+        known = dict(zip(depths, sampled.at(depths), strict=True))
+        return [known.get(delta) or no_contact(delta) for delta in deltas]
+
+    def under(self, forces: Sequence[float]) -> list[Solution]:
+        """One Solution per force [F], none for a force <= 0; otherwise as `curve`."""
+        pushes = sorted({force for force in forces if force > 0.0})
+        ends = [self.depth(force) for force in pushes[:: max(len(pushes) - 1, 1)]]
+        sampled = self._sampled(ends[0], ends[-1], len(pushes)) if pushes else None
+        found = sampled.under(pushes) if sampled else self._one_by_one([self.depth(force) for force in pushes])
+        known = dict(zip(pushes, found, strict=True))
+        return [known.get(force) or no_contact(0.0) for force in forces]
+
+    def _sampled(self, first: float, last: float, count: int) -> SampledContacts | None:
+        """The contacts between two depths, from which so many are wanted; None where they are few, or no polynomial
+        meets them."""
+        if count < FEWEST_SAMPLED or self.tip.edge is not None or self.tip.breaks:
+            return None
+        small, large = (one.a / self.h for one in self._one_by_one([first, last]))
+        return SampledContacts.between(self, small, large, int(PER_DEPTH * count)) if small < large else None
+
+    def _one_by_one(self, deltas: Sequence[float]) -> list[Solution]:
         solutions: list[Solution] = []
         known: list[tuple[float, float]] = []
         for delta in deltas:
@@ -92,14 +159,14 @@ class LayerContact(ABC):
         steps = np.arange(1, count + 1) / count
         if self.tip.edge is not None:
             return self.curve(list(deepest.delta * steps))
-        return [self.solution(self.at(a).touch * self.h, a) for a in deepest.a / self.h * steps]
+        return [self.touching(a) for a in deepest.a / self.h * steps]
 
     def depth(self, force: float) -> float:
         """The depth [L] at which the force is this one [F] > 0, found by the contact's size; errors as for `curve`."""
         if self.tip.edge is not None:
             return force / self.curve([self.h])[0].stiffness
         start = first_guess(self.profile, force / (self.E_star * self.h**2), self.largest())
-        a = increasing_root(lambda a: self.solution(self.at(a).touch * self.h, a).force, force, start, self.largest())
+        a = increasing_root(lambda a: self.touching(a).force, force, start, self.largest())
         return float(self.at(a).touch * self.h)
 
     def tension(self, solution: Solution) -> float:
@@ -114,3 +181,143 @@ class LayerContact(ABC):
         share = self.dimensions * at ** (self.dimensions - 1) / SIGN_RINGS
         pull = -float(share @ np.minimum(solution.pressure(at * solution.a), 0.0)) * solution.area / solution.force
         return pull if pull > TENSION else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class SampledContacts:
+    """The contacts of a theory between two sizes, which was asked for them at a few sizes [h], increasing."""
+
+    contact: LayerContact
+    sizes: np.ndarray
+    solutions: Sequence[Solution]
+
+    @classmethod
+    def between(cls, contact: LayerContact, first: float, last: float, most: int) -> SampledContacts | None:
+        """Contacts of a smooth tip from `first` to `last` [h]; None where `most` sizes do not determine them."""
+        known: dict[float, Solution] = {}
+        needed = 0.0
+        for count in (count for count in COUNTS if count <= most):
+            if count < needed:
+                continue
+            sizes = _places(contact.stretched(first), contact.stretched(last), count)
+            known |= {x: contact.touching(contact.size_at(x)) for x in sizes if x not in known}
+            found = cls(contact, np.array([contact.size_at(x) for x in sizes]), [known[x] for x in sizes])
+            left = _left(found._reduced)
+            if left <= ROUNDING:
+                return found
+            needed = LAST + (count - LAST) * math.log(ROUNDING) / math.log(left) if left < 1.0 else math.inf
+        return None
+
+    def at(self, deltas: Sequence[float]) -> list[Solution]:
+        """The contacts at depths [L] between those of the two sizes."""
+        return self._contacts(self._sizes(deltas, DEPTH), deltas)
+
+    def under(self, forces: Sequence[float]) -> list[Solution]:
+        """The contacts under forces [F] between those of the two sizes."""
+        a = self._sizes(forces, FORCE)
+        return self._contacts(a, self._values(a)[DEPTH].tolist())
+
+    def _contacts(self, a: np.ndarray, deltas: Sequence[float]) -> list[Solution]:
+        contact, peaks, found = self.contact, _Peaks(self, a), []
+        _, force, stiffness, energy = self._values(a).tolist()
+        for i, (size, delta) in enumerate(zip(a.tolist(), deltas, strict=True)):
+            pressure, u_z = (partial(_solved, contact, delta, size, name) for name in ("pressure", "u_z"))
+            numbers = float(delta), force[i], size * contact.h, contact.area(size), energy[i], stiffness[i]
+            found.append(Solution(*numbers, pressure=pressure, u_z=u_z, peak=partial(peaks.of, i)))
+        return found
+
+    def _values(self, a: np.ndarray) -> np.ndarray:
+        """Depth, force, stiffness and energy of contacts of sizes (4, len(a)) [L, F, F/L, F L]."""
+        return self.polynomials(self._reduced, a) * self._powers(a)
+
+    def _powers(self, a: np.ndarray) -> np.ndarray:
+        """What is taken out of depth, force, stiffness and energy (4, len(a)) [L, F, F/L, F L]."""
+        contact, h = self.contact, self.contact.h
+        g, stiffness = h * contact.profile(a), contact.E_star * (a * h) ** (contact.dimensions - 1)
+        return np.array([g, stiffness * g, stiffness, stiffness * g * g])
+
+    @cached_property
+    def _reduced(self) -> np.ndarray:
+        """d, f, s and u at the sizes (4, sizes)."""
+        known = [[one.delta, one.force, one.stiffness, one.energy] for one in self.solutions]
+        return np.array(known).T / self._powers(self.sizes)
+
+    def polynomials(self, values: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Polynomials through values (columns, sizes), at other sizes (columns, len(a))."""
+        x, (first, *_, last) = self.contact.stretched(a), self.contact.stretched(self.sizes)
+        return np.asarray(chebval((2.0 * x - first - last) / (last - first), _coefficients(values)))
+
+    def _sizes(self, asked: Sequence[float], column: int) -> np.ndarray:
+        """The sizes [h] at which a column of `_values` is what is asked for: secants between logarithms, which set out
+        from chords between the known sizes."""
+        along, ends = np.log(asked), (self.sizes[0], self.sizes[-1])
+        known, at = np.log(self.sizes), np.log((self._reduced * self._powers(self.sizes))[column])
+        x, exponent = np.interp(along, at, known), np.interp(along, at, np.gradient(at, known))
+        before: tuple[np.ndarray, np.ndarray] | None = None
+        for _ in range(ROUNDS):
+            off = np.log(self._values(np.clip(np.exp(x), *ends))[column]) - along
+            if before is not None:
+                moved, changed = x - before[0], off - before[1]
+                tells = np.abs(moved) > LEAST_MOVED
+                exponent = np.where(tells, changed / np.where(tells, moved, 1.0), exponent)
+            before, x = (x, off), x - off / exponent
+            if np.abs(x - before[0]).max() <= STILL:
+                break
+        return np.clip(np.exp(x), *ends)
+
+
+class _Peaks:
+    """The largest pressures of contacts: a polynomial's where they are many and it has converged, else each sought."""
+
+    def __init__(self, sampled: SampledContacts, a: np.ndarray):
+        self._sampled, self._a = sampled, a
+
+    def of(self, i: int) -> float:
+        """The largest pressure [F/L^2] of the i-th contact."""
+        if self._known is not None:
+            return float(self._known[i])
+        contact, a = self._sampled.contact, float(self._a[i])
+        return largest_pressure(contact.touching(a), min(COARSE, FEW_PLACES + math.ceil(PLACES_PER_A * a)))
+
+    @cached_property
+    def _known(self) -> np.ndarray | None:
+        sampled, contact = self._sampled, self._sampled.contact
+        if self._a.size < sampled.sizes.size:
+            return None
+        found = np.array([[largest_pressure(one) for one in sampled.solutions]])
+        if np.isnan(found).all():
+            return np.full(self._a.size, math.nan)
+        unit = [contact.E_star * contact.profile(a) / a for a in (sampled.sizes, self._a)]
+        if not np.isfinite(found).all() or _left(found / unit[0]) > ROUNDING:
+            return None
+        return np.asarray(sampled.polynomials(found / unit[0], self._a)[0] * unit[1])
+
+
+def _solved(contact: LayerContact, delta: float, a: float, name: str, r: Any) -> Any:
+    """Pressure or u_z of a contact at places r, solved for when they are asked for."""
+    return getattr(contact.solution(delta, a), name)(r)
+
+
+def _places(first: float, last: float, count: int) -> list[float]:
+    """Chebyshev's points of the second kind, in order; every second one is among those of half as many."""
+    at = 0.5 * (first + last) - 0.5 * (last - first) * np.cos(math.pi * np.arange(count) / (count - 1))
+    return [first, *at[1:-1].tolist(), last]
+
+
+@lru_cache(maxsize=len(COUNTS))
+def _transform(count: int) -> np.ndarray:
+    """From values at Chebyshev's points to coefficients (count, count)."""
+    k, n = np.arange(count), count - 1
+    ends = np.where((k == 0) | (k == n), 0.5, 1.0)
+    return 2.0 / n * ends[:, None] * np.cos(math.pi * np.outer(k, n - k) / n) * ends
+
+
+def _left(values: np.ndarray) -> float:
+    """The last coefficients of polynomials through values (columns, sizes), over the largest one of each."""
+    coefficients = np.abs(_coefficients(values))
+    return float((coefficients[-LAST:].max(axis=0) / coefficients.max(axis=0)).max())
+
+
+def _coefficients(values: np.ndarray) -> np.ndarray:
+    """Coefficients (sizes, columns) of polynomials through values (columns, sizes)."""
+    return _transform(values.shape[1]) @ values.T

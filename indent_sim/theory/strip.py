@@ -23,7 +23,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from indent_sim.theory.hankel import wall_numbers, wavenumbers
-from indent_sim.theory.march import LayerContact, pointwise
+from indent_sim.theory.march import LayerContact, Sizes, pointwise
 from indent_sim.theory.profiles import Tip
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.stack import Stack
@@ -110,18 +110,28 @@ class Strip(LayerContact):
         uniform = math.pi * self.scaled.confined / (4.0 * self.wall)
         return smooth - uniform + math.log(2.0 * math.sin(math.pi * a / (2.0 * self.wall)))
 
-    def solution(self, delta: float, a: float) -> Solution:
+    @staticmethod
+    def stretched(a: Sizes) -> Sizes:
+        """The logarithm of the half-width: the depth of a narrow contact goes with it."""
+        return np.log(a)
+
+    @staticmethod
+    def size_at(x: float) -> float:
+        """The half-width [h] with that logarithm."""
+        return math.exp(x)
+
+    def solution(self, delta: float, a: float, found: _Linear | None = None) -> Solution:
         """Turn the linear solutions at the half-width a [h] into physical quantities."""
-        depth, lin = delta / self.h, self.at(a)
+        depth, lin = delta / self.h, found or self.at(a)
         b = depth * lin.one - lin.shape
         rest = b + lin.kink  # of y without the wedge's 2/pi^2 arcosh(1/q) sin(theta)
         if lin.corner:
             rest[0] -= np.sum(rest)  # the constant by which the kink's solution differs from the wedge's
         unit = 0.5 * math.pi * self.E_star
         force, stiffness = unit * self.h * math.pi * float(b[0]), unit * math.pi * float(lin.one[0])
-        energy, half_width = 0.5 * unit * self.h**2 * _work(lin, rest, depth), float(a * self.h)
+        energy = 0.5 * unit * self.h**2 * _work(lin, rest, depth)
         pressure, u_z = pointwise(_pressure, self, a, rest, lin.corner), pointwise(_u_z, self, lin, a, depth)
-        return Solution(float(delta), force, half_width, 2.0 * half_width, energy, stiffness, pressure, u_z)
+        return Solution(float(delta), force, float(a * self.h), self.area(a), energy, stiffness, pressure, u_z)
 
 
 def _pressure(strip: Strip, a: float, b: np.ndarray, corner: float, x: np.ndarray) -> np.ndarray:

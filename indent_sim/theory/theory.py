@@ -58,6 +58,12 @@ class Theory:
         self._known.setdefault(delta, None)
         return solutions[0] if solutions else None
 
+    def under(self, forces: Sequence[float]) -> list[Solution] | None:
+        """One Solution per force, or None where the theory ends before one of them."""
+        with contextlib.suppress(*UNSOLVED), np.errstate(all="ignore"):
+            return self.contact.under(forces)
+        return None
+
     def depth(self, force: float, deepest: float) -> float | None:
         """The depth at which theory's force is this one, `deepest` at most; None when theory ends before."""
         with contextlib.suppress(*UNSOLVED), np.errstate(all="ignore"):

@@ -22,7 +22,7 @@ from indent_sim.run.chain import condense
 from indent_sim.scene.scene import resolve
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = [sys.executable, "-m", "indent_sim.cli.commands"]
+PROGRAM = [sys.executable, "-m", "indent_sim.cli.start"]
 LEAN = ("output.plot=false", "output.fields=none")
 MPI = {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",

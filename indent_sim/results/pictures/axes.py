@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from indent_sim.process.errors import UsageError, printable
 from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 PREFIXES = {"p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "": 0, "k": 3, "M": 6, "G": 9}
 KIND_EXAMPLES = {"length": "nm, um, mm", "force": "pN, nN, mN", "pressure": "Pa, kPa, MPa", "line": "mN/m, N/m"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from math import inf, nan
@@ -36,17 +36,31 @@ class TheoryWalk:
 
     def states(self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
         """One State per requested value after the first `done`; after one that theory does not reach no other."""
-        for step, value in enumerate(path.values[done:], start=done + 1):
-            state = self._comm.bcast(on_root(self._comm, self._state, step, value, wants_surface))
+        asked = path.values[done:]
+        known = on_root(self._comm, self._together, asked) or [None] * len(asked)
+        for step, (value, solution) in enumerate(zip(asked, known, strict=True), start=done + 1):
+            state = self._comm.bcast(on_root(self._comm, self._state, step, value, solution, wants_surface))
             yield state
             if not state.converged:
                 return
 
-    def _state(self, step: int, value: float, wants_surface: Callable[[int], bool]) -> State:
+    def _together(self, asked: Sequence[float]) -> Sequence[Solution | None] | None:
+        """The contacts of all rows at once, which cost little more than a few; None where theory ends before."""
+        return self.theory.under(asked) if self._is_of_force else self.theory.curve(asked)
+
+    @property
+    def _is_of_force(self) -> bool:
+        return self.scene.physics.path.control == "force"
+
+    def _alone(self, value: float) -> Solution | None:
+        """The contact at one depth, or under one force; None where theory ends before."""
         depth: float | None = value
-        if self.scene.physics.path.control == "force":
+        if self._is_of_force:
             depth = self.theory.depth(value, inf) if value > 0 else 0.0
-        solution = None if depth is None else self.theory.at(depth)
+        return None if depth is None else self.theory.at(depth)
+
+    def _state(self, step: int, value: float, known: Solution | None, wants_surface: Callable[[int], bool]) -> State:
+        solution = known or self._alone(value)
         seconds = time.perf_counter() - self._started
         if solution is None:
             reason = "theory finds no contact, or ends before: at a wall, the tip's end, or 100 thicknesses"

@@ -143,9 +143,9 @@ class TensedLayer(LayerContact):
         modes = np.cos(np.outer(k, a * np.cos(theta))) @ (a * w[:, None] * _functions(theta, count))
         return 2.0 / math.pi * np.cos(np.outer(x, k)) @ (weight[:, None] * modes)
 
-    def solution(self, delta: float, a: float) -> Solution:
+    def solution(self, delta: float, a: float, found: Terms | None = None) -> Solution:
         """Turn the linear solutions at the contact radius a [h] into physical quantities."""
-        depth, found = delta / self.h, self.at(a)
+        depth, found = delta / self.h, found or self.at(a)
         phi = depth * found.one - found.shape
         if self.tip.edge is None:
             phi[0] = 0.0
@@ -157,9 +157,8 @@ class TensedLayer(LayerContact):
         )
         force, stiffness = 2.0 * self.E_star * self.h**2 * float(whole @ phi), 2.0 * self.E_star * self.h
         pressure, u_z = pointwise(_pressure, self, a, phi), pointwise(_u_z, self, a, phi, depth)
-        area = math.pi * (a * self.h) ** 2
         slope = stiffness * float(whole @ found.one)
-        return Solution(float(delta), force, float(a * self.h), area, energy, slope, pressure, u_z)
+        return Solution(float(delta), force, float(a * self.h), self.area(a), energy, slope, pressure, u_z)
 
     def sinking(self, a: float, phi: np.ndarray, x: np.ndarray) -> np.ndarray:
         """What the left of the equation is at places x > a [h]: of the surface beside the contact."""

@@ -1,0 +1,106 @@
+"""Contacts interpolated between a few sizes are those that are sought one by one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from indent_sim.theory import profiles
+from indent_sim.theory.layer import Layer
+from indent_sim.theory.march import LayerContact, SampledContacts
+from indent_sim.theory.solution import Solution, largest_pressure
+from indent_sim.theory.stack import Ply, Stack
+from indent_sim.theory.strip import Strip
+from indent_sim.theory.surface.tension import TensedLayer
+
+RUBBER, SPONGE = Stack((Ply(1.0, 1.0, 0.5),)), Stack((Ply(1.0, 1.0, 0.3),))
+HALF_SPACE = Stack.half_space(1.0, 1.0)
+COATED = Stack((Ply(1.0, 1000.0, 0.3), Ply(math.inf, 1.0, 0.4)), None)
+SMOOTH = {
+    "a sphere on a layer": (Layer.on(profiles.sphere(1.25), RUBBER), 0.05),
+    "a film much thinner than the contact": (Layer.on(profiles.paraboloid(500.0), SPONGE), 0.2),
+    "nearly the whole of a sphere": (Layer.on(profiles.sphere(1.0), HALF_SPACE), 0.95),
+    "a cone": (Layer.on(profiles.cone(60.0), RUBBER), 0.2),
+    "a hyperboloid": (Layer.on(profiles.hyperboloid(0.3, 60.0), RUBBER), 0.2),
+    "a stiff film on a soft half-space": (Layer.on(profiles.paraboloid(2.0), COATED), 0.1),
+    "beside a wall": (Layer.on(profiles.sphere(2.0), SPONGE, 2.0), 0.1),
+    "a roller": (Strip.on(profiles.paraboloid(5.0), SPONGE), 0.1),
+    "a roller between walls": (Strip.on(profiles.paraboloid(5.0), SPONGE, 3.0), 0.1),
+}
+ROUNDING = (
+    5e-12  # of both ways: a search ends within 1e-11 of the size, squared, and sums of a hundred terms lose digits
+)
+
+
+def numbers(found: list[Solution]) -> np.ndarray:
+    """Depth, force, size, area, energy, stiffness and largest pressure of contacts (n, 7)."""
+    known = [(s.delta, s.force, s.a, s.area, s.energy, s.stiffness, largest_pressure(s)) for s in found]
+    return np.array(known)
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_many_depths_are_those_sought_one_by_one(name):
+    contact, deepest = SMOOTH[name]
+    deltas = list(deepest * np.arange(1, 121) / 120)
+    assert contact._sampled(deltas[0], deltas[-1], len(deltas)) is not None
+    some = slice(0, None, 13)
+    found, expected = numbers(contact.curve(deltas)[some]), numbers(contact._one_by_one(deltas[some]))
+    np.testing.assert_allclose(found, expected, rtol=ROUNDING)
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_forces_are_met(name):
+    contact, deepest = SMOOTH[name]
+    expected = contact._one_by_one(list(deepest * np.linspace(0.1, 1.0, 60)))
+    found = contact.under([one.force for one in expected])
+    np.testing.assert_allclose([one.delta for one in found], [one.delta for one in expected], rtol=ROUNDING)
+
+
+def test_pressure_and_surface_are_solved_for_when_asked():
+    contact, deepest = SMOOTH["a sphere on a layer"]
+    one = contact.curve(list(np.linspace(0.1, 1.0, 40) * deepest))[17]
+    expected = contact._one_by_one([one.delta])[0]
+    r = np.linspace(0.0, 2.0 * one.a, 50)
+    np.testing.assert_allclose(one.pressure(r), expected.pressure(r), rtol=1e-9, atol=1e-9 * one.force / one.area)
+    np.testing.assert_allclose(one.u_z(r), expected.u_z(r), rtol=1e-9)  # beside the edge both lose half of the digits
+
+
+def no_polynomial() -> dict[str, LayerContact]:
+    """Contacts that are no polynomials of their size, or need none."""
+    return {
+        "a rim": Layer.on(profiles.flat_punch(1.0, 0.3), RUBBER),
+        "a punch": Layer.on(profiles.flat_punch(1.0), RUBBER),
+        "corners": Layer.on(profiles.piecewise_linear([(0, 0), (1, 0.1), (2, 0.4)]), RUBBER),
+        "a wedge between walls": Strip.on(profiles.cone(70.0), SPONGE, 3.0),
+        "steps of its own quadrature": TensedLayer.of(Layer.on(profiles.sphere(1.25), RUBBER), 0.1),
+    }
+
+
+@pytest.mark.parametrize("name", no_polynomial())
+def test_what_is_no_polynomial_is_sought_one_by_one(name):
+    contact = no_polynomial()[name]
+    assert contact._sampled(0.001, 0.1, 500) is None
+
+
+def test_few_sizes_are_asked_for_where_few_depths_are_wanted():
+    contact, deepest = SMOOTH["a film much thinner than the contact"]
+    asked = []
+    counted = type(contact).touching
+
+    class Counting(Layer):
+        def touching(self, a: float) -> Solution:
+            asked.append(a)
+            return counted(self, a)
+
+    counting = Counting(contact.tip, contact.scaled, contact.E_star, contact.h, contact.wall)
+    sizes = [one.a / contact.h for one in contact._one_by_one([0.1 * deepest, deepest])]
+    assert SampledContacts.between(counting, *sizes, most=15) is None
+    assert len(asked) == 8  # what the first coefficients say of the others is believed
+
+
+def test_no_contact_at_no_depth_among_many():
+    contact, deepest = SMOOTH["a cone"]
+    found = contact.curve([-0.1 * deepest, 0.0, *np.linspace(0.1, 1.0, 20) * deepest])
+    assert [one.force for one in found[:2]] == [0.0, 0.0] and found[2].force > 0.0
