@@ -795,6 +795,11 @@ def keys_at(path: KeyPath, document: Mapping[str, Any]) -> tuple[str, ...]:
 
 def file_order(kind: Any) -> tuple[str, ...]:
     """The fields of a dataclass as a file gives them: the tag first."""
+    return _file_order(kind)
+
+
+@cache  # every run writes what its scene says, and what it became
+def _file_order(kind: Any) -> tuple[str, ...]:
     tags = [name for name in TAGS & set(field_names(kind)) if len(get_args(hints(kind)[name])) == 1]
     return tuple(sorted(field_names(kind), key=lambda name: name not in tags))
 

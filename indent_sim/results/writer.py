@@ -26,6 +26,7 @@ from indent_sim.results.reader import Earlier, earlier_run
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, SURFACE
 from indent_sim.results.xdmf import ARRAYS, MORE_ARRAYS, FieldWriter
 
+ENCODER = json.JSONEncoder(allow_nan=False, ensure_ascii=False)
 OWN_ENTRIES = {"program", "version", "status", "exit_code", "reason", "rows", "started", "finished"}
 
 
@@ -227,8 +228,22 @@ class ResultFolder:
 
 def to_json(value: Any, indent: int | None = 2) -> str:
     """Strict JSON: what is not finite becomes null; dataclasses, paths and numpy numbers become plain."""
-    text = json.dumps(_plain(value), indent=indent, allow_nan=False, ensure_ascii=False)
+    plain = _plain(value)
+    text = ENCODER.encode(plain) if indent is None else _in_lines(plain, "\n", " " * indent)
     return re.sub("[\ud800-\udfff]", lambda lone: f"\\u{ord(lone.group()):04x}", text)  # of a file name in no encoding
+
+
+def _in_lines(value: Any, line: str, step: str) -> str:
+    """JSON with a line for each entry of a mapping and of a list of such, which json itself writes slowly."""
+    is_mapping = isinstance(value, dict)
+    is_nested = is_mapping or (isinstance(value, list) and any(isinstance(part, dict | list) for part in value))
+    if not value or not is_nested:
+        return ENCODER.encode(value)
+    inner = line + step
+    if is_mapping:
+        parts = [f"{ENCODER.encode(key)}: {_in_lines(part, inner, step)}" for key, part in value.items()]
+        return f"{{{inner}{f',{inner}'.join(parts)}{line}}}"
+    return f"[{inner}{f',{inner}'.join(_in_lines(part, inner, step) for part in value)}{line}]"
 
 
 def _plain(value: Any) -> Any:

@@ -30,9 +30,10 @@ from indent_sim.theory.stack import Stack
 SIGN_RINGS = 40  # of a contact, in which the sign of the pressure is looked at
 TENSION = 1e-6  # of the force: less is a lost digit
 # Depths from which on a few sizes may tell all of them, and most sizes for each: a search of one takes four or five
-FEWEST_SAMPLED, PER_DEPTH = 9, 1.6
+FEWEST_SAMPLED, PER_DEPTH = 9, 1.7
 COUNTS = (8, 15, 29, 57, 113)  # sizes, those of each among those of the next
 ROUNDING, LAST = 2e-13, 2  # relative size of that many last coefficients once a polynomial has converged
+DOUBT = 2.0  # sizes by which what a few foretell may be too many
 STILL, LEAST_MOVED, ROUNDS = 1e-14, 1e-10, 30  # relative steps: at the end of a search, and of a secant; most rounds
 FEW_PLACES, PLACES_PER_A = 21, 8.0  # in a contact, where its largest pressure is looked for: it changes within h
 DEPTH, FORCE = 0, 1  # columns of what belongs to a contact
@@ -197,7 +198,7 @@ class SampledContacts:
         known: dict[float, Solution] = {}
         needed = 0.0
         for count in (count for count in COUNTS if count <= most):
-            if count < needed:
+            if count < needed - DOUBT:
                 continue
             sizes = _places(contact.stretched(first), contact.stretched(last), count)
             known |= {x: contact.touching(contact.size_at(x)) for x in sizes if x not in known}
