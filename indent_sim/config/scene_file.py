@@ -139,11 +139,11 @@ def to_yaml(config: Config) -> str:
     return strict_yaml.dump(to_mapping(config))
 
 
-def to_mapping(config: Config) -> Document:
-    """The whole config as nested mappings, shaped and ordered like the file."""
-    values = {name: getattr(config, name) for name in schema.keys_at((), {})}
+def to_mapping(config: Config, keys: Iterable[str] | None = None) -> Document:
+    """The config, or these of its keys, as nested mappings, shaped and ordered like the file."""
+    values = {name: getattr(config, name) for name in keys or schema.keys_at((), {})}
     data = {name: _given(value) for name, value in values.items() if value is not None}
-    if config.center is not None:
+    if config.center is not None and "indenter" in data:
         data["indenter"]["center"] = list(config.center)
     return data
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from indent_sim.config.scene_file import to_mapping
-from indent_sim.config.schema import Config, When
+from indent_sim.config.schema import Config, When, keys_at
 from indent_sim.config.strict_yaml import leaves
 from indent_sim.mesh.body_from_file import Piece, Skin, as_msh
 from indent_sim.mesh.part_from_file import MeshedPart
@@ -45,7 +45,9 @@ def mesh_text(config: Config, piece: Piece | None) -> Iterable[str]:
 
 def left_open(config: Config, decided: Config) -> list[str]:
     """The keys that the program decided, as in `mesh.h_contact`; `center` stands in the indenter."""
-    before, after = (dict(leaves(to_mapping(one))) for one in (config, decided))
+    is_other = {name: getattr(config, name) is not getattr(decided, name) for name in keys_at((), {})}
+    changed = [name for name, other in is_other.items() if other or name == "indenter"]  # which has the center
+    before, after = (dict(leaves(to_mapping(one, changed))) for one in (config, decided))
     return [key for key, value in after.items() if before.get(key) != value]
 
 

@@ -30,7 +30,7 @@ from indent_sim.theory.stack import Stack
 SIGN_RINGS = 40  # of a contact, in which the sign of the pressure is looked at
 TENSION = 1e-6  # of the force: less is a lost digit
 # Depths from which on a few sizes may tell all of them, and most sizes for each: a search of one takes four or five
-FEWEST_SAMPLED, PER_DEPTH = 9, 1.7
+FEWEST_SAMPLED, PER_DEPTH = 8, 1.9
 COUNTS = (8, 15, 29, 57, 113)  # sizes, those of each among those of the next
 ROUNDING, LAST = 2e-13, 2  # relative size of that many last coefficients once a polynomial has converged
 DOUBT = 2.0  # sizes by which what a few foretell may be too many

@@ -73,8 +73,8 @@ def tangent(half_angle: float) -> float:
 def largest_pressure(solution: Solution, points: int = COARSE) -> float:
     """The largest pressure [F/L^2], to 1e-9; NaN where it is infinite, under a sharp apex or edge.
 
-    The surroundings of the largest of some points are looked at closer and closer; towards an infinite pressure it
-    does not stop growing.
+    The surroundings of the largest of some points are looked at closer and closer, unless it is in the middle; towards
+    an infinite pressure it does not stop growing.
     """
     if solution.force <= 0.0:
         return 0.0
@@ -85,6 +85,10 @@ def largest_pressure(solution: Solution, points: int = COARSE) -> float:
         with np.errstate(all="ignore"):
             p = np.asarray(solution.pressure(r), dtype=float)
         before, largest = largest, float(p.max())
+        if largest == math.inf:
+            return math.nan
+        if before == 0.0 and p[0] == largest and p[1] > p[2]:
+            return largest  # on the axis, or the middle, where an even pressure is flat
         if abs(largest - before) <= STILL * largest < math.inf:
             return largest
         k = int(np.argmax(p))
