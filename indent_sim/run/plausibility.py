@@ -98,6 +98,14 @@ Rule = Callable[[Scene, State, Rows], "str | None"]
 Rules = tuple[Rule, ...]
 
 
+def foresee(scene: Scene) -> None:
+    """Have theory find the forces that rows will be held to together, where their depths are known."""
+    physics = scene.physics
+    if scene.plan.theory and physics.path.control == "depth":
+        scale = physics.scales.depth
+        scene.plan.theory.expect([delta * scale / scale for delta in physics.deltas])  # as rows say their depths
+
+
 def contradiction(scene: Scene, state: State, earlier: Rows) -> str | None:
     """What cannot be true of a converged state after others on its path, None where nothing is known against it.
 

@@ -69,7 +69,7 @@ class Readings:
                 nodes = self._equilibrium.contact.compliance.size
                 if self._punches is None or nodes != self._condensed_to:
                     self._punches, self._condensed_to = punches_of(self.scene, self._equilibrium), nodes
-                return self._punches.at(radius_at(self._punches, state.delta)).stiffness
+                return self._punches.at(radius_at(self._punches, state.delta, state.a)).stiffness
         return float(self._equilibrium.stiffness)
 
 

@@ -21,7 +21,7 @@ from indent_sim.results.checkpoint import Checkpoint
 from indent_sim.results.outline import drawn_width, outline
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.run.error_bars import Bars
-from indent_sim.run.plausibility import Rows, contradiction
+from indent_sim.run.plausibility import Rows, contradiction, foresee
 from indent_sim.run.readings import Readings
 from indent_sim.run.record import Record
 from indent_sim.run.resolved import fields_of
@@ -81,6 +81,7 @@ class Simulation:
             self._walk = fe.walk(scene, mesh, clock.started - spent)
             self._follow_in_time(spent)
         self._readings = Readings(scene, self._walk.equilibrium, record.beside)
+        foresee(scene)
         dofs, versions = self._walk.equilibrium.observed.dofs, fe.versions()
         if grid is not None:  # rank 0, which writes
             size = {"cells": len(grid.cells), "points": len(grid.points)}
@@ -251,7 +252,7 @@ class Simulation:
 
     def _audit(self, state: State) -> None:
         physics, a = self.scene.physics, self.scene.plan.prediction["a"]
-        attraction = physics.scales.unscaled(physics.contact).adhesion
+        attraction = physics.contact.adhesion and physics.scales.unscaled(physics.contact).adhesion
         pull = attraction.work * a if attraction else 0.0  # about; the force may be less, where as much pushes
         swollen = 0.0  # what supports hold of a body with fluid, with or without a tip
         if physics.permeable:

@@ -41,6 +41,7 @@ class Theory:
     formulas: Mapping[str, Curve] = field(default_factory=dict, repr=False)
     pull: float = 0.0
     _known: dict[float, Solution | None] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _path: dict[float, Solution | None] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def curve(self, deltas: Sequence[float]) -> list[Solution] | None:
         """One Solution (force, a, pressure) per depth, or None where the theory ends (contact meets the wall)."""
@@ -52,8 +53,19 @@ class Theory:
         solutions = [solution for delta in deltas if (solution := self._known.get(delta))]
         return solutions if len(solutions) == len(deltas) else None
 
+    def expect(self, deltas: Sequence[float]) -> None:
+        """Depths that will be asked for one by one: the first of them finds all at once."""
+        self._path.clear()
+        self._path.update(dict.fromkeys(deltas))
+
     def at(self, delta: float) -> Solution | None:
         """The Solution at one depth, or None."""
+        if delta in self._path:
+            if self._path[delta] is None and (found := self.curve(list(self._path))):
+                self._path.update(zip(self._path, found, strict=True))
+            if known := self._path[delta]:
+                return known
+            self._path.clear()  # theory ends before the last of them
         solutions = self.curve([delta])
         self._known.setdefault(delta, None)
         return solutions[0] if solutions else None

@@ -26,8 +26,10 @@ from indent_sim.mesh.grid import lots
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.usage import machine_memory
 
+MOST_SEEN = 4_000_000  # displacements beside the contact, for all unit forces, that are kept
 BLOCK = 128  # right-hand sides solved at once; MUMPS takes 32, a seventh slower, unless told
 
+Columns = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 Own = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -38,11 +40,13 @@ class Compliance:
     whole (m n, m n): C, and with friction m - 1 horizontal axes after it; held (m - 1, nodes of the surface): where
     their displacements are held. trace: the facets between the candidates, with `nodes` numbering rows of C; surface:
     all facets of the contact surface, whose node places[i] is candidate i; support and stray (m n,): what a unit force
-    at a candidate makes the supports and the rigid-mode pins feel."""
+    at a candidate makes the supports and the rigid-mode pins feel; seen (k, m n): the displacements that it makes
+    at the condenser's `seen` dofs, k = 0 where these are not kept."""
 
     whole: np.ndarray
     support: np.ndarray
     stray: np.ndarray
+    seen: np.ndarray
     held: np.ndarray
     trace: Trace
     surface: Trace
@@ -94,6 +98,9 @@ class Condenser:
         if failure := self._pc.getFactorMatrix().getMumpsInfog(1):  # MUMPS keeps it, and crashes at the first solve
             why = "is singular to working precision" if failure == -10 else f"was not factored (MUMPS: {failure})"
             raise NotConverged(f"the body's matrix {why}; with larger elements where they are smallest it may be")
+        # where it is looked whether the tip lies inside a surface; several ranks ask the whole body
+        beside = np.unique(np.concatenate([body.skin.dofs.ravel(), body.trace.dofs.ravel()]))
+        self.seen = beside if body.comm.size == 1 else beside[:0]
         self._owned_nodes, self._owned_rows, self.rows = self._number_surface_nodes()
         self._surface = self._whole_surface()
         self._last: Compliance | None = None
@@ -165,29 +172,34 @@ class Condenser:
         held[:, self._owned_rows] = np.isin(dofs, self.body.constrained).T
         return _summed(self.body.comm, held) > 0
 
-    def _columns(self, places: np.ndarray, axes: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """C, and what unit forces make supports and pins feel; nodes condensed to before are not solved for again."""
+    def _columns(self, places: np.ndarray, axes: Sequence[int]) -> Columns:
+        """C, what unit forces make supports and pins feel, and the displacements that are `seen`; nodes condensed to
+        before are not solved for again."""
         n, known = len(places) * len(axes), self._last
         own, dofs, is_free = self._solved(places, axes)
         up = np.where(np.arange(n) < len(places), -1.0, 1.0)  # a force down is solved for as one that pulls up
         C, support, stray = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+        if len(self.seen) * n > MOST_SEEN:
+            self.seen = self.seen[:0]
+        seen = np.zeros((len(self.seen), n))
         old = np.tile(np.isin(places, () if known is None else known.places), len(axes))
         if known is not None:
             there = np.tile(np.isin(known.places, places), len(axes))
             C[np.ix_(old, old)] = known.whole[np.ix_(there, there)]
             support[old], stray[old] = known.support[there], known.stray[there]
+            seen[:, old] = known.seen[: len(seen), there]
         columns = np.flatnonzero(~old)
         if self._is_whole:
             columns = np.array_split(columns, self.body.comm.size)[self.body.comm.rank]
         for block in (columns[some] for some in lots(len(columns), BLOCK)):
-            found, support[block], stray[block] = self._block(own, dofs[block], is_free[block], n)
-            C[:, block] = up[:, None] * found * up[block]
+            found, support[block], stray[block], moved = self._block(own, dofs[block], is_free[block], n)
+            C[:, block], seen[:, block] = up[:, None] * found * up[block], moved * up[block]
             support[block] = up[block] * support[block] + (up[block] < 0) * ~is_free[block]
         if self._is_whole:
             parts = C[:, ~old], support[~old], stray[~old]
             C[:, ~old], support[~old], stray[~old] = (_summed(self.body.comm, part) for part in parts)
         C[np.ix_(~old, old)] = C[np.ix_(old, ~old)].T
-        return (C + C.T) / 2, support, stray
+        return (C + C.T) / 2, support, stray, seen
 
     def _solved(self, places: np.ndarray, axes: Sequence[int]) -> tuple[Own, np.ndarray, np.ndarray]:
         """This rank's local dofs, columns and which are free, axis by axis; numbers among all unknowns, which free."""
@@ -201,10 +213,9 @@ class Condenser:
         dofs, all_free = _summed(self.body.comm, numbers), _summed(self.body.comm, is_free) > 0
         return ((dofs, np.arange(n), all_free) if self._is_whole else (local, columns, free)), dofs, all_free
 
-    def _block(
-        self, own: Own, dofs: np.ndarray, is_free: np.ndarray, n: int
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Displacements at n columns, z-reaction of the supports, largest one of the pins, for unit forces at dofs."""
+    def _block(self, own: Own, dofs: np.ndarray, is_free: np.ndarray, n: int) -> Columns:
+        """Displacements at n columns, z-reaction of the supports, largest one of the pins, for unit forces at dofs; and
+        the displacements that are `seen`."""
         comm, (local, columns, _) = self._comm, own
         rows = self._pc.getOperators()[0].getLocalSize()[0]
         X = PETSc.Mat().createDense(((rows, PETSc.DETERMINE), (PETSc.DECIDE, len(dofs))), comm=comm)
@@ -212,10 +223,10 @@ class Condenser:
         X.assemble()
         self._pc.getFactorMatrix().matSolve(_unit_forces(comm, dofs, is_free, self.body.unknowns.total), X)
         solutions, C = X.getDenseArray(), np.zeros((n, len(dofs)))
-        C[columns] = solutions[local]
+        C[columns], seen = solutions[local], solutions[self.seen]
         reactions = _summed(comm, np.array([row @ solutions for row in (self._support_rows, *self._pin_rows)]))
         X.destroy()  # left to Python they stay until the end: all blocks at once
-        return _summed(comm, C), reactions[0], np.abs(reactions[1:]).max(axis=0, initial=0.0)
+        return _summed(comm, C), reactions[0], np.abs(reactions[1:]).max(axis=0, initial=0.0), seen
 
     def _pushed(self, compliance: Compliance) -> Own:
         """Where this rank's share of the nodal forces goes; every row asks for it, a compliance alone decides it."""
@@ -223,6 +234,15 @@ class Condenser:
             axes = [compliance.surface.dim - 1, *range(len(compliance.held))]
             self._forces_go = compliance, self._solved(compliance.places, axes)[0]
         return self._forces_go[1]
+
+    def beside(self, compliance: Compliance, nodal_forces: np.ndarray) -> np.ndarray | None:
+        """The body's local array under forces at the nodes of a compliance, where it is `seen` and zero elsewhere; None
+        where that is not kept."""
+        if not len(self.seen):
+            return None
+        found = np.zeros(len(self.body.local_array()))
+        found[self.seen] = compliance.seen @ nodal_forces
+        return found
 
     def recover(self, compliance: Compliance, nodal_forces: np.ndarray) -> None:
         """Put the whole body's response to forces at the nodes of a compliance into the body's solution."""

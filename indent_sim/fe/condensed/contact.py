@@ -33,6 +33,7 @@ from indent_sim.scene.scene import Scene
 
 NOTHING = 1e-20  # of the nodal forces of the states before: less is none, as under a punch back where it began
 MOST_CONTACT_ITERATIONS = 100
+DENSE = 128  # unknowns of a Newton step up to which its matrix is full
 
 
 class CondensedContact:
@@ -205,18 +206,23 @@ class CondensedContact:
         # of one traction by BLAS, which is faster and adds in another order
         local = np.einsum("abfp,pij->abfij", weights, pairs) if m > 1 else weights @ pairs.reshape(len(N), -1)
         at, block = self.nodes[touched], size * np.arange(m)
-        rows = np.setdiff1d((block[:, None] + np.unique(at)).ravel(), size + np.flatnonzero(held))
+        rows = (block[:, None] + np.unique(at)).ravel()
+        if np.size(held):
+            rows = np.setdiff1d(rows, size + np.flatnonzero(held))
         place = np.full(m * size, -1)
         place[rows] = np.arange(len(rows))
         i = place[block[:, None, None, None, None] + at[:, :, None]]
         j = place[block[None, :, None, None, None] + at[:, None, :]]
         i, j = (index.ravel() for index in np.broadcast_arrays(i, j))
-        kept = (i >= 0) & (j >= 0)
-        A = csr_matrix((local.ravel()[kept], (i[kept], j[kept])), shape=(len(rows),) * 2)  # a node has few neighbours
+        kept, n = (i >= 0) & (j >= 0), len(rows)
+        if n <= DENSE:  # scipy's checks of a sparse matrix cost more than its products save
+            A: Any = np.bincount(i[kept] * n + j[kept], local.ravel()[kept], n * n).reshape(n, n)
+        else:
+            A = csr_matrix((local.ravel()[kept], (i[kept], j[kept])), shape=(n, n))  # a node has few neighbours
         among = D[np.ix_(rows, rows)]
         step = -residual
         step[rows] += A @ (D[rows] @ step - among @ step[rows])
-        step[rows] = np.linalg.solve(np.eye(len(rows)) - A @ among, step[rows])
+        step[rows] = np.linalg.solve(np.eye(n) - A @ among, step[rows])
         return step
 
     def stiffness(self) -> float:

@@ -63,6 +63,8 @@ class CondensedEquilibrium(Equilibrium):
         compliance = self.condenser.condense(reach, self.scene.physics.center, axes)
         self.contact = CondensedContact(compliance, self.scene, self._iterations)
         self.view = CondensedState(self.contact)
+        beyond = ~np.isin(self.condenser.rows, compliance.places).all(axis=1)  # the candidates
+        self._beside = self.body.skin, self.body.trace.at(beyond)
 
     @property
     def depth(self) -> float:
@@ -183,15 +185,16 @@ class CondensedEquilibrium(Equilibrium):
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
         contact, copies, compliance = self.contact, self.scene.physics.part.copies, self.contact.compliance
-        X, observed = contact.forces.ravel(), self.observed
+        X = contact.forces.ravel()
         numbers = {"force": self.force, "energy": copies * contact.energy()}
         numbers["reaction"] = copies * float(compliance.support @ X)
         numbers["stray_reaction"] = copies * float(compliance.stray @ np.abs(X))
         for name, k in self.scene.physics.sideways.items():
             numbers[f"side_force_{name}"] = 0.0 - copies * float(contact.forces[1 + k].sum())  # no -0.0
-        beyond = ~np.isin(self.condenser.rows, compliance.places).all(axis=1)  # the candidates
-        skins = self.body.skin, self.body.trace.at(beyond)
-        numbers["intrusion"] = max(measure.intrusion(observed, skin) for skin in skins)
+        solution = self.condenser.beside(compliance, X)
+        if solution is None:
+            solution = self.observed.local_array()
+        numbers["intrusion"] = max(measure.intrusion(self._recovered, skin, solution) for skin in self._beside)
         return numbers | measure.contact(self.view)
 
     @property

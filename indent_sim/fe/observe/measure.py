@@ -223,11 +223,11 @@ def _overlap(body: Observed, x: np.ndarray, gap: np.ndarray) -> float:
     return float(least[is_under.any(axis=1)].max(initial=0.0))
 
 
-def intrusion(body: Any, skin: Trace) -> float:
+def intrusion(body: Any, skin: Trace, solution: np.ndarray) -> float:
     """How deep the tip lies inside a surface where nothing keeps it out [length] (collective). By the gap that contact
-    is tested with, and by the tip's own shape. body: a whole one."""
+    is tested with, and by the tip's own shape. solution: the body's local array, or what of it lies on the surface."""
     points = contact_quadrature(body.trace.dim)[0]
-    X, u = skin.positions(points), skin.values(body.local_array()[skin.dofs], points)
+    X, u = skin.positions(points), skin.values(solution[skin.dofs], points)
     inside = -_gap(body, X, u)
     if body.scene.physics.gap == "current":
         inside = np.minimum(inside, _under(body, X + u)[0])

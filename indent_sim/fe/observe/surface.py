@@ -7,8 +7,8 @@ penetration, the surface table) is evaluated here from the dofs on the facets, a
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, field
+from functools import cache, lru_cache
 
 import numpy as np
 from dolfinx import fem
@@ -29,9 +29,16 @@ def barycentric(points: np.ndarray) -> np.ndarray:
 
 def shapes(points: np.ndarray) -> np.ndarray:
     """Quadratic shape functions (points, nodes) on a facet; vertices first, then edge midpoints opposite them."""
-    bary = barycentric(points)
+    return _shapes(points.tobytes(), points.shape[1])
+
+
+@lru_cache(maxsize=64)  # every row is read off at the same points
+def _shapes(places: bytes, columns: int) -> np.ndarray:
+    bary = barycentric(np.frombuffer(places).reshape(-1, columns))
     vertices = bary * (2 * bary - 1)
-    return np.column_stack([vertices, *(4 * bary[:, i] * bary[:, j] for i, j in PAIRS[bary.shape[1]])])
+    found = np.column_stack([vertices, *(4 * bary[:, i] * bary[:, j] for i, j in PAIRS[bary.shape[1]])])
+    found.flags.writeable = False
+    return found
 
 
 def pressure_functions(points: np.ndarray) -> np.ndarray:
@@ -94,6 +101,7 @@ class Trace:
     nodes: np.ndarray
     X: np.ndarray
     dofs: np.ndarray
+    _known: dict[bytes, np.ndarray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def dim(self) -> int:
@@ -117,8 +125,11 @@ class Trace:
         return np.sqrt(squares) if self.dim == 2 else np.sqrt(2 / np.sqrt(3) * np.sqrt(squares))
 
     def positions(self, points: np.ndarray) -> np.ndarray:
-        """Reference coordinates (facets, points, dim) [length]."""
-        return self.values(self.X, points)
+        """Reference coordinates (facets, points, dim) [length], which stay what they are."""
+        if (key := points.tobytes()) not in self._known:
+            self._known[key] = found = self.values(self.X, points)
+            found.flags.writeable = False
+        return self._known[key]
 
     def values(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
         """A nodal field (facets, n, components) at points: (facets, points, components)."""

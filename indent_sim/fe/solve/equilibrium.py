@@ -250,7 +250,8 @@ class BodyEquilibrium:
         numbers["reaction"], numbers["stray_reaction"] = self.problem.reactions()
         for name, axis in self.scene.physics.sideways.items():
             numbers[f"side_force_{name}"] = self.problem.side_force(axis)
-        numbers["intrusion"] = measure.intrusion(self.observed, self.problem.body.skin)
+        body = self.problem.body
+        numbers["intrusion"] = measure.intrusion(self.observed, body.skin, body.local_array())
         numbers |= self._of_fluid()
         return numbers | measure.contact(self.observed)
 

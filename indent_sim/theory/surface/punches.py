@@ -56,10 +56,11 @@ class Punches(Protocol):
         """The punch of radius a [L]."""
 
 
-def radius_at(punches: Punches, delta: float) -> float:
-    """Contact radius [L] of the tip at a depth [L] > 0, without adhesion. ValueError where it would be beyond
-    `largest`, or below half of `smallest`, of which nothing is known."""
-    found = increasing_root(lambda a: punches.at(a).delta, delta, 0.1 * punches.largest, punches.largest)
+def radius_at(punches: Punches, delta: float, near: float = 0.0) -> float:
+    """Contact radius [L] of the tip at a depth [L] > 0, without adhesion, sought from one `near` it. ValueError where
+    it would be beyond `largest`, or below half of `smallest`, of which nothing is known."""
+    start = near if 0.0 < near < punches.largest else 0.1 * punches.largest
+    found = increasing_root(lambda a: punches.at(a).delta, delta, start, punches.largest)
     if found < 0.5 * punches.smallest:
         raise ValueError(f"the contact radius {found:g} is smaller than those that are known")
     return found
