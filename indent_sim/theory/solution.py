@@ -34,6 +34,25 @@ class Solution:
     pressure: Callable[[np.ndarray], np.ndarray]
     u_z: Callable[[np.ndarray], np.ndarray]
 
+    def largest_pressure(self) -> float:
+        """The largest pressure [F/L^2], to 1e-9; NaN where it is infinite, under a sharp apex or edge.
+
+        The surroundings of the largest of some points are looked at closer and closer; towards an infinite pressure it
+        does not stop growing.
+        """
+        if self.force <= 0.0:
+            return 0.0
+        r, largest = np.linspace(0.0, self.a, COARSE), 0.0
+        for _ in range(PEAK_ROUNDS):
+            with np.errstate(all="ignore"):
+                p = np.asarray(self.pressure(r), dtype=float)
+            before, largest = largest, float(p.max())
+            if abs(largest - before) <= STILL * largest < math.inf:
+                return largest
+            k = int(np.argmax(p))
+            r = np.linspace(r[max(k - 1, 0)], r[min(k + 1, r.size - 1)], REFINED_POINTS)
+        return math.nan
+
 
 def no_contact(delta: float) -> Solution:
     """The untouched body: everything but delta is zero."""
@@ -66,23 +85,3 @@ def tangent(half_angle: float) -> float:
     if not 0.0 < half_angle < 90.0:
         raise ValueError(f"half_angle must lie in (0, 90) degrees, got {half_angle!r}")
     return math.tan(math.radians(half_angle))
-
-
-def largest_pressure(solution: Solution) -> float:
-    """The largest pressure [F/L^2], to 1e-9; NaN where it is infinite, under a sharp apex or edge.
-
-    The surroundings of the largest of some points are looked at closer and closer; towards an infinite pressure it
-    does not stop growing.
-    """
-    if solution.force <= 0.0:
-        return 0.0
-    r, largest = np.linspace(0.0, solution.a, COARSE), 0.0
-    for _ in range(PEAK_ROUNDS):
-        with np.errstate(all="ignore"):
-            p = np.asarray(solution.pressure(r), dtype=float)
-        before, largest = largest, float(p.max())
-        if abs(largest - before) <= STILL * largest < math.inf:
-            return largest
-        k = int(np.argmax(p))
-        r = np.linspace(r[max(k - 1, 0)], r[min(k + 1, r.size - 1)], REFINED_POINTS)
-    return math.nan

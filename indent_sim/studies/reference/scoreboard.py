@@ -20,7 +20,6 @@ from indent_sim.results.reader import Results
 from indent_sim.studies.cases import Case
 from indent_sim.studies.reference.published import PULL_OFF, Published
 from indent_sim.studies.study_file import CASE, Member
-from indent_sim.theory.solution import largest_pressure
 
 SAME_PLACE = 1e-9  # relative
 OWN_COLUMNS = ("within", "ours_difference", "wrong")
@@ -185,7 +184,7 @@ def _by_theory(published: Published, case: Case | None, results: Results | None)
     if solution is None:
         return None
     numbers = {"force": solution.force * F, "a": solution.a * L, "delta": solution.delta * D}
-    number = largest_pressure(solution) * P if published.quantity == "p_max" else numbers.get(published.quantity)
+    number = solution.largest_pressure() * P if published.quantity == "p_max" else numbers.get(published.quantity)
     return Value(number, 0.0, theory.name) if number is not None and math.isfinite(number) else None
 
 
