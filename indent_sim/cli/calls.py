@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from indent_sim.cli import sensitivities as derivatives
 from indent_sim.config.scene_file import is_study, load
 from indent_sim.config.schema import Config
 from indent_sim.process.errors import UsageError
@@ -17,7 +16,8 @@ from indent_sim.results import compare as comparisons
 from indent_sim.results import folder, reader
 from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
-from indent_sim.run.accuracy import foreseen
+from indent_sim.run.companions import sensitivities as derivatives
+from indent_sim.run.companions.accuracy import foreseen
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.studies import conduct, curve_table
 from indent_sim.studies import plan as plan_study
@@ -125,7 +125,7 @@ def _words(given: str | Sequence[Any]) -> tuple[str, ...]:
 
 
 def sensitivities(scene: Given, keys: str | Sequence[str]) -> derivatives.Derivatives:
-    """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}}, see `cli.sensitivities`."""
+    """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}}, see `run.companions.sensitivities`."""
     return derivatives.sensitivities(config_of(scene), [keys] if isinstance(keys, str) else keys)
 
 

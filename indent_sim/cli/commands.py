@@ -882,7 +882,7 @@ def _resolved(config: Path, overrides: tuple[str, ...], error_bars: bool) -> Sce
         scene = resolve(settings)
         if not (error_bars or scene.plan.fineness):  # nothing is solved beside it
             return scene
-        from indent_sim.run.accuracy import foreseen
+        from indent_sim.run.companions.accuracy import foreseen
 
         return foreseen(scene, error_bars)
     except ConfigError as error:

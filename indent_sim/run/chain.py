@@ -27,8 +27,27 @@ from indent_sim.process.usage import Clock, memory
 from indent_sim.results.folder import asked_from
 from indent_sim.results.reader import begun_report, earlier_run, lost_files, read
 from indent_sim.results.tables import EXPERIMENT
-from indent_sim.run.accuracy import Asked, Attempt, asked_in, attempts, entry, foreseen, refuse_other_bars, unjudged
-from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, bearer, beside, softer, sticks, ways
+from indent_sim.run.companions.accuracy import (
+    Asked,
+    Attempt,
+    asked_in,
+    attempts,
+    entry,
+    foreseen,
+    refuse_other_bars,
+    unjudged,
+)
+from indent_sim.run.companions.error_bars import (
+    Bars,
+    Companion,
+    ErrorBars,
+    TheoryBars,
+    bearer,
+    beside,
+    softer,
+    sticks,
+    ways,
+)
 from indent_sim.run.readings import Equilibrium, Readings
 from indent_sim.run.record import Beside, Comm, Record, amend
 from indent_sim.run.resolved import left_open, mesh_text, resolved

@@ -20,7 +20,7 @@ from indent_sim.process.usage import Clock
 from indent_sim.results.checkpoint import Checkpoint
 from indent_sim.results.outline import drawn_width, outline
 from indent_sim.results.tables import EXPERIMENT
-from indent_sim.run.error_bars import Bars
+from indent_sim.run.companions.error_bars import Bars
 from indent_sim.run.plausibility import Rows, contradiction
 from indent_sim.run.readings import Readings
 from indent_sim.run.record import Record

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from indent_sim.run.accuracy import foreseen
+from indent_sim.run.companions.accuracy import foreseen
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import study_file
 from indent_sim.studies.reference import scoreboard

@@ -22,7 +22,7 @@ from indent_sim.fitting.scene_curve.parameters import Parameter
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.chain import condense, states
-from indent_sim.run.error_bars import Companion, ErrorBars, beside, softer
+from indent_sim.run.companions.error_bars import Companion, ErrorBars, beside, softer
 from indent_sim.run.readings import punches_of
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.solution import UNSOLVED
