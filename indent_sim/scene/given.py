@@ -38,6 +38,7 @@ from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
+from indent_sim.process.ranks import on_root
 from indent_sim.scene.cost import Work
 from indent_sim.scene.fineness import target_of
 from indent_sim.scene.reduction import reduce
@@ -298,10 +299,10 @@ class Given:
 
 def given_by(config: Config, piece: Piece | None = None) -> Given:
     """The scene without units, its body as given; ConfigError for one that cannot exist.
-    piece: what `piece_of` finds in the config's mesh file, where somebody has read it."""
+    piece: what `body_from_file` finds in the config's mesh file, where somebody has read it."""
     body = config.body
     if isinstance(body, MeshFromFile):
-        meshed_body, piece = _from_file(config, body, piece or piece_of(config, body))
+        meshed_body, piece = _from_file(config, body, piece or _piece_of(config, body))
         return _given(config, meshed_body, meshed_body.layers, None, piece)
     layers = _layers(config)
     if isinstance(body, Cap | Ball):
@@ -647,12 +648,26 @@ def _from_file(config: Config, source: MeshFromFile, piece: Piece) -> tuple[Mesh
     return part_from_file.body_of(placed, source, center, _materials(placed, config)[0][1]), placed
 
 
-def piece_of(config: Config, source: MeshFromFile) -> Piece:
+def body_from_file(config: Config, comm: Any) -> Piece | None:
+    """The body of the config's mesh file, None where it names none (collective).
+
+    On several ranks rank 0 reads the file, has its arrays mapped, and all know the skin of the body.
+    """
+    if not isinstance(config.body, MeshFromFile):
+        return None
+    if comm.size == 1:
+        return _piece_of(config, config.body)
+    skin = on_root(comm, _mapped_skin, config, config.body)
+    known = comm.bcast(replace(skin, whole=None) if skin else None, root=0)
+    return skin or known
+
+
+def _piece_of(config: Config, source: MeshFromFile) -> Piece:
     """The body as its file, beside the scene's, has it."""
     return file_checks.piece_in(os.path.dirname(config.source.name), source, config.material)
 
 
-def mapped_skin(config: Config, source: MeshFromFile) -> Skin:
+def _mapped_skin(config: Config, source: MeshFromFile) -> Skin:
     """The skin of that body, read in the process that meshes; of the whole this one has arrays that lie in a file."""
     from indent_sim.mesh import gmsh
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh.body_from_file import Piece
+from indent_sim.mesh.grid import Grid, moved
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.loading import History
@@ -124,6 +125,24 @@ class Scene:
         work = self.physics.work(self.solver.method, self.solver.linear)
         return cost_of(self.sizes, self.physics.part, work)
 
+    def grid(self) -> Grid:
+        """The mesh of its part by its sizes; MeshError where gmsh fails."""
+        from indent_sim.mesh import gmsh  # with processes, which no plan needs
+
+        return gmsh.build(self.physics.part, self.sizes)
+
+    def grid_like(self, other: Scene, grid: Grid) -> Grid:
+        """The mesh of a scene that differs from this one a little, moved to this one's body and contact; a mesh of its
+        own where it cannot be moved."""
+        radii = tuple(one.plan.prediction.get("a", 0.0) / one.physics.scales.length for one in (other, self))
+        return moved(grid, other.physics.part, self.physics.part, radii) or self.grid()
+
+    def begin_grid(self) -> Callable[[], Grid]:
+        """Have its mesh made in the process that meshes; the function that is returned waits for it."""
+        from indent_sim.mesh import gmsh
+
+        return gmsh.begin(self.physics.part, self.sizes)
+
     def with_physics(self, **changes: Any) -> Scene:
         """The same simulation of something else: another tip, path or contact law on the same elements."""
         return replace(self, physics=replace(self.physics, **changes))
@@ -155,6 +174,16 @@ class Scene:
         if self.sizes.edge is not None and not isinstance(tip, FlatPunch) and a >= AT_END * reach(tip):
             return False
         return not peakless(self.physics, self.sizes, a)
+
+
+Mesher = Callable[[Scene], Grid]  # makes the mesh of a scene
+
+
+def start_mesher() -> None:
+    """Fork the process that meshes, which loads gmsh while this one does something else."""
+    from indent_sim.mesh import gmsh
+
+    gmsh.start()
 
 
 def resolve(config: Config, per_radius: float | None = None, piece: Piece | None = None) -> Scene:
