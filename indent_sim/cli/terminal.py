@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from indent_sim.model.state import State
     from indent_sim.results.compare import Comparison
     from indent_sim.run.chain import Outcome
+    from indent_sim.run.prospect import Prospect
     from indent_sim.run.requirements.cheapest import Requirements
     from indent_sim.run.requirements.effects import Effect
-    from indent_sim.scene.scene import Scene
     from indent_sim.studies import StudyPlan
 
 TIMES_IN_WORDS = {  # of a scene that is followed in time, in words
@@ -131,19 +131,20 @@ def _experiment(report: Report) -> Iterator[str]:
         yield f"calibration: the force is known to {force:.3g} of it, a fitted modulus to {modulus:.3g}"
 
 
-def plan(scene: Scene, width: int = 120) -> str:
-    """The plan of a scene: every choice with its reason, and what to expect."""
+def plan(prospect: Prospect, width: int = 120) -> str:
+    """The plan of a run: every choice with its reason, and what to expect."""
     from rich.table import Table
     from rich.text import Text  # rather than words, in which brackets are markup
 
-    title = Text(printable(scene.plan.title)) if scene.plan.title else None
+    planned = prospect.plan
+    title = Text(printable(planned.title)) if planned.title else None
     choices = Table("what", "choice", "why", title=title, title_justify="left", box=None)
-    for choice in scene.plan.choices:
+    for choice in planned.choices:
         choices.add_row(*(Text(printable(word)) for word in (choice.key, _shown(choice.value), choice.why)))
     expected = Table("expected", "", box=None)
-    for name, value in scene.plan.prediction.items():
+    for name, value in planned.prediction.items():
         expected.add_row(*(Text(word) for word in (name.replace("_", " "), _shown(value))))
-    for name, value in (scene.plan.time.times if scene.plan.time else {}).items():
+    for name, value in (planned.time.times if planned.time else {}).items():
         expected.add_row(*(Text(word) for word in (TIMES_IN_WORDS[name], _shown(value))))
     return _rendered(width, choices, "", expected)
 

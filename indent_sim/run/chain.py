@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from indent_sim.config.scene_file import located, to_yaml, told_together
+from indent_sim.config.scene_file import to_yaml
 from indent_sim.config.schema import Config, OutputSettings
 from indent_sim.model.body import MeshFromFile
 from indent_sim.model.loading import LoadPath
@@ -45,6 +45,7 @@ from indent_sim.run.companions.error_bars import (
     sticks,
     ways,
 )
+from indent_sim.run.prospect import all_mistakes
 from indent_sim.run.readings import Equilibrium, Readings
 from indent_sim.run.record import Beside, Comm, Record, amend
 from indent_sim.run.resolved import left_open, resolved
@@ -247,12 +248,6 @@ class Run:
             return found
 
         return self._beside("a run beside this one", followed, [])
-
-
-def all_mistakes(first: ConfigError, config: Config) -> ConfigError:
-    """An error of a scene, and those that it has without; a mesh file is read once, so there it stands alone."""
-    is_of_file = isinstance(config.body, MeshFromFile)
-    return located(config, first) if is_of_file else told_together(first, config, resolve)
 
 
 def states(

@@ -82,6 +82,11 @@ class Stick:
         return self.low is None or self.high is None or max(abs(self.low), abs(self.high)) >= NEGLIGIBLE_PERCENT
 
     @property
+    def remark(self) -> str:
+        """The sentence where it may be worth one."""
+        return self.words if self.is_telling else ""
+
+    @property
     def words(self) -> str:
         """The same as a sentence."""
         if self.low is None or self.high is None:
@@ -362,11 +367,14 @@ def rubbed(given: Given, physics: Physics, friction: Friction) -> Rubbed | None:
     return None
 
 
-def rubbed_words(friction: Friction, found: Rubbed) -> str:
+def rubbed_words(physics: Physics, found: Rubbed) -> str:
     """The same as a sentence."""
     what, where = "no slip", ""
     if found.sticks < 1.0:
-        what, where = f"friction {friction:g}", f", and the surface sticks within {found.sticks:.2g} of its radius"
+        what, where = (
+            f"friction {physics.contact.friction:g}",
+            f", and the surface sticks within {found.sticks:.2g} of its radius",
+        )
     return f"{what} changes this force by {100 * (found.force - 1):+.1f} %{where} (half-space, exact)"
 
 

@@ -21,7 +21,17 @@ from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import PER_ROW, THEORY_SECONDS, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
 from indent_sim.scene.doubts import Doubt, doubts, of_fluid, of_material, of_theory, of_whole_contact
-from indent_sim.scene.expected import ExpectedAdhesion, InTime, Stick, followed, peakless, prediction_of, rubbed, stick
+from indent_sim.scene.expected import (
+    ExpectedAdhesion,
+    InTime,
+    Stick,
+    followed,
+    peakless,
+    prediction_of,
+    rubbed,
+    rubbed_words,
+    stick,
+)
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Given, Physics, given_by, in_time, on_finite_body
 from indent_sim.scene.sizing import AT_END
@@ -161,6 +171,14 @@ class Scene:
             (theory is not None and not theory.exact, theory.why if theory else ""),
         )
         return tuple(why for applies, why in parts if applies)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What else is said of its plan, a sentence each: how it is followed in time, what no slip or its friction
+        changes."""
+        time, slip, rough = self.plan.time, self.plan.stick, self.plan.friction
+        told = (time and time.words, slip and slip.remark, rough and rubbed_words(self.physics, rough))
+        return tuple(words for words in told if words)
 
     @property
     def exact_theory(self) -> Theory | None:
