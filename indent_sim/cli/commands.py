@@ -31,7 +31,6 @@ from indent_sim.process.version import VERSION
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
     from indent_sim.fitting.fit_folder import Fits, Reading
-    from indent_sim.model.state import State
     from indent_sim.results.reader import Results
     from indent_sim.run.chain import Outcome
 
@@ -682,7 +681,7 @@ def init(kind: str, output: Path | None) -> None:
 def list_(kind: str | None) -> None:
     """What a scene can be made of, with parameters and units."""
     kinds = [kind] if kind else list(LISTED)
-    say("\n\n".join(f"{name}\n{terminal.alternatives(LISTED[name])}" for name in kinds))
+    say("\n\n".join(f"{name}\n{terminal.listed(LISTED[name])}" for name in kinds))
 
 
 @program.command()
@@ -779,12 +778,12 @@ def _simulate(settings: Config, comm: Any, directory: Path, told: Told, **how: b
     try:
         with shown as show, _quiet_libraries(logging.ERROR if comm.rank else LEVELS[told]):  # rank 0 speaks for all
 
-            def follow(state: State, step: int, total: int) -> None:
+            def follow(*row: Any) -> None:
                 check()
-                if step >= FEW:  # at once where a run goes on from a later row
+                if row[1] >= FEW:  # the step: at once where a run goes on from a later row
                     gc.enable()
                 if show is not None:
-                    show(state, step, total)
+                    show(*row)
 
             return simulate(settings, comm, directory=directory, progress=follow, **how)
     except (IndentSimError, KeyboardInterrupt) as end:
