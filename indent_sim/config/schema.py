@@ -167,6 +167,11 @@ class Config(BaseModel):
         return self.drainage.bath_at(in_time.points[0][0] if in_time else 0.0) if self.drainage else 0.0
 
     @property
+    def instrument(self) -> Experiment:
+        """How the indentation is measured; an experiment without anything where the file has none."""
+        return self.experiment or Experiment()
+
+    @property
     def layers(self) -> tuple[Layer, ...]:
         """The body's layers from the top, each with its material; a body without layers is one."""
         given = self.body.layers or (Layer(getattr(self.body, "height", None)),)

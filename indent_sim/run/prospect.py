@@ -52,6 +52,16 @@ class Prospect:
         return self.scene.physics.path.control == "force"
 
     @property
+    def is_of_any_depth(self) -> bool:
+        """Whether forces at any depths are found without a load path to them: by theory, or on a condensed body."""
+        return not self.scene.is_meshed or self.scene.solver.method == "condensed"
+
+    @property
+    def modulus(self) -> float:
+        """Young's modulus of what the tip touches, in the user's units."""
+        return self.scene.physics.material.constants.E * self.scene.physics.scales.pressure
+
+    @property
     def identity(self) -> str:
         """A name for physics, discretisation, history and experiment; titles and output have no part in it."""
         from indent_sim.results.writer import to_json  # with the readers of results, which no plan of one scene needs

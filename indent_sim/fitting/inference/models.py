@@ -16,7 +16,6 @@ from indent_sim.fitting.inference.noise import f_test
 from indent_sim.fitting.scene_curve.lattice import NoTable
 from indent_sim.fitting.scene_curve.parameters import WORK
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables
-from indent_sim.model.body import HalfSpace, InfiniteLayer
 from indent_sim.process.errors import IndentSimError
 
 Name = Literal["thickness", "adhesion", "relaxation", "tip"]
@@ -141,11 +140,11 @@ def _thickness(
 ) -> Iterator[tuple[SceneForces, np.ndarray]]:
     """A homogeneous body of free height; one whose height is fitted already has none."""
     body, key, radius = config.body, "body.height", forces.lattice.first.radius
-    if key in forces.keys or not isinstance(body, HalfSpace | InfiniteLayer) or body.layers or body.inclusions:
+    if key in forces.keys or body.shape not in ("half_space", "layer") or body.layers or body.inclusions:
         return
     least = THINNEST * forces.deepest
     base = config
-    if not isinstance(body, InfiniteLayer):
+    if body.shape != "layer":
         layer = {"shape": "layer", "height": max(4.0 * radius, 2.0 * least)}
         base = from_mapping(to_mapping(config) | {"body": layer})
     other = tables.forces(base, (*forces.keys, key), forces.deepest)
