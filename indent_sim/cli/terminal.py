@@ -83,7 +83,7 @@ def conclusion(outcome: Outcome) -> list[str]:
     if fit := report.get("hertz"):
         read = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
         lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({read})")
-    lines += [words] if (words := _part(report, "stick").get("words")) else []
+    lines += _words(_part(report, "stick"))
     lines += [*_largest_pull(_part(report, "adhesion")), *_experiment(_part(report, "experiment"))]
     if "time" in report:
         lines.append(f"in time by {report['time']['method']}: {report['time']['why']}")
@@ -100,6 +100,11 @@ def warnings(outcome: Outcome) -> list[str]:
 def _part(report: Report, name: str) -> Report:
     """A section of a report, empty where there is none."""
     return report.get(name) or {}
+
+
+def _words(part: Report) -> list[str]:
+    """The sentence that a part of a report has of itself, if it has one."""
+    return [words] if (words := part.get("words")) else []
 
 
 def _largest_pull(report: Report) -> list[str]:

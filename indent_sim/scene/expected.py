@@ -288,8 +288,7 @@ def stick(given: Given, physics: Physics, linear: str = "direct") -> Stick | Non
     At finite strain, or with the gap at the deformed point, there is no number, and only a sentence where the like of
     it at small strain tells. physics, linear: the scene's own, and how error bars would solve its linear systems.
     """
-    takes_path = physics.contact.has_memory or physics.evolves
-    found = None if takes_path or given.deepest <= 0 else _at_small_strain(given)
+    found = None if physics.takes_path or given.deepest <= 0 else _at_small_strain(given)
     if found is None or physics.is_linear:
         return found
     is_solvable = not physics.part.pins and linear != "iterative"

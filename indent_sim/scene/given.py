@@ -101,7 +101,7 @@ class Physics:
     @property
     def has_friction(self) -> bool:
         """Whether the tip drags on the surface."""
-        return bool(self.contact.friction)
+        return not self.contact.is_conservative
 
     @property
     def largest_force(self) -> float | None:
@@ -158,6 +158,16 @@ class Physics:
         return any(region.material.evolves for region in self.part.regions)
 
     @property
+    def takes_path(self) -> bool:
+        """Whether a row depends on the path to it, or on the time that it takes."""
+        return self.contact.has_memory or self.evolves
+
+    @property
+    def takes_steps(self) -> bool:
+        """Whether a row depends on the steps in which the path to it is followed."""
+        return self.has_friction or self.evolves
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """Columns of the force table that only some scenes have, in order."""
         fluid = FLUID_COLUMNS if self.permeable else ()
@@ -192,7 +202,7 @@ class Physics:
         a_row = (1 if self.largest_force is None else FORCE_SEARCH_FACTOR) * (2 if self.anchor == "mid" else 1)
         mixed = any(region.formulation == "mixed" or region.material.flow for region in self.part.regions)
         stages = 2 if self.permeable else 1
-        is_nonlinear = self.contact.has_memory or not self.is_linear or self.evolves
+        is_nonlinear = self.takes_path or not self.is_linear
         steps = stages * a_row * (len(self.deltas) + sum(map(len, self.path.turns)))
         touching = [False, *(delta > 0 for delta in self.deltas)]
         snaps = sum(one != other for one, other in pairwise(touching)) if self.contact.may_snap else 0

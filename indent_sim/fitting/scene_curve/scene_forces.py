@@ -71,8 +71,10 @@ class SceneForces:
         self._shape = [k for k, one in enumerate(self.parameters) if one.role == "shape"]
         shape = [self.parameters[k] for k in self._shape]
         self.history: HistoryTable | None = None
-        self.lattice = ElasticLattice(config, [] if remembers(config) else shape, deepest, self.adheres)
-        if remembers(config):
+        is_run = remembers(config)
+        of_table = [] if is_run else shape
+        self.lattice = ElasticLattice(config, of_table, deepest, self.adheres)
+        if is_run:
             self.history = _history(config, shape, way, self.lattice.first)
         radius = self.lattice.first.radius
         self.parameters = tuple(_within(one, radius) for one in self.parameters)
@@ -97,6 +99,12 @@ class SceneForces:
     def relaxes(self) -> bool:
         """Whether the force depends on time."""
         return self.history is not None or relaxation_of(self.config) is not None
+
+    @property
+    def effects(self) -> set[str]:
+        """What it has that another model may add: adhesion, relaxation."""
+        known = {"adhesion": self.adheres, "relaxation": self.relaxes}
+        return {name for name, is_there in known.items() if is_there}
 
     @property
     def error(self) -> float:

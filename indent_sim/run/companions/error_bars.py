@@ -187,7 +187,7 @@ class Ways:
 def in_half_steps(scene: Scene) -> Scene | None:
     """The same scene in steps half as long; None where the path does not matter, nor time."""
     physics = scene.physics
-    if not (physics.has_friction or physics.evolves):
+    if not physics.takes_steps:
         return None
     return scene.with_physics(path=physics.path.halved(), deltas=_halved(physics.deltas))
 
@@ -267,7 +267,7 @@ def on_finer_mesh(scene: Scene, ratio: float) -> Scene:
 def _smooth(scene: Scene) -> Scene | None:
     """The same frictionless scene with a law that may have friction; None for one that may not."""
     physics = scene.physics
-    if physics.contact.has_memory or physics.part.pins or physics.evolves:
+    if physics.takes_path or physics.part.pins:
         return None
     if scene.solver.linear == "iterative":
         factored = _factored(scene)
@@ -366,19 +366,20 @@ class ErrorBars:
             return 0.0
         if name == "force" and self._finds_depths:
             return self._ways.error(state, "delta") * self._slope(state)
-        slips = self._physics.has_friction and self._physics.contact.friction != "stick"
-        return self._ways.error(state, name) + (self._unseen(state, name) if slips else 0.0)
+        unseen = self._unseen(state, name) if self._physics.contact.slips else 0.0
+        return self._ways.error(state, name) + unseen
 
     def _unseen(self, state: State, name: str) -> float:
         """What halves of a step that is long beside its contact may not show of where and how far the surface slips."""
         before, value = self._run.get(state.step - 1), getattr(state, name)
-        a, stick, depth, force = _of_slip(before) if before else (0.0, 0.0, 0.0, 0.0)
+        a, stick, depth, force = _of_slip(before)
         moved, work = _share(a, state.a), (state.force + force) / 2 * (state.delta - depth)
-        if name == "stick_radius":
-            narrow = self._unresolved(value) if state.a > 0 else 0.0
-            return UNSEEN[name] * max(moved, _share(stick, value)) * value + narrow
-        if name == "dissipation":
-            return UNSEEN[name] * moved**2 * value + LEAST_SLIP * abs(work)
+        match name:
+            case "stick_radius":
+                narrow = self._unresolved(value) if state.a > 0 else 0.0
+                return UNSEEN[name] * max(moved, _share(stick, value)) * value + narrow
+            case "dissipation":
+                return UNSEEN[name] * moved**2 * value + LEAST_SLIP * abs(work)
         return 0.0
 
     def _unresolved(self, stick: float) -> float:
@@ -545,8 +546,10 @@ class TheoryBars:
 Bars = ErrorBars | TheoryBars
 
 
-def _of_slip(state: State) -> tuple[float, float, float, float]:
-    """Contact radius, stick radius, depth and force."""
+def _of_slip(state: State | None) -> tuple[float, float, float, float]:
+    """Contact radius, stick radius, depth and force; nothing at rest."""
+    if state is None:
+        return 0.0, 0.0, 0.0, 0.0
     return state.a, state.stick_radius or 0.0, state.delta, state.force
 
 
