@@ -24,9 +24,9 @@ from mpi4py import MPI
 
 from indent_sim.config.scene_file import load
 from indent_sim.process import usage
-from indent_sim.run.chain import body_from_file
 from indent_sim.run.simulation import backend
 from indent_sim.scene import scene as scenes
+from indent_sim.scene.given import body_from_file
 
 
 def own() -> float:

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from indent_sim.cli import sensitivities as derivatives
 from indent_sim.config.scene_file import is_study, load
 from indent_sim.config.schema import Config
 from indent_sim.process.errors import UsageError
@@ -17,8 +16,8 @@ from indent_sim.results import compare as comparisons
 from indent_sim.results import folder, reader
 from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
-from indent_sim.run.accuracy import foreseen
-from indent_sim.scene.scene import Scene, resolve
+from indent_sim.run.companions import sensitivities as derivatives
+from indent_sim.run.prospect import foreseen
 from indent_sim.studies import conduct, curve_table
 from indent_sim.studies import plan as plan_study
 from indent_sim.studies.conduct import Study
@@ -44,8 +43,7 @@ def plan(given: Given, *, error_bars: bool = False) -> Report:
     """What would be modelled, and why; of a study its runs and their cost: the object of `indent-sim plan --json`."""
     if (isinstance(given, Mapping) and is_study(given)) or (isinstance(given, str | Path) and _holds_study(given)):
         return plan_study(given, error_bars).as_json()
-    scene = resolve(config_of(given))
-    return (foreseen(scene, error_bars) if error_bars or scene.plan.fineness else scene).plan.as_json()
+    return foreseen(config_of(given), error_bars).plan.as_json()
 
 
 def require(given: Given, within: float = 0.01) -> Report:
@@ -125,13 +123,13 @@ def _words(given: str | Sequence[Any]) -> tuple[str, ...]:
 
 
 def sensitivities(scene: Given, keys: str | Sequence[str]) -> derivatives.Derivatives:
-    """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}}, see `cli.sensitivities`."""
+    """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}}, see `run.companions.sensitivities`."""
     return derivatives.sensitivities(config_of(scene), [keys] if isinstance(keys, str) else keys)
 
 
 def config_of(given: Given) -> Config:
     """The config of a scene, however it is given."""
-    if isinstance(given, Scene):
+    if not isinstance(given, Config | Mapping | str | Path):
         raise TypeError("give what `load` gives, not what `resolve` made of it")
     return given if isinstance(given, Config) else load(given)
 

@@ -31,10 +31,8 @@ from indent_sim.process.version import VERSION
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
     from indent_sim.fitting.fit_folder import Fits, Reading
-    from indent_sim.model.state import State
     from indent_sim.results.reader import Results
     from indent_sim.run.chain import Outcome
-    from indent_sim.scene.scene import Scene
 
 Form = Literal["text", "json"]  # of what stdout gets
 Told = Literal["all", "warnings"]  # on stderr
@@ -362,20 +360,16 @@ def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Form)
     """Say what would be modelled, and why; of a study its runs and what they cost. Writes nothing."""
     if _is_study(config):
         return _plan_study(config, overrides, error_bars, form)
-    scene = _resolved(config, overrides, error_bars)
-    if form == "json":
-        return say_done(scene.plan.as_json())
-    say(terminal.plan(scene, _width()))
-    if scene.plan.time and scene.plan.time.words:
-        say(scene.plan.time.words)
-    stick, rubbed = scene.plan.stick, scene.plan.friction
-    if stick and stick.is_telling:
-        say(stick.words)
-    if rubbed:
-        from indent_sim.scene.expected import rubbed_words
+    from indent_sim.config.scene_file import load
+    from indent_sim.run.prospect import foreseen
 
-        say(rubbed_words(scene.physics.contact.friction, rubbed))
-    for warning in scene.plan.warnings:
+    planned = foreseen(load(config, overrides), error_bars)
+    if form == "json":
+        return say_done(planned.plan.as_json())
+    say(terminal.plan(planned, _width()))
+    for line in planned.scene.remarks:
+        say(line)
+    for warning in planned.plan.warnings:
         tell(f"warning: {warning}")
 
 
@@ -687,7 +681,7 @@ def init(kind: str, output: Path | None) -> None:
 def list_(kind: str | None) -> None:
     """What a scene can be made of, with parameters and units."""
     kinds = [kind] if kind else list(LISTED)
-    say("\n\n".join(f"{name}\n{terminal.alternatives(LISTED[name])}" for name in kinds))
+    say("\n\n".join(f"{name}\n{terminal.listed(LISTED[name])}" for name in kinds))
 
 
 @program.command()
@@ -726,16 +720,10 @@ def main() -> None:
 
 def _starts_mesher(read: Callable[[], Config]) -> bool:
     """Fork the process that meshes on rank 0, before MPI is up, unless theory solves; whether ranks are to be met."""
-    from indent_sim.mesh import gmsh
     from indent_sim.process.ranks import is_first, is_one_of_several
-    from indent_sim.scene.choices import needs_mesh
+    from indent_sim.run.prospect import starts_mesher
 
-    with suppress(IndentSimError):  # what is wrong with the config is said later, by all ranks
-        if is_first() and not needs_mesh(read()):
-            return is_one_of_several()
-    if is_first():
-        gmsh.start()
-    return True
+    return not is_first() or starts_mesher(read) or is_one_of_several()
 
 
 @contextmanager
@@ -790,12 +778,12 @@ def _simulate(settings: Config, comm: Any, directory: Path, told: Told, **how: b
     try:
         with shown as show, _quiet_libraries(logging.ERROR if comm.rank else LEVELS[told]):  # rank 0 speaks for all
 
-            def follow(state: State, step: int, total: int) -> None:
+            def follow(*row: Any) -> None:
                 check()
-                if step >= FEW:  # at once where a run goes on from a later row
+                if row[1] >= FEW:  # the step: at once where a run goes on from a later row
                     gc.enable()
                 if show is not None:
-                    show(state, step, total)
+                    show(*row)
 
             return simulate(settings, comm, directory=directory, progress=follow, **how)
     except (IndentSimError, KeyboardInterrupt) as end:
@@ -871,24 +859,6 @@ def _plan_study(path: Path, overrides: tuple[str, ...], error_bars: bool, form: 
     say_done(planned.as_json()) if form == "json" else say(terminal.study_plan(planned))
     for line in planned.notes:
         tell(line)
-
-
-def _resolved(config: Path, overrides: tuple[str, ...], error_bars: bool) -> Scene:
-    from indent_sim.config.scene_file import load
-    from indent_sim.scene.scene import resolve
-
-    settings = load(config, overrides)
-    try:
-        scene = resolve(settings)
-        if not (error_bars or scene.plan.fineness):  # nothing is solved beside it
-            return scene
-        from indent_sim.run.accuracy import foreseen
-
-        return foreseen(scene, error_bars)
-    except ConfigError as error:
-        from indent_sim.run.chain import all_mistakes
-
-        raise all_mistakes(error, settings) from None
 
 
 def _width() -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import io
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -10,7 +9,6 @@ from contextlib import contextmanager
 from math import inf
 from typing import TYPE_CHECKING, Any
 
-from indent_sim.model.symbols import PULL_OFF, lookup
 from indent_sim.process.errors import printable
 from indent_sim.process.usage import Pace
 
@@ -19,12 +17,12 @@ if TYPE_CHECKING:
     from indent_sim.fitting.curve_requirements import CurveRequirements
     from indent_sim.fitting.design import Design
     from indent_sim.fitting.inference.verdict import Interval
-    from indent_sim.model.state import State
     from indent_sim.results.compare import Comparison
     from indent_sim.run.chain import Outcome
+    from indent_sim.run.prospect import Prospect
     from indent_sim.run.requirements.cheapest import Requirements
     from indent_sim.run.requirements.effects import Effect
-    from indent_sim.scene.scene import Scene
+    from indent_sim.run.simulation import Progress
     from indent_sim.studies import StudyPlan
 
 TIMES_IN_WORDS = {  # of a scene that is followed in time, in words
@@ -40,39 +38,37 @@ WHOLE = 99.5  # per cent, from which on they are said without powers of ten
 LINES = 200  # most progress lines in a log
 
 Report = dict[str, Any]  # of a run, or a part of one
-Follow = Callable[["State", int, int], None]
 
 
 @contextmanager
-def progress(tell: Callable[[str], None]) -> Iterator[Follow]:
+def progress(tell: Callable[[str], None]) -> Iterator[Progress]:
     """A function to call with every state: a bar on a terminal, plain lines in a log (stderr)."""
     pace = Pace()
     if not sys.stderr.isatty():
-        yield lambda state, step, total: _log(tell, state, step, total, pace)
+        yield lambda state, step, total: _log(
+            tell, str(state), f"{state.newton_iterations} iterations", step, total, pace
+        )
         return
+    from rich import progress as bars
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as bar:
+    columns = (bars.BarColumn(), bars.MofNCompleteColumn(), bars.TextColumn("{task.description}"))
+    with bars.Progress(*columns, bars.TimeElapsedColumn(), console=Console(stderr=True)) as bar:
         task = bar.add_task("building the model", total=None)
-
-        def follow(state: State, step: int, total: int) -> None:
-            _, left = pace.after(total - step)
-            bar.update(task, completed=step, total=total, description=f"{_numbers(state)}  {left}")
-
-        yield follow
+        yield lambda state, step, total: bar.update(
+            task, completed=step, total=total, description=f"{state}  {pace.after(total - step)[1]}"
+        )
 
 
 def conclusion(outcome: Outcome) -> list[str]:
     """The last lines of a run: its last row, theory beside it, the picture, and the warnings."""
     report, theory = outcome.report, _part(outcome.report, "theory")
-    lines = [f"step {state.step}: {_numbers(state)}" for state in outcome.states[-1:]]
+    lines = [f"step {state.step}: {state}" for state in outcome.states[-1:]]
     rows, before = len(outcome.states), outcome.resumed_after
     if before:
         some = f"resumed: {before} of the {rows} rows were there"
         lines.append(f"nothing left to compute: all {rows} rows were there" if before == rows else some)
-    lines += _error(outcome.states)
+    lines += _error(outcome)
     if theory:
         lines.append(_theory(theory) if report.get("method") != "theory" else f"solved by theory: {theory['why']}")
     if closed := theory.get("half_space"):
@@ -87,7 +83,7 @@ def conclusion(outcome: Outcome) -> list[str]:
     if fit := report.get("hertz"):
         read = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
         lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({read})")
-    lines += [words] if (words := _part(report, "stick").get("words")) else []
+    lines += _words(_part(report, "stick"))
     lines += [*_largest_pull(_part(report, "adhesion")), *_experiment(_part(report, "experiment"))]
     if "time" in report:
         lines.append(f"in time by {report['time']['method']}: {report['time']['why']}")
@@ -106,13 +102,19 @@ def _part(report: Report, name: str) -> Report:
     return report.get(name) or {}
 
 
+def _words(part: Report) -> list[str]:
+    """The sentence that a part of a report has of itself, if it has one."""
+    return [words] if (words := part.get("words")) else []
+
+
 def _largest_pull(report: Report) -> list[str]:
     """The largest pull of the rows, and what is known of it beforehand."""
     pulled = report.get("largest_pull")
     if pulled is None:
         return []
-    known = [(symbol.meaning, report.get(symbol.name)) for symbol in PULL_OFF]
-    beside = [f"; {words} {force:.6g}" for words, force in known if force is not None]
+    from indent_sim.run.summary import known_pulls
+
+    beside = [f"; {words} {force:.6g}" for words, force in known_pulls(report)]
     line = f"largest pull: force {pulled['force']:.6g} at delta {pulled['delta']:.6g}, step {pulled['step']}"
     return ["".join([line, *beside])]
 
@@ -131,19 +133,20 @@ def _experiment(report: Report) -> Iterator[str]:
         yield f"calibration: the force is known to {force:.3g} of it, a fitted modulus to {modulus:.3g}"
 
 
-def plan(scene: Scene, width: int = 120) -> str:
-    """The plan of a scene: every choice with its reason, and what to expect."""
+def plan(prospect: Prospect, width: int = 120) -> str:
+    """The plan of a run: every choice with its reason, and what to expect."""
     from rich.table import Table
     from rich.text import Text  # rather than words, in which brackets are markup
 
-    title = Text(printable(scene.plan.title)) if scene.plan.title else None
+    planned = prospect.plan
+    title = Text(printable(planned.title)) if planned.title else None
     choices = Table("what", "choice", "why", title=title, title_justify="left", box=None)
-    for choice in scene.plan.choices:
+    for choice in planned.choices:
         choices.add_row(*(Text(printable(word)) for word in (choice.key, _shown(choice.value), choice.why)))
     expected = Table("expected", "", box=None)
-    for name, value in scene.plan.prediction.items():
+    for name, value in planned.prediction.items():
         expected.add_row(*(Text(word) for word in (name.replace("_", " "), _shown(value))))
-    for name, value in (scene.plan.time.times if scene.plan.time else {}).items():
+    for name, value in (planned.time.times if planned.time else {}).items():
         expected.add_row(*(Text(word) for word in (TIMES_IN_WORDS[name], _shown(value))))
     return _rendered(width, choices, "", expected)
 
@@ -278,38 +281,28 @@ def _worst(found: Comparison) -> str:
     return f"largest relative difference: {columns or 'no column compared'}"
 
 
-def alternatives(section: str) -> str:
+def listed(section: str) -> str:
     """What may stand in a section of the scene file: names, first lines of docs, parameters, units."""
-    from indent_sim.config import schema
-    from indent_sim.config.key_types import describe, hints, kinds_of
+    from indent_sim.config.json_schema import alternatives
 
-    lines, tag = [], schema.tags()[section]
-    for choice, kind in kinds_of(hints(schema.Config)[section], tag).items():
-        rows = []
-        for name in schema.file_order(kind):
-            if name != tag and (symbol := lookup(name, section)):
-                unit = f"[{symbol.dimension}]" if symbol.dimension not in ("word", "1") else ""
-                rows.append([f"      {name}", describe(hints(kind)[name]), unit, symbol.meaning])
-        first_line = inspect.cleandoc(kind.__doc__ or "").split("\n")[0]
-        lines += [f"  {choice}: {first_line}", *([_aligned(rows, "<")] if rows else [])]
+    lines = []
+    for choice, words, keys in alternatives(section):
+        rows = [[f"      {name}", *rest] for name, *rest in keys]
+        lines += [f"  {choice}: {words}", *([_aligned(rows, "<")] if rows else [])]
     return "\n".join(lines)
 
 
-def _log(tell: Callable[[str], None], state: State, step: int, total: int, pace: Pace) -> None:
+def _log(tell: Callable[[str], None], row: str, effort: str, step: int, total: int, pace: Pace) -> None:
     """A line with the step's own time, and what is left."""
     every, (own, left) = -(-total // LINES), pace.after(total - step)
     if step % every == 0 or step in (1, total):
-        effort = f"{state.newton_iterations} iterations  {own:.1f} s  {left}"
-        tell(f"step {step}/{total}  {_numbers(state)}  {effort}".rstrip())
+        tell(f"step {step}/{total}  {row}  {effort}  {own:.1f} s  {left}".rstrip())
 
 
-def _numbers(state: State) -> str:
-    return f"delta {state.delta:.6g}  force {state.force:.6g}  a {state.a:.6g}"
-
-
-def _error(states: list[State]) -> list[str]:
+def _error(outcome: Outcome) -> list[str]:
     """The widest error bar, relative to its force."""
-    bars = [(state.force_error / abs(state.force), state.step) for state in states if state.force_error and state.force]
+    known = (state for state in outcome.states if state.force_error and state.force)
+    bars = [((state.force_error or 0.0) / abs(state.force), state.step) for state in known]
     worst, step = max(bars, default=(0.0, 0))
     return [f"estimated error of the force: at most {worst:.2g} of it (step {step})"] if bars else []
 

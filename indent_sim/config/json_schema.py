@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 from collections.abc import Iterator
 from typing import Any, get_args
 
 from pydantic.json_schema import GenerateJsonSchema
 
 from indent_sim.config import key_types, schema
-from indent_sim.config.key_types import core, hints, members, words_of
+from indent_sim.config.key_types import core, hints, kinds_of, members, words_of
 from indent_sim.config.schema import Config
 from indent_sim.model.loading import STEPPED, WAYS
 from indent_sim.model.symbols import lookup
@@ -77,6 +78,19 @@ def _described(found: Any, kind: Any, section: str) -> Any:
         found["properties"][tag].pop("default")
         found["required"] = [tag, *found.get("required", ())]
     return found
+
+
+def alternatives(section: str) -> Iterator[tuple[str, str, list[list[str]]]]:
+    """What may stand in a section: its names, the first lines of their docs, and of each the keys with what they may
+    be, unit and meaning."""
+    tag = schema.tags()[section]
+    for choice, kind in kinds_of(hints(Config)[section], tag).items():
+        keys = []
+        for name in schema.file_order(kind):
+            if name != tag and (symbol := lookup(name, section)):
+                unit = f"[{symbol.dimension}]" if symbol.dimension not in ("word", "1") else ""
+                keys.append([name, key_types.describe(hints(kind)[name]), unit, symbol.meaning])
+        yield choice, inspect.cleandoc(kind.__doc__ or "").split("\n")[0], keys
 
 
 def sections_and_kinds() -> Iterator[tuple[str, type]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from decimal import Decimal
 from functools import cache
 from itertools import chain, repeat
@@ -18,7 +19,19 @@ from typing import Any
 from indent_sim.config import key_types, schema
 from indent_sim.config.messages import closest
 from indent_sim.config.strict_yaml import KeyPath, key_text
-from indent_sim.model.units import ANGLE, FORCE, LENGTH, PRESSURE, STIFFNESS, TIME, Unit, UnitRow, factors, unit_of
+from indent_sim.model.units import (
+    ANGLE,
+    FORCE,
+    LENGTH,
+    PRESSURE,
+    STIFFNESS,
+    TIME,
+    Unit,
+    UnitRow,
+    factors,
+    field_units,
+    unit_of,
+)
 from indent_sim.process.errors import ConfigError, ConfigErrors
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
@@ -203,3 +216,30 @@ def _in_words(exponents: Exponents) -> str:
     if name is None:
         return " ".join(f"{part}^{power}" for part, power in exponents.items()) or "a pure number"
     return f"{'an' if name[0] in 'ae' else 'a'} {name}"
+
+
+def kind_at(path: KeyPath, document: Mapping[str, Any]) -> str | None:
+    """Length, force or pressure, of a key of these dimensions."""
+    unit = unit_of(schema.spot_at(path, document).type)
+    kinds = {LENGTH: "length", FORCE: "force", PRESSURE: "pressure"}
+    return kinds.get(unit) if isinstance(unit, Unit) else None
+
+
+def pressures(config: schema.Config) -> list[str]:
+    """The keys of all numbers with a pressure in their unit: where there is one, the force is proportional to it."""
+    parts: list[tuple[str, Any]] = [*config.materials(), ("contact", config.contact)]
+    parts += [(f"{key}.flow", law.flow) for key, law in config.materials() if law.flow]
+    return [f"{name}.{key}" for name, part in parts if is_dataclass(part) for key in _moduli(part)]
+
+
+def _moduli(part: Any) -> list[str]:
+    kind: type = type(part)
+    units = field_units(kind)
+    named = [(one.name, units[one.name]) for one in fields(part) if _is_number(getattr(part, one.name))]
+    return [
+        name for name, unit in named if isinstance(unit, Unit) and unit.powers.get("pressure") and getattr(part, name)
+    ]
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -167,6 +167,11 @@ class Config(BaseModel):
         return self.drainage.bath_at(in_time.points[0][0] if in_time else 0.0) if self.drainage else 0.0
 
     @property
+    def instrument(self) -> Experiment:
+        """How the indentation is measured; an experiment without anything where the file has none."""
+        return self.experiment or Experiment()
+
+    @property
     def layers(self) -> tuple[Layer, ...]:
         """The body's layers from the top, each with its material; a body without layers is one."""
         given = self.body.layers or (Layer(getattr(self.body, "height", None)),)
@@ -271,7 +276,7 @@ def _tension(config: Config) -> Iterator[ConfigError]:
     if config.experiment and config.experiment.adhesion:
         problem = "is not known together with experiment.adhesion: its limit is that of a surface without tension"
         yield ConfigError(key, problem, remedy)
-    if config.contact.adhesion:
+    if config.contact.may_snap:
         yield ConfigError(key, "together with contact.adhesion is not verified", remedy)
     if relaxing := next((where for where, law in config.materials() if law.relaxation), None):
         problem = f"does not relax, and {relaxing}.relaxation is made of a curve that does so as a whole"
@@ -563,7 +568,7 @@ def _history(config: Config) -> Iterator[ConfigError]:
     if found.largest <= 0 and not swells:
         yield ConfigError(key, "never presses the tip in", "give a largest value above 0")
     low = min(value for _, value in found.points) if found.control == "force" else 0.0
-    if low < 0 and config.contact.adhesion:
+    if low < 0 and config.contact.may_snap:
         problem = f"a force of {low:g} pulls, and pulls in time have depths of their own"
         yield ConfigError(key, problem, "give loading.history, of depths, or forces of 0 and more")
     elif low < 0 and not (config.experiment and config.experiment.adhesion):
@@ -606,7 +611,7 @@ def _of_shear(config: Config, laws: Mapping[str, Material]) -> Iterator[ConfigEr
     if isinstance(config.contact, Nitsche):
         problem = "nitsche takes the body's own stress, which relaxes"
         yield ConfigError("contact.method", problem, "use augmented_lagrangian")
-    if config.contact.adhesion:
+    if config.contact.may_snap:
         problem = "together with relaxation is not verified"
         yield ConfigError("contact.adhesion", problem, "leave one of the two out")
 

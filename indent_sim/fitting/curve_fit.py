@@ -11,9 +11,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from indent_sim.config.quantities import size_of
+from indent_sim.config.quantities import kind_at, pressures, size_of
 from indent_sim.config.scene_file import from_mapping, to_mapping
-from indent_sim.config.schema import Config, spot_at
+from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
 from indent_sim.fitting.inference import models
 from indent_sim.fitting.inference.estimate import (
@@ -31,18 +31,16 @@ from indent_sim.fitting.inference.models import Other, with_experiment
 from indent_sim.fitting.inference.profile_likelihood import profiled
 from indent_sim.fitting.inference.verdict import Interval, Verdict, baseline_of, bends_of, half_widths, is_suspect, tied
 from indent_sim.fitting.inference.windows import windows
-from indent_sim.fitting.scene_curve.elastic_table import at_once, elastic_scene, solved
+from indent_sim.fitting.scene_curve.elastic_table import at_once, elastic_prospect, solved
 from indent_sim.fitting.scene_curve.history_table import remembers, touched, way_of
-from indent_sim.fitting.scene_curve.lattice import NoTable
-from indent_sim.fitting.scene_curve.parameters import SPRINGS, number_at, pressures, with_numbers
+from indent_sim.fitting.scene_curve.lattice import NUMBERS, NoTable
+from indent_sim.fitting.scene_curve.parameters import SPRINGS, number_at, with_numbers
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables, is_in_time
-from indent_sim.model.units import PRESSURE, Unit, unit_of
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import Measured, NoCurve, Part
 from indent_sim.results.pictures.axes import scaled
 from indent_sim.results.reader import Results
-from indent_sim.run.readings import hertz_force
-from indent_sim.theory.solution import UNSOLVED
+from indent_sim.run.walks.elastic_curve import half_space_modulus
 
 CONTACT_RISE = 0.02  # of the rise: where the contact begins at the latest
 BLURRED = 4.0  # medians of the change between samples: by less a depth behind a spring is noise
@@ -61,7 +59,6 @@ IN_CONTACT = (
 DIGITS, MOST_DIGITS = 4, 10  # of numbers in words
 ENDS = ("value", "low", "high")  # of an interval in fit.json
 Models = Literal["needed", "all"]
-NUMBERS = (ArithmeticError, ValueError, np.linalg.LinAlgError)
 
 
 @dataclass(frozen=True)
@@ -355,23 +352,17 @@ def _model(other: Other, parameters: tuple[Any, ...]) -> dict[str, Any]:
 def _hertz(verdict: Verdict, config: Config) -> dict[str, float] | None:
     """The modulus of a half-space fit from the same contact point, and by how many per cent it is off the scene's."""
     estimate, forces = verdict.estimate, verdict.estimate.model.forces
-    scene = elastic_scene(config, forces.deepest)
-    scales = scene.physics.scales
+    prospect = elastic_prospect(config, forces.deepest)
     samples = estimate.model.samples.means(HERTZ_POINTS)
     off = estimate.model.samples.force - estimate.model.baseline(estimate.p)
     force = Samples(estimate.model.samples.x, off).means(HERTZ_POINTS).force
     delta = samples.x - estimate.contact_point - forces.experiment.compliance * force
-    try:
-        known = [hertz_force(scene, float(one / scales.depth)) or 0.0 for one in delta]
-    except UNSOLVED:
+    E = half_space_modulus(prospect, delta, force)
+    if E is None:
         return None
-    total = sum(one * one for one in known)
-    if not total:
-        return None
-    E = float(np.dot(known, force)) / total / scales.force * scene.physics.material.constants.E * scales.pressure
     fitted = zip(forces.parameters, estimate.theta, strict=True)
     moduli = [one.value(float(x)) for one, x in fitted if one.key == "material.E"]
-    own = moduli[0] if moduli else scene.physics.material.constants.E * scales.pressure
+    own = moduli[0] if moduli else prospect.modulus
     return {"E": E, "percent": 100 * (E / own - 1)}
 
 
@@ -405,9 +396,7 @@ def _digits(stated: Interval) -> int:
 
 def kind_of(config: Config, key: str) -> str | None:
     """Length, force or pressure, of a key of these dimensions."""
-    unit = unit_of(spot_at(key_path(key), to_mapping(config)).type)
-    names = {"length": "length", "force": "force", PRESSURE.words: "pressure"}
-    return names.get(unit.words) if isinstance(unit, Unit) else None
+    return kind_at(key_path(key), to_mapping(config))
 
 
 def _words(verdict: Verdict, config: Config) -> str:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from indent_sim.config.quantities import pressures
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import Request, fit_curve, in_scene_units, newtons_per_metre
 from indent_sim.fitting.fit_folder import Reading
 from indent_sim.fitting.inference.verdict import NAMED, Interval
-from indent_sim.fitting.scene_curve.parameters import pressures, with_numbers
+from indent_sim.fitting.scene_curve.parameters import with_numbers
 from indent_sim.fitting.scene_curve.scene_forces import Tables
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.results.measured.curve_file import read_measured

@@ -23,7 +23,7 @@ from indent_sim.fitting.scene_curve.lattice import NoTable
 from indent_sim.fitting.scene_curve.parameters import number_at, with_numbers
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables, relaxation_of
 from indent_sim.process.errors import ConfigError, NotConverged
-from indent_sim.scene.scene import resolve
+from indent_sim.run.prospect import Prospect
 
 BASELINE = 1.0  # depths before contact that a designed curve has
 BASELINES = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0, BASELINE_KEPT)  # depths that are compared, the last what a fit uses at most
@@ -155,8 +155,7 @@ def _measurement(config: Config, keys: tuple[str, ...], tables: Tables) -> _Meas
         number_at(config, key)
     if config.loading.force_history:
         raise ConfigError("loading.force_history", "a design follows depths", "give loading.history")
-    physics = resolve(config).physics
-    depth = max(physics.deltas) * physics.scales.depth
+    depth = max(Prospect.of(config).depths)
     if not depth > 0:
         raise ConfigError("loading", "the tip never touches the body", "give loading.delta > 0")
     way, path = _way(config), config.loading.in_time
@@ -201,8 +200,7 @@ def _changes(config: Config, keys: Sequence[str]) -> Iterator[dict[str, Any]]:
     if path:
         yield {"loading.history": [[t, 2.0 * value] for t, value in path]}
     else:
-        physics = resolve(config).physics
-        yield {"loading": {"delta": 2.0 * max(physics.deltas) * physics.scales.depth, "steps": config.loading.steps}}
+        yield {"loading": {"delta": 2.0 * max(Prospect.of(config).depths), "steps": config.loading.steps}}
     for key in RADII:
         try:
             R = number_at(config, key)

@@ -29,7 +29,7 @@ from indent_sim.results.folder import FIT, PROGRAM, read_report, write_atomicall
 from indent_sim.results.measured.curve_file import curve_files, read_measured
 from indent_sim.results.measured.measurement import Measured, NoCurve
 from indent_sim.results.writer import to_json
-from indent_sim.scene.scene import resolve
+from indent_sim.run.prospect import Prospect
 
 FIT_TABLE, FIT_PICTURE, CURVES_FOLDER, PICTURES = "fit.csv", "fit.png", "curves", "pictures"
 FIT_FILES = (FIT, FIT_TABLE, FIT_PICTURE, CURVES_FOLDER, PICTURES)
@@ -93,7 +93,7 @@ def fit_all(
     files = [file for path in paths for file in curve_files(path)]
     for key in request.keys:
         number_at(request.config, key)
-    resolve(request.config)
+    Prospect.of(request.config)
     with _opened(directory, request) as known:
         writer = _Writer(directory, request, known)
         try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain, combinations, islice
@@ -56,6 +56,10 @@ class Piece:
     def dim(self) -> int:
         """Dimensions of the mesh."""
         return self.grid.points.shape[1]
+
+    def text(self, source: MeshFromFile) -> Iterable[str]:
+        """What was taken from the file as a file of its own, in parts; nothing on a rank that has not read it."""
+        return as_msh(self, source)
 
     @property
     def height(self) -> float:
@@ -115,6 +119,10 @@ class Skin(Piece):
     def size(self) -> Size:  # type: ignore[override]
         """How large the whole mesh is."""
         return replace(self.of_whole, longest_edge=self.of_whole.longest_edge / self.unit)
+
+    def text(self, source: MeshFromFile) -> Iterable[str]:
+        """The whole piece as a file of its own."""
+        return () if self.whole is None else self.whole.text(source)
 
     @property
     def filled(self) -> Piece:

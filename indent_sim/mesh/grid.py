@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from indent_sim.mesh.modelled_part import Part
 
 FLAT_CELL_VOLUME = 1e-9  # volume of a cell over length^dim, less is none: beside a split at 1e-8 of the body it is 1e-8
+AROUND = 2.0  # contact radii that a mesh is moved with as a whole
 LENGTH_DIGITS = 12  # lengths are rounded to this many digits, so that a scene in nm and in m gives the same mesh
 ROWS_AT_ONCE = 10**6  # rows worked on at a time: what they take then is little beside what a solver takes
 
@@ -38,6 +39,33 @@ class Grid:
         for some in lots(len(self.cells)):
             digest.update(np.ascontiguousarray(self.cells[some]).tobytes())
         return digest.hexdigest()[:16]
+
+
+def moved(grid: Grid, part: Part, onto: Part, radii: tuple[float, ...]) -> Grid | None:
+    """The mesh of one part moved onto another, with its sides, the interfaces of its layers and the edge of the
+    contact, which has the `radii` in the one and in the other [length].
+
+    None where that is no map: both must be sections of straight sides and of layers, their tip's axis the left one.
+    """
+    if not (_is_plain(part) and _is_plain(onto) and len(part.outline) == len(onto.outline)):
+        return None
+    (left, right), (bottom, top) = part.extent
+    (new_left, new_right), (new_bottom, new_top) = onto.extent
+    a = radii[0]
+    beyond = min(AROUND, (1 + right / a) / 2) if 0 < a < right else 0.0
+    edge, new_edge = ([beyond * radius] if beyond else [] for radius in radii)
+    x = np.interp(grid.points[:, 0], [left, *edge, right], [new_left, *new_edge, new_right])
+    levels, new_levels = (
+        [low, *sorted(one.interfaces), high] for low, one, high in ((bottom, part, top), (new_bottom, onto, new_top))
+    )
+    z = np.interp(grid.points[:, 1], levels, new_levels)
+    return replace(grid, points=np.column_stack([x, z]))
+
+
+def _is_plain(part: Part) -> bool:
+    """Whether a part is a section of straight sides and of layers, its tip's axis the left one."""
+    is_straight = all(side.middle is None for side in part.outline)
+    return part.dim == 2 and is_straight and len(part.regions) == len(part.interfaces) + 1 and part.extent[0][0] == 0.0
 
 
 def named_surfaces(points: np.ndarray, cells: np.ndarray, part: Part, finest: float) -> dict[str, np.ndarray]:

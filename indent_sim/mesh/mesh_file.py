@@ -22,7 +22,6 @@ from typing import Any, TypeVar
 import numpy as np
 
 from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, MeshFileError
-from indent_sim.process.forked import Crash, once
 from indent_sim.process.limits import confine
 from indent_sim.process.ranks import is_one_of_several
 
@@ -101,6 +100,8 @@ def find(folder: str, file: str) -> Found:
 def read(found: Found, made: Callable[[MeshFile], T]) -> T:
     """What a function makes of the mesh in a file, all of it in a process of its own; MeshFileError for what is no mesh
     or needs more time or memory than its length allows."""
+    from indent_sim.process.forked import Crash, once  # with processes, which no other body needs
+
     try:
         reader = import_module(f"meshio.{READERS[found.path.suffix.lower()]}").read
     except ImportError as missing:

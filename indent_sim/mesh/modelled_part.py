@@ -205,6 +205,20 @@ class Part:
         walls = [side for side in self.outline if side.surface not in ("top", "base")]
         return {side.surface: float(side.inwards(x, y)) for side in walls}
 
+    @property
+    def file_hash(self) -> str:
+        """Fingerprint of the mesh file that it comes from; "" where it is meshed here."""
+        return ""
+
+    def sag(self, center: Point, radius: float, refinements: int = 0) -> float:
+        """How far contact facets within a radius of the tip's axis are inside the surface that they stand for [length]:
+        not at all where it is meshed here, whose surfaces are flat, or whose cells are curved."""
+        return 0.0
+
+    def turn(self, center: Point, radius: float, refinements: int = 0) -> float:
+        """The mean angle [radians] at which such facets meet."""
+        return 0.0
+
     def normal(self, surface: str) -> int | None:
         """The component of u that a roller holds on a surface; None where no one axis is normal to it."""
         if surface in ("top", "base"):

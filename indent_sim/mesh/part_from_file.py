@@ -36,6 +36,11 @@ class MeshedPart(Part):
         return tuple(zip(points.min(axis=0).tolist(), points.max(axis=0).tolist(), strict=True))
 
     @property
+    def file_hash(self) -> str:
+        """Fingerprint of all that was taken from the file."""
+        return self.piece.hash
+
+    @property
     def largest(self) -> float:
         """The longest edge of a cell [length]."""
         return self.piece.size.longest_edge

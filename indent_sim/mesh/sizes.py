@@ -80,7 +80,11 @@ class Sizes:
 
     def elements(self, a: float) -> float:
         """How many elements there are in a contact radius a, judged by the one where it ends."""
-        return a / float(self.at(np.array(a), np.array(0.0)))
+        return a / self.on_surface(a)
+
+    def on_surface(self, r: float) -> float:
+        """The size of the elements of the surface at a distance from the contact's middle."""
+        return float(self.at(np.array(r), np.array(0.0)))
 
     def is_enough(self, a: float) -> bool:
         """Whether a contact of radius a is resolved; a punch's is known before, and its edge refined."""

@@ -151,6 +151,9 @@ def length(t: Vector) -> Expr:
 # ---- laws ----------------------------------------------------------------------------------------------------------
 
 
+NO_CURVE = "friction, or adhesion over a range: no curve determines it"
+
+
 class _Law:
     """What is asked of every law."""
 
@@ -177,6 +180,38 @@ class _Law:
     def has_memory(self) -> bool:
         """Whether an equilibrium depends on the path to it."""
         return self.may_snap or not self.is_conservative
+
+    @property
+    def remedies(self) -> tuple[str, ...]:
+        """Other keys of it that may help where no equilibrium is found."""
+        is_steered = not self.is_conservative and self.epsilon_t != getattr(self, "stiffness", None)
+        return (*(["contact.epsilon_t: auto"] * is_steered), *(["contact.friction: 5"] * self.is_bonded))
+
+    @property
+    def slips(self) -> bool:
+        """Whether what touches may slip, and lose what that takes."""
+        return not (self.is_conservative or self.is_bonded)
+
+    @property
+    def path_key(self) -> str:
+        """The key that makes it depend on the path: friction | adhesion, which are not given both; "" for none."""
+        return next((name for name in ("friction", "adhesion") if getattr(self, name)), "")
+
+    @property
+    def beyond_theory(self) -> str:
+        """What it has that no theory knows, in words; "" for nothing."""
+        return {"friction": "friction", "adhesion": "attraction with a range"}.get(self.path_key, "")
+
+    @property
+    def beyond_curve(self) -> str:
+        """Why no elastic curve determines what it does in time; "" where one does."""
+        return NO_CURVE if self.path_key else ""
+
+    @property
+    def unsymmetric(self) -> str:
+        """Why its tangent is not symmetric and definite; "" where it is, or its multiplier alone is why."""
+        spoils = {"friction": "has a tangent that is not symmetric", "adhesion": "has a tangent that may be indefinite"}
+        return f"{self.path_key} {spoils[self.path_key]}" if self.path_key else ""
 
     @property
     def reach(self) -> float:
@@ -241,6 +276,12 @@ class Penalty(_NormalStiffness):
     multiplier: ClassVar[Multiplier] = "none"
     auto_multiple: ClassVar[float] = 100.0  # of E*/h_contact, at least: 0.1 % of the force on HERTZ
     smallest_tangential: ClassVar[float] = 0.1  # of E*/h_contact: below, four fifths of what friction adds are lost
+
+    @property
+    def uncondensed(self) -> str:
+        """Of one that rubs, too: its traction along the surface is not written out."""
+        rubs = "" if self.is_conservative else "a penalty with friction is solved on the whole body"
+        return super().uncondensed or rubs
 
 
 @dataclass(frozen=True)

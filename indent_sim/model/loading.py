@@ -306,6 +306,11 @@ class Loading:
         return tuple(way for way in WAYS if getattr(self, way) is not None)
 
     @property
+    def steps_per_doubling(self) -> int:
+        """Steps of each length in time before that doubles."""
+        return self.per_doubling or PER_DOUBLING
+
+    @property
     def in_time(self) -> History | None:
         """What is prescribed in time; None where no time passes."""
         points = self.history or self.force_history

@@ -105,6 +105,10 @@ class State:
     unbalanced: float = 0.0
     surface: Surface | None = field(default=None, repr=False, compare=False)
 
+    def __str__(self) -> str:
+        """What a log says of it."""
+        return f"delta {self.delta:.6g}  force {self.force:.6g}  a {self.a:.6g}"
+
     def in_units(self, scales: Scales) -> State:
         """The same state measured in the user's units, of which the scales are the scene's."""
         L, P, F, depth, energy = scales.length, scales.pressure, scales.force, scales.depth, scales.energy

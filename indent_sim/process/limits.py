@@ -10,7 +10,6 @@ import errno
 import math
 import os
 import resource
-import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -39,6 +38,8 @@ def require_room() -> None:
     folder = Path(os.environ.get("TMPDIR") or "/tmp")
     if not folder.is_dir():
         return  # libraries make it, or take another
+    import tempfile  # which no help or list needs
+
     try:
         with tempfile.TemporaryFile(dir=folder) as file:
             file.write(bytes(2**20))  # Open MPI keeps its session there

@@ -58,6 +58,12 @@ BEYOND_STATE = (
     *ERROR_COLUMNS,
     *TIME_COLUMNS,
 )  # columns that not every run has
+# Columns of what was found: numbers without their error bars, and not what says which row it is or what it took
+FOUND_COLUMNS = tuple(
+    name
+    for name in (*STATE_COLUMNS, *READINGS, *FRICTION_COLUMNS, *FLUID_COLUMNS, *TIME_COLUMNS)
+    if name not in ("step", "wall_s", *WORD_COLUMNS)
+)
 
 
 @dataclass(frozen=True)

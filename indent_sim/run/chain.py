@@ -10,11 +10,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from indent_sim.config.scene_file import located, to_yaml, told_together
+from indent_sim.config.scene_file import to_yaml
 from indent_sim.config.schema import Config, OutputSettings
-from indent_sim.mesh import gmsh
-from indent_sim.mesh.body_from_file import Piece
-from indent_sim.mesh.grid import Grid
 from indent_sim.model.body import MeshFromFile
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import ERROR_COLUMNS, KRYLOV_COLUMNS, STATE_COLUMNS, State
@@ -27,18 +24,38 @@ from indent_sim.process.usage import Clock, memory
 from indent_sim.results.folder import asked_from, read_report
 from indent_sim.results.reader import begun_report, earlier_run, lost_files, read
 from indent_sim.results.tables import EXPERIMENT
-from indent_sim.run.accuracy import Asked, Attempt, asked_in, attempts, entry, foreseen, refuse_other_bars, unjudged
-from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, bearer, beside, softer, sticks, ways
+from indent_sim.run.companions.accuracy import (
+    Asked,
+    Attempt,
+    asked_in,
+    attempts,
+    entry,
+    foreseen,
+    refuse_other_bars,
+    unjudged,
+)
+from indent_sim.run.companions.error_bars import (
+    Bars,
+    Companion,
+    ErrorBars,
+    TheoryBars,
+    bearer,
+    beside,
+    softer,
+    sticks,
+    ways,
+)
+from indent_sim.run.prospect import all_mistakes
 from indent_sim.run.readings import Equilibrium, Readings
 from indent_sim.run.record import Beside, Comm, Record, amend
-from indent_sim.run.resolved import left_open, mesh_text, resolved
+from indent_sim.run.resolved import left_open, resolved
 from indent_sim.run.simulation import Progress, Simulation, backend
 from indent_sim.run.summary import stages
 from indent_sim.run.walks.by_curve import BARS, CurveWalk
 from indent_sim.run.walks.by_theory import TheoryWalk
 from indent_sim.scene.fineness import target_of
-from indent_sim.scene.given import mapped_skin, piece_of
-from indent_sim.scene.scene import Scene, resolve
+from indent_sim.scene.given import body_from_file
+from indent_sim.scene.scene import Mesher, Scene, resolve, start_mesher
 
 Floats = Sequence[float]
 TOLD_EVERY = 30.0  # s between lines about a run beside this one
@@ -124,7 +141,8 @@ class Run:
         said, text = self._said(scene, decided, whole.plan.prediction), to_yaml(decided)
         if resume and (outcome := self._finished(text, scene, decided.output, said)):
             return outcome
-        columns, mesh = (*scene.columns, *self._columns(scene)), mesh_text(config, self._piece)
+        columns, body = (*scene.columns, *self._columns(scene)), config.body
+        mesh = self._piece.text(body) if self._piece and isinstance(body, MeshFromFile) else ()
         folder = {"columns": columns, "file": "" if self._overwrite else config.source.name, "resume": resume}
         opened = Record(self.comm, self.target, text, said, surface=config.output.surface, mesh=mesh, **folder)
         with opened as record, unmasked(), spent():
@@ -232,29 +250,11 @@ class Run:
         return self._beside("a run beside this one", followed, [])
 
 
-def all_mistakes(first: ConfigError, config: Config) -> ConfigError:
-    """An error of a scene, and those that it has without; a mesh file is read once, so there it stands alone."""
-    is_of_file = isinstance(config.body, MeshFromFile)
-    return located(config, first) if is_of_file else told_together(first, config, resolve)
-
-
-def body_from_file(config: Config, comm: Comm) -> Piece | None:
-    """The body of the config's mesh file, None where it names none (collective).
-
-    On several ranks rank 0 reads the file, has its arrays mapped, and all know the skin of the body.
-    """
-    if not isinstance(config.body, MeshFromFile):
-        return None
-    if comm.size == 1:
-        return piece_of(config, config.body)
-    skin = on_root(comm, mapped_skin, config, config.body)
-    known = comm.bcast(replace(skin, whole=None) if skin else None, root=0)
-    return skin or known
-
-
-def states(scene: Scene, comm: Comm = None, *, with_surface: bool = True, grid: Grid | None = None) -> Iterator[State]:
-    """Walk a scene without writing anything: one State per requested depth, in the user's units; on a mesh of one's own
-    where a grid of the scene's part is given.
+def states(
+    scene: Scene, comm: Comm = None, *, with_surface: bool = True, mesher: Mesher = Scene.grid
+) -> Iterator[State]:
+    """Walk a scene without writing anything: one State per requested depth, in the user's units; on the mesh that
+    `mesher` makes of the scene.
 
     For notebooks and tests; a State that is not converged is the last one.
     """
@@ -262,7 +262,7 @@ def states(scene: Scene, comm: Comm = None, *, with_surface: bool = True, grid: 
     beside = Beside(comm)
     fe = backend() if scene.is_meshed else None
     part = scene.physics.part
-    mesh = fe and fe.distribute(grid or on_root(comm, gmsh.build, part, scene.sizes), part, comm)
+    mesh = fe and fe.distribute(on_root(comm, mesher, scene), part, comm)
     walk: Any = fe.walk(scene, mesh) if fe else TheoryWalk(scene, comm)
     readings = Readings(scene, walk.equilibrium if fe else None, beside)
     if scene.history:
@@ -325,7 +325,7 @@ def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
     comm = comm if comm is not None else mpi().COMM_SELF
     while _left:
         fe.release(_left.pop())
-    mesh = fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
+    mesh = fe.distribute(on_root(comm, scene.grid), scene.physics.part, comm)
     body = CondensedBody(scene, fe.equilibrium(scene, mesh))
     if comm.size == 1:  # several ranks need not let go of it at the same time
         weakref.finalize(body, _left.append, mesh).atexit = False
@@ -337,7 +337,7 @@ _left: list[Any] = []  # meshes of condensed bodies that are gone: what PETSc ke
 
 def warm_up() -> None:
     """Load what every run needs, so that the first of many costs no more than the others."""
-    gmsh.start()
+    start_mesher()
     backend()
 
 

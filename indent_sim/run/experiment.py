@@ -13,6 +13,7 @@ import numpy as np
 
 from indent_sim.model.experiment import Calibration, Experiment
 from indent_sim.model.loading import History, branch_of
+from indent_sim.model.materials import Relaxation
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import NotConverged
 from indent_sim.run.readings import Equilibrium, punches_of
@@ -94,6 +95,14 @@ def _measured(numbers: Mapping[str, Any], units: Mapping[str, float]) -> dict[st
     }
 
 
+def modulus_of(law: Relaxation | None) -> Modulus:
+    """G(t) of a relaxation; 1 of a body that does not relax."""
+    if law and law.power_law:
+        return relaxation.PowerLaw(law.power_law.exponent, law.power_law.time)
+    terms = law.prony if law and law.prony else ()
+    return relaxation.Prony(tuple(fraction for fraction, _ in terms), tuple(time for _, time in terms))
+
+
 def conduct(scene: Scene, equilibrium: Equilibrium = None) -> Findings:
     """What the elastic curve of a scene determines, in the user's units; see `followed`."""
     return followed(scene, equilibrium).in_units(scene.physics.scales)
@@ -119,6 +128,7 @@ class _Evaluation:
         self.compliance = self.experiment.compliance
         self.of_force = scene.history is not None and scene.history.control == "force"
         self.deepest = max(scene.physics.deltas)
+        self.modulus = modulus_of(scene.relaxation)
         self.is_stepped = is_stepped(scene.history, scene.relaxation, self.compliance)  # or found to have to be
         self.warnings: list[str] = []
         self._curves: dict[float, ElasticCurve] = {}
@@ -132,14 +142,6 @@ class _Evaluation:
         """The contact of a tip that adheres; None for one that does not."""
         adhesion = self.experiment.adhesion
         return Jkr(self.punches, adhesion.work) if adhesion else None
-
-    @property
-    def modulus(self) -> Modulus:
-        law = self.scene.relaxation
-        if law and law.power_law:
-            return relaxation.PowerLaw(law.power_law.exponent, law.power_law.time)
-        terms = law.prony if law and law.prony else ()
-        return relaxation.Prony(tuple(fraction for fraction, _ in terms), tuple(time for _, time in terms))
 
     def curve_to(self, top: float) -> ElasticCurve:
         """The elastic curve up to a depth, worked out once."""

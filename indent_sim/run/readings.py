@@ -58,7 +58,7 @@ class Readings:
         if state.stiffness is not None:  # theory's own
             return state.stiffness
         physics = self.scene.physics
-        if physics.has_friction or physics.evolves:  # it is another on the way out, or in less time
+        if physics.takes_steps:  # it is another on the way out, or in less time
             return nan
         if self.scene.plan.adhesion is None and (state.delta <= 0 or state.force <= 0):
             return 0.0

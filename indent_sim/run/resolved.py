@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from indent_sim.config.scene_file import to_mapping
 from indent_sim.config.schema import Config, When, keys_at
 from indent_sim.config.strict_yaml import leaves
-from indent_sim.mesh.body_from_file import Piece, Skin, as_msh
-from indent_sim.mesh.part_from_file import MeshedPart
 from indent_sim.model.body import MeshFromFile
 from indent_sim.results.folder import MESH_FILE
 from indent_sim.scene.given import with_used_material
@@ -35,14 +33,6 @@ def fields_of(config: Config, scene: Scene) -> When:
     return of_scene if config.output.fields == "auto" else config.output.fields
 
 
-def mesh_text(config: Config, piece: Piece | None) -> Iterable[str]:
-    """What the file `MESH_FILE` of a result folder has to say, on rank 0; nothing where the body is meshed here."""
-    if piece is None or not isinstance(config.body, MeshFromFile):
-        return ()
-    whole = piece.whole if isinstance(piece, Skin) else piece
-    return as_msh(whole, config.body) if whole is not None else ()
-
-
 def left_open(config: Config, decided: Config) -> list[str]:
     """The keys that the program decided, as in `mesh.h_contact`; `center` stands in the indenter."""
     is_other = {name: getattr(config, name) is not getattr(decided, name) for name in keys_at((), {})}
@@ -53,8 +43,8 @@ def left_open(config: Config, decided: Config) -> list[str]:
 
 def _materials(config: Config, scene: Scene) -> dict[str, Any]:
     """The material, and those of layers and inclusions, with the formulation that each region has."""
-    if isinstance(config.body, MeshFromFile) and isinstance(scene.physics.part, MeshedPart):
-        return _of_file(config, config.body, scene.physics.part)
+    if isinstance(config.body, MeshFromFile):
+        return _of_file(config, config.body, scene)
     formulations = [region.formulation for region in scene.physics.part.regions]
     count, body = len(config.layers), config.body
     if body.inclusions:
@@ -71,12 +61,15 @@ def _all_decided(items: Sequence[Any], formulations: Sequence[str]) -> tuple[Any
     return tuple(dataclasses.replace(one, material=_decided(one.material, formulation=form)) for one, form in pairs)
 
 
-def _of_file(config: Config, body: MeshFromFile, part: MeshedPart) -> dict[str, Any]:
+def _of_file(config: Config, body: MeshFromFile, scene: Scene) -> dict[str, Any]:
     """The materials by name, and the copy of the mesh in the result folder."""
-    formulations = dict(zip(part.piece.names, (region.formulation for region in part.regions), strict=True))
-    regions = {name: _decided(own, formulation=formulations[name]) for name, own in (body.regions or {}).items()}
-    rest = config.material and _decided(config.material, formulation=formulations.get("", "auto"))
-    copy = dataclasses.replace(body, file=MESH_FILE, surfaces=body.named, hash=part.piece.hash, regions=regions or None)
+    part = scene.physics.part
+    formulations = {region.name: region.formulation for region in part.regions}
+    own = {
+        name: _decided(law, formulation=formulations[f"regions.{name}"]) for name, law in (body.regions or {}).items()
+    }
+    rest = config.material and _decided(config.material, formulation=formulations.get("body", "auto"))
+    copy = dataclasses.replace(body, file=MESH_FILE, surfaces=body.named, hash=part.file_hash, regions=own or None)
     return {"body": copy, "material": rest}
 
 

@@ -10,17 +10,15 @@ from typing import Any
 
 from indent_sim.config.schema import Config
 from indent_sim.fe.environment import load_dolfinx
-from indent_sim.mesh import gmsh
-from indent_sim.mesh.grid import Grid
 from indent_sim.model.state import State
 from indent_sim.process.errors import BackendError, NotConverged, VerificationError
 from indent_sim.process.ranks import on_root
 from indent_sim.process.signals import uninterrupted
 from indent_sim.process.usage import Clock
 from indent_sim.results.checkpoint import Checkpoint
-from indent_sim.results.outline import drawn_width, outline
+from indent_sim.results.outline import Outline, drawn_width, outline
 from indent_sim.results.tables import EXPERIMENT
-from indent_sim.run.error_bars import Bars
+from indent_sim.run.companions.error_bars import Bars
 from indent_sim.run.plausibility import Rows, contradiction, foresee
 from indent_sim.run.readings import Readings
 from indent_sim.run.record import Record
@@ -71,7 +69,7 @@ class Simulation:
             return
         record, scene, clock = self.record, self.scene, self.clock
         part = scene.physics.part
-        answer: Any = on_root(record.comm, gmsh.begin, part, scene.sizes)  # it is meshed while the libraries load
+        answer: Any = on_root(record.comm, scene.begin_grid)  # it is meshed while the libraries load
         with clock.stage("imports"):
             fe = backend()
         with clock.stage("mesh"):
@@ -96,22 +94,21 @@ class Simulation:
         if self._keep_fields != "none" and len(self.states) < len(scene.physics.deltas):
             self._fields = fe.Fields(self._walk.equilibrium.observed)
             told = {f"region {k}": region.name for k, region in enumerate(scene.physics.part.regions)}
-            record.open_fields(*self._shown(grid), keep=self._keep_fields, more=self._fields.more, told=told)
+            L = scene.physics.scales.length
+            shown = () if grid is None else (grid.points * L, grid.cells, grid.regions, self._drawn_tip())
+            record.open_fields(*shown, keep=self._keep_fields, more=self._fields.more, told=told)
 
     def _follow_in_time(self, spent: float) -> None:
         """Take the rows of a history in place of those of its elastic curve, whose error bars they have."""
         if self.scene.history:
             self._walk = CurveWalk(self.scene, self._walk, self.clock.started - spent)
 
-    def _shown(self, grid: Grid | None) -> tuple[Any, ...]:
-        """The mesh of the fields and the tip above it, in the user's units, on the rank that has them."""
-        if grid is None:
-            return ()
+    def _drawn_tip(self) -> Outline:
+        """The tip above the mesh of the fields, in the user's units."""
         physics, scales = self.scene.physics, self.scene.physics.scales
         tip, center = scales.unscaled(physics.indenter), tuple(c * scales.length for c in physics.center)
         width = drawn_width(tip, self.scene.plan.prediction["a"], max(physics.deltas) * scales.depth)
-        drawn = outline(tip, center, width, physics.part.kinematics.name, scales.pieces)
-        return grid.points * scales.length, grid.cells, grid.regions, drawn
+        return outline(tip, center, width, physics.part.kinematics.name, scales.pieces)
 
     def _take_up(self) -> None:
         """Stand where the run that is continued stopped."""

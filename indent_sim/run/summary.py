@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from indent_sim.model.state import State
+from indent_sim.model.symbols import PULL_OFF
 from indent_sim.model.tips import Sphere
 from indent_sim.process.usage import Clock, peak_memory
 from indent_sim.run.readings import hertz_fit, hertz_force
@@ -67,6 +68,11 @@ def energy_balance(states: list[State]) -> float | None:
     force = np.array([0.0, *(state.force for state in states)])
     work = float(np.sum(np.diff(delta) * (force[1:] + force[:-1]) / 2))
     return work / spent - 1
+
+
+def known_pulls(said: Mapping[str, Any]) -> list[tuple[str, float]]:
+    """What is known beforehand of the largest pull, by what a run says of its adhesion: in words, and how much."""
+    return [(symbol.meaning, force) for symbol in PULL_OFF if (force := said.get(symbol.name)) is not None]
 
 
 def theory_comparison(scene: Scene, states: list[State], beside: Beside | None = None) -> dict[str, Any] | None:

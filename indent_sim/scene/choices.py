@@ -147,7 +147,7 @@ def contact(wanted: Contact, given: Given, sizes: Sizes, fineness: Fineness | No
         remedy = f"at least {smallest * unit * scales.stiffness:.4g}, or auto ({law.auto_multiple:g} E*/h_contact)"
         raise ConfigError(f"contact.{name}", problem, remedy)
     law = replace(law, **{name: value})
-    law = _with_tangential(law, unit, scales.stiffness) if law.friction else law
+    law = law if law.is_conservative else _with_tangential(law, unit, scales.stiffness)
     why = f"{why}; {source}: {value / unit:.3g} E*/h_contact"
     return law, Choice("contact", f"{law.method}, {name} = {value * scales.stiffness:.6g}", why)
 
@@ -261,7 +261,6 @@ def solver(config: Config, given: Given, physics: Physics, nodes: float) -> Choi
         (bool(physics.permeable), "the fluid's pressure lives inside the body"),
         (bool(physics.relaxing), "its shear relaxes, and its bulk modulus does not"),
         (config.solver.linear == "iterative", FOR_WHOLE),
-        (isinstance(law, Penalty) and physics.has_friction, "a penalty with friction is solved on the whole body"),
         (nodes > MOST_CANDIDATES, f"about {size} (at most {MOST_CANDIDATES} nodes are condensed to)"),
     )
     if wanted == "condensed" and obstacle:
@@ -280,8 +279,7 @@ def against_iterative(config: Config, physics: Physics, sizes: Sizes) -> str:
     rigid = getattr(law, "stiffness", 0.0) * sizes.h_contact / physics.material.E_star
     return first_of(
         (physics.part.dim == 2, "axisymmetric and plane bodies are factored"),
-        (bool(law.friction), "friction has a tangent that is not symmetric"),
-        (law.adhesion is not None, "adhesion has a tangent that may be indefinite"),
+        (bool(law.unsymmetric), law.unsymmetric),
         (bool(physics.permeable), "its preconditioner does not know the pressure of the fluid"),
         (bool(physics.relaxing), "a body whose shear relaxes is factored, each length of a step anew"),
         (law.multiplier in ("stress", "nodal"), f"{law.method} has a tangent that is not symmetric"),
@@ -353,8 +351,7 @@ def unlike_theory(config: Config) -> str:
         (not config.indenter.of_revolution, f"a {config.indenter.shape} is no tip of revolution"),
         (law.gap == "current", "theory tests the gap at the undeformed point"),
         (not isinstance(law, AutoContact), f"contact.method: {law.method} is for a mesh"),
-        (bool(law.friction), "theory knows no friction"),
-        (law.adhesion is not None, "theory knows no attraction with a range"),
+        (bool(law.beyond_theory), f"theory knows no {law.beyond_theory}"),
         (solver != type(solver)(), "linear, rtol and max_iterations of solver are for a mesh"),
         (config.mesh != type(config.mesh)(), "the settings of mesh are for one"),
         (any(material.formulation != "auto" for material in materials), "material.formulation is for a mesh"),
@@ -419,8 +416,7 @@ def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) 
 
 def follows_whole(config: Config, given: Given, solver: Choice) -> bool:
     """Whether a history is followed row by row on the whole body: no curve determines it."""
-    rough = any(getattr(config.contact, name, None) for name in ("friction", "adhesion"))
-    return given.history is not None and (rough or solver.value == "newton")
+    return given.history is not None and (bool(config.contact.beyond_curve) or solver.value == "newton")
 
 
 def steps(given: Given, physics: Physics, sizes: Sizes) -> Choices:
@@ -449,7 +445,7 @@ def curve(config: Config, given: Given, solver: Choice, follows_whole: bool = Fa
     if given.experiment is None and given.history is None:
         return []
     if follows_whole:
-        why = solver.why if solver.value == "newton" else "friction, or adhesion over a range: no curve determines it"
+        why = solver.why if solver.value == "newton" else config.contact.beyond_curve
         _refuse_in_time(config, given, why)
         return [Choice("time", "steps", f"row by row on the body: {why}")]
     _refuse_curve(config, given, solver, "experiment" if given.experiment else f"loading.{config.loading.given[0]}")
@@ -475,7 +471,7 @@ def _refuse_curve(config: Config, given: Given, solver: Choice, key: str) -> Non
     if given.history and config.output.fields in ("last", "all"):
         problem = f"{config.output.fields}: a history is followed on the elastic curve, which has no fields"
         raise ConfigError("output.fields", problem, "leave it out")
-    if any(getattr(config.contact, name, None) for name in ("friction", "adhesion")):
+    if config.contact.beyond_curve:
         problem = "is determined by the curve of a tip without friction and adhesion, and contact has some"
         raise ConfigError(key, problem, "leave one of the two out")
     if solver.value == "newton":

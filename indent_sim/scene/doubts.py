@@ -215,7 +215,7 @@ def _of_contact(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> Iterat
 
 def _of_friction(given: Given, law: ContactLaw, sizes: Sizes) -> Iterator[Doubt]:
     """What epsilon_t does to what friction adds to the force, which nothing knows before it is solved."""
-    if not law.friction:
+    if law.is_conservative:
         return
     assert law.epsilon_t != "auto"
     multiple, elements = law.epsilon_t * sizes.h_contact / given.physics.material.E_star, given.a / sizes.h_contact

@@ -82,6 +82,11 @@ class Stick:
         return self.low is None or self.high is None or max(abs(self.low), abs(self.high)) >= NEGLIGIBLE_PERCENT
 
     @property
+    def remark(self) -> str:
+        """The sentence where it may be worth one."""
+        return self.words if self.is_telling else ""
+
+    @property
     def words(self) -> str:
         """The same as a sentence."""
         if self.low is None or self.high is None:
@@ -283,8 +288,7 @@ def stick(given: Given, physics: Physics, linear: str = "direct") -> Stick | Non
     At finite strain, or with the gap at the deformed point, there is no number, and only a sentence where the like of
     it at small strain tells. physics, linear: the scene's own, and how error bars would solve its linear systems.
     """
-    takes_path = physics.contact.has_memory or physics.evolves
-    found = None if takes_path or given.deepest <= 0 else _at_small_strain(given)
+    found = None if physics.takes_path or given.deepest <= 0 else _at_small_strain(given)
     if found is None or physics.is_linear:
         return found
     is_solvable = not physics.part.pins and linear != "iterative"
@@ -362,11 +366,14 @@ def rubbed(given: Given, physics: Physics, friction: Friction) -> Rubbed | None:
     return None
 
 
-def rubbed_words(friction: Friction, found: Rubbed) -> str:
+def rubbed_words(physics: Physics, found: Rubbed) -> str:
     """The same as a sentence."""
     what, where = "no slip", ""
     if found.sticks < 1.0:
-        what, where = f"friction {friction:g}", f", and the surface sticks within {found.sticks:.2g} of its radius"
+        what, where = (
+            f"friction {physics.contact.friction:g}",
+            f", and the surface sticks within {found.sticks:.2g} of its radius",
+        )
     return f"{what} changes this force by {100 * (found.force - 1):+.1f} %{where} (half-space, exact)"
 
 

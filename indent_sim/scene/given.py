@@ -38,6 +38,7 @@ from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
+from indent_sim.process.ranks import on_root
 from indent_sim.scene.cost import Work
 from indent_sim.scene.fineness import target_of
 from indent_sim.scene.reduction import reduce
@@ -100,7 +101,7 @@ class Physics:
     @property
     def has_friction(self) -> bool:
         """Whether the tip drags on the surface."""
-        return bool(self.contact.friction)
+        return not self.contact.is_conservative
 
     @property
     def largest_force(self) -> float | None:
@@ -157,6 +158,16 @@ class Physics:
         return any(region.material.evolves for region in self.part.regions)
 
     @property
+    def takes_path(self) -> bool:
+        """Whether a row depends on the path to it, or on the time that it takes."""
+        return self.contact.has_memory or self.evolves
+
+    @property
+    def takes_steps(self) -> bool:
+        """Whether a row depends on the steps in which the path to it is followed."""
+        return self.has_friction or self.evolves
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """Columns of the force table that only some scenes have, in order."""
         fluid = FLUID_COLUMNS if self.permeable else ()
@@ -191,7 +202,7 @@ class Physics:
         a_row = (1 if self.largest_force is None else FORCE_SEARCH_FACTOR) * (2 if self.anchor == "mid" else 1)
         mixed = any(region.formulation == "mixed" or region.material.flow for region in self.part.regions)
         stages = 2 if self.permeable else 1
-        is_nonlinear = self.contact.has_memory or not self.is_linear or self.evolves
+        is_nonlinear = self.takes_path or not self.is_linear
         steps = stages * a_row * (len(self.deltas) + sum(map(len, self.path.turns)))
         touching = [False, *(delta > 0 for delta in self.deltas)]
         snaps = sum(one != other for one, other in pairwise(touching)) if self.contact.may_snap else 0
@@ -298,10 +309,10 @@ class Given:
 
 def given_by(config: Config, piece: Piece | None = None) -> Given:
     """The scene without units, its body as given; ConfigError for one that cannot exist.
-    piece: what `piece_of` finds in the config's mesh file, where somebody has read it."""
+    piece: what `body_from_file` finds in the config's mesh file, where somebody has read it."""
     body = config.body
     if isinstance(body, MeshFromFile):
-        meshed_body, piece = _from_file(config, body, piece or piece_of(config, body))
+        meshed_body, piece = _from_file(config, body, piece or _piece_of(config, body))
         return _given(config, meshed_body, meshed_body.layers, None, piece)
     layers = _layers(config)
     if isinstance(body, Cap | Ball):
@@ -647,12 +658,26 @@ def _from_file(config: Config, source: MeshFromFile, piece: Piece) -> tuple[Mesh
     return part_from_file.body_of(placed, source, center, _materials(placed, config)[0][1]), placed
 
 
-def piece_of(config: Config, source: MeshFromFile) -> Piece:
+def body_from_file(config: Config, comm: Any) -> Piece | None:
+    """The body of the config's mesh file, None where it names none (collective).
+
+    On several ranks rank 0 reads the file, has its arrays mapped, and all know the skin of the body.
+    """
+    if not isinstance(config.body, MeshFromFile):
+        return None
+    if comm.size == 1:
+        return _piece_of(config, config.body)
+    skin = on_root(comm, _mapped_skin, config, config.body)
+    known = comm.bcast(replace(skin, whole=None) if skin else None, root=0)
+    return skin or known
+
+
+def _piece_of(config: Config, source: MeshFromFile) -> Piece:
     """The body as its file, beside the scene's, has it."""
     return file_checks.piece_in(os.path.dirname(config.source.name), source, config.material)
 
 
-def mapped_skin(config: Config, source: MeshFromFile) -> Skin:
+def _mapped_skin(config: Config, source: MeshFromFile) -> Skin:
     """The skin of that body, read in the process that meshes; of the whole this one has arrays that lie in a file."""
     from indent_sim.mesh import gmsh
 

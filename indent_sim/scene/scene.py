@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh.body_from_file import Piece
+from indent_sim.mesh.grid import Grid, moved
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.loading import History
@@ -20,7 +21,17 @@ from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import PER_ROW, THEORY_SECONDS, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
 from indent_sim.scene.doubts import Doubt, doubts, of_fluid, of_material, of_theory, of_whole_contact
-from indent_sim.scene.expected import ExpectedAdhesion, InTime, Stick, followed, peakless, prediction_of, rubbed, stick
+from indent_sim.scene.expected import (
+    ExpectedAdhesion,
+    InTime,
+    Stick,
+    followed,
+    peakless,
+    prediction_of,
+    rubbed,
+    rubbed_words,
+    stick,
+)
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Given, Physics, given_by, in_time, on_finite_body
 from indent_sim.scene.sizing import AT_END
@@ -124,6 +135,24 @@ class Scene:
         work = self.physics.work(self.solver.method, self.solver.linear)
         return cost_of(self.sizes, self.physics.part, work)
 
+    def grid(self) -> Grid:
+        """The mesh of its part by its sizes; MeshError where gmsh fails."""
+        from indent_sim.mesh import gmsh  # with processes, which no plan needs
+
+        return gmsh.build(self.physics.part, self.sizes)
+
+    def grid_like(self, other: Scene, grid: Grid) -> Grid:
+        """The mesh of a scene that differs from this one a little, moved to this one's body and contact; a mesh of its
+        own where it cannot be moved."""
+        radii = tuple(one.plan.prediction.get("a", 0.0) / one.physics.scales.length for one in (other, self))
+        return moved(grid, other.physics.part, self.physics.part, radii) or self.grid()
+
+    def begin_grid(self) -> Callable[[], Grid]:
+        """Have its mesh made in the process that meshes; the function that is returned waits for it."""
+        from indent_sim.mesh import gmsh
+
+        return gmsh.begin(self.physics.part, self.sizes)
+
     def with_physics(self, **changes: Any) -> Scene:
         """The same simulation of something else: another tip, path or contact law on the same elements."""
         return replace(self, physics=replace(self.physics, **changes))
@@ -144,6 +173,14 @@ class Scene:
         return tuple(why for applies, why in parts if applies)
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """What else is said of its plan, a sentence each: how it is followed in time, what no slip or its friction
+        changes."""
+        time, slip, rough = self.plan.time, self.plan.stick, self.plan.friction
+        told = (time and time.words, slip and slip.remark, rough and rubbed_words(self.physics, rough))
+        return tuple(words for words in told if words)
+
+    @property
     def exact_theory(self) -> Theory | None:
         """The theory of this very problem."""
         return self.plan.theory if not self.differences else None
@@ -155,6 +192,16 @@ class Scene:
         if self.sizes.edge is not None and not isinstance(tip, FlatPunch) and a >= AT_END * reach(tip):
             return False
         return not peakless(self.physics, self.sizes, a)
+
+
+Mesher = Callable[[Scene], Grid]  # makes the mesh of a scene
+
+
+def start_mesher() -> None:
+    """Fork the process that meshes, which loads gmsh while this one does something else."""
+    from indent_sim.mesh import gmsh
+
+    gmsh.start()
 
 
 def resolve(config: Config, per_radius: float | None = None, piece: Piece | None = None) -> Scene:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from indent_sim.config.scene_file import located, varied
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import inline, short
 from indent_sim.process.errors import ConfigError, ConfigErrors
-from indent_sim.results.writer import to_json
-from indent_sim.scene.scene import Scene, resolve
+from indent_sim.run.prospect import Prospect
 from indent_sim.studies.points import Multiple, Point, Setting
 from indent_sim.studies.study_file import StudyFile, Wanted
 
@@ -31,8 +29,7 @@ class Case:
 
     index: int
     values: dict[str, Any]
-    config: Config = field(repr=False)
-    scene: Scene = field(repr=False)
+    prospect: Prospect
     id: str
 
     @property
@@ -51,20 +48,14 @@ class Case:
     def problem(self) -> str:
         """What is asked for, however it is solved: cases with equal problems have one answer."""
         names = (key for key in self.values if key.split(".")[0] not in DISCRETE and key not in HOW)
-        asked, physics = {key: self.values[key] for key in names}, self.scene.physics
+        asked, physics = {key: self.values[key] for key in names}, self.prospect.scene.physics
         surface = {"gap": physics.gap, "friction": physics.contact.friction, "adhesion": str(physics.contact.adhesion)}
         return inline(asked | surface | {"depth": self.depth, "control": physics.path.control})
 
     @property
     def depth(self) -> float:
         """The last depth, to expect where forces are prescribed, in the user's units."""
-        return self.scene.physics.deltas[-1] * self.scene.physics.scales.depth
-
-    @property
-    def stiffness(self) -> float | None:
-        """epsilon_n or gamma in E*/h_contact; None for a method without one."""
-        law = self.scene.physics.contact
-        return law.stiffness / stiffness_unit(self.scene) if hasattr(law, "stiffness") else None
+        return self.prospect.depths[-1]
 
 
 @dataclass(frozen=True)
@@ -98,18 +89,6 @@ def sorted_out(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
     return cases, refusals
 
 
-def identity(scene: Scene) -> str:
-    """A name for physics, discretisation, history and experiment of a scene; titles and output have no part in it."""
-    parts = [scene.physics, scene.sizes, scene.solver, scene.plan.fineness]
-    parts += [part for part in (scene.experiment, scene.history, scene.relaxation) if part is not None]
-    return hashlib.sha256(to_json(parts, indent=None).encode()).hexdigest()[:16]
-
-
-def stiffness_unit(scene: Scene) -> float:
-    """E*/h_contact in the scene's own units."""
-    return scene.physics.material.E_star / scene.sizes.h_contact
-
-
 class _Builder:
     """Makes cases; remembers the unit of stiffness of each body and mesh."""
 
@@ -120,9 +99,9 @@ class _Builder:
     def __call__(self, index: int, wanted: Wanted) -> Case:
         point = tuple((key, self._number(value, wanted), place) for key, value, place in wanted.point)
         config = self._config(wanted, point)
-        scene = _resolved(config, point)
+        prospect = _prospect(config, point)
         named = wanted.named or {key: value for key, value, _ in point}
-        return Case(index, named, config, scene, identity(scene))
+        return Case(index, named, prospect, prospect.identity)
 
     def _number(self, value: object, wanted: Wanted) -> object:
         """A value at a point, a multiple of E*/h_contact in the user's units."""
@@ -137,15 +116,14 @@ class _Builder:
         name = inline([[key, value] for key, value, _ in others])
         if name not in self._units:
             auto: Setting = ("contact", {"method": "auto"}, ("", None))
-            scene = _resolved(self._config(wanted, (*others, auto)), wanted.point)
-            self._units[name] = stiffness_unit(scene) * scene.physics.scales.stiffness
+            self._units[name] = _prospect(self._config(wanted, (*others, auto)), wanted.point).stiffness_unit
         return self._units[name]
 
 
-def _resolved(config: Config, point: Point) -> Scene:
-    """The scene of a point; an error about a section says which value varied there, and where that stands."""
+def _prospect(config: Config, point: Point) -> Prospect:
+    """The prospect of a point; an error about a section says which value varied there, and where that stands."""
     try:
-        return resolve(config)
+        return Prospect.of(config)
     except ConfigError as error:
         section = error.key.split(".")[0]
         for key, value, (file, line) in point:

@@ -119,13 +119,13 @@ def carry_out(
     against = Truth(study, cases)
     first, every = shard or (1, 1)
     mine = case_list.unique(cases)[first - 1 :: every]
-    largest = sorted((case.scene.plan.prediction.get("memory_MB", 0.0) for case in mine), reverse=True)[:jobs]
+    largest = sorted((case.prospect.plan.prediction.get("memory_MB", 0.0) for case in mine), reverse=True)[:jobs]
     available = machine_memory() / 1e6
     if jobs > 1 and sum(largest) > available:
         need = f"{len(largest)} runs at a time need about {sum(largest):.3g} MB"
         raise UsageError(f"{need}, this machine has {available:.3g}: fewer --jobs")
     finished = Study(output or study.directory, study.title, study.keys, against.name, [], against.notes)
-    load = chain.warm_up if any(case.scene.is_meshed for case in cases) else lambda: None
+    load = chain.warm_up if any(case.prospect.scene.is_meshed for case in cases) else lambda: None
     names = [case.name for case in mine]
     folder = study_folder.opened(finished.directory, resume=resume, shared=shard is not None, names=names)
     with folder as place, Workers(jobs, load) as workers:
@@ -178,7 +178,7 @@ def _do(cases: Sequence[Case], place: StudyFolder, workers: Workers, tell: Tell)
         tell(f"{len(cases) - len(waiting)} of {len(cases)} runs are there already")
     began, effort = time.monotonic(), sum(map(_effort, waiting))
     left = effort
-    jobs = ((case, case.config, place.run(case.name)) for case in waiting)
+    jobs = ((case, case.prospect.config, place.run(case.name)) for case in waiting)
     for count, (case, ending) in enumerate(workers.done(jobs), start=1):
         if ending[0]:
             place.fail(case.name, *ending)
@@ -200,7 +200,7 @@ def _told(run: Path, ending: Ending) -> str:
 
 def _effort(case: Case) -> float:
     """The seconds that a run is expected to take; by theory alone a part of one."""
-    return float(case.scene.plan.prediction.get("seconds", 0.2))
+    return float(case.prospect.plan.prediction.get("seconds", 0.2))
 
 
 def as_json(study: Study) -> Report:

@@ -14,11 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.config.strict_yaml import short
-from indent_sim.model.symbols import lookup
 from indent_sim.results.folder import Report
 from indent_sim.results.hold import Hold, first_hold
 from indent_sim.results.pictures import canvas
-from indent_sim.results.pictures.axes import Axis, axis, in_picture, unit_of
+from indent_sim.results.pictures.axes import Axis, axis, in_picture, unit_of_key
 from indent_sim.results.pictures.canvas import THEORY_STYLE, Axes, Figure, Look
 from indent_sim.results.pictures.curves import Colour, shade, smooth
 from indent_sim.results.pictures.curves import look as curve_look
@@ -40,7 +39,6 @@ MOST_GROUPS = 12  # lines in them that are named
 MOST_CURVES_NAMED, LINES_BESIDE = 8, 20  # curves that are named beside the panels, and lines in a column there
 SAME_FORMULA = 1e-3  # relative, between points of a curve
 BOARD_LINE, LEAST = 0.27, 0.1  # inches of a line of the scoreboard; per cent where its axis turns logarithmic
-KINDS = ("length", "force", "pressure")  # of numbers that a scene's units measure
 LOG_SPAN = 20.0  # from which ratio of largest to smallest a varied number is logarithmic
 
 
@@ -170,11 +168,8 @@ def _colours_of(axes: Axes, families: Families, key: str) -> list[Colour]:
 
 def _label(families: Families, key: str) -> str:
     """The name of a varied number with its unit."""
-    name, section = key.split(".")[-1], key.split(".")[0]
-    symbol = lookup(name, section)
-    scene = families.curves[0].results.report.get("units") or {}
-    unit = families.unit(key) or (unit_of(symbol.dimension, scene) if symbol and symbol.dimension in KINDS else "")
-    return Axis(in_picture(name), unit=unit).label
+    unit = families.unit(key) or unit_of_key(key, families.curves[0].results)
+    return Axis(in_picture(key.split(".")[-1]), unit=unit).label
 
 
 Holds = Sequence[Hold | None]

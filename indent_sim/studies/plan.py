@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from indent_sim.run.accuracy import foreseen
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import study_file
 from indent_sim.studies.reference import scoreboard
@@ -52,9 +51,9 @@ def plan(given: Path | str | Mapping[str, Any], error_bars: bool = False) -> Stu
     against, runs = Truth(study, cases), case_list.unique(cases)
     rows: list[Row] = []
     for case in runs:
-        said = foreseen(case.scene, error_bars).plan
+        said = case.prospect.whole(error_bars).plan
         row = {"index": case.index + 1, "run": case.name} | {key: case.values.get(key) for key in study.keys}
-        row |= {"method": case.scene.method} | {name: said.prediction.get(name) for name in EXPECTED}
+        row |= {"method": case.prospect.scene.method} | {name: said.prediction.get(name) for name in EXPECTED}
         rows.append(row | {"warnings": list(said.warnings)})
     refused = [str(refusal.error) for refusal in refusals]
     return StudyPlan(study.title, study.keys, against.name, rows, len(cases) - len(runs), refused, against.notes)

@@ -104,7 +104,7 @@ def telling(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
 def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer | None) -> Row:
     named = {"index": case.index + 1, "run": case.id} | {key: case.values.get(key) for key in keys}
     row: Row = named | dict.fromkeys(STUDY_COLUMNS) | {"status": "pending"}
-    row |= {"method": case.scene.method, "stiffness": case.stiffness}
+    row |= {"method": case.prospect.scene.method, "stiffness": case.prospect.stiffness}
     if found is None:
         return row
     report = found.report

@@ -24,7 +24,7 @@ from numpy.polynomial.chebyshev import chebval
 
 from indent_sim.theory.profiles import Tip
 from indent_sim.theory.roots import first_guess, increasing_root, next_guess
-from indent_sim.theory.solution import COARSE, MAX_SLENDERNESS, Solution, check_contact, largest_pressure, no_contact
+from indent_sim.theory.solution import COARSE, MAX_SLENDERNESS, Solution, check_contact, no_contact
 from indent_sim.theory.stack import Stack
 
 SIGN_RINGS = 40  # of a contact, in which the sign of the pressure is looked at
@@ -278,14 +278,14 @@ class _Peaks:
         if self._known is not None:
             return float(self._known[i])
         contact, a = self._sampled.contact, float(self._a[i])
-        return largest_pressure(contact.touching(a), min(COARSE, FEW_PLACES + math.ceil(PLACES_PER_A * a)))
+        return contact.touching(a).largest_pressure(min(COARSE, FEW_PLACES + math.ceil(PLACES_PER_A * a)))
 
     @cached_property
     def _known(self) -> np.ndarray | None:
         sampled, contact = self._sampled, self._sampled.contact
         if self._a.size < sampled.sizes.size:
             return None
-        found = np.array([[largest_pressure(one) for one in sampled.solutions]])
+        found = np.array([[one.largest_pressure() for one in sampled.solutions]])
         if np.isnan(found).all():
             return np.full(self._a.size, math.nan)
         unit = [contact.E_star * contact.profile(a) / a for a in (sampled.sizes, self._a)]

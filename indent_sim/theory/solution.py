@@ -36,6 +36,31 @@ class Solution:
     u_z: Callable[[np.ndarray], np.ndarray]
     peak: Callable[[], float] | None = None
 
+    def largest_pressure(self, points: int = COARSE) -> float:
+        """The largest pressure [F/L^2], to 1e-9; NaN where it is infinite, under a sharp apex or edge.
+
+        The surroundings of the largest of some points are looked at closer and closer, unless it is in the middle;
+        towards an infinite pressure it does not stop growing.
+        """
+        if self.force <= 0.0:
+            return 0.0
+        if self.peak is not None:
+            return self.peak()
+        r, largest = np.linspace(0.0, self.a, points), 0.0
+        for _ in range(PEAK_ROUNDS):
+            with np.errstate(all="ignore"):
+                p = np.asarray(self.pressure(r), dtype=float)
+            before, largest = largest, float(p.max())
+            if largest == math.inf:
+                return math.nan
+            if before == 0.0 and p[0] == largest and p[1] > p[2]:
+                return largest  # on the axis, or the middle, where an even pressure is flat
+            if abs(largest - before) <= STILL * largest:
+                return largest
+            k = int(np.argmax(p))
+            r = np.linspace(r[max(k - 1, 0)], r[min(k + 1, r.size - 1)], REFINED_POINTS)
+        return math.nan
+
 
 def no_contact(delta: float) -> Solution:
     """The untouched body: everything but delta is zero."""
@@ -68,29 +93,3 @@ def tangent(half_angle: float) -> float:
     if not 0.0 < half_angle < 90.0:
         raise ValueError(f"half_angle must lie in (0, 90) degrees, got {half_angle!r}")
     return math.tan(math.radians(half_angle))
-
-
-def largest_pressure(solution: Solution, points: int = COARSE) -> float:
-    """The largest pressure [F/L^2], to 1e-9; NaN where it is infinite, under a sharp apex or edge.
-
-    The surroundings of the largest of some points are looked at closer and closer, unless it is in the middle; towards
-    an infinite pressure it does not stop growing.
-    """
-    if solution.force <= 0.0:
-        return 0.0
-    if solution.peak is not None:
-        return solution.peak()
-    r, largest = np.linspace(0.0, solution.a, points), 0.0
-    for _ in range(PEAK_ROUNDS):
-        with np.errstate(all="ignore"):
-            p = np.asarray(solution.pressure(r), dtype=float)
-        before, largest = largest, float(p.max())
-        if largest == math.inf:
-            return math.nan
-        if before == 0.0 and p[0] == largest and p[1] > p[2]:
-            return largest  # on the axis, or the middle, where an even pressure is flat
-        if abs(largest - before) <= STILL * largest < math.inf:
-            return largest
-        k = int(np.argmax(p))
-        r = np.linspace(r[max(k - 1, 0)], r[min(k + 1, r.size - 1)], REFINED_POINTS)
-    return math.nan

@@ -15,8 +15,8 @@ import pytest
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, WALLED, grid_of, scene
 
 from indent_sim.config.scene_file import load
-from indent_sim.run.accuracy import foreseen
 from indent_sim.run.chain import states
+from indent_sim.run.companions.accuracy import foreseen
 from indent_sim.scene.cost import _counts as counts
 from indent_sim.scene.scene import resolve
 

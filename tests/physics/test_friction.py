@@ -17,7 +17,7 @@ from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.chain import simulate, states
-from indent_sim.run.error_bars import Companion, ErrorBars, beside, sticks, ways
+from indent_sim.run.companions.error_bars import Companion, ErrorBars, beside, sticks, ways
 from indent_sim.run.summary import theory_comparison
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.studies import cases, study_file

@@ -13,7 +13,7 @@ from scenes import scene, solve
 
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.error_bars import Companion, ErrorBars, beside, ways
+from indent_sim.run.companions.error_bars import Companion, ErrorBars, beside, ways
 from indent_sim.scene.scene import Scene
 
 SCENES, STICKY = 120, 80

@@ -14,7 +14,7 @@ from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.iterative import Iterative
 from indent_sim.model.state import State
 from indent_sim.run import chain
-from indent_sim.run.error_bars import Companion, ErrorBars, beside, sticks
+from indent_sim.run.companions.error_bars import Companion, ErrorBars, beside, sticks
 from indent_sim.run.readings import Readings
 from indent_sim.run.simulation import backend
 from indent_sim.scene.expected import Stick
@@ -137,7 +137,7 @@ def test_what_no_slip_would_change_is_solved_by_a_factorisation(monkeypatch: Any
 
     expected, stick = found(direct), found(iterative)
     assert expected and stick and stick.percent == pytest.approx(expected.percent, rel=1e-6)
-    monkeypatch.setattr("indent_sim.run.error_bars.machine_memory", lambda: 1e8)
+    monkeypatch.setattr("indent_sim.run.companions.error_bars.machine_memory", lambda: 1e8)
     assert found(iterative) is None
 
 

@@ -12,7 +12,7 @@ from scenes import ELASTIC, force, grid_of, scene, solve
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.run import chain, simulation
-from indent_sim.run.error_bars import ErrorBars
+from indent_sim.run.companions.error_bars import ErrorBars
 from indent_sim.scene.scene import Scene, resolve
 
 Layers = list[tuple[float, float, float]]  # thickness, E, nu

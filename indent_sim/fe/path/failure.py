@@ -34,8 +34,7 @@ def _advice(scene: Scene) -> str:
     law: Any = scene.physics.contact
     ways = [
         *(["solver.linear: direct"] if scene.solver.linear == "iterative" else []),
-        *(["contact.epsilon_t: auto"] if not law.is_conservative and law.epsilon_t != law.stiffness else []),
-        *(["contact.friction: 5"] if law.is_bonded else []),
+        *law.remedies,
         *(["a hyperelastic material"] if scene.physics.small_strain and scene.physics.gap == "current" else []),
         *([f"a larger indenter.{rounded}"] if rounded else []),
         *(["contact.method: augmented_lagrangian"] if scene.physics.contact.method != "augmented_lagrangian" else []),

@@ -296,7 +296,7 @@ def line_search(problem: Problem) -> str:
     """PETSc's line search: none, but for a penalty with Coulomb's law. There t goes from one bound to the other over a
     slip of 2 friction p/epsilon_t. Where a point turns back full steps leap over that and back again, for ever; a step
     that does not lessen the residual is shortened."""
-    leaps = problem.law.multiplier == "none" and not (problem.law.is_conservative or problem.law.is_bonded)
+    leaps = problem.law.multiplier == "none" and problem.law.slips
     return "bt" if leaps else "basic"
 
 

@@ -16,7 +16,6 @@ from indent_sim.fitting.inference.noise import f_test
 from indent_sim.fitting.scene_curve.lattice import NoTable
 from indent_sim.fitting.scene_curve.parameters import WORK
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables
-from indent_sim.model.body import HalfSpace, InfiniteLayer
 from indent_sim.process.errors import IndentSimError
 
 Name = Literal["thickness", "adhesion", "relaxation", "tip"]
@@ -24,6 +23,13 @@ EXPLORED, EXPLORING = 300, 15  # block means on which, and rounds for which the 
 THINNEST = 1.15  # depths that a free thickness must have
 FREE_HEIGHTS = (0.5, 1.5, 4.0)  # contact radii, where free thicknesses begin
 WORKS = (0.01, 0.05, 0.2)  # of the largest force over the contact radius, where works of adhesion begin
+# What a scene may not have of its own where a model is tried
+UNKNOWN_WITH: dict[str, set[str]] = {
+    "tip": {"adhesion"},
+    "thickness": set(),
+    "adhesion": {"adhesion", "relaxation"},
+    "relaxation": {"adhesion", "relaxation"},
+}
 FRACTIONS, PRONY_TIMES = (0.3,), (0.1, 0.4, 1.5)  # of a Prony term, its time in durations of the contact
 CHANGES = (-0.2, 0.0, 0.2)  # of the depth's exponent, where it begins
 
@@ -103,25 +109,37 @@ def _candidates(
 ) -> Iterator[tuple[SceneForces, np.ndarray]]:
     """The model's forces and the coordinates from which it is fitted."""
     forces, theta = estimate.model.forces, estimate.ordinary[: estimate.model.size]
-    if name == "tip" and not forces.adheres:
-        compliance = forces.experiment.compliance
-        free = forces.with_free_power(max(estimate.depth - compliance * estimate.rise, 1e-3 * estimate.depth))
-        yield from ((free, np.array([*theta, q])) for q in CHANGES)
-    elif name == "thickness":
-        yield from _thickness(forces, theta, config, tables)
-    elif name == "adhesion" and not forces.adheres and not forces.relaxes:
-        radius = forces.lattice.first.radius
-        held = with_experiment(config, adhesion={"work": WORKS[0] * _deepest(forces) / radius})
-        other = tables.forces(held, (*forces.keys, WORK), forces.deepest)
-        yield from ((other, np.array([*theta, math.log(share * estimate.rise / radius)])) for share in WORKS)
-    elif name == "relaxation" and not forces.adheres and not forces.relaxes and estimate.model.samples.t is not None:
-        t, x = estimate.model.samples.t, estimate.model.samples.x
-        span = float(np.ptp(t[x > estimate.contact_point]))
-        key, held = _relaxing(config, forces.deepest)
-        other = tables.forces(held, (*forces.keys, f"{key}[0][0]", f"{key}[0][1]"), forces.deepest)
-        instantaneous = _harder(theta, forces.scaling, 1.0 / (1.0 - 0.5 * FRACTIONS[0]))
-        for share in PRONY_TIMES:
-            yield other, np.array([*instantaneous, math.log(FRACTIONS[0]), math.log(share * span)])
+    if forces.effects & UNKNOWN_WITH[name]:
+        return
+    match name:
+        case "tip":
+            compliance = forces.experiment.compliance
+            free = forces.with_free_power(max(estimate.depth - compliance * estimate.rise, 1e-3 * estimate.depth))
+            yield from ((free, np.array([*theta, q])) for q in CHANGES)
+        case "thickness":
+            yield from _thickness(forces, theta, config, tables)
+        case "adhesion":
+            radius = forces.lattice.first.radius
+            held = with_experiment(config, adhesion={"work": WORKS[0] * _deepest(forces) / radius})
+            other = tables.forces(held, (*forces.keys, WORK), forces.deepest)
+            yield from ((other, np.array([*theta, math.log(share * estimate.rise / radius)])) for share in WORKS)
+        case "relaxation":
+            yield from _relaxing(estimate, theta, config, tables)
+
+
+def _relaxing(
+    estimate: Estimate, theta: np.ndarray, config: Config, tables: Tables
+) -> Iterator[tuple[SceneForces, np.ndarray]]:
+    """Matter that relaxes by one term; a curve without times does not tell."""
+    forces, t, x = estimate.model.forces, estimate.model.samples.t, estimate.model.samples.x
+    if t is None:
+        return
+    span = float(np.ptp(t[x > estimate.contact_point]))
+    key, held = _with_relaxation(config, forces.deepest)
+    other = tables.forces(held, (*forces.keys, f"{key}[0][0]", f"{key}[0][1]"), forces.deepest)
+    instantaneous = _harder(theta, forces.scaling, 1.0 / (1.0 - 0.5 * FRACTIONS[0]))
+    for share in PRONY_TIMES:
+        yield other, np.array([*instantaneous, math.log(FRACTIONS[0]), math.log(share * span)])
 
 
 def _deepest(forces: SceneForces) -> float:
@@ -141,11 +159,11 @@ def _thickness(
 ) -> Iterator[tuple[SceneForces, np.ndarray]]:
     """A homogeneous body of free height; one whose height is fitted already has none."""
     body, key, radius = config.body, "body.height", forces.lattice.first.radius
-    if key in forces.keys or not isinstance(body, HalfSpace | InfiniteLayer) or body.layers or body.inclusions:
+    if key in forces.keys or body.shape not in ("half_space", "layer") or body.layers or body.inclusions:
         return
     least = THINNEST * forces.deepest
     base = config
-    if not isinstance(body, InfiniteLayer):
+    if body.shape != "layer":
         layer = {"shape": "layer", "height": max(4.0 * radius, 2.0 * least)}
         base = from_mapping(to_mapping(config) | {"body": layer})
     other = tables.forces(base, (*forces.keys, key), forces.deepest)
@@ -153,7 +171,7 @@ def _thickness(
         yield other, np.array([*theta, math.log(max(share * radius, 1.1 * least))])
 
 
-def _relaxing(config: Config, deepest: float) -> tuple[str, Config]:
+def _with_relaxation(config: Config, deepest: float) -> tuple[str, Config]:
     """The scene of matter that relaxes by one term, and the key of its terms in the first material."""
     keys = [f"{key}.relaxation" for key, _ in config.materials()]
     settings: list[tuple[str, Any]] = [(key, {"prony": [[FRACTIONS[0], 1.0]]}) for key in keys]

@@ -17,16 +17,11 @@ from numpy.polynomial import Chebyshev
 from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.scene_curve.lattice import Lattice, NoTable
+from indent_sim.fitting.scene_curve.lattice import NUMBERS, Lattice, NoTable
 from indent_sim.fitting.scene_curve.parameters import Parameter
-from indent_sim.model.state import State
-from indent_sim.process.errors import ConfigError
-from indent_sim.run.chain import condense, states
-from indent_sim.run.error_bars import Companion, ErrorBars, beside, softer
-from indent_sim.run.readings import punches_of
-from indent_sim.scene.scene import Scene, resolve
-from indent_sim.theory.solution import UNSOLVED
-from indent_sim.theory.surface.punches import Punches, radius_at
+from indent_sim.process.errors import ConfigError, NotConverged
+from indent_sim.run.prospect import Prospect
+from indent_sim.run.walks.elastic_curve import ElasticForces, forces_at, punches_to
 
 SOLVED_DEPTHS, DEGREE = 20, 12  # depths at which a scene is solved, and of the polynomial through them: 5e-11 by theory
 SHALLOWEST_ROOT = 0.02  # of sqrt(delta/deepest): a power law below
@@ -34,8 +29,7 @@ ON_MESH, MESH_DEGREE = 0.2236, 5  # a contact of 5 % of the depth has few elemen
 NODES = 6  # of the lattice around a value: 2e-6 of the force at steps of 0.2
 HALF = 0.5  # exponents of depth are multiples of it, up to SAME_EXPONENT, or as they are
 SAME_EXPONENT = 0.02
-PUNCH_RADII, RADIUS_DEGREE, LEAST_RADIUS = 40, 12, 0.02  # of flat punches, and of the polynomials through them
-ADHERING_DEPTH = 1.6  # times the depth: an adhering tip has the contact of a deeper one
+RADIUS_DEGREE, LEAST_RADIUS = 12, 0.02  # of the polynomials through flat punches
 NODE_ANGLES = np.pi * (np.arange(SOLVED_DEPTHS) + 0.5) / SOLVED_DEPTHS
 S = 0.5 * (1 + SHALLOWEST_ROOT) - 0.5 * (1 - SHALLOWEST_ROOT) * np.cos(NODE_ANGLES)
 DOMAIN = (SHALLOWEST_ROOT, 1.0)
@@ -101,16 +95,16 @@ def _array(table: ElasticTable) -> np.ndarray:
     return np.array([*table.coefficients, *rest])
 
 
-def elastic_scene(config: Config, deepest: float) -> Scene:
+def elastic_prospect(config: Config, deepest: float) -> Prospect:
     """The scene without its experiment, of matter that is drained and does not relax, pressed to a depth, by a load
     path to the depths of a table; ConfigError where it cannot exist."""
     if config.contact.adhesion:
         raise ConfigError("contact.adhesion", "a fit takes adhesion without range", "give experiment.adhesion")
     document = _at_once(config)
-    scene = resolve(from_mapping(document | {"loading": {"delta": float(deepest), "steps": 1}}))
-    if not scene.is_meshed or scene.solver.method == "condensed":
-        return scene
-    return resolve(from_mapping(document | {"loading": {"deltas": [float(deepest * s * s) for s in S]}}))
+    prospect = Prospect.of(from_mapping(document | {"loading": {"delta": float(deepest), "steps": 1}}))
+    if prospect.is_of_any_depth:
+        return prospect
+    return Prospect.of(from_mapping(document | {"loading": {"deltas": [float(deepest * s * s) for s in S]}}))
 
 
 def _at_once(config: Config) -> dict[str, Any]:
@@ -137,40 +131,27 @@ def solved(config: Config, deepest: float, wants_punches: bool = False, power: f
 
     power: of the depth, where it is known. NoTable where there is no solution, ConfigError where there is no scene.
     """
-    scene = elastic_scene(config, deepest)
+    prospect = elastic_prospect(config, deepest)
     try:
-        if not scene.is_meshed:
-            return _by_theory(scene, deepest, wants_punches, power)
-        return _on_mesh(scene, deepest, wants_punches, power)
-    except UNSOLVED as error:
+        found = forces_at(prospect, deepest * S**2)
+        table = (_of_mesh if prospect.scene.is_meshed else _of_theory)(found, deepest, power)
+        punches, widest = _punches(prospect, deepest) if wants_punches else (None, 0.0)
+    except (NotConverged, *NUMBERS) as error:
         raise NoTable(str(error)) from error
+    return replace(table, punches=punches, widest=widest)
 
 
-def _by_theory(scene: Scene, deepest: float, wants_punches: bool, power: float | None) -> ElasticTable:
-    theory, scales = scene.plan.theory, scene.physics.scales
-    assert theory is not None
+def _of_theory(found: ElasticForces, deepest: float, power: float | None) -> ElasticTable:
     depths = deepest * S**2
-    curve = theory.contact.curve([float(depth / scales.depth) for depth in depths])
-    forces = np.array([one.force for one in curve]) * scales.force
-    power = _power(depths, forces) if power is None else power
-    g = Chebyshev.fit(S, np.log(forces) - power * np.log(depths), DEGREE, domain=DOMAIN)
-    punches, widest = _punches(scene, punches_of(scene), deepest) if wants_punches else (None, 0.0)
-    radius = curve[-1].a * scales.length
-    return ElasticTable(deepest, power, g.coef, punches, widest, radius=radius)
+    power = _power(depths, found.forces) if power is None else power
+    g = Chebyshev.fit(S, np.log(found.forces) - power * np.log(depths), DEGREE, domain=DOMAIN)
+    return ElasticTable(deepest, power, g.coef, radius=found.radius)
 
 
-def _on_mesh(scene: Scene, deepest: float, wants_punches: bool, power: float | None) -> ElasticTable:
+def _of_mesh(found: ElasticForces, deepest: float, power: float | None) -> ElasticTable:
     """The same where a mesh is solved: what it adds to theory is smoothed, and its error bar kept."""
-    depths = deepest * S**2
-    found = _solved(scene, depths)
-    if len(found) < SOLVED_DEPTHS or not found[-1].converged:
-        reason = next((state.reason for state in found if not state.converged), "the path ended")
-        raise NoTable(f"the depth {deepest:.4g} was not reached: {reason}")
-    forces = np.array([state.force for state in found])
-    theory = scene.plan.theory
-    curve = theory.curve([float(depth / scene.physics.scales.depth) for depth in depths]) if theory else None
-    beside_it = np.array([one.force for one in curve]) * scene.physics.scales.force if curve else None
-    base = beside_it if beside_it is not None and (beside_it > 0).all() else None
+    depths, forces, base = deepest * S**2, found.forces, found.of_theory
+    base = base if base is not None and (base > 0).all() else None
     used = (S >= ON_MESH) & (forces > 0)
     if np.count_nonzero(used) <= MESH_DEGREE:
         raise NoTable("the contact has too few elements: give a smaller mesh.h_contact")
@@ -180,34 +161,7 @@ def _on_mesh(scene: Scene, deepest: float, wants_punches: bool, power: float | N
     scatter = float(np.std(ratio(S[used]) - (np.log(forces[used]) - known[used])))
     added = np.where(S[used][0] > S, ratio(S[used][0]), ratio(S))
     g = Chebyshev.fit(S, known + added - power * np.log(depths), DEGREE, domain=DOMAIN)
-    punches, widest = _punches_on_mesh(scene, deepest) if wants_punches else (None, 0.0)
-    error = math.hypot(scatter, _bar(scene, found, depths))
-    return ElasticTable(deepest, power, g.coef, punches, widest, error, found[-1].a)
-
-
-def _punches_on_mesh(scene: Scene, deepest: float) -> tuple[np.ndarray, float]:
-    """The flat punches of a condensed body that was pressed as deep as they are asked for."""
-    body = condense(scene)
-    body.equilibrium.solve(deepest / scene.physics.scales.depth)
-    return _punches(scene, punches_of(scene, body.equilibrium), deepest)
-
-
-def _solved(scene: Scene, depths: np.ndarray) -> list[State]:
-    if scene.solver.method == "condensed":
-        return condense(scene).states(deltas=depths.tolist())
-    return list(states(scene, with_surface=False))
-
-
-def _bar(scene: Scene, found: list[State], depths: np.ndarray) -> float:
-    """The relative error bar of the deepest forces, from coarser meshes."""
-    companions = [Companion(ratio, _solved(other, depths), other) for ratio, other in beside(scene, [])]
-    if companions[0].scene and (soft := softer(companions[0].scene)):
-        bars = ErrorBars(scene, companions, _solved(soft, depths), None)
-    else:
-        bars = ErrorBars(scene, companions, None, None)
-    judged = [bars.judged(state) for state in found]  # each knows those before it
-    deep = [state for state in judged if state.delta > HALF * depths[-1] and np.isfinite(state.force_error or 0.0)]
-    return max(((state.force_error or 0.0) / state.force for state in deep), default=0.0)
+    return ElasticTable(deepest, power, g.coef, error=math.hypot(scatter, found.error), radius=found.radius)
 
 
 def _power(depths: np.ndarray, forces: np.ndarray) -> float:
@@ -217,18 +171,9 @@ def _power(depths: np.ndarray, forces: np.ndarray) -> float:
     return nearest if abs(slope - nearest) < SAME_EXPONENT else slope
 
 
-def _punches(scene: Scene, punches: Punches, deepest: float) -> tuple[np.ndarray, float]:
+def _punches(prospect: Prospect, deepest: float) -> tuple[np.ndarray, float]:
     """ln delta_1, F_1, K, K' over ln a, in the scene's units, and the widest radius."""
-    depth, force, length = scene.physics.scales.depth, scene.physics.scales.force, scene.physics.scales.length
-    try:
-        widest = radius_at(punches, ADHERING_DEPTH * deepest / depth)
-    except UNSOLVED:
-        widest = 0.999 * punches.largest
-    radii = np.geomspace(max(LEAST_RADIUS * widest, punches.smallest), widest, PUNCH_RADII)
-    rows = [punches.at(float(a)) for a in radii]
-    units = depth, force, force / depth, force / depth / length
-    columns = zip(*((one.delta, one.force, one.stiffness, one.slope) for one in rows), strict=True)
-    logs = [np.log(np.array(column) * unit) for column, unit in zip(columns, units, strict=True)]
-    x = np.log(radii / widest)
+    shares, columns, widest = punches_to(prospect, deepest, LEAST_RADIUS)
+    x, logs = np.log(shares), np.log(columns)
     fits = [Chebyshev.fit(x, values, RADIUS_DEGREE, domain=(math.log(LEAST_RADIUS), 0.0)).coef for values in logs]
-    return np.array(fits), widest * length
+    return np.array(fits), widest

@@ -18,13 +18,11 @@ import numpy as np
 
 from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config
-from indent_sim.fitting.scene_curve.lattice import Lattice, NoTable
+from indent_sim.fitting.scene_curve.lattice import NUMBERS, Lattice, NoTable
 from indent_sim.fitting.scene_curve.parameters import Parameter
-from indent_sim.model.loading import PER_DOUBLING
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.chain import states
-from indent_sim.scene.scene import resolve
-from indent_sim.theory.solution import UNSOLVED
+from indent_sim.run.prospect import Prospect
 
 CORNER = 0.003  # of the deepest: by as much a measured way may miss its corners
 SHALLOW_CONTACT = 0.05  # of the deepest: contacts of few elements, whose G is taken from deeper ones
@@ -139,10 +137,10 @@ def _gains(config: Config, way: MeasuredWay, power: float, finer: int = 1) -> np
     document.pop("experiment", None)
     document["loading"] = {"history": [list(corner) for corner in way.corners]}
     if finer > 1 or config.loading.per_doubling:
-        document["loading"]["per_doubling"] = finer * (config.loading.per_doubling or PER_DOUBLING)
+        document["loading"]["per_doubling"] = finer * config.loading.steps_per_doubling
     try:
-        found = list(states(resolve(from_mapping(document)), with_surface=False))
-    except UNSOLVED as error:
+        found = list(states(Prospect.of(from_mapping(document)).scene, with_surface=False))
+    except NUMBERS as error:
         raise NoTable(str(error)) from error
     if not found or not found[-1].converged:
         raise NoTable(f"the measured way was not followed: {found[-1].reason if found else 'no row'}")

@@ -15,6 +15,9 @@ from indent_sim.config.schema import Config
 from indent_sim.fitting.scene_curve.parameters import Parameter, with_numbers
 from indent_sim.process.errors import IndentSimError
 
+# What numpy and theory raise where numbers come to nothing
+NUMBERS = (ArithmeticError, ValueError, np.linalg.LinAlgError)
+
 
 class NoTable(Exception):
     """A scene that has no solution at these parameters; the message says why."""

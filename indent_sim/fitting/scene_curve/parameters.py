@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from typing import Any, Literal
 
+from indent_sim.config.quantities import pressures
 from indent_sim.config.scene_file import to_mapping, varied
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.model.units import Unit, field_units
 from indent_sim.process.errors import ConfigError
 
 Role = Literal["scale", "shape", "work", "relaxation", "spring", "power"]
@@ -110,23 +110,3 @@ def with_numbers(config: Config, values: Mapping[str, Any]) -> Config:
     """The scene with other values at some keys; ConfigError where there is no such scene."""
     settings = [(key, value, ("--vary", None)) for key, value in values.items()]
     return varied(to_mapping(config), config.source, settings)
-
-
-def pressures(config: Config) -> list[str]:
-    """The keys of all numbers with a pressure in their unit: where there is one, the force is proportional to it."""
-    parts: list[tuple[str, Any]] = [*config.materials(), ("contact", config.contact)]
-    parts += [(f"{key}.flow", law.flow) for key, law in config.materials() if law.flow]
-    return [f"{name}.{key}" for name, part in parts if is_dataclass(part) for key in _moduli(part)]
-
-
-def _moduli(part: Any) -> list[str]:
-    kind: type = type(part)
-    units = field_units(kind)
-    named = [(one.name, units[one.name]) for one in fields(part) if _is_number(getattr(part, one.name))]
-    return [
-        name for name, unit in named if isinstance(unit, Unit) and unit.powers.get("pressure") and getattr(part, name)
-    ]
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)

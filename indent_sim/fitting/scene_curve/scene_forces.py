@@ -13,12 +13,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from indent_sim.config.scene_file import to_yaml
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.scene_curve.elastic_table import LEAST_RADIUS, ElasticLattice, ElasticTable, elastic_scene
+from indent_sim.fitting.scene_curve.elastic_table import LEAST_RADIUS, ElasticLattice, ElasticTable, elastic_prospect
 from indent_sim.fitting.scene_curve.history_table import HistoryTable, MeasuredWay, remembers, touched
 from indent_sim.fitting.scene_curve.lattice import NoTable
 from indent_sim.fitting.scene_curve.parameters import (
@@ -30,19 +29,18 @@ from indent_sim.fitting.scene_curve.parameters import (
     parameters_of,
     with_numbers,
 )
-from indent_sim.model.experiment import Experiment
 from indent_sim.process.errors import ConfigError
-from indent_sim.theory.surface.relaxation import PowerLaw, Prony
+from indent_sim.run.experiment import modulus_of
 
 SAMPLES_OF_WAY = 1500  # of the table of depths behind a spring
 SAMPLES_OF_RADIUS = 600  # of the branch of a tip that adheres
-SHORTEST_SHARE = 1e-3  # of the time between samples: shorter times of a power law are not seen
 MOST_ROUNDS, SETTLED_DEPTH = 60, 1e-9  # of depths behind a spring in a body that relaxes, relative to the depth
 NEAR_ZERO = 1e-9  # of the depth, from where on a free power of it goes on as a number
 MOST_TABLES = 100
 # Contact radii that a height may have: a thicker body is a half-space, a thinner one is solved for long
 THINNEST_BODY, WIDEST_BODY = 0.2, 20.0
-SAME_PACE = 1e-6  # relative: samples at equal times
+# What relaxation makes, at some times, of the elastic forces there
+Relaxed = Callable[[np.ndarray], Callable[[np.ndarray], np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class Settings:
     shape: tuple[float, ...]
     work: float
     compliance: float
-    modulus: Prony | PowerLaw | None
+    relaxed: Relaxed | None
     power: float = 0.0  # of the depth, beside the scene's own
 
 
@@ -67,14 +65,16 @@ class SceneForces:
     def __init__(self, config: Config, keys: Sequence[str], deepest: float, way: MeasuredWay | None = None):
         self.config, self.keys, self.deepest = config, tuple(keys), deepest
         self.parameters = parameters_of(config, keys, deepest)
-        self.experiment = config.experiment or Experiment()
+        self.experiment = config.instrument
         self.pivot = deepest
         self.adheres = self.experiment.adhesion is not None
         self._shape = [k for k, one in enumerate(self.parameters) if one.role == "shape"]
         shape = [self.parameters[k] for k in self._shape]
         self.history: HistoryTable | None = None
-        self.lattice = ElasticLattice(config, [] if remembers(config) else shape, deepest, self.adheres)
-        if remembers(config):
+        is_run = remembers(config)
+        of_table = [] if is_run else shape
+        self.lattice = ElasticLattice(config, of_table, deepest, self.adheres)
+        if is_run:
             self.history = _history(config, shape, way, self.lattice.first)
         radius = self.lattice.first.radius
         self.parameters = tuple(_within(one, radius) for one in self.parameters)
@@ -101,6 +101,12 @@ class SceneForces:
         return self.history is not None or relaxation_of(self.config) is not None
 
     @property
+    def effects(self) -> set[str]:
+        """What it has that another model may add: adhesion, relaxation."""
+        known = {"adhesion": self.adheres, "relaxation": self.relaxes}
+        return {name for name, is_there in known.items() if is_there}
+
+    @property
     def error(self) -> float:
         """Relative error bar of the force, from its mesh."""
         return self.lattice.first.error
@@ -115,8 +121,8 @@ class SceneForces:
         table = self.lattice.at(at.shape)
         if self.adheres:
             return self._adhering(table, at, x)
-        if at.modulus is not None and t is not None:
-            return self._relaxed(table, at, x, t)
+        if at.relaxed is not None and t is not None:
+            return self._relaxed(table, at, x, at.relaxed(t))
         if not at.compliance:
             return self._pressed(table, at, x)
         top = max(float(x.max(initial=0.0)), 1e-300)
@@ -131,7 +137,7 @@ class SceneForces:
             return lambda delta: at.scale * history.first * np.maximum(delta, 0.0) ** history.power
         table = self.lattice.at(at.shape)
         if self.adheres:
-            held = replace(at, compliance=0.0, modulus=None)
+            held = replace(at, compliance=0.0, relaxed=None)
             return lambda delta: self._adhering(table, held, delta)
         return lambda delta: self._pressed(table, at, delta)
 
@@ -175,8 +181,8 @@ class SceneForces:
         compliance += values.get("experiment.frame.compliance", frame.compliance) if frame else 0.0
         varied = {one.key: values[one.key] for one in self.parameters if one.role == "relaxation"}
         power = values.get(FREE_EXPONENT, 0.0)
-        modulus = relaxation_of(self.config, varied)
-        return Settings(scale, tuple(theta[self._shape]), work, compliance, modulus, power)
+        relaxed = relaxation_of(self.config, varied)
+        return Settings(scale, tuple(theta[self._shape]), work, compliance, relaxed, power)
 
     def with_free_power(self, pivot: float) -> SceneForces:
         """The same scene whose force rises with a free power of the depth beside its own, as under another tip; at the
@@ -201,15 +207,17 @@ class SceneForces:
         touches = np.logical_or.accumulate(x >= 0.0)
         return np.where(touches & (x >= way[first]), np.interp(x, way[first:], force[first:]), 0.0)
 
-    def _relaxed(self, table: ElasticTable, at: Settings, x: np.ndarray, t: np.ndarray) -> np.ndarray:
+    def _relaxed(
+        self, table: ElasticTable, at: Settings, x: np.ndarray, relaxed: Callable[[np.ndarray], np.ndarray]
+    ) -> np.ndarray:
         """The force of a relaxing body."""
-        law, h = prony_of(at.modulus, t), 1e-6 * self.deepest
+        h = 1e-6 * self.deepest
         if not at.compliance:
-            return relaxed(self._pressed(table, at, x), t, law)
+            return relaxed(self._pressed(table, at, x))
 
         def pushed(delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             elastic = self._pressed(table, at, delta)
-            return relaxed(elastic, t, law), (self._pressed(table, at, delta + h) - elastic) / h
+            return relaxed(elastic), (self._pressed(table, at, delta + h) - elastic) / h
 
         return self._behind_spring(x, at.compliance, pushed)
 
@@ -251,49 +259,18 @@ def _within(parameter: Parameter, radius: float) -> Parameter:
     return replace(parameter, low=low, high=max(thickest, 1.01 * parameter.start))
 
 
-def relaxed(elastic: np.ndarray, t: np.ndarray, law: Prony) -> np.ndarray:
-    """F = rest F_el + sum g_i h_i, dh_i/dt = dF_el/dt - h_i/tau_i: exact where F_el is linear between the times."""
-    dt, rise = np.diff(t), np.diff(elastic)
-    force = law.lasting * elastic
-    steady = bool(len(dt)) and bool(np.all(np.abs(dt - dt[0]) <= SAME_PACE * abs(dt[0])))
-    for fraction, tau in zip(law.fractions, law.times, strict=True):
-        decay = np.exp(-dt / tau)
-        gain = np.where(dt > 0, rise * -np.expm1(-dt / tau) * tau / np.where(dt > 0, dt, 1.0), rise)
-        force = force + fraction * np.append(elastic[0], _held(elastic[0], decay, gain, steady))
-    return force
-
-
-def _held(first: float, decay: np.ndarray, gain: np.ndarray, steady: bool) -> np.ndarray:
-    """h_j = h_{j-1} decay_j + gain_j."""
-    if steady and len(decay):
-        return lfilter([1.0], [1.0, -decay[0]], gain, zi=np.array([decay[0] * first]))[0]  # type: ignore[no-any-return]
-    held, now = np.empty(len(decay)), first
-    for j, (d, g) in enumerate(zip(decay.tolist(), gain.tolist(), strict=True)):
-        now = now * d + g
-        held[j] = now
-    return held
-
-
-def prony_of(modulus: Prony | PowerLaw | None, t: np.ndarray) -> Prony:
-    """A relaxation as a sum of exponentials between the shortest and the longest of some times."""
-    assert modulus is not None
-    span = max(float(np.ptp(t)), 1e-300)
-    return modulus.prony(SHORTEST_SHARE * span / max(len(t) - 1, 1), span)
-
-
-def relaxation_of(config: Config, values: Mapping[str, float] | None = None) -> Prony | PowerLaw | None:
+def relaxation_of(config: Config, values: Mapping[str, float] | None = None) -> Relaxed | None:
     """The relaxation of a scene, with other numbers at some of its keys; None where it does not relax."""
     law = next((law.relaxation for _, law in config.materials() if law.relaxation), None)
     if law is None:
         return None
     numbers = {_inside(key): value for key, value in (values or {}).items()}
-    if law.power_law:
-        own = law.power_law
-        exponent, time = (numbers.get(("power_law", name), getattr(own, name)) for name in ("exponent", "time"))
-        return PowerLaw(exponent, time)
+    if own := law.power_law:
+        changed = {name: numbers.get(("power_law", name), getattr(own, name)) for name in ("exponent", "time")}
+        return modulus_of(replace(law, power_law=replace(own, **changed))).over
     given = enumerate(law.prony or ())
-    terms = [[numbers.get(("prony", k, i), value) for i, value in enumerate(term)] for k, term in given]
-    return Prony(tuple(term[0] for term in terms), tuple(term[1] for term in terms))
+    terms = tuple(tuple(numbers.get(("prony", k, i), value) for i, value in enumerate(term)) for k, term in given)
+    return modulus_of(replace(law, prony=terms)).over
 
 
 def is_in_time(config: Config) -> bool:
@@ -331,7 +308,7 @@ def _new(config: Config, keys: tuple[str, ...], deepest: float, way: MeasuredWay
     try:
         return SceneForces(config, keys, deepest, way)
     except ConfigError as error:
-        elastic_scene(config, _own_depth(config))  # wrong whatever the depth
+        elastic_prospect(config, _own_depth(config))  # wrong whatever the depth
         raise NoTable(f"deeper than the scene is made for, {deepest:.4g}: {error.problem}") from error
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from indent_sim.model.symbols import lookup
 from indent_sim.process.errors import UsageError, printable
 from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
@@ -148,6 +149,15 @@ def unit_of(kind: str, units: Mapping[str, str]) -> str:
     if kind == "length" or not (length and force):
         return {"length": length, "force": force}.get(kind, "")
     return {"force": force, "line": f"{force}/{length}", "pressure": f"{force}/{length}²"}[kind]
+
+
+def unit_of_key(key: str, run: Results) -> str:
+    """The label of the unit of a key of the scene, as in material.E; "" of what is no length, force or pressure."""
+    section, _, name = key.rpartition(".")
+    symbol = lookup(name, section.split(".")[0])
+    if symbol is None or symbol.dimension not in ("length", "force", "pressure"):
+        return ""
+    return unit_of(symbol.dimension, run.report.get("units") or {})
 
 
 def _power(kind: str, unit: str) -> int | None:

@@ -31,6 +31,7 @@ BODIES = {"half_space": variations.on_half_space, "layer": variations.on_layer}
 BODIES |= {"no inclusions": variations.without_inclusions}
 ENDLESS = {"half_space": "a half-space", "layer": "an infinitely wide layer"}  # of them, in words
 BATHED = "fluid from a bath swells or shrinks it, and no elastic body has its force"
+BESIDE_IT = ("rate", "adhesion", "cantilever", "calibration")  # effects that no model here has, but the scene's own
 EXPERIMENT_PARTS = {"adhesion": ("adhesion",), "rate": ("relaxation",), "cantilever": ("cantilever", "frame")}
 
 
@@ -184,7 +185,7 @@ def _models(config: Config, effects: Mapping[str, Effect], passed: tuple[Effect,
     """The models of a scene, from the cheapest on; the last one has every effect that a model can have but those that
     the scene has `passed` over."""
     is_finite = not all(layer.material.small_strain for layer in config.layers if layer.material)
-    rough = _of_contact(config)
+    rough = config.contact.path_key
     knows_finite = effects["small_strain"].percent is not None
     is_parabola = isinstance(config.indenter, Paraboloid)
     parts = own_parts(config)
@@ -219,12 +220,6 @@ def own_parts(config: Config) -> set[str]:
     return parts | {"relaxation" for _, material in config.materials() if material.relaxation}
 
 
-def _of_contact(config: Config) -> str:
-    """Which the contact law has of friction and adhesion; it may have one."""
-    kept = (name for name in ("friction", "adhesion") if getattr(config.contact, name, None))
-    return next(kept, "")
-
-
 def _has(body: str, config: Config) -> bool:
     if body == "no inclusions" or (isinstance(config.body, Endless) and body == config.body.shape):
         return bool(config.body.inclusions)
@@ -237,15 +232,14 @@ def _sentence(model: _Model, config: Config, effects: Mapping[str, Effect], with
     body = ENDLESS.get(config.body.shape, "the body as it is")
     body += " without its inclusions" if model.body == "no inclusions" else ""
     strain = "small strain" if all(one.small_strain for one in variations.matter(config)) else "finite strain"
-    tip, kept = config.indenter.shape.replace("_", " "), _of_contact(config)
+    tip, kept = config.indenter.shape.replace("_", " "), config.contact.path_key
     words = f"Model {body} under a {tip} at {strain}, " + (f"with its {kept}" if kept else "without friction")
     if not model.is_within(within):
         words += f": {_off(model)}; no model here has all of the effects at once."
     else:
         words += f": {_off(model)}." if model.dropped else ": nothing simpler is within the tolerance."
     own = "friction" if effects["friction"].applies else "stick"  # what may come of any only where there is none
-    several = [name for name in (own, "rate", "adhesion", "cantilever", "calibration") if name != kept]
-    several = [name for name in several if name in effects]
+    several = [name for name in (own, *BESIDE_IT) if name != kept and name in effects]
     felt = [name for name in several if effects[name].size > 100 * within and (effects[name].low or effects[name].high)]
     parts = own_parts(config)
     computed = [name for name in felt if parts & set(EXPERIMENT_PARTS.get(name, ()))]

@@ -12,7 +12,7 @@ import numpy as np
 
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
-from indent_sim.run.error_bars import Bars
+from indent_sim.run.companions.error_bars import Bars
 from indent_sim.run.readings import Equilibrium
 from indent_sim.scene.scene import Scene
 

@@ -16,7 +16,7 @@ from indent_sim.model.tips import below
 from indent_sim.process.ranks import on_root
 from indent_sim.run.record import Comm
 from indent_sim.scene.scene import Scene
-from indent_sim.theory.solution import Solution, largest_pressure
+from indent_sim.theory.solution import Solution
 
 SEEN = 10.0  # contact radii of the surface that are written, where no wall is nearer
 
@@ -65,7 +65,7 @@ class TheoryWalk:
         if solution is None:
             reason = "theory finds no contact, or ends before: at a wall, the tip's end, or 100 thicknesses"
             return State(step, nan, nan, nan, nan, nan, nan, 0, seconds, converged=False, reason=reason)
-        numbers = solution.delta, solution.force, solution.a, largest_pressure(solution)
+        numbers = solution.delta, solution.force, solution.a, solution.largest_pressure()
         state = State(step, *numbers, 0.0, nan, 0, seconds, stiffness=solution.stiffness)
         return replace(state, surface=self._surface(solution)) if wants_surface(step) else state
 

@@ -9,13 +9,12 @@ from typing import Any
 
 from indent_sim.config.messages import closest
 from indent_sim.config.strict_yaml import KeyPath, key_text
-from indent_sim.model.state import ERROR_COLUMNS, FRICTION_COLUMNS, READINGS, STATE_COLUMNS, TIME_COLUMNS
 from indent_sim.process.errors import ConfigError
+from indent_sim.results.reader import FOUND_COLUMNS
 
 CLAIMS = ("exact", "fit", "elements")
 PULL_OFF = "pull_off"
-COLUMNS = (*STATE_COLUMNS, *READINGS, *FRICTION_COLUMNS, *TIME_COLUMNS)
-QUANTITIES = tuple(name for name in (*COLUMNS, PULL_OFF) if name not in ("step", "branch", "wall_s", *ERROR_COLUMNS))
+QUANTITIES = (*FOUND_COLUMNS, PULL_OFF)
 PLACES = ("delta", "t", "step")  # what a row is named by
 PUBLISHED_KEYS = ("quantity", "at", "value", "claims", "within", "source")
 REQUIRED_KEYS = ("quantity", "value", "claims", "source")

@@ -20,7 +20,6 @@ from indent_sim.results.reader import Results
 from indent_sim.studies.cases import Case
 from indent_sim.studies.reference.published import PULL_OFF, Published
 from indent_sim.studies.study_file import CASE, Member
-from indent_sim.theory.solution import largest_pressure
 
 SAME_PLACE = 1e-9  # relative
 OWN_COLUMNS = ("within", "ours_difference", "wrong")
@@ -48,13 +47,12 @@ def check(members: Sequence[Member], cases: Sequence[Case]) -> None:
     of = {case.values.get(CASE): case for case in cases}
     for member in members:
         case, published = of.get(member.name), member.published
-        if case is None or published is None or published.at is None or case.scene.takes_time:
+        if case is None or published is None or published.at is None or case.prospect.scene.takes_time:
             continue
         name, wanted = published.at
-        physics = case.scene.physics
-        depths = [delta * physics.scales.depth for delta in physics.deltas]
+        depths = case.prospect.depths
         known = {"step": np.arange(1.0, len(depths) + 1), "delta": np.array(depths), "t": np.empty(0)}
-        is_found = name == "delta" and physics.path.control == "force"
+        is_found = name == "delta" and case.prospect.finds_depths
         if not is_found and not np.isclose(known[name], wanted, rtol=SAME_PLACE, atol=0).any():
             problem = f"the scene of {member.name} has no row with {name} {wanted:g}"
             raise ConfigError("published.at", problem, "add it to loading.deltas", *member.place)
@@ -172,20 +170,26 @@ def _pull_off(results: Results) -> Value | None:
 
 def _by_theory(published: Published, case: Case | None, results: Results | None) -> Value | None:
     """What the theory of the very body says of a row that elements found; None where it is not exact for it."""
-    if case is None or results is None or not case.scene.is_meshed or case.scene.history or not len(results):
+    if (
+        case is None
+        or results is None
+        or not case.prospect.scene.is_meshed
+        or case.prospect.scene.history
+        or not len(results)
+    ):
         return None
-    row, theory, physics = _row_at(published, results), case.scene.exact_theory, case.scene.physics
+    row, theory, physics = _row_at(published, results), case.prospect.scene.exact_theory, case.prospect.scene.physics
     if row is None or theory is None:
         return _beside(published, results, row)
     L, D, P, F = physics.scales.length, physics.scales.depth, physics.scales.pressure, physics.scales.force
     depth: float | None = float(results["delta"][row]) / D
-    if physics.path.control == "force":
+    if case.prospect.finds_depths:
         depth = theory.depth(float(results["force"][row]) / F, physics.body.height)
     solution = theory.at(depth) if depth is not None else None
     if solution is None:
         return None
     numbers = {"force": solution.force * F, "a": solution.a * L, "delta": solution.delta * D}
-    number = largest_pressure(solution) * P if published.quantity == "p_max" else numbers.get(published.quantity)
+    number = solution.largest_pressure() * P if published.quantity == "p_max" else numbers.get(published.quantity)
     return Value(number, 0.0, theory.name) if number is not None and math.isfinite(number) else None
 
 

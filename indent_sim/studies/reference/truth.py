@@ -74,12 +74,12 @@ class Truth:
         self._file: Answer | None = None
         self.references: set[str] = set()  # runs that others are compared with
         where = study.compare_place
-        if self._wanted != "finest" and any(case.scene.takes_time for case in cases):
+        if self._wanted != "finest" and any(case.prospect.scene.takes_time for case in cases):
             raise _error(where, "rows are compared by depth, and a history passes one several times", "leave it out")
         if self._wanted == "theory":
             self._take_theory(cases, where)
         elif isinstance(self._wanted, float):
-            if any(case.scene.physics.path.control == "force" for case in cases):
+            if any(case.prospect.finds_depths for case in cases):
                 raise _error(where, "forces are prescribed, and depths found", "give theory, finest or a result")
         elif not isinstance(self._wanted, str):
             try:
@@ -106,7 +106,7 @@ class Truth:
         if self._wanted != "finest":
             return
         asked: dict[str, list[str]] = {}
-        comparable = (case for case in cases if case.id in done and not case.scene.takes_time)  # by depth
+        comparable = (case for case in cases if case.id in done and not case.prospect.scene.takes_time)  # by depth
         for case in sorted(comparable, key=lambda case: _fineness(case, done)):
             asked.setdefault(case.problem, []).append(case.id)  # the finest comes last
         finest = {problem: runs[-1] for problem, runs in asked.items() if len(set(runs)) > 1}  # none is its own answer
@@ -128,7 +128,7 @@ class Truth:
             if answer is None:
                 raise _error(where, f"there is no theory for {case.words}", "compare_to: finest always works")
             self._answers[case.problem] = answer
-        inexact = next((case.scene for case in cases if not case.scene.exact_theory), None)
+        inexact = next((case.prospect.scene for case in cases if not case.prospect.scene.exact_theory), None)
         if inexact is not None:
             why = "; ".join(inexact.differences)
             self.notes = (f"theory is not exact for this body ({why}): the errors include the difference",)
@@ -136,15 +136,15 @@ class Truth:
 
 def _for(case: Case, answer: Answer) -> Answer:
     """The answer as a case needs it, whose depths may be found, not prescribed."""
-    return dataclasses.replace(answer, between=case.scene.physics.path.control == "force")
+    return dataclasses.replace(answer, between=case.prospect.finds_depths)
 
 
 def of_theory(case: Case) -> Answer | None:
     """Layer theory at the depths of a case, of very many at some, and around those to expect; None without theory."""
-    scene = case.scene
+    scene = case.prospect.scene
     depths = [delta for delta in scene.physics.deltas if delta > 0]
     depths = depths[:: -max(1, len(depths) // MOST_DEPTHS)][::-1]  # the last among them
-    if scene.physics.path.control == "force" and depths:
+    if case.prospect.finds_depths and depths:
         around = np.geomspace(
             min(depths) / DEPTH_FACTOR, min(max(depths) * DEPTH_FACTOR, scene.physics.body.height), MOST_DEPTHS
         )
@@ -165,7 +165,7 @@ def _read(path: Path, cases: Sequence[Case]) -> Results:
     found = reader.read(path)
     if not found.report.get(reader.MEASURED) or not cases:
         return found
-    units = cases[0].config.units
+    units = cases[0].prospect.config.units
     scene = Results(path, {}, {"units": {"length": units.length, "force": units.force}})
     return reader.in_common_units([scene, found])[1]
 
@@ -195,8 +195,8 @@ def _peak(solution: Any) -> float:
 
 def _fineness(case: Case, done: Mapping[str, Results]) -> tuple[Any, ...]:
     """Sorts cases from coarse to fine, and among equal meshes one whose enforcement costs no accuracy last."""
-    sizes, exact = case.scene.sizes, case.scene.physics.contact.method == "augmented_lagrangian"
-    dofs = done[case.id].report.get("dofs", 0) if case.scene.is_meshed else math.inf
+    sizes, exact = case.prospect.scene.sizes, case.prospect.scene.physics.contact.method == "augmented_lagrangian"
+    dofs = done[case.id].report.get("dofs", 0) if case.prospect.scene.is_meshed else math.inf
     return dofs, -sizes.h_contact, exact, -case.index
 
 

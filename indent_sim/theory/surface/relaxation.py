@@ -24,6 +24,9 @@ from scipy.optimize import brentq
 
 LEAST_SAMPLES = 4  # of an elastic curve
 REGROWN = 1e-9  # of the largest depth: by more than that the contact grows again
+SAME_PACE = 1e-6  # relative: samples at equal times
+SHORTEST_SHARE = 1e-3  # of the time between samples: shorter times of a power law are not seen
+Sampled = Callable[[np.ndarray], np.ndarray]  # the force of a relaxing body by the elastic forces at some times
 EXPONENTIALS, DECADES = 8, 2.0  # a power law as a sum of exponentials: per decade, and beyond the times asked for
 
 
@@ -65,6 +68,33 @@ class Prony:
         """Itself."""
         return self
 
+    def over(self, t: np.ndarray) -> Sampled:
+        """What relaxation makes of elastic forces at times (n,), increasing: F = rest F_el + sum g_i h_i,
+        dh_i/dt = dF_el/dt - h_i/tau_i, exact where F_el is linear between the times."""
+        from scipy.signal import lfilter  # which curves that are not sampled do not need
+
+        dt = np.diff(t)
+        steady = bool(len(dt)) and bool(np.all(np.abs(dt - dt[0]) <= SAME_PACE * abs(dt[0])))
+
+        def held(first: float, decay: np.ndarray, gain: np.ndarray) -> np.ndarray:
+            """h_j = h_{j-1} decay_j + gain_j."""
+            if steady:
+                return lfilter([1.0], [1.0, -decay[0]], gain, zi=np.array([decay[0] * first]))[0]
+            found, now = np.empty(len(decay)), first
+            for j, (d, g) in enumerate(zip(decay.tolist(), gain.tolist(), strict=True)):
+                now = now * d + g
+                found[j] = now
+            return found
+
+        def relaxed(elastic: np.ndarray) -> np.ndarray:
+            rise, force = np.diff(elastic), self.lasting * elastic
+            for fraction, tau in zip(self.fractions, self.times, strict=True):
+                gain = np.where(dt > 0, rise * -np.expm1(-dt / tau) * tau / np.where(dt > 0, dt, 1.0), rise)
+                force = force + fraction * np.append(elastic[0], held(elastic[0], np.exp(-dt / tau), gain))
+            return force
+
+        return relaxed
+
 
 @dataclass(frozen=True)
 class PowerLaw:
@@ -95,6 +125,11 @@ class PowerLaw:
         weights = step * (rates * self.time) ** b / math.gamma(b)
         rest = (rates[0] * self.time * math.exp(-0.5 * step)) ** b / math.gamma(1.0 + b)  # all slower rates at once
         return Prony(tuple(weights.tolist()), tuple((1.0 / rates).tolist()), float(rest))
+
+    def over(self, t: np.ndarray) -> Sampled:
+        """What relaxation makes of elastic forces at times (n,), increasing, as a sum of exponentials does."""
+        span = max(float(np.ptp(t)), 1e-300)
+        return self.prony(SHORTEST_SHARE * span / max(len(t) - 1, 1), span).over(t)
 
 
 Modulus = Prony | PowerLaw  # G(t) = E(t)/E of a linear viscoelastic material

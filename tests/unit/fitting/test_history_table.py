@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from measurements import HALF_SPACE, drawn, relaxing, scene
 
+from indent_sim.config.quantities import pressures
 from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.fitting.curve_fit import Request, fit_curve
 from indent_sim.fitting.inference.estimate import Origin, Samples, fit
 from indent_sim.fitting.inference.noise import WHITE
 from indent_sim.fitting.scene_curve.history_table import MeasuredWay, way_of
-from indent_sim.fitting.scene_curve.parameters import pressures
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import Measured, parts_of

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from measurements import HALF_SPACE, LAYER, relaxing, scene
 
-from indent_sim.fitting.scene_curve.elastic_table import NoTable, elastic_scene
-from indent_sim.fitting.scene_curve.parameters import WORK, number_at, parameters_of, pressures
-from indent_sim.fitting.scene_curve.scene_forces import SceneForces, relaxed
+from indent_sim.config.quantities import pressures
+from indent_sim.fitting.scene_curve.elastic_table import NoTable, elastic_prospect
+from indent_sim.fitting.scene_curve.parameters import WORK, number_at, parameters_of
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 from indent_sim.process.errors import ConfigError
 from indent_sim.theory.surface.adhesion import Jkr
 from indent_sim.theory.surface.punches import LayerPunches
@@ -22,7 +23,7 @@ DEPTHS = np.array([1e-4, 0.001, 0.01, 0.03, 0.1, 0.13])
 
 def by_theory(config, depths=DEPTHS) -> np.ndarray:  # type: ignore[no-untyped-def]
     """Theory's forces in the scene's units."""
-    given = elastic_scene(config, DEEPEST)
+    given = elastic_prospect(config, DEEPEST).scene
     scales = given.physics.scales
     curve = given.plan.theory.contact.curve([float(delta / scales.depth) for delta in depths])
     return np.array([one.force for one in curve]) * scales.force
@@ -104,7 +105,7 @@ def test_adhesion_is_that_of_theory(compliance):
     held = {"frame": {"compliance": compliance}}
     config, work, E = scene(experiment={"adhesion": {"work": 0.002}, **held}), 0.0033, 1.7
     forces = SceneForces(config, ["material.E", WORK], DEEPEST)
-    given = elastic_scene(config, DEEPEST)
+    given = elastic_prospect(config, DEEPEST).scene
     L, F = given.physics.scales.length, given.physics.scales.force
     jkr = Jkr(LayerPunches(given.plan.theory.contact), work / E / given.physics.scales.pressure / L)
     ways = [0.0, 0.003, 0.02, 0.09]
@@ -132,9 +133,9 @@ def test_a_linear_rise_relaxes_exactly_at_any_times():
     """F_el = t under one term: F = (1 - g) t + g tau (1 - exp(-t/tau))."""
     law, t = Prony((0.7,), (0.4,)), np.array([0.0, 0.1, 0.15, 0.9, 3.0])
     exact = 0.3 * t + 0.7 * 0.4 * -np.expm1(-t / 0.4)
-    np.testing.assert_allclose(relaxed(t, t, law), exact, rtol=1e-12)
+    np.testing.assert_allclose(law.over(t)(t), exact, rtol=1e-12)
     even = np.linspace(0, 3, 7)
-    np.testing.assert_allclose(relaxed(even, even, law), 0.3 * even + 0.28 * -np.expm1(-even / 0.4), rtol=1e-12)
+    np.testing.assert_allclose(law.over(even)(even), 0.3 * even + 0.28 * -np.expm1(-even / 0.4), rtol=1e-12)
 
 
 def test_a_spring_on_a_relaxing_body_balances():

@@ -13,8 +13,17 @@ from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.accuracy import Attempt
-from indent_sim.run.error_bars import LEAST_ERROR_SHARE, RADIUS, RATIOS, TRENDS, Budget, Companion, ErrorBars, coarser
+from indent_sim.run.companions.accuracy import Attempt
+from indent_sim.run.companions.error_bars import (
+    LEAST_ERROR_SHARE,
+    RADIUS,
+    RATIOS,
+    TRENDS,
+    Budget,
+    Companion,
+    ErrorBars,
+    coarser,
+)
 from indent_sim.scene.fineness import CONSTANT, PRESETS, RATE, elements_for, fading
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.theory import Theory

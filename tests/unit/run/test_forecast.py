@@ -13,8 +13,8 @@ from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.strict_yaml import dump
 from indent_sim.model.state import State
 from indent_sim.run import chain
-from indent_sim.run.accuracy import Attempt, foreseen
-from indent_sim.run.error_bars import Companion, companions_of
+from indent_sim.run.companions.accuracy import Attempt, foreseen
+from indent_sim.run.companions.error_bars import Companion, companions_of
 from indent_sim.scene.scene import Scene, resolve
 
 PLAIN: dict[str, Any] = {

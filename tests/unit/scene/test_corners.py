@@ -14,7 +14,7 @@ from indent_sim.config.scene_file import from_mapping
 from indent_sim.mesh.modelled_part import Side
 from indent_sim.mesh.sizes import size_formula
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.error_bars import coarser
+from indent_sim.run.companions.error_bars import coarser
 from indent_sim.run.resolved import resolved
 from indent_sim.scene.corners import corners
 from indent_sim.scene.scene import resolve

@@ -13,7 +13,7 @@ from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.model.contact import Penalty
 from indent_sim.model.materials import LinearElastic
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid
-from indent_sim.run.error_bars import Companion, ErrorBars
+from indent_sim.run.companions.error_bars import Companion, ErrorBars
 from indent_sim.run.resolved import resolved
 from indent_sim.scene.doubts import characteristic_strain, penalty_loss
 from indent_sim.scene.scene import Scene, resolve

@@ -10,7 +10,7 @@ import pytest
 from indent_sim.theory import profiles
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.march import LayerContact, SampledContacts
-from indent_sim.theory.solution import Solution, largest_pressure
+from indent_sim.theory.solution import Solution
 from indent_sim.theory.stack import Ply, Stack
 from indent_sim.theory.strip import Strip
 from indent_sim.theory.surface.tension import TensedLayer
@@ -36,7 +36,7 @@ ROUNDING = (
 
 def numbers(found: list[Solution]) -> np.ndarray:
     """Depth, force, size, area, energy, stiffness and largest pressure of contacts (n, 7)."""
-    known = [(s.delta, s.force, s.a, s.area, s.energy, s.stiffness, largest_pressure(s)) for s in found]
+    known = [(s.delta, s.force, s.a, s.area, s.energy, s.stiffness, s.largest_pressure()) for s in found]
     return np.array(known)
 
 

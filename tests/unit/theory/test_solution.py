@@ -12,13 +12,13 @@ from indent_sim.theory import half_space as hs
 from indent_sim.theory import profiles
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.profiles import Tip
-from indent_sim.theory.solution import largest_pressure, no_contact
+from indent_sim.theory.solution import no_contact
 
 
 def test_largest_pressure_of_hertz() -> None:
     """2 E* a/(pi R) on the axis; 1e-8: the layer is 1e6 radii of contact deep."""
     found = indent(Layer, profiles.paraboloid(1.0), 1e-4, E=1.0, nu=0.3, h=1e4)
-    assert largest_pressure(found) == pytest.approx(2 * hs.E_star(1.0, 0.3) * 0.01 / math.pi, rel=1e-6)
+    assert found.largest_pressure() == pytest.approx(2 * hs.E_star(1.0, 0.3) * 0.01 / math.pi, rel=1e-6)
 
 
 def test_largest_pressure_beside_a_rounded_edge() -> None:
@@ -28,8 +28,8 @@ def test_largest_pressure_beside_a_rounded_edge() -> None:
     r = np.linspace(0.0, found.a, 20001)
     scanned = found.pressure(r)
     assert r[np.argmax(scanned)] > 0.8 * found.a
-    assert scanned.max() <= largest_pressure(found) * (1 + 1e-12)
-    assert largest_pressure(found) == pytest.approx(scanned.max(), rel=1e-6)
+    assert scanned.max() <= found.largest_pressure() * (1 + 1e-12)
+    assert found.largest_pressure() == pytest.approx(scanned.max(), rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -38,13 +38,13 @@ def test_largest_pressure_beside_a_rounded_edge() -> None:
 def test_an_infinite_pressure_is_not_a_number(tip: Tip) -> None:
     """Under a sharp apex or corner it grows as a logarithm, at a sharp edge as 1/sqrt."""
     contact = Layer.on(tip, stack_of([(1.0, 1.0, 0.3)]))
-    assert math.isnan(largest_pressure(contact.curve([0.01])[0]))
+    assert math.isnan(contact.curve([0.01])[0].largest_pressure())
 
 
 def test_a_finely_rounded_apex_has_a_largest_pressure() -> None:
     found = indent(Layer, profiles.cone(70.0, 1e-4), 0.01, E=1.0, nu=0.3, h=1.0)
-    assert largest_pressure(found) == pytest.approx(float(found.pressure(np.zeros(1))[0]), rel=1e-9)
+    assert found.largest_pressure() == pytest.approx(float(found.pressure(np.zeros(1))[0]), rel=1e-9)
 
 
 def test_without_contact_there_is_none() -> None:
-    assert largest_pressure(no_contact(-0.1)) == 0.0
+    assert no_contact(-0.1).largest_pressure() == 0.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,9 +16,6 @@ import numpy as np
 from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import KeyPath, key_path
-from indent_sim.mesh import gmsh
-from indent_sim.mesh.grid import Grid
-from indent_sim.mesh.modelled_part import Part
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.run import chain
 from indent_sim.run.resolved import resolved
@@ -26,7 +23,6 @@ from indent_sim.scene.scene import Scene, resolve
 
 MESH_ERROR = 1e-3  # relative, of a force at automatic sizes
 STEP = 0.02  # relative; the second difference has twice as much
-AROUND = 2.0  # contact radii that the mesh is moved with as a whole
 CENTRAL, BACKWARD = (-2.0, -1.0, 1.0, 2.0), (-4.0, -2.0, -1.0, 0.0)  # steps of a key that are tried, in this order
 Derivatives = dict[str, dict[str, list[float]]]
 
@@ -43,7 +39,7 @@ def sensitivities(config: Config, keys: Sequence[str], step: float = STEP) -> De
     if base.physics.path.control != "depth" or base.takes_time:
         raise ConfigError("loading", "derivatives of the force are at given depths", "give loading.delta or deltas")
     pinned = resolved(config, base)
-    body = _Body(base, gmsh.build(base.physics.part, base.sizes) if base.is_meshed else None)
+    body = _Body(base)
     found: Derivatives = {}
     for key in keys:
         path = key_path(key)
@@ -53,52 +49,29 @@ def sensitivities(config: Config, keys: Sequence[str], step: float = STEP) -> De
     return found
 
 
-@dataclass(frozen=True)
 class _Body:
     """A scene and its mesh, which others that differ a little from it are solved on."""
 
-    scene: Scene
-    grid: Grid | None
+    def __init__(self, scene: Scene):
+        self.scene = scene
+        self._grid = scene.grid() if scene.is_meshed else None
 
     @property
     def error(self) -> float:
         """The relative error to expect of its forces."""
         plan = self.scene.plan
-        if self.grid is None:
+        if self._grid is None:
             return plan.theory.error if plan.theory else 0.0
         return plan.prediction.get("force_error", 0.0) + (plan.fineness.error if plan.fineness else MESH_ERROR)
 
     def forces(self, config: Config) -> np.ndarray:
         """The force of another scene at every row [user's units]."""
         scene = resolve(config)
-        grid = self._moved(scene) if scene.is_meshed else None
-        states = list(chain.states(scene, with_surface=False, grid=grid))
+        mesher = Scene.grid if self._grid is None else partial(Scene.grid_like, other=self.scene, grid=self._grid)
+        states = list(chain.states(scene, with_surface=False, mesher=mesher))
         if not all(state.converged for state in states):
             raise NotConverged(f"a scene beside this one: {states[-1].reason}")
         return np.array([state.force for state in states])
-
-    def _moved(self, scene: Scene) -> Grid:
-        """The mesh moved to another body; meshed anew where that is not of straight sides in two dimensions."""
-        part, own = scene.physics.part, self.scene.physics.part
-        if self.grid is None or not (_is_plain(part) and _is_plain(own) and len(part.outline) == len(own.outline)):
-            return gmsh.build(part, scene.sizes)
-        (left, right), (bottom, top) = own.extent
-        (new_left, new_right), (new_bottom, new_top) = part.extent
-        a, new_a = (one.plan.prediction.get("a", 0.0) / one.physics.scales.length for one in (self.scene, scene))
-        beyond = min(AROUND, (1 + right / a) / 2) if 0 < a < right else 0.0
-        edge, new_edge = ([beyond * radius] if beyond else [] for radius in (a, new_a))
-        x = np.interp(self.grid.points[:, 0], [left, *edge, right], [new_left, *new_edge, new_right])
-        levels, new_levels = (
-            [low, *sorted(one.interfaces), high] for low, one, high in ((bottom, own, top), (new_bottom, part, new_top))
-        )
-        z = np.interp(self.grid.points[:, 1], levels, new_levels)
-        return replace(self.grid, points=np.column_stack([x, z]))
-
-
-def _is_plain(part: Part) -> bool:
-    """Whether a part is a section of straight sides and of layers, its tip's axis the left one."""
-    is_straight = all(side.middle is None for side in part.outline)
-    return part.dim == 2 and is_straight and len(part.regions) == len(part.interfaces) + 1 and part.extent[0][0] == 0.0
 
 
 def _derivative(

@@ -13,7 +13,16 @@ from indent_sim.config.schema import Config
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.error_bars import FORCELESS, RATIOS, Bars, Budget, Companion, companions_of, on_finer_mesh, on_first
+from indent_sim.run.companions.error_bars import (
+    FORCELESS,
+    RATIOS,
+    Bars,
+    Budget,
+    Companion,
+    companions_of,
+    on_finer_mesh,
+    on_first,
+)
 from indent_sim.scene.cost import EACH, START_SECONDS
 from indent_sim.scene.fineness import MOST_ELEMENTS, RATE, Fineness, target_of
 from indent_sim.scene.scene import Scene

@@ -20,8 +20,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from indent_sim.mesh.part_from_file import MeshedPart
-from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.contact import Anchor, AugmentedLagrangian, Friction, Nitsche, Penalty
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
@@ -189,7 +187,7 @@ class Ways:
 def in_half_steps(scene: Scene) -> Scene | None:
     """The same scene in steps half as long; None where the path does not matter, nor time."""
     physics = scene.physics
-    if not (physics.has_friction or physics.evolves):
+    if not physics.takes_steps:
         return None
     return scene.with_physics(path=physics.path.halved(), deltas=_halved(physics.deltas))
 
@@ -269,7 +267,7 @@ def on_finer_mesh(scene: Scene, ratio: float) -> Scene:
 def _smooth(scene: Scene) -> Scene | None:
     """The same frictionless scene with a law that may have friction; None for one that may not."""
     physics = scene.physics
-    if physics.contact.has_memory or physics.part.pins or physics.evolves:
+    if physics.takes_path or physics.part.pins:
         return None
     if scene.solver.linear == "iterative":
         factored = _factored(scene)
@@ -337,7 +335,7 @@ class ErrorBars:
         self._is_layered, self._finds_depths = len(part.regions) > 1, scene.physics.path.control == "force"
         self._truncation = sum(doubt.force_error for doubt in scene.plan.doubts if doubt.key == "truncation")
         near = scene.physics.center, scene.sizes.a, scene.sizes.refinements or 0
-        self._sag, turn = (part.sag(*near), part.turn(*near)) if isinstance(part, MeshedPart) else (0.0, 0.0)
+        self._sag, turn = part.sag(*near), part.turn(*near)
         self._ridged = FACETED * scene.physics.material.E_star * turn * self._scales.pressure
         own, theirs = scene.physics.contact, (companions[0].scene or scene).physics.contact
         self._stiffer = 1.0  # than its companion, whose penalty may be that of an earlier attempt
@@ -368,25 +366,26 @@ class ErrorBars:
             return 0.0
         if name == "force" and self._finds_depths:
             return self._ways.error(state, "delta") * self._slope(state)
-        slips = self._physics.has_friction and self._physics.contact.friction != "stick"
-        return self._ways.error(state, name) + (self._unseen(state, name) if slips else 0.0)
+        unseen = self._unseen(state, name) if self._physics.contact.slips else 0.0
+        return self._ways.error(state, name) + unseen
 
     def _unseen(self, state: State, name: str) -> float:
         """What halves of a step that is long beside its contact may not show of where and how far the surface slips."""
         before, value = self._run.get(state.step - 1), getattr(state, name)
-        a, stick, depth, force = _of_slip(before) if before else (0.0, 0.0, 0.0, 0.0)
+        a, stick, depth, force = _of_slip(before)
         moved, work = _share(a, state.a), (state.force + force) / 2 * (state.delta - depth)
-        if name == "stick_radius":
-            narrow = self._unresolved(value) if state.a > 0 else 0.0
-            return UNSEEN[name] * max(moved, _share(stick, value)) * value + narrow
-        if name == "dissipation":
-            return UNSEEN[name] * moved**2 * value + LEAST_SLIP * abs(work)
+        match name:
+            case "stick_radius":
+                narrow = self._unresolved(value) if state.a > 0 else 0.0
+                return UNSEEN[name] * max(moved, _share(stick, value)) * value + narrow
+            case "dissipation":
+                return UNSEEN[name] * moved**2 * value + LEAST_SLIP * abs(work)
         return 0.0
 
     def _unresolved(self, stick: float) -> float:
         """What an element may not show of a place that sticks and is narrower than itself [length]."""
         r = stick / self._scales.length
-        return max(_element_at(r, self._sizes) - r, 0.0) / 2 * self._scales.length
+        return max(self._sizes.on_surface(r) - r, 0.0) / 2 * self._scales.length
 
     def _missed(self, state: State) -> bool:
         """Whether the tip is pressed in so little that no point of the mesh notices."""
@@ -428,7 +427,7 @@ class ErrorBars:
 
     def _said(self, state: State, name: str) -> float:
         """What two meshes say of a number of this step, or of the steps beside it in proportion; the worst counts."""
-        n, trend = self._elements(state.a, self._sizes), TRENDS[name]
+        n, trend = self._sizes.elements(state.a / self._scales.length), TRENDS[name]
         errors = [trend.fading(n / ratio) for ratio in self._ratios]
         said = [_spread(fine, coarse, state, name) for fine, coarse in self._pairs]
         safety = trend.safety * (LAYERED if self._is_layered and name == "p_max" else 1.0)
@@ -461,7 +460,7 @@ class ErrorBars:
         safety *= LAYERED if self._is_layered else 1.0
         chosen = replace(sizes, corners=(), edge=None)  # as the elements were chosen from the accuracy
         least = LEAST_ERROR_SHARE if is_meshed else LEAST_REFINED
-        least *= CONSTANT[dim] * fading(self._elements(state.a, chosen)) * abs(state.force)
+        least *= CONSTANT[dim] * fading(chosen.elements(state.a / self._scales.length)) * abs(state.force)
         errors = [self._error(state.a, ratio) for ratio in self._ratios]
         said = [self._differences(fine, coarse, state) for fine, coarse in self._pairs]
         return self._worst(errors, said, safety, least)
@@ -484,7 +483,7 @@ class ErrorBars:
     def _error(self, a: float, ratio: float = 1.0) -> float:
         """The error of a force with the contact radius a on a mesh of sizes larger by a ratio, up to a factor."""
         bare = replace(self._sizes, corners=())  # a wall beside the contact says nothing of its elements
-        n, slow = self._elements(a, bare) / ratio, self._slow_rate(a)
+        n, slow = bare.elements(a / self._scales.length) / ratio, self._slow_rate(a)
         blunt = BLUNT if self._sizes.refinements is None else BLUNT_NESTED
         return n**-slow if slow and n > 0 else fading(n, blunt)
 
@@ -500,10 +499,6 @@ class ErrorBars:
         r = a / self._scales.length  # is the pressure infinite at a corner of the tip within it, inside an element?
         kinks = (0 < at <= r and width < sizes.at(np.array(at), np.array(0.0)) for at, width in tip.creases())
         return KINK if any(kinks) else None
-
-    def _elements(self, a: float, sizes: Sizes) -> float:
-        r = a / self._scales.length
-        return r / _element_at(r, sizes)
 
     def _from_theory(self, state: State) -> float:
         """|F - F_theory| where theory is exact for the body [force]; 0 where it is not, or ends before this depth."""
@@ -551,13 +546,10 @@ class TheoryBars:
 Bars = ErrorBars | TheoryBars
 
 
-def _element_at(r: float, sizes: Sizes) -> float:
-    """The size of the elements of a surface so far from the contact's middle, like r."""
-    return float(sizes.at(np.array(r), np.zeros(())))
-
-
-def _of_slip(state: State) -> tuple[float, float, float, float]:
-    """Contact radius, stick radius, depth and force."""
+def _of_slip(state: State | None) -> tuple[float, float, float, float]:
+    """Contact radius, stick radius, depth and force; nothing at rest."""
+    if state is None:
+        return 0.0, 0.0, 0.0, 0.0
     return state.a, state.stick_radius or 0.0, state.delta, state.force
 
 

@@ -1,0 +1,1 @@
+"""Scenes solved beside one: what they tell of its force."""

@@ -1,0 +1,51 @@
+"""What becomes of a config before its run: its identity, its cost, its mistakes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from indent_sim.config.scene_file import from_mapping
+from indent_sim.process.errors import ConfigError, ConfigErrors
+from indent_sim.run.prospect import Prospect, foreseen
+
+SCENE: dict[str, Any] = {
+    "body": {"shape": "cylinder", "radius": 4.0, "height": 2.0},
+    "material": {"model": "linear_elastic", "E": 3.0, "nu": 0.3},
+    "indenter": {"shape": "paraboloid", "R": 1.0},
+    "loading": {"delta": 0.04, "steps": 2},
+}
+
+
+def of(**changes: Any) -> Prospect:
+    return Prospect.of(from_mapping(SCENE | changes))
+
+
+def test_titles_have_no_part_in_an_identity_and_numbers_have() -> None:
+    assert of(title="one").identity == of().identity != of(loading={"delta": 0.04, "steps": 3}).identity
+
+
+def test_depths_and_units_are_the_users() -> None:
+    prospect = of(contact={"method": "penalty"})
+    assert prospect.depths == pytest.approx([0.02, 0.04]) and not prospect.finds_depths
+    assert prospect.modulus == pytest.approx(3.0)
+    assert prospect.stiffness == pytest.approx(100.0, rel=0.5)  # of the penalty's own choice
+    assert prospect.stiffness_unit > 0 and of(loading={"force": 0.1}).finds_depths
+
+
+def test_error_bars_cost_seconds() -> None:
+    alone = of()
+    assert alone.whole() is alone
+    assert alone.whole(error_bars=True).plan.prediction["seconds"] > alone.plan.prediction["seconds"]
+
+
+def test_a_plan_tells_all_mistakes_at_once() -> None:
+    """A scene that cannot exist in two ways: both are said, where `Prospect.of` says the first."""
+    config = from_mapping(SCENE | {"solver": {"method": "theory"}, "loading": {"delta": 3.0, "steps": 1}})
+    with pytest.raises(ConfigError) as first:
+        Prospect.of(config)
+    with pytest.raises(ConfigError) as told:
+        foreseen(config)
+    assert str(first.value.errors[0].problem) in str(told.value)
+    assert not isinstance(first.value, ConfigErrors)
