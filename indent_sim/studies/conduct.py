@@ -17,6 +17,7 @@ from indent_sim.results import reader
 from indent_sim.results.folder import Report, content, read_report
 from indent_sim.results.reader import data_frame
 from indent_sim.run import chain
+from indent_sim.run.accuracy import seconds_in_study
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import curve_table, picture, study_file, study_folder, study_table
 from indent_sim.studies.cases import Case
@@ -199,8 +200,8 @@ def _told(run: Path, ending: Ending) -> str:
 
 
 def _effort(case: Case) -> float:
-    """The seconds that a run is expected to take; by theory alone a part of one."""
-    return float(case.scene.plan.prediction.get("seconds", 0.2))
+    """The seconds that a run is expected to take, its companions among them."""
+    return seconds_in_study(case.scene)
 
 
 def as_json(study: Study) -> Report:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from indent_sim.run.accuracy import foreseen
+from indent_sim.run.accuracy import foreseen, seconds_in_study
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import study_file
 from indent_sim.studies.reference import scoreboard
@@ -34,7 +34,7 @@ class StudyPlan:
 
     @property
     def seconds(self) -> float:
-        """Of all runs, one after another."""
+        """Of the processor, of all runs, one after another, without loading libraries, which happens once."""
         return round(sum(row["seconds"] or 0.0 for row in self.rows), 1)
 
     def as_json(self) -> Row:
@@ -55,6 +55,7 @@ def plan(given: Path | str | Mapping[str, Any], error_bars: bool = False) -> Stu
         said = foreseen(case.scene, error_bars).plan
         row = {"index": case.index + 1, "run": case.name} | {key: case.values.get(key) for key in study.keys}
         row |= {"method": case.scene.method} | {name: said.prediction.get(name) for name in EXPECTED}
+        row["seconds"] = float(f"{seconds_in_study(case.scene, error_bars):.2g}")
         rows.append(row | {"warnings": list(said.warnings)})
     refused = [str(refusal.error) for refusal in refusals]
     return StudyPlan(study.title, study.keys, against.name, rows, len(cases) - len(runs), refused, against.notes)

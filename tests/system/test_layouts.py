@@ -18,6 +18,7 @@ from indent_sim.process.errors import UsageError
 from indent_sim.results.pictures import canvas, experiment, forces, panels
 
 ROOT = Path(__file__).resolve().parents[2]
+SCENES = sorted([*(ROOT / "configs").glob("*.yaml"), *(ROOT / "configs" / "notes").glob("*.yaml")])
 GEL = {
     "title": "A gel",
     "units": {"length": "mm", "force": "mN"},
@@ -158,7 +159,7 @@ def test_the_checker_finds_what_is_wrong() -> None:
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("path", sorted((ROOT / "configs").glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_no_picture_of_a_shipped_scene_has_a_fault(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Those that a run draws, and every panel on request."""
     drawn: list[Any] = []
