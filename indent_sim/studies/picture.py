@@ -40,6 +40,7 @@ MOST_GROUPS = 12  # lines in them that are named
 MOST_CURVES_NAMED, LINES_BESIDE = 8, 20  # curves that are named beside the panels, and lines in a column there
 SAME_FORMULA = 1e-3  # relative, between points of a curve
 BOARD_LINE, LEAST = 0.27, 0.1  # inches of a line of the scoreboard; per cent where its axis turns logarithmic
+BOARD_MARK: Look = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
 KINDS = ("length", "force", "pressure")  # of numbers that a scene's units measure
 LOG_SPAN = 20.0  # from which ratio of largest to smallest a varied number is logarithmic
 
@@ -104,6 +105,8 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
             canvas.legend_in(axes[f"{key} groups"], axes[key], 2)
         if not is_coloured:
             canvas.legend_in(axes["names"], axes["curves"], columns)
+            if (inside := axes["curves"].get_legend()) is not None:  # what it names is named beside, too
+                inside.remove()
         yield figure
 
 
@@ -124,6 +127,9 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
         canvas.head(figure, title, f"{said}  ·  ours with its own error bar")
         for place, row in enumerate(known):
             _board_line(axes, place, row)
+        axes.plot([], [], color=canvas.INK, **BOARD_MARK, label="published")
+        if wrong:
+            axes.plot([], [], color=canvas.COLOURS[1], **BOARD_MARK, label="published, off by more than it claims")
         axes.set_yticks(range(len(known)), [in_picture(f"{row['case']}: {row['quantity']}", 48) for row in known])
         axes.set_xscale("symlog", linthresh=LEAST)
         far = max(1.0, *(abs(row["difference"]) for row in known))
@@ -143,8 +149,7 @@ def _board_line(axes: Axes, place: int, row: Row) -> None:
     said = "claimed by the source, where it says so" if is_first else None
     axes.barh(place, 2 * claimed, left=-claimed, label=said, **band)
     colour = canvas.COLOURS[1] if row["wrong"] in ("published", "both") else canvas.INK
-    mark = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
-    axes.plot(row["difference"], place, color=colour, label="published" if is_first else None, **mark)
+    axes.plot(row["difference"], place, color=colour, **BOARD_MARK)
     if row["ours_difference"] is not None:
         bar = 100 * abs((row["our_error"] or 0.0) / row["exact"])
         look: Look = {"fmt": "s", "ms": 4, "capsize": 3, "color": canvas.COLOURS[0], "zorder": 4}
@@ -258,8 +263,8 @@ def _groups_of(families: Families, key: str) -> dict[str, list[Curve]]:
     """The curves by their other varied keys, in words."""
     groups: dict[str, list[Curve]] = {}
     others = [other for other in families.keys if other != key]
-    for curve in families.curves:
-        groups.setdefault(curve.name(others), []).append(curve)
+    for curve, name in zip(families.curves, families.names(others), strict=True):
+        groups.setdefault(name, []).append(curve)
     return groups
 
 
