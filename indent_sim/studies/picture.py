@@ -37,6 +37,8 @@ SPAN = 3.0  # from which ratio of largest to smallest an axis is logarithmic
 ONE_PERCENT = 0.01
 CURVE_PANEL = 4.4  # inches: width and height of the panels of curves.png
 MOST_GROUPS = 12  # lines in them that are named
+MOST_ABREAST = 24  # letters of names of which two stand side by side below a panel
+MOST_LINES = 1.4  # inches: of names below a panel that take room from it; more make the picture higher
 MOST_CURVES_NAMED, LINES_BESIDE = 8, 20  # curves that are named beside the panels, and lines in a column there
 SAME_FORMULA = 1e-3  # relative, between points of a curve
 BOARD_LINE, LEAST = 0.27, 0.1  # inches of a line of the scoreboard; per cent where its axis turns logarithmic
@@ -87,11 +89,13 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
     columns, longest = -(-count // LINES_BESIDE), max(len(name) for name in families.apart())
     beside = 0.9 if is_coloured else 0.7 + canvas.LETTER * min(longest, MOST_LEGEND_LETTERS) * columns
     groups = {key: _groups_of(families, key) for key in numbers}
-    named = [len(found) for found in groups.values() if 1 < len(found) <= MOST_GROUPS]  # two names to a line
-    lines = canvas.LINE * max([1, *(-(-names // 2) + 1 for names in named)])
-    widths, heights = [*[CURVE_PANEL] * (1 + len(numbers)), beside], [CURVE_PANEL - lines, lines]
+    named = [list(found) for found in groups.values() if 1 < len(found) <= MOST_GROUPS]
+    abreast = 2 if max((len(name) for names in named for name in names), default=0) <= MOST_ABREAST else 1
+    lines = canvas.LINE * max([1, *(-(-len(names) // abreast) + 1 for names in named)])
+    height = CURVE_PANEL + max(0.0, lines - MOST_LINES)
+    widths, heights = [*[CURVE_PANEL] * (1 + len(numbers)), beside], [height - lines, lines]
     rows = [["curves", *numbers, "names"], [".", *(f"{key} groups" for key in numbers), "names"]]
-    with canvas.canvas((CURVE_PANEL * (1 + len(numbers)) + beside, CURVE_PANEL)) as figure:
+    with canvas.canvas((CURVE_PANEL * (1 + len(numbers)) + beside, height)) as figure:
         axes: dict[str, Axes] = figure.subplot_mosaic(rows, width_ratios=widths, height_ratios=heights)
         canvas.head(figure, title, f"{count} run{'s' * (count > 1)}  ·  every force at its run's own depth")
         if is_coloured:
@@ -102,7 +106,7 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
         _curves(axes["curves"], families, colours, holds)
         for key in numbers:
             _over(axes[key], families, key, groups[key], holds)
-            canvas.legend_in(axes[f"{key} groups"], axes[key], 2)
+            canvas.legend_in(axes[f"{key} groups"], axes[key], abreast)
         if not is_coloured:
             canvas.legend_in(axes["names"], axes["curves"], columns)
             if (inside := axes["curves"].get_legend()) is not None:  # what it names is named beside, too

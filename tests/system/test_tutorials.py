@@ -109,7 +109,7 @@ ELSEWHERE = {  # blocks of commands that are not run here, by their first words
     },
     'eval "$(_INDENT_SIM_COMPLETE=zsh': "test_tab_completion, as far as it needs no zsh",
     "_INDENT_SIM_COMPLETE=fish": "test_tab_completion, as far as it needs no fish",
-    "import indent_sim\nlayer": "tests/system/test_notebook.py",
+    'import indent_sim\n\nlayer = {"body"': "tests/system/test_notebook.py",
     "import sys\nimport nanite": "scripts/make_foreign_curves_page, in an environment of its own",
     "import pyvista": "test_fields_by_pyvista, where there is one",
 }
