@@ -45,9 +45,14 @@ class Families:
         alike = {key: _alike([curve.values.get(key) for curve in self.curves]) for key in keys}
         given = [[key for key in keys if curve.values.get(key) is not None] for curve in self.curves]
         return [
-            ", ".join(_in_words(key, curve.values[key], alike[key]) for key in known)
+            ", ".join(_in_words(self._told(key), curve.values[key], alike[key]) for key in known)
             for curve, known in zip(self.curves, given, strict=True)
         ]
+
+    def _told(self, key: str) -> str:
+        """The last part of a key's name, all of it where another key ends alike: contact.method and solver.method."""
+        last = key.split(".")[-1]
+        return last if sum(other.split(".")[-1] == last for other in self.keys) < 2 else key
 
     def numeric(self) -> tuple[str, ...]:
         """The keys whose values are numbers, or quantities in one unit."""
@@ -65,14 +70,13 @@ class Families:
         return {amount(curve.values.get(key))[1] for curve in self.curves}
 
 
-def _in_words(key: str, value: object, alike: Collection[str]) -> str:
-    """The value of a varied key behind the last part of its name; of a section what is not alike, and where that is
-    one entry, or none, the entry alone."""
+def _in_words(name: str, value: object, alike: Collection[str]) -> str:
+    """The value of a varied key behind its name; of a section the entries that are not alike, of equal ones all."""
     section = _section(value)
     if section is None:
-        return f"{key.split('.')[-1]} {value if isinstance(value, str) else short(value)}"
-    own = {name: one for name, one in section.items() if name not in alike} or section
-    return ", ".join(f"{name} {one if isinstance(one, str) else short(one)}" for name, one in own.items())
+        return f"{name} {value if isinstance(value, str) else short(value)}"
+    own = {entry: one for entry, one in section.items() if entry not in alike} or section
+    return ", ".join(f"{entry} {one if isinstance(one, str) else short(one)}" for entry, one in own.items())
 
 
 def _alike(values: Sequence[object]) -> list[str]:
