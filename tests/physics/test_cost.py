@@ -158,6 +158,7 @@ WITH_BARS = (
     "nucleus",
     "cap_cell",
     "part_from_mesh",
+    "draining_gel",
 )
 ACCURATE = {
     "": "0.001",
