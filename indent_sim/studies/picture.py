@@ -101,7 +101,9 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
         if is_coloured:
             colours = _colours_of(axes["names"], families, numbers[0])
         else:
-            colours = [curve_look(i, count)["color"] for i in range(count)]
+            colours = [
+                curve_look(i, count)["color"] if count <= MOST_COLOURS else shade(i, count) for i in range(count)
+            ]
         holds = [first_hold(curve.results) for curve in families.curves]
         _curves(axes["curves"], families, colours, holds)
         for key in numbers:
