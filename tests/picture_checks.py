@@ -24,6 +24,13 @@ def faults(figure: Any) -> list[str]:
         for one, box in boxes
         if box.x0 < edge.x0 - 1 or box.y0 < edge.y0 - 1 or box.x1 > edge.x1 + 1 or box.y1 > edge.y1 + 1
     ]
+    panels = [axes for axes in figure.axes if axes.axison and axes.get_visible()]
+    found += [
+        f"{text.get_text()!r} lies on the panel of another"
+        for text, (_, box) in zip(words, boxes, strict=True)
+        for axes in panels
+        if text.axes is not None and text.axes is not axes and _overlap(box, axes.get_window_extent(renderer))
+    ]
     for axes in figure.axes:
         for along in (axes.xaxis, axes.yaxis):
             labels = [] if not axes.axison else [tick.label1 for tick in along._update_ticks()]

@@ -233,7 +233,7 @@ def study_plan(planned: StudyPlan) -> str:
     lines = [_aligned([names, *rows]), "", f"{len(rows)} runs, compared with {planned.compared_with}"]
     if planned.same:
         lines[-1] += f"; {planned.same} points ask for the same as another"
-    lines.append(f"about {planned.seconds:.2g} s one after another; --jobs N does N at a time")
+    lines.append(f"about {planned.seconds:.2g} s of the processor, one after another; --jobs N does N at a time")
     return "\n".join([*([printable(planned.title)] if planned.title else []), *lines, *planned.refused])
 
 

@@ -36,6 +36,12 @@ class Prospect:
 
         return replace(self, scene=foreseen(self.scene, error_bars))
 
+    def seconds_in_study(self, error_bars: bool = False) -> float:
+        """Processor time [s] to expect of the run in a process that has its libraries."""
+        from indent_sim.run.companions.accuracy import seconds_in_study
+
+        return seconds_in_study(self.scene, error_bars)
+
     @property
     def plan(self) -> Plan:
         """What is said of the run: choices with their reasons, doubts, predictions."""

@@ -2,7 +2,8 @@
 
 Counts come from the integrals of 1/size^dim over the modelled part and, in three dimensions, of 1/size^2 over its
 surface. The constants below were fitted on this program (`make bench` prints prediction beside measurement for every
-scene of configs/): one core of about 2020, OpenBLAS, forms compiled before.
+scene of configs/): one core of about 2020, on which numpy, scipy, matplotlib, gmsh, dolfinx and petsc4py load in 0.8 s,
+OpenBLAS, forms compiled before.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ CONDENSED_RIM = 3.0  # elements between the fine patch and the rim of the surfac
 
 THEORY_SECONDS, PER_ROW = 0.5, 0.005  # s: of a run without a mesh, and of each of its rows
 START_SECONDS = 1.05  # s: imports, gmsh, writing
-EACH = 0.07  # s: of every further scene of a run
+EACH = 0.07  # s: of every further scene of a run, or run of a study, whose process has its libraries
+EACH_BY_THEORY = 0.03  # s: likewise of one without a mesh
 PROCESS = 1.7e8  # bytes
 MOST_CANDIDATES = 5000  # nodes that a body is condensed to: beyond it the dense matrices are gigabytes
 INTEGRAL_POINTS = 50  # of an integral over a body, in each direction

@@ -202,7 +202,7 @@ class Physics:
         a_row = (1 if self.largest_force is None else FORCE_SEARCH_FACTOR) * (2 if self.anchor == "mid" else 1)
         mixed = any(region.formulation == "mixed" or region.material.flow for region in self.part.regions)
         stages = 2 if self.permeable else 1
-        is_nonlinear = self.takes_path or not self.is_linear
+        is_nonlinear = self.contact.has_memory or not self.is_linear
         steps = stages * a_row * (len(self.deltas) + sum(map(len, self.path.turns)))
         touching = [False, *(delta > 0 for delta in self.deltas)]
         snaps = sum(one != other for one, other in pairwise(touching)) if self.contact.may_snap else 0

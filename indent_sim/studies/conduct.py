@@ -199,8 +199,8 @@ def _told(run: Path, ending: Ending) -> str:
 
 
 def _effort(case: Case) -> float:
-    """The seconds that a run is expected to take; by theory alone a part of one."""
-    return float(case.prospect.plan.prediction.get("seconds", 0.2))
+    """The seconds that a run is expected to take, its companions among them."""
+    return case.prospect.seconds_in_study()
 
 
 def as_json(study: Study) -> Report:

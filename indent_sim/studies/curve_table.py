@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.config.quantities import QUANTITY_PATTERN
-from indent_sim.config.strict_yaml import short
-from indent_sim.process.errors import UsageError
+from indent_sim.config.strict_yaml import parse, short
+from indent_sim.process.errors import IndentSimError, UsageError
 from indent_sim.results.reader import Results, read_run
 from indent_sim.studies import study_table
 from indent_sim.studies.cases import Case
@@ -28,12 +28,6 @@ class Curve:
     values: Row
     results: Results
 
-    def name(self, keys: Sequence[str]) -> str:
-        """These of the varied keys in words."""
-        given = [key for key in keys if self.values.get(key) is not None]
-        words = [value if isinstance(value := self.values[key], str) else short(value) for key in given]
-        return ", ".join(f"{key.split('.')[-1]} {word}" for key, word in zip(given, words, strict=True))
-
 
 @dataclass(frozen=True)
 class Families:
@@ -44,7 +38,21 @@ class Families:
 
     def apart(self) -> list[str]:
         """The name of each curve."""
-        return [curve.name(self.keys) for curve in self.curves]
+        return self.names(self.keys)
+
+    def names(self, keys: Sequence[str]) -> list[str]:
+        """These of the varied keys in words, curve by curve; of sections what differs between them."""
+        alike = {key: _alike([curve.values.get(key) for curve in self.curves]) for key in keys}
+        given = [[key for key in keys if curve.values.get(key) is not None] for curve in self.curves]
+        return [
+            ", ".join(_in_words(self._told(key), curve.values[key], alike[key]) for key in known)
+            for curve, known in zip(self.curves, given, strict=True)
+        ]
+
+    def _told(self, key: str) -> str:
+        """The last part of a key's name, all of it where another key ends alike: contact.method and solver.method."""
+        last = key.split(".")[-1]
+        return last if sum(other.split(".")[-1] == last for other in self.keys) < 2 else key
 
     def numeric(self) -> tuple[str, ...]:
         """The keys whose values are numbers, or quantities in one unit."""
@@ -60,6 +68,32 @@ class Families:
 
     def _units(self, key: str) -> set[str | None]:
         return {amount(curve.values.get(key))[1] for curve in self.curves}
+
+
+def _in_words(name: str, value: object, alike: Collection[str]) -> str:
+    """The value of a varied key behind its name; of a section the entries that are not alike, of equal ones all."""
+    section = _section(value)
+    if section is None:
+        return f"{name} {value if isinstance(value, str) else short(value)}"
+    own = {entry: one for entry, one in section.items() if entry not in alike} or section
+    return ", ".join(f"{entry} {one if isinstance(one, str) else short(one)}" for entry, one in own.items())
+
+
+def _alike(values: Sequence[object]) -> list[str]:
+    """The entries that all of some sections have in common; none of values that are no sections."""
+    sections = [_section(value) for value in values if value is not None]
+    if not sections or None in sections:
+        return []
+    first, *others = [section for section in sections if section is not None]
+    return [name for name in first if all(name in other and other[name] == first[name] for other in others)]
+
+
+def _section(value: object) -> Mapping[str, object] | None:
+    """A value that is a section, also read back as text; None of any other."""
+    if isinstance(value, str) and value.startswith("{"):
+        with suppress(IndentSimError):
+            value = parse(value)[0]
+    return value if isinstance(value, Mapping) else None
 
 
 def amount(value: object) -> tuple[float, str | None]:

@@ -36,9 +36,12 @@ SPAN = 3.0  # from which ratio of largest to smallest an axis is logarithmic
 ONE_PERCENT = 0.01
 CURVE_PANEL = 4.4  # inches: width and height of the panels of curves.png
 MOST_GROUPS = 12  # lines in them that are named
+MOST_ABREAST = 24  # letters of names of which two stand side by side below a panel
+MOST_LINES = 1.4  # inches: of names below a panel that take room from it; more make the picture higher
 MOST_CURVES_NAMED, LINES_BESIDE = 8, 20  # curves that are named beside the panels, and lines in a column there
 SAME_FORMULA = 1e-3  # relative, between points of a curve
 BOARD_LINE, LEAST = 0.27, 0.1  # inches of a line of the scoreboard; per cent where its axis turns logarithmic
+BOARD_MARK: Look = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
 LOG_SPAN = 20.0  # from which ratio of largest to smallest a varied number is logarithmic
 
 
@@ -84,24 +87,30 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
     columns, longest = -(-count // LINES_BESIDE), max(len(name) for name in families.apart())
     beside = 0.9 if is_coloured else 0.7 + canvas.LETTER * min(longest, MOST_LEGEND_LETTERS) * columns
     groups = {key: _groups_of(families, key) for key in numbers}
-    named = [len(found) for found in groups.values() if 1 < len(found) <= MOST_GROUPS]  # two names to a line
-    lines = canvas.LINE * max([1, *(-(-names // 2) + 1 for names in named)])
-    widths, heights = [*[CURVE_PANEL] * (1 + len(numbers)), beside], [CURVE_PANEL - lines, lines]
+    named = [list(found) for found in groups.values() if 1 < len(found) <= MOST_GROUPS]
+    abreast = 2 if max((len(name) for names in named for name in names), default=0) <= MOST_ABREAST else 1
+    lines = canvas.LINE * max([1, *(-(-len(names) // abreast) + 1 for names in named)])
+    height = CURVE_PANEL + max(0.0, lines - MOST_LINES)
+    widths, heights = [*[CURVE_PANEL] * (1 + len(numbers)), beside], [height - lines, lines]
     rows = [["curves", *numbers, "names"], [".", *(f"{key} groups" for key in numbers), "names"]]
-    with canvas.canvas((CURVE_PANEL * (1 + len(numbers)) + beside, CURVE_PANEL)) as figure:
+    with canvas.canvas((CURVE_PANEL * (1 + len(numbers)) + beside, height)) as figure:
         axes: dict[str, Axes] = figure.subplot_mosaic(rows, width_ratios=widths, height_ratios=heights)
         canvas.head(figure, title, f"{count} run{'s' * (count > 1)}  ·  every force at its run's own depth")
         if is_coloured:
             colours = _colours_of(axes["names"], families, numbers[0])
         else:
-            colours = [curve_look(i, count)["color"] for i in range(count)]
+            colours = [
+                curve_look(i, count)["color"] if count <= MOST_COLOURS else shade(i, count) for i in range(count)
+            ]
         holds = [first_hold(curve.results) for curve in families.curves]
         _curves(axes["curves"], families, colours, holds)
         for key in numbers:
             _over(axes[key], families, key, groups[key], holds)
-            canvas.legend_in(axes[f"{key} groups"], axes[key], 2)
+            canvas.legend_in(axes[f"{key} groups"], axes[key], abreast)
         if not is_coloured:
             canvas.legend_in(axes["names"], axes["curves"], columns)
+            if (inside := axes["curves"].get_legend()) is not None:  # what it names is named beside, too
+                inside.remove()
         yield figure
 
 
@@ -122,6 +131,9 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
         canvas.head(figure, title, f"{said}  ·  ours with its own error bar")
         for place, row in enumerate(known):
             _board_line(axes, place, row)
+        axes.plot([], [], color=canvas.INK, **BOARD_MARK, label="published")
+        if wrong:
+            axes.plot([], [], color=canvas.COLOURS[1], **BOARD_MARK, label="published, off by more than it claims")
         axes.set_yticks(range(len(known)), [in_picture(f"{row['case']}: {row['quantity']}", 48) for row in known])
         axes.set_xscale("symlog", linthresh=LEAST)
         far = max(1.0, *(abs(row["difference"]) for row in known))
@@ -141,8 +153,7 @@ def _board_line(axes: Axes, place: int, row: Row) -> None:
     said = "claimed by the source, where it says so" if is_first else None
     axes.barh(place, 2 * claimed, left=-claimed, label=said, **band)
     colour = canvas.COLOURS[1] if row["wrong"] in ("published", "both") else canvas.INK
-    mark = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
-    axes.plot(row["difference"], place, color=colour, label="published" if is_first else None, **mark)
+    axes.plot(row["difference"], place, color=colour, **BOARD_MARK)
     if row["ours_difference"] is not None:
         bar = 100 * abs((row["our_error"] or 0.0) / row["exact"])
         look: Look = {"fmt": "s", "ms": 4, "capsize": 3, "color": canvas.COLOURS[0], "zorder": 4}
@@ -253,8 +264,8 @@ def _groups_of(families: Families, key: str) -> dict[str, list[Curve]]:
     """The curves by their other varied keys, in words."""
     groups: dict[str, list[Curve]] = {}
     others = [other for other in families.keys if other != key]
-    for curve in families.curves:
-        groups.setdefault(curve.name(others), []).append(curve)
+    for curve, name in zip(families.curves, families.names(others), strict=True):
+        groups.setdefault(name, []).append(curve)
     return groups
 
 

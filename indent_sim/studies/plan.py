@@ -33,7 +33,7 @@ class StudyPlan:
 
     @property
     def seconds(self) -> float:
-        """Of all runs, one after another."""
+        """Of the processor, of all runs, one after another, without loading libraries, which happens once."""
         return round(sum(row["seconds"] or 0.0 for row in self.rows), 1)
 
     def as_json(self) -> Row:
@@ -54,6 +54,7 @@ def plan(given: Path | str | Mapping[str, Any], error_bars: bool = False) -> Stu
         said = case.prospect.whole(error_bars).plan
         row = {"index": case.index + 1, "run": case.name} | {key: case.values.get(key) for key in study.keys}
         row |= {"method": case.prospect.scene.method} | {name: said.prediction.get(name) for name in EXPECTED}
+        row["seconds"] = float(f"{case.prospect.seconds_in_study(error_bars):.2g}")
         rows.append(row | {"warnings": list(said.warnings)})
     refused = [str(refusal.error) for refusal in refusals]
     return StudyPlan(study.title, study.keys, against.name, rows, len(cases) - len(runs), refused, against.notes)

@@ -18,6 +18,7 @@ from indent_sim.model.contact import Adhesion
 from indent_sim.model.state import State
 from indent_sim.run.chain import states
 from indent_sim.scene.scene import resolve
+from indent_sim.studies.study_file import read as read_study
 from indent_sim.theory.surface.adhesion import LAMBDA_PER_TABOR, maugis_pull_off
 
 # 2000 contact radii thick and wide: a half-space to a few hundredths of a per cent
@@ -107,6 +108,18 @@ def test_pull_off_of_an_exponential_attraction(parameter: float, about: float, p
     deepest = largest_pull(depths, [row.force / (pi * WORK) for row in rows])
     assert deepest == pytest.approx(pull, rel=3e-3)
     assert -2.0 < deepest < maugis_pull_off(parameter)
+
+
+@pytest.mark.verify
+def test_the_exact_pull_off_of_the_scoreboard_is_that_of_rings() -> None:
+    """To 1e-5: two hundred rings and four hundred differ by 7e-6. What is published there is Maugis' own."""
+    path = Path(__file__).resolve().parents[2] / "configs" / "studies" / "verification" / "published.yaml"
+    case = next(one for one in read_study(path).members if one.name == "Maugis, lambda 1")
+    assert case.exact and case.exact.value and case.published
+    depths = [-0.40, -0.42, -0.44]
+    rings = largest_pull(depths, on_rings(Adhesion(WORK, reach(1.0)), [d * DEPTH for d in depths], rings=400))
+    assert case.exact.value / (pi * WORK) == pytest.approx(rings, rel=1e-5)
+    assert case.published.value / (pi * WORK) == pytest.approx(maugis_pull_off(1.0), rel=1e-6)
 
 
 @pytest.mark.parametrize(

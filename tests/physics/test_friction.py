@@ -166,9 +166,10 @@ def test_the_shipped_map_is_that_of_plan(nu: float, slender: float, name: str, p
     """Three of its cells, nine in `make verify`, within the map's own error, to which scripts/make_friction_page holds
     all of them."""
     forces = {
-        case.values["contact.friction"]: solve(case.scene)[-1].force
+        case.values["contact.friction"]: solve(case.prospect.scene)[-1].force
         for case in shipped(name)
-        if case.values["material.nu"] == nu and case.scene.plan.prediction["a"] == pytest.approx(slender, rel=1e-3)
+        if case.values["material.nu"] == nu
+        and case.prospect.scene.plan.prediction["a"] == pytest.approx(slender, rel=1e-3)
     }
     known = LAYER[power][COMPRESSIBLE.index(nu)][MAPPED_SLENDERNESS.index(slender)]
     assert forces["stick"] / forces[0] == pytest.approx(known, rel=MAP_ERROR)

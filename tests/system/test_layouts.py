@@ -18,6 +18,7 @@ from indent_sim.process.errors import UsageError
 from indent_sim.results.pictures import canvas, experiment, forces, panels
 
 ROOT = Path(__file__).resolve().parents[2]
+SCENES = sorted([*(ROOT / "configs").glob("*.yaml"), *(ROOT / "configs" / "notes").glob("*.yaml")])
 GEL = {
     "title": "A gel",
     "units": {"length": "mm", "force": "mN"},
@@ -157,8 +158,20 @@ def test_the_checker_finds_what_is_wrong() -> None:
     assert sum("has no name" in fault for fault in found) == 2
 
 
+def test_the_checker_finds_words_on_the_panel_of_another() -> None:
+    """A legend that is wider than its place, as one below a panel beside a bar of colours."""
+    with canvas.canvas() as figure:
+        one, other = figure.subplots(1, 2)
+        for axes in (one, other):
+            axes.set(xlabel="x", ylabel="y")
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
+        one.text(0.9, 0.5, "a name that is much too long", transform=one.transAxes)
+        assert "'a name that is much too long' lies on the panel of another" in faults(figure)
+
+
 @pytest.mark.verify
-@pytest.mark.parametrize("path", sorted((ROOT / "configs").glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_no_picture_of_a_shipped_scene_has_a_fault(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Those that a run draws, and every panel on request."""
     drawn: list[Any] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -16,6 +17,8 @@ import indent_sim
 from indent_sim.cli import commands
 from indent_sim.process.errors import BackendError, ConfigError
 from indent_sim.process.screen import MOST_LINES, Shown
+
+ROOT = Path(__file__).resolve().parents[2]
 
 SCENE: dict[str, Any] = {
     "title": "A gel <on> glass",
@@ -100,20 +103,15 @@ def test_tables_go_to_pandas_where_it_is_there(result: Any, monkeypatch: pytest.
     assert result.to_pandas()["force"].tolist() == result["force"].tolist()
 
 
-FIVE_LINES = """\
-import indent_sim
-layer = {"body": {"shape": "layer", "height": 10}, "material": {"model": "linear_elastic", "E": 1, "nu": 0.5}} | TIP
-thickness = indent_sim.study({"base": layer, "vary": {"body.height": [2, 5, 10]}})
-indent_sim.plot(thickness).savefig("curves.png")
-slope = indent_sim.sensitivities(layer, "body.height")["body.height"]["value"][-1]
-"""
-
-
 def test_five_lines_are_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From a dictionary to a table, a figure and a derivative, which lies between the differences around it."""
+    """Those of docs/how_do_i.md: a table and a figure; a derivative, one line more, lies between the differences."""
     monkeypatch.chdir(tmp_path)
-    names: dict[str, Any] = {"TIP": {"indenter": {"shape": "sphere", "R": 5}, "loading": {"delta": 0.5, "steps": 3}}}
-    exec(FIVE_LINES, names)
+    page = (ROOT / "docs" / "how_do_i.md").read_text(encoding="utf-8")
+    lines = re.findall(r"```python\n(.*?)```", page, re.DOTALL)[0]
+    assert len([line for line in lines.splitlines() if line]) == 5
+    names: dict[str, Any] = {}
+    exec(lines, names)
     thin, middle, thick = names["thickness"]["force"]
     assert [entry.name for entry in tmp_path.iterdir()] == ["curves.png"] and thin > middle > thick
-    assert (thick - middle) / 5 < names["slope"] < 0  # the thicker, the less it matters
+    slope = indent_sim.sensitivities(names["layer"], "body.height")["body.height"]["value"][-1]
+    assert (thick - middle) / 5 < slope < 0  # the thicker, the less it matters

@@ -142,7 +142,7 @@ vary:
 
     def test_a_whole_section_is_a_value(self, written):
         path = written("base: scene.yaml\nvary: {contact: [{method: penalty, epsilon_n: 5.0}, {method: nitsche}]}\n")
-        assert [case.scene.physics.contact.method for case in case_list.asked_for(studies.read(path))[0]] == [
+        assert [case.prospect.scene.physics.contact.method for case in case_list.asked_for(studies.read(path))[0]] == [
             "penalty",
             "nitsche",
         ]

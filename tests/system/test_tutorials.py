@@ -103,9 +103,13 @@ ELSEWHERE = {  # blocks of commands that are not run here, by their first words
     "module load": "an installation on a cluster",
     "   body = Body(scene": "tests/physics/test_terms.py, step by step, with the term that it describes",
     "docker build": "needs a Docker daemon",
-    **{f"indent-sim init {kind}\n": "tests/system/test_journeys.py" for kind in ("cell", "film", "gel", "study")},
+    **{
+        f"indent-sim init {kind}\n": "tests/system/test_journeys.py"
+        for kind in ("cell", "film", "gel", "rubber", "study")
+    },
     'eval "$(_INDENT_SIM_COMPLETE=zsh': "test_tab_completion, as far as it needs no zsh",
     "_INDENT_SIM_COMPLETE=fish": "test_tab_completion, as far as it needs no fish",
+    'import indent_sim\n\nlayer = {"body"': "tests/system/test_notebook.py",
     "import sys\nimport nanite": "scripts/make_foreign_curves_page, in an environment of its own",
     "import pyvista": "test_fields_by_pyvista, where there is one",
 }

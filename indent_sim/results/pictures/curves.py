@@ -34,10 +34,13 @@ def shade(i: int, of: int) -> Colour:
 
 
 def branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
-    """The rows between turning points of a path, which belong to both branches; whether the tip goes out there."""
+    """The rows between turning points of a path, which belong to both branches; whether the tip goes out there. Where
+    it stands still it has not turned yet."""
     if len(delta) < 2:
         return [(slice(0, len(delta)), False)]
     steps = np.sign(np.diff(delta))
+    moves = np.maximum.accumulate(np.where(steps != 0, np.arange(len(steps)), 0))
+    steps = steps[moves]
     turns = [k + 1 for k in range(len(steps) - 1) if steps[k] * steps[k + 1] < 0]
     ends = pairwise([0, *turns, len(delta) - 1])
     return [(slice(first, last + 1), bool(delta[last] < delta[first])) for first, last in ends]

@@ -87,8 +87,10 @@ def draw_forces(
     for i, (run, name) in enumerate(zip(runs, names, strict=True)):
         draw_force(axes, run, depth, force, curves.look(i, len(runs)), name)
     paths = (run["delta"] for run in runs if not run.report.get(MEASURED))
-    if any(goes_out for path in paths for _, goes_out in curves.branches(path)):
-        axes.plot([], [], color=GREY, label=UNLOADING, marker="o", ms=5.5, mec=GREY, lw=1.2, **curves.UNLOADING_STYLE)
+    back = [path for path in paths if any(goes_out for _, goes_out in curves.branches(path))]
+    if back:
+        marks = "o" if any(len(path) <= canvas.MANY for path in back) else ""  # as the curves have them
+        axes.plot([], [], color=GREY, label=UNLOADING, marker=marks, ms=5.5, mec=GREY, lw=1.2, **curves.UNLOADING_STYLE)
     _draw_bars(axes, runs, depth, force)
     if theory:
         _draw_theory(axes, theory, depth, force)
@@ -137,7 +139,7 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
         axes.plot(*drawn, **THEORY_STYLE, label=label)
     if closed := theory.get("half_space"):
         off = closed.get("deviation")
-        beside = "" if off is None else f": {abs(off):.1%} {'below' if off < 0 else 'above'} this run"
+        beside = "" if off is None else f": {_off_by(off)}"
         label = in_picture(f"{closed['name'].split(' (')[0]}, half-space{beside}", LABEL_LETTERS)
         at = {**theory, **closed}  # the formula's force at the run's depth, or its depth at the run's force
         curve = closed.get("curve", {"delta": (), "force": ()})  # of an older result: none
@@ -147,6 +149,12 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
         axes.plot(*curves.smooth(x, y), color=GREY, ls=":", lw=1.2, zorder=2)
         hollow: Look = {"marker": "D", "mfc": "none", "mec": GREY, "ls": "", "ms": 6, "zorder": 2}
         axes.plot(depth([at["delta"]]), force([at["force"]]), **hollow, label=label)
+
+
+def _off_by(deviation: float) -> str:
+    """How far a formula is from this run, in words."""
+    said = f"{abs(deviation):.1%}"
+    return "as this run" if said == "0.0%" else f"{said} {'below' if deviation < 0 else 'above'} this run"
 
 
 def _of_last(half: np.ndarray, y: np.ndarray) -> str:

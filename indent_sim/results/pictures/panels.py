@@ -137,7 +137,8 @@ def _letter(figure: Figure) -> None:
     panels = [axes for axes in figure.axes if axes.axison and axes.get_label() != "<colorbar>"]
     for i, axes in enumerate(panels):
         said = axes.get_title(loc="left")
-        axes.set_title(f"({chr(ord('a') + i % 26)})" + (f" {said}" if said else ""), loc="left", fontsize="small")
+        letter = f"({chr(ord('a') + i % 26)})"
+        axes.set_title(f"{letter} {said}".strip(), loc="left", fontsize="small", color=canvas.INK)
 
 
 def _as_they_have_room(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Row]:

@@ -22,6 +22,7 @@ BESIDE_END = 4.0  # the same beside its end: one over a square root, no logarith
 TOUCHED_RADII = 1.02  # contact radii up to which the tip touches, for the radius of a row is of its nodes
 AT_REST = 1e-6  # of the largest depth: a search for a force of 0 ends as near to 0 as that
 UNPRESSED = "#00224e"  # the darkest of the map's colours: behind words that may stand beside the body
+BAR = (1.07, 0.0, 0.07, 1.0)  # of colours beside a map: left, bottom, width, height in parts of the map
 
 
 @dataclass(frozen=True)
@@ -193,7 +194,8 @@ def draw_map(axes: Axes, results: Results, contact: PressedSurface) -> None:
     filled = axes.tricontourf(*places, pressure(p[near]), levels=levels, cmap="cividis", extend=extend)
     _draw_rubbed(axes, contact, length)
     ticks = [tick for tick in MaxNLocator(5).tick_values(low, top) if low <= tick <= top]
-    bar = axes.figure.colorbar(filled, ax=axes, label=pressure.label, ticks=ticks)
+    beside = axes.inset_axes(BAR, label="<colorbar>")  # as high as the map, which is true to scale
+    bar = axes.figure.colorbar(filled, cax=beside, label=pressure.label, ticks=ticks)
     bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
     axes.set_aspect("equal")
     for set_limits, middle in zip((axes.set_xlim, axes.set_ylim), contact.center, strict=True):

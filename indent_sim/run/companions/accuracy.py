@@ -23,7 +23,7 @@ from indent_sim.run.companions.error_bars import (
     on_finer_mesh,
     on_first,
 )
-from indent_sim.scene.cost import EACH, START_SECONDS
+from indent_sim.scene.cost import EACH, EACH_BY_THEORY, START_SECONDS, THEORY_SECONDS, Cost
 from indent_sim.scene.fineness import MOST_ELEMENTS, RATE, Fineness, target_of
 from indent_sim.scene.scene import Scene
 
@@ -82,18 +82,30 @@ def foreseen(scene: Scene, error_bars: bool = False) -> Scene:
     """The scene with the seconds and the memory of its whole run predicted; error_bars: asked for beside `accuracy`."""
     if not scene.is_meshed or not (error_bars or scene.plan.fineness):
         return scene
-    others = companions_of(scene, error_bars)
-    physics = scene.physics
+    beside = _beside(scene, error_bars)
+    seconds = scene.cost.seconds + sum(cost.seconds - START_SECONDS + EACH for cost in beside)
+    memory = max(cost.memory for cost in (scene.cost, *beside))
+    prediction = scene.plan.prediction | {"memory_MB": round(memory / 1e6), "seconds": float(f"{seconds:.2g}")}
+    return replace(scene, plan=replace(scene.plan, prediction=prediction))
+
+
+def seconds_in_study(scene: Scene, error_bars: bool = False) -> float:
+    """Processor time [s] to expect of a run in a process that has its libraries, as `cpu_s` of study.csv counts it."""
+    if not scene.is_meshed:
+        return float(scene.plan.prediction.get("seconds", THEORY_SECONDS)) - THEORY_SECONDS + EACH_BY_THEORY
+    beside = _beside(scene, error_bars) if error_bars or scene.plan.fineness else []
+    return sum(cost.seconds - START_SECONDS + EACH for cost in (scene.cost, *beside))
+
+
+def _beside(scene: Scene, error_bars: bool) -> list[Cost]:
+    """What each scene costs that is solved beside this one for its error bars, or before it for its accuracy."""
+    others, physics = companions_of(scene, error_bars), scene.physics
     # the first mesh meets most accuracies, but leaves no room for what the steps of a path with friction or a stiff
     # penalty cost, and one from a file has the sizes that it has
     is_refined = physics.has_friction, isinstance(physics.contact, Penalty), scene.sizes.refinements is not None
     if scene.plan.fineness and any(is_refined):
         others += [on_finer_mesh(scene, LEAST_REFINEMENT), *on_first(scene)]
-    beside = [other.cost for other in others]
-    seconds = scene.cost.seconds + sum(cost.seconds - START_SECONDS + EACH for cost in beside)
-    memory = max(cost.memory for cost in (scene.cost, *beside))
-    prediction = scene.plan.prediction | {"memory_MB": round(memory / 1e6), "seconds": float(f"{seconds:.2g}")}
-    return replace(scene, plan=replace(scene.plan, prediction=prediction))
+    return [other.cost for other in others]
 
 
 def unjudged(scene: Scene, states: Sequence[State], bars: Bars) -> list[str]:

@@ -162,10 +162,23 @@ def _row_at(published: Published, results: Results) -> int | None:
 def _pull_off(results: Results) -> Value | None:
     """The pull-off force under force control, < 0: of the limit without range, else of the row that pulls most."""
     experiment, adhesion = (results.report.get(name) or {} for name in ("experiment", "adhesion"))
-    known = ((experiment.get("adhesion") or {}).get(PULL_OFF) or {}).get("force_control") or adhesion.get(
-        "largest_pull"
-    )
-    return Value(float(known["force"]), known.get("force_error")) if known else None
+    without_range = ((experiment.get("adhesion") or {}).get(PULL_OFF) or {}).get("force_control")
+    known = without_range or adhesion.get("largest_pull")
+    if not known:
+        return None
+    return Value(float(known["force"]), _pull_off_error(float(known["force"]), known.get("step"), results))
+
+
+def _pull_off_error(force: float, step: int | None, results: Results) -> float | None:
+    """The bar of the row that pulls most; without range as large a part of the force as the widest of the elastic
+    curve that it is found from. None without bars."""
+    if "force_error" not in results.table or not len(results):
+        return None
+    forces, errors = np.abs(results["force"]), results["force_error"]
+    if step is not None:
+        forces, errors = forces[results["step"] == step], errors[results["step"] == step]
+    parts = errors[forces > 0] / forces[forces > 0]
+    return abs(force) * float(parts.max()) if len(parts) and np.isfinite(parts).all() else None
 
 
 def _by_theory(published: Published, case: Case | None, results: Results | None) -> Value | None:

@@ -119,3 +119,22 @@ def test_rows_are_read_back_as_they_were(tmp_path: Path) -> None:
 def test_a_mistake_is_told_with_its_line_and_key(published: str, more: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=message):
         board(study(tmp_path, published, more))
+
+
+@pytest.mark.parametrize(
+    ("report", "bar"),
+    [
+        ({"experiment": {"adhesion": {"pull_off": {"force_control": {"force": -4.0}}}}}, 4.0 * 0.02),
+        ({"adhesion": {"largest_pull": {"step": 2, "delta": 0.01, "force": -4.0}}}, 0.04),
+    ],
+    ids=["without range", "with a range"],
+)
+def test_a_pull_off_has_the_bar_of_what_it_is_found_from(report: dict, bar: float, tmp_path: Path) -> None:
+    """Without range the widest of the elastic curve, relative: 2 % of row 1; of a row that pulls its own."""
+    study_of = study(tmp_path, "{quantity: pull_off, value: -4.0, claims: fit, source: nobody}")
+    asked = cases.asked_for(study_of)[0]
+    table = {"step": [1, 2], "delta": [0.005, 0.01], "force": [1.0, -4.0], "force_error": [0.02, 0.04]}
+    columns = {name: np.array(values) for name, values in table.items()}
+    done = {asked[0].id: Results(Path("run"), columns, {"status": "done"} | report)}
+    (row,) = scoreboard.rows(study_of.members, asked, done)
+    assert row["ours"] == -4.0 and row["our_error"] == pytest.approx(bar, rel=1e-12)

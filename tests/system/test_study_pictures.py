@@ -1,0 +1,85 @@
+"""Pictures of the shipped studies: their runs, keys, names and units, with numbers that nobody computed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from picture_checks import faults
+
+from indent_sim.results.pictures import canvas
+from indent_sim.results.reader import Results
+from indent_sim.studies import cases, curve_table, picture, study_file, study_table
+from indent_sim.studies.cases import Case
+from indent_sim.studies.reference.truth import Truth
+from indent_sim.studies.study_file import StudyFile
+from indent_sim.studies.study_table import Row
+
+STUDIES = Path(__file__).resolve().parents[2] / "configs" / "studies"
+QUICK = ("thin_gel", "side_by_side", "water_or_chains", "published")  # few runs, many, in time, of published values
+SAMPLES, HOLD = 8, 6  # rows of a curve, and of those how many a history holds
+
+
+def study_of(path: Path) -> Any:
+    return pytest.param(path, marks=[] if path.stem in QUICK else [pytest.mark.verify], id=path.stem)
+
+
+def made_up(case: Case, random: np.random.Generator) -> Results:
+    """What a run may have found: a force of the size to expect that rises with depth, or falls while the tip stands."""
+    scene = case.prospect.scene
+    deepest, force = case.depth or 1.0, float(scene.plan.prediction.get("force") or 1.0)
+    share = np.linspace(1, SAMPLES, SAMPLES) / SAMPLES
+    table: dict[str, Any] = {"delta": deepest * share, "force": force * share**1.5 * random.uniform(0.8, 1.2)}
+    if scene.history:
+        table["t"] = np.linspace(0.0, 10.0, SAMPLES)
+        table["branch"] = np.array(["approach"] * (SAMPLES - HOLD) + ["hold"] * HOLD)
+        table["force"] = force * np.exp(-random.uniform(0.1, 1) * table["t"])
+    known = {name: np.ones(SAMPLES) for name in ("a", "p_max", "penetration", "newton_iterations")}
+    units = case.prospect.config.units
+    report = {
+        "status": "done",
+        "exit_code": 0,
+        "dofs": int(random.integers(1000, 100000)),
+        "units": {"length": units.length, "force": units.force},
+        "plan": {"choices": [{"key": "kinematics", "value": scene.physics.part.kinematics.name, "why": ""}]},
+        "cpu_timings": {"solve": float(random.uniform(0.1, 20.0))},
+        "audit": {},
+    }
+    return Results(Path("runs") / case.name, {"step": np.arange(1.0, SAMPLES + 1)} | known | table, report)
+
+
+def board_of(study: StudyFile, random: np.random.Generator) -> list[Row]:
+    """A scoreboard whose values are off by anything up to 30 per cent."""
+    rows = []
+    for member in study.members:
+        if published := member.published:
+            off = {"difference": random.uniform(-30, 30), "ours_difference": random.uniform(-0.3, 0.3)}
+            said = {"case": member.name, "quantity": published.quantity, "within": published.within, "wrong": "nobody"}
+            rows.append(said | off | {"exact": published.value, "our_error": 1e-3 * published.value})
+    return rows
+
+
+@pytest.mark.parametrize("path", [study_of(path) for path in sorted(STUDIES.glob("*/*.yaml"))])
+def test_no_picture_of_a_shipped_study_has_a_fault(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Errors of 1e-5 to 1: whatever a run may cost or err, words stay apart and axes have names."""
+    drawn: dict[str, list[str]] = {}
+
+    def keep(figure: Any, path: Path) -> None:
+        canvas.keep_ticks_apart(figure)
+        drawn[path.name] = faults(figure)
+
+    monkeypatch.setattr(canvas, "save", keep)
+    random, study = np.random.default_rng(1), study_file.read(path)
+    asked = found, _ = cases.asked_for(study)
+    done = {case.id: made_up(case, random) for case in found}
+    rows = study_table.rows(study, asked, done, Truth(study, found), {case.id: case.name for case in found})
+    for row in rows:
+        if row["status"] == "done":
+            row["force_error_vs"] = float(10 ** random.uniform(-5, 0))
+    picture.draw(rows, study.keys, study.title, "theory", Path("study.png"))
+    picture.draw_curves(curve_table.families(found, study.keys, done), study.title, Path("curves.png"))
+    picture.draw_scoreboard(board_of(study, random), study.title, Path("verification.png"))
+    assert {"study.png", "curves.png"} <= set(drawn) and ("verification.png" in drawn) == bool(study.members)
+    assert {name: found for name, found in drawn.items() if found} == {}
