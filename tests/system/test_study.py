@@ -138,7 +138,7 @@ vary:
         found = case_list.asked_for(studies.read(path))[0]
         E_star = 1 / (1 - 0.3**2)
         assert [case.values["contact.epsilon_n"] for case in found] == pytest.approx([20 * E_star, 40 * E_star])
-        assert [case.stiffness for case in found] == pytest.approx([2.0, 2.0])
+        assert [case.prospect.stiffness for case in found] == pytest.approx([2.0, 2.0])
 
     def test_a_whole_section_is_a_value(self, written):
         path = written("base: scene.yaml\nvary: {contact: [{method: penalty, epsilon_n: 5.0}, {method: nitsche}]}\n")
@@ -553,7 +553,7 @@ class TestRuns:
     def test_the_worker_is_gone_after_the_study(self, written, tmp_path):
         with Worker() as worker:
             case = case_list.asked_for(studies.read(written(METHODS)))[0][0]
-            worker.begin(case.config, tmp_path / "run")
+            worker.begin(case.prospect.config, tmp_path / "run")
             assert worker.end() == (0, "")
             pid = worker._process._child.pid
         with pytest.raises(ProcessLookupError):
@@ -588,7 +588,7 @@ class TestComparison:
         text = f"base: scene.yaml\ncompare_to: {wanted}\nvary: {{mesh.h_contact: [0.06, 0.05]}}\n"
         rows = studies.carry_out(written(text), output=tmp_path / "out").rows
         force = [row["force"] for row in rows]
-        layer = case_list.asked_for(studies.read(tmp_path / "STUDY.yaml"))[0][0].scene  # of unit height and modulus
+        layer = case_list.asked_for(studies.read(tmp_path / "STUDY.yaml"))[0][0].prospect.scene
         theory = layer.plan.theory.at(0.01).force
         reference = {"theory": theory, "1.6e-3": 1.6e-3}.get(wanted, force[1])
         assert [row["force_error_vs"] for row in rows] == pytest.approx(
