@@ -124,8 +124,7 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
         path.unlink(missing_ok=True)
         return
     with canvas.canvas((9.2, 1.6 + BOARD_LINE * len(known))) as figure:
-        panels: dict[str, Axes] = figure.subplot_mosaic([["board"], ["names"]])
-        axes = panels["board"]
+        axes = figure.subplots()
         wrong = sum(row["wrong"] in ("published", "both") for row in known)
         said = f"{len(known)} published values  ·  {wrong} off by more than they claim"
         canvas.head(figure, title, f"{said}  ·  ours with its own error bar")
@@ -142,7 +141,7 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
         axes.set_xlim(-3 * far, 3 * far)
         axes.axvline(0, color=canvas.INK, lw=0.8, zorder=1)
         axes.set(xlabel="difference from the exact value [%]", ylim=(-0.7, len(known) - 0.3))
-        canvas.legend_below(figure, panels["names"], axes)
+        canvas.legend_below(figure, axes)
         canvas.save(figure, path)
 
 

@@ -40,6 +40,7 @@ MOST_TICKS, TICK_LABEL_GAP = 6, 3.0  # bins of an axis, and pixels between its n
 RAISED = str.maketrans("-\N{MINUS SIGN}0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")  # an exponent
 MANY = 40  # points from which a line carries no markers
 LETTER, LINE = 0.07, 0.2  # inches: width of a letter and height of a line in a legend
+LEGEND_LEFT = 0.6  # inches: of a legend below all panels
 HANDLE, FEWEST_LETTERS = 0.45, 12  # inches: width of what stands before a name there; letters of a line at least
 LETTERS = 9.0  # of a title to the inch
 SUBTITLE, LABEL_LETTERS = 200, 120  # most letters
@@ -108,18 +109,26 @@ def broken(names: Sequence[str], wide: float) -> list[str]:
     return ["\n".join(textwrap.wrap(name, int(room))) if len(name) > most else name for name in names]
 
 
-def legend_below(figure: Figure, axes: Axes, named: Axes) -> None:
-    """The legend of a panel in the one below all others, a row of its own, which with its figure grows to hold it."""
-    names = named.get_legend_handles_labels()[1]
-    width, height = figure.get_size_inches()
+def legend_below(figure: Figure, named: Axes) -> None:
+    """The legend of a panel below all of them; the figure grows to hold it."""
+    handles, names = named.get_legend_handles_labels()
+    width, height = map(float, figure.get_size_inches())
     scale = figure_font() / FONT
     longest = max(map(len, names), default=0)
     columns = int(np.clip(width / ((0.5 + LETTER * longest) * scale), 1, max(1, len(names))))
-    lines = (0.1 + LINE * -(-len(names) // columns)) * scale
-    rows = axes.get_gridspec()
-    rows.set_height_ratios([*[height / (rows.nrows - 1)] * (rows.nrows - 1), lines])
+    lines = (0.15 + LINE * -(-len(names) // columns)) * scale
     figure.set_size_inches(width, height + lines)
-    legend_in(axes, named, columns)
+    _keep_free(figure, below=lines)
+    at = LEGEND_LEFT / width, lines / (height + lines)
+    figure.legend(handles, names, loc="upper left", bbox_to_anchor=at, ncol=columns, borderaxespad=0, borderpad=0.2)
+
+
+def _keep_free(figure: Figure, above: float = 0.0, below: float = 0.0) -> None:
+    """Leave so many inches above or below the panels to words."""
+    height, engine = figure.get_figheight(), figure.get_layout_engine()
+    x, y, wide, high = engine.get()["rect"]  # type: ignore[union-attr]
+    low, top = y + below / height, y + high - above / height
+    engine.set(rect=(x, low, wide, top - low))  # type: ignore[union-attr, call-arg]
 
 
 def figure_font() -> float:
@@ -132,7 +141,7 @@ def figure_font() -> float:
 def head(figure: Figure, title: str, subtitle: str) -> None:
     """Title, as far as it fits, and subtitle above the panels."""
     height, fits = figure.get_figheight(), int(LETTERS * figure.get_figwidth())  # inches
-    figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.64 / height))  # type: ignore[union-attr, call-arg]
+    _keep_free(figure, above=0.64)
     figure.text(0.01, 1 - 0.12 / height, in_picture(title, fits), ha="left", va="top", fontsize=13, fontweight="bold")
     figure.text(0.01, 1 - 0.46 / height, in_picture(subtitle, SUBTITLE), ha="left", va="top", color=GREY, fontsize=9)
 

@@ -36,7 +36,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
     )  # time tells depth
     panels = ["depth", *(["base"] if has_base else []), *(["time"] if has_times else ["radius"])]
     with canvas((3.1 + 3.3 * len(panels), 4.4)) as figure:
-        drawn: dict[str, Axes] = figure.subplot_mosaic([panels, ["legend"] * len(panels)])
+        drawn: dict[str, Axes] = figure.subplot_mosaic([panels])
         report = read_report(folder)
         by = (report.get("experiment") or {}).get("by") or (report.get("time") or {}).get("method", "?")
         effects = [
@@ -60,7 +60,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
             draw_branches(drawn["time"], rows, "t", t, force)
         else:
             draw_branches(drawn["radius"], rows, "a", axis("a", [results]), force)
-        legend_below(figure, drawn["legend"], drawn["depth"])
+        legend_below(figure, drawn["depth"])
         save(figure, path or folder / EXPERIMENT_PICTURE)
 
 

@@ -33,7 +33,7 @@ def force_indentation(results: Results, path: Path | str) -> None:
         beside = ["a"] if _with_radius([results]) else []
         rows = [["force", *beside], ["force", "pressure"]] if strongest else [["force", *beside]]
         widths = [1.55, 1][: len(rows[0])]
-        panels: dict[str, Axes] = figure.subplot_mosaic([*rows, ["names"] * len(widths)], width_ratios=widths)
+        panels: dict[str, Axes] = figure.subplot_mosaic(rows, width_ratios=widths)
         name = "measured" if results.report.get(MEASURED) else "this run"
         draw_forces(panels["force"], [results], theory, [name])
         if beside:
@@ -43,7 +43,7 @@ def force_indentation(results: Results, path: Path | str) -> None:
             if results.report.get("accuracy"):
                 said = panels["pressure"].get_title(loc="left")
                 panels["pressure"].set_title(f"{said}\n{OF_FORCE}", loc="left", fontsize="small", color=GREY)
-        canvas.legend_below(figure, panels["names"], panels["force"])
+        canvas.legend_below(figure, panels["force"])
         canvas.head(figure, results.report.get("title") or names_of([results])[0], subtitle(results))
         save(figure, path)
 

@@ -36,17 +36,17 @@ def draw(results: Results, path: Path) -> None:
     rows = [panels[k : k + across] for k in range(0, len(panels), across)]
     rows[-1] += ["."] * (across - len(rows[-1]))
     with canvas((PANEL_SIZE[0] * across if across > 1 else LONE_WIDTH, PANEL_SIZE[1] * len(rows))) as figure:
-        drawn: dict[str, Axes] = figure.subplot_mosaic([*rows, ["legend"] * across])
+        drawn: dict[str, Axes] = figure.subplot_mosaic(rows)
         time = results.report.get("time") or {}
         said = [f"in time by {time.get('method', 'steps')}", subtitle(results)]
-        head(figure, results.report.get("title") or path.parent.name, "  \N{MIDDLE DOT}  ".join(filter(None, said)))
         for name in panels:
             if name == "curve":
                 draw_branches(drawn[name], results.table, "delta", axis("delta", [results]), axis("force", [results]))
             else:
                 _draw_over_time(drawn[name], results, name)
         _draw_limits(results, drawn, drawn[panels[0]])
-        legend_below(figure, drawn["legend"], drawn[panels[0]])
+        legend_below(figure, drawn[panels[0]])
+        head(figure, results.report.get("title") or path.parent.name, "  \N{MIDDLE DOT}  ".join(filter(None, said)))
         save(figure, path)
 
 
