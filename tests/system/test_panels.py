@@ -145,7 +145,7 @@ class TestForces:
         )
         runs = [a_result(error=True), a_result(title="another")][: 1 if control == "one result" else 2]
         forces.overlay(runs, tmp_path / "picture.png")
-        legends = [axes.get_legend() for axes in figures[0].axes if axes.get_legend()]
+        legends = [*figures[0].legends, *(axes.get_legend() for axes in figures[0].axes if axes.get_legend())]
         assert len(legends) == 1
         box = legends[0].get_window_extent()
         assert not any(box.overlaps(axes.get_window_extent()) for axes in figures[0].axes if axes.axison)

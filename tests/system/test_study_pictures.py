@@ -67,7 +67,7 @@ def test_no_picture_of_a_shipped_study_has_a_fault(path: Path, monkeypatch: pyte
     drawn: dict[str, list[str]] = {}
 
     def keep(figure: Any, path: Path) -> None:
-        canvas.keep_ticks_apart(figure)
+        canvas.lay_out(figure)
         drawn[path.name] = faults(figure)
 
     monkeypatch.setattr(canvas, "save", keep)

@@ -171,9 +171,9 @@ class CondensedEquilibrium(Equilibrium):
         if self.contact.law.is_conservative:
             self.contact.expect(self._expected(earlier[-2:], depth))
         weights = shares([state.depth for state in earlier], depth)
-        nodal = np.tensordot(weights, [state.nodal for state in earlier], axes=1)
-        lam = np.tensordot(weights, [state.lam for state in earlier], axes=1)
-        self._guess(Forces(nodal, lam, depth))
+        nodal = sum(weight * state.nodal for weight, state in zip(weights, earlier, strict=True))
+        lam = sum(weight * state.lam for weight, state in zip(weights, earlier, strict=True))
+        self._guess(Forces(np.asarray(nodal), np.asarray(lam), depth))
 
     def _expected(self, earlier: Sequence[Forces], depth: float) -> np.ndarray:
         trials = []

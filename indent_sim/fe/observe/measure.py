@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from mpi4py import MPI
 
-from indent_sim.fe.observe.surface import Trace, contact_quadrature, lattice
+from indent_sim.fe.observe.surface import Trace, contact_quadrature, lattice, reading_points
 from indent_sim.model.state import Surface
 from indent_sim.model.tips import below, gap_current, gap_reference
 from indent_sim.scene.scene import Scene
@@ -104,7 +104,7 @@ def smallest_gap(body: Observed) -> float:
     physics, trace = body.scene.physics, body.trace
     points = np.vstack([contact_quadrature(trace.dim)[0], trace.node_points()])
     X, u = body.trace.positions(points), body.trace.values(body.nodal_displacement(), points)
-    over = np.moveaxis(X if physics.gap == "reference" else X + u, -1, 0)
+    over = _by_axis(X if physics.gap == "reference" else X + u)
     height = physics.indenter.height(*physics.part.kinematics.horizontal(over, physics.center))
     g = height - body.depth - (X[..., -1] + u[..., -1])
     return float(body.comm.allreduce(float(g.min(initial=np.inf)), op=MPI.MIN))
@@ -113,7 +113,7 @@ def smallest_gap(body: Observed) -> float:
 def _gap(body: Observed, X: np.ndarray, u: np.ndarray) -> np.ndarray:
     physics = body.scene.physics
     x, gap = (X, gap_reference) if physics.gap == "reference" else (X + u, gap_current)
-    horizontal = physics.part.kinematics.horizontal(np.moveaxis(x, -1, 0), physics.center)
+    horizontal = physics.part.kinematics.horizontal(_by_axis(x), physics.center)
     return gap(physics.indenter, *horizontal, X[..., -1] + u[..., -1], body.depth)
 
 
@@ -157,8 +157,8 @@ def contact(body: Observed) -> dict[str, float]:
     over the contact quadrature points. The overlap is how deep a whole facet lies inside the tip's own shape, of which
     the gap function may know nothing; 0 with a reference gap."""
     dim = body.trace.dim
-    grid, (inner, weights), nodes = lattice(dim)[0], contact_quadrature(dim), body.trace.node_points()
-    s = sample(body, np.vstack([grid, inner, nodes]))
+    grid, (inner, weights) = lattice(dim)[0], contact_quadrature(dim)
+    s = sample(body, reading_points(dim))
     begin, end = len(grid), len(grid) + len(inner)
     x = s.X if body.scene.physics.gap == "reference" else s.X + s.u
     means = s.pressure[:, begin:end] @ weights / weights.sum()
@@ -177,6 +177,11 @@ def contact(body: Observed) -> dict[str, float]:
     overlap = body.comm.allreduce(_overlap(body, s.X + s.u, s.gap), op=MPI.MAX)
     found = {"a": a, "p_max": peak, "penetration": depth, "overlap": overlap}
     return found | ({"stick_radius": _stick_radius(body, a, s, x, grid)} if body.friction else {})
+
+
+def _by_axis(x: np.ndarray) -> np.ndarray:
+    """Points (..., axes) as (axes, ...)."""
+    return x.transpose(x.ndim - 1, *range(x.ndim - 1))
 
 
 def _closed_at_an_edge(body: Observed, p_hat: np.ndarray, gap: np.ndarray) -> np.ndarray:
@@ -236,7 +241,7 @@ def intrusion(body: Any, skin: Trace, solution: np.ndarray) -> float:
 
 def _under(body: Observed, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far the places x are above the tip's surface, z + depth - f, and from its axis [length]."""
-    horizontal = body.scene.physics.part.kinematics.horizontal(np.moveaxis(x, -1, 0), body.scene.physics.center)
+    horizontal = body.scene.physics.part.kinematics.horizontal(_by_axis(x), body.scene.physics.center)
     return x[..., -1] + body.depth - body.scene.physics.indenter.height(*horizontal), np.hypot(*horizontal)
 
 
@@ -269,8 +274,7 @@ def _signed_area(corners: np.ndarray) -> np.ndarray:
 
 def _positive_length(body: Observed, ends: np.ndarray, p_hat: np.ndarray) -> float:
     """Length (area of the rings, when axisymmetric) of the parts of segments where the linear p_hat is positive."""
-    first, last = np.moveaxis(p_hat, -1, 0)
-    left, right = np.moveaxis(ends, -1, 0)
+    (first, last), (left, right) = _by_axis(p_hat), _by_axis(ends)
     crossing = left + (right - left) * first / np.where(first == last, 1.0, first - last)
     begin = np.where(first > 0, left, crossing)
     end = np.where(last > 0, right, crossing)

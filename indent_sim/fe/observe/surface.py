@@ -93,6 +93,19 @@ def contact_quadrature(dim: int) -> tuple[np.ndarray, np.ndarray]:
     return compat.quadrature({2: "interval", 3: "triangle"}[dim], QUADRATURE_DEGREE[dim])
 
 
+@cache
+def node_points(dim: int) -> np.ndarray:
+    """Reference-facet coordinates of the nodes."""
+    corners = np.vstack([np.zeros(dim - 1), np.eye(dim - 1)])
+    return np.vstack([corners, *((corners[i] + corners[j]) / 2 for i, j in PAIRS[dim])])
+
+
+@cache
+def reading_points(dim: int) -> np.ndarray:
+    """The points at which a row is read off: those of the lattice, of the contact quadrature, and the nodes."""
+    return np.vstack([lattice(dim)[0], contact_quadrature(dim)[0], node_points(dim)])
+
+
 @dataclass(frozen=True)
 class Trace:
     """The facets of the contact surface on this rank and the dofs on them. nodes (facets, n) block dofs, X (facets, n,
@@ -149,8 +162,7 @@ class Trace:
 
     def node_points(self) -> np.ndarray:
         """Reference-facet coordinates of the nodes themselves."""
-        corners = np.vstack([np.zeros(self.dim - 1), np.eye(self.dim - 1)])
-        return np.vstack([corners, *((corners[i] + corners[j]) / 2 for i, j in PAIRS[self.dim])])
+        return node_points(self.dim)
 
 
 def adjacent_cells(mesh: Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -21,6 +21,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import Chebyshev
+from numpy.polynomial.chebyshev import chebval
 
 from indent_sim.theory.hankel import gauss
 from indent_sim.theory.layer import Layer
@@ -106,12 +107,15 @@ class FittedPunches:
             if n < FEWEST_RADII:
                 raise ValueError("the punches are too rough to be smoothed")
             weights, power = a[:n] / a[n - 1], min(degree, n // 2)  # what is wrong is a part of an element everywhere
-            self._K, self._P = (Chebyshev.fit(a[:n], values[:n], power, w=weights) for values in logs)
-            fits = zip((self._K, self._P), logs, strict=True)
+            ln_K, ln_P = (Chebyshev.fit(a[:n], values[:n], power, w=weights) for values in logs)
+            fits = zip((ln_K, ln_P), logs, strict=True)
             misfit = max(np.max(weights * np.abs(fit(a[:n]) - values[:n])) for fit, values in fits)
             n, known = int(0.95 * n), n
         self.smallest, self.largest = float(a[0]), float(a[known - 1])
-        self._dK, self._dP = self._K.deriv(), self._P.deriv()
+        # both and their derivatives in one: every row asks for several radii
+        self._begin, self._scale = ln_K.mapparms()
+        series = [one.coef for one in (ln_K, ln_P, ln_K.deriv(), ln_P.deriv())]
+        self._series = np.stack([np.pad(one, (0, len(ln_K.coef) - len(one))) for one in series], axis=1)
 
     @property
     def beside(self) -> list[FittedPunches]:
@@ -127,8 +131,9 @@ class FittedPunches:
     def at(self, a: float) -> Punch:
         """The punch of radius a [L]."""
         unit, P_0 = 2.0 * self._E_star, self._half_space(a)
-        ratio_K, ratio_P = math.exp(self._K(a)), math.exp(self._P(a))
-        K, slope = unit * a * ratio_K, unit * ratio_K * (1.0 + a * float(self._dK(a)))
+        log_K, log_P, dK, dP = chebval(self._begin + self._scale * a, self._series).tolist()
+        ratio_K, ratio_P = math.exp(log_K), math.exp(log_P)
+        K, slope = unit * a * ratio_K, unit * ratio_K * (1.0 + a * dK)
         P = P_0 * ratio_P
-        delta = ratio_P * (unit * float(self._tip.g(np.array(a))) + P_0 * float(self._dP(a))) / slope
+        delta = ratio_P * (unit * float(self._tip.g(np.array(a))) + P_0 * dP) / slope
         return Punch(a, delta, K * delta - P, K, slope)
