@@ -19,7 +19,7 @@ TICK, BEFORE_NAME, BELOW_TITLE = 7.0, 4.0, 6.0  # points: from an axis to its nu
 APART = 0.6  # font sizes between two numbers along an axis
 MOST_BINS = 9  # of an axis
 EDGE, BESIDE = 0.06, 0.15  # inches: around a figure, and to the right of a panel
-GUESS, POINT = 0.6, 1 / 72  # inches: around a panel whose numbers are not known yet, and a point
+GUESS, LEAST, POINT = 0.6, 0.2, 1 / 72  # inches: around a panel without numbers yet, of a panel at least; a point
 
 
 @dataclass(frozen=True)
@@ -97,13 +97,14 @@ def _most(count: int, sizes: Iterable[tuple[int, float]]) -> list[float]:
 def _edges(
     room: float, before: Sequence[float], after: Sequence[float], ratios: Sequence[float]
 ) -> list[tuple[float, float]]:
-    """Begin and end of panels one after another, which share what is left of the room as their ratios say."""
-    inner = max(room - sum(before) - sum(after), 0.1 * room) / sum(ratios)
-    found, at = [], 0.0
-    for ahead, behind, ratio in zip(before, after, ratios, strict=True):
-        found.append((at + ahead, at + ahead + inner * ratio))
-        at = found[-1][1] + behind
-    return found
+    """Begin and end of panels one after another in cells that share the room as their ratios say; a legend has all of
+    its cell."""
+    ends = np.cumsum(ratios) / sum(ratios) * room
+    begins = [0.0, *ends[:-1]]
+    return [
+        (float(begin + ahead), float(max(end - behind, begin + ahead + LEAST)))
+        for begin, end, ahead, behind in zip(begins, ends, before, after, strict=True)
+    ]
 
 
 def _with_numbers(axes: Any) -> _Around:
