@@ -12,7 +12,7 @@ from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 
 PATH = [0.005, 0.01, 0.005, 0.0, -0.01, 0.01]
-BODIES = {"axisymmetric": (CYLINDER, 0.02), "plane_strain": (STRIP, 0.02), "box": (BOX, 0.2)}
+BODIES = {"axisymmetric": (CYLINDER, 0.02), "plane_strain": (STRIP, 0.02), "box": (BOX, 0.15)}
 CASES = [(shape, gap, "auto") for shape in BODIES for gap in ("reference", "current")] + [
     ("axisymmetric", "reference", "penalty"),
     ("axisymmetric", "current", "penalty"),
