@@ -334,7 +334,7 @@ def test_the_instrument() -> None:
             "paraboloid",
             marks=pytest.mark.verify,
         ),
-        (
+        pytest.param(
             CYLINDER
             | {
                 "material": ELASTIC | {"model": "neo_hookean"},
@@ -345,6 +345,7 @@ def test_the_instrument() -> None:
             "layer",
             "linear_elastic",
             "paraboloid",
+            marks=pytest.mark.verify,
         ),
     ],
 )
