@@ -423,7 +423,7 @@ def test_friction_is_that_of_the_incompressible_body_at_once(friction: Any) -> N
     assert at_once == pytest.approx(solver_force(elastic) * scales.force, rel=2e-4)
 
 
-@pytest.mark.parametrize("method", ["penalty", "active_set", "uzawa"])
+@pytest.mark.parametrize("method", ["penalty", *(pytest.param(name, marks=VERIFY) for name in ("active_set", "uzawa"))])
 def test_contact_methods_agree(method: str) -> None:
     """While all of the surface drains: a tip that seals closes a vertex a little sooner or later. Elastic forces of
     the methods on this mesh are as far apart."""
@@ -533,7 +533,7 @@ def test_a_history_is_walked_step_by_step() -> None:
     assert rows[-1].surface is not None and rows[-1].surface.pore_pressure is not None
 
 
-@pytest.mark.parametrize("control", ["history", "force_history"])
+@pytest.mark.parametrize("control", ["history", pytest.param("force_history", marks=VERIFY)])
 def test_a_stopped_history_goes_on(control: str) -> None:
     """From its checkpoint in mid-hold: the rows are those of the whole walk."""
     base, rows = in_time(control), rows_of(control)
@@ -688,6 +688,7 @@ def test_fluid_and_chains_together(many: int) -> None:
     assert found[4][-1] == pytest.approx(last.force * 9 * K * G / (3 * K + G), rel=2e-3)
 
 
+@VERIFY
 def test_a_growing_force_is_that_of_the_depths_that_it_leads_to() -> None:
     """There and back: the depths of the forces, prescribed at the same times, need these forces. Where a depth is given
     the tip seals what it touches without a search; two sets may exclude each other, an element of six: measured 8e-3
