@@ -533,7 +533,7 @@ def test_a_history_is_walked_step_by_step() -> None:
     assert rows[-1].surface is not None and rows[-1].surface.pore_pressure is not None
 
 
-@pytest.mark.parametrize("control", ["history", pytest.param("force_history", marks=VERIFY)])
+@pytest.mark.parametrize("control", ["history", "force_history"])
 def test_a_stopped_history_goes_on(control: str) -> None:
     """From its checkpoint in mid-hold: the rows are those of the whole walk."""
     base, rows = in_time(control), rows_of(control)
