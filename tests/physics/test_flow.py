@@ -292,7 +292,7 @@ def test_two_stages_are_of_second_order(tip: Any) -> None:
     """Twice the steps, a quarter of the error; four steps for each doubling of their length cost 6e-4."""
     body = draining_layer() if tip == "sealed" else Draining(draining(layer(), Drainage(tip=tip)))
     first, end = 1e-3 * RADIUS**2, 0.3 * RADIUS**2
-    exact = relaxation(body, 32, first, end)
+    exact = relaxation(body, 16, first, end)  # whose own error makes the ratio 5 for 4
     errors = [abs(relaxation(body, n, first, end) - exact) for n in (4, 8)]
     assert errors[0] < 6e-4
     assert errors[0] / errors[1] > 3
@@ -423,7 +423,7 @@ def test_friction_is_that_of_the_incompressible_body_at_once(friction: Any) -> N
     assert at_once == pytest.approx(solver_force(elastic) * scales.force, rel=2e-4)
 
 
-@pytest.mark.parametrize("method", ["penalty", "active_set", "uzawa"])
+@pytest.mark.parametrize("method", ["penalty", *(pytest.param(name, marks=VERIFY) for name in ("active_set", "uzawa"))])
 def test_contact_methods_agree(method: str) -> None:
     """While all of the surface drains: a tip that seals closes a vertex a little sooner or later. Elastic forces of
     the methods on this mesh are as far apart."""
@@ -566,7 +566,14 @@ def test_a_tip_that_adheres_comes_off_a_body_that_drains() -> None:
     after = [[0.0, 0.0], [0.0, DELTA], [LONG, DELTA]]
     out = [[LONG + 100 * (DELTA - depth) / DELTA, depth] for depth in depths[1:]]
     rows = solve(
-        sticky(material=WET, loading={"history": [*after, *out], "times": [0, *(t for t, _ in [*after[2:], *out])]})
+        sticky(
+            material=WET,
+            loading={
+                "history": [*after, *out],
+                "times": [0, *(t for t, _ in [*after[2:], *out])],
+                "per_doubling": 2,  # what is compared has drained
+            },
+        )
     )
     elastic = solve(sticky(loading={"deltas": depths}))
     (stiff,) = solve(sticky(material=ELASTIC | {"E": 1.25, "nu": 0.5}, loading={"delta": DELTA, "steps": 1}))
@@ -579,7 +586,7 @@ def test_a_tip_that_adheres_comes_off_a_body_that_drains() -> None:
 
 def test_a_tip_that_adheres_is_let_go_of_at_no_force() -> None:
     """It sinks to the depth at which the drained body pulls as much as it pushes, and stays in contact."""
-    path = {"force_history": [[0, 0], [1, 4e-3], [2, 0], [50, 0]], "times": [0, 1, 2, 50]}
+    path = {"force_history": [[0, 0], [1, 4e-3], [2, 0], [50, 0]], "times": [0, 1, 2, 50], "per_doubling": 2}
     rows, elastic = solve(sticky(material=WET, loading=path)), solve(sticky(loading={"forces": [4e-3, 0]}))
     assert [row.force for row in rows] == pytest.approx([0.0, 4e-3, 0.0, 0.0], abs=1e-10)
     assert rows[-1].delta == pytest.approx(elastic[-1].delta, rel=1e-4)  # what is left of the pressure
@@ -662,23 +669,26 @@ def test_a_force_of_rubber_never_rises_in_a_hold() -> None:
     assert np.diff([row.force for row in found]).max() < 3e-6 * found[0].force
 
 
-def test_fluid_and_chains_together() -> None:
-    """Both at once, four steps of each length against sixteen: measured 2.7e-4; drained and relaxed at last."""
+@pytest.mark.parametrize("many", [8, pytest.param(16, marks=VERIFY)])
+def test_fluid_and_chains_together(many: int) -> None:
+    """Both at once, four steps of each length against sixteen, or eight: measured 2.7e-4; drained and relaxed at
+    last."""
     law = WET | {"relaxation": {"prony": [[0.4, 0.01], [0.2, 0.1]], "of": "shear"}}
     found = {}
-    for per_doubling in (4, 16):
+    for per_doubling in (4, many):
         loading = {
             "history": [[0, DELTA], [300, DELTA]],
             "times": [0.001, 0.01, 0.1, 300],
             "per_doubling": per_doubling,
         }
         found[per_doubling] = np.array([row.force for row in solve(layer(RADIUS / 4, material=law, loading=loading))])
-    assert np.abs(found[4] / found[16] - 1).max() < 8e-4
+    assert np.abs(found[4] / found[many] - 1).max() < 8e-4
     G, K = 0.4 / 2.4, 1 / 1.8  # of E = 1, nu = 0.2: what is left of the shear, and the drained bulk modulus
     (last,) = solve(layer(RADIUS / 4, nu=(3 * K - 2 * G) / (2 * (3 * K + G)), loading={"delta": DELTA, "steps": 1}))
     assert found[4][-1] == pytest.approx(last.force * 9 * K * G / (3 * K + G), rel=2e-3)
 
 
+@VERIFY
 def test_a_growing_force_is_that_of_the_depths_that_it_leads_to() -> None:
     """There and back: the depths of the forces, prescribed at the same times, need these forces. Where a depth is given
     the tip seals what it touches without a search; two sets may exclude each other, an element of six: measured 8e-3

@@ -10,7 +10,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import gmsh
 import numpy as np
 import pytest
 
@@ -160,6 +159,8 @@ def file_scenes(plane: int, solid: int, seed: int = 13) -> list[dict[str, Any]]:
 
 def write_part(path: Path, kinematics: str, width: float, sizes: tuple[float, float, float]) -> None:
     """The section or block, meshed by gmsh with sizes that grow from the first to the second by the third."""
+    import gmsh  # which takes a second to load, for tests that seldom run
+
     dim, (near, far, growth) = 3 if kinematics == "3d" else 2, sizes
     gmsh.initialize([], False)
     try:

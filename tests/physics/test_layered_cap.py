@@ -107,8 +107,8 @@ def test_force_and_contact_radius_of_automatic_sizes(body: Round, tmp_path: Path
 
 
 NUCLEI = [
-    ((0.6, 0.3), 20.0, "fixed"),
-    ((0.3, 0.6), 20.0, "roller"),
+    pytest.param((0.6, 0.3), 20.0, "fixed", marks=pytest.mark.verify),
+    pytest.param((0.3, 0.6), 20.0, "roller", marks=pytest.mark.verify),
     ((0.6, 0.35), 0.1, "roller"),
     ((0.35, 0.6), 5.0, "fixed"),
 ]

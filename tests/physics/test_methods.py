@@ -43,16 +43,17 @@ def extrapolated(soft: list[State], stiff: list[State]) -> np.ndarray:
 # ---- one answer -----------------------------------------------------------------------------------------------
 
 
-def test_methods_agree_on_the_cylinder() -> None:
+@pytest.mark.parametrize(("h", "tolerance"), [(0.004, 1.5e-3), pytest.param(0.002, 5e-4, marks=pytest.mark.verify)])
+def test_methods_agree_on_the_cylinder(h: float, tolerance: float) -> None:
     """0.05 % between the extremes of all five, and from the converged forces, at every step (0.012 and 0.021 % found).
-    With h_contact = 0.002 sixteen elements are in the first contact radius; with thirteen it is 0.046 % there."""
-    h = 0.002
+    With h_contact = 0.002 sixteen elements are in the first contact radius; with thirteen it is 0.046 % there; with
+    eight 0.15 %, as in `test_hertz_at_every_step`."""
     assert scene(CYLINDER, mesh={"h_contact": h}).plan.prediction["dofs"] < 6000
     curves = [np.array([state.force for state in hertz(name, h)]) for name in METHODS]
     curves.append(extrapolated(hertz("penalty", h, 50.0), hertz("penalty", h, 100.0)))
     errors = np.array(curves) / FORCES - 1
-    assert np.ptp(errors, axis=0).max() < 5e-4
-    assert np.abs(errors).max() < 5e-4
+    assert np.ptp(errors, axis=0).max() < tolerance
+    assert np.abs(errors).max() < tolerance
 
 
 @cache
@@ -253,11 +254,14 @@ def test_ten_steps_in_fifty_iterations(name: str, solver: str) -> None:
     assert solve(scene(CYLINDER, **base))[-1].force == pytest.approx(states[-1].force, rel=1e-8)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_a_step_takes_no_more_iterations_on_a_finer_mesh(solver: str) -> None:
-    """Beyond the second step, from ten elements in the last radius to forty: two each, where an edge two thirds of its
-    way off took a step one more iteration with each halving."""
-    for h in (0.01, 0.0025):
+@pytest.mark.parametrize(
+    ("solver", "finest"),
+    [("condensed", 0.0025), ("newton", 0.005), pytest.param("newton", 0.0025, marks=pytest.mark.verify)],
+)
+def test_a_step_takes_no_more_iterations_on_a_finer_mesh(solver: str, finest: float) -> None:
+    """Beyond the second step, from ten elements in the last radius to forty, or twenty: two each, where an edge two
+    thirds of its way off took a step one more iteration with each halving."""
+    for h in (0.01, finest):
         states = solve(scene(CYLINDER, loading=TEN_STEPS, solver={"method": solver}, mesh={"h_contact": h}))
         assert sum(state.newton_iterations for state in states[2:]) <= 2.5 * len(states[2:])
 
@@ -305,7 +309,9 @@ def test_pressures_along_the_axes_of_the_cube_do_not_oscillate(name: str, h: flo
         assert rise(distance[on_axis], surface.pressure[on_axis]) < 0.01
 
 
-@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.verify] * (name in ("uzawa", "nitsche"))) for name in METHODS]
+)
 def test_contact_radius_grows_without_stairs(name: str) -> None:
     """In eighty small steps the edge crosses two elements, a thirty-fourth of one at a time. A radius read off at
     nodes would stand still for a dozen steps and then jump by half an element; this one is never off by more than a

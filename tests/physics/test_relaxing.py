@@ -225,7 +225,7 @@ def test_bar_at_finite_strain() -> None:
 # ---- indentation ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["rubber", "ogden"])
+@pytest.mark.parametrize("name", ["rubber", pytest.param("ogden", marks=pytest.mark.verify)])
 def test_a_sudden_deep_step_into_rubber_is_held(name: str) -> None:
     """At nu = 0.5 nothing moves in the hold, whatever the law: F(t)/F(0) is that of one stress. Measured 3e-5:
     elements at the edge of contact open a little."""
@@ -390,7 +390,9 @@ def of_scene(law: dict[str, Any], of: str, **sections: Any) -> list[State]:
     return list(chain.states(scene(LAYER, **given | sections), with_surface=False))
 
 
-@pytest.mark.parametrize("law", [PRONY, POWER], ids=["prony", "power law"])
+@pytest.mark.parametrize(
+    "law", [pytest.param(PRONY, id="prony"), pytest.param(POWER, id="power law", marks=pytest.mark.verify)]
+)
 def test_an_incompressible_scene_is_that_of_its_elastic_curve(law: dict[str, Any]) -> None:
     """There is no bulk modulus that could stay: Lee & Radok, and Ting on the way back. The curve is smooth where the
     mesh's contact grows by elements, ten of them: measured 7e-4 of the largest force."""
@@ -411,7 +413,7 @@ def test_a_body_that_shrinks_in_bulk_keeps_more_of_its_force() -> None:
     assert 1.1 * last["all"] < last["shear"] < first
 
 
-@pytest.mark.parametrize("control", ["history", "force_history"])
+@pytest.mark.parametrize("control", ["history", pytest.param("force_history", marks=pytest.mark.verify)])
 def test_a_stopped_history_of_rubber_goes_on(control: str) -> None:
     """From its checkpoint in mid-hold, friction and layers with it: the rows are those of the whole walk."""
     rubber = {"model": "mooney_rivlin", "C10": 0.15, "C01": 0.05, "nu": 0.45, "relaxation": PRONY | {"of": "shear"}}

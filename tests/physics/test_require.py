@@ -334,7 +334,7 @@ def test_the_instrument() -> None:
             "paraboloid",
             marks=pytest.mark.verify,
         ),
-        (
+        pytest.param(
             CYLINDER
             | {
                 "material": ELASTIC | {"model": "neo_hookean"},
@@ -345,6 +345,7 @@ def test_the_instrument() -> None:
             "layer",
             "linear_elastic",
             "paraboloid",
+            marks=pytest.mark.verify,
         ),
     ],
 )
@@ -358,9 +359,10 @@ def test_the_cheapest_model(scene: dict[str, Any], shape: str, model: str, tip: 
     if scene["body"]["shape"] == "box":  # whose walls are far: the row says so, and a mesh of it is not made here
         assert effects["side_walls"].size < 0.5
         whole["body"] = {"shape": "layer", "height": 1.0}
-    assert force(config) == pytest.approx(force(whole), rel=0.0105)
+    share = force(config) / force(whole)
+    assert share == pytest.approx(1.0, rel=0.0105)
     if found.percent is not None:  # 0.3 % of each mesh
-        assert 100 * (force(config) / force(whole) - 1) == pytest.approx(found.percent, abs=0.6)
+        assert 100 * (share - 1) == pytest.approx(found.percent, abs=0.6)
 
 
 @pytest.mark.verify

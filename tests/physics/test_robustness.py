@@ -26,7 +26,7 @@ TIGHT = {"uzawa": 1e-6}  # its multiplier stops at 1e-8 of itself from either si
 
 
 def walk(
-    name: str, solver: str, deltas: list[float], body: dict[str, Any] = CYLINDER, h: float = 0.01, **sections: Any
+    name: str, solver: str, deltas: list[float], body: dict[str, Any] = CYLINDER, h: float = 0.02, **sections: Any
 ) -> list[State]:
     """The states of a path."""
     return solve(
@@ -99,7 +99,7 @@ def test_two_elements_in_the_contact(name: str, solver: str) -> None:
         assert state.force == pytest.approx(expected, rel=0.03)
 
 
-SIDEWAYS = {"plane_strain": (STRIP, [1.2345], 0.02, [0.005, 0.01]), "box": (BOX, [1.2345, 0.8], 0.15, [0.03, 0.06])}
+SIDEWAYS = {"plane_strain": (STRIP, [1.2345], 0.02, [0.005, 0.01]), "box": (BOX, [1.2345, 0.8], 0.2, [0.03, 0.06])}
 LONGER = ("uzawa", "penalty", "active_set")  # in three dimensions in `make verify`
 
 

@@ -18,11 +18,18 @@ from mpi4py import MPI
 
 from indent_sim.config.scene_file import load
 from indent_sim.run.chain import simulate
-from indent_sim.scene.scene import resolve
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 EXPECTED = json.loads(Path(__file__).with_name("expected.json").read_text())["scenes"]
 SCENES = sorted(str(path.relative_to(CONFIGS)) for path in CONFIGS.rglob("*.yaml") if "studies" not in path.parts)
+BY_THEORY = (
+    "coating.yaml",
+    "half_space.yaml",
+    "relaxing_gel.yaml",
+    "sticky_gel.yaml",
+    "tense_gel.yaml",
+    "wide_layer.yaml",
+)
 
 
 @dataclass(frozen=True)
@@ -43,10 +50,17 @@ COARSER = {
     "notes/linear_augmented_lagrangian.yaml": NOTES,
     "notes/linear_penalty.yaml": NOTES,
     "notes/linear_penalty_stick.yaml": NOTES,
-    "notes/hyperelastic_augmented_lagrangian.yaml": NOTES,
     # frictionless: the path does not matter
-    "nucleus.yaml": Run(("loading.steps=2",)),
-    "cell_with_cortex.yaml": Run(("loading.steps=2",)),
+    "notes/hyperelastic_augmented_lagrangian.yaml": Run(("mesh.h_contact=0.06", "loading.steps=1"), last=0.01),
+    "nucleus.yaml": Run(("loading.steps=1",)),
+    # the nucleus and what lies far away, which move little, by elements of three quarters and twice the size
+    "cell_with_cortex.yaml": Run(
+        ("mesh.h_contact=0.1", "mesh.h_far=2.0", "mesh.h_inclusions=[0.6]", "loading.steps=1"),
+    ),
+    # five elements in the contact radius instead of eight, which the edge of a box asks for
+    "off_axis.yaml": Run(("mesh.h_contact=0.05", "loading.steps=1")),
+    # an element as long as the attraction reaches, and a path that snaps in, is pushed, is pulled and comes off
+    "sticky_sphere.yaml": Run(("mesh.h_contact=0.16", "loading.deltas=[-0.2, 0.25, -0.25, -0.5]")),
     # a cone's contact grows with the depth, not with its root: a single element at the first of ten steps
     "rubber_block.yaml": Run(any=0.02),
     # the pressure is singular at the punch's edge, and what is asked for there is 1 %
@@ -73,17 +87,20 @@ def deviations(name: str, directory: Path, *overrides: str) -> np.ndarray:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_scene_gives_its_force(name: str, tmp_path: Path) -> None:
+    """Theory's to the 1e-8 that it states of itself."""
     assert name in EXPECTED, f"no expected force: scripts/make_references configs/{name}"
     settings = COARSER.get(name, Run())
     found = deviations(name, tmp_path / "result", *settings.overrides)
-    assert abs(found[-1]) <= settings.last
-    assert np.abs(found).max() <= settings.any
+    by_theory = json.loads((tmp_path / "result" / "run.json").read_text())["method"] == "theory"
+    if "overrides" not in EXPECTED[name]:  # an elastic curve may be theory's where the scene in time is not
+        assert by_theory == (name in BY_THEORY)
+    assert abs(found[-1]) <= (1e-8 if by_theory else settings.last)
+    assert np.abs(found).max() <= (1e-8 if by_theory else settings.any)
 
 
-@pytest.mark.parametrize("name", [name for name in SCENES if not resolve(load(CONFIGS / name)).is_meshed])
+@pytest.mark.parametrize("name", BY_THEORY)
 def test_a_mesh_gives_the_force_of_theory(name: str, tmp_path: Path) -> None:
     """What theory solves is expected from theory: a mesh is the independent answer, with `auto`'s 0.3 %."""
-    assert np.abs(deviations(name, tmp_path / "theory")).max() <= 1e-8  # which theory states of itself
     found = deviations(name, tmp_path / "mesh", "solver.method=condensed")
     assert abs(found[-1]) <= Run().last and np.abs(found).max() <= Run().any
 

@@ -260,17 +260,17 @@ def test_surface_is_continuous_and_below_the_tip(Theory, name, wall):
 def test_far_walls_and_sums_over_many_modes(monkeypatch):
     stack, tip = stack_of([(0.02, 30, 0.3), (1, 1, 0.45)]), profiles.paraboloid(1.0)
     for Theory in (Layer, Strip):
-        infinite, far = (Theory.on(tip, stack, wall).curve([0.05])[0] for wall in (None, 150.0))
+        infinite, far = (Theory.on(tip, stack, wall).curve([0.05])[0] for wall in (None, 50.0))
         # bonded to a rigid base, what the wall returns has decayed by exp(-pi W/H) and better
         assert far.force == pytest.approx(infinite.force, rel=1e-11)
         assert far.u_z(np.array([0.1, 3.0])) == pytest.approx(infinite.u_z(np.array([0.1, 3.0])), abs=1e-12)
         assert Theory.on(tip, stack, 1e9).curve([0.05])[0].force == infinite.force
-    with monkeypatch.context() as every_mode:  # 52 500 of them, one by one
+    with monkeypatch.context() as every_mode:  # 17 500 of them, one by one
         every_mode.setattr(hankel, "SINGLE_MODES", 10**9)
         hankel._cylinder_kernel.cache_clear()
-        direct = Layer.on(tip, stack, 150.0).curve([0.05])[0].force
+        direct = Layer.on(tip, stack, 50.0).curve([0.05])[0].force
     hankel._cylinder_kernel.cache_clear()
-    assert Layer.on(tip, stack, 150.0).curve([0.05])[0].force == pytest.approx(direct, rel=1e-12)
+    assert Layer.on(tip, stack, 50.0).curve([0.05])[0].force == pytest.approx(direct, rel=1e-12)
 
 
 def test_rule_for_sums_is_exact_for_polynomials():
@@ -331,7 +331,9 @@ def test_stacked_strip_conserves():
 
 
 CONTRASTS = (1e-3, 1e-2, 30.0, 1e3)
-SIZES = [(size, contrast) for size in (0.05, 1.0, 10.0) for contrast in CONTRASTS] + [(50.0, 1e-3)]
+SIZES = [(size, contrast) for size in (0.05, 1.0, 10.0) for contrast in CONTRASTS] + [
+    pytest.param(50.0, 1e-3, marks=pytest.mark.verify)
+]
 
 
 @pytest.mark.parametrize(("size", "contrast"), SIZES)
