@@ -113,6 +113,8 @@ class LayerContact(ABC):
 
         Those of many depths are interpolated where that is exact to rounding, else each is sought from its neighbour's.
         """
+        for delta in deltas:
+            check_contact(delta, self.tip.edge, self.h, self.wall * self.h)
         depths = sorted({delta for delta in deltas if delta > 0.0})
         sampled = self._sampled(depths[0], depths[-1], len(depths)) if depths else None
         if sampled is None:
@@ -123,8 +125,9 @@ class LayerContact(ABC):
     def under(self, forces: Sequence[float]) -> list[Solution]:
         """One Solution per force [F], none for a force <= 0; otherwise as `curve`."""
         pushes = sorted({force for force in forces if force > 0.0})
-        ends = [self.depth(force) for force in pushes[:: max(len(pushes) - 1, 1)]]
-        sampled = self._sampled(ends[0], ends[-1], len(pushes)) if pushes else None
+        sampled = None
+        if len(pushes) >= FEWEST_SAMPLED:
+            sampled = self._sampled(self.depth(pushes[0]), self.depth(pushes[-1]), len(pushes))
         found = sampled.under(pushes) if sampled else self._one_by_one([self.depth(force) for force in pushes])
         known = dict(zip(pushes, found, strict=True))
         return [known.get(force) or no_contact(0.0) for force in forces]
@@ -141,7 +144,6 @@ class LayerContact(ABC):
         solutions: list[Solution] = []
         known: list[tuple[float, float]] = []
         for delta in deltas:
-            check_contact(delta, self.tip.edge, self.h, self.wall * self.h)
             if delta <= 0.0:
                 solutions.append(no_contact(delta))
             elif self.tip.edge is not None:

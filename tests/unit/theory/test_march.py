@@ -104,3 +104,10 @@ def test_no_contact_at_no_depth_among_many():
     contact, deepest = SMOOTH["a cone"]
     found = contact.curve([-0.1 * deepest, 0.0, *np.linspace(0.1, 1.0, 20) * deepest])
     assert [one.force for one in found[:2]] == [0.0, 0.0] and found[2].force > 0.0
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+def test_a_depth_that_is_no_number_is_refused_among_many(wrong):
+    contact, deepest = SMOOTH["a cone"]
+    with pytest.raises(ValueError, match="finite"):
+        contact.curve([*np.linspace(0.1, 1.0, 20) * deepest, wrong])
