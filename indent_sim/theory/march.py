@@ -30,13 +30,13 @@ from indent_sim.theory.stack import Stack
 SIGN_RINGS = 40  # of a contact, in which the sign of the pressure is looked at
 TENSION = 1e-6  # of the force: less is a lost digit
 # Depths from which on a few sizes may tell all of them, and most sizes for each: a search of one takes four or five
-FEWEST_SAMPLED, PER_DEPTH = 8, 1.9
+FEWEST_DEPTHS, SIZES_PER_DEPTH = 8, 1.9
 COUNTS = (8, 15, 29, 57, 113)  # sizes, those of each among those of the next
-ROUNDING, LAST = 2e-13, 2  # relative size of that many last coefficients once a polynomial has converged
+CONVERGED, LAST = 2e-13, 2  # relative size of that many last coefficients once a polynomial has converged
 DOUBT = 2.0  # sizes by which what a few foretell may be too many
-STILL, LEAST_MOVED, ROUNDS = 1e-14, 1e-10, 30  # relative steps: at the end of a search, and of a secant; most rounds
+SAME_SIZE, LEAST_MOVED, ROUNDS = 1e-14, 1e-10, 30  # relative steps: the last of a search, the least of a secant; rounds
 FEW_PLACES, PLACES_PER_A = 21, 8.0  # in a contact, where its largest pressure is looked for: it changes within h
-DEPTH, FORCE = 0, 1  # columns of what belongs to a contact
+OF_DEPTH, OF_FORCE = 0, 1  # columns of what belongs to a contact
 Sizes = TypeVar("Sizes", float, np.ndarray)
 
 
@@ -126,7 +126,7 @@ class LayerContact(ABC):
         """One Solution per force [F], none for a force <= 0; otherwise as `curve`."""
         pushes = sorted({force for force in forces if force > 0.0})
         sampled = None
-        if len(pushes) >= FEWEST_SAMPLED:
+        if len(pushes) >= FEWEST_DEPTHS:
             sampled = self._sampled(self.depth(pushes[0]), self.depth(pushes[-1]), len(pushes))
         found = sampled.under(pushes) if sampled else self._one_by_one([self.depth(force) for force in pushes])
         known = dict(zip(pushes, found, strict=True))
@@ -135,10 +135,10 @@ class LayerContact(ABC):
     def _sampled(self, first: float, last: float, count: int) -> SampledContacts | None:
         """The contacts between two depths, from which so many are wanted; None where they are few, or no polynomial
         meets them."""
-        if count < FEWEST_SAMPLED or self.tip.edge is not None or self.tip.breaks:
+        if count < FEWEST_DEPTHS or self.tip.edge is not None or self.tip.breaks:
             return None
         small, large = (one.a / self.h for one in self._one_by_one([first, last]))
-        return SampledContacts.between(self, small, large, int(PER_DEPTH * count)) if small < large else None
+        return SampledContacts.between(self, small, large, int(SIZES_PER_DEPTH * count)) if small < large else None
 
     def _one_by_one(self, deltas: Sequence[float]) -> list[Solution]:
         solutions: list[Solution] = []
@@ -206,19 +206,19 @@ class SampledContacts:
             known |= {x: contact.touching(contact.size_at(x)) for x in sizes if x not in known}
             found = cls(contact, np.array([contact.size_at(x) for x in sizes]), [known[x] for x in sizes])
             left = _left(found._reduced)
-            if left <= ROUNDING:
+            if left <= CONVERGED:
                 return found
-            needed = LAST + (count - LAST) * math.log(ROUNDING) / math.log(left) if left < 1.0 else math.inf
+            needed = LAST + (count - LAST) * math.log(CONVERGED) / math.log(left) if left < 1.0 else math.inf
         return None
 
     def at(self, deltas: Sequence[float]) -> list[Solution]:
         """The contacts at depths [L] between those of the two sizes."""
-        return self._contacts(self._sizes(deltas, DEPTH), deltas)
+        return self._contacts(self._sizes(deltas, OF_DEPTH), deltas)
 
     def under(self, forces: Sequence[float]) -> list[Solution]:
         """The contacts under forces [F] between those of the two sizes."""
-        a = self._sizes(forces, FORCE)
-        return self._contacts(a, self._values(a)[DEPTH].tolist())
+        a = self._sizes(forces, OF_FORCE)
+        return self._contacts(a, self._values(a)[OF_DEPTH].tolist())
 
     def _contacts(self, a: np.ndarray, deltas: Sequence[float]) -> list[Solution]:
         contact, peaks, found = self.contact, _Peaks(self, a), []
@@ -264,7 +264,7 @@ class SampledContacts:
                 tells = np.abs(moved) > LEAST_MOVED
                 exponent = np.where(tells, changed / np.where(tells, moved, 1.0), exponent)
             before, x = (x, off), x - off / exponent
-            if np.abs(x - before[0]).max() <= STILL:
+            if np.abs(x - before[0]).max() <= SAME_SIZE:
                 break
         return np.clip(np.exp(x), *ends)
 
@@ -291,7 +291,7 @@ class _Peaks:
         if np.isnan(found).all():
             return np.full(self._a.size, math.nan)
         unit = [contact.E_star * contact.profile(a) / a for a in (sampled.sizes, self._a)]
-        if not np.isfinite(found).all() or _left(found / unit[0]) > ROUNDING:
+        if not np.isfinite(found).all() or _left(found / unit[0]) > CONVERGED:
             return None
         return np.asarray(sampled.polynomials(found / unit[0], self._a)[0] * unit[1])
 

@@ -33,7 +33,7 @@ from indent_sim.scene.scene import Scene
 
 NOTHING = 1e-20  # of the nodal forces of the states before: less is none, as under a punch back where it began
 MOST_CONTACT_ITERATIONS = 100
-DENSE = 128  # unknowns of a Newton step up to which its matrix is full
+MOST_FULL = 128  # unknowns of a Newton step up to which its matrix is full
 
 
 class CondensedContact:
@@ -215,7 +215,7 @@ class CondensedContact:
         j = place[block[None, :, None, None, None] + at[:, None, :]]
         i, j = (index.ravel() for index in np.broadcast_arrays(i, j))
         kept, n = (i >= 0) & (j >= 0), len(rows)
-        if n <= DENSE:  # scipy's checks of a sparse matrix cost more than its products save
+        if n <= MOST_FULL:  # scipy's checks of a sparse matrix cost more than its products save
             A: Any = np.bincount(i[kept] * n + j[kept], local.ravel()[kept], n * n).reshape(n, n)
         else:
             A = csr_matrix((local.ravel()[kept], (i[kept], j[kept])), shape=(n, n))  # a node has few neighbours

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 # Over the font size, of DejaVu Sans: widths of a digit and of what is narrower or wider, and the height of a line
-DIGIT, OTHERS, LINE = 0.64, {".": 0.32, "\N{MINUS SIGN}": 0.84, "\N{MULTIPLICATION SIGN}": 0.84}, 1.2
+DIGIT_WIDTH, OTHER_WIDTHS, LINE_HEIGHT = 0.64, {".": 0.32, "\N{MINUS SIGN}": 0.84, "\N{MULTIPLICATION SIGN}": 0.84}, 1.2
 TICK, BEFORE_NAME, BELOW_TITLE = 7.0, 4.0, 6.0  # points: from an axis to its numbers, to its name, and to a title
 APART = 0.6  # font sizes between two numbers along an axis
 MOST_BINS = 9  # of an axis
-EDGE, BESIDE = 0.06, 0.15  # inches: around a figure, and to the right of a panel
-GUESS, LEAST, POINT = 0.6, 0.2, 1 / 72  # inches: around a panel without numbers yet, of a panel at least; a point
+EDGE, RIGHT_OF_IT = 0.06, 0.15  # inches: around a figure, and to the right of a panel
+GUESS, LEAST_PANEL, POINT = 0.6, 0.2, 1 / 72  # inches: around a panel without numbers yet, of a panel at least; a point
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def _edges(
     ends = np.cumsum(ratios) / sum(ratios) * room
     begins = [0.0, *ends[:-1]]
     return [
-        (float(begin + ahead), float(max(end - behind, begin + ahead + LEAST)))
+        (float(begin + ahead), float(max(end - behind, begin + ahead + LEAST_PANEL)))
         for begin, end, ahead, behind in zip(begins, ends, before, after, strict=True)
     ]
 
@@ -111,18 +111,19 @@ def _with_numbers(axes: Any) -> _Around:
     """What stands around a panel once its axes have their numbers."""
     wide, high = axes.get_position().size * axes.figure.get_size_inches()
     along = _numbered(axes.xaxis, lambda text, size: _width(text, size) + APART * size * POINT, wide)
-    upward = _numbered(axes.yaxis, lambda _, size: LINE * size * POINT, high)
+    upward = _numbered(axes.yaxis, lambda _, size: LINE_HEIGHT * size * POINT, high)
     size = _size(axes.xaxis)
     left = TICK * POINT + max((_width(text, _size(axes.yaxis)) for text in upward), default=0.0)
-    below = (TICK + LINE * size) * POINT
+    below = (TICK + LINE_HEIGHT * size) * POINT
     titles = [axes.get_title(loc=side) for side in ("left", "center", "right")]
     lines = max(text.count("\n") + 1 if text else 0 for text in titles) + bool(axes.yaxis.offsetText.get_text())
-    name = BEFORE_NAME * POINT
+    name, line = BEFORE_NAME * POINT, LINE_HEIGHT * size * POINT
+    power = line if axes.xaxis.offsetText.get_text() else 0.0
     return _Around(
         left + name + _lines(axes.yaxis.label),
-        max(BESIDE, 0.5 * max((_width(text, size) for text in along), default=0.0)),
-        below + name + max(_lines(axes.xaxis.label), LINE * size * POINT * bool(axes.xaxis.offsetText.get_text())),
-        (BELOW_TITLE + LINE * size * lines) * POINT if lines else 0.5 * size * POINT,
+        max(RIGHT_OF_IT, 0.5 * max((_width(text, size) for text in along), default=0.0)),
+        below + name + max(_lines(axes.xaxis.label), power),
+        BELOW_TITLE * POINT + lines * line if lines else 0.5 * size * POINT,
     )
 
 
@@ -152,7 +153,7 @@ def _put_names(axes: Any, around: _Around) -> None:
     """The names of both axes beside their numbers: matplotlib would measure these again to find their places."""
     wide, high = axes.get_position().size * axes.figure.get_size_inches()
     axes.yaxis.set_label_coords(-(around.left - _lines(axes.yaxis.label)) / wide, 0.5)
-    axes.xaxis.set_label_coords(0.5, -((TICK + LINE * _size(axes.xaxis) + BEFORE_NAME) * POINT) / high)
+    axes.xaxis.set_label_coords(0.5, -((TICK + LINE_HEIGHT * _size(axes.xaxis) + BEFORE_NAME) * POINT) / high)
 
 
 def _size(along: Any) -> float:
@@ -163,9 +164,9 @@ def _size(along: Any) -> float:
 def _lines(text: Any) -> float:
     """The height of the lines of a text [inches]."""
     said = text.get_text()
-    return LINE * text.get_fontsize() * POINT * (said.count("\n") + 1) if said else 0.0
+    return LINE_HEIGHT * text.get_fontsize() * POINT * (said.count("\n") + 1) if said else 0.0
 
 
 def _width(text: str, size: float) -> float:
     """The width of a number [inches] in a font size [points]."""
-    return sum(OTHERS.get(letter, DIGIT) for letter in text) * size * POINT
+    return sum(OTHER_WIDTHS.get(letter, DIGIT_WIDTH) for letter in text) * size * POINT
