@@ -17,7 +17,10 @@ def main() -> None:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is somebody to catch it: `Program.invoke`
     from indent_sim.cli.commands import main as run
 
-    run()
+    try:
+        run()
+    finally:
+        gc.freeze()  # the process ends: what it has need not be searched for circles once more
 
 
 if __name__ == "__main__":

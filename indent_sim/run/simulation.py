@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -303,10 +305,15 @@ def kernel_folder() -> Path:
 
 def backend() -> Any:
     """What solves: `fe.solver`; BackendError when a library is missing."""
+    is_new = "indent_sim.fe.solver" not in sys.modules
     try:
         with uninterrupted():  # a signal inside an import would look like a missing library
             load_dolfinx()
             from indent_sim.fe import solver
     except ImportError as missing:
         raise BackendError(f"{missing}; `indent-sim doctor` says what is missing") from missing
+    if (
+        is_new and not gc.isenabled()
+    ):  # a program of one run: libraries stay, and each run ends with a search for garbage
+        gc.freeze()
     return solver
