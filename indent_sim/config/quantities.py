@@ -107,8 +107,10 @@ class Conversion:
         if isinstance(spot.value, list):
             units = chain(unit.units, repeat(None)) if isinstance(unit, UnitRow) else repeat(unit)
             return [self.changed(part, of) for part, of in zip(spot.parts(), units, strict=False)]
+        if not isinstance(spot.value, str):
+            return spot.value
         kinds = {key_types.core(part) for part in key_types.members(spot.type)}
-        if not isinstance(spot.value, str) or not kinds & {float, int}:
+        if not kinds & {float, int}:
             return spot.value
         unit = unit.units[-1] if isinstance(unit, UnitRow) else unit  # a number instead of rows
         try:

@@ -763,10 +763,12 @@ class Spot:
             return Spot(path, hints(Config)["center"], None, value)
         if kind is not None and part in field_names(kind):
             return Spot(path, hints(kind)[str(part)], default_of(kind, str(part)), value)
+        if kind is not None:
+            return Spot(path, None, None, value)
         kinds = [core(part) for part in members(self.type)]
         bare = next((found for found in kinds if get_origin(found) in (tuple, dict)), core(self.type))  # or a word
         item = {tuple: lambda: get_args(bare)[0], dict: lambda: get_args(bare)[1]}.get(get_origin(bare))
-        return Spot(path, item() if item and kind is None else None, None, value)
+        return Spot(path, item() if item else None, None, value)
 
     def parts(self) -> Iterator[Spot]:
         """The places of what stands inside this one."""
