@@ -33,6 +33,7 @@ TENSION = 1e-6  # of the force: less is a lost digit
 FEWEST_DEPTHS, SIZES_PER_DEPTH = 8, 1.9
 COUNTS = (8, 15, 29, 57, 113)  # sizes, those of each among those of the next
 CONVERGED, LAST = 2e-13, 2  # relative size of that many last coefficients once a polynomial has converged
+MISSED = 1e-11  # relative, of a depth or force that a search has not found
 DOUBT = 2.0  # sizes by which what a few foretell may be too many
 SAME_SIZE, LEAST_MOVED, ROUNDS = 1e-14, 1e-10, 30  # relative steps: the last of a search, the least of a secant; rounds
 FEW_PLACES, PLACES_PER_A = 21, 8.0  # in a contact, where its largest pressure is looked for: it changes within h
@@ -266,7 +267,10 @@ class SampledContacts:
             before, x = (x, off), x - off / exponent
             if np.abs(x - before[0]).max() <= SAME_SIZE:
                 break
-        return np.clip(np.exp(x), *ends)
+        a = np.clip(np.exp(x), *ends)
+        if not np.allclose(self._values(a)[column], asked, rtol=MISSED, atol=0.0):
+            raise ArithmeticError("contact sizes were not found for all depths or forces at once")
+        return a
 
 
 class _Peaks:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from indent_sim.theory import profiles
+from indent_sim.theory import march, profiles
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.march import LayerContact, SampledContacts
 from indent_sim.theory.solution import Solution
@@ -111,3 +111,11 @@ def test_a_depth_that_is_no_number_is_refused_among_many(wrong):
     contact, deepest = SMOOTH["a cone"]
     with pytest.raises(ValueError, match="finite"):
         contact.curve([*np.linspace(0.1, 1.0, 20) * deepest, wrong])
+
+
+def test_a_depth_that_is_not_found_is_an_error(monkeypatch):
+    """Nothing is returned for it: a theory whose depths are not found together is asked for each."""
+    contact, deepest = SMOOTH["a film much thinner than the contact"]
+    monkeypatch.setattr(march, "ROUNDS", 1)
+    with pytest.raises(ArithmeticError, match="not found"):
+        contact.curve(list(deepest * np.arange(1, 121) / 120))
