@@ -68,6 +68,8 @@ class _LayerPart:
     def __call__(self, r: np.ndarray, chord: np.ndarray) -> np.ndarray:
         s, w = gauss(0.0, 1.0, 24 + math.ceil(4.0 * self.a))
         t = np.hypot(r[:, None], chord[:, None] * s)
+        if len(r) == 1:  # no polynomial for one place
+            return -chord * (self.modes @ self.kernel.slope_over_x(t[0]) @ w)
         return -chord * (self._curvature(t) @ w)
 
     @cached_property

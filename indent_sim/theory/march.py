@@ -36,6 +36,7 @@ CONVERGED, LAST = 2e-13, 2  # relative size of that many last coefficients once 
 MISSED = 1e-11  # relative, of a depth or force that a search has not found
 DOUBT = 2.0  # sizes by which what a few foretell may be too many
 SAME_SIZE, LEAST_MOVED, ROUNDS = 1e-14, 1e-10, 30  # relative steps: the last of a search, the least of a secant; rounds
+LOOKED_AT = 7  # every so many sizes it is looked where the largest pressure is
 FEW_PLACES, PLACES_PER_A = 21, 8.0  # in a contact, where its largest pressure is looked for: it changes within h
 OF_DEPTH, OF_FORCE = 0, 1  # columns of what belongs to a contact
 Sizes = TypeVar("Sizes", float, np.ndarray)
@@ -221,6 +222,10 @@ class SampledContacts:
         a = self._sizes(forces, OF_FORCE)
         return self._contacts(a, self._values(a)[OF_DEPTH].tolist())
 
+    def at_size(self, a: float) -> Solution:
+        """The contact of a size [h], solved for."""
+        return self.contact.touching(float(a))
+
     def _contacts(self, a: np.ndarray, deltas: Sequence[float]) -> list[Solution]:
         contact, peaks, found = self.contact, _Peaks(self, a), []
         _, force, stiffness, energy = self._values(a).tolist()
@@ -274,25 +279,31 @@ class SampledContacts:
 
 
 class _Peaks:
-    """The largest pressures of contacts: a polynomial's where they are many and it has converged, else each sought."""
+    """The largest pressures of contacts, of all by a polynomial where one meets them, else each sought."""
 
     def __init__(self, sampled: SampledContacts, a: np.ndarray):
         self._sampled, self._a = sampled, a
 
     def of(self, i: int) -> float:
         """The largest pressure [F/L^2] of the i-th contact."""
-        if self._known is not None:
-            return float(self._known[i])
-        contact, a = self._sampled.contact, float(self._a[i])
-        return contact.touching(a).largest_pressure(min(COARSE, FEW_PLACES + math.ceil(PLACES_PER_A * a)))
+        return float(self._known[i]) if self._known is not None else self._sought(self._sampled.at_size(self._a[i]))
+
+    def _sought(self, solution: Solution) -> float:
+        places = FEW_PLACES + math.ceil(PLACES_PER_A * solution.a / self._sampled.contact.h)
+        return solution.largest_pressure(min(COARSE, places))
 
     @cached_property
     def _known(self) -> np.ndarray | None:
+        """Where some of the sizes have it in the middle it is there for all: sought for these, taken for the others."""
         sampled, contact = self._sampled, self._sampled.contact
-        if self._a.size < sampled.sizes.size:
+        middle = [float(one.pressure(np.zeros(1))[0]) for one in sampled.solutions]
+        if all(self._sought(one) == p for one, p in list(zip(sampled.solutions, middle, strict=True))[::LOOKED_AT]):
+            found = np.array([middle])
+        elif self._a.size < sampled.sizes.size:
             return None
-        found = np.array([[one.largest_pressure() for one in sampled.solutions]])
-        if np.isnan(found).all():
+        else:
+            found = np.array([[one.largest_pressure() for one in sampled.solutions]])
+        if not np.isfinite(found).any():
             return np.full(self._a.size, math.nan)
         unit = [contact.E_star * contact.profile(a) / a for a in (sampled.sizes, self._a)]
         if not np.isfinite(found).all() or _left(found / unit[0]) > CONVERGED:
