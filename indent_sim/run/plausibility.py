@@ -248,7 +248,7 @@ OF_ELASTIC_BODIES: Rules = (_pushes_from_afar, _falls, _touches_nothing, _energy
 
 def _is_first_touch(scene: Scene, state: State) -> bool:
     """Whether E* radius_at(depth) depth, of the order of the force, is next to none beside that of the whole path."""
-    depth, deepest = state.delta / scene.physics.scales.depth, max(scene.physics.deltas)
+    depth, deepest = state.delta / scene.physics.scales.depth, scene.physics.deepest
     if depth <= 0 or deepest <= depth:
         return depth <= 0
     radius_at = relative_tip(scene.physics.indenter, scene.physics.body).radius_at

@@ -98,6 +98,11 @@ class Physics:
     drainage: Drainage = field(default_factory=Drainage)  # of regions with a flow; times are the scene's own
     bath_ramp: float = 0.0  # in which its first bath comes [time]; 0: at once
 
+    @cached_property
+    def deepest(self) -> float:
+        """The largest depth of the path [length], which every row asks for."""
+        return max(self.deltas)
+
     @property
     def has_friction(self) -> bool:
         """Whether the tip drags on the surface."""

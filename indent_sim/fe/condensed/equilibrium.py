@@ -64,7 +64,7 @@ class CondensedEquilibrium(Equilibrium):
         self.contact = CondensedContact(compliance, self.scene, self._iterations)
         self.view = CondensedState(self.contact)
         beyond = ~np.isin(self.condenser.rows, compliance.places).all(axis=1)  # the candidates
-        self._beside = self.body.skin, self.body.trace.at(beyond)
+        self._beside = self.body.skin.and_also(self.body.trace.at(beyond))
 
     @property
     def depth(self) -> float:
@@ -194,7 +194,7 @@ class CondensedEquilibrium(Equilibrium):
         solution = self.condenser.beside(compliance, X)
         if solution is None:
             solution = self.observed.local_array()
-        numbers["intrusion"] = max(measure.intrusion(self._recovered, skin, solution) for skin in self._beside)
+        numbers["intrusion"] = measure.intrusion(self._recovered, self._beside, solution)
         return numbers | measure.contact(self.view)
 
     @property

@@ -125,6 +125,11 @@ class Trace:
         """Those of the facets that are chosen."""
         return Trace(self.nodes[chosen], self.X[chosen], self.dofs[chosen])
 
+    def and_also(self, other: Trace) -> Trace:
+        """These facets and others of the same body."""
+        pairs = ((self.nodes, other.nodes), (self.X, other.X), (self.dofs, other.dofs))
+        return Trace(*(np.concatenate(pair) for pair in pairs))
+
     @property
     def ripples(self) -> bool:
         """Whether a multiplier of these nodes has vertex functions without integral (see `from_midpoints`)."""

@@ -36,9 +36,9 @@ class TheoryWalk:
 
     def states(self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
         """One State per requested value after the first `done`; after one that theory does not reach no other."""
-        asked = path.values[done:]
-        known = on_root(self._comm, self._together, asked) or [None] * len(asked)
-        for step, (value, solution) in enumerate(zip(asked, known, strict=True), start=done + 1):
+        known = on_root(self._comm, self._together, path.values) or [None] * len(path.values)
+        rows = list(zip(path.values, known, strict=True))  # of the whole path: a row does not know where a run goes on
+        for step, (value, solution) in enumerate(rows[done:], start=done + 1):
             state = self._comm.bcast(on_root(self._comm, self._state, step, value, solution, wants_surface))
             yield state
             if not state.converged:
