@@ -771,7 +771,7 @@ def together(comm: Any) -> Iterator[None]:
         comm.Abort(explain(error) if comm.rank else code)
 
 
-def _simulate(settings: Config, comm: Any, directory: Path, told: Told, **how: bool) -> Outcome:
+def _simulate(settings: Config, comm: Any, directory: Path, told: Told, **how: Any) -> Outcome:
     from indent_sim.run.chain import simulate as simulate
 
     shown: AbstractContextManager[Any] = terminal.progress(tell) if comm.rank == 0 and told == "all" else nullcontext()

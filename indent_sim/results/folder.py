@@ -58,8 +58,7 @@ def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: boo
     parts: Iterable[str | bytes] = [content] if isinstance(content, str | bytes) else content
     temporary = _temporary(path)
     try:
-        temporary.unlink(missing_ok=True)  # of a write that was killed, or a link to somewhere else
-        with open(temporary, "xb") as file:
+        with open(_created(temporary), "wb") as file:
             for part in parts:
                 file.write(part.encode() if isinstance(part, str) else part)
             file.flush()
@@ -72,8 +71,26 @@ def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: boo
         raise
 
 
+def _created(path: Path) -> int:
+    """A new file opened for writing, in place of one of a write that was killed, or of a link to somewhere else."""
+    for _ in range(2):
+        with suppress(FileExistsError):
+            return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        path.unlink(missing_ok=True)
+    raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+
+
 def _temporary(path: Path) -> Path:
     return path.with_name(f".{path.name}.new")
+
+
+def sync(path: Path) -> None:
+    """Wait until the disk has a file."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def append_whole(path: Path, data: bytes, sync: bool = True, tail: bytes = b"") -> None:

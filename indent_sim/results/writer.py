@@ -61,7 +61,8 @@ class ResultFolder:
         self._resume, self._file = resume, "" if resume else file
         self._fields: FieldWriter | None = None
         self._deepest = (-math.inf, b"")  # depth, and lines of the surface table
-        self._synced, self._sync = -math.inf, True  # when last, and whether the next write waits for the disk
+        self._synced, self._sync = time.monotonic(), False  # when last, and whether the next write waits for the disk
+        self._begun: tuple[str, ...] = ()  # files that were written at the beginning, not waited for yet
         self._status: Report = {"status": "running", "exit_code": None, "reason": ""}
         self._started = _now()
 
@@ -78,16 +79,22 @@ class ResultFolder:
                 with self._writing():
                     if found is not None:
                         self._continue(found)
-                    else:
-                        write_atomically(self.path / CONFIG, self._config_yaml)
-                        if self._mesh:
-                            write_atomically(self.path / folder.MESH_FILE, self._mesh)
-                        write_atomically(self.path / TABLE, ",".join(self._columns) + "\n")
-                    self._save_report()
+                        self._save_report()
+                    else:  # run.json comes with the first row
+                        self._begin()
             except BaseException:
                 self._claim.drop()
                 raise
         return self
+
+    def _begin(self) -> None:
+        """Write what was given, and the head of the table."""
+        contents: dict[str, str | Iterable[str]] = {CONFIG: self._config_yaml}
+        contents |= {folder.MESH_FILE: self._mesh} if self._mesh else {}
+        contents[TABLE] = ",".join(self._columns) + "\n"
+        self._begun = tuple(contents)
+        for name, content in contents.items():
+            write_atomically(self.path / name, content, self._sync)
 
     def _continue(self, earlier: Earlier) -> None:
         self._claim.adopt()
@@ -114,6 +121,8 @@ class ResultFolder:
             if state.surface is not None:
                 self._write_surface(state, state.surface)
             append_whole(self.path / TABLE, tables.row(state, self._columns), self._sync)
+            if self._sync:
+                self._settle()
             self.rows += 1
             if self._sync or self.rows == 1:  # of thousands of quick steps it would cost more than they do
                 self._save_report()
@@ -186,10 +195,19 @@ class ResultFolder:
                 if self._status["status"] == "done":
                     (self.path / CHECKPOINT).unlink(missing_ok=True)
                 with self._writing() if error is None else suppress(OSError):
-                    self._save_report()
+                    try:
+                        self._settle(TABLE)
+                    finally:
+                        self._save_report()
                     self._publish()
             finally:
                 self._claim.release()
+
+    def _settle(self, *names: str) -> None:
+        """Wait until the disk has these files, and those that were written at the beginning."""
+        for name in (*self._begun, *names):
+            folder.sync(self.path / name)
+        self._begun = ()
 
     def _publish(self) -> None:
         if self._claim.published:

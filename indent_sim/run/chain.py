@@ -76,6 +76,7 @@ def simulate(
     config: Config,
     comm: Comm = None,
     *,
+    scene: Scene | None = None,
     directory: Path | None = None,
     progress: Progress | None = None,
     resume: bool = False,
@@ -84,8 +85,9 @@ def simulate(
 ) -> Outcome:
     """Simulate a config and write its result folder (collective over `comm` [this process alone], files by rank 0).
 
-    With `resume` the rows of an earlier run of the same config stay, and the others are computed. With `error_bars`,
-    or `accuracy` in the config, every row has its force_error; `accuracy` refines the mesh until it is small enough.
+    scene: what the config becomes, where that is known. With `resume` the rows of an earlier run of the same config
+    stay, and the others are computed. With `error_bars`, or `accuracy` in the config, every row has its force_error;
+    `accuracy` refines the mesh until it is small enough.
     Rows of another config file are not replaced, but with `overwrite`.
     Raises ConfigError, UsageError, MeshError, NotConverged, VerificationError, BackendError; what was computed
     before a failure is on disk.
@@ -93,7 +95,7 @@ def simulate(
     comm = comm if comm is not None else Alone()
     target = Path(directory or config.output.directory or "results/run")
     try:
-        outcome = Run(config, comm, target, progress, resume, error_bars, overwrite).outcome()
+        outcome = Run(config, scene, comm, target, progress, resume, error_bars, overwrite).outcome()
     except ConfigError as error:
         raise all_mistakes(error, config) from None
     if config.output.plot:
@@ -105,9 +107,18 @@ class Run:
     """One config simulated on one mesh, or on finer and finer ones, into the same folder."""
 
     def __init__(
-        self, config: Config, comm: Comm, target: Path, say: Progress | None, resume: bool, bars: bool, overwrite: bool
+        self,
+        config: Config,
+        scene: Scene | None,
+        comm: Comm,
+        target: Path,
+        say: Progress | None,
+        resume: bool,
+        bars: bool,
+        overwrite: bool,
     ):
         self.config, self.comm, self.target, self.progress = config, comm, target, say
+        self._scene = scene
         self._resume, self._overwrite, self._clock = resume, overwrite, Clock()
         self._before = comm.bcast(on_root(comm, begun_report, target)) if resume else {}
         before = asked_in(self._before)
@@ -129,6 +140,8 @@ class Run:
 
     def _resolved(self, elements: float | None) -> Scene:
         """The scene with that many elements in a contact radius, where `accuracy` leaves it open."""
+        if elements is None and self._scene is not None and self._piece is None:  # a mesh file may have changed since
+            return self._scene
         with self._clock.stage("resolve"):
             return resolve(self.config, elements, self._piece)
 

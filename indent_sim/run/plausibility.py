@@ -22,7 +22,6 @@ import numpy as np
 from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.model.state import State
 from indent_sim.scene.doubts import force_doubt, penalty_loss
-from indent_sim.scene.given import end_of_sides
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.theories import relative_tip
 from indent_sim.theory.solution import Solution
@@ -111,7 +110,7 @@ def contradiction(scene: Scene, state: State, earlier: Rows) -> str | None:
 
     The states are in the user's units.
     """
-    rules = ALWAYS if _is_first_touch(scene, state) or not scene.is_meshed else ALWAYS + WHEN_PRESSED
+    rules = ALWAYS if not scene.is_meshed or _is_first_touch(scene, state) else ALWAYS + WHEN_PRESSED
     evolves, snaps = scene.physics.evolves, scene.physics.contact.may_snap
     unknown = {*(OF_TIPS_THAT_PUSH if snaps else ()), *(OF_ELASTIC_BODIES if evolves else ())}
     hold = [rule for rule in rules if rule not in unknown]
@@ -159,7 +158,7 @@ def _is_wider_than_tip(scene: Scene, state: State, earlier: Rows) -> str | None:
 
 def _stands_on_a_side(scene: Scene, state: State, earlier: Rows) -> str | None:
     """delta <= f at the top of a fixed side, which no force moves."""
-    end = end_of_sides(scene.physics.body, scene.physics.indenter, scene.physics.center) * scene.physics.scales.depth
+    end = scene.physics.end_of_sides * scene.physics.scales.depth
     if state.delta <= end * (1 + SAME):
         return None
     return f"the tip is on the top of a fixed side from {end:.6g} on, and the force there has no bound"

@@ -25,6 +25,7 @@ from indent_sim.scene.fineness import Fineness, target_of
 from indent_sim.scene.given import Durations, Given, Physics, first_step
 from indent_sim.scene.theories import NO_INCLUSIONS, first_of, layer_theory, shape_of
 from indent_sim.theory.solution import UNSOLVED
+from indent_sim.theory.theory import MOST_KEPT
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -333,6 +334,8 @@ def against_theory(config: Config, given: Given) -> str:
         return known.why
     if target is not None and target < known.error:
         return f"theory is good to {known.error:.0e} of the force, and accuracy asks for {target:g}"
+    if given.physics.path.control == "depth" and len(given.physics.deltas) <= MOST_KEPT:
+        known.expect(given.physics.deltas)  # of which this is one
     if not known.reaches(given.deepest, given.physics.largest_force):
         return "theory ends before the deepest contact: at a wall, at the tip's end, or at 100 thicknesses"
     return ""

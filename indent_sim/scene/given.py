@@ -103,6 +103,11 @@ class Physics:
         """The largest depth of the path [length], which every row asks for."""
         return max(self.deltas)
 
+    @cached_property
+    def end_of_sides(self) -> float:
+        """The depth at which the tip meets the top of a fixed side [length], which every row is held to."""
+        return end_of_sides(self.body, self.indenter, self.center)
+
     @property
     def has_friction(self) -> bool:
         """Whether the tip drags on the surface."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from math import inf
 
 import numpy as np
@@ -263,23 +263,33 @@ def half_space_depth(tip: Indenter, force: float, E_star: float) -> tuple[str, f
 def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, float] | None:
     """Name and force of a tip on a half-space (Hertz, Sneddon); None for the tips that nobody has a formula for."""
     name, force_at = _half_space_formula(tip, delta, E_star)
-    with contextlib.suppress(*UNSOLVED):
+    try:
         return (name, force_at(delta)) if force_at else None
-    return None
+    except UNSOLVED:
+        return None
 
 
 def _half_space_formula(tip: Indenter, delta: float, E_star: float) -> tuple[str, Curve | None]:
     """Name and force of a tip on a half-space near a depth; by quadrature where it has no closed form."""
+    if not delta > 0:
+        return "", None
+    name, force_at = _closed_form(tip, E_star)
+    if force_at or not name:
+        return name, force_at
+    shape = shape_of(tip) if tip.of_revolution else None
+    unit = float(2.0 ** np.ceil(np.log2(tip.radius_at(delta))))  # about the contact radius
+    matter = Stack.half_space(E_star, unit)
+    return name, partial(sneddon_force, tip=shape, half_space=matter) if shape else None
+
+
+@lru_cache(maxsize=16)  # every row and every point of a curve asks
+def _closed_form(tip: Indenter, E_star: float) -> tuple[str, Curve | None]:
+    """Name and force of a tip on a half-space; no force where it takes a quadrature, no name where nobody knows it."""
     known = TIPS.get(type(tip))
-    if known is None or isinstance(tip, Plate) or not delta > 0:
+    if known is None or isinstance(tip, Plate) or (isinstance(tip, RegularPyramid) and tip.faces != 4):
         return "", None
     if known.force is None or getattr(tip, "tip_radius", 0.0) > 0 or getattr(tip, "edge_radius", 0.0) > 0:
-        shape = shape_of(tip) if tip.of_revolution else None
-        unit = float(2.0 ** np.ceil(np.log2(tip.radius_at(delta))))  # about the contact radius
-        matter = Stack.half_space(E_star, unit)
-        return "Sneddon (quadrature)", partial(sneddon_force, tip=shape, half_space=matter) if shape else None
-    if isinstance(tip, RegularPyramid) and tip.faces != 4:
-        return "", None
+        return "Sneddon (quadrature)", None
     size = {known.takes[0]: getattr(tip, known.takes[0])}
     return known.half_space, partial(known.force, E_star=E_star, **size)
 

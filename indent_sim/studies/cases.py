@@ -6,6 +6,7 @@ import dataclasses
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from indent_sim.config.scene_file import located, varied
@@ -37,7 +38,7 @@ class Case:
         """The varied keys in words."""
         return ", ".join(f"{key}={short(value)}" for key, value in self.values.items())
 
-    @property
+    @cached_property
     def name(self) -> str:
         """As in E=2_method=penalty-3f2a...: the varied keys, as far as a file name holds them, and the id."""
         said = {key: re.sub(r"[^A-Za-z0-9=.+-]+", "_", short(value)) for key, value in self.values.items()}

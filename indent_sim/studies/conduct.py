@@ -24,7 +24,7 @@ from indent_sim.studies.reference import scoreboard
 from indent_sim.studies.reference.truth import Truth
 from indent_sim.studies.study_folder import StudyFolder
 from indent_sim.studies.study_table import Row
-from indent_sim.studies.worker import Ending, Workers
+from indent_sim.studies.worker import Ending, Load, Workers
 
 TELLING = ("status", "force", "a", "p_max", "force_error_vs", "cpu_s", "verdict")  # columns that a notebook shows
 Tell = Callable[[str], None]
@@ -128,13 +128,13 @@ def carry_out(
     load = chain.warm_up if any(case.prospect.scene.is_meshed for case in cases) else lambda: None
     names = [case.name for case in mine]
     folder = study_folder.opened(finished.directory, resume=resume, shared=shard is not None, names=names)
-    with folder as place, Workers(jobs, load) as workers:
+    with folder as place:
         place.write_record(title=study.title, study=str(study.path), keys=study.keys, compare_to=against.name)
         if shard is not None:
-            _do(mine, place, workers, tell)
+            _do(mine, place, jobs, load, tell)
             return finished
         try:
-            _do(mine, place, workers, tell)
+            _do(mine, place, jobs, load, tell)
         finally:
             ended = ((case.id, place.ended(case.name)) for case in mine)
             done = {name: results for name, results in ended if results is not None}
@@ -171,22 +171,24 @@ def read_back(folder: Path) -> Study:
     return Study(folder, str(record.get("title")), keys, str(record.get("compare_to")), rows, scoreboard=board)
 
 
-def _do(cases: Sequence[Case], place: StudyFolder, workers: Workers, tell: Tell) -> None:
-    """Do the runs, as many at a time as there are workers, those left out that have ended before."""
-    waiting = [case for case in cases if not place.is_finished(case.name)]
+def _do(cases: Sequence[Case], place: StudyFolder, at_once: int, load: Load, tell: Tell) -> None:
+    """Do the runs, so many at once, those left out that have ended before."""
+    waiting = {case.name: case for case in cases if not place.is_finished(case.name)}
     if len(waiting) < len(cases):
         tell(f"{len(cases) - len(waiting)} of {len(cases)} runs are there already")
-    began, effort = time.monotonic(), sum(map(_effort, waiting))
+    began, effort = time.monotonic(), sum(map(_effort, waiting.values()))
     left = effort
-    jobs = ((case, case.prospect.config, place.run(case.name)) for case in waiting)
-    for count, (case, ending) in enumerate(workers.done(jobs), start=1):
-        if ending[0]:
-            place.fail(case.name, *ending)
-        place.forget_old()
-        left -= _effort(case)
-        spent = (time.monotonic() - began) * left / (effort - left)
-        remains = f"  about {duration(spent)} left" if count < len(waiting) else ""
-        tell(f"run {count}/{len(waiting)}  {case.words}  {_told(place.run(case.name), ending)}{remains}")
+    jobs = {name: (case.prospect, place.run(name)) for name, case in waiting.items()}
+    with Workers(at_once, jobs, load) as workers:
+        for count, (name, ending) in enumerate(workers.done(jobs), start=1):
+            if ending[0]:
+                place.fail(name, *ending)
+            place.forget_old()
+            left -= _effort(waiting[name])
+            spent = (time.monotonic() - began) * left / (effort - left)
+            remains = f"  about {duration(spent)} left" if count < len(waiting) else ""
+            told = _told(place.run(name), ending)
+            tell(f"run {count}/{len(waiting)}  {waiting[name].words}  {told}{remains}")
 
 
 def _told(run: Path, ending: Ending) -> str:

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from functools import partial
 from multiprocessing import connection
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, TypeVar
 
-from indent_sim.config.schema import Config
 from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, UsageError
 from indent_sim.process.forked import Crash, Forked
 from indent_sim.run import chain
+from indent_sim.run.prospect import Prospect
 
 # What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when it is ended
 OPEN_MPI = tuple(f"OMPI_{part}" for part in ("COMM_", "UNIVERSE_", "MCA_orte_", "MCA_ess"))
@@ -25,30 +25,30 @@ LAUNCHERS = ("SLURM_", "PMI_", "PMIX_", "PRTE_MCA_ess", *OPEN_MPI)
 
 Ending = tuple[int, str]  # exit code and reason
 Load = Callable[[], object]  # loads libraries
-Named = TypeVar("Named")
-Job = tuple[Named, Config, Path]  # a name, a config, and the folder it runs into
+Named = TypeVar("Named", bound=Hashable)
+Jobs = Mapping[Named, tuple[Prospect, Path]]  # by their names: what is run, and the folder it runs into
 
 
-class Worker(ExitStack):
-    """Does runs in a process of its own, which calls `load` first, by default for what solves meshes; a context
-    manager."""
+class Worker(ExitStack, Generic[Named]):
+    """Does jobs in a process of its own, which knows them from this one and calls `load` first, by default for what
+    solves meshes; a context manager."""
 
-    def __init__(self, load: Load = chain.warm_up) -> None:
+    def __init__(self, jobs: Jobs[Named], load: Load = chain.warm_up) -> None:
         super().__init__()
-        self._process = Forked(_ending, partial(_prepare, load), uses_mpi=True)
+        self._process = Forked(lambda name: _ending(*jobs[name]), partial(_prepare, load), uses_mpi=True)
         self.callback(self._process.stop)
         self._answer: Callable[[], Ending] = lambda: (0, "")
         self._done = 0
 
-    def begin(self, config: Config, directory: Path) -> None:
-        """Begin a run; `end` waits for it."""
+    def begin(self, name: Named) -> None:
+        """Begin a job; `end` waits for it."""
         if self._done % 100 == 0:  # PETSc and the compiled forms keep half a MB of each run
             self._process.stop()
         self._done += 1
-        self._answer = self._process.ask((config, directory))
+        self._answer = self._process.ask(name)
 
     def end(self) -> Ending:
-        """How the run that was begun ended: exit code and reason. UsageError and BackendError are raised."""
+        """How the job that was begun ended: exit code and reason. UsageError and BackendError are raised."""
         try:
             return self._answer()
         except Crash as crash:
@@ -67,15 +67,15 @@ def _prepare(load: Load) -> None:
     gc.freeze()  # libraries stay: every run ends with a search for what it left behind
 
 
-def _ending(job: tuple[Config, Path]) -> Ending:
+def _ending(prospect: Prospect, directory: Path) -> Ending:
     """Do a run, or what an earlier call left of it to do; what cannot be gone on with is begun anew."""
-    config, directory = job
+    config, scene = prospect.config, prospect.scene
     try:
         if directory.exists():
             with suppress(ConfigError, UsageError):
-                chain.simulate(config, directory=directory, resume=True)
+                chain.simulate(config, scene=scene, directory=directory, resume=True)
                 return 0, ""
-        chain.simulate(config, directory=directory, overwrite=True)
+        chain.simulate(config, scene=scene, directory=directory, overwrite=True)
     except (UsageError, BackendError):  # no fault of the run: the next one would end the same way
         raise
     except IndentSimError as error:
@@ -85,24 +85,24 @@ def _ending(job: tuple[Config, Path]) -> Ending:
     return 0, ""
 
 
-class Workers(ExitStack):
-    """Several workers, each doing one run after another; a context manager."""
+class Workers(ExitStack, Generic[Named]):
+    """Several workers, each doing one job after another; a context manager."""
 
-    def __init__(self, count: int, load: Load):
+    def __init__(self, count: int, jobs: Jobs[Named], load: Load):
         super().__init__()
-        self._workers = [self.enter_context(Worker(load)) for _ in range(count)]
+        self._workers = [self.enter_context(Worker(jobs, load)) for _ in range(count)]
 
-    def done(self, jobs: Iterable[Job[Named]]) -> Iterator[tuple[Named, Ending]]:
-        """Do the jobs, as many at a time as there are workers; each with its ending as soon as that is known."""
-        waiting, busy = iter(jobs), {}
+    def done(self, names: Iterable[Named]) -> Iterator[tuple[Named, Ending]]:
+        """Do jobs, as many at a time as there are workers; each with its ending as soon as that is known."""
+        waiting, busy = iter(names), dict[Worker[Named], Named]()
         idle = list(self._workers)
         while True:
-            for worker, (name, config, directory) in zip(list(idle), waiting, strict=False):
+            for worker, name in zip(list(idle), waiting, strict=False):
                 idle.remove(worker)
-                worker.begin(config, directory)
+                worker.begin(name)
                 busy[worker] = name
             if not busy:
                 return
-            ready: Worker = connection.wait(list(busy))[0]  # type: ignore[assignment, arg-type]
+            ready: Worker[Named] = connection.wait(list(busy))[0]  # type: ignore[assignment, arg-type]
             idle.append(ready)
             yield busy.pop(ready), ready.end()

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
@@ -49,7 +49,7 @@ class _LinearKernel:
     shape_edge: float
     one_modes: np.ndarray
     shape_modes: np.ndarray
-    kernel: Kernel
+    kernel: Kernel = field(kw_only=True)
 
     @property
     def touch(self) -> float:
@@ -65,8 +65,13 @@ class _LayerPart:
     a: float
     modes: np.ndarray  # of psi
 
+    @staticmethod
+    def point_count(a: float) -> int:
+        """Of the integral, for a contact of this radius [h]."""
+        return 24 + math.ceil(4.0 * a)
+
     def __call__(self, r: np.ndarray, chord: np.ndarray) -> np.ndarray:
-        s, w = gauss(0.0, 1.0, 24 + math.ceil(4.0 * self.a))
+        s, w = gauss(0.0, 1.0, self.point_count(self.a))
         t = np.hypot(r[:, None], chord[:, None] * s)
         if len(r) == 1:  # no polynomial for one place
             return -chord * (self.modes @ self.kernel.slope_over_x(t[0]) @ w)
@@ -107,7 +112,41 @@ class Layer(LayerContact):
         modes = direct + project @ np.linalg.solve(np.eye(x.size) - B.T @ project, B.T @ direct)
         phi = source + at_tip.T @ modes
         (one, shape), (one_edge, shape_edge) = phi[:-1].T, map(float, phi[-1])
-        return _LinearKernel(fine_w, g[:-1], one, shape, one_edge, shape_edge, modes[:, 0], modes[:, 1], kernel)
+        return _LinearKernel(fine_w, g[:-1], one, shape, one_edge, shape_edge, modes[:, 0], modes[:, 1], kernel=kernel)
+
+    def several(self, sizes: Sequence[float], largest: float) -> Sequence[_LinearKernel]:
+        """As `at`, under a tip without breaks of all sizes at once, on as many points as the largest needs."""
+        if self.tip.breaks:
+            return super().several(sizes, largest)
+        kernel, count = axisymmetric_kernel(largest, self.scaled, self.wall), self._tip_count(largest)
+        (x, w), a = gauss(0.0, 1.0, count), np.array(sizes)
+        places = np.multiply.outer(a, np.append(x, 1.0))
+        at_tip = np.ascontiguousarray(kernel.basis(places.ravel()).reshape(-1, *places.shape).swapaxes(0, 1))
+        g = self.profile(places.ravel()).reshape(places.shape)
+        source, w = np.stack([np.ones_like(g), g], axis=2), np.multiply.outer(a, w)
+
+        factor, B = (2.0 / math.pi) * kernel.weight[:, None], at_tip[:, :, :-1]
+        direct = factor * (B @ (w[:, :, None] * source[:, :-1]))
+        project = factor * (B * w[:, None, :])
+        across = B.swapaxes(1, 2)
+        modes = direct + project @ np.linalg.solve(np.eye(count) - across @ project, across @ direct)
+        phi = source + at_tip.swapaxes(1, 2) @ modes
+        one, shape = phi.transpose(2, 0, 1)
+        edges, of_modes = phi[:, -1].T.tolist(), modes.transpose(2, 0, 1)
+        found = zip(w, g[:, :-1], one[:, :-1], shape[:, :-1], *edges, *of_modes, strict=True)
+        return [_LinearKernel(*parts, kernel=kernel) for parts in found]
+
+    def middle_pressures(self, sizes: np.ndarray, found: Sequence[_LinearKernel]) -> np.ndarray:
+        """As `_pressure` says them, under a tip without breaks and corners of all contacts at once."""
+        if self.tip.breaks or self.tip.corner:
+            return super().middle_pressures(sizes, found)
+        s, w = gauss(0.0, 1.0, 64)
+        t = np.multiply.outer(sizes, s)
+        by_tip = self.profile(sizes) / sizes + (self.profile(t.ravel()).reshape(t.shape) / t**2) @ w * sizes
+        s, w = gauss(0.0, 1.0, _LayerPart.point_count(sizes[-1]))
+        slopes = found[-1].kernel.slope_over_x(np.multiply.outer(sizes, s).ravel()).reshape(-1, sizes.size, s.size) @ w
+        modes = np.array([one.touch * one.one_modes - one.shape_modes for one in found])
+        return self.E_star / math.pi * (by_tip - sizes * np.sum(modes * slopes.T, axis=1))
 
     def _breaks(self, a: float) -> list[float]:
         """Those of the tip inside the contact [h]."""

@@ -20,10 +20,9 @@ from functools import cached_property, lru_cache, partial
 from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebval
 
 from indent_sim.theory.profiles import Tip
-from indent_sim.theory.roots import first_guess, increasing_root, next_guess
+from indent_sim.theory.roots import first_guess, increasing_root, next_guess, power_law_step
 from indent_sim.theory.solution import COARSE, MAX_SLENDERNESS, Solution, check_contact, no_contact
 from indent_sim.theory.stack import Stack
 
@@ -35,9 +34,11 @@ COUNTS = (8, 15, 29, 57, 113)  # sizes, those of each among those of the next
 CONVERGED, LAST = 2e-13, 2  # relative size of that many last coefficients once a polynomial has converged
 MISSED = 1e-11  # relative, of a depth or force that a search has not found
 DOUBT = 2.0  # sizes by which what a few foretell may be too many
-SAME_SIZE, LEAST_MOVED, ROUNDS = 1e-14, 1e-10, 30  # relative steps: the last of a search, the least of a secant; rounds
+SAME_SIZE, LEAST_MOVED, ROUNDS = 1e-11, 1e-10, 30  # relative steps: the last of a search, the least of a secant; rounds
 LOOKED_AT = 7  # every so many sizes it is looked where the largest pressure is
 FEW_PLACES, PLACES_PER_A = 21, 8.0  # in a contact, where its largest pressure is looked for: it changes within h
+SAME_PRESSURE = 1e-13  # relative, of two in the middle
+BESIDE = 0.05  # of the sizes at both ends: what the first step of a search may be off
 OF_DEPTH, OF_FORCE = 0, 1  # columns of what belongs to a contact
 Sizes = TypeVar("Sizes", float, np.ndarray)
 
@@ -104,9 +105,18 @@ class LayerContact(ABC):
         """The contact size that cannot be reached."""
         return min(self.wall, self.tip.reach / self.h, MAX_SLENDERNESS)
 
-    def touching(self, a: float) -> Solution:
-        """The contact of size a of a smooth tip."""
-        found = self.at(a)
+    def several(self, sizes: Sequence[float], largest: float) -> Sequence[Any]:
+        """What `at` says of several contact sizes, none above the largest [h]."""
+        return [self.at(a) for a in sizes]
+
+    def middle_pressures(self, sizes: np.ndarray, found: Sequence[Any]) -> np.ndarray:
+        """Pressures [F/L^2] in the middle of contacts of a smooth tip; found: what `at` says of their sizes [h]."""
+        middle, pairs = np.zeros(1), zip(sizes.tolist(), found, strict=True)
+        return np.array([float(self.touching(a, one).pressure(middle)[0]) for a, one in pairs])
+
+    def touching(self, a: float, found: Any = None) -> Solution:
+        """The contact of size a of a smooth tip; found: what `at` says of that size, where it is known."""
+        found = found or self.at(a)
         return self.solution(found.touch * self.h, a, found)
 
     def curve(self, deltas: Sequence[float]) -> list[Solution]:
@@ -139,8 +149,19 @@ class LayerContact(ABC):
         meets them."""
         if count < FEWEST_DEPTHS or self.tip.edge is not None or self.tip.breaks:
             return None
+        most = int(SIZES_PER_DEPTH * count)
+        small, large = self._about(first) * (1.0 - BESIDE), self._about(last) * (1.0 + BESIDE)
+        if large < self.largest():
+            found = SampledContacts.between(self, small, large, most)
+            if found is None or found.holds(first, last):
+                return found
         small, large = (one.a / self.h for one in self._one_by_one([first, last]))
-        return SampledContacts.between(self, small, large, int(SIZES_PER_DEPTH * count)) if small < large else None
+        return SampledContacts.between(self, small, large, most) if small < large else None
+
+    def _about(self, delta: float) -> float:
+        """About the contact size [h] at a depth [L]: the first step of a search."""
+        a = first_guess(self.profile, delta / self.h, self.largest())
+        return power_law_step(a, self.at(a).touch, delta / self.h)
 
     def _one_by_one(self, deltas: Sequence[float]) -> list[Solution]:
         solutions: list[Solution] = []
@@ -194,19 +215,20 @@ class SampledContacts:
 
     contact: LayerContact
     sizes: np.ndarray
-    solutions: Sequence[Solution]
+    found: Sequence[Any]  # what `LayerContact.at` says of each
 
     @classmethod
     def between(cls, contact: LayerContact, first: float, last: float, most: int) -> SampledContacts | None:
         """Contacts of a smooth tip from `first` to `last` [h]; None where `most` sizes do not determine them."""
-        known: dict[float, Solution] = {}
+        known: dict[float, Any] = {}
         needed = 0.0
         for count in (count for count in COUNTS if count <= most):
             if count < needed - DOUBT:
                 continue
-            sizes = _places(contact.stretched(first), contact.stretched(last), count)
-            known |= {x: contact.touching(contact.size_at(x)) for x in sizes if x not in known}
-            found = cls(contact, np.array([contact.size_at(x) for x in sizes]), [known[x] for x in sizes])
+            sizes = list(map(contact.size_at, _places(contact.stretched(first), contact.stretched(last), count)))
+            new = [a for a in sizes if a not in known]
+            known |= zip(new, contact.several(new, sizes[-1]), strict=True)
+            found = cls(contact, np.array(sizes), [known[a] for a in sizes])
             left = _left(found._reduced)
             if left <= CONVERGED:
                 return found
@@ -221,6 +243,15 @@ class SampledContacts:
         """The contacts under forces [F] between those of the two sizes."""
         a = self._sizes(forces, OF_FORCE)
         return self._contacts(a, self._values(a)[OF_DEPTH].tolist())
+
+    def holds(self, first: float, last: float) -> bool:
+        """Whether two depths [L] are between those of the sizes."""
+        return self.solutions[0].delta <= first and last <= self.solutions[-1].delta
+
+    @cached_property
+    def solutions(self) -> list[Solution]:
+        """The contacts of the sizes."""
+        return [self.contact.touching(a, one) for a, one in zip(self.sizes.tolist(), self.found, strict=True)]
 
     def at_size(self, a: float) -> Solution:
         """The contact of a size [h], solved for."""
@@ -254,7 +285,8 @@ class SampledContacts:
     def polynomials(self, values: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Polynomials through values (columns, sizes), at other sizes (columns, len(a))."""
         x, (first, *_, last) = self.contact.stretched(a), self.contact.stretched(self.sizes)
-        return np.asarray(chebval((2.0 * x - first - last) / (last - first), _coefficients(values)))
+        angle = np.arccos(np.clip((2.0 * x - first - last) / (last - first), -1.0, 1.0))
+        return (np.cos(np.multiply.outer(angle, np.arange(values.shape[1]))) @ _coefficients(values)).T
 
     def _sizes(self, asked: Sequence[float], column: int) -> np.ndarray:
         """The sizes [h] at which a column of `_values` is what is asked for: secants between logarithms, which set out
@@ -296,9 +328,10 @@ class _Peaks:
     def _known(self) -> np.ndarray | None:
         """Where some of the sizes have it in the middle it is there for all: sought for these, taken for the others."""
         sampled, contact = self._sampled, self._sampled.contact
-        middle = [float(one.pressure(np.zeros(1))[0]) for one in sampled.solutions]
-        if all(self._sought(one) == p for one, p in list(zip(sampled.solutions, middle, strict=True))[::LOOKED_AT]):
-            found = np.array([middle])
+        middle = contact.middle_pressures(sampled.sizes, sampled.found)
+        looked_at = zip(sampled.solutions[::LOOKED_AT], middle[::LOOKED_AT].tolist(), strict=True)
+        if all(abs(self._sought(one) - p) <= SAME_PRESSURE * p for one, p in looked_at):
+            found = middle[None]
         elif self._a.size < sampled.sizes.size:
             return None
         else:

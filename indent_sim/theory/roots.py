@@ -51,7 +51,7 @@ def increasing_root(depth: Callable[[float], float], target: float, start: float
         lo, hi = (a, hi) if value < target else (lo, a)
         if value == target or hi - lo <= 1e-15 * hi:
             return a
-        step = _power_law_step(a, value, target, previous)
+        step = power_law_step(a, value, target, previous)
         if abs(step - a) <= 1e-11 * a:
             return step  # the secant squares this error
         previous = (a, value)
@@ -71,8 +71,8 @@ def depth_of(force_at: Curve, force: float, start: float) -> float | None:
     return None
 
 
-def _power_law_step(a: float, value: float, target: float, previous: tuple[float, float] | None) -> float:
-    """Next a of the log-log secant; the exponent starts at the paraboloid's 2."""
+def power_law_step(a: float, value: float, target: float, previous: tuple[float, float] | None = None) -> float:
+    """Next a of the log-log secant; the exponent starts at the paraboloid's 2. Not a number where `value` is none."""
     if value <= 0.0:
         return math.nan
     exponent = 2.0

@@ -47,9 +47,9 @@ class Theory:
         """One Solution (force, a, pressure) per depth, or None where the theory ends (contact meets the wall)."""
         if len(self._known) > MOST_KEPT:
             self._known.clear()
-        new = [delta for delta in deltas if delta not in self._known]
-        with contextlib.suppress(*UNSOLVED):
-            self._known.update(zip(new, self.contact.curve(new), strict=True))
+        if new := [delta for delta in deltas if delta not in self._known]:
+            with contextlib.suppress(*UNSOLVED):
+                self._known.update(zip(new, self.contact.curve(new), strict=True))
         solutions = [solution for delta in deltas if (solution := self._known.get(delta))]
         return solutions if len(solutions) == len(deltas) else None
 
@@ -88,6 +88,7 @@ class Theory:
         if not self.exact or len(self.contact.scaled.plies) == 1:
             return self
         some = {*deltas[:: ceil(len(deltas) / SAMPLED)], max(deltas)}
+        self.expect(sorted(some))
         found = [solution for delta in some if delta > 0 and (solution := self.at(delta))]
         pull = max(map(self.contact.tension, found), default=0.0)
         if not pull:

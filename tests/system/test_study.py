@@ -551,9 +551,9 @@ class TestRuns:
         assert [row["status"] for row in rows_of(tmp_path / "out")] == ["pending"] * 6
 
     def test_the_worker_is_gone_after_the_study(self, written, tmp_path):
-        with Worker() as worker:
-            case = case_list.asked_for(studies.read(written(METHODS)))[0][0]
-            worker.begin(case.prospect.config, tmp_path / "run")
+        case = case_list.asked_for(studies.read(written(METHODS)))[0][0]
+        with Worker({"the first": (case.prospect, tmp_path / "run")}) as worker:
+            worker.begin("the first")
             assert worker.end() == (0, "")
             pid = worker._process._child.pid
         with pytest.raises(ProcessLookupError):

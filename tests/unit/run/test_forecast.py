@@ -70,7 +70,7 @@ def test_the_companions_that_are_planned_are_those_that_are_run(monkeypatch, tmp
     solved: list[Said] = []
     monkeypatch.setattr(chain, "backend", lambda: None)
     monkeypatch.setattr(chain.Run, "_curve", lambda self, other: solved.append(said(other)) or reached(other))
-    run = chain.Run(config, None, tmp_path, None, False, with_stick, False)
+    run = chain.Run(config, None, None, tmp_path, None, False, with_stick, False)
     bars = run._bars(Attempt(scene))
     if with_stick:
         run._stick(Companion(1.0, reached(scene), scene), bars)
