@@ -140,6 +140,12 @@ def test_twenty_curves_have_a_bar_units_and_hertz_beside_them() -> None:
     assert hertz.get_ydata()[-1] == pytest.approx(deepest, rel=1e-9)
 
 
+def test_curves_beside_a_panel_with_one_line_of_names_keep_their_own_below_them() -> None:
+    """The panel of the curves spans the cell of the names, which is lower than what stands below an axis."""
+    figure = indent_sim.plot(indent_sim.study({"base": LAYER, "vary": {"body.height": [5, 20], "indenter.R": [4, 6]}}))
+    assert faults(figure) == []
+
+
 def test_words_that_vary_are_named_and_formulas_that_differ_are_not_drawn() -> None:
     vary = {"indenter": [{"shape": "sphere", "R": 5}, {"shape": "cone", "half_angle": 70}]}
     figure = indent_sim.plot(indent_sim.study({"base": LAYER, "vary": vary}))
