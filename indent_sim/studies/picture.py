@@ -92,14 +92,17 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
     longest = min(max(map(len, names), default=0), MOST_LEGEND_LETTERS)
     beside = 0.9 if is_coloured or not any(names) else 0.7 + canvas.LETTER * longest
     groups = {key: _groups_of(families, key) for key in numbers}
-    named = [list(found) for key, found in groups.items() if _group_looks(families, key)]
-    abreast = 2 if max((len(name) for names in named for name in names), default=0) <= MOST_ABREAST else 1
-    lines = canvas.LINE * max([0, *(-(-len(names) // abreast) + 1 for names in named)])
+    named = {key: list(found) for key, found in groups.items() if _group_looks(families, key)}
+    abreast = 2 if max((len(name) for known in named.values() for name in known), default=0) <= MOST_ABREAST else 1
+    lines = canvas.LINE * max([0, *(-(-len(known) // abreast) + 1 for known in named.values())])
     height = CURVE_PANEL + max(0.0, lines - MOST_LINES)
     widths = [*[CURVE_PANEL] * (1 + len(numbers)), BAR if is_coloured else beside]
     rows, heights = [["curves", *numbers, "names"]], [height - lines]
     if named:
-        rows, heights = [*rows, ["curves", *(f"{key} groups" for key in numbers), "names"]], [*heights, lines]
+        rows, heights = (
+            [*rows, ["curves", *(f"{key} groups" if key in named else key for key in numbers), "names"]],
+            [*heights, lines],
+        )
     with canvas.canvas((CURVE_PANEL * (1 + len(numbers)) + beside, height)) as figure:
         axes: dict[str, Axes] = figure.subplot_mosaic(rows, width_ratios=widths, height_ratios=heights)
         held = "what is left of the force's fall while the tip stands still"
@@ -111,7 +114,7 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
         _curves(axes["curves"], families, looks, names, holds)
         for key in numbers:
             _over(axes[key], families, key, looks, holds)
-            if named:
+            if key in named:
                 canvas.legend_in(axes[f"{key} groups"], axes[key], abreast)
         if not is_coloured:
             canvas.legend_in(axes["names"], axes["curves"])
