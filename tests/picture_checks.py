@@ -1,12 +1,17 @@
-"""What may not be in a picture: words over words, words beyond the edge, axes without a name."""
+"""What may not be in a picture: words over words, words beyond the edge, axes without a name, lines that a legend does
+not tell apart, and more names than anybody reads."""
 
 from __future__ import annotations
 
 from itertools import combinations
 from typing import Any
 
+from matplotlib.colors import to_hex
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
+MOST_NAMES = 12  # in a legend
 TOUCH = 1.0  # pixels that two boxes may share, for they are those of the letters' largest height
 
 
@@ -38,7 +43,26 @@ def faults(figure: Any) -> list[str]:
             is_bar = axes.get_label() == "<colorbar>"  # whose other axis has no numbers
             if numbers and not (is_bar or along.get_label_text() or _names_itself(numbers)):
                 found.append(f"an axis with {[label.get_text() for label in numbers]} has no name")
-    return found
+    return [*found, *(fault for legend in figure.findobj(Legend) for fault in _of_legend(legend))]
+
+
+def _of_legend(legend: Any) -> list[str]:
+    """Names that stand for the same look, and too many of them."""
+    names = [text.get_text() for text in legend.get_texts()]
+    found = [f"a legend of {len(names)} names"] if len(names) > MOST_NAMES else []
+    handles = legend.legend_handles if hasattr(legend, "legend_handles") else legend.legendHandles  # matplotlib < 3.7
+    looks = [(_look(handle), name) for handle, name in zip(handles, names, strict=True)]
+    return found + [
+        f"{one!r} looks as {other!r}" for (a, one), (b, other) in combinations(looks, 2) if a == b is not None
+    ]
+
+
+def _look(handle: Any) -> object:
+    """What a line of a legend is told by; None of anything else."""
+    if not isinstance(handle, Line2D):
+        return None
+    dashes = handle._unscaled_dash_pattern if handle.get_linestyle() != "None" else None
+    return to_hex(handle.get_color()), str(handle.get_marker()), str(dashes), str(handle.get_markerfacecolor())
 
 
 def _is_seen(text: Any) -> bool:

@@ -20,7 +20,8 @@ from indent_sim.results.reader import Results
 SIZE, MANY_SIZE = (10.5, 5.2), (9.2, 4.8)  # inches
 BASELINE = 1.0  # depths of the baseline that are shown
 RESIDUAL_MEANS = 40  # whose means are drawn over the residuals
-OTHERS_AT = 1.06  # where other models stand beside the windows
+OTHERS_AT, OTHERS_APART = 1.06, 0.03  # where other models stand beside the windows, and beside one another
+NAME_ROOM = 0.07  # of the height of a panel: for a line of names above the bars
 GREY_POINTS: Look = {"ls": "", "marker": ".", "ms": 3, "color": "#b0b0b0", "zorder": 1}
 FITTED: Look = {"color": COLOURS[0], "lw": 1.8, "zorder": 3}
 Entry = Mapping[str, Any]
@@ -114,12 +115,17 @@ def _windows(axes: Axes, entry: Entry, key: str, axis: Axis, used: str) -> None:
     upper = [100 * window["upper"] for window in windows]
     value, low, high = (axis([window[f"{key}{end}"] for window in windows]) for end in ("", "_low", "_high"))
     axes.errorbar(upper, value, [value - low, high - value], fmt="o", ms=4, lw=1.0, color=COLOURS[0])
+    named = 0
     for k, other in enumerate(entry["models"], start=1):
         if other["name"] in entry["cause"]:
             place, bar = axis(other["value"]), axis([[other["value"] - other["low"]], [other["high"] - other["value"]]])
-            axes.errorbar([100 * OTHERS_AT], [place], bar, fmt="s", ms=4, lw=1.0, color=COLOURS[k], label=other["name"])
-    if axes.get_legend_handles_labels()[1]:
-        axes.legend(loc="best")
+            at = 100 * (OTHERS_AT + OTHERS_APART * named)
+            named += 1
+            axes.errorbar([at], [place], bar, fmt="s", ms=4, lw=1.0, color=COLOURS[k], label=other["name"])
+    if named:  # above all bars, each of which it might hide
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, high + NAME_ROOM * (1 + named) * (high - low))
+        axes.legend(loc="upper right")
     axes.set(xlabel=f"{used} used [%]", ylabel=axis.label)
 
 

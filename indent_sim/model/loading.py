@@ -73,6 +73,12 @@ class LoadPath:
         return not any(self.turns) and all(b > a for a, b in pairwise(self.values))
 
     @property
+    def still(self) -> int:
+        """How many steps there are in which the value stays what it is."""
+        values = [0.0, *(value for step in range(1, len(self.values) + 1) for value, _ in self.leg(step))]
+        return sum(a == b for a, b in pairwise(values))
+
+    @property
     def sudden(self) -> tuple[int, ...]:
         """The steps [from 1] to which no time passes, though the value changes."""
         places = [(0.0, self.begin or 0.0), *zip(self.values, self.times, strict=False)]

@@ -36,6 +36,7 @@ KRYLOV, KRYLOV_SECONDS = 10.0, 3e-7  # iterations of a linear system, and the ti
 KRYLOV_BYTES = 3.3e3  # per unknown of an iterative solver
 FRICTION_STEP_TIME = {2: 2.2, 3: 1.0}  # by dim: times as long a step of Newton's method takes with friction
 EVOLVING_STEP_TIME = 1.6  # likewise at finite strain in a body that evolves: 1.3 to 1.9 on three shipped scenes
+STILL = 1.2  # linear solves of a step in which the tip stands still
 SNAP = 100.0  # linear solves where an attracted body touches or lets go: 25 to 150, most at large Maugis numbers
 DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condensed body, eight at a time
 
@@ -44,7 +45,7 @@ DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condens
 class Work:
     """What is done with the unknowns: solver, formulation, steps, whether contact is nonlinear beyond its edge, and
     whether there is friction, which has as many directions as the mesh; how often an attracted body touches or lets go,
-    and whether it evolves at finite strain."""
+    whether it evolves at finite strain, and the further steps of a linear body under a tip that stands still."""
 
     method: str  # condensed | newton
     linear: str  # direct | iterative
@@ -54,6 +55,7 @@ class Work:
     rough: bool = False
     snaps: int = 0
     evolves: bool = False
+    still: int = 0
 
     @property
     def iterations(self) -> float:
@@ -91,8 +93,9 @@ def _needs(sizes: Sizes, part: Part, work: Work, dofs: float) -> tuple[float, fl
         each = (8e-6 if work.nonlinear else 8e-7) + KRYLOV * KRYLOV_SECONDS
         return KRYLOV_BYTES * dofs, dofs * (3e-5 + newton * each)
     if work.method == "newton":  # assembly and factorisation at every iteration
-        one = 1.5e-3 + 6e-3 * (dofs / 1750) ** 1.6 if dim == 2 else 2.5e-5 * dofs + 1e-9 * dofs**2
-        return (6e3 * dofs if dim == 2 else 1100.0 * dofs**1.25), work.iterations * one * work.slower(dim)
+        one = 1.5e-3 + 6e-3 * (dofs / 1750) ** 1.5 if dim == 2 else 2.5e-5 * dofs + 1e-9 * dofs**2
+        held = STILL * work.still * 3.5e-3 * (dofs / 1750) ** 1.2  # no new contact: the last factor will do for most
+        return (6e3 * dofs if dim == 2 else 1100.0 * dofs**1.25), work.iterations * one * work.slower(dim) + held
     # one factorisation, one solve for each of n candidates on the surface, and small dense systems
     n = candidates(sizes, part) * (dim if work.rough else 1)
     body = 1e-5 * dofs if dim == 2 else 4e-5 * dofs + 4.6e-10 * dofs**2 + 4.5e-3 * n * (dofs / 83e3) ** 1.55

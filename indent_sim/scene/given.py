@@ -213,11 +213,15 @@ class Physics:
         mixed = any(region.formulation == "mixed" or region.material.flow for region in self.part.regions)
         stages = 2 if self.permeable else 1
         is_nonlinear = self.contact.has_memory or not self.is_linear
-        steps = stages * a_row * (len(self.deltas) + sum(map(len, self.path.turns)))
+        steps = len(self.deltas) + sum(map(len, self.path.turns))
+        # where nothing makes the contact grow; in three dimensions nobody has measured it
+        is_held = self.part.dim == 2 and not is_nonlinear and not self.swells and self.path.control == "depth"
+        still = self.path.still if self.evolves and is_held else 0
         touching = [False, *(delta > 0 for delta in self.deltas)]
         snaps = sum(one != other for one, other in pairwise(touching)) if self.contact.may_snap else 0
         is_slow = self.evolves and not self.small_strain
-        return Work(method, linear, mixed, steps, is_nonlinear, self.has_friction, snaps, is_slow)
+        moving, held = stages * a_row * (steps - still), stages * still
+        return Work(method, linear, mixed, moving, is_nonlinear, self.has_friction, snaps, is_slow, held)
 
 
 @dataclass(frozen=True)

@@ -70,6 +70,12 @@ class Families:
         return {amount(curve.values.get(key))[1] for curve in self.curves}
 
 
+def told_apart(values: Sequence[object]) -> list[str]:
+    """Values of a varied key in words; of sections what differs between them."""
+    alike = _alike(values)
+    return [_in_words("", value, alike).strip() for value in values]
+
+
 def _in_words(name: str, value: object, alike: Collection[str]) -> str:
     """The value of a varied key behind its name; of a section the entries that are not alike, of equal ones all."""
     section = _section(value)

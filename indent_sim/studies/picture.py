@@ -18,13 +18,12 @@ from indent_sim.results.folder import Report
 from indent_sim.results.hold import Hold, first_hold
 from indent_sim.results.pictures import canvas
 from indent_sim.results.pictures.axes import Axis, axis, in_picture, unit_of_key
-from indent_sim.results.pictures.canvas import THEORY_STYLE, Axes, Figure, Look
+from indent_sim.results.pictures.canvas import FORMULA_STYLE, Axes, Figure, Look
 from indent_sim.results.pictures.curves import Colour, shade, smooth
-from indent_sim.results.pictures.curves import look as curve_look
 from indent_sim.results.pictures.forces import draw_force
 from indent_sim.results.reader import Results
 from indent_sim.studies import study_table
-from indent_sim.studies.curve_table import Curve, Families, amount
+from indent_sim.studies.curve_table import Families, told_apart
 from indent_sim.studies.study_table import Row
 
 MOST_COLOURS = len(canvas.COLOURS)
@@ -36,13 +35,16 @@ SPAN = 3.0  # from which ratio of largest to smallest an axis is logarithmic
 ONE_PERCENT = 0.01
 CURVE_PANEL = 4.4  # inches: width and height of the panels of curves.png
 MOST_GROUPS = 12  # lines in them that are named
+DASHES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (5, 1.5, 1, 1.5)))  # of lines that share a colour
+BAR = 0.2  # inches: width of a bar of colours
 MOST_ABREAST = 24  # letters of names of which two stand side by side below a panel
 MOST_LINES = 1.4  # inches: of names below a panel that take room from it; more make the picture higher
-MOST_CURVES_NAMED, LINES_BESIDE = 8, 20  # curves that are named beside the panels, and lines in a column there
+MOST_CURVES_NAMED = 8  # beside the panels
 SAME_FORMULA = 1e-3  # relative, between points of a curve
 BOARD_LINE, LEAST = 0.27, 0.1  # inches of a line of the scoreboard; per cent where its axis turns logarithmic
 BOARD_MARK: Look = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
 LOG_SPAN = 20.0  # from which ratio of largest to smallest a varied number is logarithmic
+LOG_FORCES = 1000.0  # likewise depths and forces: on linear axes most curves would lie on zero
 
 
 def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, path: Path) -> None:
@@ -66,7 +68,8 @@ def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, p
         named = _front(panels["work"], front)
         if number:
             _against(panels["number"], groups, number)
-        _names(panels["names"], panels["work"], named, len(front), study_table.telling(shown, keys))
+        words = {key: _words(shown, key) for key in study_table.telling(shown, keys)}
+        _names(panels["names"], panels["work"], named, len(front), words)
         canvas.save(figure, path)
 
 
@@ -84,34 +87,76 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
     """The figure of the curves of a study's runs, of which there is at least one."""
     numbers, count = families.numeric()[:3], len(families.curves)  # panels
     is_coloured = len(numbers) > 0 and (len(families.keys) == 1 or count > MOST_CURVES_NAMED)
-    columns, longest = -(-count // LINES_BESIDE), max(len(name) for name in families.apart())
-    beside = 0.9 if is_coloured else 0.7 + canvas.LETTER * min(longest, MOST_LEGEND_LETTERS) * columns
+    looks, names = _looks_of_all(families)
+    holds = [first_hold(curve.results) for curve in families.curves]
+    longest = min(max(map(len, names), default=0), MOST_LEGEND_LETTERS)
+    beside = 0.9 if is_coloured or not any(names) else 0.7 + canvas.LETTER * longest
     groups = {key: _groups_of(families, key) for key in numbers}
-    named = [list(found) for found in groups.values() if 1 < len(found) <= MOST_GROUPS]
-    abreast = 2 if max((len(name) for names in named for name in names), default=0) <= MOST_ABREAST else 1
-    lines = canvas.LINE * max([1, *(-(-len(names) // abreast) + 1 for names in named)])
+    named = {key: list(found) for key, found in groups.items() if _group_looks(families, key)}
+    abreast = 2 if max((len(name) for known in named.values() for name in known), default=0) <= MOST_ABREAST else 1
+    lines = canvas.LINE * max([0, *(-(-len(known) // abreast) + 1 for known in named.values())])
     height = CURVE_PANEL + max(0.0, lines - MOST_LINES)
-    widths, heights = [*[CURVE_PANEL] * (1 + len(numbers)), beside], [height - lines, lines]
-    rows = [["curves", *numbers, "names"], [".", *(f"{key} groups" for key in numbers), "names"]]
+    widths = [*[CURVE_PANEL] * (1 + len(numbers)), BAR if is_coloured else beside]
+    rows, heights = [["curves", *numbers, "names"]], [height - lines]
+    if named:
+        rows, heights = (
+            [*rows, ["curves", *(f"{key} groups" if key in named else key for key in numbers), "names"]],
+            [*heights, lines],
+        )
     with canvas.canvas((CURVE_PANEL * (1 + len(numbers)) + beside, height)) as figure:
         axes: dict[str, Axes] = figure.subplot_mosaic(rows, width_ratios=widths, height_ratios=heights)
-        canvas.head(figure, title, f"{count} run{'s' * (count > 1)}  ·  every force at its run's own depth")
+        held = "what is left of the force's fall while the tip stands still"
+        shown = held if _all_held(holds) else "every force at its run's own depth"
+        canvas.head(figure, title, f"{count} run{'s' * (count > 1)}  ·  {shown}")
         if is_coloured:
             colours = _colours_of(axes["names"], families, numbers[0])
-        else:
-            colours = [
-                curve_look(i, count)["color"] if count <= MOST_COLOURS else shade(i, count) for i in range(count)
-            ]
-        holds = [first_hold(curve.results) for curve in families.curves]
-        _curves(axes["curves"], families, colours, holds)
+            looks, names = [{"color": colour, "ls": "-"} for colour in colours], [""] * count
+        _curves(axes["curves"], families, looks, names, holds)
         for key in numbers:
-            _over(axes[key], families, key, groups[key], holds)
-            canvas.legend_in(axes[f"{key} groups"], axes[key], abreast)
+            _over(axes[key], families, key, looks, holds)
+            if key in named:
+                canvas.legend_in(axes[f"{key} groups"], axes[key], abreast)
         if not is_coloured:
-            canvas.legend_in(axes["names"], axes["curves"], columns)
+            canvas.legend_in(axes["names"], axes["curves"])
             if (inside := axes["curves"].get_legend()) is not None:  # what it names is named beside, too
                 inside.remove()
         yield figure
+
+
+def _looks_of_all(families: Families) -> tuple[list[Look], list[str]]:
+    """The look of every curve, and the name of the first with each look: of few curves their own, of many those of what
+    varies first; where that has too many values for colours all are grey and have none."""
+    names = families.apart()
+    looks = _told_by(families, families.keys) if len(set(names)) <= MOST_CURVES_NAMED else None
+    if looks is None:
+        names = families.names(families.keys[:1])
+        looks = _told_by(families, families.keys[:1])
+    if looks is None:
+        return [{"color": canvas.GREY, "ls": "-"} for _ in names], [""] * len(names)
+    return looks, [name if names.index(name) == i else "" for i, name in enumerate(names)]
+
+
+def _told_by(families: Families, keys: Sequence[str]) -> list[Look] | None:
+    """The look of every curve by these varied keys, a colour for each of their values, or of more than there are
+    colours a colour for each value of one key and dashes for those of the others; None where that is not enough."""
+    for by, others in ((keys, ()), (keys[:1], keys[1:]), (keys[1:], keys[:1])):
+        colours, dashes = families.names(by), families.names(others)
+        known, kinds = list(dict.fromkeys(colours)), list(dict.fromkeys(dashes))
+        if len(known) <= MOST_COLOURS and len(kinds) <= len(DASHES):
+            places = [(known.index(one), kinds.index(other)) for one, other in zip(colours, dashes, strict=True)]
+            return [
+                {"color": canvas.COLOURS[one], "marker": canvas.MARKERS[one], "ls": DASHES[other]}
+                for one, other in places
+            ]
+    return None
+
+
+def _group_looks(families: Families, key: str) -> list[Look] | None:
+    """The look of every curve in a panel over a varied number, where a few named lines differ in the others; else
+    None."""
+    others = [other for other in families.keys if other != key]
+    few = 1 < len(set(families.names(others))) <= MOST_GROUPS
+    return _told_by(families, others) if few else None
 
 
 def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
@@ -169,9 +214,7 @@ def _colours_of(axes: Axes, families: Families, key: str) -> list[Colour]:
     low, high = min(values), max(values)
     norm = (LogNorm if low > 0 and high > LOG_SPAN * low else Normalize)(low, high if high > low else low + 1)
     shades = LinearSegmentedColormap.from_list("shades", [shade(i, 256) for i in range(256)])
-    axes.axis("off")
-    look: Look = {"fraction": 0.9, "aspect": 25, "label": _label(families, key)}
-    bar = axes.figure.colorbar(ScalarMappable(norm, shades), ax=axes, **look)
+    bar = axes.figure.colorbar(ScalarMappable(norm, shades), cax=axes, label=_label(families, key))
     bar.outline.set_visible(False)
     return [colormaps["viridis"](0.9 * float(norm(value))) for value in values]
 
@@ -185,25 +228,35 @@ def _label(families: Families, key: str) -> str:
 Holds = Sequence[Hold | None]
 
 
-def _curves(axes: Axes, families: Families, colours: Sequence[Colour], holds: Holds) -> None:
+def _curves(axes: Axes, families: Families, looks: Sequence[Look], names: Sequence[str], holds: Holds) -> None:
     """Force over depth of every run; where all hold, what is left of the fall in the hold over the time."""
     runs = [curve.results for curve in families.curves]
+    said = [in_picture(name, MOST_LEGEND_LETTERS) or "_" for name in names]  # what begins with _ is no name
     if held := _all_held(holds):
-        for hold, name, colour in zip(held, families.apart(), colours, strict=True):
-            axes.plot(hold.t[1:], hold.share[1:], color=colour, lw=1.5, label=in_picture(name, MOST_LEGEND_LETTERS))
+        for hold, look, name in zip(held, looks, said, strict=True):
+            axes.plot(hold.t[1:], hold.share[1:], color=look["color"], ls=look["ls"], lw=1.5, label=name)
         axes.set(xscale="log", xlabel=f"time in the hold t{_seconds(families)}", ylabel="left of the fall of the force")
         axes.axhline(0.5, color=canvas.GREY, lw=0.6, ls=":", zorder=0)
         return
     depth, force = axis("delta", runs), axis("force", runs)
-    for run, name, colour in zip(runs, families.apart(), colours, strict=True):
-        look = {"color": colour, "marker": ""}
-        draw_force(axes, run, depth, force, look, in_picture(name, MOST_LEGEND_LETTERS))
+    for run, look, name in zip(runs, looks, said, strict=True):
+        draw_force(axes, run, depth, force, look | {"marker": ""}, name)
     if hertz := _formula_of_all(runs):
         drawn = depth([0, *hertz["curve"]["delta"]]), force([0, *hertz["curve"]["force"]])
-        (line,) = axes.plot(*smooth(*drawn), **THEORY_STYLE, label=in_picture(f"{hertz['name']}, half-space"))
+        (line,) = axes.plot(*smooth(*drawn), **FORMULA_STYLE, label=in_picture(f"{hertz['name']}, half-space"))
         axes.legend(handles=[line], loc="upper left")  # where no force is
     axes.set(xlabel=depth.label, ylabel=force.label)
-    axes.axhline(0, color=canvas.GREY, lw=0.6, zorder=0)
+    if _span([run["delta"].max() for run in runs]) >= LOG_FORCES:
+        axes.set_xscale("log")
+    if _span([run["force"].max() for run in runs]) >= LOG_FORCES:
+        axes.set_yscale("log")
+    else:
+        axes.axhline(0, color=canvas.GREY, lw=0.6, zorder=0)
+
+
+def _span(values: Sequence[float] | np.ndarray) -> float:
+    """Ratio of the largest to the smallest of positive numbers; 1 where one is not."""
+    return float(np.max(values) / np.min(values)) if np.min(values) > 0 else 1.0
 
 
 def _formula_of_all(runs: Sequence[Results]) -> Report | None:
@@ -229,42 +282,44 @@ def _all_held(holds: Holds) -> list[Hold]:
     return held if len(held) == len(holds) else []
 
 
-def _over(axes: Axes, families: Families, key: str, groups: dict[str, list[Curve]], holds: Holds) -> None:
+def _over(axes: Axes, families: Families, key: str, looks: Sequence[Look], holds: Holds) -> None:
     """The last force of every run, of histories the largest, over a varied number, or when half of its fall in a hold
-    is over; a line for each group of those that differ in it alone."""
+    is over; a line for each group of those that differ in it alone, with the looks of the curves where it has no
+    name."""
     force, held = axis("force", [curve.results for curve in families.curves]), _all_held(holds)
-    halves = {id(curve): hold.half_time for curve, hold in zip(families.curves, held, strict=False)}
-    for i, (name, curves) in enumerate(groups.items()):
-        along = sorted(curves, key=lambda curve: amount(curve.values[key])[0])
-        x = [amount(curve.values[key])[0] for curve in along]
-        y = [halves[id(one)] for one in along] if held else force([_told_force(one.results) for one in along])
-        look = {"color": canvas.GREY, "marker": "o"} if len(groups) == 1 else curve_look(i, len(groups))
-        label = in_picture(name) if 1 < len(groups) <= MOST_GROUPS else None
-        axes.plot(x, y, lw=1.0, ms=5, color=look["color"], marker=look["marker"] or ".", label=label)
-    values, in_time = families.numbers(key), all("t" in curve.results.table for curve in families.curves)
-    if min(values) > 0 and (held or max(values) > LOG_SPAN * min(values)):
+    own, values = _group_looks(families, key), families.numbers(key)
+    y = [hold.half_time for hold in held] or [float(force(_told_force(curve.results))) for curve in families.curves]
+    for name, places in _groups_of(families, key).items():
+        along = sorted(places, key=lambda place: values[place])
+        x_y = [values[place] for place in along], [y[place] for place in along]
+        if own:
+            axes.plot(*x_y, lw=1.0, ms=5, **own[along[0]], label=in_picture(name))
+            continue
+        axes.plot(*x_y, lw=1.0, color=canvas.GREY, zorder=1)
+        axes.scatter(*x_y, s=14, color=[looks[place]["color"] for place in along], zorder=2)
+    in_time = all("t" in curve.results.table for curve in families.curves)
+    if _span(values) > (1.0 if held else LOG_SPAN):
         axes.set_xscale("log")
+        _tick_few_decades(axes, _span(values))
+    if held or _span(y) >= LOG_FORCES:
+        axes.set_yscale("log")
     axes.set(
         xlabel=_label(families, key),
         ylabel=f"half of the fall is over at t{_seconds(families)}"
         if held
         else f"{'largest' if in_time else 'last'} {force.label}",
     )
-    if held:
-        axes.set_yscale("log")
-        _tick_few_decades(axes, max(values) / min(values))
 
 
 def _told_force(run: Results) -> float:
     return float(run["force"][study_table.answer_row(run)])
 
 
-def _groups_of(families: Families, key: str) -> dict[str, list[Curve]]:
-    """The curves by their other varied keys, in words."""
-    groups: dict[str, list[Curve]] = {}
-    others = [other for other in families.keys if other != key]
-    for curve, name in zip(families.curves, families.names(others), strict=True):
-        groups.setdefault(name, []).append(curve)
+def _groups_of(families: Families, key: str) -> dict[str, list[int]]:
+    """The places of the curves by their other varied keys, in words."""
+    groups: dict[str, list[int]] = {}
+    for place, name in enumerate(families.names([other for other in families.keys if other != key])):
+        groups.setdefault(name, []).append(place)
     return groups
 
 
@@ -306,7 +361,7 @@ def _against(axes: Axes, groups: dict[str, list[Row]], key: str) -> None:
     _log_axes(axes, in_picture(key), [row[key] for rows in groups.values() for row in rows if row[key] is not None])
 
 
-def _names(axes: Axes, work: Axes, named: Sequence[Row], of: int, keys: Sequence[str]) -> None:
+def _names(axes: Axes, work: Axes, named: Sequence[Row], of: int, words: dict[str, dict[str, str]]) -> None:
     """What the colours and the numbers on the front stand for."""
     axes.axis("off")
     handles, labels = work.get_legend_handles_labels()
@@ -314,15 +369,21 @@ def _names(axes: Axes, work: Axes, named: Sequence[Row], of: int, keys: Sequence
     lines = ["Pareto front" if len(named) == of else f"Pareto front, {len(named)} of its {of} points"]
     for number, row in enumerate(named, start=1):
         cost = f"    {row['cpu_s']:.2g} s, {row['force_error_vs']:+.2g}"
-        lines += [f"{number}  {_brief(row, keys)}", cost]
+        lines += [f"{number}  {_brief(row, words)}", cost]
     axes.text(0, 0, "\n".join(lines), fontsize=8, va="bottom", ha="left", linespacing=1.35, transform=axes.transAxes)
 
 
-def _brief(row: Row, keys: Sequence[str]) -> str:
+def _brief(row: Row, words: dict[str, dict[str, str]]) -> str:
     """The telling keys of a row: words alone, numbers with their key."""
-    known = [key for key in keys if row[key] is not None]
-    parts = [f"{key.split('.')[-1]} {short(row[key])}" if _is_number(row[key]) else short(row[key]) for key in known]
+    said = {key: known[short(row[key])] for key, known in words.items() if row[key] is not None}
+    parts = [f"{key.split('.')[-1]} {word}" if _is_number(row[key]) else word for key, word in said.items()]
     return in_picture(", ".join(parts), MOST_LEGEND_LETTERS)
+
+
+def _words(rows: Sequence[Row], key: str) -> dict[str, str]:
+    """The values of a key in words, by the values in full."""
+    values = [row[key] for row in rows]
+    return dict(zip(map(short, values), told_apart(values), strict=True))
 
 
 def _groups(rows: Sequence[Row], keys: Sequence[str], number: str | None) -> dict[str, list[Row]]:
@@ -331,10 +392,12 @@ def _groups(rows: Sequence[Row], keys: Sequence[str], number: str | None) -> dic
     by_words = [key for key in others if not _is_numeric(rows, key)]
     methods = ["method"] if any(key.split(".")[0] == "contact" for key in keys) else []
     for key in [*methods, *by_words, *others]:
-        values = list(dict.fromkeys(short(row[key]) for row in rows))
+        values = _words(rows, key)
         if 1 < len(values) <= MOST_COLOURS:
             word = f"{key.split('.')[-1]} " if any(_is_number(row[key]) for row in rows) else ""
-            return {f"{word}{value}": [row for row in rows if short(row[key]) == value] for value in values}
+            return {
+                f"{word}{said}": [row for row in rows if short(row[key]) == value] for value, said in values.items()
+            }
     return {"": list(rows)}
 
 

@@ -20,6 +20,7 @@ from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, WALLED, grid_of, scene
 import indent_sim
 from indent_sim.config.scene_file import load
 from indent_sim.run.chain import states
+from indent_sim.run.companions.accuracy import _ratios_foreseen as ratios_foreseen
 from indent_sim.run.companions.accuracy import foreseen
 from indent_sim.scene.cost import _counts as counts
 from indent_sim.scene.scene import resolve
@@ -35,6 +36,8 @@ def meshed(path: Path) -> str:
     is_of_curve = resolve(load(path)).history is not None
     return "solver.method=condensed" if is_of_curve else "output.fields=last"
 
+
+WET = ELASTIC | {"nu": 0.2, "flow": {"diffusivity": 1.0}}
 
 each_scene = pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 
@@ -79,11 +82,32 @@ def test_more_steps_take_longer() -> None:
 
 def test_steps_between_the_rows_of_a_history_are_counted() -> None:
     """The steps are the same, however many of them are rows."""
-    wet = ELASTIC | {"nu": 0.2, "flow": {"diffusivity": 1.0}}
     history = {"history": [[0, 0], [0.1, 0.02], [1, 0.02]]}
-    all_rows, one = (scene(WALLED, material=wet, loading=history | times) for times in ({}, {"times": [1]}))
+    all_rows, one = (scene(WALLED, material=WET, loading=history | times) for times in ({}, {"times": [1]}))
     predicted = [base.plan.prediction["seconds"] for base in (all_rows, one)]
     assert len(all_rows.physics.deltas) > 20 and predicted[1] == pytest.approx(predicted[0], rel=0.05)
+
+
+HOLD = {"history": [[0, 0], [0, 0.02], [0.01, 0.02]], "times": [0.01]}
+
+
+def test_steps_under_a_tip_that_stands_still_are_counted_apart() -> None:
+    """Two stages each, where nothing but time moves: their systems are solved once, with the last factor. A bath that
+    comes makes the contact grow."""
+    base, swelling = (scene(WALLED, material=WET, loading=HOLD, drainage={"bath": bath}) for bath in (0, 0.01))
+    one, other = (made.physics.work("newton", "direct") for made in (base, swelling))
+    assert (one.steps, other.still) == (2, 0) and one.still == 2 * base.physics.path.still > 20
+    assert other.steps >= one.steps + one.still
+
+
+def test_meshes_on_the_way_to_an_accuracy_of_a_body_that_drains() -> None:
+    """The edge of what a ball seals lies within elements: a run of 0.002 took four meshes, a punch's took one. Where
+    the pressure lives at vertices a ball's took two of 0.001."""
+    ball = {"material": WET, "loading": HOLD, "accuracy": 0.002, "mesh": {}}
+    punch = ball | {"indenter": {"shape": "flat_punch", "radius": 1.0}}
+    sharp = ball | {"accuracy": 0.001, "contact": {"method": "active_set"}}
+    found = [foreseen(scene({"shape": "half_space"}, **one)) for one in (ball, punch, sharp)]
+    assert [len(ratios_foreseen(one)) for one in found] == [3, 0, 1]
 
 
 def test_solves_of_a_tip_that_snaps_in_and_comes_off() -> None:

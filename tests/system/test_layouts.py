@@ -135,15 +135,22 @@ def test_twenty_curves_have_a_bar_units_and_hertz_beside_them() -> None:
     assert [text.get_text() for text in curves.get_legend().get_texts()] == ["Sneddon (sphere), half-space"]
     labels = {axes.get_xlabel() for axes in panels_of(figure)} | {axes.get_ylabel() for axes in figure.axes}
     assert {"height [µm]", "depth δ [µm]", "force F [nN]"} <= labels
-    hertz = next(line for line in curves.lines if line.get_linestyle() == "--")
+    hertz = next(line for line in curves.lines if line.get_linestyle() == canvas.FORMULA_STYLE["ls"])
     deepest = indent_sim.plan(LAYER)["prediction"]["force_half_space"]
     assert hertz.get_ydata()[-1] == pytest.approx(deepest, rel=1e-9)
+
+
+def test_curves_beside_a_panel_with_one_line_of_names_keep_their_own_below_them() -> None:
+    """The panel of the curves spans the cell of the names, which is lower than what stands below an axis."""
+    figure = indent_sim.plot(indent_sim.study({"base": LAYER, "vary": {"body.height": [5, 20], "indenter.R": [4, 6]}}))
+    assert faults(figure) == []
 
 
 def test_words_that_vary_are_named_and_formulas_that_differ_are_not_drawn() -> None:
     vary = {"indenter": [{"shape": "sphere", "R": 5}, {"shape": "cone", "half_angle": 70}]}
     figure = indent_sim.plot(indent_sim.study({"base": LAYER, "vary": vary}))
-    assert faults(figure) == [] and not [line for line in figure.axes[0].lines if line.get_linestyle() == "--"]
+    drawn = {line.get_linestyle() for line in figure.axes[0].lines}
+    assert faults(figure) == [] and canvas.FORMULA_STYLE["ls"] not in drawn
 
 
 def test_the_checker_finds_what_is_wrong() -> None:
@@ -156,6 +163,17 @@ def test_the_checker_finds_what_is_wrong() -> None:
         found = faults(figure)
     assert "'one' lies on 'other'" in found and "'much too far to the right' goes beyond the edge" in found
     assert sum("has no name" in fault for fault in found) == 2
+
+
+def test_the_checker_finds_legends_that_tell_nothing() -> None:
+    with canvas.canvas((9.2, 9.0)) as figure:
+        axes = figure.subplots()
+        for i in range(13):
+            axes.plot([0, 1], [0, i], color=canvas.COLOURS[i % 7], ls="-" if i < 12 else "--", label=f"line {i}")
+        axes.legend()
+        found = faults(figure)
+    assert "a legend of 13 names" in found and "'line 0' looks as 'line 7'" in found
+    assert not [fault for fault in found if "'line 12'" in fault]
 
 
 def test_the_checker_finds_words_on_the_panel_of_another() -> None:

@@ -46,6 +46,7 @@ LETTERS = 9.0  # of a title to the inch
 SUBTITLE, LABEL_LETTERS = 200, 120  # most letters
 Look = dict[str, Any]  # matplotlib's words for how something is drawn
 THEORY_STYLE: Look = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
+FORMULA_STYLE: Look = {"color": GREY, "ls": ":", "lw": 1.2, "zorder": 2}  # of a half-space, beside any body
 STYLE: Look = {
     "figure.dpi": 100,  # in which labels are measured
     "legend.framealpha": 0.85,  # a long line of text may cross a steep curve

@@ -112,10 +112,12 @@ def draw(
     """
     (delta, x, y), colour = rows, look["color"]
     marks = look["marker"] if len(x) <= MANY else ""
+    if len(x) == 1:  # which no line goes through: it would say that the curve is straight
+        marks, begin = marks or MARKERS[0], ()
     for part, goes_out in branches(delta):
         before = [] if part.start or goes_out else begin
         curve = joined(np.array([*before, *x[part]]), np.array([*before, *y[part]]))
-        line = {"ls": UNLOADING_STYLE["ls"] if goes_out else "-", "lw": 1.2 if marks else 1.6}
+        line = {"ls": UNLOADING_STYLE["ls"] if goes_out else look.get("ls", "-"), "lw": 1.2 if marks else 1.6}
         axes.plot(*curve, color=colour, zorder=2, label=None if marks else label, **line)
         if marks:
             own = slice(part.start + goes_out, part.stop)  # the turning point is one of loading

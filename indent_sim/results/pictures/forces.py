@@ -12,7 +12,7 @@ from indent_sim.results.folder import Report
 from indent_sim.results.outline import adheres
 from indent_sim.results.pictures import canvas, curves
 from indent_sim.results.pictures.axes import Axis, axis, choice, in_picture, is_plane_strain, unit_of
-from indent_sim.results.pictures.canvas import GREY, LABEL_LETTERS, THEORY_STYLE, Axes, Look, save
+from indent_sim.results.pictures.canvas import FORMULA_STYLE, GREY, LABEL_LETTERS, THEORY_STYLE, Axes, Look, save
 from indent_sim.results.pictures.names import in_order, names_of
 from indent_sim.results.pictures.pressure import draw_pressure, strongest_step
 from indent_sim.results.reader import MEASURED, Results, in_common_units
@@ -146,7 +146,7 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
         x, y = depth([0, *curve["delta"]]), force([0, *curve["force"]])
         if at["delta"] > 1.001 * max(curve["delta"], default=0.0):  # under a force it is deeper than the run
             x, y = np.append(x, depth(at["delta"])), np.append(y, force(at["force"]))
-        axes.plot(*curves.smooth(x, y), color=GREY, ls=":", lw=1.2, zorder=2)
+        axes.plot(*curves.smooth(x, y), **FORMULA_STYLE)
         hollow: Look = {"marker": "D", "mfc": "none", "mec": GREY, "ls": "", "ms": 6, "zorder": 2}
         axes.plot(depth([at["delta"]]), force([at["force"]]), **hollow, label=label)
 

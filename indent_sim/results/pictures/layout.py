@@ -81,9 +81,15 @@ def _put(figure: Any, rect: Sequence[float], panels: Sequence[tuple[Any, _Around
     x, top = rect[0] * wide + EDGE, (rect[1] + rect[3]) * high - EDGE
     for axes, _ in panels:
         spec = axes.get_subplotspec()
-        begin, end = across[spec.colspan.start][0], across[spec.colspan.stop - 1][1]
-        upper, lower = down[spec.rowspan.start][0], down[spec.rowspan.stop - 1][1]
+        begin, end = _from_to(across, spec.colspan)
+        upper, lower = _from_to(down, spec.rowspan)
         axes.set_position(((x + begin) / wide, (top - lower) / high, (end - begin) / wide, (lower - upper) / high))
+
+
+def _from_to(edges: Sequence[tuple[float, float]], span: range) -> tuple[float, float]:
+    """Begin and end of a panel, which may span cells that have no room for one."""
+    begin, end = edges[span.start][0], edges[span.stop - 1][1]
+    return begin, max(end, begin + LEAST_PANEL)
 
 
 def _most(count: int, sizes: Iterable[tuple[int, float]]) -> list[float]:
@@ -102,7 +108,7 @@ def _edges(
     ends = np.cumsum(ratios) / sum(ratios) * room
     begins = [0.0, *ends[:-1]]
     return [
-        (float(begin + ahead), float(max(end - behind, begin + ahead + LEAST_PANEL)))
+        (float(begin + ahead), float(end - behind))
         for begin, end, ahead, behind in zip(begins, ends, before, after, strict=True)
     ]
 
