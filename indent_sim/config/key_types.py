@@ -19,6 +19,7 @@ def remedy_of(hint: Any) -> str:
     return next((mark for mark in marks if isinstance(mark, str)), "")
 
 
+@cache
 def field_names(kind: Any) -> tuple[str, ...]:
     """The fields of a dataclass or pydantic model in order."""
     if dataclasses.is_dataclass(kind):
@@ -33,11 +34,13 @@ def hints(kind: type) -> dict[str, Any]:
     return {name: found[name] for name in field_names(kind)}
 
 
+@cache
 def kinds_of(union: Any, tag: str) -> dict[str, type]:
     """The dataclasses of a union by the value of their tag."""
     return {get_args(hints(kind)[tag])[0]: kind for kind in members(union)}
 
 
+@cache
 def tag_of(hint: Any) -> str | None:
     """The key that chooses among the alternatives of a section; None where there is no choice."""
     marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
@@ -52,6 +55,7 @@ def chosen(hint: Any, word: Any) -> type | None:
     return kinds[0] if len(kinds) == 1 else None
 
 
+@cache
 def default_of(kind: Any, name: str) -> Any:
     """The default of a field of a dataclass or pydantic model, None where it has none."""
     if not dataclasses.is_dataclass(kind):
@@ -60,6 +64,7 @@ def default_of(kind: Any, name: str) -> Any:
     return None if default is dataclasses.MISSING else default
 
 
+@cache
 def members(hint: Any) -> tuple[Any, ...]:
     """The alternatives of a union, None left out; of anything else itself."""
     if get_origin(hint) is Annotated and any(isinstance(mark, TaggedBy) for mark in hint.__metadata__):
@@ -69,6 +74,7 @@ def members(hint: Any) -> tuple[Any, ...]:
     return (hint,)
 
 
+@cache
 def core(hint: Any) -> Any:
     """A type without its marks and without None."""
     if get_origin(hint) is Annotated:
@@ -77,12 +83,14 @@ def core(hint: Any) -> Any:
     return hint if len(parts) > 1 or parts[0] is hint else core(parts[0])
 
 
+@cache
 def words_of(hint: Any) -> tuple[str, ...]:
     """The words a value may be, also where one word stands for all fields of a dataclass."""
     kinds = [common(core(part)) for part in members(hint)]
     return tuple(str(word) for kind in kinds if get_origin(kind) is Literal for word in get_args(kind))
 
 
+@cache
 def common(kind: Any) -> Any:
     """The type that all fields of a dataclass share (the walls of a box), so that one value says them all."""
     if dataclasses.is_dataclass(kind):
