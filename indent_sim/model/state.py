@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
@@ -111,18 +112,20 @@ class State:
 
     def in_units(self, scales: Scales) -> State:
         """The same state measured in the user's units, of which the scales are the scene's."""
-        L, P, F, depth, energy = scales.length, scales.pressure, scales.force, scales.depth, scales.energy
-        units = dict.fromkeys(("force", "reaction", "stray_reaction", "side_force_x", "side_force_y"), F)
-        units |= dict.fromkeys(("a", "penetration", "overlap", "intrusion", "stick_radius"), L)
-        units |= dict.fromkeys(("energy", "dissipation"), energy)
-        units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)
-        units |= dict.fromkeys(("p_max", "E_hertz", "pore_pressure_max"), P)
-        units |= {
-            "delta": depth,
-            "z": depth,
-            "calibration_error": F,
-            "stiffness": F / depth,
-            "area": L ** (scales.dim - 1),
-        }
-        measured = {name: value * unit for name, unit in units.items() if (value := getattr(self, name)) is not None}
-        return replace(self, **measured, surface=self.surface and self.surface.in_units(L, P))
+        own, units = vars(self), _units(scales)
+        measured = {name: value * unit for name, unit in units.items() if (value := own[name]) is not None}
+        surface = self.surface and self.surface.in_units(scales.length, scales.pressure)
+        return State(**own | measured | {"surface": surface})  # `replace` would ask for every field's default
+
+
+@cache
+def _units(scales: Scales) -> dict[str, float]:
+    """The units of a State's fields, of those that have one."""
+    L, P, F, depth, energy = scales.length, scales.pressure, scales.force, scales.depth, scales.energy
+    units = dict.fromkeys(("force", "reaction", "stray_reaction", "side_force_x", "side_force_y"), F)
+    units |= dict.fromkeys(("a", "penetration", "overlap", "intrusion", "stick_radius"), L)
+    units |= dict.fromkeys(("energy", "dissipation"), energy)
+    units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)
+    units |= dict.fromkeys(("p_max", "E_hertz", "pore_pressure_max"), P)
+    depths = {"delta": depth, "z": depth}
+    return units | depths | {"calibration_error": F, "stiffness": F / depth, "area": L ** (scales.dim - 1)}

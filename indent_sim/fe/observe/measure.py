@@ -254,13 +254,14 @@ def penetration(body: Observed) -> float:
 def _region(body: Observed, X: np.ndarray, x: np.ndarray, p_hat: np.ndarray) -> float:
     """Area (length) of the body with p_hat > 0, but for what hangs over: its simplices at x are turned over from X."""
     _, simplices = lattice(body.trace.dim)
+    touched = np.flatnonzero((p_hat > 0).any(axis=1))
+    corners, p = x[touched][:, simplices], p_hat[touched][:, simplices]
     if body.trace.dim == 2:
-        ends, p = x[:, simplices, 0], np.array(p_hat[:, simplices])
-        p[(np.diff(ends) * np.diff(X[:, simplices, 0]))[..., 0] < 0] = -1.0
+        ends = corners[..., 0]
+        if body.scene.physics.gap == "current":
+            p[(np.diff(ends) * np.diff(X[touched][:, simplices, 0]))[..., 0] < 0] = -1.0
         mine = _positive_length(body, ends, p)
     else:
-        touched = np.flatnonzero((p_hat > 0).any(axis=1))
-        corners, p = x[touched][:, simplices], p_hat[touched][:, simplices]
         overhangs = _signed_area(corners) * _signed_area(X[touched][:, simplices]) < 0
         mine = _positive_area(corners, np.where(overhangs[..., None], -1.0, p))
     return body.scene.physics.part.copies * float(body.comm.allreduce(mine, op=MPI.SUM))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
 from dolfinx import fem
@@ -135,7 +135,7 @@ class Trace:
         """Whether a multiplier of these nodes has vertex functions without integral (see `from_midpoints`)."""
         return self.dim == 3
 
-    @property
+    @cached_property
     def sizes(self) -> np.ndarray:
         """Length of each facet, of a triangle that of the equilateral one with its area (facets,) [length]."""
         edges = self.X[:, 1 : self.dim] - self.X[:, :1]
@@ -145,13 +145,13 @@ class Trace:
     def positions(self, points: np.ndarray) -> np.ndarray:
         """Reference coordinates (facets, points, dim) [length], which stay what they are."""
         if (key := points.tobytes()) not in self._known:
-            self._known[key] = found = self.values(self.X, points)
+            self._known[key] = found = np.einsum("pn,fnd->fpd", shapes(points), self.X)
             found.flags.writeable = False
         return self._known[key]
 
     def values(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
         """A nodal field (facets, n, components) at points: (facets, points, components)."""
-        return np.einsum("pn,fnd->fpd", shapes(points), nodal)
+        return shapes(points) @ nodal
 
     def tangents(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Derivatives (facets, points, dim, facet dim) of a nodal field along the facet's coordinates."""

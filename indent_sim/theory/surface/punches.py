@@ -21,7 +21,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import Chebyshev
-from numpy.polynomial.chebyshev import chebval
 
 from indent_sim.theory.hankel import gauss
 from indent_sim.theory.layer import Layer
@@ -128,10 +127,17 @@ class FittedPunches:
         pieces = (gauss(low, high, QUADRATURE) for low, high in pairwise(ends))
         return 2.0 * self._E_star * sum(float(w @ self._tip.g(x)) for x, w in pieces)
 
+    def _polynomials(self, x: float) -> np.ndarray:
+        """T_0(x), T_1(x), .. by their recurrence, which plain numbers run through faster than numpy's own series."""
+        T = [1.0, x]
+        for _ in range(len(self._series) - 2):
+            T.append(2.0 * x * T[-1] - T[-2])
+        return np.array(T)
+
     def at(self, a: float) -> Punch:
         """The punch of radius a [L]."""
         unit, P_0 = 2.0 * self._E_star, self._half_space(a)
-        log_K, log_P, dK, dP = chebval(self._begin + self._scale * a, self._series).tolist()
+        log_K, log_P, dK, dP = (self._polynomials(self._begin + self._scale * a) @ self._series).tolist()
         ratio_K, ratio_P = math.exp(log_K), math.exp(log_P)
         K, slope = unit * a * ratio_K, unit * ratio_K * (1.0 + a * dK)
         P = P_0 * ratio_P
