@@ -104,6 +104,13 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int)
     return dolfinx.mesh.create_mesh(comm, cells, *arguments, partitioner=partitioner)
 
 
+def zero(dofs: np.ndarray, space: fem.FunctionSpace) -> fem.DirichletBC:
+    """The condition that dofs of a space are zero."""
+    if DOLFINX_VERSION < (0, 6):  # the space would be tried first, and refused with the text of all dofs, 0.01 s
+        space = space._cpp_object
+    return fem.dirichletbc(PETSc.ScalarType(0), dofs.astype(np.int32), space)
+
+
 def cell_dofs(dofmap: Any) -> np.ndarray:
     """All cell dofs of a dofmap (or geometry) as an array (cells, dofs per cell)."""
     table = dofmap.list if hasattr(dofmap, "list") else dofmap

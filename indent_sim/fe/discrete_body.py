@@ -149,7 +149,7 @@ def held(space: fem.FunctionSpace, body_mesh: BodyMesh) -> tuple[HeldDofs, HeldD
 
 def zero(space: fem.FunctionSpace, dofs: np.ndarray) -> fem.DirichletBC:
     """Hold dofs of a space: their rows and columns of a tangent are those of the identity."""
-    return fem.dirichletbc(PETSc.ScalarType(0), dofs.astype(np.int32), space)
+    return compat.zero(dofs, space)
 
 
 def symbolic(item: Any, mesh: dolfinx_mesh.Mesh) -> Any:

@@ -35,6 +35,7 @@ from indent_sim.theory.solution import Solution
 from indent_sim.theory.stack import Stack
 
 MAX_PANELS = 40  # of an Abel integral, between kinks of the tip
+AT_ONCE = 50  # radii whose integrals are worked out together, of some hundred nodes each
 
 
 @dataclass(frozen=True)
@@ -278,8 +279,17 @@ def _by_parts(g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: Sequen
         s, w = gauss(0.0, 1.0, 64)
         end = np.arccosh(a / r)[:, None]
         return np.asarray((_integrand(g, g_r[:, None], r[:, None], end * s) @ w) * end[:, 0])
+    places = [slice(k, k + AT_ONCE) for k in range(0, r.size, AT_ONCE)]
+    return np.concatenate([_beside_breaks(g, g_r[some], a, r[some], breaks) for some in places] or [r])
+
+
+def _beside_breaks(g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: Sequence[float]) -> np.ndarray:
+    """What `_by_parts` is at some radii, each of which has nodes of its own."""
     nodes = [_abel_nodes(a, radius, breaks) for radius in r]
-    return np.array([w @ _integrand(g, g_r[i], r[i], y) for i, (y, w) in enumerate(nodes)])
+    y, w = joined(nodes)
+    counts = [own.size for own, _ in nodes]
+    values = w * _integrand(g, np.repeat(g_r, counts), np.repeat(r, counts), y)
+    return np.asarray(np.add.reduceat(values, np.cumsum([0, *counts[:-1]])))
 
 
 def _integrand(g: Shape, g_r: np.ndarray, r: np.ndarray, y: np.ndarray) -> np.ndarray:

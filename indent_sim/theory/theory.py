@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import takewhile
 from math import ceil, inf
 from typing import TYPE_CHECKING
 
@@ -40,6 +41,7 @@ class Theory:
     error: float = OWN_ERROR
     formulas: Mapping[str, Curve] = field(default_factory=dict, repr=False)
     pull: float = 0.0
+    _adhering: dict[float, Jkr | None] = field(default_factory=dict, init=False, repr=False, compare=False)
     _known: dict[float, Solution | None] = field(default_factory=dict, init=False, repr=False, compare=False)
     _path: dict[float, Solution | None] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -47,9 +49,9 @@ class Theory:
         """One Solution (force, a, pressure) per depth, or None where the theory ends (contact meets the wall)."""
         if len(self._known) > MOST_KEPT:
             self._known.clear()
-        if new := [delta for delta in deltas if delta not in self._known]:
-            with contextlib.suppress(*UNSOLVED):
-                self._known.update(zip(new, self.contact.curve(new), strict=True))
+        new = [delta for delta in deltas if delta not in self._known]
+        with contextlib.suppress(*UNSOLVED):
+            self._known.update(zip(new, self.contact.curve(new), strict=True))
         solutions = [solution for delta in deltas if (solution := self._known.get(delta))]
         return solutions if len(solutions) == len(deltas) else None
 
@@ -87,9 +89,10 @@ class Theory:
         """The same theory, no longer exact where its tip would have to pull at one of the depths."""
         if not self.exact or len(self.contact.scaled.plies) == 1:
             return self
-        some = {*deltas[:: ceil(len(deltas) / SAMPLED)], max(deltas)}
-        self.expect(sorted(some))
-        found = [solution for delta in some if delta > 0 and (solution := self.at(delta))]
+        some = sorted(delta for delta in {*deltas[:: ceil(len(deltas) / SAMPLED)], max(deltas)} if delta > 0)
+        found = self.curve(some)  # each sets out from the last
+        if found is None:  # theory ends before the deepest, and knows none beyond its end
+            found = [solution for solution in takewhile(bool, map(self.at, some)) if solution]
         pull = max(map(self.contact.tension, found), default=0.0)
         if not pull:
             return self
@@ -109,8 +112,11 @@ class Theory:
         return found if found is not None and np.isfinite(found) else None
 
     def jkr(self, work: float) -> Jkr | None:
-        """The tip if it adheres without range; None where theory does not know that."""
+        """The tip if it adheres without range, which keeps what it has found; None where theory does not know that."""
+        if work in self._adhering:
+            return self._adhering[work]
         from indent_sim.theory.surface.adhesion import Jkr  # with scipy's searches, which no other scene needs
         from indent_sim.theory.surface.punches import LayerPunches
 
-        return Jkr(LayerPunches(self.contact), work) if isinstance(self.contact, Layer) else None
+        jkr = Jkr(LayerPunches(self.contact), work) if isinstance(self.contact, Layer) else None
+        return self._adhering.setdefault(work, jkr)

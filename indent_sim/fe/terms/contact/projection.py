@@ -34,7 +34,7 @@ class Projection:
         on_top = fem.locate_dofs_topological(space, body.body_mesh.dim - 1, body.body_mesh.surfaces["top"])
         off = np.setdiff1d(np.arange(len(function.x.array)), on_top).astype(np.int32)
         self._off = off[off < space.dofmap.index_map.size_local]
-        matrix = fem_petsc.assemble_matrix(mass, [fem.dirichletbc(PETSc.ScalarType(0), off, space)])
+        matrix = fem_petsc.assemble_matrix(mass, [compat.zero(off, space)])
         matrix.assemble()
         self._b = compat.create_vector(self._load, space)
         self._solver = PETSc.KSP().create(body.comm)
