@@ -26,7 +26,10 @@ class Stopped(KeyboardInterrupt):
         return Stopped, (self.number,)  # other ranks learn of it
 
 
-_arrived: list[int] = []  # signals belong to the process
+# Signals belong to the process, and so do
+_arrived: list[int] = []  # those that raised Stopped
+_held: list[list[int]] = []  # those that arrived in each of the blocks that hold them back
+_stoppable: list[int] = []  # and the ranks of the blocks in which they raise it
 
 
 def check() -> None:
@@ -53,6 +56,9 @@ def stoppable(rank: int = 0) -> Iterator[None]:
     """
 
     def stop(number: int, frame: FrameType | None) -> None:
+        if _held:
+            _held[-1].append(number)
+            return
         _arrived.append(number)
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # who presses Ctrl-C again means it
         signal.signal(signal.SIGTERM, signal.SIG_IGN)  # mpirun and batch systems repeat themselves
@@ -68,11 +74,13 @@ def stoppable(rank: int = 0) -> Iterator[None]:
     handler: Any = stop if rank == 0 else signal.SIG_IGN
     wanted = [number for number in SIGNALS if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN]
     before = {number: signal.signal(number, handler) for number in wanted}
+    _stoppable.append(rank)
     try:
         with unmasked():
             yield
             check()
     finally:
+        _stoppable.pop()
         _arrived.clear()
         sys.unraisablehook = tell_lost
         for number, old in before.items():
@@ -94,11 +102,14 @@ def uninterrupted() -> Iterator[None]:
         yield
         return
     arrived: list[int] = []
-    signals = [s for s in SIGNALS if signal.getsignal(s) not in (None, signal.SIG_IGN)]
+    knows = _stoppable and not _arrived  # then what handles them holds them back itself: thousands of rows are quick
+    signals = [] if knows else [s for s in SIGNALS if signal.getsignal(s) not in (None, signal.SIG_IGN)]
     before = {number: signal.signal(number, lambda got, frame: arrived.append(got)) for number in signals}
+    _held.append(arrived)
     try:
         yield
     finally:
+        _held.pop()
         for number, handler in before.items():
             signal.signal(number, handler)
         for again in arrived[:1]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh.body_from_file import Piece
@@ -157,7 +158,7 @@ class Scene:
         """The same simulation of something else: another tip, path or contact law on the same elements."""
         return replace(self, physics=replace(self.physics, **changes))
 
-    @property
+    @cached_property
     def differences(self) -> tuple[str, ...]:
         """What this problem has that theory's has not, in words; empty when they are one, or there is no theory."""
         theory, physics = self.plan.theory, self.physics

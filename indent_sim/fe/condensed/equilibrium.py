@@ -65,6 +65,9 @@ class CondensedEquilibrium(Equilibrium):
         self.view = CondensedState(self.contact)
         beyond = ~np.isin(self.condenser.rows, compliance.places).all(axis=1)  # the candidates
         self._beside = self.body.skin.and_also(self.body.trace.at(beyond))
+        center, trace = np.asarray(self.scene.physics.center)[: dim - 1], compliance.trace
+        is_outside = np.linalg.norm(trace.X[..., :-1] - center, axis=-1) >= reach - 2 * self.scene.sizes.h_contact
+        self._rim = np.unique(trace.nodes[is_outside])
 
     @property
     def depth(self) -> float:
@@ -135,11 +138,7 @@ class CondensedEquilibrium(Equilibrium):
         """Whether the forces end before the rim of the candidates (or there is no surface beyond it)."""
         if self._reach >= self._whole:
             return True
-        trace = self.contact.compliance.trace
-        distance = np.linalg.norm(trace.X[..., :-1] - np.asarray(self.scene.physics.center)[: trace.dim - 1], axis=-1)
-        rim = self._reach - 2 * self.scene.sizes.h_contact
-        loaded = np.abs(self.contact.F[trace.nodes]) > 0
-        return bool(distance[loaded].max(initial=0.0) < rim)
+        return not np.any(self.contact.F[self._rim])
 
     @property
     def stiffness(self) -> float:
