@@ -309,8 +309,9 @@ def ends(seeds: range, place: Path) -> Counter[int]:
 
 
 def test_several_mistakes(tmp_path):
-    counts = ends(range(150), tmp_path)
-    assert set(counts) <= {0, 2, 3} and counts[0] > 5
+    """And ten thousand in `make stress`."""
+    counts = ends(range(75), tmp_path)
+    assert set(counts) <= {0, 2, 3} and counts[0] > 2
 
 
 @pytest.mark.stress

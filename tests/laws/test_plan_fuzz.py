@@ -243,7 +243,7 @@ def read_study(document: dict[str, Any]) -> None:
             assert study_file.read(path).points()
 
 
-@settings(BRIEF, max_examples=120)
+@settings(BRIEF, max_examples=60)  # and ten thousand in `make stress`
 @given(scenes())
 def test_any_scene(document):
     plan(document)

@@ -94,7 +94,7 @@ def largest_pull(depths: list[float], forces: list[float]) -> float:
 @pytest.mark.parametrize(
     ("parameter", "about", "pull"),
     [
-        (0.5, -0.43, -1.7974),
+        pytest.param(0.5, -0.43, -1.7974, marks=pytest.mark.verify),  # the force near it is that of rings above
         pytest.param(1.0, -0.42, -1.6829, marks=pytest.mark.verify),
         pytest.param(2.0, -0.39, -1.5872, marks=pytest.mark.verify),
     ],
@@ -276,20 +276,29 @@ def drawn(number: int) -> tuple[dict[str, Any], float, float]:
     return sections, depth * pick.uniform(-2, 0.3), pick.choice([0.0, depth, depth])
 
 
-def test_a_force_of_zero_is_a_depth_where_push_and_pull_are_equal() -> None:
-    adhesion = {"work": WORK, "range": reach(0.5)}
-    rows = solve(scene(THICK, contact={"adhesion": adhesion}, loading={"forces": [0.0, 1e-3, 0.0]}))
-    assert [row.force for row in rows] == pytest.approx([0.0, 1e-3, 0.0], abs=1e-12)  # 1e-9 of the largest
+@pytest.mark.parametrize(
+    ("body", "adhesion", "mesh", "push"),
+    [
+        (WALLED, LOOSE["adhesion"], {"h_contact": 0.06}, 0.03),
+        pytest.param(THICK, {"work": WORK, "range": reach(0.5)}, {}, 1e-3, marks=pytest.mark.verify),
+    ],
+    ids=["layer", "half-space"],
+)
+def test_a_force_of_zero_is_a_depth_where_push_and_pull_are_equal(
+    body: dict[str, Any], adhesion: dict[str, float], mesh: dict[str, float], push: float
+) -> None:
+    rows = solve(scene(body, contact={"adhesion": adhesion}, mesh=mesh, loading={"forces": [0.0, push, 0.0]}))
+    assert [row.force for row in rows] == pytest.approx([0.0, push, 0.0], abs=1e-9 * push)
     assert 0 < rows[0].delta < rows[1].delta
     assert rows[2].delta == pytest.approx(rows[0].delta, rel=1e-8)
 
 
 @pytest.mark.parametrize(
-    ("wide", "coarse", "rel"), [(2.8, 0.14, 0.015), pytest.param(4.0, 0.12, 0.01, marks=pytest.mark.verify)]
+    ("wide", "coarse", "rel"), [(2.4, 0.2, 0.03), pytest.param(4.0, 0.12, 0.01, marks=pytest.mark.verify)]
 )
 def test_three_dimensions_give_the_force_of_the_body_of_revolution(wide: float, coarse: float, rel: float) -> None:
-    """A box and the cylinder of the same section: 1 %, of coarse elements, where they are wider than the tip feels; a
-    half more where it feels the corners."""
+    """A box and the cylinder of the same section: 1 %, of coarse elements, where they are wider than the tip feels; two
+    more where it feels the corners and elements are nearly as large as the cohesive zone of 0.22."""
     loading = {"deltas": [-0.05, 0.02]}
     box = {"shape": "box", "size": [wide, wide, 1.0], "base": "fixed", "sides": "free"}
     disc = {"shape": "cylinder", "radius": wide / pi**0.5, "height": 1.0, "base": "fixed", "sides": "free"}

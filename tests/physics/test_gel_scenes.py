@@ -93,9 +93,11 @@ def test_a_weight_on_a_swollen_gel_is_put_on_and_taken_off_at_once() -> None:
 def test_without_flow_it_is_at_rest_in_its_bath() -> None:
     """What a gel with flow comes to; of free swelling in the bath where no stretch is given."""
     bath = Gel(G=1.0, n_omega=1e-3, chi=0.6).free_potential(STRETCH)
-    (dry,) = rows(gel(material=GEL, drainage=None, loading={"deltas": [0.1]}))
-    (auto,) = rows(gel(material=GEL | {"stretch": "auto"}, drainage={"bath": bath}, loading={"deltas": [0.1]}))
-    (last,) = at([1e4], value=0.1, drainage={"bath": bath})
+    coarse: dict[str, Any] = {"mesh": {"h_contact": 0.1}}  # of all
+    (dry,) = rows(gel(material=GEL, drainage=None, loading={"deltas": [0.1]}, **coarse))
+    drained: dict[str, Any] = {"drainage": {"bath": bath}} | coarse
+    (auto,) = rows(gel(material=GEL | {"stretch": "auto"}, loading={"deltas": [0.1]}, **drained))
+    (last,) = at([1e2], value=0.1, **drained)
     assert auto.force == pytest.approx(dry.force, rel=1e-9)
     assert last.force == pytest.approx(dry.force, rel=1e-6)
 

@@ -51,7 +51,7 @@ def skinned(t: float, E: float, tip: str = "plate", **sections: Any) -> dict[str
     return {"body": body, "material": ELASTIC, "indenter": TIPS[tip], "loading": DEEP} | sections
 
 
-@pytest.mark.parametrize("nu", [0.0, 0.3, 0.49])
+@pytest.mark.parametrize("nu", [0.3, *(pytest.param(nu, marks=pytest.mark.verify) for nu in (0.0, 0.49))])
 def test_a_small_contact_of_the_series_is_hertz(nu: float) -> None:
     """Of one matter: what a ball adds to Hertz' half-spaces fades with a/R, to 0.3 % at 1/400 (0.5 % and less at
     1/100; for nu 0.3 and 0.49 in proportion, for nu 0 half as fast)."""
@@ -123,7 +123,7 @@ NUCLEI = [(0.6, 100.0), (0.9, 10.0), (0.4, 0.001), (0.6, 0.01), (0.8, 0.1), (0.8
     ("shape", "radius", "E"),
     [
         pytest.param(shape, *row, marks=[] if row in soft_and_stiff else [pytest.mark.verify])
-        for shape, soft_and_stiff in (("ball", [(0.6, 100.0)]), ("ellipsoid", [(0.9, 10.0), (0.8, 0.01), (0.95, 0.01)]))
+        for shape, soft_and_stiff in (("ball", [(0.6, 100.0)]), ("ellipsoid", [(0.9, 10.0), (0.8, 0.01)]))
         for row in NUCLEI
     ],
 )
@@ -134,9 +134,8 @@ def test_a_nucleus_in_the_middle_is_a_core(shape: str, radius: float, E: float) 
     assert found == pytest.approx(series([(1.0, CORE), (radius, (E, ELASTIC["nu"]))]), rel=3e-3)
 
 
-@pytest.mark.parametrize(
-    ("radius", "E"), [pytest.param(*row, marks=[pytest.mark.verify] * (row != (0.9, 0.001))) for row in NUCLEI]
-)
+@pytest.mark.verify  # a skin to an accuracy, and nuclei at automatic sizes, are in `make test`
+@pytest.mark.parametrize(("radius", "E"), NUCLEI)
 def test_a_nucleus_to_a_given_accuracy(radius: float, E: float, tmp_path: Path) -> None:
     """0.1 % asked for: the error is less, and inside the bar."""
     expected = series([(1.0, CORE), (radius, (E, ELASTIC["nu"]))])

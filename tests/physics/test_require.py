@@ -398,6 +398,7 @@ def test_friction_of_a_scene_without() -> None:
     assert 0 < given <= stick.percent + 0.1 and stick.low <= given <= stick.high
 
 
+@pytest.mark.verify
 def test_an_experiment_stays_with_the_curve_that_determines_it() -> None:
     found = of(HALF_SPACE | {"experiment": EXPERIMENT})
     assert found.config["experiment"]["adhesion"]["work"] == 2e-3

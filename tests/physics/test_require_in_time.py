@@ -117,10 +117,11 @@ def force(config: Config, t: float) -> float:
     ("share", "nu", "E"), [(1e-3, 0.5, 1.25), pytest.param(1e3, 0.2, 1.0, marks=pytest.mark.verify)]
 )
 def test_the_elastic_body_within_the_tolerance_is_recommended(share: float, nu: float, E: float) -> None:
-    """Its laws on the scene's own body, beside a run of the scene, are off by what is said: other meshes, 0.2 %.
-    The model itself runs as it is, and drops no more than the tolerance."""
+    """Its laws on the scene's own body, beside a run of the scene, are off by what is said: two meshes of five
+    elements in the contact, 0.4 %, where the other limit is off by 30 %. The model itself runs as it is, and drops no
+    more than the tolerance."""
     way_in = share * CONTACT
-    config = scene(way_in=way_in)
+    config = scene(way_in=way_in, mesh=COARSE)
     found = require(config, within=0.05)
     chosen = from_mapping(found.config)
     law: Any = chosen.material
@@ -130,7 +131,7 @@ def test_the_elastic_body_within_the_tolerance_is_recommended(share: float, nu: 
     off = force(scene(alone, loading={"history": [[0, 0], [way_in, DEPTH]]}), way_in) / force(config, way_in) - 1
     name = "undrained" if nu == 0.5 else "drained"
     limit = next(one for one in limits_of(found.effects[-1]) if one.name == name)
-    assert limit.percent is not None and 100 * off == pytest.approx(100 * (100 / (100 + limit.percent) - 1), abs=0.2)
+    assert limit.percent is not None and 100 * off == pytest.approx(100 * (100 / (100 + limit.percent) - 1), abs=0.4)
     assert found.percent is not None and abs(found.percent) < 5 and force(chosen, way_in) > 0
 
 
@@ -203,7 +204,7 @@ def test_a_gel_that_swells_is_judged_by_its_end() -> None:
     end = 31.05
     config = from_mapping(
         {"body": WALLED, "material": law, "drainage": {"bath": 0.0}, "indenter": {"shape": "sphere", "R": 1.0}}
-        | {"loading": {"history": [[0, 0], [end, 0]], "per_doubling": 2}, "mesh": {"h_contact": 0.1}}
+        | {"loading": {"history": [[0, 0], [end, 0]], "per_doubling": 2}, "mesh": {"h_contact": 0.15, "h_far": 0.4}}
     )
     found = require(config)
     by_name = {effect.name: effect for effect in found.effects}

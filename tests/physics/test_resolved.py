@@ -35,7 +35,7 @@ SCENES: dict[str, dict[str, Any]] = {
     "off the axis": {
         "body": {"shape": "cylinder", "radius": 13.0, "height": 7.3},
         "indenter": BALL | {"center": [1.3, 0.4]},
-        "mesh": {"h_contact": 1.2},
+        "mesh": {"h_contact": 2.0},
     },
     "hyperelastic": {
         "body": {"shape": "cylinder", "radius": 13.0, "height": 7.3},

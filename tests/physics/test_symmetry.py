@@ -145,7 +145,7 @@ def test_rough_strip_by_its_half(friction: float | str, gap: str, monkeypatch: p
     assert abs(whole[-1].side_force_x) <= SAME * whole[-1].force
 
 
-@pytest.mark.parametrize("friction", [0.3, "stick"])
+@pytest.mark.parametrize("friction", [0.3, pytest.param("stick", marks=pytest.mark.verify)])
 def test_rough_box_by_its_quarter(friction: float | str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same for both components in three dimensions."""
     contact = {"method": "auto", "friction": friction}
@@ -174,7 +174,7 @@ def test_rough_strip_and_its_mirror_image(friction: float | str, gap: str, monke
     assert abs(here[-1].side_force_x) > 1e-6 * here[-1].force
 
 
-@pytest.mark.parametrize("friction", [0.3, "stick"])
+@pytest.mark.parametrize("friction", [0.3, pytest.param("stick", marks=pytest.mark.verify)])
 def test_rough_box_and_its_mirror_image(friction: float | str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same in three dimensions, off the middle both ways: one of the two side forces turned round."""
     left, right = (

@@ -92,10 +92,21 @@ def tree_of(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"), str(path))
 
 
-def imports(path: Path) -> Iterator[str]:
+@cache
+def nodes_of(path: Path) -> list[ast.AST]:
+    """All nodes of a file's syntax tree."""
+    return list(ast.walk(tree_of(path)))
+
+
+@cache
+def imports(path: Path) -> list[str]:
     """Every module that a file imports, wherever in the file, as a dotted name."""
+    return list(_imports(path))
+
+
+def _imports(path: Path) -> Iterator[str]:
     package = path.relative_to(ROOT).parts[:-1]
-    for node in ast.walk(tree_of(path)):
+    for node in nodes_of(path):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -198,7 +209,7 @@ def test_libraries_stay_in_their_rooms() -> None:
 
 def test_only_compat_knows_a_version() -> None:
     for path in FILES:
-        for node in ast.walk(tree_of(path)) if name_of(path) != "fe/compat.py" else ():
+        for node in nodes_of(path) if name_of(path) != "fe/compat.py" else ():
             if isinstance(node, ast.Attribute):
                 asked = ast.unparse(node)
                 assert asked.split(".")[0] not in LIBRARIES or node.attr != "__version__", asked
@@ -208,7 +219,7 @@ def test_only_compat_knows_a_version() -> None:
 def test_only_the_commands_end_the_process_or_name_the_world() -> None:
     for path in FILES:
         if name_of(path) != "cli/commands.py":
-            nodes = [node for node in ast.walk(tree_of(path)) if isinstance(node, ast.Attribute | ast.Name)]
+            nodes = [node for node in nodes_of(path) if isinstance(node, ast.Attribute | ast.Name)]
             named = {ast.unparse(node) for node in nodes}
             assert not named & ENDS, path
 

@@ -25,7 +25,7 @@ def test_largest_pressure_beside_a_rounded_edge() -> None:
     """A punch whose edge is rounded presses hardest near the edge of the contact, not on the axis; a dense scan finds
     no larger pressure and one within its own spacing."""
     found = indent(Layer, profiles.flat_punch(0.3, 0.02), 0.01, E=1.0, nu=0.3, h=1.0)
-    r = np.linspace(0.0, found.a, 20001)
+    r = np.concatenate([np.linspace(0.0, 0.8 * found.a, 401), np.linspace(0.8 * found.a, found.a, 4001)])
     scanned = found.pressure(r)
     assert r[np.argmax(scanned)] > 0.8 * found.a
     assert scanned.max() <= found.largest_pressure() * (1 + 1e-12)
