@@ -83,14 +83,12 @@ def core(hint: Any) -> Any:
     return hint if len(parts) > 1 or parts[0] is hint else core(parts[0])
 
 
-@cache
 def words_of(hint: Any) -> tuple[str, ...]:
     """The words a value may be, also where one word stands for all fields of a dataclass."""
     kinds = [common(core(part)) for part in members(hint)]
     return tuple(str(word) for kind in kinds if get_origin(kind) is Literal for word in get_args(kind))
 
 
-@cache
 def common(kind: Any) -> Any:
     """The type that all fields of a dataclass share (the walls of a box), so that one value says them all."""
     if dataclasses.is_dataclass(kind):
@@ -125,8 +123,8 @@ def _phrase(hint: Any) -> str:
     if get_origin(kind) is dict:
         return f"a mapping of names to {describe(get_args(kind)[1])}"
     if dataclasses.is_dataclass(kind):
-        one = common(kind)
-        return f"{describe(one)} (or one each: {', '.join(field_names(kind))})" if one else "a section"
+        one, names = common(kind), ", ".join(part.name for part in dataclasses.fields(kind))
+        return f"{describe(one)} (or one each: {names})" if one else "a section"
     bounds = [_SIGNS[type(mark)] + (mark,) for mark in marks if type(mark) in _SIGNS]
     texts = [text.format(getattr(mark, name)) for text, name, mark in bounds]
     filled = "non-empty " if any(isinstance(mark, MinLen) for mark in marks) else ""
