@@ -65,6 +65,10 @@ class CondensedEquilibrium(Equilibrium):
         self.view = CondensedState(self.contact)
         beyond = ~np.isin(self.condenser.rows, compliance.places).all(axis=1)  # the candidates
         self._beside = self.body.skin.and_also(self.body.trace.at(beyond))
+        trace = compliance.trace
+        distance = np.linalg.norm(trace.X[..., :-1] - np.asarray(self.scene.physics.center)[: dim - 1], axis=-1)
+        is_rim = (distance >= reach - 2 * self.scene.sizes.h_contact) & (reach < self._whole)
+        self._rim = np.unique(trace.nodes[is_rim])  # none where there is no surface beyond
 
     @property
     def depth(self) -> float:
@@ -133,13 +137,7 @@ class CondensedEquilibrium(Equilibrium):
 
     def _is_inside(self) -> bool:
         """Whether the forces end before the rim of the candidates (or there is no surface beyond it)."""
-        if self._reach >= self._whole:
-            return True
-        trace = self.contact.compliance.trace
-        distance = np.linalg.norm(trace.X[..., :-1] - np.asarray(self.scene.physics.center)[: trace.dim - 1], axis=-1)
-        rim = self._reach - 2 * self.scene.sizes.h_contact
-        loaded = np.abs(self.contact.F[trace.nodes]) > 0
-        return bool(distance[loaded].max(initial=0.0) < rim)
+        return not bool((np.abs(self.contact.F[self._rim]) > 0).any())
 
     @property
     def stiffness(self) -> float:
