@@ -205,8 +205,9 @@ class CondensedContact:
         weights, pairs = (W * slopes)[:, :, touched], N[:, :, None] * N[:, None, :]
         # of one traction by BLAS, which is faster and adds in another order
         local = np.einsum("abfp,pij->abfij", weights, pairs) if m > 1 else weights @ pairs.reshape(len(N), -1)
-        at, block = self.nodes[touched], size * np.arange(m)
-        rows = (block[:, None] + np.unique(at)).ravel()
+        at, block, is_on = self.nodes[touched], size * np.arange(m), np.zeros(size, dtype=bool)
+        is_on[at] = True
+        rows = (block[:, None] + np.flatnonzero(is_on)).ravel()
         if np.size(held):
             rows = np.setdiff1d(rows, size + np.flatnonzero(held))
         place = np.full(m * size, -1)

@@ -65,9 +65,10 @@ class CondensedEquilibrium(Equilibrium):
         self.view = CondensedState(self.contact)
         beyond = ~np.isin(self.condenser.rows, compliance.places).all(axis=1)  # the candidates
         self._beside = self.body.skin.and_also(self.body.trace.at(beyond))
-        center, trace = np.asarray(self.scene.physics.center)[: dim - 1], compliance.trace
-        is_outside = np.linalg.norm(trace.X[..., :-1] - center, axis=-1) >= reach - 2 * self.scene.sizes.h_contact
-        self._rim = np.unique(trace.nodes[is_outside])
+        trace = compliance.trace
+        distance = np.linalg.norm(trace.X[..., :-1] - np.asarray(self.scene.physics.center)[: dim - 1], axis=-1)
+        is_rim = (distance >= reach - 2 * self.scene.sizes.h_contact) & (reach < self._whole)
+        self._rim = np.unique(trace.nodes[is_rim])  # none where there is no surface beyond
 
     @property
     def depth(self) -> float:
@@ -136,9 +137,7 @@ class CondensedEquilibrium(Equilibrium):
 
     def _is_inside(self) -> bool:
         """Whether the forces end before the rim of the candidates (or there is no surface beyond it)."""
-        if self._reach >= self._whole:
-            return True
-        return not np.any(self.contact.F[self._rim])
+        return not bool((np.abs(self.contact.F[self._rim]) > 0).any())
 
     @property
     def stiffness(self) -> float:

@@ -289,7 +289,7 @@ def _write_png(figure: Figure, file: BinaryIO, dpi: float, metadata: Look) -> No
         figure.dpi = dpi
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
-        picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
+        picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
         picture.save(file, format="png", pnginfo=written, dpi=(dpi, dpi), compress_level=1)
     finally:
         figure.dpi = before
