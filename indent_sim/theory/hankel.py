@@ -25,6 +25,7 @@ PER_PHASE = 0.6  # more of them for each unit of the phase x ds of cos(sx)
 LONGEST_PHASE = 100.0  # phase on one panel: a rule of many points is an eigenvalue problem as large
 SINGLE_MODES = 32  # modes between walls that are summed one by one
 Nodes = tuple[np.ndarray, np.ndarray]  # and their weights
+AXIS_POINTS = 64  # of an integral of cosh(y x), which has no poles, to x < W
 CHANGE = 2.0  # k W at which the wall integral changes from its split to its direct form
 
 
@@ -56,6 +57,17 @@ class Kernel:
         y = self.y[:, None]
         hyperbolic = y * np.exp(y * (x - self.wall)) * -np.expm1(-2.0 * y * x) / (2.0 * x)
         return np.vstack([cosines, hyperbolic, np.zeros((1, x.size))])
+
+    def slope_integrals(self, a: np.ndarray) -> np.ndarray:
+        """∫_0^a b_j'(x)/x dx, shape (modes, len(a)): -k Si(k a) of the cosines, the others by quadrature."""
+        from scipy.special import sici
+
+        cosines = -self.k[:, None] * sici(np.multiply.outer(self.k, a))[0]
+        if not self.y.size:
+            return cosines
+        x, w = gauss(0.0, 1.0, AXIS_POINTS)
+        others = self.slope_over_x(np.multiply.outer(a, x).ravel())[self.k.size :].reshape(-1, a.size, x.size)
+        return np.vstack([cosines, others @ w * a])
 
     def surface(self, r: np.ndarray) -> np.ndarray:
         """(2/pi) ∫_0^r b_j(x)/sqrt(r^2 - x^2) dx, shape (modes, len(r)): J0(k r), I0(y r) exp(-y W) and 1."""

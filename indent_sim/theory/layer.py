@@ -66,13 +66,8 @@ class _LayerPart:
     a: float
     modes: np.ndarray  # of psi
 
-    @staticmethod
-    def point_count(a: float) -> int:
-        """Of the integral, for a contact of this radius [h]."""
-        return 24 + math.ceil(4.0 * a)
-
     def __call__(self, r: np.ndarray, chord: np.ndarray) -> np.ndarray:
-        s, w = gauss(0.0, 1.0, self.point_count(self.a))
+        s, w = gauss(0.0, 1.0, 24 + math.ceil(4.0 * self.a))
         t = np.hypot(r[:, None], chord[:, None] * s)
         if len(r) == 1:  # no polynomial for one place
             return -chord * (self.modes @ self.kernel.slope_over_x(t[0]) @ w)
@@ -144,10 +139,9 @@ class Layer(LayerContact):
         s, w = gauss(0.0, 1.0, 64)
         t = np.multiply.outer(sizes, s)
         by_tip = self.profile(sizes) / sizes + (self.profile(t.ravel()).reshape(t.shape) / t**2) @ w * sizes
-        s, w = gauss(0.0, 1.0, _LayerPart.point_count(sizes[-1]))
-        slopes = found[-1].kernel.slope_over_x(np.multiply.outer(sizes, s).ravel()).reshape(-1, sizes.size, s.size) @ w
         modes = np.array([one.touch * one.one_modes - one.shape_modes for one in found])
-        return self.E_star / math.pi * (by_tip - sizes * np.sum(modes * slopes.T, axis=1))
+        by_layer = -np.sum(modes * found[-1].kernel.slope_integrals(sizes).T, axis=1)
+        return self.E_star / math.pi * (by_tip + by_layer)
 
     def _breaks(self, a: float) -> list[float]:
         """Those of the tip inside the contact [h]."""

@@ -293,7 +293,8 @@ class SampledContacts:
         from chords between the known sizes."""
         along, ends = np.log(asked), (self.sizes[0], self.sizes[-1])
         known, at = np.log(self.sizes), np.log((self._reduced * self._powers(self.sizes))[column])
-        x, exponent = np.interp(along, at, known), np.interp(along, at, np.gradient(at, known))
+        chord = np.clip(np.searchsorted(at, along) - 1, 0, at.size - 2)
+        x, exponent = np.interp(along, at, known), (np.diff(at) / np.diff(known))[chord]
         before: tuple[np.ndarray, np.ndarray] | None = None
         for _ in range(ROUNDS):
             off = np.log(self._values(np.clip(np.exp(x), *ends))[column]) - along
@@ -305,7 +306,7 @@ class SampledContacts:
             if np.abs(x - before[0]).max() <= SAME_SIZE:
                 break
         a = np.clip(np.exp(x), *ends)
-        if not np.allclose(self._values(a)[column], asked, rtol=MISSED, atol=0.0):
+        if not np.all(np.abs(self._values(a)[column] - asked) <= MISSED * np.abs(asked)):
             raise ArithmeticError("contact sizes were not found for all depths or forces at once")
         return a
 
