@@ -13,9 +13,8 @@ import numpy as np
 from indent_sim.process.errors import NotConverged, UsageError
 from indent_sim.process.screen import Shown
 from indent_sim.process.usage import duration, machine_memory
-from indent_sim.results import reader
 from indent_sim.results.folder import Report, content, read_report
-from indent_sim.results.reader import data_frame
+from indent_sim.results.reader import Results, data_frame
 from indent_sim.run import chain
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import curve_table, picture, study_file, study_folder, study_table
@@ -187,15 +186,14 @@ def _do(cases: Sequence[Case], place: StudyFolder, at_once: int, load: Load, tel
             left -= _effort(waiting[name])
             spent = (time.monotonic() - began) * left / (effort - left)
             remains = f"  about {duration(spent)} left" if count < len(waiting) else ""
-            told = _told(place.run(name), ending)
+            told = _told(place.ended(name), ending)
             tell(f"run {count}/{len(waiting)}  {waiting[name].words}  {told}{remains}")
 
 
-def _told(run: Path, ending: Ending) -> str:
+def _told(found: Results | None, ending: Ending) -> str:
     code, reason = ending
-    if code:
+    if code or found is None:
         return f"failed ({code}): {reason}"
-    found = reader.read_run(run)
     force, seconds = found["force"][study_table.answer_row(found)], sum(found.report.get("cpu_timings", {}).values())
     return f"force {force:.6g}  {seconds:.2f} s"
 

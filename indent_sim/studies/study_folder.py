@@ -47,6 +47,7 @@ class StudyFolder:
         self._physics = {name.rpartition("-")[2] for name in names}
         self._resume, self._shared = resume or shared, shared
         self._lock = -1
+        self._ended: dict[str, Results | None] = {}  # runs, by their names
         self._names: dict[str, str] = {}  # of the folders of runs, by the name of their physics
 
     def __enter__(self) -> StudyFolder:
@@ -82,14 +83,19 @@ class StudyFolder:
 
     def is_finished(self, name: str) -> bool:
         """Whether a run has ended and would end so again: the machine did not kill it, and gave it memory and disk."""
-        if (found := self.ended(name)) is None:
+        if (found := self._read(name)) is None:
             return False
         code, reason = found.report.get("exit_code"), str(found.report.get("reason"))
         return code not in OF_THE_MACHINE and not reason.startswith(LACKING)
 
     def ended(self, name: str) -> Results | None:
         """The result of a run that has ended, well or not, under this version of the program; None of any other, and
-        where it cannot be read."""
+        where it cannot be read. To be asked for when it will not be done again: it is read once."""
+        if name not in self._ended:
+            self._ended[name] = self._read(name)
+        return self._ended[name]
+
+    def _read(self, name: str) -> Results | None:
         report = read_report(self.run(name))
         if report.get("status") in ("done", "failed") and report.get("version") == VERSION:
             with suppress(UsageError):  # damaged since
