@@ -35,8 +35,6 @@ from indent_sim.process.screen import Shown
 from indent_sim.results import folder as result_folder
 from indent_sim.results import tables
 from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, Keep, Report, content, has_rows, read_report
-from indent_sim.results.measured.curve_file import read_measured
-from indent_sim.results.measured.measurement import NoCurve
 from indent_sim.results.tables import EXPERIMENT, SURFACE, WORD_COLUMNS, state_of
 from indent_sim.results.xdmf import lost_fields
 
@@ -172,6 +170,9 @@ def header_of(path: Path) -> list[str]:
 
 def _of_curve(path: Path) -> Results:
     """The first curve of a file of measured ones, as a table; its way stands for a depth that it does not have."""
+    from indent_sim.results.measured.curve_file import read_measured  # with all formats, which no run needs
+    from indent_sim.results.measured.measurement import NoCurve
+
     try:
         curve = read_measured(path)[0]
     except NoCurve as error:
