@@ -36,7 +36,7 @@ KRYLOV, KRYLOV_SECONDS = 10.0, 3e-7  # iterations of a linear system, and the ti
 KRYLOV_BYTES = 3.3e3  # per unknown of an iterative solver
 FRICTION_STEP_TIME = {2: 2.2, 3: 1.0}  # by dim: times as long a step of Newton's method takes with friction
 EVOLVING_STEP_TIME = 1.6  # likewise at finite strain in a body that evolves: 1.3 to 1.9 on three shipped scenes
-STILL = 1.2  # linear solves of a step in which the tip stands still
+HOLD_SOLVES = 1.2  # linear solves of a step in which the tip stands still
 SNAP = 100.0  # linear solves where an attracted body touches or lets go: 25 to 150, most at large Maugis numbers
 DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condensed body, eight at a time
 
@@ -94,7 +94,8 @@ def _needs(sizes: Sizes, part: Part, work: Work, dofs: float) -> tuple[float, fl
         return KRYLOV_BYTES * dofs, dofs * (3e-5 + newton * each)
     if work.method == "newton":  # assembly and factorisation at every iteration
         one = 1.5e-3 + 6e-3 * (dofs / 1750) ** 1.5 if dim == 2 else 2.5e-5 * dofs + 1e-9 * dofs**2
-        held = STILL * work.still * 3.5e-3 * (dofs / 1750) ** 1.2  # no new contact: the last factor will do for most
+        # no new contact: the last factor will do for most
+        held = HOLD_SOLVES * work.still * 3.5e-3 * (dofs / 1750) ** 1.2
         return (6e3 * dofs if dim == 2 else 1100.0 * dofs**1.25), work.iterations * one * work.slower(dim) + held
     # one factorisation, one solve for each of n candidates on the surface, and small dense systems
     n = candidates(sizes, part) * (dim if work.rough else 1)

@@ -36,9 +36,9 @@ ONE_PERCENT = 0.01
 CURVE_PANEL = 4.4  # inches: width and height of the panels of curves.png
 MOST_GROUPS = 12  # lines in them that are named
 DASHES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (5, 1.5, 1, 1.5)))  # of lines that share a colour
-BAR = 0.2  # inches: width of a bar of colours
+BAR_WIDTH = 0.2  # inches: width of a bar of colours
 MOST_ABREAST = 24  # letters of names of which two stand side by side below a panel
-MOST_LINES = 1.4  # inches: of names below a panel that take room from it; more make the picture higher
+NAMES_HEIGHT = 1.4  # inches: of names below a panel that take room from it; more make the picture higher
 MOST_CURVES_NAMED = 8  # beside the panels
 SAME_FORMULA = 1e-3  # relative, between points of a curve
 BOARD_LINE, LEAST = 0.27, 0.1  # inches of a line of the scoreboard; per cent where its axis turns logarithmic
@@ -95,8 +95,8 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
     named = {key: list(found) for key, found in groups.items() if _group_looks(families, key)}
     abreast = 2 if max((len(name) for known in named.values() for name in known), default=0) <= MOST_ABREAST else 1
     lines = canvas.LINE * max([0, *(-(-len(known) // abreast) + 1 for known in named.values())])
-    height = CURVE_PANEL + max(0.0, lines - MOST_LINES)
-    widths = [*[CURVE_PANEL] * (1 + len(numbers)), BAR if is_coloured else beside]
+    height = CURVE_PANEL + max(0.0, lines - NAMES_HEIGHT)
+    widths = [*[CURVE_PANEL] * (1 + len(numbers)), BAR_WIDTH if is_coloured else beside]
     rows, heights = [["curves", *numbers, "names"]], [height - lines]
     if named:
         rows, heights = (

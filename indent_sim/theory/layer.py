@@ -35,7 +35,7 @@ from indent_sim.theory.solution import Solution
 from indent_sim.theory.stack import Stack
 
 MAX_PANELS = 40  # of an Abel integral, between kinks of the tip
-AT_ONCE = 50  # radii whose integrals are worked out together, of some hundred nodes each
+RADII_AT_ONCE = 50  # radii whose integrals are worked out together, of some hundred nodes each
 
 
 @dataclass(frozen=True)
@@ -273,7 +273,7 @@ def _by_parts(g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: Sequen
         s, w = gauss(0.0, 1.0, 64)
         end = np.arccosh(a / r)[:, None]
         return np.asarray((_integrand(g, g_r[:, None], r[:, None], end * s) @ w) * end[:, 0])
-    places = [slice(k, k + AT_ONCE) for k in range(0, r.size, AT_ONCE)]
+    places = [slice(k, k + RADII_AT_ONCE) for k in range(0, r.size, RADII_AT_ONCE)]
     return np.concatenate([_beside_breaks(g, g_r[some], a, r[some], breaks) for some in places] or [r])
 
 

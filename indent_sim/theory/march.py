@@ -32,13 +32,13 @@ TENSION = 1e-6  # of the force: less is a lost digit
 FEWEST_DEPTHS, SIZES_PER_DEPTH = 8, 1.9
 COUNTS = (8, 15, 29, 57, 113)  # sizes, those of each among those of the next
 CONVERGED, LAST = 2e-13, 2  # relative size of that many last coefficients once a polynomial has converged
-MISSED = 1e-11  # relative, of a depth or force that a search has not found
+NOT_FOUND = 1e-11  # relative, of a depth or force that a search has not found
 DOUBT = 2.0  # sizes by which what a few foretell may be too many
 SAME_SIZE, LEAST_MOVED, ROUNDS = 1e-11, 1e-10, 30  # relative steps: the last of a search, the least of a secant; rounds
 LOOKED_AT = 7  # every so many sizes it is looked where the largest pressure is
 FEW_PLACES, PLACES_PER_A = 21, 8.0  # in a contact, where its largest pressure is looked for: it changes within h
 SAME_PRESSURE = 1e-13  # relative, of two in the middle
-BESIDE = 0.05  # of the sizes at both ends: what the first step of a search may be off
+END_MARGIN = 0.05  # of the sizes at both ends: what the first step of a search may be off
 OF_DEPTH, OF_FORCE = 0, 1  # columns of what belongs to a contact
 Sizes = TypeVar("Sizes", float, np.ndarray)
 
@@ -150,7 +150,7 @@ class LayerContact(ABC):
         if count < FEWEST_DEPTHS or self.tip.edge is not None or self.tip.breaks:
             return None
         most = int(SIZES_PER_DEPTH * count)
-        small, large = self._about(first) * (1.0 - BESIDE), self._about(last) * (1.0 + BESIDE)
+        small, large = self._about(first) * (1.0 - END_MARGIN), self._about(last) * (1.0 + END_MARGIN)
         if large < self.largest():
             found = SampledContacts.between(self, small, large, most)
             if found is None or found.holds(first, last):
@@ -306,7 +306,7 @@ class SampledContacts:
             if np.abs(x - before[0]).max() <= SAME_SIZE:
                 break
         a = np.clip(np.exp(x), *ends)
-        if not np.all(np.abs(self._values(a)[column] - asked) <= MISSED * np.abs(asked)):
+        if not np.all(np.abs(self._values(a)[column] - asked) <= NOT_FOUND * np.abs(asked)):
             raise ArithmeticError("contact sizes were not found for all depths or forces at once")
         return a
 

@@ -32,9 +32,9 @@ ATTEMPTS = 6
 LEAST_REFINEMENT, GREATEST = 1.3, 2.5  # how much finer a next mesh is
 AIM = 1.1  # and how much finer than the estimate says
 # The error bar to expect of a body that drains is about DRAINING n^-DRAINING_RATE, with n elements in the contact
-# radius: the fluid's pressure has a corner where the tip's seal ends. SMEARED: where that edge comes to lie within
+# radius: the fluid's pressure has a corner where the tip's seal ends. SMEARED_EDGE: where that edge comes to lie within
 # elements that are sealed in part. Measured on a punch and a ball, n = 5 to 56
-DRAINING, SMEARED, DRAINING_RATE = 0.04, 0.16, 1.3
+DRAINING, SMEARED_EDGE, DRAINING_RATE = 0.04, 0.16, 1.3
 
 Resolve = Callable[[float | None], Scene]  # the scene with so many elements in a contact radius
 log = logging.getLogger("indent_sim")
@@ -118,7 +118,7 @@ def _ratios_foreseen(scene: Scene) -> list[float]:
         return []
     if physics.permeable and physics.drainage.tip == "sealed":
         is_smeared = scene.sizes.h_edge is None and not isinstance(physics.contact, ActiveSet)
-        ratios, error = [1.0], SMEARED if is_smeared else DRAINING
+        ratios, error = [1.0], SMEARED_EDGE if is_smeared else DRAINING
         while (bar := error * (ratios[-1] * fineness.n) ** -DRAINING_RATE) > fineness.target:
             ratios.append(ratios[-1] * _refinement(fineness.target / bar))
         if len(ratios) > 1:

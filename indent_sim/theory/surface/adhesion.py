@@ -29,7 +29,7 @@ MAUGIS = 1e-10, 1e5  # parameters beyond which the edge of the attraction is not
 LAMBDA_PER_TABOR = 2.0 * (9.0 / (16.0 * math.pi)) ** (1.0 / 3.0)  # 1.1272
 NARROW, EXTREMUM_POINTS = 0.05, 13  # of ln a about an extremum, and points of the polynomial that finds it to 1e-10
 BRANCH_SAMPLES = 120  # of a stable branch
-MOST_KEPT = 500  # equilibria that are remembered: searches come back to the ends of their brackets
+MOST_EQUILIBRIA = 500  # equilibria that are remembered: searches come back to the ends of their brackets
 LEAST_UNSTABLE_RADIUS = 1e-3  # of the radius without force: no instability has a smaller contact, on any layer or tip
 NEARER = 1.25  # steps of a radius from the largest one down
 LEAST_RIM_DISTANCE = 1e-9  # relative distance from the largest radius that is looked at
@@ -54,7 +54,7 @@ class Jkr:
     def __init__(self, punches: Punches, work: float):
         require_positive(work=work)
         self.punches, self.work = punches, work
-        self.pull_off, self._at = cache(self._pull_off), lru_cache(MOST_KEPT)(self._found)
+        self.pull_off, self._at = cache(self._pull_off), lru_cache(MOST_EQUILIBRIA)(self._found)
 
     def at(self, a: float) -> Contact:
         """The equilibrium, stable or not, of contact radius a [L]."""
