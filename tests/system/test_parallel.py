@@ -169,8 +169,9 @@ def alone(*names: str) -> dict[str, Any]:
     return parsed(subprocess.run(command, env=environ | MPI_ENVIRONMENT, cwd=ROOT, capture_output=True, text=True))
 
 
-def assert_same_curves(here: dict[str, Any], there: dict[str, Any], name: str) -> None:
-    """Every number of every step; 1e-9 of the largest of its kind, so that zero out of contact is zero."""
+def assert_same_curves(here: dict[str, Any], there: dict[str, Any], name: str, steps_apart: int = 0) -> None:
+    """Every number of every step; 1e-9 of the largest of its kind, so that zero out of contact is zero. Newton may take
+    so many iterations more or less."""
     assert there["agreed"], f"the ranks differ among themselves about {name}"
     assert len(there["rows"]) == len(here["rows"])
     one, several = (np.array(result["rows"], dtype=float) for result in (here, there))
@@ -178,6 +179,7 @@ def assert_same_curves(here: dict[str, Any], there: dict[str, Any], name: str) -
         scale = np.abs(one[:, column]).max()
         # what a multiplier leaves of a gap is round-off of the depth
         floor = SAME * (one[:, 0].max() if what == "penetration" else scale)
+        floor = max(floor, steps_apart) if what == "newton_iterations" else floor
         assert several[:, column] == pytest.approx(one[:, column], rel=SAME, abs=floor), f"{what} of {name}"
 
 
@@ -265,10 +267,11 @@ def test_every_method_everywhere_on_several_ranks(ranks: int, mpirun: Mpirun) ->
 
 
 def test_same_curves_where_linear_elements_are_aggregated(mpirun: Mpirun) -> None:
-    """As where they are too many for a factorisation; aggregates end where ranks do."""
+    """As where they are too many for a factorisation; aggregates end where ranks do. Each preconditioner leaves another
+    remainder below the tolerance of the linear solves, by which the last Newton iteration may be needed or not."""
     program = f"from indent_sim.run.simulation import backend\nbackend()\n{AGGREGATED}{PROGRAM}"
     together = parsed(mpirun(2, "-c", program, mappings(["iterative"])))
-    assert_same_curves(alone(*SCENES)["iterative"], together["iterative"], "iterative")
+    assert_same_curves(alone(*SCENES)["iterative"], together["iterative"], "iterative", steps_apart=1)
 
 
 AGGREGATED = """
