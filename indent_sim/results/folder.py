@@ -84,7 +84,7 @@ def _temporary(path: Path) -> Path:
     return path.with_name(f".{path.name}.new")
 
 
-def sync(path: Path) -> None:
+def wait_for_disk(path: Path) -> None:
     """Wait until the disk has a file."""
     descriptor = os.open(path, os.O_RDONLY)
     try:

@@ -62,7 +62,7 @@ class ResultFolder:
         self._fields: FieldWriter | None = None
         self._deepest = (-math.inf, b"")  # depth, and lines of the surface table
         self._synced, self._sync = time.monotonic(), False  # when last, and whether the next write waits for the disk
-        self._begun: tuple[str, ...] = ()  # files that were written at the beginning, not waited for yet
+        self._begun: tuple[str, ...] = ()  # what was given, in files that were not waited for yet
         self._status: Report = {"status": "running", "exit_code": None, "reason": ""}
         self._started = _now()
 
@@ -89,11 +89,10 @@ class ResultFolder:
 
     def _begin(self) -> None:
         """Write what was given, and the head of the table."""
-        contents: dict[str, str | Iterable[str]] = {CONFIG: self._config_yaml}
-        contents |= {folder.MESH_FILE: self._mesh} if self._mesh else {}
-        contents[TABLE] = ",".join(self._columns) + "\n"
-        self._begun = tuple(contents)
-        for name, content in contents.items():
+        given: dict[str, str | Iterable[str]] = {CONFIG: self._config_yaml}
+        given |= {folder.MESH_FILE: self._mesh} if self._mesh else {}
+        self._begun = tuple(given)
+        for name, content in (given | {TABLE: ",".join(self._columns) + "\n"}).items():
             write_atomically(self.path / name, content, self._sync)
 
     def _continue(self, earlier: Earlier) -> None:
@@ -204,9 +203,9 @@ class ResultFolder:
                 self._claim.release()
 
     def _settle(self, *names: str) -> None:
-        """Wait until the disk has these files, and those that were written at the beginning."""
+        """Wait until the disk has these files, and what was given."""
         for name in (*self._begun, *names):
-            folder.sync(self.path / name)
+            folder.wait_for_disk(self.path / name)
         self._begun = ()
 
     def _publish(self) -> None:

@@ -58,8 +58,6 @@ STYLE: Look = {
     **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), GREY),
     **dict.fromkeys(("axes.labelcolor", "text.color", "xtick.labelcolor", "ytick.labelcolor"), INK),
 }
-
-
 SIGNS_SET = "_update_set_signature_and_docstring"  # of matplotlib's Artist
 
 
