@@ -83,6 +83,7 @@ def core(hint: Any) -> Any:
     return hint if len(parts) > 1 or parts[0] is hint else core(parts[0])
 
 
+@cache
 def words_of(hint: Any) -> tuple[str, ...]:
     """The words a value may be, also where one word stands for all fields of a dataclass."""
     kinds = [common(core(part)) for part in members(hint)]

@@ -12,6 +12,7 @@ import re
 import stat
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from types import NoneType
 from typing import Any
 
 from pydantic import ValidationError
@@ -26,6 +27,7 @@ from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 
 OF_A_STUDY = {"base", "vary"}  # sections that no scene has
 KEY_PATTERN = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")  # as in body.layers[0].material.E
+SCALARS = {NoneType, bool, int, float, str}
 MOST_SET_LETTERS = 80  # most characters of a --set that are told
 Document = dict[str, Any]  # sections as a file has them
 Place = tuple[str, int | None]  # file (or what stands for it) and line
@@ -159,9 +161,12 @@ def _section(item: Any) -> Document:
 
 def _given(value: Any) -> Any:
     """A field's value as a file gives it; equal walls are one word."""
+    kind: Any = type(value)
+    if kind in SCALARS:
+        return value
     if dataclasses.is_dataclass(value):
         section = _section(value)
-        is_walls = bool(key_types.words_of(type(value)))
+        is_walls = bool(key_types.words_of(kind))
         return section if not is_walls or len(set(section.values())) > 1 else next(iter(section.values()))
     if isinstance(value, dict):
         return {name: _given(part) for name, part in value.items()}

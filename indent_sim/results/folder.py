@@ -139,6 +139,8 @@ def held(folder: Path) -> Literal["nothing", "run", "study", "fit", "other"]:
 
     UsageError when it is no folder, or cannot be read.
     """
+    if _is_nothing(folder):
+        return "nothing"
     names = contents(folder, (name for name in HIDDEN if is_ours(folder / name) or _is_marked(folder / name)))
     if read_report(folder):
         return "run"
@@ -150,6 +152,17 @@ def held(folder: Path) -> Literal["nothing", "run", "study", "fit", "other"]:
     lock = folder / LOCK  # in which a run killed right then has written nothing; a study never does
     is_empty = not os.path.lexists(lock) or (lock.is_file() and lock.stat().st_size == 0)
     return "nothing" if not names or (begun and is_empty) else "other"
+
+
+def _is_nothing(path: Path) -> bool:
+    """Whether nothing has a name."""
+    try:
+        os.lstat(path)
+    except FileNotFoundError:
+        return True
+    except OSError:  # somebody may know
+        return False
+    return False
 
 
 def is_own_file(path: Path) -> bool:
@@ -413,6 +426,8 @@ def _move_new(source: Path, target: Path, names: Iterable[str]) -> None:
 
 def refuse_foreign(target: Path, kind: str = "run", written: Iterable[str] = WRITTEN) -> None:
     """UsageError where a run (a study) would take the place of what is not ours."""
+    if _is_nothing(target):
+        return
     found = held(target)
     if found not in ("nothing", kind):
         said = "is not empty and was not made by" if found == "other" else f"holds a {found} of"
@@ -431,10 +446,10 @@ def asked_from(file: str, folder: Path) -> dict[str, str]:
 
 def _refuse_other_file(folder: Path, file: str) -> None:
     """UsageError when the rows of a folder come from another config file; of runs that name none they do not."""
-    theirs, ours = read_report(folder).get("asked"), asked_from(file, folder)
-    if not (ours and isinstance(theirs, dict) and "config" in theirs and has_rows(folder)):
+    theirs = read_report(folder).get("asked") if file else None
+    if not (isinstance(theirs, dict) and "config" in theirs and has_rows(folder)):
         return
-    if not any(theirs.get(name) == path for name, path in ours.items()):
+    if not any(theirs.get(name) == path for name, path in asked_from(file, folder).items()):
         problem = f"{folder} holds the run of another config file, {theirs['config']}"
         raise UsageError(problem, "choose another --output, or replace it with --overwrite", str(folder))
 

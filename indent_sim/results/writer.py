@@ -10,7 +10,9 @@ import re
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from json.encoder import encode_basestring
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -252,27 +254,37 @@ def to_json(value: Any, indent: int | None = 2) -> str:
 
 def _in_lines(value: Any, line: str, step: str) -> str:
     """JSON with a line for each entry of a mapping and of a list of such, which json itself writes slowly."""
-    is_mapping = isinstance(value, dict)
-    is_nested = is_mapping or (isinstance(value, list) and any(isinstance(part, dict | list) for part in value))
-    if not value or not is_nested:
-        return ENCODER.encode(value)
+    kind = type(value)
+    if kind is str:
+        return encode_basestring(value)
+    if kind is float or kind is int:
+        return repr(value)
     inner = line + step
-    if is_mapping:
-        parts = [f"{ENCODER.encode(key)}: {_in_lines(part, inner, step)}" for key, part in value.items()]
+    if kind is dict and value:
+        parts = [f"{encode_basestring(key)}: {_in_lines(part, inner, step)}" for key, part in value.items()]
         return f"{{{inner}{f',{inner}'.join(parts)}{line}}}"
-    return f"[{inner}{f',{inner}'.join(_in_lines(part, inner, step) for part in value)}{line}]"
+    if kind is list and any(type(part) in (dict, list) for part in value):
+        return f"[{inner}{f',{inner}'.join(_in_lines(part, inner, step) for part in value)}{line}]"
+    return ENCODER.encode(value)
 
 
 def _plain(value: Any) -> Any:
-    match value:
-        case None | bool() | str() | int():
+    kind = type(value)
+    if kind in (str, int, bool, NoneType):
+        return value
+    if kind is float:
+        return value if math.isfinite(value) else None
+    if kind is tuple or kind is list:
+        return [_plain(part) for part in value]
+    match value:  # what is rarer
+        case Mapping():
+            return {str(key): _plain(part) for key, part in value.items()}
+        case str() | int():
             return value
         case np.generic() | np.ndarray():
             return _plain(value.tolist())
         case float():
-            return value if math.isfinite(value) else None
-        case Mapping():
-            return {str(key): _plain(part) for key, part in value.items()}
+            return _plain(float(value))
         case list() | tuple() | set() | frozenset():
             return [_plain(part) for part in value]
     if dataclasses.is_dataclass(value) and not isinstance(value, type):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from math import nan
@@ -51,7 +51,7 @@ class Readings:
         physics = self.scene.physics
         if physics.path.control == "force" and physics.path.values[state.step - 1] == 0:  # the force found is rounding
             return nan
-        force = hertz_force(self.scene, state.delta) if state.force > 0 else None
+        (force,) = hertz_forces(self.scene, [state.delta]) if state.force > 0 else [None]
         return physics.material.constants.E * state.force / force if force else nan
 
     def _stiffness(self, state: State) -> float:
@@ -89,13 +89,14 @@ def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
     return FittedPunches(a, K, P, shape, physics.material.E_star)
 
 
-def hertz_force(scene: Scene, delta: float) -> float | None:
-    """Force at a depth by the half-space formula of the same tip, both without units; None where there is none."""
+def hertz_forces(scene: Scene, deltas: Iterable[float]) -> list[float | None]:
+    """Forces at depths by the half-space formula of the same tip, all without units; None where there is none."""
     physics = scene.physics
-    if physics.scales.dim == 2 or delta <= 0:
-        return None
-    closed = half_space_force(relative_tip(physics.indenter, physics.body), delta, physics.material.E_star)
-    return closed[1] if closed else None
+    if physics.scales.dim == 2:
+        return [None for _ in deltas]
+    tip, E_star = relative_tip(physics.indenter, physics.body), physics.material.E_star
+    found = (half_space_force(tip, delta, E_star) for delta in deltas)
+    return [closed[1] if closed else None for closed in found]
 
 
 def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
@@ -107,7 +108,8 @@ def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
     if scene.plan.adhesion:
         return None
     D, F = scene.physics.scales.depth, scene.physics.scales.force
-    points = [(state.force / F, force) for state in states if (force := hertz_force(scene, state.delta / D))]
+    known = hertz_forces(scene, (state.delta / D for state in states))
+    points = [(state.force / F, force) for state, force in zip(states, known, strict=True) if force]
     total = sum(force**2 for _, force in points)
     if not total:
         return None

@@ -13,7 +13,7 @@ from indent_sim.model.state import State
 from indent_sim.model.symbols import PULL_OFF
 from indent_sim.model.tips import Sphere
 from indent_sim.process.usage import Clock, peak_memory
-from indent_sim.run.readings import hertz_fit, hertz_force
+from indent_sim.run.readings import hertz_fit, hertz_forces
 from indent_sim.run.record import Beside
 from indent_sim.scene.expected import ExpectedAdhesion
 from indent_sim.scene.scene import FRICTION_WHY, Scene
@@ -180,6 +180,6 @@ def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:
         return None
     value = closed[1] * unit
     depths = [state.delta / D * n / FORMULA_POINTS for n in range(1, FORMULA_POINTS + 1)]
-    curve = [(delta, force) for delta in depths if (force := hertz_force(scene, delta))]
+    curve = [(delta, force) for delta, force in zip(depths, hertz_forces(scene, depths), strict=True) if force]
     columns = {"delta": [delta * D for delta, _ in curve], "force": [force * F for _, force in curve]}
     return {"name": closed[0], name: value, "deviation": value / getattr(state, name) - 1, "curve": columns}

@@ -52,7 +52,7 @@ def _sphere_angle(delta: float, R: float) -> float:
     d = max(delta, 0.0) / R
     if d == 0.0:
         return 0.0
-    t = math.sqrt(d) if d < 1.0 else d
+    t = math.sqrt(d * (1.0 + d * (1.0 / 3.0 + d * 4.0 / 45.0))) if d < 1.0 else d  # the first terms of its series
     for _ in range(50):
         q = math.tanh(t)
         step = (t * q - d) / (q + t * (1.0 - q * q))

@@ -16,6 +16,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebder
 
 from indent_sim.theory.stack import Stack
 
@@ -26,6 +27,8 @@ LONGEST_PHASE = 100.0  # phase on one panel: a rule of many points is an eigenva
 SINGLE_MODES = 32  # modes between walls that are summed one by one
 Nodes = tuple[np.ndarray, np.ndarray]  # and their weights
 AXIS_POINTS = 64  # of an integral of cosh(y x), which has no poles, to x < W
+LEAST_EVEN, LARGEST_EVEN = -10.0, 2.0  # exponent of 2 of the least reach of even polynomials; the largest [h]
+MOST_EVEN, EVEN_LEFT = 32, 1e-17  # polynomials; of the largest part of a kernel, what is left out
 CHANGE = 2.0  # k W at which the wall integral changes from its split to its direct form
 
 
@@ -47,6 +50,10 @@ class Kernel:
         y = self.y[:, None]
         hyperbolic = 0.5 * (np.exp(y * (x - self.wall)) + np.exp(-y * (x + self.wall)))
         return np.vstack([cosines, hyperbolic, np.ones((1, x.size))])
+
+    def applied(self, values: np.ndarray) -> np.ndarray:
+        """weight_j values_j of values (..., modes, n)."""
+        return self.weight[:, None] * values
 
     def slope_over_x(self, x: np.ndarray) -> np.ndarray:
         """b_j'(x)/x for x > 0, shape (modes, len(x)); finite as x -> 0 because every b is even."""
@@ -78,6 +85,79 @@ class Kernel:
             return waves
         y = self.y[:, None]
         return np.vstack([waves, i0e(y * r) * np.exp(y * (r - self.wall)), np.ones((1, r.size))])
+
+
+@dataclass(frozen=True)
+class EvenKernel:
+    """The same kernel on [0, reach] as sum_jl matrix_jl b_j(x) b_l(t) of a few even polynomials b_j = T_2j(x/reach)."""
+
+    reach: float
+    matrix: np.ndarray
+
+    def basis(self, x: np.ndarray) -> np.ndarray:
+        """b_j(x), shape (modes, len(x))."""
+        return _chebyshev(self._places(x), len(self.matrix))
+
+    def applied(self, values: np.ndarray) -> np.ndarray:
+        """sum_l matrix_jl values_l of values (..., modes, n)."""
+        return self.matrix @ values
+
+    def slope_over_x(self, x: np.ndarray) -> np.ndarray:
+        """b_j'(x)/x, shape (modes, len(x))."""
+        of_slopes = _slopes(len(self.matrix))
+        return 4.0 / self.reach**2 * (of_slopes @ _chebyshev(self._places(x), of_slopes.shape[1]))
+
+    def slope_integrals(self, a: np.ndarray) -> np.ndarray:
+        """∫_0^a b_j'(x)/x dx, shape (modes, len(a))."""
+        x, w = gauss(0.0, 1.0, len(self.matrix))
+        slopes = self.slope_over_x(np.multiply.outer(a, x).ravel())
+        return np.asarray(slopes.reshape(-1, a.size, x.size) @ w * a)
+
+    def _places(self, x: np.ndarray) -> np.ndarray:
+        """Where Chebyshev's T_j are T_2j(x/reach)."""
+        return 2.0 * (x / self.reach) ** 2 - 1.0
+
+
+@lru_cache(maxsize=8)
+def _slopes(count: int) -> np.ndarray:
+    """Coefficients of the derivatives of T_0 to T_(count - 1), shape (count, count - 1)."""
+    return np.ascontiguousarray(chebder(np.eye(count)).T)
+
+
+def _chebyshev(x: np.ndarray, count: int) -> np.ndarray:
+    """T_0 to T_(count - 1) at places, shape (count, len(x))."""
+    values = np.empty((count, x.size))
+    values[0], values[1:2] = 1.0, x
+    twice = 2.0 * x
+    for n in range(2, count):
+        np.multiply(twice, values[n - 1], out=values[n])
+        values[n] -= values[n - 2]
+    return values
+
+
+def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
+    """`axisymmetric_kernel` for places up to a, by few functions where that can be.
+
+    Without walls it is analytic 2 h off the axis: polynomials meet it where the contact is smaller. Cached in powers of
+    the square root of two.
+    """
+    if math.isinf(wall) and a <= LARGEST_EVEN:
+        reach = 2.0 ** max(0.5 * math.ceil(2.0 * math.log2(a)), LEAST_EVEN)
+        if even := _even_kernel(reach, stack):
+            return even
+    return axisymmetric_kernel(a, stack, wall)
+
+
+@lru_cache(maxsize=64)
+def _even_kernel(reach: float, stack: Stack) -> EvenKernel | None:
+    """By cos(k x) = J_0(kr) + 2 sum_j (-1)^j J_2j(kr) T_2j(x/r), r the reach; None where that takes many."""
+    from scipy.special import jv
+
+    kernel, j = axisymmetric_kernel(reach, stack, math.inf), np.arange(MOST_EVEN)
+    waves = np.where(j == 0, 1.0, 2.0 * (-1.0) ** j)[:, None] * jv(2 * j[:, None], kernel.k * reach)
+    matrix = waves @ (kernel.weight[:, None] * waves.T)
+    needed = int(np.count_nonzero(np.abs(matrix).max(axis=0) > EVEN_LEFT * np.abs(matrix).max()))
+    return EvenKernel(reach, matrix[:needed, :needed]) if needed < MOST_EVEN else None
 
 
 def axisymmetric_kernel(a: float, stack: Stack, wall: float) -> Kernel:

@@ -21,13 +21,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import Chebyshev
+from numpy.polynomial.chebyshev import chebpts1, chebvander
 
-from indent_sim.theory.hankel import Kernel, Nodes, axisymmetric_kernel, gauss, joined
+from indent_sim.theory.hankel import EvenKernel, Kernel, Nodes, axisymmetric_kernel, contact_kernel, gauss, joined
 from indent_sim.theory.march import LayerContact, pointwise
 from indent_sim.theory.profiles import Shape, Tip
 from indent_sim.theory.roots import first_guess, increasing_root
@@ -50,7 +51,7 @@ class _LinearKernel:
     shape_edge: float
     one_modes: np.ndarray
     shape_modes: np.ndarray
-    kernel: Kernel = field(kw_only=True)
+    kernel: Kernel | EvenKernel = field(kw_only=True)
 
     @property
     def touch(self) -> float:
@@ -62,7 +63,7 @@ class _LinearKernel:
 class _LayerPart:
     """-∫_r^a psi'(t)/sqrt(t^2-r^2) dt; psi is even and analytic: t^2 = r^2 + chord^2 s^2 regularises it."""
 
-    kernel: Kernel
+    kernel: Kernel | EvenKernel
     a: float
     modes: np.ndarray  # of psi
 
@@ -93,7 +94,7 @@ class Layer(LayerContact):
         The tip may have corners, phi - delta + g never has: only that smooth part is unknown, on a few Gauss
         points, while the tip enters through moments taken on its own finer points.
         """
-        kernel = axisymmetric_kernel(a, self.scaled, self.wall)
+        kernel = contact_kernel(a, self.scaled, self.wall)
         breaks = self._breaks(a)
         fine, fine_w = contact_nodes(a, breaks, self._tip_count(a))
         at_tip = kernel.basis(np.append(fine, a))
@@ -102,10 +103,9 @@ class Layer(LayerContact):
         x, w = gauss(0.0, a, self._smooth_count(a)) if breaks else (fine, fine_w)
         B = kernel.basis(x) if breaks else at_tip[:, :-1]
 
-        factor = (2.0 / math.pi) * kernel.weight[:, None]
-        direct = factor * (at_tip[:, :-1] @ (fine_w[:, None] * source[:-1]))
-        project = factor * (B * w)
-        modes = direct + project @ np.linalg.solve(np.eye(x.size) - B.T @ project, B.T @ direct)
+        direct = kernel.applied(at_tip[:, :-1] @ (2.0 / math.pi * fine_w[:, None] * source[:-1]))
+        project = kernel.applied(2.0 / math.pi * w * B)
+        modes = _modes(direct, project, B.T)
         phi = source + at_tip.T @ modes
         (one, shape), (one_edge, shape_edge) = phi[:-1].T, map(float, phi[-1])
         return _LinearKernel(fine_w, g[:-1], one, shape, one_edge, shape_edge, modes[:, 0], modes[:, 1], kernel=kernel)
@@ -114,23 +114,34 @@ class Layer(LayerContact):
         """As `at`, under a tip without breaks of all sizes at once, on as many points as the largest needs."""
         if self.tip.breaks:
             return super().several(sizes, largest)
-        kernel, count = axisymmetric_kernel(largest, self.scaled, self.wall), self._tip_count(largest)
+        kernel, count = contact_kernel(largest, self.scaled, self.wall), self._tip_count(largest)
         (x, w), a = gauss(0.0, 1.0, count), np.array(sizes)
         places = np.multiply.outer(a, np.append(x, 1.0))
         at_tip = np.ascontiguousarray(kernel.basis(places.ravel()).reshape(-1, *places.shape).swapaxes(0, 1))
         g = self.profile(places.ravel()).reshape(places.shape)
         source, w = np.stack([np.ones_like(g), g], axis=2), np.multiply.outer(a, w)
 
-        factor, B = (2.0 / math.pi) * kernel.weight[:, None], at_tip[:, :, :-1]
-        direct = factor * (B @ (w[:, :, None] * source[:, :-1]))
-        project = factor * (B * w[:, None, :])
-        across = B.swapaxes(1, 2)
-        modes = direct + project @ np.linalg.solve(np.eye(count) - across @ project, across @ direct)
+        B = at_tip[:, :, :-1]
+        direct = kernel.applied(B @ (2.0 / math.pi * w[:, :, None] * source[:, :-1]))
+        project = kernel.applied(2.0 / math.pi * w[:, None, :] * B)
+        modes = _modes(direct, project, B.swapaxes(1, 2))
         phi = source + at_tip.swapaxes(1, 2) @ modes
         one, shape = phi.transpose(2, 0, 1)
         edges, of_modes = phi[:, -1].T.tolist(), modes.transpose(2, 0, 1)
         found = zip(w, g[:, :-1], one[:, :-1], shape[:, :-1], *edges, *of_modes, strict=True)
         return [_LinearKernel(*parts, kernel=kernel) for parts in found]
+
+    def numbers(self, sizes: np.ndarray, found: Sequence[_LinearKernel]) -> np.ndarray:
+        """As `solution` says them, under a tip without breaks of all contacts at once."""
+        if self.tip.breaks:
+            return super().numbers(sizes, found)
+        parts = ([getattr(lin, name) for lin in found] for name in ("w", "g", "one", "shape", "touch"))
+        w, g, one, shape, touch = map(np.array, parts)
+        phi = touch[:, None] * one - shape
+        force, stiffness = np.sum(w * phi, axis=1), np.sum(w * one, axis=1)
+        energy = np.sum(w * phi * (touch[:, None] - g), axis=1)
+        unit, h = self.E_star * self.h, self.h
+        return np.array([touch * h, 2.0 * unit * h * force, 2.0 * unit * stiffness, unit * h * h * energy])
 
     def middle_pressures(self, sizes: np.ndarray, found: Sequence[_LinearKernel]) -> np.ndarray:
         """As `_pressure` says them, under a tip without breaks and corners of all contacts at once."""
@@ -142,6 +153,24 @@ class Layer(LayerContact):
         modes = np.array([one.touch * one.one_modes - one.shape_modes for one in found])
         by_layer = -np.sum(modes * found[-1].kernel.slope_integrals(sizes).T, axis=1)
         return self.E_star / math.pi * (by_tip + by_layer)
+
+    def pressures(self, sizes: np.ndarray, found: Sequence[_LinearKernel], places: int) -> np.ndarray:
+        """As `_pressure` says them, under a tip without breaks and corners of all contacts at once."""
+        if self.tip.breaks or self.tip.corner:
+            return super().pressures(sizes, found, places)
+        shares, t, of_tip = _tip_rule(places)
+        x, of_layer = _layer_rule(places, 24 + math.ceil(8.0 * sizes[-1]), 24 + math.ceil(4.0 * sizes[-1]))
+        edge, g, below = (self._profiles(sizes, some) for some in (np.ones(1), shares, t.ravel()))
+        below = below.reshape(sizes.size, *t.shape) - g[:, :, None]
+        by_tip = ((edge - g) / np.sqrt(1.0 - shares * shares) + np.sum(below * of_tip, axis=2)) / sizes[:, None]
+        modes = np.array([one.touch * one.one_modes - one.shape_modes for one in found])
+        slopes = found[-1].kernel.slope_over_x(np.multiply.outer(sizes, x).ravel()).reshape(-1, sizes.size, x.size)
+        by_layer = np.einsum("im,mij->ij", modes, slopes) @ of_layer.T * sizes[:, None]
+        return self.E_star / math.pi * (by_tip + by_layer)
+
+    def _profiles(self, sizes: np.ndarray, shares: np.ndarray) -> np.ndarray:
+        """g [h] at shares of contact radii (sizes, shares)."""
+        return self.profile(np.multiply.outer(sizes, shares).ravel()).reshape(sizes.size, -1)
 
     def _breaks(self, a: float) -> list[float]:
         """Those of the tip inside the contact [h]."""
@@ -169,6 +198,14 @@ class Layer(LayerContact):
         pressure = pointwise(_pressure, self, a, edge, layer_part)
         u_z = pointwise(_u_z, self, lin, a, depth)
         return Solution(float(delta), force, float(a * self.h), self.area(a), energy, stiffness, pressure, u_z)
+
+
+def _modes(direct: np.ndarray, project: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """m = direct + project phi, phi = across m at the points: solved for m, or for phi where there are fewer points."""
+    if project.shape[-2] <= project.shape[-1]:
+        return np.linalg.solve(np.eye(project.shape[-2]) - project @ across, direct)
+    inside = np.eye(project.shape[-1]) - across @ project
+    return np.asarray(direct + project @ np.linalg.solve(inside, across @ direct))
 
 
 def sneddon_force(delta: float, tip: Tip, half_space: Stack) -> float:
@@ -284,6 +321,30 @@ def _beside_breaks(g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: S
     counts = [own.size for own, _ in nodes]
     values = w * _integrand(g, np.repeat(g_r, counts), np.repeat(r, counts), y)
     return np.asarray(np.add.reduceat(values, np.cumsum([0, *counts[:-1]])))
+
+
+@lru_cache(maxsize=8)
+def _tip_rule(places: int) -> tuple[np.ndarray, ...]:
+    """Even shares r/a from 0 below 1 (places), nodes t/a and weights (places, 64) of a ∫_r^a (g(t) - g(r)) t/(t^2 -
+    r^2)^{3/2} dt."""
+    shares = np.linspace(0.0, 1.0, places, endpoint=False)
+    s, w = gauss(0.0, 1.0, 64)
+    r = shares[1:, None]
+    end = np.arccosh(1.0 / r)
+    cosh, sinh = np.cosh(end * s), np.sinh(end * s)
+    return shares, np.vstack([s, r * cosh]), np.vstack([w / s**2, w * end * cosh / sinh**2 / r])
+
+
+@lru_cache(maxsize=8)
+def _layer_rule(places: int, degree: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes t/a and weights (places, nodes) of -1/a ∫_r^a psi'(t)/sqrt(t^2 - r^2) dt at even shares r/a, of psi'(t)/t
+    at the nodes; a polynomial of that degree, by so many points (`_LayerPart`)."""
+    shares, nodes = np.linspace(0.0, 1.0, places, endpoint=False)[:, None], chebpts1(degree + 1)
+    s, w = gauss(0.0, 1.0, count)
+    chord = np.sqrt(1.0 - shares * shares)
+    polynomials = chebvander(2.0 * np.hypot(shares, chord * s) - 1.0, degree)
+    weights = -chord * np.einsum("ijn,j->in", polynomials, w)
+    return 0.5 * (1.0 + nodes), weights @ np.linalg.inv(chebvander(nodes, degree))
 
 
 def _integrand(g: Shape, g_r: np.ndarray, r: np.ndarray, y: np.ndarray) -> np.ndarray:

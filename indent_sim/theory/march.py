@@ -37,7 +37,6 @@ DOUBT = 2.0  # sizes by which what a few foretell may be too many
 SAME_SIZE, LEAST_MOVED, ROUNDS = 1e-11, 1e-10, 30  # relative steps: the last of a search, the least of a secant; rounds
 LOOKED_AT = 7  # every so many sizes it is looked where the largest pressure is
 FEW_PLACES, PLACES_PER_A = 21, 8.0  # in a contact, where its largest pressure is looked for: it changes within h
-SAME_PRESSURE = 1e-13  # relative, of two in the middle
 END_MARGIN = 0.05  # of the sizes at both ends: what the first step of a search may be off
 OF_DEPTH, OF_FORCE = 0, 1  # columns of what belongs to a contact
 Sizes = TypeVar("Sizes", float, np.ndarray)
@@ -109,10 +108,21 @@ class LayerContact(ABC):
         """What `at` says of several contact sizes, none above the largest [h]."""
         return [self.at(a) for a in sizes]
 
+    def numbers(self, sizes: np.ndarray, found: Sequence[Any]) -> np.ndarray:
+        """Depth, force, stiffness and energy (4, sizes) [L, F, F/L, F L] of contacts of a smooth tip; found: what `at`
+        says of their sizes [h]."""
+        known = [self.touching(a, one) for a, one in zip(sizes.tolist(), found, strict=True)]
+        return np.array([[one.delta, one.force, one.stiffness, one.energy] for one in known]).T
+
     def middle_pressures(self, sizes: np.ndarray, found: Sequence[Any]) -> np.ndarray:
-        """Pressures [F/L^2] in the middle of contacts of a smooth tip; found: what `at` says of their sizes [h]."""
+        """Pressures [F/L^2] in the middle of contacts of a smooth tip; as above."""
         middle, pairs = np.zeros(1), zip(sizes.tolist(), found, strict=True)
         return np.array([float(self.touching(a, one).pressure(middle)[0]) for a, one in pairs])
+
+    def pressures(self, sizes: np.ndarray, found: Sequence[Any], places: int) -> np.ndarray:
+        """Pressures (sizes, places) [F/L^2] at even steps from the middle to before the edge; as above."""
+        shares, pairs = np.linspace(0.0, 1.0, places, endpoint=False), zip(sizes.tolist(), found, strict=True)
+        return np.array([self.touching(a, one).pressure(a * self.h * shares) for a, one in pairs])
 
     def touching(self, a: float, found: Any = None) -> Solution:
         """The contact of size a of a smooth tip; found: what `at` says of that size, where it is known."""
@@ -150,7 +160,7 @@ class LayerContact(ABC):
         if count < FEWEST_DEPTHS or self.tip.edge is not None or self.tip.breaks:
             return None
         most = int(SIZES_PER_DEPTH * count)
-        small, large = self._about(first) * (1.0 - END_MARGIN), self._about(last) * (1.0 + END_MARGIN)
+        small, large = self._about(first, last)
         if large < self.largest():
             found = SampledContacts.between(self, small, large, most)
             if found is None or found.holds(first, last):
@@ -158,10 +168,13 @@ class LayerContact(ABC):
         small, large = (one.a / self.h for one in self._one_by_one([first, last]))
         return SampledContacts.between(self, small, large, most) if small < large else None
 
-    def _about(self, delta: float) -> float:
-        """About the contact size [h] at a depth [L]: the first step of a search."""
-        a = first_guess(self.profile, delta / self.h, self.largest())
-        return power_law_step(a, self.at(a).touch, delta / self.h)
+    def _about(self, first: float, last: float) -> tuple[float, float]:
+        """A little less and a little more than the contact sizes [h] at two depths [L]: the first step of a search."""
+        depths = first / self.h, last / self.h
+        sizes = [first_guess(self.profile, depth, self.largest()) for depth in depths]
+        found = zip(sizes, self.several(sizes, sizes[-1]), depths, strict=True)
+        small, large = (power_law_step(a, one.touch, depth) for a, one, depth in found)
+        return small * (1.0 - END_MARGIN), large * (1.0 + END_MARGIN)
 
     def _one_by_one(self, deltas: Sequence[float]) -> list[Solution]:
         solutions: list[Solution] = []
@@ -246,7 +259,7 @@ class SampledContacts:
 
     def holds(self, first: float, last: float) -> bool:
         """Whether two depths [L] are between those of the sizes."""
-        return self.solutions[0].delta <= first and last <= self.solutions[-1].delta
+        return bool(self._known[OF_DEPTH, 0] <= first and last <= self._known[OF_DEPTH, -1])
 
     @cached_property
     def solutions(self) -> list[Solution]:
@@ -279,8 +292,12 @@ class SampledContacts:
     @cached_property
     def _reduced(self) -> np.ndarray:
         """d, f, s and u at the sizes (4, sizes)."""
-        known = [[one.delta, one.force, one.stiffness, one.energy] for one in self.solutions]
-        return np.array(known).T / self._powers(self.sizes)
+        return np.asarray(self._known / self._powers(self.sizes))
+
+    @cached_property
+    def _known(self) -> np.ndarray:
+        """Depth, force, stiffness and energy at the sizes (4, sizes) [L, F, F/L, F L]."""
+        return self.contact.numbers(self.sizes, self.found)
 
     def polynomials(self, values: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Polynomials through values (columns, sizes), at other sizes (columns, len(a))."""
@@ -292,7 +309,7 @@ class SampledContacts:
         """The sizes [h] at which a column of `_values` is what is asked for: secants between logarithms, which set out
         from chords between the known sizes."""
         along, ends = np.log(asked), (self.sizes[0], self.sizes[-1])
-        known, at = np.log(self.sizes), np.log((self._reduced * self._powers(self.sizes))[column])
+        known, at = np.log(self.sizes), np.log(self._known[column])
         chord = np.clip(np.searchsorted(at, along) - 1, 0, at.size - 2)
         x, exponent = np.interp(along, at, known), (np.diff(at) / np.diff(known))[chord]
         before: tuple[np.ndarray, np.ndarray] | None = None
@@ -321,18 +338,24 @@ class _Peaks:
         """The largest pressure [F/L^2] of the i-th contact."""
         return float(self._known[i]) if self._known is not None else self._sought(self._sampled.at_size(self._a[i]))
 
+    @property
+    def _are_in_the_middle(self) -> bool:
+        """Whether some of the sizes have it there: then all have. An even pressure is flat in the middle."""
+        sampled, some = self._sampled, slice(None, None, LOOKED_AT)
+        places = min(COARSE, FEW_PLACES + math.ceil(PLACES_PER_A * sampled.sizes[-1]))
+        with np.errstate(all="ignore"):
+            p = sampled.contact.pressures(sampled.sizes[some], sampled.found[some], places)
+        return bool(np.all((p[:, 0] >= p.max(axis=1)) & (p[:, 1] > p[:, 2])))
+
     def _sought(self, solution: Solution) -> float:
         places = FEW_PLACES + math.ceil(PLACES_PER_A * solution.a / self._sampled.contact.h)
         return solution.largest_pressure(min(COARSE, places))
 
     @cached_property
     def _known(self) -> np.ndarray | None:
-        """Where some of the sizes have it in the middle it is there for all: sought for these, taken for the others."""
         sampled, contact = self._sampled, self._sampled.contact
-        middle = contact.middle_pressures(sampled.sizes, sampled.found)
-        looked_at = zip(sampled.solutions[::LOOKED_AT], middle[::LOOKED_AT].tolist(), strict=True)
-        if all(abs(self._sought(one) - p) <= SAME_PRESSURE * p for one, p in looked_at):
-            found = middle[None]
+        if self._are_in_the_middle:
+            found = contact.middle_pressures(sampled.sizes, sampled.found)[None]
         elif self._a.size < sampled.sizes.size:
             return None
         else:

@@ -14,7 +14,7 @@ from indent_sim.process.errors import NotConverged
 from indent_sim.run.chain import condense, states
 from indent_sim.run.companions.error_bars import Companion, ErrorBars, beside, softer
 from indent_sim.run.prospect import Prospect
-from indent_sim.run.readings import hertz_force, punches_of
+from indent_sim.run.readings import hertz_forces, punches_of
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.surface.punches import radius_at
@@ -95,7 +95,7 @@ def half_space_modulus(prospect: Prospect, delta: np.ndarray, force: np.ndarray)
     formula or no contact."""
     scene, scales = prospect.scene, prospect.scene.physics.scales
     try:
-        known = [hertz_force(scene, float(one / scales.depth)) or 0.0 for one in delta]
+        known = [force or 0.0 for force in hertz_forces(scene, (delta / scales.depth).tolist())]
     except UNSOLVED:
         return None
     total = sum(one * one for one in known)

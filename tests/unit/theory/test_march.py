@@ -118,3 +118,19 @@ def test_a_depth_that_is_not_found_is_an_error(monkeypatch):
     monkeypatch.setattr(march, "ROUNDS", 1)
     with pytest.raises(ArithmeticError, match="not found"):
         contact.curve(list(deepest * np.arange(1, 121) / 120))
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_all_contacts_at_once_are_those_one_by_one(name):
+    """Numbers and pressures of a row of sizes, worked out together, beside those that each contact has."""
+    contact, deepest = SMOOTH[name]
+    sampled = contact._sampled(0.2 * deepest, deepest, 120)
+    together, found = sampled.contact, sampled.found
+    expected = LayerContact.numbers(contact, sampled.sizes, found)
+    np.testing.assert_allclose(together.numbers(sampled.sizes, found), expected, rtol=ROUNDING)
+    with np.errstate(all="ignore"):  # on the axis of a cone it is infinite, in both
+        p = together.pressures(sampled.sizes, found, 25)
+        expected = LayerContact.pressures(contact, sampled.sizes, found, 25)
+    p, expected = (np.where(np.isfinite(one), one, 0.0) for one in (p, expected))
+    apart = (p - expected) / expected.max(axis=1, keepdims=True)
+    assert np.abs(apart).max() < 1e-10  # beside the edge the half-space's part loses digits: differences over a - r
