@@ -10,7 +10,7 @@ import dataclasses
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from itertools import accumulate, pairwise
 from math import inf, isclose
 from typing import Annotated, Any, Literal, get_args, get_origin
@@ -744,13 +744,13 @@ class Spot:
         """The key that chooses what this section is."""
         return tag_of(self.type)
 
-    @property
+    @cached_property
     def choice(self) -> Any:
         """What the section, or its default, chooses."""
         default = getattr(self.default, self.tag, None) if self.tag else None
         return self.value.get(self.tag, default) if isinstance(self.value, Mapping) and self.tag else default
 
-    @property
+    @cached_property
     def kind(self) -> Any:
         """The dataclass of this section; None for a value, and where none is chosen."""
         return Config if not self.path else chosen(self.type, self.choice) if self.type is not None else None

@@ -19,9 +19,9 @@ from indent_sim.results.hold import Hold, first_hold
 from indent_sim.results.pictures import canvas
 from indent_sim.results.pictures.axes import Axis, axis, in_picture, unit_of_key
 from indent_sim.results.pictures.canvas import FORMULA_STYLE, Axes, Figure, Look
-from indent_sim.results.pictures.curves import Colour, shade, smooth
-from indent_sim.results.pictures.forces import draw_force
-from indent_sim.results.reader import Results
+from indent_sim.results.pictures.curves import Colour, smooth
+from indent_sim.results.pictures.forces import draw_force, draw_many
+from indent_sim.results.reader import MEASURED, Results
 from indent_sim.studies import study_table
 from indent_sim.studies.curve_table import Families, told_apart
 from indent_sim.studies.study_table import Row
@@ -213,10 +213,11 @@ def _colours_of(axes: Axes, families: Families, key: str) -> list[Colour]:
     values = families.numbers(key)
     low, high = min(values), max(values)
     norm = (LogNorm if low > 0 and high > LOG_SPAN * low else Normalize)(low, high if high > low else low + 1)
-    shades = LinearSegmentedColormap.from_list("shades", [shade(i, 256) for i in range(256)])
+    seen = colormaps["viridis"]  # without its lightest yellow, which is lost on white
+    shades = LinearSegmentedColormap.from_list("shades", seen(np.linspace(0.0, 0.9, 256)))
     bar = axes.figure.colorbar(ScalarMappable(norm, shades), cax=axes, label=_label(families, key))
     bar.outline.set_visible(False)
-    return [colormaps["viridis"](0.9 * float(norm(value))) for value in values]
+    return [tuple(colour) for colour in seen(0.9 * np.asarray(norm(values))).tolist()]
 
 
 def _label(families: Families, key: str) -> str:
@@ -239,8 +240,11 @@ def _curves(axes: Axes, families: Families, looks: Sequence[Look], names: Sequen
         axes.axhline(0.5, color=canvas.GREY, lw=0.6, ls=":", zorder=0)
         return
     depth, force = axis("delta", runs), axis("force", runs)
-    for run, look, name in zip(runs, looks, said, strict=True):
-        draw_force(axes, run, depth, force, look | {"marker": ""}, name)
+    if len(runs) > MOST_CURVES_NAMED and {*said} == {"_"} and all(_is_curve(run) for run in runs):
+        draw_many(axes, runs, depth, force, looks)
+    else:
+        for run, look, name in zip(runs, looks, said, strict=True):
+            draw_force(axes, run, depth, force, look | {"marker": ""}, name)
     if hertz := _formula_of_all(runs):
         drawn = depth([0, *hertz["curve"]["delta"]]), force([0, *hertz["curve"]["force"]])
         (line,) = axes.plot(*smooth(*drawn), **FORMULA_STYLE, label=in_picture(f"{hertz['name']}, half-space"))
@@ -252,6 +256,11 @@ def _curves(axes: Axes, families: Families, looks: Sequence[Look], names: Sequen
         axes.set_yscale("log")
     else:
         axes.axhline(0, color=canvas.GREY, lw=0.6, zorder=0)
+
+
+def _is_curve(run: Results) -> bool:
+    """Whether a line goes through its rows: one alone has a mark, measured ones are points."""
+    return len(run) > 1 and not run.report.get(MEASURED)
 
 
 def _span(values: Sequence[float] | np.ndarray) -> float:

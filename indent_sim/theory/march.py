@@ -302,19 +302,19 @@ class SampledContacts:
     def polynomials(self, values: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Polynomials through values (columns, sizes), at other sizes (columns, len(a))."""
         x, (first, *_, last) = self.contact.stretched(a), self.contact.stretched(self.sizes)
-        angle = np.arccos(np.clip((2.0 * x - first - last) / (last - first), -1.0, 1.0))
+        angle = np.arccos(np.minimum(np.maximum((2.0 * x - first - last) / (last - first), -1.0), 1.0))
         return (np.cos(np.multiply.outer(angle, np.arange(values.shape[1]))) @ _coefficients(values)).T
 
     def _sizes(self, asked: Sequence[float], column: int) -> np.ndarray:
         """The sizes [h] at which a column of `_values` is what is asked for: secants between logarithms, which set out
         from chords between the known sizes."""
-        along, ends = np.log(asked), (self.sizes[0], self.sizes[-1])
+        along, least, most = np.log(asked), self.sizes[0], self.sizes[-1]
         known, at = np.log(self.sizes), np.log(self._known[column])
         chord = np.clip(np.searchsorted(at, along) - 1, 0, at.size - 2)
         x, exponent = np.interp(along, at, known), (np.diff(at) / np.diff(known))[chord]
         before: tuple[np.ndarray, np.ndarray] | None = None
         for _ in range(ROUNDS):
-            off = np.log(self._values(np.clip(np.exp(x), *ends))[column]) - along
+            off = np.log(self._values(np.minimum(np.maximum(np.exp(x), least), most))[column]) - along
             if before is not None:
                 moved, changed = x - before[0], off - before[1]
                 tells = np.abs(moved) > LEAST_MOVED
@@ -322,7 +322,7 @@ class SampledContacts:
             before, x = (x, off), x - off / exponent
             if np.abs(x - before[0]).max() <= SAME_SIZE:
                 break
-        a = np.clip(np.exp(x), *ends)
+        a = np.minimum(np.maximum(np.exp(x), least), most)
         if not np.all(np.abs(self._values(a)[column] - asked) <= NOT_FOUND * np.abs(asked)):
             raise ArithmeticError("contact sizes were not found for all depths or forces at once")
         return a

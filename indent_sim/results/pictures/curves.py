@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -102,6 +102,14 @@ def chords(x: np.ndarray, y: np.ndarray) -> Points:
     return x, y
 
 
+def lines(rows: Rows, begin: Sequence[float] = (), joined: Joined = smooth) -> Iterator[tuple[Points, slice, bool]]:
+    """The lines through the branches of rows, with the places of the rows, and whether the tip goes out."""
+    delta, x, y = rows
+    for part, goes_out in branches(delta):
+        before = [] if part.start or goes_out else begin
+        yield joined(np.array([*before, *x[part]]), np.array([*before, *y[part]])), part, goes_out
+
+
 def draw(
     axes: Axes, rows: Rows, look: Look, label: str | None = None, begin: Sequence[float] = (), joined: Joined = smooth
 ) -> None:
@@ -110,13 +118,11 @@ def draw(
     Unloading is dashed and its marks are hollow. begin: x = y of points before the rows of the first branch, if it goes
     in; joined: the line through points, `smooth` or `chords`.
     """
-    (delta, x, y), colour = rows, look["color"]
+    (_, x, y), colour = rows, look["color"]
     marks = look["marker"] if len(x) <= MANY else ""
     if len(x) == 1:  # which no line goes through: it would say that the curve is straight
         marks, begin = marks or MARKERS[0], ()
-    for part, goes_out in branches(delta):
-        before = [] if part.start or goes_out else begin
-        curve = joined(np.array([*before, *x[part]]), np.array([*before, *y[part]]))
+    for curve, part, goes_out in lines(rows, begin, joined):
         line = {"ls": UNLOADING_STYLE["ls"] if goes_out else look.get("ls", "-"), "lw": 1.2 if marks else 1.6}
         axes.plot(*curve, color=colour, zorder=2, label=None if marks else label, **line)
         if marks:

@@ -103,10 +103,30 @@ def draw_force(axes: Axes, run: Results, depth: Axis, force: Axis, look: Look, n
     if run.report.get(MEASURED):
         axes.plot(depth(run["delta"]), force(run["force"]), color=look["color"], label=name, **POINTS)
         return
+    rows, begin, joined = _way(run, depth, force)
+    curves.draw(axes, rows, look, name, begin, joined)
+
+
+def draw_many(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis, looks: Sequence[Look]) -> None:
+    """As `draw_force`, of runs of two rows and more without marks and names: for matplotlib one thing."""
+    from matplotlib.collections import LineCollection
+
+    found = [
+        (np.column_stack(curve), look["color"], curves.UNLOADING_STYLE["ls"] if goes_out else look.get("ls", "-"))
+        for run, look in zip(runs, looks, strict=True)
+        for curve, _, goes_out in curves.lines(*_way(run, depth, force))
+    ]
+    lines, colours, dashes = zip(*found, strict=True)
+    axes.add_collection(LineCollection(lines, colors=colours, linestyles=dashes, linewidths=1.6, zorder=2))
+    axes.autoscale_view()
+
+
+def _way(run: Results, depth: Axis, force: Axis) -> tuple[curves.Rows, Sequence[float], curves.Joined]:
+    """The rows of a run, the points before them, and how they are joined."""
     jumps = adheres(run.path)  # between two rows the tip may snap in or let go
     begin = [0.0] if jumps is False and len(run) and run["delta"][0] > 0 else []
     rows = run["delta"], depth(run["delta"]), force(run["force"])
-    curves.draw(axes, rows, look, name, begin, curves.chords if jumps else curves.smooth)
+    return rows, begin, curves.chords if jumps else curves.smooth
 
 
 def _draw_bars(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -> None:

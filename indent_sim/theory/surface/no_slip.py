@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -128,6 +129,7 @@ def punch_ratio(nu: float) -> float:
     return (1.0 + e) / 2.0 * (math.log1p(2.0 * e) / e if e > 0.0 else 2.0)
 
 
+@lru_cache(maxsize=64)  # every scene of a study asks for the same few
 def radius_ratio(nu: float, power: float) -> float:
     """Contact radius without slip over the frictionless one at the same depth under f = B r^power."""
     return float((_sinking(nu, power) / _sinking(0.5, power)) ** (1.0 / power))
