@@ -29,6 +29,7 @@ Nodes = tuple[np.ndarray, np.ndarray]  # and their weights
 AXIS_POINTS = 64  # of an integral of cosh(y x), which has no poles, to x < W
 LEAST_EVEN, LARGEST_EVEN = -10.0, 2.0  # exponent of 2 of the least reach of even polynomials; the largest [h]
 MOST_EVEN, EVEN_LEFT = 32, 1e-17  # polynomials; of the largest part of a kernel, what is left out
+BESSEL_BEYOND = 20  # orders beyond the last one from which a recurrence of Bessel functions sets out
 CHANGE = 2.0  # k W at which the wall integral changes from its split to its direct form
 
 
@@ -150,14 +151,28 @@ def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
 
 @lru_cache(maxsize=64)
 def _even_kernel(reach: float, stack: Stack) -> EvenKernel | None:
-    """By cos(k x) = J_0(kr) + 2 sum_j (-1)^j J_2j(kr) T_2j(x/r), r the reach; None where that takes many."""
-    from scipy.special import jv
-
+    """By cos(k x) = J_0(k reach) + 2 sum_j (-1)^j J_2j(k reach) T_2j(x/reach); None where that takes many."""
     kernel, j = axisymmetric_kernel(reach, stack, math.inf), np.arange(MOST_EVEN)
-    waves = np.where(j == 0, 1.0, 2.0 * (-1.0) ** j)[:, None] * jv(2 * j[:, None], kernel.k * reach)
+    waves = np.where(j == 0, 1.0, 2.0 * (-1.0) ** j)[:, None] * _even_bessel(kernel.k * reach, MOST_EVEN)
     matrix = waves @ (kernel.weight[:, None] * waves.T)
-    needed = int(np.count_nonzero(np.abs(matrix).max(axis=0) > EVEN_LEFT * np.abs(matrix).max()))
+    sizes = np.abs(matrix).max(axis=0)
+    needed = max(1, int(np.count_nonzero(sizes > EVEN_LEFT * sizes.max())))
     return EvenKernel(reach, matrix[:needed, :needed]) if needed < MOST_EVEN else None
+
+
+def _even_bessel(x: np.ndarray, count: int) -> np.ndarray:
+    """J_0, J_2, ... of places 0 < x < 2 count, shape (count, len(x)), each to its own rounding.
+
+    By J_n/J_(n-1) = x/(2 n - x J_(n+1)/J_n) downwards, and J_0 + 2 sum_j J_2j = 1 (Abramowitz & Stegun 9.1.46, 9.1.73);
+    scipy.special is not loaded for it.
+    """
+    last = 2 * count + BESSEL_BEYOND
+    ratios, ratio = np.empty((last, x.size)), np.zeros_like(x)
+    for n in range(last, 0, -1):
+        ratio = x / (2.0 * n - x * ratio)
+        ratios[n - 1] = ratio
+    over_first = np.vstack([np.ones_like(x), np.cumprod(ratios, axis=0)[1::2]])
+    return np.asarray(over_first[:count] / (2.0 * over_first.sum(axis=0) - 1.0))
 
 
 def axisymmetric_kernel(a: float, stack: Stack, wall: float) -> Kernel:
