@@ -734,6 +734,7 @@ def _without_garbage() -> Iterator[None]:
     try:
         yield
     finally:
+        gc.freeze()  # else what was made in the meantime would be searched at once
         gc.enable()
 
 

@@ -6,6 +6,8 @@ import gc
 import os
 import signal
 
+from indent_sim.process.quick_dataclasses import quick_dataclasses
+
 FEWEST_NEW = 50_000  # objects until the garbage collector looks for circles: loading makes many, and none to let go
 
 
@@ -15,10 +17,11 @@ def main() -> None:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # for which it reads what is said of every installed package
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is somebody to catch it: `Program.invoke`
-    from indent_sim.cli.commands import main as run
-
     try:
-        run()
+        with quick_dataclasses():
+            from indent_sim.cli.commands import main as run
+
+            run()
     finally:
         gc.freeze()  # the process ends: what it has need not be searched for circles once more
 
