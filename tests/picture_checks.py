@@ -36,6 +36,9 @@ def faults(figure: Any) -> list[str]:
         for axes in panels
         if text.axes is not None and text.axes is not axes and _overlap(box, axes.get_window_extent(renderer))
     ]
+    curves = [axes for axes in panels if axes.get_aspect() == "auto"]  # maps of one body are told by their bars
+    named = [(axes.get_xlabel(), axes.get_ylabel(), axes.get_title()) for axes in curves]
+    found += [f"two panels of {one}" for one, other in combinations(named, 2) if one == other and all(one[:2])]
     for axes in figure.axes:
         for along in (axes.xaxis, axes.yaxis):
             labels = [] if not axes.axison else [tick.label1 for tick in along._update_ticks()]

@@ -45,11 +45,11 @@ class Families:
         alike = {key: _alike([curve.values.get(key) for curve in self.curves]) for key in keys}
         given = [[key for key in keys if curve.values.get(key) is not None] for curve in self.curves]
         return [
-            ", ".join(_in_words(self._told(key), curve.values[key], alike[key]) for key in known)
+            ", ".join(_in_words(self.told(key), curve.values[key], alike[key]) for key in known)
             for curve, known in zip(self.curves, given, strict=True)
         ]
 
-    def _told(self, key: str) -> str:
+    def told(self, key: str) -> str:
         """The last part of a key's name, all of it where another key ends alike: contact.method and solver.method."""
         last = key.split(".")[-1]
         return last if sum(other.split(".")[-1] == last for other in self.keys) < 2 else key

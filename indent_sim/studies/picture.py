@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from textwrap import wrap
 
 import numpy as np
 
@@ -31,6 +32,7 @@ MOST_NAMED = 8  # points of the front that are named
 LABEL_DISTANCE = (0.03, 0.045)  # of the panel's width or height: points that are nearer have no room for a number each
 FEW_COLOURS, INCHES = 4, 0.2  # from how many groups on the picture grows, and by how much for each
 MOST_LEGEND_LETTERS = 48  # of a name
+NAME_LETTERS, LONGEST_COST = 44, 24  # of a line of what a point of the front is; of its cost, and of a break before it
 SPAN = 3.0  # from which ratio of largest to smallest an axis is logarithmic
 ONE_PERCENT = 0.01
 CURVE_PANEL = 4.4  # inches: width and height of the panels of curves.png
@@ -223,7 +225,7 @@ def _colours_of(axes: Axes, families: Families, key: str) -> list[Colour]:
 def _label(families: Families, key: str) -> str:
     """The name of a varied number with its unit."""
     unit = families.unit(key) or unit_of_key(key, families.curves[0].results)
-    return Axis(in_picture(key.split(".")[-1]), unit=unit).label
+    return Axis(in_picture(families.told(key)), unit=unit).label
 
 
 Holds = Sequence[Hold | None]
@@ -377,16 +379,18 @@ def _names(axes: Axes, work: Axes, named: Sequence[Row], of: int, words: dict[st
     axes.legend(handles, labels, loc="upper left", fontsize=9, borderaxespad=0)
     lines = ["Pareto front" if len(named) == of else f"Pareto front, {len(named)} of its {of} points"]
     for number, row in enumerate(named, start=1):
-        cost = f"    {row['cpu_s']:.2g} s, {row['force_error_vs']:+.2g}"
-        lines += [f"{number}  {_brief(row, words)}", cost]
+        first, *rest = wrap(_brief(row, words), NAME_LETTERS) or [""]
+        cost = f"{row['cpu_s']:.2g} s, {row['force_error_vs']:+.2g}"
+        lines += [f"{number}  {first}", "    " + ": ".join([*rest, cost])]
     axes.text(0, 0, "\n".join(lines), fontsize=8, va="bottom", ha="left", linespacing=1.35, transform=axes.transAxes)
 
 
 def _brief(row: Row, words: dict[str, dict[str, str]]) -> str:
-    """The telling keys of a row: words alone, numbers with their key."""
+    """The telling keys of a row: words alone, numbers and lists of them with their key; at most two lines."""
     said = {key: known[short(row[key])] for key, known in words.items() if row[key] is not None}
-    parts = [f"{key.split('.')[-1]} {word}" if _is_number(row[key]) else word for key, word in said.items()]
-    return in_picture(", ".join(parts), MOST_LEGEND_LETTERS)
+    has_key = {key: _is_number(row[key]) or said[key].startswith("[") for key in said}
+    parts = [f"{key.split('.')[-1]} {word}" if has_key[key] else word for key, word in said.items()]
+    return in_picture(", ".join(parts), 2 * NAME_LETTERS - LONGEST_COST)
 
 
 def _words(rows: Sequence[Row], key: str) -> dict[str, str]:
