@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
+from functools import cache
 from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -36,9 +38,16 @@ MORE_OF_SURFACE = ("shear", "pore_pressure")  # with friction, with fluid in the
 
 def row(state: State, columns: tuple[str, ...]) -> bytes:
     """The line of a state in the force table."""
-    values = (getattr(state, name) for name in columns)
-    cells = (str(int(v)) if name in INTEGERS else _cell(v) for name, v in zip(columns, values, strict=True))
-    return (",".join(cells) + "\n").encode()
+    values, written = _of_columns(columns)
+    return (",".join([write(value) for write, value in zip(written, values(state), strict=True)]) + "\n").encode()
+
+
+@cache
+def _of_columns(
+    columns: tuple[str, ...],
+) -> tuple[Callable[[State], tuple[Any, ...]], tuple[Callable[[Any], str], ...]]:
+    """What says the values of a state in columns, and how each is written."""
+    return attrgetter(*columns), tuple(_integer if name in INTEGERS else _cell for name in columns)
 
 
 def in_order(columns: Sequence[str]) -> tuple[str, ...]:
@@ -137,6 +146,10 @@ def drop_later_blocks(path: Path, steps: int) -> None:
     kept = [",".join([*names, *missing]).encode(), *(line + lacking for line in lines if _step(line) <= steps)]
     if (table := b"".join(line + b"\n" for line in kept)) != data:
         write_atomically(path, table)
+
+
+def _integer(value: float) -> str:
+    return str(int(value))
 
 
 def _cell(value: float | str | None) -> str:

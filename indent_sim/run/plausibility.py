@@ -15,6 +15,7 @@ to None where it has nothing against the state. They are wide enough for coarse 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import cache
 from math import inf, isfinite, isnan
 
 import numpy as np
@@ -54,6 +55,7 @@ class Rows:
         self.last: State | None = None
         self.has_turned = False  # back to a smaller depth
         self.deepest, self.largest_force = -inf, 0.0
+        self._strongest: Compared | None = None  # that which surely pushes most
         self._columns = np.empty((3, 64))  # depth, force and half its bar's width
         self._count = 0
         for state in states:
@@ -66,7 +68,9 @@ class Rows:
         """Add the next row."""
         if self._count == self._columns.shape[1]:
             self._columns = np.concatenate([self._columns, np.empty_like(self._columns)], axis=1)
-        self._columns[:, self._count] = _compared(state)
+        self._columns[:, self._count] = own = _compared(state)
+        if self._strongest is None or own[1] - own[2] > self._strongest[1] - self._strongest[2]:
+            self._strongest = own
         self._count += 1
         self.has_turned |= self.last is not None and state.delta < self.last.delta
         self.deepest, self.largest_force = max(self.deepest, state.delta), max(self.largest_force, abs(state.force))
@@ -74,11 +78,15 @@ class Rows:
 
     def strongest_above(self, delta: float) -> Compared | None:
         """That which surely pushes most of the rows that are less deep; None where there is none."""
+        if delta > self.deepest:
+            return self._strongest
         depth, force, bar = self._columns[:, : self._count]
         return self._of_most(force - bar, depth < delta)
 
     def weakest_below(self, delta: float) -> Compared | None:
         """That which surely pushes least of the rows that are deeper; None where there is none."""
+        if delta >= self.deepest:
+            return None
         depth, force, bar = self._columns[:, : self._count]
         return self._of_most(-force - bar, depth > delta)
 
@@ -110,11 +118,18 @@ def contradiction(scene: Scene, state: State, earlier: Rows) -> str | None:
 
     The states are in the user's units.
     """
-    rules = ALWAYS if not scene.is_meshed or _is_first_touch(scene, state) else ALWAYS + WHEN_PRESSED
-    evolves, snaps = scene.physics.evolves, scene.physics.contact.may_snap
+    is_pressed = scene.is_meshed and not _is_first_touch(scene, state)
+    for rule in _rules(is_pressed, scene.physics.evolves, scene.physics.contact.may_snap):
+        if said := rule(scene, state, earlier):
+            return said
+    return None
+
+
+@cache
+def _rules(is_pressed: bool, evolves: bool, snaps: bool) -> Rules:
+    """Those that hold for a row that is more than a first touch, where fluid flows, where a tip may snap."""
     unknown = {*(OF_TIPS_THAT_PUSH if snaps else ()), *(OF_ELASTIC_BODIES if evolves else ())}
-    hold = [rule for rule in rules if rule not in unknown]
-    return next((said for rule in hold if (said := rule(scene, state, earlier))), None)
+    return tuple(rule for rule in (ALWAYS + WHEN_PRESSED if is_pressed else ALWAYS) if rule not in unknown)
 
 
 def _is_no_number(scene: Scene, state: State, earlier: Rows) -> str | None:

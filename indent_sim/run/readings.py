@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from math import nan
 from typing import Any
 
@@ -38,9 +37,10 @@ class Readings:
         stiffness = self._beside("stiffness", lambda: self._stiffness(state), nan)
         area = self._beside("area", lambda: self.scene.physics.part.kinematics.contact_area(state.a), nan)
         E_hertz = self._beside("E_hertz", lambda: self._hertz(state), nan)
+        found = {"stiffness": stiffness, "area": area, "E_hertz": E_hertz}
         if state.krylov_iterations is not None:
-            state = replace(state, krylov_iterations=state.krylov_iterations + self._krylov_iterations - before)
-        return replace(state, stiffness=stiffness, area=area, E_hertz=E_hertz)
+            found["krylov_iterations"] = state.krylov_iterations + self._krylov_iterations - before
+        return State(**vars(state) | found)  # `replace` would ask for every field's default
 
     @property
     def _krylov_iterations(self) -> int:

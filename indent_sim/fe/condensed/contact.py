@@ -52,6 +52,8 @@ class CondensedContact:
         self._factored_mass: SuperLU | None = None
         self._recent = [self.F]  # nodal forces of the last equilibria
         self._expected: np.ndarray | None = None  # which points the next solve takes to be in contact at first
+        self._entries_of: tuple[bytes, int, bytes] | None = None  # of the last Newton step
+        self._entries: tuple[np.ndarray, ...] = ()
         self.friction = None if self.law.is_conservative else CondensedFriction(self)
 
     @property
@@ -202,29 +204,31 @@ class CondensedContact:
         Rows without a point in contact, and those that are `held` (m - 1, nodes), are those of the identity."""
         (N, W, _), size, m = self.quadrature, self.compliance.size, len(slopes)
         touched = np.flatnonzero(slopes[0, 0].any(axis=1))
-        weights, pairs = (W * slopes)[:, :, touched], N[:, :, None] * N[:, None, :]
+        weights = (W * slopes)[:, :, touched]
         # of one traction by BLAS, which is faster and adds in another order
-        local = np.einsum("abfp,pij->abfij", weights, pairs) if m > 1 else weights @ pairs.reshape(len(N), -1)
-        at, block, is_on = self.nodes[touched], size * np.arange(m), np.zeros(size, dtype=bool)
-        is_on[at] = True
-        rows = (block[:, None] + np.flatnonzero(is_on)).ravel()
-        if np.size(held):
-            rows = np.setdiff1d(rows, size + np.flatnonzero(held))
-        place = np.full(m * size, -1)
-        place[rows] = np.arange(len(rows))
-        i = place[block[:, None, None, None, None] + at[:, :, None]]
-        j = place[block[None, :, None, None, None] + at[:, None, :]]
-        i, j = (index.ravel() for index in np.broadcast_arrays(i, j))
-        kept, n = (i >= 0) & (j >= 0), len(rows)
+        local = (
+            np.einsum("abfp,pij->abfij", weights, self._pairs) if m > 1 else weights @ self._pairs.reshape(len(N), -1)
+        )
+        key = (touched.tobytes(), m, np.asarray(held).tobytes())
+        if key != self._entries_of:  # of neighbouring rows they are the same
+            self._entries_of, self._entries = key, _entries(self.nodes[touched], size, m, held)
+        rows, kept, i, j = self._entries
+        n = len(rows)
         if n <= MOST_FULL:  # scipy's checks of a sparse matrix cost more than its products save
-            A: Any = np.bincount(i[kept] * n + j[kept], local.ravel()[kept], n * n).reshape(n, n)
+            A: Any = np.bincount(i * n + j, local.ravel()[kept], n * n).reshape(n, n)
         else:
-            A = csr_matrix((local.ravel()[kept], (i[kept], j[kept])), shape=(n, n))  # a node has few neighbours
+            A = csr_matrix((local.ravel()[kept], (i, j)), shape=(n, n))  # a node has few neighbours
         among = D[np.ix_(rows, rows)]
         step = -residual
         step[rows] += A @ (D[rows] @ step - among @ step[rows])
         step[rows] = np.linalg.solve(np.eye(n) - A @ among, step[rows])
         return step
+
+    @cached_property
+    def _pairs(self) -> np.ndarray:
+        """Products of the shape functions at the points of the contact quadrature (points, nodes, nodes)."""
+        N, _, _ = self.quadrature
+        return N[:, :, None] * N[:, None, :]
 
     def stiffness(self) -> float:
         """d/ddelta of the sum of the nodal forces, by the tangent of the present equilibrium [pressure length].
@@ -296,6 +300,23 @@ class CondensedContact:
         lam = self.lam[self.places][self.nodes] @ N.T
         gap = height - self.depth + (whole @ X)[: len(self.F)][self.nodes] @ N.T
         return strain + float((W * self.law.potential(gap, lam)).sum())
+
+
+def _entries(at: np.ndarray, size: int, m: int, held: Any) -> tuple[np.ndarray, ...]:
+    """Rows of m tractions at nodes (facets, n) of `size`, but for those `held`; which entries of local matrices (m, m,
+    facets, n, n) are between them, and in which row and column."""
+    block, is_on = size * np.arange(m), np.zeros(size, dtype=bool)
+    is_on[at] = True
+    rows = (block[:, None] + np.flatnonzero(is_on)).ravel()
+    if np.size(held):
+        rows = np.setdiff1d(rows, size + np.flatnonzero(held))
+    place = np.full(m * size, -1)
+    place[rows] = np.arange(len(rows))
+    i = place[block[:, None, None, None, None] + at[:, :, None]]
+    j = place[block[None, :, None, None, None] + at[:, None, :]]
+    i, j = (index.ravel() for index in np.broadcast_arrays(i, j))
+    kept = np.flatnonzero((i >= 0) & (j >= 0))
+    return rows, kept, i[kept], j[kept]
 
 
 def complementary(A: np.ndarray, open_gap: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, int]:

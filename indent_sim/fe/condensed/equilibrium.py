@@ -63,6 +63,7 @@ class CondensedEquilibrium(Equilibrium):
         compliance = self.condenser.condense(reach, self.scene.physics.center, axes)
         self.contact = CondensedContact(compliance, self.scene, self._iterations)
         self.view = CondensedState(self.contact)
+        self._trials: list[tuple[Forces, np.ndarray]] = []
         beyond = ~np.isin(self.condenser.rows, compliance.places).all(axis=1)  # the candidates
         self._beside = self.body.skin.and_also(self.body.trace.at(beyond))
         trace = compliance.trace
@@ -111,10 +112,12 @@ class CondensedEquilibrium(Equilibrium):
     def solve(self, depth: float, dt: float = 0.0) -> bool:
         """Find the equilibrium at a depth from the present state; where it fails the state is as it was."""
         assert dt == 0.0  # nothing of a condensed body takes time
-        before = self.snapshot()
+        contact = self.contact
+        forces, lam, last = contact.forces, contact.lam, contact.depth
         while self.contact.solve(depth):
             if self._is_inside():
                 return True
+            before = _spread(contact, forces, lam, last)
             is_wider = self._widen()
             self._guess(before)  # so that no number knows the candidates
             if not is_wider:
@@ -150,9 +153,8 @@ class CondensedEquilibrium(Equilibrium):
 
     def snapshot(self) -> Forces:
         """A copy of the present state."""
-        nodal = np.zeros((len(self.contact.forces), len(self.contact.lam)))
-        nodal[:, self.contact.places] = self.contact.forces
-        return Forces(nodal, self.contact.lam, self.depth)
+        contact = self.contact
+        return _spread(contact, contact.forces, contact.lam, contact.depth)
 
     def restore(self, state: Forces) -> None:
         """Make a snapshot the present state, and the one that was accepted last."""
@@ -174,11 +176,17 @@ class CondensedEquilibrium(Equilibrium):
         self._guess(Forces(np.asarray(nodal), np.asarray(lam), depth))
 
     def _expected(self, earlier: Sequence[Forces], depth: float) -> np.ndarray:
-        trials = []
-        for state in earlier:
-            self._guess(state)
-            trials.append(self.contact.trial())
+        trials = [self._trial(state) for state in earlier]
         return expected(trials, [state.depth for state in earlier], depth, max(t.max(initial=0.0) for t in trials))
+
+    def _trial(self, state: Forces) -> np.ndarray:
+        """The trial pressure of an earlier state; those of the last ones are kept."""
+        for known, trial in self._trials:
+            if known is state:
+                return trial
+        self._guess(state)
+        self._trials = [*self._trials[-1:], (state, self.contact.trial())]
+        return self._trials[-1][1]
 
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
@@ -200,6 +208,13 @@ class CondensedEquilibrium(Equilibrium):
         """The whole body, with the displacement of the present state (collective)."""
         self.condenser.recover(self.contact.compliance, self.contact.forces.ravel())
         return self._recovered
+
+
+def _spread(contact: CondensedContact, forces: np.ndarray, lam: np.ndarray, depth: float) -> Forces:
+    """Forces on the candidates of a contact, of all nodes of the surface."""
+    nodal = np.zeros((len(forces), len(lam)))
+    nodal[:, contact.places] = forces
+    return Forces(nodal, lam, depth)
 
 
 class RecoveredBody(WholeBody):

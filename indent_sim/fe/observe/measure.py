@@ -72,7 +72,7 @@ def sample(body: Observed, points: np.ndarray) -> Sample:
     scene, trace = body.scene, body.trace
     nodal = body.nodal_displacement()
     X, u = trace.positions(points), trace.values(nodal, points)
-    gap = _gap(body, X, u)
+    gap = _gap(body, trace, points, u)
     p_hat = body.multiplier_at(points) - _edge_stiffness(body) * gap
     pressure = np.where(p_hat > 0, np.maximum(body.pressure_at(points), 0.0), 0.0)
     if adhesion := scene.physics.contact.adhesion:
@@ -95,8 +95,7 @@ def _edge_stiffness(body: Observed) -> np.ndarray:
 
 def gap(body: Observed, points: np.ndarray) -> np.ndarray:
     """g [length] at points of every contact facet of this rank (facets, points), >= 0 open."""
-    X, u = body.trace.positions(points), body.trace.values(body.nodal_displacement(), points)
-    return _gap(body, X, u)
+    return _gap(body, body.trace, points, body.trace.values(body.nodal_displacement(), points))
 
 
 def smallest_gap(body: Observed) -> float:
@@ -110,11 +109,22 @@ def smallest_gap(body: Observed) -> float:
     return float(body.comm.allreduce(float(g.min(initial=np.inf)), op=MPI.MIN))
 
 
-def _gap(body: Observed, X: np.ndarray, u: np.ndarray) -> np.ndarray:
-    physics = body.scene.physics
-    x, gap = (X, gap_reference) if physics.gap == "reference" else (X + u, gap_current)
-    horizontal = physics.part.kinematics.horizontal(_by_axis(x), physics.center)
-    return gap(physics.indenter, *horizontal, X[..., -1] + u[..., -1], body.depth)
+def _gap(body: Observed, trace: Trace, points: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """g at points of the facets of a trace with displacements u there (facets, points[, dim])."""
+    physics, X = body.scene.physics, trace.positions(points)
+
+    def over(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return physics.part.kinematics.horizontal(_by_axis(x), physics.center)
+
+    if physics.gap == "current":
+        x, y = over(X + u)
+        return gap_current(physics.indenter, x, y, X[..., -1] + u[..., -1], body.depth)
+
+    def open_gap() -> np.ndarray:
+        x, y = over(X)
+        return gap_reference(physics.indenter, x, y, X[..., -1], 0.0)
+
+    return trace.kept((physics.indenter, physics.center), points, open_gap) - body.depth - u[..., -1]
 
 
 def _may_touch_above(body: Observed, pressure: np.ndarray) -> bool:
@@ -161,22 +171,29 @@ def contact(body: Observed) -> dict[str, float]:
     s = sample(body, reading_points(dim))
     begin, end = len(grid), len(grid) + len(inner)
     x = s.X if body.scene.physics.gap == "reference" else s.X + s.u
-    means = s.pressure[:, begin:end] @ weights / weights.sum()
+    is_tensed = bool(body.scene.physics.surface_tension)
+    means = s.pressure[:, begin:end] @ weights / weights.sum() if is_tensed else s.pressure[:, begin:]
     places = s.X[:, :begin, :-1], x[:, :begin, :-1]
     p_hat = _closed_at_an_edge(body, s.p_hat[:, :begin], s.gap[:, :begin])
     size = _region(body, *places, p_hat)
-    if step := _step_at_the_edge(body, size, means):
+    if is_tensed and (step := _step_at_the_edge(body, size, means)):
         size = _region(body, *places, p_hat - SMEARED * step)
     if body.depth <= 0 and not _may_touch_above(body, s.pressure):  # what is there is round-off
         size = 0.0
     a = body.scene.physics.part.kinematics.contact_radius(size)
-    pressure = means if body.scene.physics.surface_tension else s.pressure[:, begin:]
-    peak = body.comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX)
+    sunk, overlap = (-s.gap[:, begin:end]).max(initial=0.0), _overlap(body, s.X + s.u, s.gap)
+    peak, depth, overlap = _largest(body, means.max(initial=0.0), sunk, overlap)
     peak = peak if body.scene.has_peak(a) else float("nan")
-    depth = body.comm.allreduce(float(np.maximum(-s.gap[:, begin:end], 0.0).max(initial=0.0)), op=MPI.MAX)
-    overlap = body.comm.allreduce(_overlap(body, s.X + s.u, s.gap), op=MPI.MAX)
     found = {"a": a, "p_max": peak, "penetration": depth, "overlap": overlap}
     return found | ({"stick_radius": _stick_radius(body, a, s, x, grid)} if body.friction else {})
+
+
+def _largest(body: Observed, *numbers: float) -> list[float]:
+    """The largest of all ranks of each number (collective)."""
+    found = np.array(numbers, dtype=float)
+    if body.comm.size > 1:
+        body.comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
+    return found.tolist()
 
 
 def _by_axis(x: np.ndarray) -> np.ndarray:
@@ -232,11 +249,11 @@ def intrusion(body: Any, skin: Trace, solution: np.ndarray) -> float:
     """How deep the tip lies inside a surface where nothing keeps it out [length] (collective). By the gap that contact
     is tested with, and by the tip's own shape. solution: the body's local array, or what of it lies on the surface."""
     points = contact_quadrature(body.trace.dim)[0]
-    X, u = skin.positions(points), skin.values(solution[skin.dofs], points)
-    inside = -_gap(body, X, u)
+    u = skin.values(solution[skin.dofs], points)
+    inside = -_gap(body, skin, points, u)
     if body.scene.physics.gap == "current":
-        inside = np.minimum(inside, _under(body, X + u)[0])
-    return body.comm.allreduce(float(inside[inside > 0].max(initial=0.0)), op=MPI.MAX)
+        inside = np.minimum(inside, _under(body, skin.positions(points) + u)[0])
+    return _largest(body, inside[inside > 0].max(initial=0.0))[0]
 
 
 def _under(body: Observed, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -248,7 +265,7 @@ def _under(body: Observed, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def penetration(body: Observed) -> float:
     """The largest <-g> at the contact quadrature points and the nodes [length]."""
     points = np.vstack([contact_quadrature(body.trace.dim)[0], body.trace.node_points()])
-    return body.comm.allreduce(float((-gap(body, points)).max(initial=0.0)), op=MPI.MAX)
+    return _largest(body, (-gap(body, points)).max(initial=0.0))[0]
 
 
 def _region(body: Observed, X: np.ndarray, x: np.ndarray, p_hat: np.ndarray) -> float:
@@ -264,7 +281,8 @@ def _region(body: Observed, X: np.ndarray, x: np.ndarray, p_hat: np.ndarray) -> 
     else:
         overhangs = _signed_area(corners) * _signed_area(X[touched][:, simplices]) < 0
         mine = _positive_area(corners, np.where(overhangs[..., None], -1.0, p))
-    return body.scene.physics.part.copies * float(body.comm.allreduce(mine, op=MPI.SUM))
+    whole = mine if body.comm.size == 1 else body.comm.allreduce(mine, op=MPI.SUM)
+    return body.scene.physics.part.copies * whole
 
 
 def _signed_area(corners: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ penetration, the surface table) is evaluated here from the dofs on the facets, a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from functools import cache, cached_property, lru_cache
 
@@ -114,7 +114,7 @@ class Trace:
     nodes: np.ndarray
     X: np.ndarray
     dofs: np.ndarray
-    _known: dict[bytes, np.ndarray] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _known: dict[Hashable, np.ndarray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def dim(self) -> int:
@@ -144,8 +144,12 @@ class Trace:
 
     def positions(self, points: np.ndarray) -> np.ndarray:
         """Reference coordinates (facets, points, dim) [length], which stay what they are."""
-        if (key := points.tobytes()) not in self._known:
-            self._known[key] = found = np.einsum("pn,fnd->fpd", shapes(points), self.X)
+        return self.kept("positions", points, lambda: np.einsum("pn,fnd->fpd", shapes(points), self.X))
+
+    def kept(self, what: Hashable, points: np.ndarray, find: Callable[[], np.ndarray]) -> np.ndarray:
+        """What is found once at points, and stays what it is."""
+        if (key := (what, points.tobytes())) not in self._known:
+            self._known[key] = found = find()
             found.flags.writeable = False
         return self._known[key]
 

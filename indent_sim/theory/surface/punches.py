@@ -21,6 +21,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import Chebyshev
+from numpy.polynomial.chebyshev import cheb2poly
 
 from indent_sim.theory.hankel import gauss
 from indent_sim.theory.layer import Layer
@@ -113,8 +114,9 @@ class FittedPunches:
         self.smallest, self.largest = float(a[0]), float(a[known - 1])
         # both and their derivatives in one: every row asks for several radii
         self._begin, self._scale = ln_K.mapparms()
-        series = [one.coef for one in (ln_K, ln_P, ln_K.deriv(), ln_P.deriv())]
+        series = [cheb2poly(one.coef) for one in (ln_K, ln_P, ln_K.deriv(), ln_P.deriv())]
         self._series = np.stack([np.pad(one, (0, len(ln_K.coef) - len(one))) for one in series], axis=1)
+        self._powers = np.arange(len(self._series))
 
     @property
     def beside(self) -> list[FittedPunches]:
@@ -123,21 +125,17 @@ class FittedPunches:
 
     def _half_space(self, a: float) -> float:
         """P_0(a) = 2 E* int_0^a g [F]."""
+        if not self._tip.breaks:
+            s, w = gauss(0.0, 1.0, QUADRATURE)
+            return 2.0 * self._E_star * a * float(w @ self._tip.g(a * s))
         ends = [0.0, *(b for b in self._tip.breaks if b < a), a]
         pieces = (gauss(low, high, QUADRATURE) for low, high in pairwise(ends))
         return 2.0 * self._E_star * sum(float(w @ self._tip.g(x)) for x, w in pieces)
 
-    def _polynomials(self, x: float) -> np.ndarray:
-        """T_0(x), T_1(x), .. by their recurrence, which plain numbers run through faster than numpy's own series."""
-        T = [1.0, x]
-        for _ in range(len(self._series) - 2):
-            T.append(2.0 * x * T[-1] - T[-2])
-        return np.array(T)
-
     def at(self, a: float) -> Punch:
         """The punch of radius a [L]."""
         unit, P_0 = 2.0 * self._E_star, self._half_space(a)
-        log_K, log_P, dK, dP = (self._polynomials(self._begin + self._scale * a) @ self._series).tolist()
+        log_K, log_P, dK, dP = ((self._begin + self._scale * a) ** self._powers @ self._series).tolist()
         ratio_K, ratio_P = math.exp(log_K), math.exp(log_P)
         K, slope = unit * a * ratio_K, unit * ratio_K * (1.0 + a * dK)
         P = P_0 * ratio_P
