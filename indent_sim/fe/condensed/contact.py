@@ -293,12 +293,13 @@ class CondensedContact:
     def energy(self) -> float:
         """Strain plus contact energy of the modelled part."""
         X, whole = self.forces.ravel(), self.compliance.whole
-        strain = 0.5 * float(X @ whole @ X)
+        sunk = whole @ X
+        strain = 0.5 * float(X @ sunk)
         if self.law.multiplier == "nodal":
             return strain
         N, W, height = self.quadrature
         lam = self.lam[self.places][self.nodes] @ N.T
-        gap = height - self.depth + (whole @ X)[: len(self.F)][self.nodes] @ N.T
+        gap = height - self.depth + sunk[: len(self.F)][self.nodes] @ N.T
         return strain + float((W * self.law.potential(gap, lam)).sum())
 
 

@@ -271,18 +271,24 @@ def penetration(body: Observed) -> float:
 def _region(body: Observed, X: np.ndarray, x: np.ndarray, p_hat: np.ndarray) -> float:
     """Area (length) of the body with p_hat > 0, but for what hangs over: its simplices at x are turned over from X."""
     _, simplices = lattice(body.trace.dim)
-    touched = np.flatnonzero((p_hat > 0).any(axis=1))
+    is_on = p_hat > 0
+    touched = is_on.any(axis=1)
+    whole, mine = np.zeros_like(touched), 0.0
+    if body.trace.dim == 2 and body.scene.physics.gap == "reference":  # which no facet turns over: most are whole
+        whole = is_on.all(axis=1)
+        mine = _length(body, x[whole, 0, 0], x[whole, -1, 0])
+    touched = np.flatnonzero(touched & ~whole)
     corners, p = x[touched][:, simplices], p_hat[touched][:, simplices]
     if body.trace.dim == 2:
         ends = corners[..., 0]
         if body.scene.physics.gap == "current":
             p[(np.diff(ends) * np.diff(X[touched][:, simplices, 0]))[..., 0] < 0] = -1.0
-        mine = _positive_length(body, ends, p)
+        mine += _positive_length(body, ends, p)
     else:
         overhangs = _signed_area(corners) * _signed_area(X[touched][:, simplices]) < 0
         mine = _positive_area(corners, np.where(overhangs[..., None], -1.0, p))
-    whole = mine if body.comm.size == 1 else body.comm.allreduce(mine, op=MPI.SUM)
-    return body.scene.physics.part.copies * whole
+    of_all = mine if body.comm.size == 1 else body.comm.allreduce(mine, op=MPI.SUM)
+    return body.scene.physics.part.copies * of_all
 
 
 def _signed_area(corners: np.ndarray) -> np.ndarray:
@@ -298,9 +304,14 @@ def _positive_length(body: Observed, ends: np.ndarray, p_hat: np.ndarray) -> flo
     begin = np.where(first > 0, left, crossing)
     end = np.where(last > 0, right, crossing)
     inside = (first > 0) | (last > 0)
+    return _length(body, begin[inside], end[inside])
+
+
+def _length(body: Observed, begin: np.ndarray, end: np.ndarray) -> float:
+    """Length of segments between horizontal places, area of their rings when axisymmetric."""
     if body.scene.physics.part.kinematics.name == "axisymmetric":
-        return pi * float(np.abs(end**2 - begin**2)[inside].sum())
-    return float(np.abs(end - begin)[inside].sum())
+        return pi * float(np.abs(end**2 - begin**2).sum())
+    return float(np.abs(end - begin).sum())
 
 
 def _positive_area(corners: np.ndarray, p_hat: np.ndarray) -> float:

@@ -26,15 +26,17 @@ def expected(trials: Sequence[np.ndarray], depths: Sequence[float], depth: float
     if largest <= 0:
         return np.asarray(trials[-1])
     parts = zip(shares(depths, depth), trials, strict=True)
-    return largest * _pressure(np.sum([share * _distance(trial / largest) for share, trial in parts], axis=0))
+    distances = [share * _distance(trial / largest) for share, trial in parts]
+    return largest * _pressure(sum(distances[1:], start=distances[0]))
 
 
 def _distance(trial: np.ndarray) -> np.ndarray:
     """The distance from the edge, in some unit, of what is above zero inside."""
     inside, outside = np.maximum(trial, 0.0), np.maximum(-trial, 0.0)
-    return np.asarray(inside**2 - ((outside + CUT_ELEMENT_PRESSURE) ** (2 / 3) - CUT_ELEMENT_PRESSURE ** (2 / 3)))
+    return np.asarray(inside**2 - (np.cbrt(outside + CUT_ELEMENT_PRESSURE) ** 2 - CUT_ELEMENT_PRESSURE ** (2 / 3)))
 
 
 def _pressure(distance: np.ndarray) -> np.ndarray:
     inside, outside = np.maximum(distance, 0.0), np.maximum(-distance, 0.0)
-    return np.asarray(np.sqrt(inside) - ((outside + CUT_ELEMENT_PRESSURE ** (2 / 3)) ** 1.5 - CUT_ELEMENT_PRESSURE))
+    shifted = outside + CUT_ELEMENT_PRESSURE ** (2 / 3)
+    return np.asarray(np.sqrt(inside) - (shifted * np.sqrt(shifted) - CUT_ELEMENT_PRESSURE))

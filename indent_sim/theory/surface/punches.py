@@ -93,6 +93,7 @@ class FittedPunches:
 
     def __init__(self, a: np.ndarray, K: np.ndarray, P: np.ndarray, tip: Tip, E_star: float, degree: int = FIT_DEGREE):
         self._given = a, K, P, tip, E_star
+        self._nodes = gauss(0.0, 1.0, QUADRATURE)
         self._tip, self._E_star = tip, E_star
         a, K, P = (values[a < tip.reach] for values in (a, K, P))  # beyond its end g is unknown
         P_0 = np.array([self._half_space(radius) for radius in a])
@@ -126,7 +127,7 @@ class FittedPunches:
     def _half_space(self, a: float) -> float:
         """P_0(a) = 2 E* int_0^a g [F]."""
         if not self._tip.breaks:
-            s, w = gauss(0.0, 1.0, QUADRATURE)
+            s, w = self._nodes
             return 2.0 * self._E_star * a * float(w @ self._tip.g(a * s))
         ends = [0.0, *(b for b in self._tip.breaks if b < a), a]
         pieces = (gauss(low, high, QUADRATURE) for low, high in pairwise(ends))
