@@ -145,7 +145,8 @@ def carry_out(
             if board:
                 place.write(study_folder.SCOREBOARD, study_table.write(board))
             place.write(study_folder.CURVES, curve_table.write(curve_table.rows(mine, study.keys, done)))
-        where, families = finished.directory, curve_table.families(mine, study.keys, done)
+        of_one_kind = [] if board else mine  # scenes with published values have no depths and forces to compare
+        where, families = finished.directory, curve_table.families(of_one_kind, study.keys, done)
         picture.draw(rows, study.keys, study.title, against.name, where / study_folder.STUDY_PICTURE)
         picture.draw_curves(families, study.title, where / study_folder.CURVES_PICTURE)
         picture.draw_scoreboard(finished.scoreboard, study.title, where / study_folder.SCOREBOARD_PICTURE)

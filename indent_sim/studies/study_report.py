@@ -34,8 +34,9 @@ def of_study(folder: Path) -> str:
     against = f"; forces compared with {record.get('compare_to')}" if compared else ""
     subtitle = f"Study of {', '.join(record['keys'])}: {ended} of {len(rows)} runs done{against}"
     tables = [table_of("Runs", shown, [[row[name] for name in shown] for row in rows])]
-    pictures = _pictures(folder, record, rows, title)
-    if board := _scoreboard(folder):
+    board = _scoreboard(folder)
+    pictures = _pictures(folder, record, [] if board else rows, title)
+    if board:
         said = [[row[name] for name in BOARD] + [scoreboard.in_words(row)] for row in board]
         tables.insert(0, table_of("Published values", [*BOARD, "who is wrong"], said))
         words = "Published values and ours, as they differ from the exact ones"

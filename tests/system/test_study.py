@@ -681,6 +681,7 @@ cases:
         assert float(second["exact"]) == runs["coarse"]["a"][0] and float(second["ours"]) == runs["finer"]["a"][0]
         assert second["exact_by"] == "another mesh" and len(rows) == 2
         assert (tmp_path / "out" / "verification.png").stat().st_size > 10_000
+        assert not (tmp_path / "out" / "curves.png").exists()  # scenes that have nothing in common
         told = CliRunner().invoke(commands.program, ["report", "out"])
         page = Path(told.output.strip()).read_text()
         assert "Published values" in page and "claims 1 %" in page
