@@ -730,11 +730,12 @@ def _starts_mesher(read: Callable[[], Config]) -> bool:
 def _without_garbage() -> Iterator[None]:
     """No search for garbage: loading libraries makes a hundred thousand objects, of which none is; a twentieth of a
     small run. Who makes many ends it."""
+    gc.unfreeze()  # what an earlier command of this process set aside
     gc.disable()
     try:
         yield
     finally:
-        gc.freeze()  # else what was made in the meantime would be searched at once
+        gc.freeze()  # else what was made in the meantime would be searched at once, and most processes end here
         gc.enable()
 
 

@@ -155,7 +155,7 @@ def held(folder: Path) -> Literal["nothing", "run", "study", "fit", "other"]:
 
 
 def _is_nothing(path: Path) -> bool:
-    """Whether nothing has a name."""
+    """Whether nothing stands at this path."""
     try:
         os.lstat(path)
     except FileNotFoundError:

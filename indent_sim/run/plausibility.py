@@ -69,7 +69,8 @@ class Rows:
         if self._count == self._columns.shape[1]:
             self._columns = np.concatenate([self._columns, np.empty_like(self._columns)], axis=1)
         self._columns[:, self._count] = own = _compared(state)
-        if self._strongest is None or own[1] - own[2] > self._strongest[1] - self._strongest[2]:
+        pushes = own[1] - own[2]
+        if pushes == pushes and (self._strongest is None or pushes > self._strongest[1] - self._strongest[2]):
             self._strongest = own
         self._count += 1
         self.has_turned |= self.last is not None and state.delta < self.last.delta

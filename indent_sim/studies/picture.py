@@ -32,7 +32,7 @@ MOST_NAMED = 8  # points of the front that are named
 LABEL_DISTANCE = (0.03, 0.045)  # of the panel's width or height: points that are nearer have no room for a number each
 FEW_COLOURS, INCHES = 4, 0.2  # from how many groups on the picture grows, and by how much for each
 MOST_LEGEND_LETTERS = 48  # of a name
-NAME_LETTERS, LONGEST_COST = 44, 24  # of a line of what a point of the front is; of its cost, and of a break before it
+NAME_LETTERS = 44  # of a line of what a point of the front is, of which there are two
 SPAN = 3.0  # from which ratio of largest to smallest an axis is logarithmic
 ONE_PERCENT = 0.01
 CURVE_PANEL = 4.4  # inches: width and height of the panels of curves.png
@@ -381,16 +381,18 @@ def _names(axes: Axes, work: Axes, named: Sequence[Row], of: int, words: dict[st
     for number, row in enumerate(named, start=1):
         first, *rest = wrap(_brief(row, words), NAME_LETTERS) or [""]
         cost = f"{row['cpu_s']:.2g} s, {row['force_error_vs']:+.2g}"
-        lines += [f"{number}  {first}", "    " + ": ".join([*rest, cost])]
+        room = max(1, NAME_LETTERS - len(cost))
+        more = [in_picture(" ".join(rest), room)] if rest else []
+        lines += [f"{number}  {in_picture(first)}", "    " + ": ".join([*more, cost])]
     axes.text(0, 0, "\n".join(lines), fontsize=8, va="bottom", ha="left", linespacing=1.35, transform=axes.transAxes)
 
 
 def _brief(row: Row, words: dict[str, dict[str, str]]) -> str:
-    """The telling keys of a row: words alone, numbers and lists of them with their key; at most two lines."""
+    """The telling keys of a row: words alone, numbers and lists of them with their key."""
     said = {key: known[short(row[key])] for key, known in words.items() if row[key] is not None}
     has_key = {key: _is_number(row[key]) or said[key].startswith("[") for key in said}
     parts = [f"{key.split('.')[-1]} {word}" if has_key[key] else word for key, word in said.items()]
-    return in_picture(", ".join(parts), 2 * NAME_LETTERS - LONGEST_COST)
+    return ", ".join(parts)
 
 
 def _words(rows: Sequence[Row], key: str) -> dict[str, str]:

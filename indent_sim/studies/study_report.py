@@ -35,7 +35,8 @@ def of_study(folder: Path) -> str:
     subtitle = f"Study of {', '.join(record['keys'])}: {ended} of {len(rows)} runs done{against}"
     tables = [table_of("Runs", shown, [[row[name] for name in shown] for row in rows])]
     board = _scoreboard(folder)
-    pictures = _pictures(folder, record, [] if board else rows, title)
+    families = curve_table.of_runs(folder / RUNS, [] if board else rows, record["keys"])  # as in the study's folder
+    pictures = _pictures(families, record, rows, title)
     if board:
         said = [[row[name] for name in BOARD] + [scoreboard.in_words(row)] for row in board]
         tables.insert(0, table_of("Published values", [*BOARD, "who is wrong"], said))
@@ -85,10 +86,9 @@ def _value(name: str, text: str, keys: Sequence[str]) -> str | float | None:
         return text
 
 
-def _pictures(folder: Path, record: Report, rows: Sequence[Row], title: str) -> list[Picture]:
+def _pictures(families: curve_table.Families, record: Report, rows: Sequence[Row], title: str) -> list[Picture]:
     """The curves of all runs that are there, and what accuracy costs where forces are compared."""
     found = []
-    families = curve_table.of_runs(folder / RUNS, rows, record["keys"])
     if families.curves:
         words = "Force over depth, and the last force, of histories the largest, over each varied number"
         found.append(Picture(canvas.element(partial(picture.draw_curves, families, title)), words, broad=True))

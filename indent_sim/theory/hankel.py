@@ -27,7 +27,7 @@ LONGEST_PHASE = 100.0  # phase on one panel: a rule of many points is an eigenva
 SINGLE_MODES = 32  # modes between walls that are summed one by one
 Nodes = tuple[np.ndarray, np.ndarray]  # and their weights
 AXIS_POINTS = 64  # of an integral of cosh(y x), which has no poles, to x < W
-LEAST_EVEN, LARGEST_EVEN = -10.0, 2.0  # exponent of 2 of the least reach of even polynomials; the largest [h]
+LEAST_EVEN, LARGEST_EVEN = 2.0**-10, 2.0  # least and largest reach of even polynomials [h]
 MOST_EVEN, EVEN_LEFT = 32, 1e-17  # polynomials; of the largest part of a kernel, what is left out
 BESSEL_BEYOND = 20  # orders beyond the last one from which a recurrence of Bessel functions sets out
 CHANGE = 2.0  # k W at which the wall integral changes from its split to its direct form
@@ -55,6 +55,12 @@ class Kernel:
     def applied(self, values: np.ndarray) -> np.ndarray:
         """weight_j values_j of values (..., modes, n)."""
         return self.weight[:, None] * values
+
+    def solved(self, direct: np.ndarray, project: np.ndarray, across: np.ndarray) -> np.ndarray:
+        """m = direct + project across m (..., modes, n), by phi = across m at the points: beside a wall modes are
+        nearly dependent, and a system of theirs loses digits."""
+        inside = np.eye(project.shape[-1]) - across @ project
+        return np.asarray(direct + project @ np.linalg.solve(inside, across @ direct))
 
     def slope_over_x(self, x: np.ndarray) -> np.ndarray:
         """b_j'(x)/x for x > 0, shape (modes, len(x)); finite as x -> 0 because every b is even."""
@@ -103,6 +109,10 @@ class EvenKernel:
         """sum_l matrix_jl values_l of values (..., modes, n)."""
         return self.matrix @ values
 
+    def solved(self, direct: np.ndarray, project: np.ndarray, across: np.ndarray) -> np.ndarray:
+        """m = direct + project across m (..., modes, n)."""
+        return np.asarray(np.linalg.solve(np.eye(len(self.matrix)) - project @ across, direct))
+
     def slope_over_x(self, x: np.ndarray) -> np.ndarray:
         """b_j'(x)/x, shape (modes, len(x))."""
         of_slopes = _slopes(len(self.matrix))
@@ -139,11 +149,11 @@ def _chebyshev(x: np.ndarray, count: int) -> np.ndarray:
 def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
     """`axisymmetric_kernel` for places up to a, by few functions where that can be.
 
-    Without walls it is analytic 2 h off the axis: polynomials meet it where the contact is smaller. Cached in powers of
-    the square root of two.
+    Without walls it is analytic 2 h off the axis: polynomials meet it where the contact is smaller, and are cached in
+    powers of the square root of two.
     """
     if math.isinf(wall) and a <= LARGEST_EVEN:
-        reach = 2.0 ** max(0.5 * math.ceil(2.0 * math.log2(a)), LEAST_EVEN)
+        reach = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(max(a, LEAST_EVEN))))
         if even := _even_kernel(reach, stack):
             return even
     return axisymmetric_kernel(a, stack, wall)

@@ -35,6 +35,7 @@ from indent_sim.theory.roots import first_guess, increasing_root
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.stack import Stack
 
+TIP_POINTS = 64  # of an integral over a tip without breaks
 MAX_PANELS = 40  # of an Abel integral, between kinks of the tip
 RADII_AT_ONCE = 50  # radii whose integrals are worked out together, of some hundred nodes each
 
@@ -68,7 +69,7 @@ class _LayerPart:
     modes: np.ndarray  # of psi
 
     def __call__(self, r: np.ndarray, chord: np.ndarray) -> np.ndarray:
-        s, w = gauss(0.0, 1.0, 24 + math.ceil(4.0 * self.a))
+        s, w = gauss(0.0, 1.0, _points(self.a))
         t = np.hypot(r[:, None], chord[:, None] * s)
         if len(r) == 1:  # no polynomial for one place
             return -chord * (self.modes @ self.kernel.slope_over_x(t[0]) @ w)
@@ -77,8 +78,18 @@ class _LayerPart:
     @cached_property
     def _curvature(self) -> Chebyshev:
         """psi'(t)/t."""
-        degree = 24 + math.ceil(8.0 * self.a)
-        return Chebyshev.interpolate(lambda t: self.modes @ self.kernel.slope_over_x(t), degree, domain=[0.0, self.a])
+        slope_over_x = self.kernel.slope_over_x
+        return Chebyshev.interpolate(lambda t: self.modes @ slope_over_x(t), _degree(self.a), domain=[0.0, self.a])
+
+
+def _degree(a: float) -> int:
+    """Of a polynomial that psi is, and what is analytic as far, over a contact of the radius a [h]."""
+    return 24 + math.ceil(8.0 * a)
+
+
+def _points(a: float) -> int:
+    """Of an Abel integral of it."""
+    return 24 + math.ceil(4.0 * a)
 
 
 class Layer(LayerContact):
@@ -105,7 +116,7 @@ class Layer(LayerContact):
 
         direct = kernel.applied(at_tip[:, :-1] @ (2.0 / math.pi * fine_w[:, None] * source[:-1]))
         project = kernel.applied(2.0 / math.pi * w * B)
-        modes = _modes(direct, project, B.T)
+        modes = kernel.solved(direct, project, B.T)
         phi = source + at_tip.T @ modes
         (one, shape), (one_edge, shape_edge) = phi[:-1].T, map(float, phi[-1])
         return _LinearKernel(fine_w, g[:-1], one, shape, one_edge, shape_edge, modes[:, 0], modes[:, 1], kernel=kernel)
@@ -124,7 +135,7 @@ class Layer(LayerContact):
         B = at_tip[:, :, :-1]
         direct = kernel.applied(B @ (2.0 / math.pi * w[:, :, None] * source[:, :-1]))
         project = kernel.applied(2.0 / math.pi * w[:, None, :] * B)
-        modes = _modes(direct, project, B.swapaxes(1, 2))
+        modes = kernel.solved(direct, project, B.swapaxes(1, 2))
         phi = source + at_tip.swapaxes(1, 2) @ modes
         one, shape = phi.transpose(2, 0, 1)
         edges, of_modes = phi[:, -1].T.tolist(), modes.transpose(2, 0, 1)
@@ -147,7 +158,7 @@ class Layer(LayerContact):
         """As `_pressure` says them, under a tip without breaks and corners of all contacts at once."""
         if self.tip.breaks or self.tip.corner:
             return super().middle_pressures(sizes, found)
-        s, w = gauss(0.0, 1.0, 64)
+        s, w = gauss(0.0, 1.0, TIP_POINTS)
         t = np.multiply.outer(sizes, s)
         by_tip = self.profile(sizes) / sizes + (self.profile(t.ravel()).reshape(t.shape) / t**2) @ w * sizes
         modes = np.array([one.touch * one.one_modes - one.shape_modes for one in found])
@@ -159,7 +170,7 @@ class Layer(LayerContact):
         if self.tip.breaks or self.tip.corner:
             return super().pressures(sizes, found, places)
         shares, t, of_tip = _tip_rule(places)
-        x, of_layer = _layer_rule(places, 24 + math.ceil(8.0 * sizes[-1]), 24 + math.ceil(4.0 * sizes[-1]))
+        x, of_layer = _layer_rule(places, _degree(sizes[-1]), _points(sizes[-1]))
         edge, g, below = (self._profiles(sizes, some) for some in (np.ones(1), shares, t.ravel()))
         below = below.reshape(sizes.size, *t.shape) - g[:, :, None]
         by_tip = ((edge - g) / np.sqrt(1.0 - shares * shares) + np.sum(below * of_tip, axis=2)) / sizes[:, None]
@@ -198,14 +209,6 @@ class Layer(LayerContact):
         pressure = pointwise(_pressure, self, a, edge, layer_part)
         u_z = pointwise(_u_z, self, lin, a, depth)
         return Solution(float(delta), force, float(a * self.h), self.area(a), energy, stiffness, pressure, u_z)
-
-
-def _modes(direct: np.ndarray, project: np.ndarray, across: np.ndarray) -> np.ndarray:
-    """m = direct + project phi, phi = across m at the points: solved for m, or for phi where there are fewer points."""
-    if project.shape[-2] <= project.shape[-1]:
-        return np.linalg.solve(np.eye(project.shape[-2]) - project @ across, direct)
-    inside = np.eye(project.shape[-1]) - across @ project
-    return np.asarray(direct + project @ np.linalg.solve(inside, across @ direct))
 
 
 def sneddon_force(delta: float, tip: Tip, half_space: Stack) -> float:
@@ -250,7 +253,7 @@ def _u_z(layer: Layer, lin: _LinearKernel, a: float, depth: float, r: np.ndarray
 
 def _smooth_sink(layer: Layer, a: float, depth: float, r: np.ndarray) -> np.ndarray:
     """What `_half_space_sink` is at places r (n,) under a tip without breaks, all at once."""
-    s, w = gauss(0.0, 1.0, 64)
+    s, w = gauss(0.0, 1.0, TIP_POINTS)
     end = np.arcsin(np.minimum(a / np.maximum(r, a), 1.0))
     t = r[:, None] * np.sin(end[:, None] * s)
     return np.asarray(2.0 / math.pi * end * ((depth - layer.profile(t.ravel()).reshape(t.shape)) @ w))
@@ -260,18 +263,19 @@ def _half_space_sink(layer: Layer, a: float, depth: float, r: float) -> float:
     """(2/pi) ∫_0^min(r,a) (depth - g(t))/sqrt(r^2 - t^2) dt with t = r sin(q); depth - f(r) inside the contact."""
     end = math.asin(a / r) if r > a else 0.5 * math.pi
     breaks = [math.asin(b / r) for b in layer._breaks(min(r, a))]
-    q, w = contact_nodes(end, breaks, 64)
+    q, w = contact_nodes(end, breaks, TIP_POINTS)
     return 2.0 / math.pi * float(w @ (depth - layer.profile(r * np.sin(q))))
 
 
 def _layer_sink(layer: Layer, lin: _LinearKernel, a: float, depth: float, r: np.ndarray) -> np.ndarray:
     """(2/pi) ∫_0^a psi(t)/sqrt(r^2 - t^2) dt - sum_j modes_j (2/pi) ∫_0^r b_j(t)/sqrt(r^2 - t^2) dt, r > a."""
     kernel = axisymmetric_kernel(0.5 * (a + float(r.max())), layer.scaled, layer.wall)
-    nodes, _ = contact_nodes(a, layer._breaks(a), layer._tip_count(a))
+    breaks = layer._breaks(a)
+    nodes, _ = contact_nodes(a, breaks, layer._tip_count(a) if breaks else lin.w.size)
     phi = depth * lin.one - lin.shape
     modes = 2.0 / math.pi * kernel.weight * (kernel.basis(nodes) @ (lin.w * phi))
-    psi = Chebyshev.interpolate(lambda t: modes @ kernel.basis(t), 24 + math.ceil(8.0 * a), domain=[0.0, a])
-    s, w = gauss(0.0, 1.0, 24 + math.ceil(4.0 * a))
+    psi = Chebyshev.interpolate(lambda t: modes @ kernel.basis(t), _degree(a), domain=[0.0, a])
+    s, w = gauss(0.0, 1.0, _points(a))
     end = np.arcsin(a / r)
     return 2.0 / math.pi * end * (psi(r[:, None] * np.sin(end[:, None] * s)) @ w) - modes @ kernel.surface(r)
 
@@ -295,7 +299,7 @@ def tip_pressure(g: Shape, r: np.ndarray, a: float, breaks: Sequence[float], cor
     breaks = [b for b in breaks if 0.0 < b < a]
     breaks = breaks[:: max(1, math.ceil(len(breaks) / MAX_PANELS))]
     g_edge, off_axis = float(g(np.array([a]))[0]), r >= 1e-9 * a
-    t, w = contact_nodes(a, breaks, 64)
+    t, w = contact_nodes(a, breaks, TIP_POINTS)
     on_axis = g_edge / a + float(w @ (g(t) / t**2))  # ∫_0^a g'(t)/t dt of a tip that is smooth at its apex
     value = np.full_like(r, math.inf if corner > 0.0 else on_axis)
     seen = r[off_axis]
@@ -307,7 +311,7 @@ def tip_pressure(g: Shape, r: np.ndarray, a: float, breaks: Sequence[float], cor
 def _by_parts(g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: Sequence[float]) -> np.ndarray:
     """∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt; a tip without breaks has the same nodes below all radii."""
     if not breaks:
-        s, w = gauss(0.0, 1.0, 64)
+        s, w = gauss(0.0, 1.0, TIP_POINTS)
         end = np.arccosh(a / r)[:, None]
         return np.asarray((_integrand(g, g_r[:, None], r[:, None], end * s) @ w) * end[:, 0])
     places = [slice(k, k + RADII_AT_ONCE) for k in range(0, r.size, RADII_AT_ONCE)]
@@ -325,10 +329,10 @@ def _beside_breaks(g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: S
 
 @lru_cache(maxsize=8)
 def _tip_rule(places: int) -> tuple[np.ndarray, ...]:
-    """Even shares r/a from 0 below 1 (places), nodes t/a and weights (places, 64) of a ∫_r^a (g(t) - g(r)) t/(t^2 -
-    r^2)^{3/2} dt."""
+    """Even shares r/a from 0 below 1 (places), nodes t/a and weights (places, TIP_POINTS) of
+    a ∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt."""
     shares = np.linspace(0.0, 1.0, places, endpoint=False)
-    s, w = gauss(0.0, 1.0, 64)
+    s, w = gauss(0.0, 1.0, TIP_POINTS)
     r = shares[1:, None]
     end = np.arccosh(1.0 / r)
     cosh, sinh = np.cosh(end * s), np.sinh(end * s)

@@ -172,7 +172,7 @@ class LayerContact(ABC):
         """A little less and a little more than the contact sizes [h] at two depths [L]: the first step of a search."""
         depths = first / self.h, last / self.h
         sizes = [first_guess(self.profile, depth, self.largest()) for depth in depths]
-        found = zip(sizes, self.several(sizes, sizes[-1]), depths, strict=True)
+        found = zip(sizes, self.several(sizes, max(sizes)), depths, strict=True)
         small, large = (power_law_step(a, one.touch, depth) for a, one, depth in found)
         return small * (1.0 - END_MARGIN), large * (1.0 + END_MARGIN)
 
@@ -340,7 +340,7 @@ class _Peaks:
 
     @property
     def _are_in_the_middle(self) -> bool:
-        """Whether some of the sizes have it there: then all have. An even pressure is flat in the middle."""
+        """Whether every LOOKED_AT-th size has it there, where an even pressure is flat: then all are taken to."""
         sampled, some = self._sampled, slice(None, None, LOOKED_AT)
         places = min(COARSE, FEW_PLACES + math.ceil(PLACES_PER_A * sampled.sizes[-1]))
         with np.errstate(all="ignore"):
@@ -353,6 +353,7 @@ class _Peaks:
 
     @cached_property
     def _known(self) -> np.ndarray | None:
+        """Those of all contacts; None where no polynomial meets them."""
         sampled, contact = self._sampled, self._sampled.contact
         if self._are_in_the_middle:
             found = contact.middle_pressures(sampled.sizes, sampled.found)[None]

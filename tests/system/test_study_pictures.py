@@ -7,9 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
 from picture_checks import faults
 
 from indent_sim.results.pictures import canvas
+from indent_sim.results.pictures.axes import axis
+from indent_sim.results.pictures.forces import draw_force, draw_many
 from indent_sim.results.reader import Results
 from indent_sim.studies import cases, curve_table, picture, study_file, study_table
 from indent_sim.studies.cases import Case
@@ -83,3 +86,29 @@ def test_no_picture_of_a_shipped_study_has_a_fault(path: Path, monkeypatch: pyte
     picture.draw_scoreboard(board_of(study, random), study.title, Path("verification.png"))
     assert {"study.png", "curves.png"} <= set(drawn) and ("verification.png" in drawn) == bool(study.members)
     assert {name: found for name, found in drawn.items() if found} == {}
+
+
+def test_many_curves_are_drawn_as_few_are() -> None:
+    """Loading and unloading of each, as one collection of lines: the same points, colours, dashes and limits."""
+    random = np.random.default_rng(2)
+    depth = np.array([0.2, 0.5, 1.0, 0.6, 0.1])
+    runs = []
+    for factor in random.uniform(1.0, 2.0, 12):
+        table = {"step": np.arange(1.0, 6.0), "delta": depth, "force": factor * depth**1.5}
+        runs.append(Results(Path("run"), table, {"status": "done", "units": {}}))
+    looks = [{"color": (0.1 * (i % 10), 0.0, 0.5, 1.0), "marker": "", "ls": "-"} for i in range(12)]
+    of_depth, of_force = axis("delta", runs), axis("force", runs)
+    with canvas.canvas((6, 3)) as figure:
+        few, many = figure.subplots(1, 2)
+        for run, look in zip(runs, looks, strict=True):
+            draw_force(few, run, of_depth, of_force, look, "_")
+        draw_many(many, runs, of_depth, of_force, looks)
+        (lines,) = many.collections
+        drawn = [line for line in few.lines if len(line.get_xdata())]
+        assert len(lines.get_paths()) == len(drawn) == 24
+        for path, colour, line in zip(lines.get_paths(), lines.get_colors(), drawn, strict=True):
+            np.testing.assert_array_equal(path.vertices, np.column_stack(line.get_data()))
+            assert to_rgba(line.get_color()) == tuple(colour)
+        dashed = [dashes is not None for _, dashes in lines.get_linestyles()]
+        assert dashed == [line.is_dashed() for line in drawn] and sum(dashed) == 12  # the way out
+        np.testing.assert_allclose([many.get_xlim(), many.get_ylim()], [few.get_xlim(), few.get_ylim()], rtol=1e-12)

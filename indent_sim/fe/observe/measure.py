@@ -124,7 +124,7 @@ def _gap(body: Observed, trace: Trace, points: np.ndarray, u: np.ndarray) -> np.
         x, y = over(X)
         return gap_reference(physics.indenter, x, y, X[..., -1], 0.0)
 
-    return trace.kept((physics.indenter, physics.center), points, open_gap) - body.depth - u[..., -1]
+    return trace.kept("gap", (physics.indenter, physics.center), points, open_gap) - body.depth - u[..., -1]
 
 
 def _may_touch_above(body: Observed, pressure: np.ndarray) -> bool:
@@ -172,17 +172,17 @@ def contact(body: Observed) -> dict[str, float]:
     begin, end = len(grid), len(grid) + len(inner)
     x = s.X if body.scene.physics.gap == "reference" else s.X + s.u
     is_tensed = bool(body.scene.physics.surface_tension)
-    means = s.pressure[:, begin:end] @ weights / weights.sum() if is_tensed else s.pressure[:, begin:]
+    pressure = s.pressure[:, begin:end] @ weights / weights.sum() if is_tensed else s.pressure[:, begin:]
     places = s.X[:, :begin, :-1], x[:, :begin, :-1]
     p_hat = _closed_at_an_edge(body, s.p_hat[:, :begin], s.gap[:, :begin])
     size = _region(body, *places, p_hat)
-    if is_tensed and (step := _step_at_the_edge(body, size, means)):
+    if is_tensed and (step := _step_at_the_edge(body, size, pressure)):
         size = _region(body, *places, p_hat - SMEARED * step)
     if body.depth <= 0 and not _may_touch_above(body, s.pressure):  # what is there is round-off
         size = 0.0
     a = body.scene.physics.part.kinematics.contact_radius(size)
     sunk, overlap = (-s.gap[:, begin:end]).max(initial=0.0), _overlap(body, s.X + s.u, s.gap)
-    peak, depth, overlap = _largest(body, means.max(initial=0.0), sunk, overlap)
+    peak, depth, overlap = _largest(body, pressure.max(initial=0.0), sunk, overlap)
     peak = peak if body.scene.has_peak(a) else float("nan")
     found = {"a": a, "p_max": peak, "penetration": depth, "overlap": overlap}
     return found | ({"stick_radius": _stick_radius(body, a, s, x, grid)} if body.friction else {})
@@ -274,7 +274,9 @@ def _region(body: Observed, X: np.ndarray, x: np.ndarray, p_hat: np.ndarray) -> 
     is_on = p_hat > 0
     touched = is_on.any(axis=1)
     whole, mine = np.zeros_like(touched), 0.0
-    if body.trace.dim == 2 and body.scene.physics.gap == "reference":  # which no facet turns over: most are whole
+    if (
+        body.trace.dim == 2 and body.scene.physics.gap == "reference"
+    ):  # then no facet is turned over, and most touch as a whole
         whole = is_on.all(axis=1)
         mine = _length(body, x[whole, 0, 0], x[whole, -1, 0])
     touched = np.flatnonzero(touched & ~whole)

@@ -114,7 +114,9 @@ class Trace:
     nodes: np.ndarray
     X: np.ndarray
     dofs: np.ndarray
-    _known: dict[Hashable, np.ndarray] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _known: dict[tuple[str, bytes], tuple[Hashable, np.ndarray]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     @property
     def dim(self) -> int:
@@ -144,14 +146,16 @@ class Trace:
 
     def positions(self, points: np.ndarray) -> np.ndarray:
         """Reference coordinates (facets, points, dim) [length], which stay what they are."""
-        return self.kept("positions", points, lambda: np.einsum("pn,fnd->fpd", shapes(points), self.X))
+        return self.kept("positions", None, points, lambda: np.einsum("pn,fnd->fpd", shapes(points), self.X))
 
-    def kept(self, what: Hashable, points: np.ndarray, find: Callable[[], np.ndarray]) -> np.ndarray:
-        """What is found once at points, and stays what it is."""
-        if (key := (what, points.tobytes())) not in self._known:
-            self._known[key] = found = find()
+    def kept(self, what: str, of: Hashable, points: np.ndarray, find: Callable[[], np.ndarray]) -> np.ndarray:
+        """What is found once at points, and stays what it is; of the last thing that was asked for."""
+        key = what, points.tobytes()
+        if key not in self._known or self._known[key][0] != of:
+            found = find()
             found.flags.writeable = False
-        return self._known[key]
+            self._known[key] = of, found
+        return self._known[key][1]
 
     def values(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
         """A nodal field (facets, n, components) at points: (facets, points, components)."""

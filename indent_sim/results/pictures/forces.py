@@ -117,7 +117,9 @@ def draw_many(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis, loo
         for curve, _, goes_out in curves.lines(*_way(run, depth, force))
     ]
     lines, colours, dashes = zip(*found, strict=True)
-    axes.add_collection(LineCollection(lines, colors=colours, linestyles=dashes, linewidths=1.6, zorder=2))
+    axes.add_collection(
+        LineCollection(lines, colors=colours, linestyles=dashes, linewidths=1.6, joinstyle="round", zorder=2)
+    )
     axes.autoscale_view()
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.special import jv
 
-from indent_sim.theory import hankel
+from indent_sim.theory import hankel, profiles
 from indent_sim.theory.hankel import EvenKernel, Kernel, axisymmetric_kernel, contact_kernel
+from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Ply, Stack
 
 STACKS = {
@@ -56,3 +57,28 @@ def test_bessel_functions_are_those_of_scipy():
     small = np.broadcast_to(orders, expected.shape) > x  # there they have no zeros, and each has its own digits
     seen = small & (np.abs(expected) > 1e-290)
     np.testing.assert_allclose(found[seen], expected[seen], rtol=1e-12)
+
+
+@pytest.mark.parametrize("tip", [profiles.paraboloid(1.0), profiles.sphere(2.0)])
+def test_a_contact_that_nearly_reaches_a_wall_is_solved_to_its_digits(tip, monkeypatch):
+    """On twice as many points it is the same, one alone or with others; a system of modes would lose four digits."""
+    layer, sizes = Layer.on(tip, STACKS["rubber"], 1.2), np.array([0.9 * 1.2, 0.999 * 1.2])
+
+    def numbers() -> np.ndarray:
+        return layer.numbers(sizes, layer.several(sizes.tolist(), sizes[-1]))
+
+    known, alone = numbers(), [layer.touching(a) for a in sizes]
+    count = Layer._smooth_count
+    monkeypatch.setattr(Layer, "_smooth_count", lambda self, a: 2 * count(self, a))
+    finer = numbers()
+    depth, force, stiffness, _ = known / finer - 1.0
+    assert np.abs([depth, stiffness]).max() < 1e-7  # 6e-9 was seen; by modes 5e-5
+    assert (
+        np.abs(force).max() < 1e-5
+    )  # of a sealed body nearly filled, small beside stiffness times depth: 2e-6 was seen
+    np.testing.assert_allclose([one.stiffness for one in alone], finer[2], rtol=1e-7)
+
+
+def test_no_contact_has_a_kernel():
+    """A search may begin there."""
+    assert Layer.on(profiles.sphere(1.0), STACKS["rubber"]).at(0.0).touch == 0.0
