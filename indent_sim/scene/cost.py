@@ -25,10 +25,11 @@ SOLID = {"cells": (4.16, 1.94), "nodes": (5.15, 5.90), "vertices": (0.56, 1.22)}
 FACETS, ON_FACET = {2: 1.0, 3: 2.3}, 2.1  # facets per size^(dim - 1), nodes per facet
 CONDENSED_RIM = 3.0  # elements between the fine patch and the rim of the surface that is condensed
 
-THEORY_SECONDS, PER_ROW = 0.5, 0.005  # s: of a run without a mesh, and of each of its rows
+# s: of a run without a mesh, of each of its rows, and of a row under a tip with breaks, whose contact is sought
+THEORY_SECONDS, PER_ROW, PER_SOUGHT_ROW = 0.5, 4e-4, 0.03
 START_SECONDS = 1.05  # s: imports, gmsh, writing
 EACH = 0.07  # s: of every further scene of a run, or run of a study, whose process has its libraries
-EACH_BY_THEORY = 0.03  # s: likewise of one without a mesh
+EACH_BY_THEORY = 0.003  # s: likewise of one without a mesh
 PROCESS = 1.7e8  # bytes
 MOST_CANDIDATES = 5000  # nodes that a body is condensed to: beyond it the dense matrices are gigabytes
 INTEGRAL_POINTS = 50  # of an integral over a body, in each direction

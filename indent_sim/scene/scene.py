@@ -19,7 +19,7 @@ from indent_sim.process.screen import Shown, cell
 from indent_sim.process.usage import machine_memory
 from indent_sim.scene import choices, sizing
 from indent_sim.scene.choices import Choice
-from indent_sim.scene.cost import PER_ROW, THEORY_SECONDS, Cost, Work, candidates
+from indent_sim.scene.cost import PER_ROW, PER_SOUGHT_ROW, THEORY_SECONDS, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
 from indent_sim.scene.doubts import Doubt, doubts, of_fluid, of_material, of_theory, of_whole_contact
 from indent_sim.scene.expected import (
@@ -223,7 +223,8 @@ def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
     physics = given.physics
     of_curve = choices.curve(config, given, solver)
     chosen = (*choices.quantities(config), solver, *choices.by_theory(config, given), *of_curve)
-    predicted = prediction_of(given) | {"seconds": float(f"{THEORY_SECONDS + PER_ROW * len(physics.deltas):.2g}")}
+    each = PER_SOUGHT_ROW if given.theory and given.theory.contact.tip.breaks else PER_ROW
+    predicted = prediction_of(given) | {"seconds": float(f"{THEORY_SECONDS + each * len(physics.deltas):.3g}")}
     against = (*of_material(config, given), *of_theory(given), *of_whole_contact(given))
     known = (given.theory, None, chosen, against, predicted, stick(given, physics))
     plan = Plan(config.title, config.units, *known, time=followed(given, physics, None, _why_so(chosen)))
