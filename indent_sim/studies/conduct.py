@@ -145,14 +145,20 @@ def carry_out(
             if board:
                 place.write(study_folder.SCOREBOARD, study_table.write(board))
             place.write(study_folder.CURVES, curve_table.write(curve_table.rows(mine, study.keys, done)))
-        of_one_kind = [] if board else mine  # scenes with published values have no depths and forces to compare
-        where, families = finished.directory, curve_table.families(of_one_kind, study.keys, done)
-        picture.draw(rows, study.keys, study.title, against.name, where / study_folder.STUDY_PICTURE)
-        picture.draw_curves(families, study.title, where / study_folder.CURVES_PICTURE)
-        picture.draw_scoreboard(finished.scoreboard, study.title, where / study_folder.SCOREBOARD_PICTURE)
+        _draw(finished, mine, done)
         if len(finished.failures) == len(rows):
             raise NotConverged(f"no run of this study gave a result; the first: {rows[0]['reason']}")
     return finished
+
+
+def _draw(study: Study, cases: Sequence[Case], done: Mapping[str, Results]) -> None:
+    """Draw a study that has its table into its folder."""
+    where, keys, title = study.directory, study.keys, study.title
+    of_one_kind = [] if study.scoreboard else cases  # scenes with published values have no depths and forces to compare
+    families = curve_table.families(of_one_kind, keys, done)
+    picture.draw(study.rows, keys, title, study.compared_with, where / study_folder.STUDY_PICTURE)
+    picture.draw_curves(families, title, where / study_folder.CURVES_PICTURE)
+    picture.draw_scoreboard(study.scoreboard, title, where / study_folder.SCOREBOARD_PICTURE)
 
 
 def read_back(folder: Path) -> Study:
