@@ -45,6 +45,7 @@ from indent_sim.run.companions.error_bars import (
     sticks,
     ways,
 )
+from indent_sim.run.plausibility import unresolved
 from indent_sim.run.prospect import all_mistakes
 from indent_sim.run.readings import Equilibrium, Readings
 from indent_sim.run.record import Beside, Comm, Record, amend
@@ -168,7 +169,9 @@ class Run:
             simulation.experiment()
             judged = simulation.judged
             simulation.release()
-            if bars is not None:
+            if bars is None:
+                record.warn(*unresolved(scene, states))
+            else:
                 record.warn(*unjudged(scene, judged, bars))
                 attempt.judge(self._resolved, judged, bars)
                 if self._asked.error_bars and attempt.following is None:

@@ -3,7 +3,7 @@
 The tip only pushes, so nothing pulls, and a tip pressed into a flat body touches it. The force grows with the depth
 and is the derivative of the energy Pi, so 0 <= Pi <= force delta. The surface stays below the tip, also where contact
 is not looked for. The force is theory's where theory is exact, and of one order with it where it is nearly so. None of
-this says how accurate a row is.
+this says how accurate a row is; `unresolved` names the rows whose contact is smaller than elements resolve.
 A tip that adheres may pull, and where it lets go or snaps in the force is no derivative: there only the rest is asked.
 Where fluid flows, or shear relaxes, depth and force are of a time: rules that compare them are left out.
 A rough surface gives back less than was put in: its forces are compared while the tip goes in, never on the way back.
@@ -14,7 +14,7 @@ to None where it has nothing against the state. They are wide enough for coarse 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from math import inf, isfinite, isnan
 
@@ -22,7 +22,7 @@ import numpy as np
 
 from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.model.state import State
-from indent_sim.scene.doubts import force_doubt, penalty_loss
+from indent_sim.scene.doubts import UNRESOLVED, force_doubt, how_to_refine, in_words, penalty_loss, swelling_doubt
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.theories import relative_tip
 from indent_sim.theory.solution import Solution
@@ -124,6 +124,38 @@ def contradiction(scene: Scene, state: State, earlier: Rows) -> str | None:
         if said := rule(scene, state, earlier):
             return said
     return None
+
+
+def unresolved(scene: Scene, states: Sequence[State]) -> list[str]:
+    """What to say of rows (in the user's units) whose contact has too few elements; nothing where the scene said so
+    beforehand.
+
+    Where the contact grows by itself, in time or under a force, its smallest radius is known only now.
+    """
+    foreseen = any(doubt.key == "elements" for doubt in scene.plan.doubts)
+    if foreseen or not scene.is_meshed or scene.history or scene.physics.contact.may_snap:
+        return []
+    L, sizes = scene.physics.scales.length, scene.sizes
+    least = FORCE_NOISE * max((state.force for state in states), default=0.0)
+    doubts = {state.step: _doubt_of_force(scene, state) for state in states if state.force > least and state.a > 0}
+    few = [step for step, doubt in doubts.items() if doubt >= UNRESOLVED]
+    if not few:
+        return []
+    most = max(sizes.elements(state.a / L) for state in states if state.step in few)
+    rows = f"step {few[0]} has" if len(few) == 1 else f"{len(few)} rows from step {few[0]} on have"
+    likely = sorted(doubts[step] for step in few)
+    span = " to ".join(dict.fromkeys(in_words(likely[k]) for k in (0, -1)))
+    wrong = f"the force there may be wrong by {span}, p_max by more"
+    remedy = how_to_refine(sizes, "give mesh.h_contact and a smaller mesh.h_axis, or ask for an accuracy")
+    return [f"{rows} at most {most:.2g} elements in the contact radius: {wrong}; {remedy}"]
+
+
+def _doubt_of_force(scene: Scene, state: State) -> float:
+    """The relative error of the force to fear with the contact radius that was found."""
+    physics, a = scene.physics, state.a / scene.physics.scales.length
+    if physics.is_closed_by_swelling(state.delta / physics.scales.depth, a):
+        return swelling_doubt(scene.sizes, a)
+    return force_doubt(scene.sizes, a, physics.material.constants.nu)
 
 
 @cache

@@ -157,6 +157,10 @@ class Physics:
         """Whether a bath makes it swell or shrink."""
         return any(one.material.bath_pressure(bath) != 0 for one in self.permeable for bath in self.drainage.baths)
 
+    def is_closed_by_swelling(self, depth: float, a: float) -> bool:
+        """Whether a contact of radius a is wider than the tip at its depth, which pressing alone makes none."""
+        return self.swells and a > relative_tip(self.indenter, self.body).radius_at(max(depth, 0.0))
+
     @property
     def relaxing(self) -> tuple[Region, ...]:
         """The regions whose shear stress relaxes."""

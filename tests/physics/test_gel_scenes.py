@@ -12,6 +12,9 @@ from scenes import scene
 from indent_sim.model.materials import Gel
 from indent_sim.model.state import State
 from indent_sim.run import chain
+from indent_sim.run.companions.error_bars import SWOLLEN
+from indent_sim.run.plausibility import unresolved
+from indent_sim.scene.doubts import UNRESOLVED, swelling_doubt
 from indent_sim.scene.scene import Scene
 
 STRETCH = 1.4
@@ -145,3 +148,21 @@ def test_a_deep_hold_of_a_gel_is_of_second_order_in_time() -> None:
         found[per_doubling] = np.array([row.force for row in rows(base)])
     errors = [np.abs(found[n] / found[16] - 1).max() for n in (2, 4)]
     assert errors[1] < 1.5e-3 and errors[0] > 2.5 * errors[1]
+
+
+@pytest.mark.verify
+def test_what_is_said_of_a_small_contact_that_a_gel_closes() -> None:
+    """Coarse elements against ones six times as small at the axis: what differs is within what a user is told, but for
+    0.01 of the force, and p_max from three elements on within its bar and 0.03, as the fine rows are off themselves."""
+    shares = [0.01, 0.02, 0.03, 0.06, 0.12, 1.0]
+    coarse, fine = (at(shares, mesh=mesh) for mesh in ({"h_contact": 0.07}, {"h_contact": 0.07, "h_axis": 0.012}))
+    base = gel(mesh={"h_contact": 0.07}, loading={"history": [[0, 0], [DIFFUSION, 0]]})
+    assert any(abs(one.force / other.force - 1) > 0.05 for one, other in zip(coarse, fine, strict=True))
+    for one, other in zip(coarse, fine, strict=True):
+        assert base.physics.is_closed_by_swelling(one.delta, one.a)
+        assert abs(one.force / other.force - 1) <= swelling_doubt(base.sizes, one.a) + 0.01
+        n = base.sizes.elements(one.a)
+        assert n < 3 or abs(one.p_max / other.p_max - 1) <= SWOLLEN / n**2 + 0.03
+    (said,) = unresolved(base, coarse)
+    few = sum(swelling_doubt(base.sizes, one.a) >= UNRESOLVED for one in coarse)
+    assert 2 <= few < len(coarse) and said.startswith(f"{few} rows from step 1 on have at most")

@@ -9,7 +9,7 @@ import pytest
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.state import State
-from indent_sim.run.plausibility import ALWAYS, WHEN_PRESSED, Rows, contradiction
+from indent_sim.run.plausibility import ALWAYS, WHEN_PRESSED, Rows, contradiction, unresolved
 from indent_sim.scene.scene import Scene, resolve
 
 BODIES: dict[str, Any] = {
@@ -167,3 +167,46 @@ def test_theory_says_little_where_the_body_is_another() -> None:
     base = scene(tip="flat_punch", body={"shape": "cylinder", "radius": 0.35, "height": 4.0})
     state = theorys(base, 0.1)
     assert contradiction(base, replace(state, force=0.05 * state.force, energy=0.05 * state.energy), Rows()) is None
+
+
+# ---- contacts that the mesh does not resolve ----------------------------------------------------------------------
+
+DRAINING: dict[str, Any] = {
+    "material": ELASTIC | {"flow": {"diffusivity": 1.0}},
+    "loading": {"history": [[0, 0], [1, 0.1], [2, 0.1]]},
+    "mesh": {"h_contact": 0.02},
+}
+SWELLING: dict[str, Any] = {
+    "material": {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.6, "stretch": 1.4, "flow": {"diffusivity": 1.0}},
+    "drainage": {"bath": 0.0},
+}
+
+
+def rows_of(radii: list[float], delta: float = 0.0, force: float = 1.0) -> list[State]:
+    """Rows of one force and depth whose contact has these radii, in elements of 0.02."""
+    return [State(k, delta, force, 0.02 * n, 1.0, 0.0, 1.0, 5, 0.1) for k, n in enumerate(radii, start=1)]
+
+
+def test_rows_of_a_history_whose_contact_is_small() -> None:
+    base = scene(**DRAINING)
+    assert unresolved(base, rows_of([2.0, 5.0])) == []
+    (said,) = unresolved(base, rows_of([0.5, 1.8, 2.0, 5.0], delta=0.1))
+    assert (
+        said.startswith("2 rows from step 1 on have at most 1.8 elements") and "about 2 % to tens of per cent" in said
+    )
+    (said,) = unresolved(base, rows_of([5.0, 1.0]))
+    assert said.startswith("step 2 has at most 1 elements") and "about 7 %" in said and "mesh.h_axis" in said
+    assert unresolved(base, [replace(row, force=0.0) for row in rows_of([0.5, 1.0])]) == []
+
+
+def test_a_contact_that_a_gel_closes_needs_more_elements() -> None:
+    base = scene(**DRAINING | SWELLING)
+    (said,) = unresolved(base, rows_of([2.0, 4.0, 6.0]))
+    assert said.startswith("2 rows from step 1 on have at most 4 elements") and "about 6 % to tens" in said
+    assert unresolved(base, rows_of([2.0, 4.0, 6.0], delta=0.1)) == []  # pressed in: the tip is wider at this depth
+
+
+def test_what_was_said_beforehand_is_not_said_again() -> None:
+    base = scene(mesh={"h_contact": 0.2})
+    assert any(doubt.key == "elements" for doubt in base.plan.doubts)
+    assert unresolved(base, rows_of([0.5])) == []
