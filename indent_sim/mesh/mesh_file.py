@@ -214,7 +214,9 @@ def _taken(mesh: Meshio, file: str) -> MeshFile:
         raise refused(f"'{file}' has coordinates that are no numbers, or beyond {LARGEST_COORDINATE:g}")
     points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
     cells: dict[int, list[np.ndarray]] = {}
-    edges, middles, where = [np.empty((0, 2), dtype=np.int64)], [np.empty(0, dtype=np.int64)], []
+    edges: list[np.ndarray] = [np.empty((0, 2), dtype=np.int64)]
+    middles: list[np.ndarray] = [np.empty(0, dtype=np.int64)]
+    where = []
     for block in mesh.cells:
         if block.type == "vertex" or len(block.data) == 0:
             where.append((0, 0))

@@ -240,7 +240,7 @@ class _Evaluation:
     def _curve(self) -> list[Row]:
         """The elastic curve, without a history."""
         curve, shares = self.curve_to(self.deepest), (np.arange(1, CURVE_POINTS + 1) / CURVE_POINTS) ** 2
-        return [self._on(curve, nan, depth, "stable") for depth in (self.deepest * shares).tolist()]
+        return [self._on(curve, nan, depth, "stable") for depth in map(float, self.deepest * shares)]
 
     def _on(self, curve: ElasticCurve, t: float, delta: float, branch: str) -> Row:
         contact = Contact(float(curve.a(np.array(delta))), delta, float(curve.force(np.array(delta))))

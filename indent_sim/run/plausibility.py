@@ -56,7 +56,7 @@ class Rows:
         self.has_turned = False  # back to a smaller depth
         self.deepest, self.largest_force = -inf, 0.0
         self._strongest: Compared | None = None  # that which surely pushes most
-        self._columns = np.empty((3, 64))  # depth, force and half its bar's width
+        self._columns: np.ndarray = np.empty((3, 64))  # depth, force and half its bar's width
         self._count = 0
         for state in states:
             self.append(state)

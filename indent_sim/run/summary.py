@@ -149,7 +149,7 @@ def _without_range(scene: Scene, states: Sequence[State]) -> dict[str, Any] | No
         beside, last = jkr.stable(*asked), jkr.pull_off()
         if beside is None:
             return None
-        contacts = map(jkr.branch(beside.delta), np.linspace(last.delta, beside.delta, FORMULA_POINTS).tolist())
+        contacts = map(jkr.branch(beside.delta), map(float, np.linspace(last.delta, beside.delta, FORMULA_POINTS)))
         curve = [contact for contact in contacts if contact]
     except UNSOLVED:
         return None

@@ -111,17 +111,17 @@ class LayerContact(ABC):
     def numbers(self, sizes: np.ndarray, found: Sequence[Any]) -> np.ndarray:
         """Depth, force, stiffness and energy (4, sizes) [L, F, F/L, F L] of contacts of a smooth tip; found: what `at`
         says of their sizes [h]."""
-        known = [self.touching(a, one) for a, one in zip(sizes.tolist(), found, strict=True)]
+        known = [self.touching(a, one) for a, one in zip(map(float, sizes), found, strict=True)]
         return np.array([[one.delta, one.force, one.stiffness, one.energy] for one in known]).T
 
     def middle_pressures(self, sizes: np.ndarray, found: Sequence[Any]) -> np.ndarray:
         """Pressures [F/L^2] in the middle of contacts of a smooth tip; as above."""
-        middle, pairs = np.zeros(1), zip(sizes.tolist(), found, strict=True)
+        middle, pairs = np.zeros(1), zip(map(float, sizes), found, strict=True)
         return np.array([float(self.touching(a, one).pressure(middle)[0]) for a, one in pairs])
 
     def pressures(self, sizes: np.ndarray, found: Sequence[Any], places: int) -> np.ndarray:
         """Pressures (sizes, places) [F/L^2] at even steps from the middle to before the edge; as above."""
-        shares, pairs = np.linspace(0.0, 1.0, places, endpoint=False), zip(sizes.tolist(), found, strict=True)
+        shares, pairs = np.linspace(0.0, 1.0, places, endpoint=False), zip(map(float, sizes), found, strict=True)
         return np.array([self.touching(a, one).pressure(a * self.h * shares) for a, one in pairs])
 
     def touching(self, a: float, found: Any = None) -> Solution:
@@ -255,7 +255,7 @@ class SampledContacts:
     def under(self, forces: Sequence[float]) -> list[Solution]:
         """The contacts under forces [F] between those of the two sizes."""
         a = self._sizes(forces, OF_FORCE)
-        return self._contacts(a, self._values(a)[OF_DEPTH].tolist())
+        return self._contacts(a, list(map(float, self._values(a)[OF_DEPTH])))
 
     def holds(self, first: float, last: float) -> bool:
         """Whether two depths [L] are between those of the sizes."""
@@ -264,7 +264,7 @@ class SampledContacts:
     @cached_property
     def solutions(self) -> list[Solution]:
         """The contacts of the sizes."""
-        return [self.contact.touching(a, one) for a, one in zip(self.sizes.tolist(), self.found, strict=True)]
+        return [self.contact.touching(a, one) for a, one in zip(map(float, self.sizes), self.found, strict=True)]
 
     def at_size(self, a: float) -> Solution:
         """The contact of a size [h], solved for."""
@@ -272,8 +272,8 @@ class SampledContacts:
 
     def _contacts(self, a: np.ndarray, deltas: Sequence[float]) -> list[Solution]:
         contact, peaks, found = self.contact, _Peaks(self, a), []
-        _, force, stiffness, energy = self._values(a).tolist()
-        for i, (size, delta) in enumerate(zip(a.tolist(), deltas, strict=True)):
+        _, force, stiffness, energy = (list(map(float, value)) for value in self._values(a))
+        for i, (size, delta) in enumerate(zip(map(float, a), deltas, strict=True)):
             pressure, u_z = (partial(_solved, contact, delta, size, name) for name in ("pressure", "u_z"))
             numbers = float(delta), force[i], size * contact.h, contact.area(size), energy[i], stiffness[i]
             found.append(Solution(*numbers, pressure=pressure, u_z=u_z, peak=partial(peaks.of, i)))
@@ -377,7 +377,7 @@ def _solved(contact: LayerContact, delta: float, a: float, name: str, r: Any) ->
 def _places(first: float, last: float, count: int) -> list[float]:
     """Chebyshev's points of the second kind, in order; every second one is among those of half as many."""
     at = 0.5 * (first + last) - 0.5 * (last - first) * np.cos(math.pi * np.arange(count) / (count - 1))
-    return [first, *at[1:-1].tolist(), last]
+    return [first, *map(float, at[1:-1]), last]
 
 
 @lru_cache(maxsize=len(COUNTS))

@@ -308,7 +308,7 @@ def _entries(at: np.ndarray, size: int, m: int, held: Any) -> tuple[np.ndarray, 
     facets, n, n) are between them, and in which row and column."""
     block, is_on = size * np.arange(m), np.zeros(size, dtype=bool)
     is_on[at] = True
-    rows = (block[:, None] + np.flatnonzero(is_on)).ravel()
+    rows: np.ndarray = (block[:, None] + np.flatnonzero(is_on)).ravel()
     if np.size(held):
         rows = np.setdiff1d(rows, size + np.flatnonzero(held))
     place = np.full(m * size, -1)

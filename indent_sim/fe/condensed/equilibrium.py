@@ -64,7 +64,7 @@ class CondensedEquilibrium(Equilibrium):
         self.contact = CondensedContact(compliance, self.scene, self._iterations)
         self.view = CondensedState(self.contact)
         self._trials: list[tuple[Forces, np.ndarray]] = []
-        beyond = ~np.isin(self.condenser.rows, compliance.places).all(axis=1)  # the candidates
+        beyond = ~np.all(np.isin(self.condenser.rows, compliance.places), axis=1)  # the candidates
         self._beside = self.body.skin.and_also(self.body.trace.at(beyond))
         trace = compliance.trace
         distance = np.linalg.norm(trace.X[..., :-1] - np.asarray(self.scene.physics.center)[: dim - 1], axis=-1)

@@ -193,7 +193,7 @@ def _largest(body: Observed, *numbers: float) -> list[float]:
     found = np.array(numbers, dtype=float)
     if body.comm.size > 1:
         body.comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
-    return found.tolist()
+    return list(map(float, found))
 
 
 def _by_axis(x: np.ndarray) -> np.ndarray:
@@ -272,22 +272,22 @@ def _region(body: Observed, X: np.ndarray, x: np.ndarray, p_hat: np.ndarray) -> 
     """Area (length) of the body with p_hat > 0, but for what hangs over: its simplices at x are turned over from X."""
     _, simplices = lattice(body.trace.dim)
     is_on = p_hat > 0
-    touched = is_on.any(axis=1)
+    touched = np.any(is_on, axis=1)
     whole, mine = np.zeros_like(touched), 0.0
     if (
         body.trace.dim == 2 and body.scene.physics.gap == "reference"
     ):  # then no facet is turned over, and most touch as a whole
-        whole = is_on.all(axis=1)
+        whole = np.all(is_on, axis=1)
         mine = _length(body, x[whole, 0, 0], x[whole, -1, 0])
-    touched = np.flatnonzero(touched & ~whole)
-    corners, p = x[touched][:, simplices], p_hat[touched][:, simplices]
+    partly = np.flatnonzero(touched & ~whole)
+    corners, p = x[partly][:, simplices], p_hat[partly][:, simplices]
     if body.trace.dim == 2:
         ends = corners[..., 0]
         if body.scene.physics.gap == "current":
-            p[(np.diff(ends) * np.diff(X[touched][:, simplices, 0]))[..., 0] < 0] = -1.0
+            p[(np.diff(ends) * np.diff(X[partly][:, simplices, 0]))[..., 0] < 0] = -1.0
         mine += _positive_length(body, ends, p)
     else:
-        overhangs = _signed_area(corners) * _signed_area(X[touched][:, simplices]) < 0
+        overhangs = _signed_area(corners) * _signed_area(X[partly][:, simplices]) < 0
         mine = _positive_area(corners, np.where(overhangs[..., None], -1.0, p))
     of_all = mine if body.comm.size == 1 else body.comm.allreduce(mine, op=MPI.SUM)
     return body.scene.physics.part.copies * of_all

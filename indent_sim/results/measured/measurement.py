@@ -137,7 +137,7 @@ def parts_of(x: np.ndarray) -> dict[str, slice]:
 def parts_by_name(names: np.ndarray) -> dict[str, slice]:
     """The same of a column of words (approach, extend, hold, pause, retract, ...) or of numbers in order of time."""
     changes = np.flatnonzero(names[1:] != names[:-1]) + 1
-    ends = [0, *changes.tolist(), len(names)]
+    ends = [0, *map(int, changes), len(names)]
     parts: dict[str, slice] = {}
     spoken = {str(name) for name in names[ends[:-1]]}
     by_number = dict(zip(sorted(spoken), ("approach", "retract"), strict=False))

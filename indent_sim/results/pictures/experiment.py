@@ -67,7 +67,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
 def pieces(branches: np.ndarray) -> Iterator[tuple[int, int]]:
     """Where each piece of one branch begins, and where it ends."""
     changes = np.flatnonzero(branches[1:] != branches[:-1]) + 1
-    return pairwise([0, *changes.tolist(), len(branches)])
+    return pairwise([0, *map(int, changes), len(branches)])
 
 
 def draw_branches(

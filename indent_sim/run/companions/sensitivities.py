@@ -45,7 +45,7 @@ def sensitivities(config: Config, keys: Sequence[str], step: float = STEP) -> De
         path = key_path(key)
         value, error, forces = _derivative(pinned, path, body.forces, step)
         own = body.error * np.abs(forces / _number(pinned, path))
-        found[key] = {"value": value.tolist(), "error": (error + own).tolist()}
+        found[key] = {"value": list(map(float, value)), "error": list(map(float, error + own))}
     return found
 
 

@@ -55,7 +55,7 @@ def forces_at(prospect: Prospect, depths: np.ndarray) -> ElasticForces:
 
 def _solved(scene: Scene, depths: np.ndarray) -> list[State]:
     if scene.solver.method == "condensed":
-        return condense(scene).states(deltas=depths.tolist())
+        return condense(scene).states(deltas=list(map(float, depths)))
     return list(states(scene, with_surface=False))
 
 
@@ -95,7 +95,7 @@ def half_space_modulus(prospect: Prospect, delta: np.ndarray, force: np.ndarray)
     formula or no contact."""
     scene, scales = prospect.scene, prospect.scene.physics.scales
     try:
-        known = [force or 0.0 for force in hertz_forces(scene, (delta / scales.depth).tolist())]
+        known = [force or 0.0 for force in hertz_forces(scene, map(float, delta / scales.depth))]
     except UNSOLVED:
         return None
     total = sum(one * one for one in known)

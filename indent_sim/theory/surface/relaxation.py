@@ -81,7 +81,7 @@ class Prony:
             if steady:
                 return lfilter([1.0], [1.0, -decay[0]], gain, zi=np.array([decay[0] * first]))[0]
             found, now = np.empty(len(decay)), first
-            for j, (d, g) in enumerate(zip(decay.tolist(), gain.tolist(), strict=True)):
+            for j, (d, g) in enumerate(zip(map(float, decay), map(float, gain), strict=True)):
                 now = now * d + g
                 found[j] = now
             return found
