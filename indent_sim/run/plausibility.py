@@ -145,7 +145,7 @@ def unresolved(scene: Scene, states: Sequence[State]) -> list[str]:
     rows = f"step {few[0]} has" if len(few) == 1 else f"{len(few)} rows from step {few[0]} on have"
     likely = sorted(doubts[step] for step in few)
     span = " to ".join(dict.fromkeys(in_words(likely[k]) for k in (0, -1)))
-    wrong = f"the force there may be wrong by {span}, p_max by more"
+    wrong = f"the force there may be wrong by {span}, pressures by more"
     remedy = how_to_refine(sizes, "give mesh.h_contact and a smaller mesh.h_axis, or ask for an accuracy")
     return [f"{rows} at most {most:.2g} elements in the contact radius: {wrong}; {remedy}"]
 
