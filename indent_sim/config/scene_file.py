@@ -232,10 +232,16 @@ def _and_others(first: ConfigError, document: Document, source: Source, check: C
 
 
 def _beside(found: Sequence[ConfigError], error: ConfigError) -> list[ConfigError]:
-    """The errors about other keys than those found already, the sections around them and the keys in them."""
+    """The errors about other keys than those found already, the sections around them and the keys in them; not what
+    asks for one of them, which was there before it was left out."""
     known = [path[:-1] if path[-1] in schema.TAGS else path for path in (key_path(one.key) for one in found) if path]
-    paths = [(one, key_path(one.key)) for one in error.errors]
+    paths = [(one, key_path(one.key)) for one in error.errors if not _asks_for(found, one)]
     return [one for one, path in paths if not any(path[: len(old)] == old[: len(path)] for old in known)]
+
+
+def _asks_for(found: Sequence[ConfigError], error: ConfigError) -> bool:
+    words = re.split(r"[\s,;]+", error.remedy)
+    return any(one.key and not one.meant and one.key in words for one in found)
 
 
 def _mended(document: Document, source: Source, error: ConfigError) -> bool:

@@ -21,6 +21,7 @@ from indent_sim.results.reader import (
     in_common_units,
     read,
     read_table,
+    refuse_other_units,
     report_of,
 )
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, WORD_COLUMNS
@@ -95,7 +96,8 @@ def compare(
     through two neighbours, a measured curve by chords. Of two histories whose times differ the one with more rows is
     taken at the times of the other: its row of that time, at a jump the one on the same side, else by chords. All miss
     something of the order h^2: a quarter of what they miss at rows that are left out. Measured curves are taken in the
-    units of the other. A history that an earlier version wrote to experiment.csv is compared with one of today.
+    units of the other; UsageError for two results in different ones. A history that an earlier version wrote to
+    experiment.csv is compared with one of today.
     Rows of two experiment.csv or dynamic.csv belong together by their number, and all their columns are compared, words
     too. Of two results these tables, where both have them, are compared as well. UsageError for a column that no two
     tables have.
@@ -303,8 +305,9 @@ def _histories(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, Tab
 
 
 def _both(first: Path, second: Path) -> tuple[Table, Table]:
-    """The two tables, measured curves in the units of the other."""
+    """The two tables, measured curves in the units of the other; UsageError for two results in different units."""
     one, other = in_common_units([_table(path) for path in (first, second)])
+    refuse_other_units([one, other], "run one of them in the units of the other")
     return _columns(one), _columns(other)
 
 

@@ -194,6 +194,15 @@ def in_common_units(runs: Sequence[Results]) -> list[Results]:
     return [_in_units(run, units) if units and run.report.get(MEASURED) else run for run in runs]
 
 
+def refuse_other_units(runs: Sequence[Results], remedy: str) -> None:
+    """UsageError when two runs measure in different units; one that does not say is taken as it is."""
+    for kind in ("length", "force"):
+        known = {unit: run.path for run in runs if (unit := (run.report.get("units") or {}).get(kind))}
+        if len(known) > 1:
+            (one, first), (other, second) = list(known.items())[:2]
+            raise UsageError(f"{first} measures {kind} in {one}, {second} in {other}: {remedy}")
+
+
 def _in_units(run: Results, units: Mapping[str, str]) -> Results:
     table = dict(run.table)
     for column, kind in (("delta", "length"), ("force", "force")):

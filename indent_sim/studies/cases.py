@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -64,16 +63,36 @@ class Refusal:
     """A point that the program refuses before anything is run, and why: a row of a study with a tolerance."""
 
     index: int
-    values: dict[str, Any]
+    point: Point
+    named: dict[str, Any] | None
     error: ConfigError
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The varied keys."""
+        return {key: value for key, value, _ in self.point}
+
+    @property
+    def told(self) -> ConfigError:
+        """The error, and of which run it is where the place that it names does not say."""
+        words = ", ".join(f"{key} {short(value)}" for key, value in (self.named or self.values).items())
+        known = [] if self.named else [place for *_, place in self.point]
+        said = [
+            one if (one.file, one.line) in known else replace(one, problem=f"{one.problem} (in the run of {words})")
+            for one in self.error.errors
+        ]
+        return ConfigErrors.of(said)
 
 
 def asked_for(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
     """The cases of a study, and with a tolerance those refused; without, ConfigError when any cannot be run."""
     cases, refusals = sorted_out(study)
     if refusals and study.tolerance is None:
-        told = list({str(refusal.error): refusal.error for refusal in refusals}.values())
-        raise ConfigErrors.of(told[:20])
+        told: dict[str, list[Refusal]] = {}
+        for refusal in refusals:
+            told.setdefault(str(refusal.error), []).append(refusal)
+        of_all = len(cases) + len(refusals)  # what is wrong with every run is wrong with what they share
+        raise ConfigErrors.of([one[0].error if len(one) == of_all else one[0].told for one in told.values()][:20])
     return cases, refusals
 
 
@@ -86,7 +105,7 @@ def sorted_out(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
         try:
             cases.append(build(index, wanted))
         except ConfigError as error:
-            refusals.append(Refusal(index, {key: value for key, value, _ in wanted.point}, error))
+            refusals.append(Refusal(index, wanted.point, wanted.named, error))
     return cases, refusals
 
 
@@ -130,7 +149,7 @@ def _prospect(config: Config, point: Point) -> Prospect:
         for key, value, (file, line) in point:
             if key.split(".")[0] == section:
                 told = f"{error.problem} (with {key}={short(value)})"
-                raise dataclasses.replace(error, problem=told, file=file, line=line) from None
+                raise replace(error, problem=told, file=file, line=line) from None
         raise located(config, error) from None
 
 

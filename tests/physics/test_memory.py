@@ -29,6 +29,7 @@ COARSE = {"h_contact": 0.05, "h_far": 0.4}
 LAYER = {"shape": "cylinder", "radius": 1.5, "height": 1.0, "base": "fixed", "sides": "roller"}
 RUBBER = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
 IN_AND_OUT = (0.015, 0.03, 0.022, 0.025)
+IN_AND_ON = (0.015, 0.03, 0.045)
 PULLED = (0.04, -0.06, 0.02)  # snaps in, and holds on where the body is open on the way in
 STOPPED = 2  # rows of a run that was stopped
 SAME = 1e-7  # of a row, of the largest force: Newton's tolerance is 1e-10 of a residual, and slip is a difference
@@ -54,11 +55,13 @@ class Hindered:
         self._equilibrium, self._is_guessed, self._refused = equilibrium, is_guessed, refused
         self._tries, self._depth = 0, 0.0
         self.accepted: list[float] = []  # depths
+        self.guessed: list[tuple[float, ...]] = []  # a depth, and those that it was predicted from
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._equilibrium, name)
 
     def predict(self, depth: float, earlier: Sequence[Any]) -> None:
+        self.guessed.append((depth, *(state.depth for state in earlier)))
         if self._is_guessed:
             self._equilibrium.predict(depth, earlier)
 
@@ -165,6 +168,21 @@ def test_a_resumed_run_remembers_the_same(name: str, origin: str) -> None:
     kept = stopped.points if origin == "checkpoint" else []  # of a condensed body there are none
     assert goes_on.resume(kept, [] if kept else [(depth, 0.0) for depth in path[:STOPPED]])
     assert_same([*before, *walked(goes_on, path, done=STOPPED)], undisturbed(name))
+
+
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "adhesion"])
+@pytest.mark.parametrize("origin", ["checkpoint", "rest"])
+def test_a_resumed_run_guesses_as_an_undisturbed_one(name: str, origin: str) -> None:
+    """From another guess Newton may fail, the step is cut, and a path with friction is another one."""
+    whole, first, second = fresh(name), fresh(name), fresh(name)
+    walked(solver.Walk(whole), IN_AND_ON)
+    stopped, goes_on = solver.Walk(first), solver.Walk(second)
+    walked(stopped, IN_AND_ON, until=STOPPED)
+    kept = stopped.points if origin == "checkpoint" else []  # of a condensed body there are none
+    assert goes_on.resume(kept, [] if kept else [(depth, 0.0) for depth in IN_AND_ON[:STOPPED]])
+    second.guessed.clear()
+    walked(goes_on, IN_AND_ON, done=STOPPED)
+    assert first.guessed + second.guessed == whole.guessed and second.guessed
 
 
 # ---- time ----------------------------------------------------------------------------------------------------------

@@ -459,3 +459,20 @@ def test_a_material_that_nothing_has_is_left_out_of_account() -> None:
     film["material"] = {"model": "neo_hookean", "E": 1000.0, "nu": 0.49, "formulation": "mixed"}
     lacking = {name: part for name, part in film.items() if name != "material"}
     assert of(film) == of(lacking)
+
+
+def test_a_gel_without_a_stretch_is_that_of_its_free_swelling() -> None:
+    """Its rows are those of the gel with the stretch at which the solvent's potential is that of the pure solvent."""
+    law = {"model": "gel", "G": 5.0, "n_omega": 5e-3, "chi": 0.45}
+    stretch = brentq(lambda l: _potential(l, **{k: v for k, v in law.items() if k in ("n_omega", "chi")}), 1.1, 4.0)
+    swollen = HALF_SPACE | {"contact": {"gap": "reference"}}
+    auto, given = (require(from_mapping(swollen | {"material": law | own})) for own in ({}, {"stretch": stretch}))
+    percent = [[effect.percent for effect in one.effects if effect.percent is not None] for one in (auto, given)]
+    assert percent[0] and percent[0] == pytest.approx(percent[1], rel=1e-6)  # of a root, by two searches
+    assert auto.config["material"]["stretch"] == pytest.approx(stretch, rel=1e-9)
+
+
+def _potential(stretch: float, n_omega: float, chi: float) -> float:
+    """Flory & Rehner's: mixing and the network's pull, of a gel that has swollen freely by a stretch [kT]."""
+    J = stretch**3
+    return math.log(1 - 1 / J) + 1 / J + chi / J**2 + n_omega * (1 / stretch - 1 / J)

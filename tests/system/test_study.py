@@ -596,6 +596,15 @@ class TestComparison:
         )
         assert (rows[0]["p_error_vs"] is None) == (wanted == "1.6e-3")
 
+    def test_a_result_in_other_units_is_refused(self, written, tmp_path):
+        """As `plot` and `compare` do: 0.1 mm is no depth of a curve in um."""
+        known = ["run", "scene.yaml", "--output", "result", "--set", "units={length: mm, force: N}"]
+        assert CliRunner().invoke(commands.program, known).exit_code == 0
+        path = written("base: scene.yaml\ncompare_to: result\nvary: {mesh.h_contact: [0.06]}\n")
+        (tmp_path / "scene.yaml").write_text(f"units: {{length: um, force: N}}\n{SCENE}")
+        with pytest.raises(ConfigError, match=r"STUDY.yaml:2: compare_to: .* in um, .* in mm"):
+            studies.carry_out(path, output=tmp_path / "out")
+
     def test_a_file_without_the_depth(self, written, tmp_path):
         (tmp_path / "known.csv").write_text("step,delta,force,a\n1,0.02,1,1\n")
         path = written("base: scene.yaml\ncompare_to: known.csv\nvary: {mesh.h_far: [0.4, 0.5]}\n")

@@ -55,7 +55,8 @@ class Walk:
         self.started = time.perf_counter() if started is None else started
         outset = Place(0.0 - OUTSET_RANGES * self._range)  # no -0.0
         self._points = [Point(outset, equilibrium.snapshot())]  # the untouched body at rest
-        self._row = self._untouched = self._points[0]
+        self._untouched = self._points[0]
+        self._to_row = self._points  # up to the last row: what the first step after it is predicted from
         self._before = self._points  # the search for a force
         self._found: Point | None = None  # and not accepted yet
         self._steps = self._step_rule()
@@ -95,9 +96,9 @@ class Walk:
 
     @property
     def points(self) -> list[tuple[float, float, list[np.ndarray]]]:
-        """The last equilibria, for `resume`: depth, time and arrays; with memory that of the last row, on its own
+        """The last equilibria, for `resume`: depth, time and arrays; with memory those up to the last row, on its own
         path."""
-        points = [self._row] if self._has_memory and not self._range else self._points
+        points = self._to_row if self._has_memory else self._points
         packed = [(point.delta, point.place.t, self.equilibrium.pack(point.state)) for point in points]
         return [(delta, t, arrays) for delta, t, arrays in packed if arrays]
 
@@ -116,13 +117,26 @@ class Walk:
         self._points[-1] = replace(self._last, touches=self._touches)
         self._control.know(*self._pair)
         start = self._points
-        if not self._has_memory and all(self._reach(place) for place in places[-3:]):
-            return True
-        self._points, self._steps = start, self._step_rule()
-        self.return_to_last()
-        is_there = all(self._reach(place) for place in places)
-        self._row = self._last
+        is_there = not self._has_memory and all(self._reach(place) for place in places[-3:])
+        if not is_there:
+            self._points, self._steps = start, self._step_rule()
+            self.return_to_last()
+            is_there = all(self._come_to_row(place) for place in places)
+        self._accept()
+        self._to_row = self._points
         return is_there
+
+    def _come_to_row(self, place: Place) -> int:
+        """Step to a row of the earlier walk as it did; the number of steps, 0 when lost."""
+        before, substeps = self._points, self._reach(place)
+        if self.equilibrium.scene.physics.path.control == "force":
+            self._points = self._without_tries(before)
+        return substeps
+
+    def _without_tries(self, before: list[Point]) -> list[Point]:
+        """The last equilibria at the force of a row, whose search set out from those `before`: its tries are too close
+        together to extrapolate from."""
+        return [*before[-2:], self._last]
 
     @property
     def counts(self) -> dict[str, int]:
@@ -158,9 +172,10 @@ class Walk:
                 return
             numbers = body.numbers() | {"substeps": substeps, "krylov_iterations": effort.krylov}
             surface = measure.surface(body.observed) if wants_surface(step) else None
-            if path.control == "force":  # the tries between them are too close together to extrapolate from
-                self._points = [*self._before[-2:], self._last]
-            dissipated, self._row = self._last.dissipated - self._row.dissipated, self._last
+            if path.control == "force":
+                self._points = self._without_tries(self._before)
+            dissipated = self._last.dissipated - self._row.dissipated
+            self._to_row = self._points
             numbers["dissipation"] = dissipated if "dissipation" in body.scene.physics.columns else None
             numbers |= {"newton_iterations": effort.newton, "wall_s": time.perf_counter() - self.started}
             if path.times:
@@ -211,6 +226,11 @@ class Walk:
             self.return_to_last()
         self._substeps += self._reach(Place(delta, self._t))
         return self._pair
+
+    @property
+    def _row(self) -> Point:
+        """The equilibrium of the last row."""
+        return self._to_row[-1]
 
     @property
     def _pair(self) -> Pair:

@@ -15,7 +15,7 @@ from indent_sim.results.pictures.axes import Axis, axis, choice, in_picture, is_
 from indent_sim.results.pictures.canvas import FORMULA_STYLE, GREY, LABEL_LETTERS, THEORY_STYLE, Axes, Look, save
 from indent_sim.results.pictures.names import in_order, names_of
 from indent_sim.results.pictures.pressure import draw_pressure, strongest_step
-from indent_sim.results.reader import MEASURED, Results, in_common_units
+from indent_sim.results.reader import MEASURED, Results, in_common_units, refuse_other_units
 
 OF_FORCE = "the accuracy asked for is that of the force"  # beside a pressure
 ESTIMATED, UNLOADING = "estimated error", "unloading"
@@ -73,7 +73,8 @@ def overlay(runs: Sequence[Results], path: Path | str) -> None:
 def named_apart(runs: Sequence[Results]) -> tuple[list[Results], list[str]]:
     """Several runs in the order of their names, which say what differs; UsageError when no axis can show all."""
     runs = in_common_units(runs)
-    _refuse_other_units(runs)
+    refuse_other_units(runs, "draw them apart")
+    _refuse_other_forces(runs)
     names = [in_picture(name) + in_picture(unit) for name, unit in zip(names_of(runs), _units(runs), strict=True)]
     named = sorted(zip(names, runs, strict=True), key=lambda pair: in_order(pair[0]))
     return [run for _, run in named], [name for name, _ in named]
@@ -219,13 +220,8 @@ def subtitle(results: Results) -> str:
     return "  ·  ".join(word if len(word) <= 90 else f"{word[:89]}…" for word in words)
 
 
-def _refuse_other_units(runs: Sequence[Results]) -> None:
-    """UsageError when two runs measure in different units; one that does not say is shown as it is."""
-    for kind in ("length", "force"):
-        known = {unit: run.path for run in runs if (unit := unit_of(kind, run.report.get("units") or {}))}
-        if len(known) > 1:
-            (one, first), (other, second) = list(known.items())[:2]
-            raise UsageError(f"{first} measures {kind} in {one}, {second} in {other}: draw them apart")
+def _refuse_other_forces(runs: Sequence[Results]) -> None:
+    """UsageError when the forces of one run are per length and those of another are not."""
     flat = {is_plane_strain(run): run.path for run in runs if choice(run.report, "kinematics")}
     if len(flat) > 1:
         raise UsageError(f"the forces of {flat[True]} are per length, those of {flat[False]} are not: draw them apart")

@@ -59,7 +59,7 @@ def require(config: Config, within: float = 0.01) -> Requirements:
     """
     try:
         scene = resolve(config)
-        config = with_used_material(config, scene.physics.part)
+        config = variations.with_swollen_gels(with_used_material(config, scene.physics.part))
         if scene.physics.evolves:
             return _of_evolution(config, Evolution(config, scene), within)
         return _of_elastic(config, _bench(config, scene), within)

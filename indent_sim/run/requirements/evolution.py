@@ -15,7 +15,7 @@ from indent_sim.config.schema import Config, MeshSettings, OutputSettings, Solve
 from indent_sim.model.body import Drainage
 from indent_sim.model.contact import AugmentedLagrangian
 from indent_sim.model.loading import Loading
-from indent_sim.model.materials import Gel, Material
+from indent_sim.model.materials import Material
 from indent_sim.model.state import State
 from indent_sim.process.errors import NotConverged
 from indent_sim.run.chain import states
@@ -52,8 +52,7 @@ class Evolution:
     """What time makes of the force of a scene; every force is solved once."""
 
     def __init__(self, config: Config, scene: Scene):
-        bath, self.physics = config.first_bath, scene.physics
-        self.config = with_matter(config, lambda law: law.swollen_in(bath) if isinstance(law, Gel) else law)
+        self.config, self.physics = config, scene.physics
         pressures = [one.material.bath_pressure(p) for one in scene.physics.permeable for p in self._baths]
         self.is_bathed = any(abs(pressure) > NO_BATH for pressure in pressures)
         self._bench, self._known = Bench(self.config, scene), dict[tuple[str, ...], float]()

@@ -11,7 +11,7 @@ from typing import Any
 from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config, SolverSettings, Source
 from indent_sim.model.body import Ball, Cap, HalfSpace, Inclusion, InfiniteLayer, Layer, MeshFromFile
-from indent_sim.model.materials import LinearElastic, Material, NeoHookean, TransverselyIsotropic
+from indent_sim.model.materials import Gel, LinearElastic, Material, NeoHookean, TransverselyIsotropic
 from indent_sim.scene import theories
 
 Document = dict[str, Any]  # a scene as nested mappings, shaped like its file
@@ -50,6 +50,12 @@ def with_matter(config: Config, change: Change, **sections: Any) -> Config:
         parts["regions"] = {name: change(material) for name, material in regions.items()}
     body, material = replace(config.body, **parts), config.material and change(config.material)
     return varied(config, body=body, material=material, **sections)
+
+
+def with_swollen_gels(config: Config) -> Config:
+    """The config with the stretch of its gels as a number: that in the first bath, where it is auto."""
+    bath = config.first_bath
+    return with_matter(config, lambda law: law.swollen_in(bath) if isinstance(law, Gel) else law)
 
 
 def elastic(material: Material) -> Material:

@@ -161,13 +161,15 @@ def of_theory(case: Case) -> Answer | None:
 
 
 def _read(path: Path, cases: Sequence[Case]) -> Results:
-    """A result or a measured curve, which is taken in the units of the cases."""
+    """A result or a measured curve, which is taken in the units of the cases; UsageError for a result in others."""
     found = reader.read(path)
-    if not found.report.get(reader.MEASURED) or not cases:
+    if not cases:
         return found
     units = cases[0].prospect.config.units
-    scene = Results(path, {}, {"units": {"length": units.length, "force": units.force}})
-    return reader.in_common_units([scene, found])[1]
+    scene = Results(Path("the study"), {}, {"units": {"length": units.length, "force": units.force}})
+    both = reader.in_common_units([scene, found])
+    reader.refuse_other_units(both, "run that scene in the units of the study")
+    return both[1]
 
 
 def of_results(found: Results) -> Answer:

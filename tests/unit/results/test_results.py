@@ -622,6 +622,17 @@ class TestCompare:
         same.check()
         assert same.steps == (1, 2) and same.worst["force"] == pytest.approx(3.3e-7, rel=0.1)
 
+    @pytest.mark.parametrize("units", [{"length": "um", "force": "N"}, {"length": "mm", "force": "mN"}])
+    def test_results_in_other_units_are_refused(self, tmp_path, units):
+        """0.1 mm and 0.1 um are one number and no row in common; a result that says no units is taken as it is."""
+        for name, own in (("A", {"length": "mm", "force": "N"}), ("B", units), ("C", {})):
+            write_run(tmp_path / name)
+            report = json.loads((tmp_path / name / "run.json").read_text())
+            (tmp_path / name / "run.json").write_text(json.dumps(report | {"units": own}))
+        with pytest.raises(UsageError, match=r"A measures .* in (mm|N), .*B in (um|mN)"):
+            compare(tmp_path / "A", tmp_path / "B")
+        compare(tmp_path / "A", tmp_path / "C").check()
+
     @pytest.mark.parametrize(
         ("first", "second", "said"),
         [

@@ -49,3 +49,15 @@ def test_a_plan_tells_all_mistakes_at_once() -> None:
         foreseen(config)
     assert str(first.value.errors[0].problem) in str(told.value)
     assert not isinstance(first.value, ConfigErrors)
+
+
+def test_what_was_left_out_is_not_asked_for() -> None:
+    """A history that never touches gives a relaxing body the time that it needs: one mistake, and with it others."""
+    relaxing = {"model": "linear_elastic", "E": 3.0, "nu": 0.3, "relaxation": {"prony": [[0.5, 1.0]]}}
+    away: dict[str, Any] = {"material": relaxing, "loading": {"history": [[0, 0], [1, -0.1]]}}
+    with pytest.raises(ConfigError) as told:
+        foreseen(from_mapping(SCENE | away))
+    assert [one.key for one in told.value.errors] == ["loading.history"]
+    with pytest.raises(ConfigError) as told:
+        foreseen(from_mapping(SCENE | away | {"drainage": {"tip": "sealed"}}))
+    assert {one.key for one in told.value.errors} == {"loading.history", "drainage"}

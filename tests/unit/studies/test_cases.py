@@ -70,3 +70,29 @@ def test_a_history_is_compared_with_nothing_by_depth(tmp_path: Path) -> None:
     read = study_file.read(study)
     with pytest.raises(ConfigError, match="passes one several times"):
         Truth(read, cases.asked_for(read)[0])
+
+
+SHARED = "{body: {shape: layer, height: 1}, indenter: {shape: cone, half_angle: 70}, loading: {delta: 0.1}, material: {"
+RELAXING = "model: linear_elastic, E: 1, nu: 0.3, relaxation: {prony: [[0.5, 1]]}}}"
+
+
+@pytest.mark.parametrize(
+    ("runs", "names"),
+    [
+        (
+            "cases:\n  - {name: timed, scene: BODY, set: {loading: TIMED}}\n  - {name: still, scene: BODY}",
+            ["case still"],
+        ),
+        ("base: BODY\nvary: {loading: [TIMED, {delta: 0.2}], body.height: [1, 2]}", ["loading {delta: 0.2}"]),
+        ("base: BODY\nvary: {body.height: [1, 2]}", []),
+    ],
+)
+def test_an_error_says_of_which_run_it_is(runs: str, names: list[str], tmp_path: Path) -> None:
+    """Where it lies in what runs share, and only some of them have it."""
+    study = tmp_path / "study.yaml"
+    study.write_text(runs.replace("BODY", SHARED + RELAXING).replace("TIMED", "{history: [[0, 0], [1, 0.1]]}"))
+    with pytest.raises(ConfigError) as told:
+        cases.asked_for(study_file.read(study))
+    (error,) = told.value.errors
+    assert error.key == "material.relaxation" and all(name in error.problem for name in names)
+    assert ("in the run of" in error.problem) == bool(names)
