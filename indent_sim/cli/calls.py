@@ -16,6 +16,7 @@ from indent_sim.results import compare as comparisons
 from indent_sim.results import folder, reader
 from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
+from indent_sim.results.writer import plain
 from indent_sim.run.companions import sensitivities as derivatives
 from indent_sim.run.prospect import foreseen
 from indent_sim.studies import conduct, curve_table
@@ -42,8 +43,8 @@ def read(path: str | Path) -> Results | Study:
 def plan(given: Given, *, error_bars: bool = False) -> Report:
     """What would be modelled, and why; of a study its runs and their cost: the object of `indent-sim plan --json`."""
     if (isinstance(given, Mapping) and is_study(given)) or (isinstance(given, str | Path) and _holds_study(given)):
-        return plan_study(given, error_bars).as_json()
-    return foreseen(config_of(given), error_bars).plan.as_json()
+        return plain(plan_study(given, error_bars).as_json())
+    return plain(foreseen(config_of(given), error_bars).plan.as_json())
 
 
 def require(given: Given, within: float = 0.01) -> Report:
@@ -51,7 +52,7 @@ def require(given: Given, within: float = 0.01) -> Report:
     `indent-sim require --json`."""
     from indent_sim.run.requirements import cheapest
 
-    return cheapest.require(config_of(given), within).as_json()
+    return plain(cheapest.require(config_of(given), within).as_json())
 
 
 def compare(
@@ -63,7 +64,7 @@ def compare(
     """Two results or measured curves row by row: the object of `indent-sim compare --json`; `differences` is empty
     where they agree."""
     A, B = (one.path if isinstance(one, Results) else one for one in (first, second))
-    return comparisons.compare(A, B, rtol, columns).as_json()
+    return plain(comparisons.compare(A, B, rtol, columns).as_json())
 
 
 def study(

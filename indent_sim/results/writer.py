@@ -247,8 +247,8 @@ class ResultFolder:
 
 def to_json(value: Any, indent: int | None = 2) -> str:
     """Strict JSON: what is not finite becomes null; dataclasses, paths and numpy numbers become plain."""
-    plain = _plain(value)
-    text = ENCODER.encode(plain) if indent is None else _in_lines(plain, "\n", " " * indent)
+    shown = plain(value)
+    text = ENCODER.encode(shown) if indent is None else _in_lines(shown, "\n", " " * indent)
     return re.sub("[\ud800-\udfff]", lambda lone: f"\\u{ord(lone.group()):04x}", text)  # of a file name in no encoding
 
 
@@ -268,27 +268,28 @@ def _in_lines(value: Any, line: str, step: str) -> str:
     return ENCODER.encode(value)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """The same as numbers, words, lists and dictionaries; None for a number that is not finite."""
     kind = type(value)
     if kind in (str, int, bool, NoneType):
         return value
     if kind is float:
         return value if math.isfinite(value) else None
     if kind is tuple or kind is list:
-        return [_plain(part) for part in value]
+        return [plain(part) for part in value]
     match value:  # what is rarer
         case Mapping():
-            return {str(key): _plain(part) for key, part in value.items()}
+            return {str(key): plain(part) for key, part in value.items()}
         case str() | int():
             return value
         case np.generic() | np.ndarray():
-            return _plain(value.tolist())
+            return plain(value.tolist())
         case float():
-            return _plain(float(value))
+            return plain(float(value))
         case list() | tuple() | set() | frozenset():
-            return [_plain(part) for part in value]
+            return [plain(part) for part in value]
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {part.name: _plain(getattr(value, part.name)) for part in dataclasses.fields(value)}
+        return {part.name: plain(getattr(value, part.name)) for part in dataclasses.fields(value)}
     return str(value)
 
 
