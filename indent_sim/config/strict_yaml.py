@@ -184,11 +184,13 @@ def _refuse_bytes(text: str, name: str) -> None:
 
 def _syntax_error(error: yaml.MarkedYAMLError, text: str, name: str) -> ConfigError:
     mark = error.problem_mark or error.context_mark
-    problem = " ".join(part for part in (error.context, error.problem) if part)
+    problem = "not YAML: " + " ".join(part for part in (error.context, error.problem) if part)
+    if "nesting depth" in problem:  # libyaml's own limit comes before ours on Debian 13
+        problem = f"nested deeper than {MAX_DEPTH} levels"
     lines = text.splitlines()
     line = min(mark.line + 1, len(lines)) if mark else None
     remedy = "indent with spaces, not tabs" if line and re.match(r" *\t", lines[line - 1]) else ""
-    return ConfigError("", f"not YAML: {problem}", remedy, name, line)
+    return ConfigError("", problem, remedy, name, line)
 
 
 def inline(value: Any) -> str:

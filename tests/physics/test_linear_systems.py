@@ -80,7 +80,7 @@ def test_the_environment_stands_over_the_programs_choice(tmp_path, options, monk
 def test_what_the_scene_says_and_when_it_has_converged_is_not_the_environments(tmp_path):
     """`-snes_convergence_test skip` would take any residual for an equilibrium."""
     usual = solved(tmp_path).states[-1]
-    with tuned(snes_convergence_test="skip", snes_rtol=1.0, snes_max_it=1):
+    with tuned(snes_convergence_test="skip", snes_rtol=0.99, snes_max_it=1):
         assert solved(tmp_path).states[-1].force == usual.force
         hasty = solved(tmp_path, solver={"method": "newton", "max_iterations": 1}).states[-1]  # in ever shorter steps
     assert hasty.substeps > 10 * usual.substeps and hasty.force == pytest.approx(usual.force, rel=SAME)
