@@ -43,13 +43,13 @@ def assert_condensed_is_newton(base: Scene) -> None:
     """
     pressures = 1e-8 if base.physics.contact.method == "uzawa" else 1e-9
     condensed, newton = (solve(solved_by(solver, base)) for solver in ("condensed", "newton"))
-    p_max = max(state.p_max for state in newton)  # a body let go of has round-off for pressures
+    p_max = max(state.surface.pressure.max() for state in newton)  # a body let go of has round-off for pressures
     for one, other in zip(condensed, newton, strict=True):
         assert one.force == pytest.approx(other.force, rel=1e-9)
         assert one.a == pytest.approx(other.a, rel=1e-9)
         assert np.abs(one.surface.pressure - other.surface.pressure).max() <= pressures * p_max
         for name in ("p_max", "energy", "reaction"):
-            assert getattr(one, name) == pytest.approx(getattr(other, name), rel=10 * pressures), name
+            assert getattr(one, name) == pytest.approx(getattr(other, name), rel=10 * pressures, nan_ok=True), name
         assert one.penetration == pytest.approx(other.penetration, rel=10 * pressures, abs=10 * pressures * one.delta)
 
 
@@ -67,8 +67,11 @@ def test_condensed_is_newton(body: str, method: str) -> None:
 def test_condensed_is_newton_on_every_linear_config(name: str) -> None:
     base = resolve(load(CONFIGS / name))
     if base.solver.method != "condensed":
-        assert not base.physics.material.small_strain, "a linear scene as shipped that does not condense"
-        pytest.skip("finite strain")
+        why = "a linear scene as shipped that does not condense"
+        assert base.physics.takes_steps or not base.is_meshed or not base.physics.material.small_strain, why
+        pytest.skip("finite strain, a path, or no mesh")
+    if base.history:
+        pytest.skip("its rows follow from its elastic curve")
     assert_condensed_is_newton(base)
 
 
