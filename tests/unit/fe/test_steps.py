@@ -99,6 +99,7 @@ class Spring:
             columns=(),
             contact=SimpleNamespace(reach=0.0),
             evolves=False,
+            path=LoadPath("depth", (1.0,) * 9),
         )
         self.scene, self.has_memory = SimpleNamespace(physics=physics), memory
         self.depth, self.worn, self.solves, self.failure = 0.0, 0.0, 0, "too far"
