@@ -24,6 +24,7 @@ T = TypeVar("T")
 Gmsh = Any  # the module, which is loaded where it meshes alone, or one of its kernels
 OPTIONS = {"General.Terminal": 0, "General.Verbosity": 1, "General.NumThreads": 1}  # says errors alone
 OPTIONS |= {"Mesh.MeshSizeExtendFromBoundary": 0, "Mesh.MeshSizeFromPoints": 0}
+TILT = (1.0, -1.0, 0.0, 1.0)  # about this axis by this angle: seam and poles of a ball lie in no plane of symmetry then
 SHAKES = 10.0  # points nearer to one another may change places by the shift, and then gmsh aborts: seen up to 4
 
 
@@ -167,10 +168,15 @@ def _shape_of(occ: Gmsh, inclusion: Inclusion, dim: int) -> int:
 
 
 def _ellipsoid(occ: Gmsh, center: tuple[float, ...], halves: tuple[float, ...], dim: int) -> int:
-    """A unit disk or ball in its place, stretched: a disk of gmsh's has its longer semi-axis along x."""
+    """A unit disk or ball in its place, stretched: a disk of gmsh's has its longer semi-axis along x.
+
+    The ball is tilted first: OpenCASCADE 7.8 does not close a stretched one that is cut along its seam or at a pole, as
+    planes of symmetry would."""
     (x, y, z), (a, b, c) = center, halves
     tag = int(occ.addDisk(x, z, 0.0, 1.0, 1.0) if dim == 2 else occ.addSphere(x, y, z, 1.0))
     place, factors = ((x, z, 0.0), (a, c, 1.0)) if dim == 2 else ((x, y, z), (a, b, c))
+    if dim == 3:
+        occ.rotate([(dim, tag)], *place, *TILT)
     occ.dilate([(dim, tag)], *place, *factors)
     return tag
 
