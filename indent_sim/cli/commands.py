@@ -281,7 +281,6 @@ SEGMENT_HELP = "Part of the curve; hold: up to its end."
 DESIGN_HELP = "Before a measurement: what a curve of this scene would tell of the keys; needs --noise."
 NOISE_HELP = "With --design: deviation of a sample's force over the largest force."
 DESIGNED_POINTS = 300
-POINTS_HELP = f"With --design: points of the curve [{DESIGNED_POINTS}]."
 WITHIN_HELP = "Relative error of the force that is accepted."
 COLUMNS_HELP = "Columns, by title or number from 1."
 columns_option = click.option("--columns", callback=_words, metavar="DEPTH,FORCE[,TIME]", help=COLUMNS_HELP)

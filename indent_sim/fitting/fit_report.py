@@ -25,7 +25,6 @@ from indent_sim.results.report import Picture, Table, page, short, table_of
 
 MOST_PICTURES = 12  # of curves; more are told of in the table
 Entry = Mapping[str, Any]
-OF_PICTURE = "the curve and the scene, what is left, and the fits to a part of the depth"
 OF_RESIDUAL = "p: the probability of that by accident; a correlation is in samples."
 OF_MODELS = "Each is fitted in place of the scene; p: the probability that it is as much better by accident."
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal, cast, get_args
+from typing import Literal, cast
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from indent_sim.process.errors import ConfigError, UsageError, printable
 
 Part = Literal["approach", "hold", "retract", "all"]
 Along = Literal["delta", "z"]
-PARTS: tuple[Part, ...] = get_args(Part)
 PLATEAU = 0.01  # of the range of depths: what is nearer to the deepest may be a hold
 # A steady pace in and out spends 2 % of the rows there; with five times as many, and ten at least, it is a hold
 LEAST_HOLD, FEWEST_HELD = 0.1, 10
