@@ -61,19 +61,22 @@ def draw_many(entries: Sequence[Entry], keys: Sequence[str], config: Config, pat
     with canvas.canvas(MANY_SIZE) as figure:
         axes = figure.subplots()
         for explained, name in ((True, "explained by the scene"), (False, "not explained")):
-            places = [k for k, entry in enumerate(ordered) if bool(entry["explained"]) is explained]
-            stated = [ordered[k]["parameters"][keys[0]] for k in places]
+            places = [k for k, entry in enumerate(ordered, start=1) if bool(entry["explained"]) is explained]
+            stated = [ordered[k - 1]["parameters"][keys[0]] for k in places]
             if not places:
                 continue
             value, low, high = (axis([one[end] for one in stated]) for end in ("value", "low", "high"))
             look: Look = {"fmt": "o", "ms": 4, "lw": 1.0, "color": COLOURS[0 if explained else 1]}
             face = {} if explained else {"mfc": "white"}
             axes.errorbar(places, value, [value - low, high - value], label=name, **look, **face)
-        axes.set(xlabel="curve, by size", ylabel=axis.label)
+        axes.set(xlabel="curve, by size", xlim=(0.5, len(done) + 0.5), ylabel=axis.label)
+        axes.locator_params(axis="x", integer=True)
+        axes.margins(y=0.2)  # the legend's two lines
         axes.legend(loc="upper left")
         refused = len(entries) - len(done)
         beside = f", {refused} refused" if refused else ""
-        canvas.head(figure, f"{len(done)} curves{beside}", "95 % intervals; fit.csv has a row for each curve")
+        count = "1 curve" if len(done) == 1 else f"{len(done)} curves"
+        canvas.head(figure, f"{count}{beside}", "95 % intervals; fit.csv has a row for each curve")
         canvas.save(figure, path)
 
 

@@ -449,7 +449,7 @@ def curve(config: Config, given: Given, solver: Choice, follows_whole: bool = Fa
         return []
     if follows_whole:
         why = solver.why if solver.value == "newton" else config.contact.beyond_curve
-        _refuse_in_time(config, given, why)
+        _refuse_in_time(given, why)
         return [Choice("time", "steps", f"row by row on the body: {why}")]
     _refuse_curve(config, given, solver, "experiment" if given.experiment else f"loading.{config.loading.given[0]}")
     choices = [Choice("experiment.adhesion", "JKR", JKR_WHY)] if given.jkr_limit else []
@@ -459,7 +459,7 @@ def curve(config: Config, given: Given, solver: Choice, follows_whole: bool = Fa
     return choices
 
 
-def _refuse_in_time(config: Config, given: Given, why: str) -> None:
+def _refuse_in_time(given: Given, why: str) -> None:
     """ConfigError for what is made of a curve."""
     if given.relaxation:
         problem = f"all: is for the curve of a linear, frictionless body: {why}"
