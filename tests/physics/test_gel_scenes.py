@@ -12,7 +12,7 @@ from scenes import scene
 from indent_sim.model.materials import Gel
 from indent_sim.model.state import State
 from indent_sim.run import chain
-from indent_sim.run.companions.error_bars import SWOLLEN
+from indent_sim.run.companions.error_bars import CLOSED_BY_SWELLING
 from indent_sim.run.plausibility import unresolved
 from indent_sim.scene.doubts import UNRESOLVED, swelling_doubt
 from indent_sim.scene.scene import Scene
@@ -162,7 +162,7 @@ def test_what_is_said_of_a_small_contact_that_a_gel_closes() -> None:
         assert base.physics.is_closed_by_swelling(one.delta, one.a)
         assert abs(one.force / other.force - 1) <= swelling_doubt(base.sizes, one.a) + 0.01
         n = base.sizes.elements(one.a)
-        assert n < 3 or abs(one.p_max / other.p_max - 1) <= SWOLLEN / n**2 + 0.03
+        assert n < 3 or abs(one.p_max / other.p_max - 1) <= CLOSED_BY_SWELLING / n**2 + 0.03
     (said,) = unresolved(base, coarse)
     few = sum(swelling_doubt(base.sizes, one.a) >= UNRESOLVED for one in coarse)
     assert 2 <= few < len(coarse) and said.startswith(f"{few} rows from step 1 on have at most")

@@ -78,7 +78,7 @@ ROUGH = 0.015
 TENSED = 0.11  # of the last element, to which a radius is read off where the pressure ends with a step, on 120 rows
 # Of p_max of a contact that a swelling gel closes, times n^-2: up to 58, 33, 18, 11, 5 and 2 % too large with n = 3.1,
 # 3.5, 3.8, 5.3, 7.5 and 9.5 elements in the contact radius (four scenes); two meshes agree better by accident
-SWOLLEN = 5.5
+CLOSED_BY_SWELLING = 5.5
 TRENDS = {"a": RADIUS, "p_max": Trend(2.0, 2.2, 0.06), "stick_radius": RADIUS, "dissipation": RADIUS}
 
 Curve = dict[int, State]
@@ -438,7 +438,7 @@ class ErrorBars:
         tensed = name == "a" and self._physics.surface_tension
         least = TENSED if tensed else trend.least
         if name == "p_max" and self._physics.is_closed_by_swelling(state.delta / self._scales.depth, state.a / L):
-            least = SWOLLEN
+            least = CLOSED_BY_SWELLING
         least *= trend.fading(n) * abs(getattr(state, name))
         return self._worst(errors, said, safety, least, n / TELLTALE)
 
