@@ -50,6 +50,7 @@ MOST_SUNK = 1.5  # mean pressures over epsilon_n that a penalty takes from the d
 SINKING_POWER = 1.5
 JKR_RIGHT = 0.01  # of the pull-off force: by so much Maugis' may differ where the JKR limit is said to be right
 DRAINED_LOCKING, LOCKED_ERROR = 0.495, 0.01  # nu of a drained gel, and of the force what it costs without a pressure
+BATH_IS_SUDDEN = 10.0  # times what it takes to come: then a gel has risen by 2.6 % less than after a sudden one
 SEALING_ELEMENTS = 10.0  # in the contact, under a tip that seals
 LOST = 0.05  # of what friction adds to the force: a smaller share is not worth a warning
 FREE = 0.3  # friction up to which the edge slips: steps of a tenth of the path need no second pass (0.01 %, measured)
@@ -111,6 +112,17 @@ def of_fluid(given: Given, physics: Physics, sizes: Sizes) -> Iterator[Doubt]:
     early = [t for t in physics.path.times if 0 < t - begin < drains * (1 - 1e-9)]
     if early and given.history.jumps:
         yield Doubt("early", f"rows up to t = {max(early):.3g} are up to 1.4 % low: an element takes {drains:.3g}")
+    ramp = physics.bath_ramp if physics.swells else 0.0
+    if soon := [t - begin for t in physics.path.times if 0 < t - begin < BATH_IS_SUDDEN * ramp]:
+        less = " to ".join(dict.fromkeys(in_words(_less_swollen(ramp, t)) for t in (max(soon), min(soon))))
+        rows = f"rows up to t = {begin + max(soon):.3g}: the bath comes within {ramp:.3g}"
+        yield Doubt("bath", f"{rows}, and of a sudden one the gel would have risen more there, by {less}")
+
+
+def _less_swollen(ramp: float, t: float) -> float:
+    """How much less a gel has risen at t, relative, when its bath came evenly within `ramp`: the rise goes with the
+    root of the time, 2/3 (t^3/2 - (t - ramp)^3/2)/ramp in place of t^1/2."""
+    return 1.0 - 2.0 / 3.0 * (t**1.5 - max(t - ramp, 0.0) ** 1.5) / (ramp * t**0.5)
 
 
 def of_material(config: Config, given: Given) -> tuple[Doubt, ...]:

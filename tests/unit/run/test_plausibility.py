@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.state import State
 from indent_sim.run.plausibility import ALWAYS, WHEN_PRESSED, Rows, contradiction, unresolved
+from indent_sim.scene.doubts import BATH_IS_SUDDEN, _less_swollen
 from indent_sim.scene.scene import Scene, resolve
 
 BODIES: dict[str, Any] = {
@@ -210,3 +212,22 @@ def test_what_was_said_beforehand_is_not_said_again() -> None:
     base = scene(mesh={"h_contact": 0.2})
     assert any(doubt.key == "elements" for doubt in base.plan.doubts)
     assert unresolved(base, rows_of([0.5])) == []
+
+
+# ---- baths that come within a time --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("t", [0.5, 1.0, 3.0, 10.0])
+def test_how_much_less_a_gel_has_risen_when_its_bath_came_evenly(t: float) -> None:
+    """Against a sum of 20 000 sudden parts of the bath, each of which makes the surface rise with the root of time."""
+    parts = (np.arange(20_000) + 0.5) / 20_000
+    risen = float(np.sqrt(np.maximum(t - parts, 0.0)).mean())
+    assert _less_swollen(1.0, t) == pytest.approx(1.0 - risen / t**0.5, abs=1e-6)  # the sum's own error at s = t
+
+
+def test_rows_while_a_bath_comes_are_said() -> None:
+    base = scene(**DRAINING | SWELLING)
+    (said,) = (doubt.words for doubt in base.plan.doubts if doubt.key == "bath")
+    last = max(t for t in base.physics.path.times if t < BATH_IS_SUDDEN * base.physics.bath_ramp)
+    assert said.startswith(f"rows up to t = {last:.3g}: the bath comes within {base.physics.bath_ramp:.3g}")
+    assert not any(doubt.key == "bath" for doubt in scene(**DRAINING).plan.doubts)
