@@ -19,7 +19,7 @@ from indent_sim.results.reader import Results
 from indent_sim.results.writer import plain
 from indent_sim.run.companions import sensitivities as derivatives
 from indent_sim.run.prospect import foreseen
-from indent_sim.studies import conduct, curve_table
+from indent_sim.studies import conduct, curve_table, multiples
 from indent_sim.studies import plan as plan_study
 from indent_sim.studies.conduct import Study
 from indent_sim.studies.picture import curves_pictured
@@ -86,26 +86,30 @@ def study(
     return found
 
 
-def plot(shown: Result | Study | Sequence[Result], what: str = "force", **wish: Any) -> Figure:
+def plot(shown: Result | Study | Sequence[Result], what: str = "", **wish: Any) -> Figure:
     """The figure of results or of a study, which a notebook shows; `figure.savefig(path)` writes it.
 
-    what: panels, by commas: force, time, pressure, profile, fields, film; the others as `indent-sim plot` has:
-    fields, steps, units, width [mm], font [points], layout (rows, columns), letters "a", limits (low, high), zoom.
-    UsageError for what the results do not have. Of a study its curves.
+    what: panels, by commas: force [this one], time, pressure, pressure_x, pressure_y, profile, fields, film; the others
+    as `indent-sim plot` has: fields, steps, units, width [mm], font [points], layout (rows, columns), letters "a",
+    limits (low, high), zoom. UsageError for what the results do not have. Of a study curves [these], or one of force,
+    a, p_max and penetration over what varies.
     """
     from indent_sim.results.pictures import canvas, panels
 
     if isinstance(shown, Study):
-        if wish or what != "force":
-            raise UsageError("a study is drawn as its curves: give one of its runs for other panels")
+        if wish or what not in ("", "curves", *multiples.COLUMNS):
+            words = f"a study is drawn as curves, or as one of {', '.join(multiples.COLUMNS)}"
+            raise UsageError(f"{words}: give one of its runs for other panels")
         families = curve_table.of_runs(shown.directory / folder.RUNS, shown.rows, shown.keys)
         if not families.curves:
             raise UsageError(f"{shown.directory} has no run that is done")
         pictured = curves_pictured(families, shown.title)
+        if what in multiples.COLUMNS:
+            pictured = multiples.column_pictured(families, what, shown.title)
     else:
         several = [shown] if isinstance(shown, Results | str | Path) else list(shown)
         runs = [one if isinstance(one, Results) else reader.read(one) for one in several]
-        pictured = panels.pictured(runs, panels.wish({"what": _words(what)} | _listed(wish)))
+        pictured = panels.pictured(runs, panels.wish({"what": _words(what or "force")} | _listed(wish)))
     with pictured as figure:
         canvas.lay_out(figure)
         return figure

@@ -6,6 +6,7 @@ import io
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from indent_sim.fitting.curve_requirements import CurveRequirements
     from indent_sim.fitting.design import Design
     from indent_sim.fitting.inference.verdict import Interval
+    from indent_sim.model.state import State
     from indent_sim.results.compare import Comparison
     from indent_sim.run.chain import Outcome
     from indent_sim.run.prospect import Prospect
@@ -36,17 +38,19 @@ TIMES_IN_WORDS = {  # of a scene that is followed in time, in words
 NOT_KNOWN = 100.0  # high over low, from which on an interval says nothing
 WHOLE = 99.5  # per cent, from which on they are said without powers of ten
 LINES = 200  # most progress lines in a log
+SAME_FORCE = 1e-6  # relative: rows with one force, but for what the solver leaves of it
 
 Report = dict[str, Any]  # of a run, or a part of one
 
 
 @contextmanager
-def progress(tell: Callable[[str], None]) -> Iterator[Progress]:
+def progress(tell: Callable[[str], None], config: Config) -> Iterator[Progress]:
     """A function to call with every state: a bar on a terminal, plain lines in a log (stderr)."""
-    pace = Pace()
+    pace, is_flat = Pace(), "plane_strain" in (config.mesh.symmetry, getattr(config.body, "kinematics", ""))
+    units = _units_of_rows(vars(config.units), is_flat or config.body.shape == "strip")
     if not sys.stderr.isatty():
         yield lambda state, step, total: _log(
-            tell, str(state), f"{state.newton_iterations} iterations", step, total, pace
+            tell, state.said(units), f"{state.newton_iterations} iterations", step, total, pace
         )
         return
     from rich import progress as bars
@@ -56,14 +60,22 @@ def progress(tell: Callable[[str], None]) -> Iterator[Progress]:
     with bars.Progress(*columns, bars.TimeElapsedColumn(), console=Console(stderr=True)) as bar:
         task = bar.add_task("building the model", total=None)
         yield lambda state, step, total: bar.update(
-            task, completed=step, total=total, description=f"{state}  {pace.after(total - step)[1]}"
+            task, completed=step, total=total, description=f"{state.said(units)}  {pace.after(total - step)[1]}"
         )
 
 
+def _units_of_rows(units: Mapping[str, str], is_flat: bool) -> dict[str, str]:
+    """The units of time, depth, force and contact radius, as far as the scene has units; in plane strain forces are per
+    length."""
+    length, force = units.get("length", ""), units.get("force", "")
+    line = f"{force}/{length}" if is_flat and force and length else force
+    return {"t": "s" if length else "", "delta": length, "a": length, "force": line}
+
+
 def conclusion(outcome: Outcome) -> list[str]:
-    """The last lines of a run: its last row, theory beside it, the picture, and the warnings."""
+    """The last lines of a run: theory beside it, the picture, the warnings, and the row that it was made for."""
     report, theory = outcome.report, _part(outcome.report, "theory")
-    lines = [f"step {state.step}: {state}" for state in outcome.states[-1:]]
+    lines = []
     rows, before = len(outcome.states), outcome.resumed_after
     if before:
         some = f"resumed: {before} of the {rows} rows were there"
@@ -89,7 +101,75 @@ def conclusion(outcome: Outcome) -> list[str]:
         lines.append(f"in time by {report['time']['method']}: {report['time']['why']}")
     pictures = (outcome.directory / name for name in ("force_indentation.png", "experiment.png"))
     lines += [f"picture: {picture}" for picture in pictures if picture.exists()]
-    return lines + warnings(outcome)
+    return lines + warnings(outcome) + _answer(outcome)
+
+
+def _answer(outcome: Outcome) -> list[str]:
+    """What a run was made for: its last row, of a path that goes back or lasts also its loop and its largest force."""
+    states, report = outcome.states, outcome.report
+    if not states:
+        return []
+    units = _units_of_rows(_entries(report.get("units") or {}), _is_flat(report))
+    last = f"step {states[-1].step}: {states[-1].said(units)}"
+    top = row_of_interest(states, report.get("control") == "force")
+    if top is states[-1]:
+        return [last]
+    loses_work = any(state.t is not None or state.dissipation for state in states) or "adhesion" in report
+    loop = _loop(states, units) if loses_work else []  # an elastic body comes back along the way in
+    return [last, *loop, f"largest force, step {top.step}: {top.said(units)}"]
+
+
+def _is_flat(report: Report) -> bool:
+    """Whether forces are per length."""
+    choices = map(_entries, _part(report, "plan").get("choices") or [])
+    return any(one["key"] == "kinematics" and one["value"] == "plane_strain" for one in choices)
+
+
+def _entries(part: Any) -> Mapping[str, Any]:
+    """A part of a report as a mapping: of a run that was there before it was read from run.json."""
+    return part if isinstance(part, Mapping) else vars(part)
+
+
+def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State:
+    """The row of the largest force: of several alike the first one, or where forces are prescribed the deepest.
+
+    The last row where no force pushes, and where rows go on to larger forces up to their end.
+    """
+    top = max(state.force for state in states)
+    if not top > 0:
+        return states[-1]
+    alike = [state for state in states if state.force >= (1 - SAME_FORCE) * top]
+    if is_force_prescribed:
+        return max(alike, key=lambda state: state.delta)
+    return states[-1] if alike[-1] is states[-1] and len(alike) == 1 else alike[0]
+
+
+def _loop(states: Sequence[State], units: Mapping[str, str]) -> list[str]:
+    """The area between the way in and the way back, the work that the tip is not given back, beside that of the way in.
+
+    Nothing where the tip does not come back. The area is that of straight lines through the rows; how far these are
+    from the curve is judged by lines through every second row, which are four times as far.
+    """
+    rows = [(state.delta, state.force) for state in states]
+    if rows[0][0] > 0:  # the way in begins at first touch
+        rows.insert(0, (0.0, 0.0))
+    way = list(pairwise(rows))
+    way_in = sum(_work(*step) for step in way if step[1][0] > step[0][0])
+    if not any(end[0] < begin[0] for begin, end in way) or not way_in > 0:
+        return []
+    area = sum(_work(*step) for step in way)
+    turns = [i for i in range(1, len(rows) - 1) if (rows[i][0] - rows[i - 1][0]) * (rows[i + 1][0] - rows[i][0]) <= 0]
+    kept = sorted({*range(0, len(rows), 2), *turns, len(rows) - 1})
+    rough = sum(_work(rows[a], rows[b]) for a, b in pairwise(kept))
+    unit = f"{units['force']} {units['delta']}".strip()
+    said = f"loop of force over depth: area {area:.4g} ± {abs(area - rough) / 3:.1g} {unit}".rstrip()
+    open_end = ", not closed: the tip still pushes" if rows[-1][0] > 0 and rows[-1][1] > 0 else ""
+    return [f"{said}, {100 * area / way_in:.3g} % of the work of the way in{open_end}"]
+
+
+def _work(begin: tuple[float, float], end: tuple[float, float]) -> float:
+    """The work of a force that is straight between two pairs of depth and force."""
+    return (end[0] - begin[0]) * (begin[1] + end[1]) / 2
 
 
 def warnings(outcome: Outcome) -> list[str]:
