@@ -109,6 +109,11 @@ class Constants(NamedTuple):
     E: float
     nu: float
 
+    @property
+    def E_star(self) -> float:
+        """Plane-strain modulus E/(1 - nu^2) [pressure]."""
+        return self.E / (1 - self.nu * self.nu)
+
 
 class _Law(ABC):
     """What follows from the small-strain constants E and nu of any law, and from psi = rest + stiffness theta^2/2."""
@@ -143,8 +148,29 @@ class _Law(ABC):
     @property
     def E_star(self) -> float:
         """Small-strain plane-strain modulus E/(1 - nu^2) [pressure]."""
+        return self.constants.E_star
+
+    def softened(self, share: float) -> Constants:
+        """Small-strain constants of which a share of the shear modulus is left, and all of the bulk modulus.
+
+        Parameters
+        ----------
+        share : float
+            Of the shear modulus mu; 1 leaves the constants as they are.
+
+        Returns
+        -------
+        Constants
+            E = 9 kappa mu'/(3 kappa + mu') [pressure] and nu = (3 kappa - 2 mu')/(2 (3 kappa + mu')),
+            mu' = share mu: the less of mu is left, the nearer nu is to 1/2.
+        """
         E, nu = self.constants
-        return E / (1 - nu * nu)
+        if share == 1 or nu == 0.5:
+            return Constants(share * E, nu)
+        mu = share * E / (2 * (1 + nu))
+        kappa = E / (3 * (1 - 2 * nu))
+        softer = (3 * kappa - 2 * mu) / (2 * (3 * kappa + mu))
+        return Constants(2 * mu * (1 + softer), softer)
 
     @property
     def confined_modulus(self) -> float:

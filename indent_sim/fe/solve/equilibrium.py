@@ -161,12 +161,20 @@ class BodyEquilibrium:
 
     def _find(self, depth: float, algorithm: Callable[[], bool]) -> bool:
         before, self.problem.delta.value = self.problem.guess(), depth
+        self._follow(depth)
         if not algorithm():
             return False
         if why := self._why_impossible():
             self.newton.failure = why
             self.problem.take(before)
         return not why
+
+    def _follow(self, depth: float) -> None:
+        """Let the contact be as stiff as what the tip touches is at a depth, at this moment."""
+        below, first = self.matter.strains[0], self.scene.physics.material.E_star
+        below.expect(self.problem.body.before_depth, depth)
+        for term in self.touch:
+            term.follow(below.E_star / first, below.step_E_star / first)
 
     def _why_impossible(self) -> str:
         if not self.problem.is_admissible():
