@@ -215,7 +215,7 @@ class _Law(ABC):
         """The permeability of the deformed body over that at rest."""
         return self.flow.holmes_mow.factor(J) if self.flow and self.flow.holmes_mow else 1
 
-    def bath_pressure(self, bath: Expr) -> Expr:
+    def bath_pressure(self, bath: float) -> float:
         """The pressure [pressure] of a bath above that at rest."""
         return bath
 
@@ -717,14 +717,16 @@ class Gel(_Law):
             raise ValueError(f"no free swelling has a bath potential of {bath:g}; a bath below 0, or another chi")
         return 1 + found
 
-    def bath_pressure(self, bath: Expr) -> Expr:
-        """p_b = (G/n)(mu_bath - mu(l)) [pressure] of a bath of this chemical potential [kT]; > 0 where it swells."""
-        return self.G / self.n_omega * (bath - self.free_potential(self._l))
+    def bath_pressure(self, bath: float) -> float:
+        """p_b = (G/n)(mu_bath - mu(l)) [pressure] of a bath of this chemical potential [kT]; > 0 where it swells, and 0
+        in the bath in which it has swollen freely."""
+        above = bath - self.free_potential(self._l)
+        return float(self.G / self.n_omega * above) if abs(above) > SWELLING_ROUNDING else 0.0
 
     def held_swelling(self, bath_pressure: float) -> HeldSwelling:
         """At rest in a bath of this p_b [pressure] between walls as far apart as it is wide, free along one axis;
         ValueError where there is no such state."""
-        if abs(bath_pressure) <= SWELLING_ROUNDING * self.G / self.n_omega:
+        if bath_pressure == 0:
             return HeldSwelling(1.0, 0.0)
 
         def pull(growth: float) -> float:
@@ -804,7 +806,9 @@ class Gel(_Law):
         return self.G / self.n_omega * mixing - self.G * (1 / self._l - 1 / J0) * shrunk
 
 
-SWELLING_ROUNDING = 1e-14  # of G/n, a bath pressure that is 0
+# [kT] Between two chemical potentials that are the same: that of a free stretch found for a bath is off by 3e-16 at most
+# (300 random gels of chi 0 to 0.7, n_omega 1e-4 to 0.03, baths 0 and -1e-6 to -0.1)
+SWELLING_ROUNDING = 1e-14
 GROWTHS = tuple(10 ** (k / 20) for k in range(-240, 241))  # where a stretch less 1 is looked for
 
 

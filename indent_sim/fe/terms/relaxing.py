@@ -108,7 +108,7 @@ class Relaxing(Strain):
         self._take_means()
         self._found = []
         self._if_held = self._share_left(self._start.x.array, self._at_the_end(self._start.x.array))
-        self.E_star, self.step_E_star = self._E_star_of(self._if_held), self._E_star_of(float(self._stiffness.value))
+        self.E_star = self._E_star_of(self._if_held)
 
     def expect(self, began: float, depth: float) -> None:
         """Take the modulus between that of a strain that stands still and that of a further step, by the share of the

@@ -46,8 +46,7 @@ class Strain(Term):
     """int psi dOmega of a region's material. nominal_stress P = dpsi/dH and stress (Cauchy, P F^T/J; P itself at small
     strain) are UFL tensors (3, 3) [pressure], psi [pressure] and J = det F UFL scalars.
 
-    E_star [pressure] is the plane-strain modulus of the moment: the stress over the strain. step_E_star is that of a
-    further step: the change of stress over that of strain."""
+    E_star [pressure] is the plane-strain modulus of the moment: the stress over the strain."""
 
     is_matter = True
     psi: Expr
@@ -56,7 +55,7 @@ class Strain(Term):
         self.body, self.region = body, region
         scene, fields = body.scene, body.now.fields
         self.is_constant = region.material.small_strain
-        self.E_star = self.step_E_star = region.material.E_star
+        self.E_star = region.material.E_star
         self.fields = tuple(field.name for field in pressures(scene) if field.where == (region,))
         material = symbolic(region.material, body.mesh)
         H = ufl.variable(scene.physics.part.kinematics.gradient(fields["u"], body.X))

@@ -132,8 +132,8 @@ class Friction(Term):
         self._softened = factor
         self._take_stiffness()
 
-    def follow(self, softer: float, step: float) -> None:
-        """Let epsilon_t follow the modulus of the moment."""
+    def follow(self, softer: float) -> None:
+        """Let epsilon_t follow the modulus of what the tip touches."""
         self._followed = softer
         self._take_stiffness()
 

@@ -92,10 +92,9 @@ class Traction(Term):
         self._softened = factor
         self._take_stiffness()
 
-    def follow(self, softer: float, step: float) -> None:
-        """Let the law's stiffness follow the modulus of the moment; Nitsche's, whose stress answers to a step by the
-        modulus of that, no further than that."""
-        self._followed = max(softer, step) if self.law.multiplier == "stress" else softer
+    def follow(self, softer: float) -> None:
+        """Let the law's stiffness follow the modulus of what the tip touches."""
+        self._followed = softer
         self._take_stiffness()
 
     def _take_stiffness(self) -> None:
