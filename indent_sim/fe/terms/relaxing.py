@@ -15,9 +15,10 @@ so that the stage has a potential, psi_shear (rest + sum g_k (c_A + c_S)) + h : 
 the tensor h = -sum g_k (c_A A_k* + c_S S*) change from one to the next. A_k and S are kept at the points of the
 quadrature. Source: Simo (1987), Comput. Methods Appl. Mech. Eng. 60, 153.
 
-The share of the elastic shear stress that is left is ((rest + sum g_k) S - sum g_k A_k) : S/(S : S), summed over these points, which are
-close together where the tip presses. The contact is as stiff, and its edge is read off, as an elastic body of that share
-of the shear modulus has it: with the modulus of the first moment `a` was 60 % too small where 1e-4 of it is left.
+The share of the elastic shear stress that is left is ((rest + sum g_k) S - sum g_k A_k) : S/(S : S), summed over these
+points, which are close together where the tip presses. The contact is as stiff, and its edge is read off, as an elastic
+body of that share of the shear modulus has it: with the modulus of the first moment `a` was 60 % too small where 1e-4
+of it is left.
 """
 
 from __future__ import annotations
