@@ -105,8 +105,9 @@ def formulations(given: Given) -> Choices:
 def _formulation(region: Region, is_alone: bool) -> Choice:
     key = "material" if is_alone or region.name == "body" else f"body.{region.name}.material"
     key = f"body.{region.name}" if region.name.startswith("regions.") else key
-    nu, sign = region.material.constants.nu, ">=" if region.formulation == "mixed" else "<"
+    nu, sign = region.softest.nu, ">=" if region.formulation == "mixed" else "<"
     like = "" if region.material.is_isotropic else "as compressible as "
+    like = "its shear relaxes to " if region.least_share < 1 else like
     why = "as given" if region.material.formulation != "auto" else f"{like}nu = {nu:.6g} {sign} {LOCKING:g}"
     return Choice(f"{key}.formulation", region.formulation, why)
 

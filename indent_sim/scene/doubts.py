@@ -278,7 +278,7 @@ def _of_mesh(given: Given, sizes: Sizes) -> Iterator[Doubt]:
         remedy = "use smaller sizes everywhere, or leave them to the program"
         words = f"coarse elements at corners that the contact feels: {high}; {remedy}"
         yield Doubt("corners", words, sizes.corner_error)
-    nu, a = given.physics.material.constants.nu, given.a
+    nu, a = given.physics.largest_nu, given.a
     likely, at_last = _deepest_and_last(given, lambda delta, a: force_doubt(sizes, a, nu))
     shallowest = _radius(given, min((delta for delta in given.physics.deltas if delta > 0), default=given.deepest))
     words = ""

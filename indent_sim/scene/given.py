@@ -202,9 +202,15 @@ class Physics:
 
     @property
     def most_locked(self) -> float:
-        """The largest Poisson's ratio of displacement elements without fluid, whose pressure bears what would lock."""
+        """The largest Poisson's ratio, on the way, of displacement elements without fluid, whose pressure bears what
+        would lock."""
         regions = [one for one in self.part.regions if one.formulation == "displacement" and not one.material.flow]
-        return max((region.material.constants.nu for region in regions), default=0.0)
+        return max((region.softest.nu for region in regions), default=0.0)
+
+    @property
+    def largest_nu(self) -> float:
+        """Poisson's ratio of what the tip touches in its most incompressible state on the way."""
+        return self.part.regions[0].softest.nu
 
     @property
     def is_linear(self) -> bool:
@@ -640,8 +646,9 @@ def _regions(config: Config, layers: Layers) -> tuple[Region, ...]:
     regions, depths = [], np.cumsum([layer.thickness for layer in layers])
     for k, (layer, depth) in enumerate(zip(layers, depths, strict=True)):
         name, material = f"layers[{k}]" if len(layers) > 1 else "body", _material_of(layer)
-        formulation = _formulation(config.material_key(k), material)
-        regions.append(Region(name, material, formulation, -rounded(float(depth))))
+        share = _least_share(config, material)
+        formulation = _formulation(config.material_key(k), material, share)
+        regions.append(Region(name, material, formulation, -rounded(float(depth)), least_share=share))
     return tuple(regions)
 
 
@@ -649,15 +656,45 @@ def _inclusions(config: Config, body: Drawn | Endless, scales: Scales) -> Iterat
     """The regions of inclusions, lengths rounded likewise."""
     own = [_elastic(config, inclusion.material) for inclusion in config.body.inclusions or ()]
     for k, (inclusion, material) in enumerate(zip(body.inclusions or (), own, strict=True)):
-        matter, name = scales.scaled(material), f"inclusions[{k}]"
-        yield Region(name, matter, _formulation(f"body.{name}.material", matter), inclusion=_to_digits(inclusion))
+        matter, name, share = scales.scaled(material), f"inclusions[{k}]", _least_share(config, material)
+        formulation = _formulation(f"body.{name}.material", matter, share)
+        yield Region(name, matter, formulation, inclusion=_to_digits(inclusion), least_share=share)
 
 
-def _formulation(key: str, material: Material) -> str:
-    """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
-    nu, wanted = material.constants.nu, material.formulation
+def _least_share(config: Config, material: Material) -> float:
+    """What is left of a material's shear modulus when it has relaxed most on the way of a scene, at most 1."""
+    if not material.relaxes_in_shear:
+        return 1.0
+    return min(1.0, remaining(material.relaxation, config.loading.in_time))
+
+
+def _formulation(key: str, material: Material, least_share: float) -> str:
+    """Displacements alone, or with a pressure, for the most incompressible state of a material on its way.
+
+    Parameters
+    ----------
+    key : str
+        Where the material stands in the scene file.
+    material : Material
+        Its law at the first moment.
+    least_share : float
+        What is left of its shear modulus when it has relaxed most.
+
+    Returns
+    -------
+    str
+        displacement | mixed.
+
+    Raises
+    ------
+    ConfigError
+        Where the material or the elements that it asks for cannot.
+    """
+    nu, wanted = material.softened(least_share).nu, material.formulation
     chosen = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
     said = f"nu = {nu:g}" if material.is_isotropic else f"matter as compressible as nu = {nu:.6g}"
+    if least_share < 1:
+        said = f"shear that relaxes to {said}"
     if chosen == "displacement" and nu > MOST_COMPRESSED:
         raise ConfigError(f"{key}.formulation", f"displacement elements cannot carry {said}", "use 'mixed'")
     if chosen == "mixed" and nu <= 0:
@@ -733,7 +770,11 @@ def _piece_as_it_is(config: Config, piece: Piece, scales: Scales) -> tuple[Part,
     materials = [(key, scales.scaled(material)) for key, material in _materials(piece, config)]
     names = [f"regions.{name}" if name else "body" for name in piece.names]
     named = zip(names, materials, strict=True)
-    regions = tuple(Region(name, matter, _formulation(key, matter), 0.0) for name, (key, matter) in named)
+    shares = [_least_share(config, matter) for _, matter in materials]
+    regions = tuple(
+        Region(name, matter, _formulation(key, matter, share), 0.0, least_share=share)
+        for (name, (key, matter)), share in zip(named, shares, strict=True)
+    )
     part = part_from_file.part_of(piece.measured(scales.length), config.body, regions)
     known = "" if config.body.named == config.body.surfaces else ", its surfaces without a name by where they face"
     return part, f"a mesh from a file is modelled as it is{known}"

@@ -81,7 +81,7 @@ def fineness(config: Config, given: Given, per_radius: float | None) -> Fineness
         n = coarse * 2.0**refinements
     else:
         squeezed = max(a for _, a, _ in contacts) >= SQUEEZED_RATIO * physics.body.height
-        gives_way = squeezed and physics.material.constants.nu >= INCOMPRESSIBLE
+        gives_way = squeezed and physics.largest_nu >= INCOMPRESSIBLE
         is_confined = gives_way and not _is_sharp(physics.indenter)  # a sharp edge says where contact ends
         n = per_radius or elements_for(target, physics.part.dim, is_confined, steepness(physics.material.decay))
     stiffness_given = getattr(config.contact, "epsilon_n", "auto") != "auto"
@@ -190,7 +190,7 @@ def _keenness(given: Given, edge: float | None) -> float:
         return 1.0
     held = [support for name, support in physics.part.supports.items() if name != "base"]
     gap = max(physics.body.rim_distance(physics.center) - edge, 1e-9 * edge)
-    squeezed = 1 / max(1 - 2 * physics.material.constants.nu, 1e-9) ** 0.5 if physics.body.is_held else 1.0
+    squeezed = 1 / max(1 - 2 * physics.largest_nu, 1e-9) ** 0.5 if physics.body.is_held else 1.0
     sheared = (1 + edge / gap) ** 0.5 if "fixed" in held else 1.0
     return max(1.0, KEEN * min(1 + edge / gap, max(squeezed, sheared)))
 
@@ -198,7 +198,7 @@ def _keenness(given: Given, edge: float | None) -> float:
 def _at_corners(plain: Sizes, given: Given, settled: SettledSizes, wanted: Fineness | None) -> Sizes:
     """The sizes, smaller towards all corners where the contact feels one; in three dimensions that costs too much."""
     physics = given.physics
-    nu = physics.material.constants.nu
+    nu = physics.largest_nu
     around = corners(physics.part, physics.center, given.a, nu, plain.edge) if given.deepest > 0 else []
     if settled.h_corner and (physics.part.dim == 3 or not around):
         where = "bonded corners and narrow gaps beside the contact in a meshed section"
