@@ -435,8 +435,8 @@ def steps(given: Given, physics: Physics, sizes: Sizes) -> Choices:
     method = "SDIRK2" if physics.permeable else "the exponentials' own"
     why.append(f"{given.per_doubling} of each length in every piece of the history, then twice as long; {method}")
     first = first_step(given, physics, sizes.h_contact)
-    if given.history.control == "force" and given.history.jumps and not physics.path.sudden:
-        why.append("a sudden force on this column has no equilibrium: its row is the first step's")
+    if given.history.jumps and not physics.path.jumps:
+        why.append("a jump on this column has no equilibrium at once: the step after it begins before it")
     if physics.bath_ramp and any(physics.bath_pressure(one, physics.bath_ramp) for one in physics.permeable):
         why.append(f"the bath comes within {physics.bath_ramp:.3g}, since a sudden one has no equilibrium")
     return [Choice("time.first_step", float(f"{first:.4g}"), "; ".join(why))]
