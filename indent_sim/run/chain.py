@@ -34,6 +34,7 @@ from indent_sim.run.companions.accuracy import (
     refuse_other_bars,
     unjudged,
 )
+from indent_sim.run.companions.drained_film import film_of
 from indent_sim.run.companions.error_bars import (
     Bars,
     Companion,
@@ -238,7 +239,13 @@ class Run:
                 companions = [Companion(ratio, self._curve(other), other) for ratio, other in others]
             soft = softer(companions[0].scene) if companions[0].scene else None
             curve = self._curve(soft) if soft else None
-            return ErrorBars(attempt.scene, companions, curve, ways(companions[0], self._curve))
+            return ErrorBars(
+                attempt.scene,
+                companions,
+                curve,
+                ways(companions[0], self._curve),
+                film_of(attempt.scene, self._curve),
+            )
 
     def _stick(self, run: Companion, bars: Bars) -> dict[str, Any] | None:
         """What no slip would change of the deepest force: as the plan knows it, or solved beside the run."""

@@ -20,28 +20,35 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import exp, log
+from math import exp, inf, log
 
+import numpy as np
 from scipy.optimize import brentq
 
 from indent_sim.model.body import Conductance
-from indent_sim.model.loading import History, LoadPath
+from indent_sim.model.loading import LoadPath
 from indent_sim.scene.given import Given, Physics
 from indent_sim.scene.theories import undrained
 from indent_sim.theory.surface.drainage import drained_length, excess_length
 
 SPREAD = 9 / 8  # mean square of a paraboloid's pressure over the square of its mean
 STEP = 0.9  # of a depth: a second one, for slopes
+SAME_SPEED = 1e-6  # relative: of one piece of a path, but for rounding
 LEAST_VALUE = 0.05  # of the largest depth or force: earlier rows are not asked for a film's error
 
 
-@dataclass(frozen=True)
+@dataclass
 class Piece:
-    """A piece of a history: from a time and a value to others, or a jump."""
+    """A piece of a path in which the value changes evenly, or a jump: its begin and end in time, and the change."""
 
     begin: float
     end: float
     change: float
+
+    @property
+    def speed(self) -> float:
+        """The change in a unit of time; infinite where it jumps."""
+        return self.change / (self.end - self.begin) if self.end > self.begin else inf
 
 
 @dataclass(frozen=True)
@@ -52,18 +59,35 @@ class Row:
     changes: tuple[tuple[float, float, float], ...]
     value: float
 
-    def excess(self, h: float, diffusivity: float) -> float:
-        """`excess_length` [length] of elements h [length] at a face, of the row's pressure, times its value: the sum of
+    def drained(self, diffusivity: float) -> float:
+        """`drained_length` [length] of the row, by the value of the largest: what each change has drained."""
+        return sum(abs(change) * drained_length(diffusivity, since, over) for change, since, over in self.changes)
+
+    def excess(self, h: np.ndarray | float, diffusivity: float) -> np.ndarray | float:
+        """`excess_length` [length] of elements h [length] at a face, by the pressure of the largest value: the sum of
         what each change has left."""
         lengths = ((abs(change), drained_length(diffusivity, since, over)) for change, since, over in self.changes)
         return sum(change * excess_length(h, length) for change, length in lengths)
 
 
-def rows_of(history: History, path: LoadPath) -> list[Row]:
-    """The rows of a path of a history, with what has changed until then; values over the largest of them."""
+def rows_of(path: LoadPath) -> list[Row]:
+    """The rows of a path in time, with what has changed until then; values over the largest of them."""
     largest = max(path.values)
-    pieces = [Piece(t0, t1, (v1 - v0) / largest) for (t0, v0), (t1, v1) in pairwise(history.from_rest)]
-    return [Row(tuple(_changes(pieces, t)), value / largest) for t, value in zip(path.times, path.values, strict=True)]
+    legs = [path.leg(step) for step in range(1, len(path.values) + 1)]
+    pieces = _pieces([(0.0, 0.0), *((value / largest, t) for leg in legs for value, t in leg)])
+    return [Row(tuple(_changes(pieces, leg[-1][1])), leg[-1][0] / largest) for leg in legs]
+
+
+def _pieces(places: Sequence[tuple[float, float]]) -> list[Piece]:
+    """The pieces between places (value, time), as long as they are."""
+    found: list[Piece] = []
+    for (before, begin), (value, end) in pairwise(places):
+        piece = Piece(begin, end, value - before)
+        if found and end > begin and abs(piece.speed - found[-1].speed) <= SAME_SPEED * abs(piece.speed):
+            found[-1].end, found[-1].change = end, found[-1].change + piece.change
+        elif end > begin or value != before:
+            found.append(piece)
+    return found
 
 
 def _changes(pieces: Sequence[Piece], t: float) -> list[tuple[float, float, float]]:
@@ -143,7 +167,7 @@ def share_of(rows: Sequence[Row], h: float, diffusivity: float, power: float) ->
     """The largest `excess_length` [length] of elements h [length] over the rows; `power`: of the force as a function of
     the value, 0 where errors are relative to the largest force."""
     asked = [row for row in rows if row.value >= LEAST_VALUE]
-    return max((row.excess(h, diffusivity) * exp(-power * log(row.value)) for row in asked), default=0.0)
+    return max((float(row.excess(h, diffusivity)) * exp(-power * log(row.value)) for row in asked), default=0.0)
 
 
 def size_for(rows: Sequence[Row], most: float, diffusivity: float, power: float, coarse: float, fine: float) -> float:

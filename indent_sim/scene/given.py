@@ -503,7 +503,7 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
         first = first_step(given, physics, h_contact)
         physics = replace(physics, bath_ramp=0.0 if physics.small_strain else RAMP_STEPS * first)
         path = given.history.in_steps(first, given.per_doubling)
-        if path.jumps and _is_locked(physics):
+        if path.jumps and is_locked(physics):
             path = _without_sudden(path, "loading.force_history" if path.control == "force" else "loading.history")
     tip, height = given.relative, physics.body.height
     return replace(
@@ -511,7 +511,7 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
     )
 
 
-def _is_locked(physics: Physics) -> bool:
+def is_locked(physics: Physics) -> bool:
     """Whether a tip as wide as a body between its walls finds no way to press it while no fluid leaves."""
     tip, body = physics.indenter, physics.body
     is_as_wide = isinstance(tip, FlatPunch) and tip.radius >= body.rim_distance(physics.center) * (1 - AT_RIM)

@@ -259,7 +259,7 @@ def films_of(given: Given, plain: Sizes, asked: float | None, error: float) -> t
     assert given.history is not None
     physics, a, D = given.physics, given.a, films.slowest(given.physics)
     path = in_time(given, physics, plain.h_contact).path
-    rows = films.rows_of(given.history, path)
+    rows = films.rows_of(path)
     faces = films.drained_faces(given, min(t for t in path.times))
     h_film = asked
     if h_film is None:

@@ -264,8 +264,9 @@ class BodyEquilibrium:
         numbers |= self._of_fluid()
         return numbers | measure.contact(self.observed)
 
-    def _of_fluid(self) -> dict[str, float]:
-        """What has left the whole body or moved in it, what is neither there nor gone, and the largest pressure."""
+    def _of_fluid(self) -> dict[str, Any]:
+        """What has left the whole body or moved in it, what is neither there nor gone, and the largest pressure; of a
+        sudden step what its drained faces are about to lose."""
         flow, valve, comm = self.matter.flow, self.matter.valve, self.problem.comm
         if flow is None or valve is None:
             return {}
@@ -273,7 +274,9 @@ class BodyEquilibrium:
         shares = (valve.outflow(), content.sum(), np.abs(content).sum())
         left, kept, moved = (self.problem.whole(float(mine)) for mine in shares)
         largest = comm.allreduce(float(flow.at_corners().max(initial=-np.inf)), op=MPI.MAX)
-        return {"outflow": left, "moved": moved, "unbalanced": abs(left + kept), "pore_pressure_max": largest}
+        found = {"outflow": left, "moved": moved, "unbalanced": abs(left + kept), "pore_pressure_max": largest}
+        is_sudden = float(self.problem.body.dt.value) == 0
+        return found | ({"drained": valve.drained()} if is_sudden else {})
 
 
 class SolvedBody(WholeBody):

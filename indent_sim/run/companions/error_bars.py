@@ -24,6 +24,7 @@ from indent_sim.model.contact import Anchor, AugmentedLagrangian, Friction, Nits
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.usage import machine_memory
+from indent_sim.run.companions.drained_film import DrainedFilm
 from indent_sim.scene import fineness
 from indent_sim.scene.corners import POWER
 from indent_sim.scene.cost import MOST_CANDIDATES, Work, candidates, cost
@@ -102,9 +103,9 @@ class Companion:
 @dataclass(frozen=True)
 class Budget:
     """What makes up the half-width of a step's error bar [force]: mesh, penalty stiffness, the finite body that stands
-    for a half-space or flat facets for a curved surface (`truncation`), with friction the steps of the path, and of a
-    body that evolves the steps in time; `theory` is how far the force is from that of a theory that is exact for this
-    body."""
+    for a half-space or flat facets for a curved surface (`truncation`), with friction the steps of the path, of a body
+    that evolves the steps in time, and of one that drains the films beside its drained faces; `theory` is how far the
+    force is from that of a theory that is exact for this body."""
 
     step: int
     discretisation: float
@@ -113,11 +114,12 @@ class Budget:
     theory: float = 0.0
     path: float = 0.0
     time: float = 0.0
+    film: float = 0.0
 
     @property
     def estimated(self) -> float:
         """The sum of the parts [force]."""
-        return self.discretisation + self.enforcement + self.truncation + self.path + self.time
+        return self.discretisation + self.enforcement + self.truncation + self.path + self.time + self.film
 
     @property
     def total(self) -> float:
@@ -324,10 +326,15 @@ class ErrorBars:
     """
 
     def __init__(
-        self, scene: Scene, companions: Sequence[Companion], soft: States | None = None, ways: Ways | None = None
+        self,
+        scene: Scene,
+        companions: Sequence[Companion],
+        soft: States | None = None,
+        ways: Ways | None = None,
+        film: DrainedFilm | None = None,
     ):
         self.budgets: list[Budget] = []
-        self.companions, self._ways = companions, ways
+        self.companions, self._ways, self._film = companions, ways, film
         self._coarser = [companion.curve for companion in companions]
         self._soft = None if soft is None else _curve(soft)
         self._run: Curve = {}
@@ -355,6 +362,7 @@ class ErrorBars:
             enforced, shape = self._enforcement(state.step) * force, self._misshapen(state) * force
             mesh, path = self._discretisation(state), self._path(state, "force")
             of_path = {"time" if self._physics.evolves else "path": path}
+            of_path |= {"film": self._film.error(state)} if self._film else {}
             budget = Budget(state.step, mesh, enforced, shape, theory, **of_path)
         self.budgets.append(budget)
         slope = self._slope(state) if self._finds_depths else 0.0

@@ -123,14 +123,14 @@ def drained_length(diffusivity: float, since: float, over: float = 0.0) -> float
     return 4.0 / 3.0 * math.sqrt(diffusivity / math.pi) * (since**1.5 - (since - over) ** 1.5) / over
 
 
-def excess_length(h: float, drained: float) -> float:
+def excess_length(h: np.ndarray | float, drained: float) -> np.ndarray | float:
     """By how much elements of linear pressure and the height h [length] at a drained face overstate `drained_length`.
 
     In Laplace space a half-space drains (D/s)^(1/2), and a row of elements with p = 0 at its end (D/s + h^2/12)^(1/2),
     h/12^(1/2) if no time passes at all. At a time t the difference is at most (drained^2 + h^2/12)^(1/2) - drained:
     equal to it where h is large, 1.2 (ramp) to 1.6 (jump) times too large where h is small.
     """
-    return math.hypot(drained, h / math.sqrt(12.0)) - drained
+    return np.hypot(drained, h / math.sqrt(12.0)) - drained
 
 
 class DrainageTimes(NamedTuple):
