@@ -196,6 +196,8 @@ h_axis [length]: element size at the tip's axis; from it sizes grow with the dis
 h_edge [length]: element size at the sharp edge of a flat punch; without it a fraction of h_contact
 h_corner [length]: element size at the corners of the section that the contact feels: where a fixed face meets a free
   one, and where it ends close to a side; without it a given h_contact has none of its own there
+h_film [length]: element size at drained faces next to the contact, in a section; without it a given h_contact has none
+  of its own there
 h_inclusions [length]: element size inside each inclusion, in their order; without it by what the force feels of each
 h_layers [length]: element size inside each skin of a cap or ball, from the outermost; without it a share of its
   thickness

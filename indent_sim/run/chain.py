@@ -35,6 +35,7 @@ from indent_sim.run.companions.accuracy import (
     unjudged,
 )
 from indent_sim.run.companions.companion import Companion, beside, softer
+from indent_sim.run.companions.drained_film import film_of
 from indent_sim.run.companions.error_bars import Bars, ErrorBars, TheoryBars, ways
 from indent_sim.run.companions.sticking import bearer, sticks
 from indent_sim.run.plausibility import unresolved
@@ -230,7 +231,9 @@ class Run:
                 companion = Companion(ratio, self._curve(other), other)
             soft = softer(companion.scene) if companion.scene else None
             curve = self._curve(soft) if soft else None
-            return ErrorBars(attempt.scene, companion, curve, ways(companion, self._curve))
+            in_halves = ways(companion, self._curve)
+            film = film_of(attempt.scene, self._curve)
+            return ErrorBars(attempt.scene, companion, curve, in_halves, film)
 
     def _stick(self, run: Companion, bars: Bars) -> dict[str, Any] | None:
         """What no slip would change of the deepest force: as the plan knows it, or solved beside the run."""

@@ -509,15 +509,15 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
         first = first_step(given, physics, h_contact)
         physics = replace(physics, bath_ramp=0.0 if physics.small_strain else RAMP_STEPS * first)
         path = given.history.in_steps(first, given.per_doubling)
-        if _is_locked(physics) and path.control == "force":
-            path = _without_sudden(path)
+        if path.jumps and is_locked(physics):
+            path = _without_sudden(path, "loading.force_history" if path.control == "force" else "loading.history")
     tip, height = given.relative, physics.body.height
     return replace(
         physics, path=path, deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales)
     )
 
 
-def _is_locked(physics: Physics) -> bool:
+def is_locked(physics: Physics) -> bool:
     """Whether a tip as wide as a body between its walls finds no way to press it while no fluid leaves."""
     tip, body = physics.indenter, physics.body
     is_as_wide = isinstance(tip, FlatPunch) and tip.radius >= body.rim_distance(physics.center) * (1 - AT_RIM)
@@ -528,14 +528,15 @@ def _is_locked(physics: Physics) -> bool:
     return bool(is_as_wide and is_closed and is_full)
 
 
-def _without_sudden(path: LoadPath) -> LoadPath:
-    """The path without the rows at which a force comes at once: it has no equilibrium, which begins a step later."""
-    if path.sudden and (path.turns or len(path.sudden) == len(path.values)):
-        problem = "holds a sudden force on a column that cannot give way before its fluid does: it has no equilibrium"
-        raise ConfigError(
-            "loading.force_history", problem, "let it grow, or times: auto, whose first row is a step later"
-        )
-    return path.without(path.sudden)
+def _without_sudden(path: LoadPath, key: str) -> LoadPath:
+    """The path without the places that it reaches in no time; ConfigError where such a place is a row that `times` asks
+    for, or where there is no other row."""
+    asked = path.sudden if path.turns else ()
+    if asked or len(path.sudden) == len(path.values):
+        at = f" at t = {path.times[asked[0] - 1]:g}" if asked else ""
+        problem = f"jumps{at} on a column that cannot give way before its fluid does: there is no equilibrium then"
+        raise ConfigError(key, problem, "ask for a later time, or let it grow")
+    return path.without_sudden()
 
 
 def first_step(given: Given, physics: Physics, h_contact: float) -> float:
