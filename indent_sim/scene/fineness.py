@@ -20,7 +20,6 @@ PRESETS = {"fast": 0.05, "balanced": 0.01, "accurate": 0.001}
 CONSTANT = {2: 0.65, 3: 0.33}
 RATE = 2.5
 BLUNT = 2.0  # with fewer elements than this the error grows no more as n^-RATE
-BLUNT_NESTED = 1.0  # of a mesh and the same refined (30 sections: bars hold as many errors and are a third narrower)
 FEWEST_ELEMENTS = {2: 5.0, 3: 4.6}  # elements in the contact radius, by dim: two meshes much coarser say nothing
 MOST_ELEMENTS = 1000.0
 GRADING_FACTOR = {2: 1.0, 3: 0.6}  # grading times n^EASING, by dim
@@ -97,9 +96,9 @@ def target_of(accuracy: float | str | None) -> float | None:
     return PRESETS[accuracy] if isinstance(accuracy, str) else accuracy
 
 
-def fading(n: float, blunt: float = BLUNT) -> float:
+def fading(n: float) -> float:
     """How the error falls with the elements in the contact radius, up to a factor that is the scene's own."""
-    return float((n**4 + blunt**4) ** (-RATE / 4))
+    return float((n**4 + BLUNT**4) ** (-RATE / 4))
 
 
 def elements_for(target: float, dim: int, is_confined: bool = False, steeper: float = 1.0) -> float:

@@ -47,7 +47,6 @@ LEAST_DISK = 1e-5  # of the longest side of a box, a punch's radius: below 3e-6 
 SQUEEZED_RATIO = 1.0  # contact radius over height from which a layer is squeezed rather than indented
 KEEN = 0.74  # of (1 + radius/gap), by how much more a punch's radius is felt beside a wall: to 20 %, by layer theory
 CORNERS = 0.1  # of the error of the force that all else may cost, what the corners may cost
-RULE = 0.25  # and from what share on they rule how the force converges
 HEARD = 0.25  # of the error of the force that all else may cost, what inclusions may cost
 PER_SKIN = 1.5  # elements across a skin: see `test_skins`
 ACROSS = {2: (2.0, 30.0), 3: (2.0, 6.0)}  # elements in half the thickness of an inclusion, from and to, by dim
@@ -211,8 +210,7 @@ def _at_corners(plain: Sizes, given: Given, settled: SettledSizes, wanted: Finen
     there = [(corner, float(plain.at(np.array(corner.r), np.array(corner.depth)))) for corner in around]
     cost = max((corner.error(size) for corner, size in there), default=0.0)
     if physics.part.dim == 3:
-        ruled = any(corner.size(RULE * error, n) < size for corner, size in there)
-        return replace(plain, corner_error=cost, ruled_by_corners=ruled)
+        return replace(plain, corner_error=cost)
     h, is_open = settled.h_corner, wanted is not None or settled.h_contact is None
     if h is None and is_open and any(corner.size(CORNERS * error, n) < size for corner, size in there):
         h = min(corner.size(CORNERS * error, n) for corner in around)
