@@ -298,6 +298,8 @@ def _is_first_touch(scene: Scene, state: State) -> bool:
     depth, deepest = state.delta / scene.physics.scales.depth, scene.physics.deepest
     if depth <= 0 or deepest <= depth:
         return depth <= 0
+    if scene.physics.is_compressed:
+        return depth <= FIRST_TOUCH * deepest
     radius_at = relative_tip(scene.physics.indenter, scene.physics.body).radius_at
     return depth * radius_at(depth) <= FIRST_TOUCH * deepest * radius_at(deepest)
 

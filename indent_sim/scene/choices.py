@@ -15,7 +15,7 @@ from indent_sim.model.body import Endless, MeshFromFile
 from indent_sim.model.contact import Adhesion, Anchor, AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.materials import LOCKING
-from indent_sim.model.tips import FlatPunch, Indenter, reach
+from indent_sim.model.tips import FlatPunch, Indenter, Plate, reach
 from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES, Cost
@@ -55,6 +55,7 @@ NEARLY_LOCKED, RIGID = 0.495, 3e5
 JKR_WHY = "the JKR limit: exact for this body where the attraction's range is short"
 TING_WHY = "Lee & Radok while the contact grows, Ting while it shrinks: exact for one body or layers that relax alike"
 STEP_WHY = "contact stepped in time on the compliance, to 1e-4: the history is no single cycle of depths"
+AS_WIDE_WHY = "the punch is as wide as the body: a plane, whose edge does not cut into a rim that bulges"
 UNITS = "check work, R and E: are they in the same units?"
 QUASI_WHY = "every point an equilibrium of the elastic curve"
 SPREAD, FILLED = 500.0, 0.95  # of a mesh: between its contacts that come off and the deepest; of the way to the rim
@@ -123,7 +124,7 @@ def gap(wanted: Contact, given: Given) -> tuple[str, Choice]:
         outcome = "gap: current cannot tell how a body gives way to such a needle"
         problem = f"the depth is {given.deepest / end:.3g} times the radius at which the tip ends: {outcome}"
         raise ConfigError("indenter", problem, "give both in the same unit of length")
-    if chosen == "current" and physics.part.pins:
+    if chosen == "current" and physics.part.pins and not physics.is_compressed:
         remedy = "fix the base, hold a side, use gap: reference, or put the tip in the middle and use symmetry"
         raise ConfigError("contact.gap", f"'current' {SIDEWAYS}", remedy)
     return chosen, Choice("contact.gap", chosen, "as given" if wanted.gap != "auto" else GAP_WHY[chosen])
@@ -506,8 +507,11 @@ def _refuse_unlike_contacts(given: Given, smallest: float, largest: float) -> No
         raise ConfigError("experiment.adhesion.work", problem, "do not go as deep, or solver.method: theory")
 
 
-def tip(given: Given, gap: str) -> tuple[Indenter, Choices]:
-    """The tip, with a small radius at a sharp apex or edge where the gap needs a normal everywhere."""
+def tip(config: Config, given: Given, gap: str) -> tuple[Indenter, Choices]:
+    """The tip, with a small radius at a sharp apex or edge where the gap needs a normal everywhere; a plate in place of
+    a punch that is as wide as the body."""
+    if isinstance(given.physics.indenter, Plate) and isinstance(config.indenter, FlatPunch):
+        return given.physics.indenter, [Choice("indenter.shape", "plate", AS_WIDE_WHY)]
     physics, body = given.physics, given.physics.body
     sharp, key = physics.indenter, "edge_radius" if isinstance(physics.indenter, FlatPunch) else "tip_radius"
     if gap == "reference" or getattr(sharp, key, 1.0) > 0:

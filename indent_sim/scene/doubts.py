@@ -147,15 +147,17 @@ def _of_model(given: Given) -> Iterator[Doubt]:
     physics = given.physics
     body, material, tip, delta, a = physics.body, physics.material, physics.indenter, given.deepest, given.a
     strain, formula = characteristic_strain(given.relative, delta, a)
+    if physics.is_compressed:
+        strain, formula = delta / body.height, "delta/height"
     if physics.small_strain and strain > SMALL:
         yield Doubt("small_strain", f"strains near {formula} = {strain:.2g}: small strain is no longer a good model")
     if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
         words = "depth beyond R/10: a sphere of this R would feel at least 1 % less than the paraboloid"
         yield Doubt("paraboloid", words)
-    if physics.small_strain and delta > 0.1 * body.height:
+    if physics.small_strain and delta > 0.1 * body.height and not physics.is_compressed:  # or it is said twice
         share = f"depth is {delta / body.height:.0%} of the thickness"
         yield Doubt("small_strain", f"{share}: small strain is no longer a good model")
-    if a > 0.8 * body.rim_distance(physics.center):
+    if a > 0.8 * body.rim_distance(physics.center) and not physics.is_compressed:
         yield Doubt("rim", "the contact comes close to the edge of the body")
     if (nu := physics.most_locked) >= LOCKING:
         yield Doubt("locking", f"nu = {nu:g} with displacement elements: pressures oscillate, forces are too high")

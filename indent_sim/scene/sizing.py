@@ -106,6 +106,8 @@ def _contact(given: Given, delta: float) -> tuple[float, float, float]:
 def _edge(given: Given, gap: str) -> float | None:
     """Radius of an edge at which the pressure is singular, or nearly: a punch's, or of a tip's end that is reached."""
     tip, a = given.physics.indenter, given.a
+    if given.physics.is_compressed:
+        return None  # the edge, where there is one, is beyond the body
     if isinstance(tip, FlatPunch):
         if given.physics.part.dome and a < AT_END * tip.radius:
             return None  # the curved top ends the contact
@@ -202,7 +204,8 @@ def _at_corners(plain: Sizes, given: Given, settled: SettledSizes, wanted: Finen
     """The sizes, smaller towards all corners where the contact feels one; in three dimensions that costs too much."""
     physics = given.physics
     nu = physics.largest_nu
-    around = corners(physics.part, physics.center, given.a, nu, plain.edge) if given.deepest > 0 else []
+    end = given.a if physics.is_compressed else plain.edge
+    around = corners(physics.part, physics.center, given.a, nu, end) if given.deepest > 0 else []
     if settled.h_corner and (physics.part.dim == 3 or not around):
         where = "bonded corners and narrow gaps beside the contact in a meshed section"
         raise ConfigError("mesh.h_corner", f"is for {where}, and this scene has none", "leave it out")
