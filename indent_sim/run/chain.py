@@ -82,7 +82,8 @@ def simulate(
     scene: what the config becomes, where that is known. With `resume` the rows of an earlier run of the same config
     stay, and the others are computed. With `error_bars`, or `accuracy` in the config, every row has its force_error;
     `accuracy` refines the mesh until it is small enough.
-    Rows of another config file are not replaced, but with `overwrite`.
+    Rows of another config file and a finished run of another scene are replaced with `overwrite` alone; a finished run
+    of the same scene is replaced once this one is done.
     Raises ConfigError, UsageError, MeshError, NotConverged, VerificationError, BackendError; what was computed
     before a failure is on disk.
     """
@@ -150,7 +151,7 @@ class Run:
             return outcome
         columns, body = (*scene.columns, *self._columns(scene)), config.body
         mesh = self._piece.text(body) if self._piece and isinstance(body, MeshFromFile) else ()
-        folder = {"columns": columns, "file": "" if self._overwrite else config.source.name, "resume": resume}
+        folder = {"columns": columns, "guard": not self._overwrite, "resume": resume}
         opened = Record(self.comm, self.target, text, said, surface=config.output.surface, mesh=mesh, **folder)
         with opened as record, unmasked(), spent():
             plan, self._beside = scene.plan, record.beside
