@@ -68,7 +68,7 @@ class TestOneRun:
         forces.force_indentation(a_result(units={}), tmp_path / "picture.png")
         canvas.lay_out(figures[0])
         along = figures[0].axes[0].xaxis
-        assert "10^{-5}" in along.get_offset_text().get_text().replace("\N{MINUS SIGN}", "-")
+        assert along.get_offset_text().get_text() == "×10⁻⁵"
 
     def test_the_words_on_it(self, svg):
         forces.force_indentation(a_result(error=True), svg)

@@ -35,6 +35,7 @@ FONT = 10.0  # points
 PICTURE_FORMATS = (".png", ".svg", ".pdf")
 DPI = {"png": 160, "svg": 200, "pdf": 300}  # of what is drawn point by point
 MOST_TICKS, TICK_LABEL_GAP = 6, 3.0  # bins of an axis, and pixels between its numbers
+RAISED = str.maketrans("-\N{MINUS SIGN}0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")  # an exponent
 MANY = 40  # points from which a line carries no markers
 LETTER, LINE = 0.07, 0.2  # inches: width of a letter and height of a line in a legend
 LEGEND_LEFT = 0.6  # inches: of a legend below all panels
@@ -54,7 +55,6 @@ STYLE: Look = {
     "figure.dpi": 100,  # in which labels are measured
     "legend.framealpha": 0.85,  # a long line of text may cross a steep curve
     "text.usetex": False,  # titles are text, and LaTeX is a program
-    "axes.formatter.use_mathtext": True,  # a power of ten beside an axis is written as one
     "svg.hashsalt": "indent-sim",  # the same results give the same file
     **{"axes.titlesize": "medium", "axes.formatter.limits": (-3, 4), "lines.linewidth": 1.6},
     **{"legend.fontsize": "small", "legend.edgecolor": "none"},
@@ -233,12 +233,33 @@ def element(draw: Callable[[Path], None]) -> str:
     return text.replace("<svg ", '<svg role="img" ', 1)
 
 
+def _write_powers(figure: Figure) -> None:
+    """Write the power of ten beside a linear axis as "×10⁻³", where matplotlib writes "1e-3" or a formula."""
+    from matplotlib.ticker import ScalarFormatter
+
+    class Numbers(ScalarFormatter):
+        def get_offset(self) -> str:
+            return _with_power(super().get_offset())
+
+    for axes in figure.axes:
+        for along in (axes.xaxis, axes.yaxis):
+            if type(along.get_major_formatter()) is ScalarFormatter:
+                along.set_major_formatter(Numbers(useMathText=False))
+
+
+def _with_power(offset: str) -> str:
+    """What matplotlib writes beside an axis, "1e-3+2e2", with its powers as one reads them: "×10⁻³+2×10²"."""
+    powers = re.sub(r"e([-+\N{MINUS SIGN}]?\d+)", lambda found: f"×10{found[1].translate(RAISED)}", offset)
+    return re.sub(r"(?<![\d.])1(?=×)", "", powers)
+
+
 def lay_out(figure: Figure) -> None:
     """Find the places of all panels once and for all, by matplotlib's constrained layout.
 
     Where numbers along an axis would touch, it gets fewer of them. The layout is found twice: fewer numbers, and
     panels that are true to scale, need another room than the first one left them.
     """
+    _write_powers(figure)
     find_places(figure)
     thin_numbers(figure)
     find_places(figure)
