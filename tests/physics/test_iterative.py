@@ -14,7 +14,9 @@ from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.iterative import Iterative
 from indent_sim.model.state import State
 from indent_sim.run import chain
-from indent_sim.run.companions.error_bars import Companion, ErrorBars, beside, sticks
+from indent_sim.run.companions.companion import Companion, beside
+from indent_sim.run.companions.error_bars import ErrorBars
+from indent_sim.run.companions.sticking import sticks
 from indent_sim.run.readings import Readings
 from indent_sim.run.simulation import backend
 from indent_sim.scene.expected import Stick
@@ -125,8 +127,8 @@ def test_error_bars_are_those_of_factorisations() -> None:
     bars = []
     for linear in ("direct", "iterative"):
         base = on(linear, {"mesh": {"h_contact": 0.15, "h_far": 0.8}, "loading": {"delta": 0.04, "steps": 1}})
-        companions = [Companion(ratio, solve(other), other) for ratio, other in beside(base, [])]
-        bars.append(ErrorBars(base, companions).judged(solve(base)[-1]).force_error)
+        ratio, other = beside(base)
+        bars.append(ErrorBars(base, Companion(ratio, solve(other), other)).judged(solve(base)[-1]).force_error)
     assert bars[0] and bars[1] == pytest.approx(bars[0], rel=1e-5)
 
 
@@ -141,7 +143,7 @@ def test_what_no_slip_would_change_is_solved_by_a_factorisation(monkeypatch: Any
 
     expected, stick = found(direct), found(iterative)
     assert expected and stick and stick.percent == pytest.approx(expected.percent, rel=1e-6)
-    monkeypatch.setattr("indent_sim.run.companions.error_bars.machine_memory", lambda: 1e8)
+    monkeypatch.setattr("indent_sim.run.companions.sticking.machine_memory", lambda: 1e8)
     assert found(iterative) is None
 
 

@@ -45,7 +45,7 @@ SAME = 1e-8  # of the force, whoever solves the systems: Newton's residual is 1e
 
 def solved(folder: Path, **sections: Any) -> Outcome:
     """A run of the scene with other sections."""
-    return simulate(from_mapping(SCENE | sections), MPI.COMM_SELF, directory=folder / "out")
+    return simulate(from_mapping(SCENE | sections), MPI.COMM_SELF, directory=folder / "out", overwrite=True)
 
 
 @contextmanager

@@ -379,6 +379,11 @@ class CondensedState:
         """delta [length]."""
         return self.contact.depth
 
+    @property
+    def E_star(self) -> float:
+        """Plane-strain modulus of what the tip touches [pressure]: nothing of a condensed body takes time."""
+        return float(self.scene.physics.material.E_star)
+
     def nodal_displacement(self) -> np.ndarray:
         """Displacement (facets, nodes, dim): u_z; the horizontal part has no say in a reference gap."""
         u = np.zeros(self.trace.X.shape)
