@@ -147,15 +147,17 @@ def _of_model(given: Given) -> Iterator[Doubt]:
     physics = given.physics
     body, material, tip, delta, a = physics.body, physics.material, physics.indenter, given.deepest, given.a
     strain, formula = characteristic_strain(given.relative, delta, a)
+    if physics.is_compressed:
+        strain, formula = delta / body.height, "delta/height"
     if physics.small_strain and strain > SMALL:
         yield Doubt("small_strain", f"strains near {formula} = {strain:.2g}: small strain is no longer a good model")
     if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
         words = "depth beyond R/10: a sphere of this R would feel at least 1 % less than the paraboloid"
         yield Doubt("paraboloid", words)
-    if physics.small_strain and delta > 0.1 * body.height:
+    if physics.small_strain and delta > 0.1 * body.height and not physics.is_compressed:  # or it is said twice
         share = f"depth is {delta / body.height:.0%} of the thickness"
         yield Doubt("small_strain", f"{share}: small strain is no longer a good model")
-    if a > 0.8 * body.rim_distance(physics.center):
+    if a > 0.8 * body.rim_distance(physics.center) and not physics.is_compressed:
         yield Doubt("rim", "the contact comes close to the edge of the body")
     if (nu := physics.most_locked) >= LOCKING:
         yield Doubt("locking", f"nu = {nu:g} with displacement elements: pressures oscillate, forces are too high")
@@ -278,7 +280,7 @@ def _of_mesh(given: Given, sizes: Sizes) -> Iterator[Doubt]:
         remedy = "use smaller sizes everywhere, or leave them to the program"
         words = f"coarse elements at corners that the contact feels: {high}; {remedy}"
         yield Doubt("corners", words, sizes.corner_error)
-    nu, a = given.physics.material.constants.nu, given.a
+    nu, a = given.physics.largest_nu, given.a
     likely, at_last = _deepest_and_last(given, lambda delta, a: force_doubt(sizes, a, nu))
     shallowest = _radius(given, min((delta for delta in given.physics.deltas if delta > 0), default=given.deepest))
     words = ""
