@@ -239,9 +239,8 @@ class Simulation:
             self._audit(state)
         state = state if self.bars is None else self.bars.judged(state)
         if said := self.record.alone("check of its rows", lambda: contradiction(self.scene, state, self._rows), None):
-            remedy = "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
             place = f"step {state.step}, at delta = {state.delta:.6g}"
-            raise VerificationError(f"{place}, is a row that cannot be true: {said}; {remedy}")
+            raise VerificationError(f"{place}, is a row that cannot be true: {said}")
         return state
 
     @property
