@@ -841,8 +841,7 @@ def _check_scene(
 def _check_width(body: Body, tip: Indenter, center: Center) -> None:
     """ConfigError for a sharp punch wider than a flat top that it does not cover: its edge would cross that of the
     body."""
-    is_sharp = isinstance(tip, FlatPunch) and not tip.edge_radius and not isinstance(body, Dome)
-    if not is_sharp or covers_top(tip, body, center):
+    if not isinstance(tip, FlatPunch) or tip.edge_radius or isinstance(body, Dome) or covers_top(tip, body, center):
         return
     widest = body.rim_distance(body.center)
     if tip.radius > widest:
