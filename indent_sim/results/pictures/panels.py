@@ -152,6 +152,10 @@ def _laid_out(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list
     """The panels in the rows and columns asked for, in the order of the wish."""
     assert wish.layout is not None
     count, columns = wish.layout
+    if count * columns > MOST_PANELS:
+        raise UsageError(
+            f"--layout {count}x{columns} is for {count * columns} panels, a picture has {MOST_PANELS} at most"
+        )
     cells = [cell for what in wish.what for cell in _cells(runs, names, replace(wish, what=(what,)))]
     if len(cells) > count * columns:
         raise UsageError(f"--layout {count}x{columns} has room for {count * columns} panels; these are {len(cells)}")
