@@ -79,7 +79,8 @@ def unnamed_sections(hint: Any) -> tuple[str, ...]:
     """Names of the classes of a section without a tag that may stand in place of a word, as a conductance in place of
     `drained`; none for any other type."""
     parts = [core(part) for part in members(hint)] if hint is not None and tag_of(hint) is None else []
-    return tuple(part.__name__ for part in parts if dataclasses.is_dataclass(part)) if len(parts) > 1 else ()
+    kinds = [part for part in parts if isinstance(part, type) and dataclasses.is_dataclass(part)]
+    return tuple(kind.__name__ for kind in kinds) if len(parts) > 1 else ()
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import re
 import sys
@@ -10,7 +11,7 @@ import tempfile
 import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import is_own_file
+from indent_sim.results.folder import is_own_file, write_atomically
 from indent_sim.results.pictures import layout
 from indent_sim.results.pictures.axes import in_picture
 
@@ -277,19 +278,12 @@ def _refuse_too_many_pixels(figure: Figure, dpi: float) -> None:
 
 def _write(figure: Figure, path: Path, kind: str, dpi: float) -> None:
     metadata: Look = {"png": {"Software": "indent-sim"}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
-    descriptor, temporary = tempfile.mkstemp(f".{kind}", f".{path.stem[:100]}.", path.parent)  # nobody's, and no link
-    try:
-        with open(descriptor, "wb") as file:
-            if kind == "png":
-                _write_png(figure, file, dpi, metadata[kind])
-            else:
-                figure.savefig(file, format=kind, dpi=dpi, metadata=metadata[kind])
-            os.umask(mask := os.umask(0o077))  # what new files do not get; there is no other way to ask
-            os.fchmod(file.fileno(), 0o666 & ~mask)
-        os.replace(temporary, path)
-    finally:
-        with suppress(FileNotFoundError):
-            os.unlink(temporary)
+    picture = io.BytesIO()
+    if kind == "png":
+        _write_png(figure, picture, dpi, metadata[kind])
+    else:
+        figure.savefig(picture, format=kind, dpi=dpi, metadata=metadata[kind])
+    write_atomically(path, picture.getvalue(), sync=False)
 
 
 def _write_png(figure: Figure, file: BinaryIO, dpi: float, metadata: Look) -> None:
