@@ -42,20 +42,18 @@ lint: setup ## ruff (rules and format) and mypy only
 	$(VENV)/ruff format --check .
 	$(VENV)/mypy
 
+proofs: setup ## all of `verify` and `stress`, on two processes; SLICE=3/12: the third of twelve slices of them
+	$(VENV)/python -m pytest -q -n 2 --durations=15 -m "verify or stress" $(if $(SLICE),--slice $(SLICE))
+
 verify: setup ## accuracy against closed forms and converged references, and the full form of long tests
 	$(VENV)/python -m pytest -q -m verify --durations=15
 
-bench: setup ## speed against accuracy, into docs/accuracy.md; intervals of fits against the truth, into docs/fit.md
-	$(VENV)/python scripts/bench
-	$(VENV)/python scripts/make_fit_page
+stress: setup ## extremes of geometry, material and size; hostile files, kills, random scenes
+	$(VENV)/python -m pytest -q -m stress --durations=15
 
 foreign: ## fits of other programs' curves, fetched from the internet, into docs/foreign_curves.md
 	@AFM=1 scripts/setup
 	$(VENV)/python scripts/make_foreign_curves_page
-
-stress: setup ## extremes of geometry, material and size, into docs/stability.md
-	$(VENV)/python -m pytest -q -m stress --durations=15
-	$(VENV)/python scripts/make_stability_page
 
 debian13: ## `make test` inside a Debian 13 root (needs root and debootstrap)
 	@scripts/debian13

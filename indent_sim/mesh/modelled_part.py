@@ -11,7 +11,7 @@ import numpy as np
 
 from indent_sim.model.body import Inclusion, Shell
 from indent_sim.model.kinematics import Kinematics
-from indent_sim.model.materials import Exponentials, Material
+from indent_sim.model.materials import Constants, Exponentials, Material
 
 Point = tuple[float, ...]
 Places = float | np.ndarray
@@ -88,7 +88,9 @@ class Side:
 @dataclass(frozen=True)
 class Region:
     """A layer of the part, or an inclusion: its material, its formulation (displacement, or mixed with a pressure), and
-    how its shear stress relaxes while it is followed in time."""
+    how its shear stress relaxes while it is followed in time.
+
+    least_share: what is left of its shear modulus when it has relaxed most, on the way that the scene asks for."""
 
     name: str
     material: Material
@@ -96,6 +98,12 @@ class Region:
     bottom: float = 0.0  # z of a layer's lower face [length]
     inclusion: Inclusion | None = None
     relaxing: Exponentials | None = None
+    least_share: float = 1.0
+
+    @property
+    def softest(self) -> Constants:
+        """Small-strain E [pressure] and nu of its softest state on the way, which is its most incompressible one."""
+        return self.material.softened(self.least_share)
 
 
 MIRROR_DISTANCE = 1e-12  # distance [length] of a tip to the mirror plane that it stands over

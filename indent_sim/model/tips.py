@@ -185,7 +185,10 @@ class Hyperboloid(_Tip):
 
 @dataclass(frozen=True)
 class FlatPunch(_Tip):
-    """f = 0 for r <= radius, nothing beyond; with edge_radius > 0 the edge is a quarter circle."""
+    """f = 0 for r <= radius, nothing beyond; with edge_radius > 0 the edge is a quarter circle.
+
+    With edge_radius = radius it is a rod that ends in half a ball.
+    """
 
     radius: Length
     edge_radius: LengthOrZero = 0.0
@@ -223,7 +226,7 @@ class FlatPunch(_Tip):
 
 @dataclass(frozen=True)
 class Plate(_Tip):
-    """f = 0 everywhere: a rigid plane, for bodies whose top is curved."""
+    """f = 0 everywhere: a rigid plane. A body with a flat top it compresses as a whole."""
 
     shape: Literal["plate"] = "plate"
 
@@ -450,6 +453,16 @@ def reach(tip: Indenter) -> float:
         case Profile(points=points):
             return points[-1][0]
     return inf
+
+
+def flat_radius(tip: Indenter) -> float:
+    """The radius [length] of a tip's flat face; 0 for a tip that has none."""
+    match tip:
+        case Plate():
+            return inf
+        case FlatPunch(radius=radius, edge_radius=edge_radius):
+            return radius - edge_radius
+    return 0.0
 
 
 def below(tip: Indenter, gap: Expr) -> Expr:

@@ -34,17 +34,10 @@ from indent_sim.run.companions.accuracy import (
     refuse_other_bars,
     unjudged,
 )
-from indent_sim.run.companions.error_bars import (
-    Bars,
-    Companion,
-    ErrorBars,
-    TheoryBars,
-    bearer,
-    beside,
-    softer,
-    sticks,
-    ways,
-)
+from indent_sim.run.companions.companion import Companion, beside, softer
+from indent_sim.run.companions.drained_film import film_of
+from indent_sim.run.companions.error_bars import Bars, ErrorBars, TheoryBars, ways
+from indent_sim.run.companions.sticking import bearer, sticks
 from indent_sim.run.plausibility import unresolved
 from indent_sim.run.prospect import all_mistakes
 from indent_sim.run.readings import Equilibrium, Readings
@@ -151,8 +144,8 @@ class Run:
         """Simulate an attempt, with its error bars, and judge it."""
         config, scene, decided = self.config, attempt.scene, resolved(self.config, attempt.scene)
         self.comm = communicator(self.comm, scene)
-        resume = self._resume and not attempt.companions  # only the first one
-        whole = scene if attempt.companions else foreseen(scene, self._asked.error_bars)
+        resume = self._resume and attempt.companion is None  # only the first one
+        whole = scene if attempt.companion else foreseen(scene, self._asked.error_bars)
         said, text = self._said(scene, decided, whole.plan.prediction), to_yaml(decided)
         if resume and (outcome := self._finished(text, scene, decided.output, said)):
             return outcome
@@ -232,21 +225,23 @@ class Run:
         with self._clock.stage("imports"):
             backend()
         with self._clock.stage("companions"):
-            companions = attempt.companions
-            if not companions:  # those of a resumed run begin with its earlier attempts, as before
-                earlier = [self._resolved(elements) for elements in reversed(attempt.tried)]
-                others = beside(attempt.scene, earlier)
-                companions = [Companion(ratio, self._curve(other), other) for ratio, other in others]
-            soft = softer(companions[0].scene) if companions[0].scene else None
+            companion = attempt.companion
+            if companion is None:  # that of a resumed run is its earlier attempt, as before
+                earlier = self._resolved(attempt.tried[-1]) if attempt.tried else None
+                ratio, other = beside(attempt.scene, earlier)
+                companion = Companion(ratio, self._curve(other), other)
+            soft = softer(companion.scene) if companion.scene else None
             curve = self._curve(soft) if soft else None
-            return ErrorBars(attempt.scene, companions, curve, ways(companions[0], self._curve))
+            in_halves = ways(companion, self._curve)
+            film = film_of(attempt.scene, self._curve)
+            return ErrorBars(attempt.scene, companion, curve, in_halves, film)
 
     def _stick(self, run: Companion, bars: Bars) -> dict[str, Any] | None:
         """What no slip would change of the deepest force: as the plan knows it, or solved beside the run."""
         assert run.scene is not None
         with self._clock.stage("companions"):
             known = run.scene.plan.stick
-            changed = sticks(bearer(run, bars.companions), self._curve) if run.scene.is_meshed else known
+            changed = sticks(bearer(run, bars.companion), self._curve) if run.scene.is_meshed else known
         return asdict(changed) | {"words": changed.words} if changed else None
 
     def _curve(self, scene: Scene) -> list[State]:

@@ -155,7 +155,7 @@ def _doubt_of_force(scene: Scene, state: State) -> float:
     physics, a = scene.physics, scene.physics.whole_radius(state.a / scene.physics.scales.length)
     if physics.is_closed_by_swelling(state.delta / physics.scales.depth, a):
         return swelling_doubt(scene.sizes, a)
-    return force_doubt(scene.sizes, a, physics.material.constants.nu)
+    return force_doubt(scene.sizes, a, physics.largest_nu)
 
 
 @cache
@@ -298,6 +298,8 @@ def _is_first_touch(scene: Scene, state: State) -> bool:
     depth, deepest = state.delta / scene.physics.scales.depth, scene.physics.deepest
     if depth <= 0 or deepest <= depth:
         return depth <= 0
+    if scene.physics.is_compressed:
+        return depth <= FIRST_TOUCH * deepest
     radius_at = relative_tip(scene.physics.indenter, scene.physics.body).radius_at
     return depth * radius_at(depth) <= FIRST_TOUCH * deepest * radius_at(deepest)
 
@@ -325,7 +327,7 @@ def _may_soften(scene: Scene) -> bool:
 
 def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
     """Least and largest force over theory's that may be true, mesh and penalty included."""
-    coarse = 1 + force_doubt(scene.sizes, theory.a, scene.physics.material.constants.nu)
+    coarse = 1 + force_doubt(scene.sizes, theory.a, scene.physics.largest_nu)
     left = 1 - penalty_loss(scene.physics.contact, scene.physics.material, scene.plan.theory, theory.delta, theory.a)
     if scene.exact_theory:
         return left / (SAME_PROBLEM_FACTOR * coarse), SAME_PROBLEM_FACTOR * coarse

@@ -94,7 +94,7 @@ def _mesh(config: Config, scene: Scene) -> Any:
         mesh = _decided(mesh, h_layers=tuple(h * L for _, h in sizes.skins))
     if config.mesh.h_contact != "auto":
         return mesh
-    own = {name: length * L for name in ("h_axis", "h_edge", "h_corner") if (length := getattr(sizes, name))}
+    own = {name: length * L for name in ("h_axis", "h_edge", "h_corner", "h_film") if (length := getattr(sizes, name))}
     return dataclasses.replace(mesh, **own)
 
 

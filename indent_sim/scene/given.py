@@ -35,14 +35,21 @@ from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.loading import PER_DOUBLING, History, Loading, LoadPath
 from indent_sim.model.materials import LOCKING, Exponentials, Gel, Material, Relaxation
 from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS
-from indent_sim.model.tips import FlatPunch, Indenter
+from indent_sim.model.tips import FlatPunch, Indenter, Plate
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.process.ranks import on_root
 from indent_sim.scene.cost import Work
 from indent_sim.scene.fineness import target_of
 from indent_sim.scene.reduction import reduce
-from indent_sim.scene.theories import adhesive_radii, half_space_force, relative_tip, theory_of
+from indent_sim.scene.theories import (
+    SAME_RADIUS,
+    adhesive_radii,
+    covers_top,
+    half_space_force,
+    relative_tip,
+    theory_of,
+)
 from indent_sim.scene.truncation import Truncation, expected_depth, truncate
 from indent_sim.theory.half_space import section_depth
 from indent_sim.theory.solution import Solution
@@ -96,6 +103,11 @@ class Physics:
     surface_tension: float = 0.0  # of the contact surface [pressure length]
     drainage: Drainage = field(default_factory=Drainage)  # of regions with a flow; times are the scene's own
     bath_ramp: float = 0.0  # in which its first bath comes [time]; 0: at once
+
+    @cached_property
+    def is_compressed(self) -> bool:
+        """Whether a plate, or a punch wider than the body, presses on all of its flat top."""
+        return covers_top(self.indenter, self.body, self.center)
 
     @cached_property
     def deepest(self) -> float:
@@ -212,9 +224,15 @@ class Physics:
 
     @property
     def most_locked(self) -> float:
-        """The largest Poisson's ratio of displacement elements without fluid, whose pressure bears what would lock."""
+        """The largest Poisson's ratio, on the way, of displacement elements without fluid, whose pressure bears what
+        would lock."""
         regions = [one for one in self.part.regions if one.formulation == "displacement" and not one.material.flow]
-        return max((region.material.constants.nu for region in regions), default=0.0)
+        return max((region.softest.nu for region in regions), default=0.0)
+
+    @property
+    def largest_nu(self) -> float:
+        """Poisson's ratio of what the tip touches in its most incompressible state on the way."""
+        return self.part.regions[0].softest.nu
 
     @property
     def is_linear(self) -> bool:
@@ -383,11 +401,12 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     relaxation = next((law for law in laws if law.of == "all"), None)  # of the curve
     compliance = config.experiment.compliance if config.experiment else 0.0
     softest = min((remaining(law, history) for law in laws), default=1.0)
-    tip = relative_tip(config.indenter, whole)
+    indenter = _without_edge_at_rim(config.indenter, whole, center)
+    tip = relative_tip(indenter, whole)
     path = deepest_path(history, softest, compliance, tip, layers) if history else config.loading.path()
-    _check_scene(whole, layers, config.indenter, center, path, pieces, "loading")
-    scales = Scales(_unit_of_length(whole, layers, config.indenter, path), material.constants.E, whole.dim, pieces)
-    body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
+    _check_scene(whole, layers, indenter, center, path, pieces, "loading")
+    scales = Scales(_unit_of_length(whole, layers, indenter, path), material.constants.E, whole.dim, pieces)
+    body, tip, material = scales.scaled(whole), scales.scaled(indenter), scales.scaled(material)
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
     history = history and history.without_units(scales.of(history.control))
@@ -412,6 +431,14 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     plain = theory_of(whole, layers, tip, center) if tension else theory
     found = (relative, part_why, theory, experiment, history, relaxation, stepped, steps, attraction, plain)
     return Given(physics, truncation, layers, *found, _swelling(drainage, layers), radius, theory_with)
+
+
+def _without_edge_at_rim(tip: Indenter, body: Body, center: Center) -> Indenter:
+    """A plate in place of a sharp punch that is exactly as wide as a flat top: such a punch is meant as a plate, and
+    its edge would cut into the rim, which bulges at finite strain."""
+    if not isinstance(tip, FlatPunch) or tip.edge_radius or not covers_top(tip, body, center):
+        return tip
+    return Plate() if tip.radius <= body.reach(center) * (1 + SAME_RADIUS) else tip
 
 
 def _part(
@@ -521,8 +548,8 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
         first = first_step(given, physics, h_contact)
         physics = replace(physics, bath_ramp=0.0 if physics.small_strain else RAMP_STEPS * first)
         path = given.history.in_steps(first, given.per_doubling)
-        if _is_locked(physics) and path.control == "force":
-            path = _without_sudden(path)
+        if path.jumps and is_locked(physics):
+            path = _without_sudden(path, "loading.force_history" if path.control == "force" else "loading.history")
     tip, height = given.relative, physics.body.height
     return replace(
         physics,
@@ -531,25 +558,24 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
     )
 
 
-def _is_locked(physics: Physics) -> bool:
+def is_locked(physics: Physics) -> bool:
     """Whether a tip as wide as a body between its walls finds no way to press it while no fluid leaves."""
-    tip, body = physics.indenter, physics.body
-    is_as_wide = isinstance(tip, FlatPunch) and tip.radius >= body.rim_distance(physics.center) * (1 - AT_RIM)
     is_closed = all(
         physics.part.supports.get(wall, "free") != "free" for wall in physics.part.distances(physics.center)
     )
     is_full = all(one.material.flow and not one.material.flow.storage for one in physics.part.regions)
-    return bool(is_as_wide and is_closed and is_full)
+    return bool(physics.is_compressed and is_closed and is_full)
 
 
-def _without_sudden(path: LoadPath) -> LoadPath:
-    """The path without the rows at which a force comes at once: it has no equilibrium, which begins a step later."""
-    if path.sudden and (path.turns or len(path.sudden) == len(path.values)):
-        problem = "holds a sudden force on a column that cannot give way before its fluid does: it has no equilibrium"
-        raise ConfigError(
-            "loading.force_history", problem, "let it grow, or times: auto, whose first row is a step later"
-        )
-    return path.without(path.sudden)
+def _without_sudden(path: LoadPath, key: str) -> LoadPath:
+    """The path without the places that it reaches in no time; ConfigError where such a place is a row that `times` asks
+    for, or where there is no other row."""
+    asked = path.sudden if path.turns else ()
+    if asked or len(path.sudden) == len(path.values):
+        at = f" at t = {path.times[asked[0] - 1]:g}" if asked else ""
+        problem = f"jumps{at} on a column that cannot give way before its fluid does: there is no equilibrium then"
+        raise ConfigError(key, problem, "ask for a later time, or let it grow")
+    return path.without_sudden()
 
 
 def first_step(given: Given, physics: Physics, h_contact: float) -> float:
@@ -589,7 +615,10 @@ def deepest_path(
 
     def beyond(depth: float) -> bool:
         closed = half_space_force(tip, depth, E_star)
-        force = closed[1] if closed else 0.5 * E_star * tip.radius_at(depth) * depth
+        radius = tip.radius_at(depth)
+        if not closed and not isfinite(radius):  # a plate: the least force of a body is not known
+            return depth >= largest
+        force = closed[1] if closed else 0.5 * E_star * radius * depth
         return depth + compliance * force >= largest
 
     low, high = 0.0, largest
@@ -660,8 +689,9 @@ def _regions(config: Config, layers: Layers) -> tuple[Region, ...]:
     regions, depths = [], np.cumsum([layer.thickness for layer in layers])
     for k, (layer, depth) in enumerate(zip(layers, depths, strict=True)):
         name, material = f"layers[{k}]" if len(layers) > 1 else "body", _material_of(layer)
-        formulation = _formulation(config.material_key(k), material)
-        regions.append(Region(name, material, formulation, -rounded(float(depth))))
+        share = _least_share(config, material)
+        formulation = _formulation(config.material_key(k), material, share)
+        regions.append(Region(name, material, formulation, -rounded(float(depth)), least_share=share))
     return tuple(regions)
 
 
@@ -669,15 +699,45 @@ def _inclusions(config: Config, body: Drawn | Endless, scales: Scales) -> Iterat
     """The regions of inclusions, lengths rounded likewise."""
     own = [_elastic(config, inclusion.material) for inclusion in config.body.inclusions or ()]
     for k, (inclusion, material) in enumerate(zip(body.inclusions or (), own, strict=True)):
-        matter, name = scales.scaled(material), f"inclusions[{k}]"
-        yield Region(name, matter, _formulation(f"body.{name}.material", matter), inclusion=_to_digits(inclusion))
+        matter, name, share = scales.scaled(material), f"inclusions[{k}]", _least_share(config, material)
+        formulation = _formulation(f"body.{name}.material", matter, share)
+        yield Region(name, matter, formulation, inclusion=_to_digits(inclusion), least_share=share)
 
 
-def _formulation(key: str, material: Material) -> str:
-    """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
-    nu, wanted = material.constants.nu, material.formulation
+def _least_share(config: Config, material: Material) -> float:
+    """What is left of a material's shear modulus when it has relaxed most on the way of a scene, at most 1."""
+    if not material.relaxes_in_shear:
+        return 1.0
+    return min(1.0, remaining(material.relaxation, config.loading.in_time))
+
+
+def _formulation(key: str, material: Material, least_share: float) -> str:
+    """Displacements alone, or with a pressure, for the most incompressible state of a material on its way.
+
+    Parameters
+    ----------
+    key : str
+        Where the material stands in the scene file.
+    material : Material
+        Its law at the first moment.
+    least_share : float
+        What is left of its shear modulus when it has relaxed most.
+
+    Returns
+    -------
+    str
+        displacement | mixed.
+
+    Raises
+    ------
+    ConfigError
+        Where the material or the elements that it asks for cannot.
+    """
+    nu, wanted = material.softened(least_share).nu, material.formulation
     chosen = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
     said = f"nu = {nu:g}" if material.is_isotropic else f"matter as compressible as nu = {nu:.6g}"
+    if least_share < 1:
+        said = f"shear that relaxes to {said}"
     if chosen == "displacement" and nu > MOST_COMPRESSED:
         raise ConfigError(f"{key}.formulation", f"displacement elements cannot carry {said}", "use 'mixed'")
     if chosen == "mixed" and nu <= 0:
@@ -754,7 +814,11 @@ def _piece_as_it_is(config: Config, piece: Piece, scales: Scales) -> tuple[Part,
     materials = [(key, scales.scaled(material)) for key, material in _materials(piece, config)]
     names = [f"regions.{name}" if name else "body" for name in piece.names]
     named = zip(names, materials, strict=True)
-    regions = tuple(Region(name, matter, _formulation(key, matter), 0.0) for name, (key, matter) in named)
+    shares = [_least_share(config, matter) for _, matter in materials]
+    regions = tuple(
+        Region(name, matter, _formulation(key, matter, share), 0.0, least_share=share)
+        for (name, (key, matter)), share in zip(named, shares, strict=True)
+    )
     part = part_from_file.part_of(piece.measured(scales.length), config.body, regions)
     known = "" if config.body.named == config.body.surfaces else ", its surfaces without a name by where they face"
     return part, f"a mesh from a file is modelled as it is{known}"
@@ -778,10 +842,8 @@ def _check_scene(
     """ConfigError for a tip that does not stand on a body, or a path that leads it where it cannot go."""
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
-    width, delta, thickness = 2 * body.rim_distance(body.center), max(path.values), pieces * body.height
-    if isinstance(tip, FlatPunch) and 2 * tip.radius > width:
-        problem = f"a flat punch of radius {tip.radius:g} is wider than the body"
-        raise ConfigError("indenter.radius", problem, f"at most {width / 2:g}")
+    delta, thickness = max(path.values), pieces * body.height
+    _check_width(body, tip, center)
     if path.control == "force":
         return
     if delta >= thickness:
@@ -795,6 +857,19 @@ def _check_scene(
         side = f"the top of a fixed side, which it meets at {end:g}"
         problem = f"depth {delta:g} presses the tip onto {side}: nothing moves it, and the force has no bound"
         raise ConfigError(key, problem, f"stay below {end:g}, free that side, or take a wider body")
+
+
+def _check_width(body: Body, tip: Indenter, center: Center) -> None:
+    """ConfigError for a sharp punch wider than a flat top that it does not cover: its edge would cross that of the
+    body."""
+    is_sharp = isinstance(tip, FlatPunch) and not tip.edge_radius and not isinstance(body, Dome)
+    if not is_sharp or covers_top(tip, body, center):
+        return
+    widest = body.rim_distance(body.center)
+    if tip.radius > widest:
+        problem = f"the edge of a flat punch of radius {tip.radius:g} crosses that of the body"
+        covering = "" if isinstance(body, Meshed) else f", at least {body.reach(center):g}, or shape: plate"
+        raise ConfigError("indenter.radius", problem, f"at most {widest:g}{covering}")
 
 
 def _expected_radius(

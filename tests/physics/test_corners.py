@@ -215,8 +215,15 @@ def test_a_contact_that_nearly_fills_the_body(case: Case, tmp_path: Path) -> Non
     assert found.true.max() <= 0.01 and found.inside.all()
 
 
-@pytest.mark.parametrize(("wide", "reach"), [(1.0, 0.5), (1.0, 0.9), (3.0, 0.97), (8.0, 0.99)])
-@pytest.mark.parametrize("nu", [0.4999, *(pytest.param(nu, marks=pytest.mark.verify) for nu in (0.3, 0.45, 0.49, 0.5))])
+@pytest.mark.parametrize(
+    ("nu", "wide", "reach"),
+    [
+        *((0.4999, wide, reach) for wide, reach in ((1.0, 0.5), (1.0, 0.9), (3.0, 0.97), (8.0, 0.99))),
+        pytest.param(0.3, 1.0, 0.9, marks=pytest.mark.verify),
+        pytest.param(0.49, 3.0, 0.97, marks=pytest.mark.verify),
+        pytest.param(0.5, 8.0, 0.99, marks=pytest.mark.verify),
+    ],
+)
 def test_automatic_sizes_resolve_a_punch_beside_a_wall(nu: float, wide: float, reach: float) -> None:
     """The force on a thin incompressible layer changes by up to 140 % for a per cent of the punch's radius, which is
     too small by a quarter of the elements at its edge. Automatic sizes cost at most 0.3 % of the force."""

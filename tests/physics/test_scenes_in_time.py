@@ -17,7 +17,7 @@ from indent_sim.fe.terms.flow import Flow
 from indent_sim.model.state import State
 from indent_sim.process.errors import NotConverged, VerificationError
 from indent_sim.run.chain import simulate, states
-from indent_sim.run.companions.error_bars import coarser, in_half_steps
+from indent_sim.run.companions.companion import coarser, in_half_steps
 from indent_sim.scene.scene import Scene, resolve
 
 NAMES = ("force", "delta", "a", "p_max")

@@ -24,7 +24,7 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body, Field, Moment, symbolic
-from indent_sim.fe.observe.surface import barycentric, facet_nodes
+from indent_sim.fe.observe.surface import barycentric, facet_nodes, heights_above
 from indent_sim.fe.terms.contact.multiplier import sums
 from indent_sim.fe.terms.term import Stage, Term
 from indent_sim.mesh.modelled_part import Region
@@ -269,6 +269,35 @@ class Valve(Term):
         """The step is done: what has left and what touches is remembered."""
         self._left.x.array[: self._owned] += self._leaves
         self._in_contact.x.array[:], self._is_tried = self._touches, False
+
+    def drained(self) -> np.ndarray:
+        """What drained faces hold back while nothing flows: the table (vertices, 2) of all ranks, in one order, of the
+        height of the elements at each vertex [length], and of p^2 times its area [pressure^2 length^2] of the part
+        that is modelled (collective). Vertices without conductance have no area."""
+        body, space = self.body, self.body.unknowns.own_space(NAME)
+        places = np.asarray(space.dofmap.index_map.local_to_global(np.arange(len(self._places), dtype=np.int32)))
+        heights, areas = np.zeros(len(places)), np.zeros(len(places))
+        drainage = body.scene.physics.drainage
+        kinds = {"top": drainage.surface, "base": drainage.base}
+        kinds |= dict.fromkeys(body.scene.physics.drained_walls, "drained")
+        for surface in kinds:
+            facets = self._facets(surface)
+            area = fem_petsc.assemble_vector(fem.form(body.over_surface(surface, ufl.TestFunction(space))))
+            area.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+            areas[: self._owned] += area.array_r
+            area.destroy()
+            nodes = facet_nodes(body.mesh, space, facets)
+            above = np.repeat(heights_above(body.mesh, facets)[:, None], nodes.shape[1], axis=1)
+            heights += sums(body.x, self._places[nodes], above)[self._places] / np.maximum(
+                sums(body.x, self._places[nodes], np.ones(nodes.shape))[self._places], 1.0
+            )
+        p = body.local_array()[self._places[: self._owned]]
+        lets = np.where(self._touches, self._touched, self._free)[: self._owned] > 0
+        mine = np.column_stack([heights[: self._owned], np.where(lets, areas[: self._owned], 0.0) * p**2])
+        kept = areas[: self._owned] > 0
+        parts = body.comm.allgather((places[: self._owned][kept], mine[kept]))
+        table = np.concatenate([rows for _, rows in parts])
+        return table[np.argsort(np.concatenate([numbers for numbers, _ in parts]), kind="stable")]
 
     def outflow(self) -> float:
         """What has left the body since rest [length^3], this rank's share."""
