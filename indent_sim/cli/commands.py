@@ -611,6 +611,8 @@ def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> N
             raise UsageError(f"{output} is there already and no report of indent-sim", "choose another name: --output")
     if output.suffix.lower() not in reports.REPORT_FORMATS:
         raise UsageError(f"{output}: a report ends in {', '.join(reports.REPORT_FORMATS)}")
+    if beside:
+        reports.refuse_foreign_crate(folder)
     reports.write(_page_of(folder), output)
     if beside:
         reports.write_crate(folder, _own_names(folder))

@@ -289,6 +289,7 @@ force_error_vs [1]: force / reference - 1 at the last depth; out of contact forc
 force_error_worst [1]: largest |force / reference - 1| at any depth of the path
 a_error_vs [1]: a / reference - 1 at the last depth
 p_error_vs [1]: p_max / reference - 1 at the last depth
+reference: what the row is compared with: the run of the finest mesh, theory, a force or a result
 study.stiffness [1]: epsilon_n or gamma of the method in E*/h_contact
 dofs [1]: unknowns of the finite-element model
 cpu_resolve [s]: CPU seconds until everything is decided
