@@ -128,8 +128,9 @@ def symbols_markdown() -> str:
 def scenes_markdown() -> str:
     """docs/scenes.md: the scenes in configs/, each with the comment at its head."""
     parts = [
-        "# Shipped scenes\n\nGenerated from the first lines of each scene by `scripts/reference_pages.py`. Each answers\n"
-        "one question and runs as it is: `indent-sim run configs/NAME.yaml`.\n",
+        "# Shipped scenes\n\n"
+        "Generated from the first lines of each scene by `scripts/reference_pages.py`. Each answers one question and\n"
+        "runs as it is: `indent-sim run configs/NAME.yaml`.\n",
     ]
     for heading, folder in (("Scenes", "configs"), ("Scenes of the contact notes", "configs/notes")):
         scenes = sorted((ROOT / folder).glob("*.yaml"))
