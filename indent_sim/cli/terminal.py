@@ -6,7 +6,6 @@ import io
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import pairwise
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -18,13 +17,13 @@ if TYPE_CHECKING:
     from indent_sim.fitting.curve_requirements import CurveRequirements
     from indent_sim.fitting.design import Design
     from indent_sim.fitting.inference.verdict import Interval
-    from indent_sim.model.state import State
     from indent_sim.results.compare import Comparison
     from indent_sim.run.chain import Outcome
     from indent_sim.run.prospect import Prospect
     from indent_sim.run.requirements.cheapest import Requirements
     from indent_sim.run.requirements.effects import Effect
     from indent_sim.run.simulation import Progress
+    from indent_sim.run.summary import Loop
     from indent_sim.studies import StudyPlan
 
 TIMES_IN_WORDS = {  # of a scene that is followed in time, in words
@@ -38,7 +37,6 @@ TIMES_IN_WORDS = {  # of a scene that is followed in time, in words
 NOT_KNOWN = 100.0  # high over low, from which on an interval says nothing
 WHOLE = 99.5  # per cent, from which on they are said without powers of ten
 LINES = 200  # most progress lines in a log
-SAME_FORCE = 1e-6  # relative: rows with one force, but for what the solver leaves of it
 
 Report = dict[str, Any]  # of a run, or a part of one
 
@@ -91,7 +89,8 @@ def conclusion(outcome: Outcome) -> list[str]:
     if theory.get("formulas"):
         given, asked = _given_and_asked(theory)
         said = (f"{one['name']} {one[asked]:.6g} ({one['deviation']:+.3%})" for one in theory["formulas"])
-        lines.append(f"film formulas at {given} {theory[given]:.6g}: {asked} {', '.join(said)}")
+        kind = "block" if theory["name"].endswith("compression") else "film"
+        lines.append(f"{kind} formulas at {given} {theory[given]:.6g}: {asked} {', '.join(said)}")
     if fit := report.get("hertz"):
         read = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
         lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({read})")
@@ -106,6 +105,8 @@ def conclusion(outcome: Outcome) -> list[str]:
 
 def _answer(outcome: Outcome) -> list[str]:
     """What a run was made for: its last row, of a path that goes back or lasts also its loop and its largest force."""
+    from indent_sim.run.summary import loop_of, row_of_interest
+
     states, report = outcome.states, outcome.report
     if not states:
         return []
@@ -115,8 +116,8 @@ def _answer(outcome: Outcome) -> list[str]:
     if top is states[-1]:
         return [last]
     loses_work = any(state.t is not None or state.dissipation for state in states) or "adhesion" in report
-    loop = _loop(states, units) if loses_work else []  # an elastic body comes back along the way in
-    return [last, *loop, f"largest force, step {top.step}: {top.said(units)}"]
+    loop = loop_of(states) if loses_work else None  # an elastic body comes back along the way in
+    return [last, *_loop(loop, units), f"largest force, step {top.step}: {top.said(units)}"]
 
 
 def _is_flat(report: Report) -> bool:
@@ -130,46 +131,14 @@ def _entries(part: Any) -> Mapping[str, Any]:
     return part if isinstance(part, Mapping) else vars(part)
 
 
-def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State:
-    """The row of the largest force: of several alike the first one, or where forces are prescribed the deepest.
-
-    The last row where no force pushes, and where rows go on to larger forces up to their end.
-    """
-    top = max(state.force for state in states)
-    if not top > 0:
-        return states[-1]
-    alike = [state for state in states if state.force >= (1 - SAME_FORCE) * top]
-    if is_force_prescribed:
-        return max(alike, key=lambda state: state.delta)
-    return states[-1] if alike[-1] is states[-1] and len(alike) == 1 else alike[0]
-
-
-def _loop(states: Sequence[State], units: Mapping[str, str]) -> list[str]:
-    """The area between the way in and the way back, the work that the tip is not given back, beside that of the way in.
-
-    Nothing where the tip does not come back. The area is that of straight lines through the rows; how far these are
-    from the curve is judged by lines through every second row, which are four times as far.
-    """
-    rows = [(state.delta, state.force) for state in states]
-    if rows[0][0] > 0:  # the way in begins at first touch
-        rows.insert(0, (0.0, 0.0))
-    way = list(pairwise(rows))
-    way_in = sum(_work(*step) for step in way if step[1][0] > step[0][0])
-    if not any(end[0] < begin[0] for begin, end in way) or not way_in > 0:
+def _loop(found: Loop | None, units: Mapping[str, str]) -> list[str]:
+    """The loop of a path that comes back, in words."""
+    if found is None:
         return []
-    area = sum(_work(*step) for step in way)
-    turns = [i for i in range(1, len(rows) - 1) if (rows[i][0] - rows[i - 1][0]) * (rows[i + 1][0] - rows[i][0]) <= 0]
-    kept = sorted({*range(0, len(rows), 2), *turns, len(rows) - 1})
-    rough = sum(_work(rows[a], rows[b]) for a, b in pairwise(kept))
     unit = f"{units['force']} {units['delta']}".strip()
-    said = f"loop of force over depth: area {area:.4g} ± {abs(area - rough) / 3:.1g} {unit}".rstrip()
-    open_end = ", not closed: the tip still pushes" if rows[-1][0] > 0 and rows[-1][1] > 0 else ""
-    return [f"{said}, {100 * area / way_in:.3g} % of the work of the way in{open_end}"]
-
-
-def _work(begin: tuple[float, float], end: tuple[float, float]) -> float:
-    """The work of a force that is straight between two pairs of depth and force."""
-    return (end[0] - begin[0]) * (begin[1] + end[1]) / 2
+    said = f"loop of force over depth: area {found.area:.4g} ± {found.error:.1g} {unit}".rstrip()
+    open_end = "" if found.is_closed else ", not closed: the tip still pushes"
+    return [f"{said}, {100 * found.area / found.way_in:.3g} % of the work of the way in{open_end}"]
 
 
 def warnings(outcome: Outcome) -> list[str]:

@@ -40,8 +40,8 @@ def meshed(path: Path) -> str:
 WET = ELASTIC | {"nu": 0.2, "flow": {"diffusivity": 1.0}}
 
 each_scene = pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
-# One of each whose cost has constants of its own: condensed, in three dimensions, rubber, friction, adhesion, fluid
-KINDS = ("hertz", "hertz_cube", "gel", "thin_gel_stick", "sticky_sphere", "draining_gel", "part_from_mesh")
+# One of each whose cost has constants of its own: condensed, in three dimensions, rubber, friction, fluid
+KINDS = ("hertz", "hertz_cube", "gel", "thin_gel_stick", "draining_gel")
 ONE_OF_A_KIND = [path for path in SCENES if path.stem in KINDS]
 
 
@@ -172,7 +172,7 @@ def measured(path: Path, folder: Path, *words: str) -> tuple[dict[str, Any], flo
     return json.loads((folder / "run.json").read_text()), min(seconds)
 
 
-WITH_BARS = ("hertz", "hertz_cube", "thin_gel_stick", "draining_gel")
+WITH_BARS = ("hertz", "hertz_cube")
 ACCURATE = {"": "0.001", "contact.friction=0.3": "0.01"}
 
 

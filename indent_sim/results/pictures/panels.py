@@ -147,6 +147,7 @@ def pictured(runs: Sequence[Results], wish: Wish) -> Iterator[Figure]:
     if wish.units:
         runs = [replace(run, report=run.report | {SHOWN_UNITS: dict(wish.units)}) for run in runs]
     runs, names = named_apart(runs) if len(runs) > 1 else (list(runs), [""])
+    _refuse_too_many(runs, names, wish)
     rows = _laid_out(runs, names, wish) if wish.layout else _as_they_have_room(runs, names, wish)
     width = wish.width * MM if wish.width else PANEL_WIDTH * min(MOST_WIDE, max(row.columns for row in rows))
     words = WORDS + canvas.LINE * (len(runs) + len(wish.what))
@@ -179,6 +180,22 @@ def _height(row: _Row, part: SubFigure, panels: Sequence[Axes], dpi: float) -> f
     return high + row.lines * (row.aspect * panel.width * wide - panel.height * high)
 
 
+def _refuse_too_many(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> None:
+    """UsageError for more panels than a picture has; all kinds, fields and steps of all results are counted."""
+    count = 0
+    for what in wish.what:
+        if what in MAPPED:
+            count += len(wish.fields) * len(_shown(runs, names, wish, what))
+        elif what == "pressure":
+            maps = sum(np.ptp(run.surface["y"]) > 0 for run, *_ in _shown(runs, names, wish, what))
+            count += max(1, maps)
+        else:
+            count += 1
+    if count > MOST_PANELS:
+        problem = f"these are {count} panels, a picture has {MOST_PANELS} at most"
+        raise UsageError(problem, "name fewer --what, --field or --steps")
+
+
 def _letter(figure: Figure) -> None:
     """(a), (b), ... before the titles of the panels, in their order."""
     panels = [axes for axes in figure.axes if axes.axison and axes.get_label() != "<colorbar>"]
@@ -209,6 +226,9 @@ def _laid_out(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list
     """The panels in the rows and columns asked for, in the order of the wish."""
     assert wish.layout is not None
     count, columns = wish.layout
+    if count * columns > MOST_PANELS:
+        problem = f"--layout {count}x{columns} is for {count * columns} panels"
+        raise UsageError(problem, f"a picture has {MOST_PANELS} at most")
     panels: list[_Panel] = []
     for what in wish.what:
         panels += _line_panels(runs, names, wish, what)

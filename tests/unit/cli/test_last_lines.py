@@ -11,6 +11,7 @@ import pytest
 from indent_sim.cli import terminal
 from indent_sim.model.state import State
 from indent_sim.run.chain import Outcome
+from indent_sim.run.summary import row_of_interest
 
 UNITS = {"length": "um", "force": "nN"}
 
@@ -70,4 +71,4 @@ def test_an_elastic_body_has_no_loop() -> None:
 def test_of_a_creep_the_deepest_row_of_the_prescribed_force_is_told() -> None:
     rows = states([0.0, 0.1, 0.2, 0.3], [0.0, 1.0, 1.0, 1.0], np.arange(4.0))
     assert last_lines(rows, control="force")[-1].startswith("step 4: t 3 s")
-    assert terminal.row_of_interest(rows, is_force_prescribed=False).step == 2
+    assert row_of_interest(rows, is_force_prescribed=False).step == 2
