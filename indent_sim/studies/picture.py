@@ -96,8 +96,7 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
     """The figure of the curves of a study's runs, of which there is at least one; of many that differ in several keys
     small multiples."""
     if len(families.keys) > 1 and len(families.curves) > MOST_CURVES_NAMED:
-        held = _all_held([first_hold(curve.results) for curve in families.curves])
-        if not held:
+        if not _all_held([first_hold(curve.results) for curve in families.curves]):
             with multiples.pictured(families, title) as figure:
                 yield figure
             return
