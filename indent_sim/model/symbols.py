@@ -289,10 +289,11 @@ force_error_vs [1]: force / reference - 1 at the last depth; out of contact forc
 force_error_worst [1]: largest |force / reference - 1| at any depth of the path
 a_error_vs [1]: a / reference - 1 at the last depth
 p_error_vs [1]: p_max / reference - 1 at the last depth
+reference: what the row is compared with: the run of the finest mesh, theory, a force or a result
 study.stiffness [1]: epsilon_n or gamma of the method in E*/h_contact
 dofs [1]: unknowns of the finite-element model
 cpu_resolve [s]: CPU seconds until everything is decided
-cpu_companions [s]: CPU seconds of the coarser meshes behind error bars, where there are any
+cpu_companions [s]: CPU seconds of the coarser mesh behind error bars, where there are any
 cpu_mesh [s]: CPU seconds of the mesh
 cpu_assemble [s]: CPU seconds of forms, matrices and factorisation
 cpu_solve [s]: CPU seconds of all load steps

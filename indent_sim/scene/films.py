@@ -25,6 +25,7 @@ from math import exp, inf, log
 import numpy as np
 from scipy.optimize import brentq
 
+from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Conductance
 from indent_sim.model.loading import LoadPath
 from indent_sim.scene.given import Given, Physics
@@ -130,24 +131,20 @@ def per_length(given: Given) -> float:
 def drained_faces(given: Given, earliest: float) -> dict[str, float]:
     """The faces through which fluid leaves, each with its distance [length] from the contact, by name.
 
-    A conductance holds no pressure until the film is as thick as permeability/conductance: before there is none.
+    A conductance holds no pressure until the film is as thick as permeability/conductance: before there is none. Nor is
+    there one beside a tip that seals: the undrained surface there has next to no pressure, and what leaves around the
+    edge of the contact is known to 0.2 % of the force on 10 elements in its radius.
     earliest: time of the first row [time].
     """
     physics = given.physics
     drainage, part = physics.drainage, physics.part
-    tip_drains = _drains(physics, drainage.tip, earliest)
     found = {}
-    if tip_drains or (drainage.surface == "drained" and not _covers(given)):
+    if _drains(physics, drainage.tip, earliest):
         found["top"] = 0.0
     if _drains(physics, drainage.base, earliest):
         found["base"] = part.height
     distances = part.distances(physics.center)
     return found | {wall: max(distances[wall] - given.a, 0.0) for wall in physics.drained_walls}
-
-
-def _covers(given: Given) -> bool:
-    """Whether the tip touches all of the top, out to its rim."""
-    return given.a >= (1 - 1e-9) * given.physics.body.rim_distance(given.physics.center)
 
 
 def _drains(physics: Physics, kind: str | Conductance, earliest: float) -> bool:
@@ -161,6 +158,38 @@ def _drains(physics: Physics, kind: str | Conductance, earliest: float) -> bool:
 def felt(distance: float, a: float) -> float:
     """The share of what a drained face under the tip costs that one at a distance [length] from the contact does."""
     return min(1.0, (a / distance) ** 2) if distance > 0 else 1.0
+
+
+@dataclass(frozen=True)
+class Late:
+    """Rows whose force the films at a face cost something: the face, the size of its elements [length], the last of
+    those rows, from 0, and the largest share of a force, and that of the last row of the path."""
+
+    face: str
+    h: float
+    until: int
+    worst: float
+    at_last: float
+
+
+def late_rows(given: Given, physics: Physics, sizes: Sizes, negligible: float) -> Late | None:
+    """The rows of a path in time whose films cost more than a `negligible` share of the largest force, at the face that
+    costs most; None without any."""
+    rows, D, per = rows_of(physics.path), slowest(physics), per_length(given)
+    found: list[Late] = []
+    for face, distance in drained_faces(
+        given, min(t for t in physics.path.times) - (physics.path.begin or 0.0)
+    ).items():
+        film = next((film for film in sizes.films if film.side.surface == face), None)
+        nearest = {"top": (0.0, 0.0), "base": (0.0, physics.part.height)}.get(face, (distance + given.a, 0.0))
+        there = float(sizes.at(*map(np.array, nearest)))
+        h = min(film.h, there) if film else there
+        share = per * felt(distance, given.a)
+        shares = [share * float(row.excess(h, D)) if row.value >= LEAST_VALUE else 0.0 for row in rows]
+        late = [k for k, share in enumerate(shares) if share > negligible]
+        if late:
+            found.append(Late(face, h, late[-1], max(shares), shares[-1]))
+    return max(found, key=lambda one: one.worst, default=None)
 
 
 def share_of(rows: Sequence[Row], h: float, diffusivity: float, power: float) -> float:

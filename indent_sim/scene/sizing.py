@@ -261,7 +261,7 @@ def films_of(given: Given, plain: Sizes, asked: float | None, error: float) -> t
     physics, a, D = given.physics, given.a, films.slowest(given.physics)
     path = in_time(given, physics, plain.h_contact).path
     rows = films.rows_of(path)
-    faces = films.drained_faces(given, min(t for t in path.times))
+    faces = films.drained_faces(given, min(path.times) - (path.begin or 0.0))
     h_film = asked
     if h_film is None:
         most = FILMS * error / films.per_length(given)

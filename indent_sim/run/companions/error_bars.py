@@ -38,9 +38,9 @@ from indent_sim.scene.scene import Scene
 # ---- the numbers of the rule: docs/accuracy.md has coverage and width with and without each ------------------------
 
 SAFETY = 3.0  # Roache's, where two meshes alone are known
-FLOOR = 0.3  # of CONSTANT n^-RATE, from which `accuracy` chooses n elements in a contact radius (see `fineness`)
-RADIUS = 0.1  # of the element where the contact ends, to which the radius is read off
-PRESSURE_RATE, PEAK = 2.0, 0.15  # of the largest pressure: quadratic elements have stresses of order 2
+FLOOR = 0.2  # of CONSTANT n^-RATE, from which `accuracy` chooses n elements in a contact radius (see `fineness`)
+RADIUS = 0.08  # of the element where the contact ends, to which the radius is read off
+PRESSURE_RATE, PEAK = 2.0, 0.2  # of the largest pressure: quadratic elements have stresses of order 2
 
 # ---- what has not been decided yet ----------------------------------------------------------------------------------
 
@@ -312,8 +312,8 @@ class ErrorBars:
         at_end = self._sizes.on_surface(state.a / L) * L if state.a > 0 else 0.0
         if name == "a":
             return RADIUS * at_end
-        rate = PRESSURE_RATE if name == "p_max" else 1.0
-        said = grid_convergence(_difference(self._coarse, self._run, state.step, name), self.companion.ratio, rate)
+        off = _difference(self._coarse, self._run, state.step, name)
+        said = grid_convergence(off, self.companion.ratio, PRESSURE_RATE)
         value = abs(getattr(state, name))
         coarseness = at_end / state.a if state.a > 0 else 0.0
         least = RADIUS * coarseness * value
