@@ -74,6 +74,8 @@ class Row:
 def rows_of(path: LoadPath) -> list[Row]:
     """The rows of a path in time, with what has changed until then; values over the largest of them."""
     largest = max(path.values)
+    if largest <= 0:  # a tip that touches or is lifted: nothing is pressed, and no film costs anything
+        return []
     legs = [path.leg(step) for step in range(1, len(path.values) + 1)]
     pieces = _pieces([(0.0, 0.0), *((value / largest, t) for leg in legs for value, t in leg)])
     return [Row(tuple(_changes(pieces, leg[-1][1])), leg[-1][0] / largest) for leg in legs]
