@@ -263,13 +263,13 @@ def films_of(given: Given, plain: Sizes, asked: float | None, error: float) -> t
     faces = films.drained_faces(given, min(path.times) - (path.begin or 0.0))
     h_film = asked
     if h_film is None:
-        most = FILMS * error / films.per_length(given)
-        h_film = rounded(films.size_for(rows, most, D, 0.0, plain.h_far, FINEST_FILM * a))
+        per = films.per_length(given)
+        h_film = rounded(films.size_for(rows, FILMS * error, D, per, plain.h_far, FINEST_FILM * a))
     found = []
     for side in physics.part.outline:
         if side.surface in faces:
             distance = faces[side.surface]
-            h = h_film / films.felt(distance, a) ** 0.5
+            h = h_film / films.felt(given, distance) ** 0.5
             nearest = 0.0 if side.surface == "top" else distance + (a if side.surface != "base" else 0.0)
             if h < plain.h_far:
                 found.append(Film(side, rounded(h), rounded(nearest + plain.patch)))
