@@ -48,7 +48,7 @@ LEAST_DISK = 1e-5  # of the longest side of a box, a punch's radius: below 3e-6 
 SQUEEZED_RATIO = 1.0  # contact radius over height from which a layer is squeezed rather than indented
 KEEN = 0.74  # of (1 + radius/gap), by how much more a punch's radius is felt beside a wall: to 20 %, by layer theory
 CORNERS = 0.1  # of the error of the force that all else may cost, what the corners may cost
-FILMS = 0.5  # likewise, what films beside drained faces may cost
+FILMS = 0.5  # likewise, what films beside drained faces may cost where an accuracy is asked for
 FINEST_FILM = 1e-3  # of the contact radius: with smaller elements at a face its film costs less than 1e-4 of the force
 HEARD = 0.25  # of the error of the force that all else may cost, what inclusions may cost
 PER_SKIN = 1.5  # elements across a skin: see `test_skins`
@@ -250,13 +250,13 @@ def _in_films(plain: Sizes, given: Given, settled: SettledSizes, wanted: Finenes
     drains = physics.permeable and physics.part.dim == 2 and given.history is not None and given.deepest > 0
     if not (is_open and drains):
         return plain
-    faces, h_film = films_of(given, plain, settled.h_film, wanted.error if wanted else AUTO)
+    faces, h_film = films_of(given, plain, settled.h_film, FILMS * wanted.error if wanted else AUTO)
     return replace(plain, films=faces, h_film=h_film if faces else None)
 
 
-def films_of(given: Given, plain: Sizes, asked: float | None, error: float) -> tuple[tuple[Film, ...], float]:
+def films_of(given: Given, plain: Sizes, asked: float | None, most: float) -> tuple[tuple[Film, ...], float]:
     """The drained faces at which elements are smaller than those of `plain`, and the size [length] at those next to the
-    contact: the one asked for, or what costs its share of a relative error of the force."""
+    contact: the one asked for, or what costs at `most` this share of the force."""
     assert given.history is not None
     physics, a, D = given.physics, given.a, films.slowest(given.physics)
     path = in_time(given, physics, plain.h_contact).path
@@ -264,13 +264,13 @@ def films_of(given: Given, plain: Sizes, asked: float | None, error: float) -> t
     faces = films.drained_faces(given, min(path.times) - (path.begin or 0.0))
     h_film = asked
     if h_film is None:
-        most = FILMS * error / films.per_length(given)
-        h_film = rounded(films.size_for(rows, most, D, 0.0, plain.h_far, FINEST_FILM * a))
+        per = films.per_length(given)
+        h_film = rounded(films.size_for(rows, most, D, per, plain.h_far, FINEST_FILM * a))
     found = []
     for side in physics.part.outline:
         if side.surface in faces:
             distance = faces[side.surface]
-            h = h_film / films.felt(distance, a) ** 0.5
+            h = h_film / films.felt(given, distance) ** 0.5
             nearest = 0.0 if side.surface == "top" else distance + (a if side.surface != "base" else 0.0)
             if h < plain.h_far:
                 found.append(Film(side, rounded(h), rounded(nearest + plain.patch)))
