@@ -68,14 +68,21 @@ def compare(
 
 
 def study(
-    given: Mapping[str, Any] | str | Path, *, directory: str | Path | None = None, jobs: int = 1, resume: bool = False
+    given: Mapping[str, Any] | str | Path,
+    *,
+    directory: str | Path | None = None,
+    jobs: int = 1,
+    resume: bool = False,
+    overwrite: bool = False,
 ) -> Study:
     """Do a study and give its table. Of a dictionary without a directory the runs are kept as long as the result is.
 
+    Finished runs in the directory that the study does not ask for are kept with `resume` and replaced with `overwrite`.
     UsageError, ConfigError (before any run), NotConverged when no run at all gave a result.
     """
     if directory is not None or not isinstance(given, Mapping) or (given.get("output") or {}).get("directory"):
-        return conduct.carry_out(given, output=Path(directory) if directory else None, jobs=jobs, resume=resume)
+        place = Path(directory) if directory else None
+        return conduct.carry_out(given, output=place, jobs=jobs, resume=resume, overwrite=overwrite)
     place = Path(tempfile.mkdtemp(prefix="indent-sim-"))
     try:
         found = conduct.carry_out(given, output=place, jobs=jobs)

@@ -180,6 +180,7 @@ class Number(click.FloatRange):
 
 
 PATH, BELOW_ONE = click.Path(path_type=Path), Number(0, 1, min_open=True, max_open=True)
+OVERWRITE_HELP = "Replace what the folder holds: another CONFIG's run, or a finished run of another scene."
 SET_HELP = "Replace one key, e.g. contact.method=penalty."
 
 
@@ -304,8 +305,8 @@ def program() -> None:
 @set_option
 @click.option("--output", type=PATH, help="Result folder [results/<CONFIG's stem>].")
 @click.option("--resume", is_flag=True, help="Go on with a run that was stopped; a finished one stays as it is.")
-@click.option("--overwrite", is_flag=True, help="Replace the run of another CONFIG in the result folder.")
-@click.option("--error-bars", is_flag=True, help="Estimate the error of every force, from two coarser meshes.")
+@click.option("--overwrite", is_flag=True, help=OVERWRITE_HELP)
+@click.option("--error-bars", is_flag=True, help="Estimate the error of every force, from a coarser mesh.")
 @quiet_option
 @json_option
 def run(config: Path, overrides: tuple[str, ...], output: Path | None, told: Told, form: Form, **how: bool) -> None:
@@ -329,6 +330,7 @@ def run(config: Path, overrides: tuple[str, ...], output: Path | None, told: Tol
 @program.command()
 @click.argument("file", metavar="STUDY", type=PATH)
 @click.option("--resume", is_flag=True, help="Keep the runs that have ended, do the others.")
+@click.option("--overwrite", is_flag=True, help="Replace finished runs in the folder that STUDY does not ask for.")
 @click.option("--shard", callback=_shard, metavar="I/N", help="Do only every N-th run, from the I-th on; no table.")
 @click.option("--jobs", type=click.IntRange(1, 1000), default=1, metavar="N", help="Runs at the same time [1].")
 @click.option("--output", type=PATH, help="Folder of the study [results/<STUDY's stem>].")
@@ -609,6 +611,8 @@ def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> N
             raise UsageError(f"{output} is there already and no report of indent-sim", "choose another name: --output")
     if output.suffix.lower() not in reports.REPORT_FORMATS:
         raise UsageError(f"{output}: a report ends in {', '.join(reports.REPORT_FORMATS)}")
+    if beside:
+        reports.refuse_foreign_crate(folder)
     reports.write(_page_of(folder), output)
     if beside:
         reports.write_crate(folder, _own_names(folder))
@@ -821,10 +825,13 @@ class Teller(logging.Handler):
 
 
 def _name_partial(directory: Path, end: BaseException) -> None:
-    """Where the rows of a run that failed are."""
+    """Where the rows of a run that failed are, and that a finished one is still there."""
     from indent_sim.results.folder import read_report
 
-    if (report := read_report(directory)).get("status") in ("failed", "interrupted") and report.get("rows"):
+    report = read_report(directory)
+    if report.get("status") == "done":
+        tell(f"the finished run in {directory} is as it was")
+    if report.get("status") in ("failed", "interrupted") and report.get("rows"):
         again = "" if isinstance(end, errors.VerificationError) else "; --resume goes on from them"
         tell(f"{report['rows']} rows computed before are kept in {directory}{again}")
 

@@ -54,7 +54,7 @@ When = Literal["none", "last", "all"]
 Preset = Literal["fast", "balanced", "accurate"]
 FLATTEST = 1e3  # base radius over height of a cap: beyond it digits of its place on its large ball are lost
 STEEPEST_CAP = 20.0  # height over base radius of a cap: beyond it, 174 degrees, a ball stands on a point
-MESH_SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_inclusions", "h_layers", "h_far", "grading")
+MESH_SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_film", "h_inclusions", "h_layers", "h_far", "grading")
 MIRROR_PLANE = "the mirror plane"
 PETSC_GONE = "is gone: a scene chooses by linear, method, rtol and max_iterations of solver"
 MOVED = {"relaxation": "material", "history": "loading", "force_history": "loading"}  # from `experiment`
@@ -83,6 +83,7 @@ class MeshSettings:
     h_axis: Length | None = None
     h_edge: Length | None = None
     h_corner: Length | None = None
+    h_film: Length | None = None
     h_inclusions: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(1, 50), LENGTH] | None = None
     h_layers: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(1, 50), LENGTH] | None = None
     h_far: Length | Auto = "auto"

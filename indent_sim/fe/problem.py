@@ -23,16 +23,20 @@ from petsc4py import PETSc
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body, Moment
 from indent_sim.fe.terms.term import Stage, Term, flowing_stages
+from indent_sim.model.units import rounded
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A state: the unknowns, which may be extrapolated and blended, and what the terms remember, which may not."""
+    """A state: the unknowns, which may be extrapolated and blended, and what the terms remember, which may not.
+
+    softer: the modulus that the contact was as stiff as, over that of the first moment."""
 
     depth: float
     unknowns: tuple[PETSc.Vec, ...]
     history: tuple[np.ndarray, ...] = ()
     t: float = 0.0
+    softer: float = 1.0
 
 
 class Problem:
@@ -51,6 +55,7 @@ class Problem:
         self.has_symmetric_tangent = all(term.has_symmetric_tangent for term in self.terms)
         self.has_memory = any(term.has_memory for term in self.terms)
         self.flows = any(term.flows for term in self.terms)
+        self._softer = 1.0
 
     @property
     def keeps_tangent(self) -> bool:
@@ -87,12 +92,18 @@ class Problem:
     @property
     def setting(self) -> tuple[float, ...]:
         """What the tangent depends on beside the state: where it is the same an old tangent is near."""
-        return float(self.body.dt.value), *(term.setting for term in self.terms)
+        return rounded(float(self.body.dt.value)), *(term.setting for term in self.terms)
 
     def soften(self, factor: float) -> None:
         """Multiply the stiffness of the contact law; 1 makes it the law's own again."""
         for term in self.terms:
             term.soften(factor)
+
+    def follow(self, softer: float) -> None:
+        """Make contact as stiff as a body of so many times the modulus of the first moment has it."""
+        self._softer = softer
+        for term in self.terms:
+            term.follow(softer)
 
     def begin_solve(self) -> None:
         """Forget what the last solve has remembered, and give what is held its values."""
@@ -152,7 +163,7 @@ class Problem:
     def snapshot(self) -> Snapshot:
         """The present state, just accepted."""
         remembered = tuple(function.x.array.copy() for function in self.histories)
-        return Snapshot(self.depth, tuple(self.guess()), remembered, float(self.body.now.t.value))
+        return Snapshot(self.depth, tuple(self.guess()), remembered, float(self.body.now.t.value), self._softer)
 
     def restore(self, state: Snapshot) -> None:
         """Make a state the present one, and the one that was accepted last."""
@@ -162,6 +173,7 @@ class Problem:
             function.x.array[:] = values
         self.body.accept()
         self.begin(Stage(0.0))  # no time has passed since
+        self.follow(state.softer)
 
     def is_admissible(self) -> bool:
         """Whether J > 0, and any other limit of the law is kept, at every quadrature point: the energy is a number.

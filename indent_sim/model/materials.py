@@ -109,6 +109,11 @@ class Constants(NamedTuple):
     E: float
     nu: float
 
+    @property
+    def E_star(self) -> float:
+        """Plane-strain modulus E/(1 - nu^2) [pressure]."""
+        return self.E / (1 - self.nu * self.nu)
+
 
 class _Law(ABC):
     """What follows from the small-strain constants E and nu of any law, and from psi = rest + stiffness theta^2/2."""
@@ -143,8 +148,29 @@ class _Law(ABC):
     @property
     def E_star(self) -> float:
         """Small-strain plane-strain modulus E/(1 - nu^2) [pressure]."""
+        return self.constants.E_star
+
+    def softened(self, share: float) -> Constants:
+        """Small-strain constants of which a share of the shear modulus is left, and all of the bulk modulus.
+
+        Parameters
+        ----------
+        share : float
+            Of the shear modulus mu; 1 leaves the constants as they are.
+
+        Returns
+        -------
+        Constants
+            E = 9 kappa mu'/(3 kappa + mu') [pressure] and nu = (3 kappa - 2 mu')/(2 (3 kappa + mu')),
+            mu' = share mu: the less of mu is left, the nearer nu is to 1/2.
+        """
         E, nu = self.constants
-        return E / (1 - nu * nu)
+        if share == 1 or nu == 0.5:
+            return Constants(share * E, nu)
+        mu = share * E / (2 * (1 + nu))
+        kappa = E / (3 * (1 - 2 * nu))
+        softer = (3 * kappa - 2 * mu) / (2 * (3 * kappa + mu))
+        return Constants(2 * mu * (1 + softer), softer)
 
     @property
     def confined_modulus(self) -> float:
@@ -199,7 +225,7 @@ class _Law(ABC):
         """The permeability of the deformed body over that at rest."""
         return self.flow.holmes_mow.factor(J) if self.flow and self.flow.holmes_mow else 1
 
-    def bath_pressure(self, bath: Expr) -> Expr:
+    def bath_pressure(self, bath: float) -> float:
         """The pressure [pressure] of a bath above that at rest."""
         return bath
 
@@ -723,14 +749,16 @@ class Gel(_Law):
             raise ValueError(f"no free swelling has a bath potential of {bath:g}; a bath below 0, or another chi")
         return 1 + found
 
-    def bath_pressure(self, bath: Expr) -> Expr:
-        """p_b = (G/n)(mu_bath - mu(l)) [pressure] of a bath of this chemical potential [kT]; > 0 where it swells."""
-        return self.G / self.n_omega * (bath - self.free_potential(self._l))
+    def bath_pressure(self, bath: float) -> float:
+        """p_b = (G/n)(mu_bath - mu(l)) [pressure] of a bath of this chemical potential [kT]; > 0 where it swells, and 0
+        in the bath in which it has swollen freely."""
+        above = bath - self.free_potential(self._l)
+        return float(self.G / self.n_omega * above) if abs(above) > SWELLING_ROUNDING else 0.0
 
     def held_swelling(self, bath_pressure: float) -> HeldSwelling:
         """At rest in a bath of this p_b [pressure] between walls as far apart as it is wide, free along one axis;
         ValueError where there is no such state."""
-        if abs(bath_pressure) <= SWELLING_ROUNDING * self.G / self.n_omega:
+        if bath_pressure == 0:
             return HeldSwelling(1.0, 0.0)
 
         def pull(growth: float) -> float:
@@ -816,7 +844,9 @@ class Gel(_Law):
         return self.G / self.n_omega * mixing - self.G * (1 / self._l - 1 / J0) * shrunk
 
 
-SWELLING_ROUNDING = 1e-14  # of G/n, a bath pressure that is 0
+# [kT] Between two chemical potentials that are the same: that of a free stretch found for a bath is off by 3e-16 at most
+# (300 random gels of chi 0 to 0.7, n_omega 1e-4 to 0.03, baths 0 and -1e-6 to -0.1)
+SWELLING_ROUNDING = 1e-14
 GROWTHS = tuple(10 ** (k / 20) for k in range(-240, 241))  # where a stretch less 1 is looked for
 
 

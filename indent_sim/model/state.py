@@ -63,7 +63,9 @@ class State:
     [time], the way z [length] of a base, branch (approach, hold, retract), and what the instrument's calibration leaves
     unknown of the force; what the curve does not know is NaN. With fluid in the pores: outflow [length^3] since rest,
     the largest pore pressure above the bath's [pressure], the fluid that has moved, out of the body or from place to
-    place in it, and the fluid that has neither left nor is there [length^3].
+    place in it, and the fluid that has neither left nor is there [length^3]. drained: of a sudden step, at each vertex
+    of a drained face the height of its elements and p^2 times its area, in the scene's units and of the part that is
+    modelled.
     """
 
     step: int
@@ -104,6 +106,7 @@ class State:
     pore_pressure_max: float | None = None
     moved: float = 0.0
     unbalanced: float = 0.0
+    drained: np.ndarray | None = field(default=None, repr=False, compare=False)
     surface: Surface | None = field(default=None, repr=False, compare=False)
 
     def __str__(self) -> str:

@@ -36,6 +36,7 @@ from indent_sim.run.companions.accuracy import (
     unjudged,
 )
 from indent_sim.run.companions.companion import Companion, beside, softer
+from indent_sim.run.companions.drained_film import film_of
 from indent_sim.run.companions.error_bars import Bars, ErrorBars, TheoryBars, ways
 from indent_sim.run.companions.remedies import are_tried, remedies, tried
 from indent_sim.run.companions.sticking import bearer, sticks
@@ -83,7 +84,8 @@ def simulate(
     scene: what the config becomes, where that is known. With `resume` the rows of an earlier run of the same config
     stay, and the others are computed. With `error_bars`, or `accuracy` in the config, every row has its force_error;
     `accuracy` refines the mesh until it is small enough.
-    Rows of another config file are not replaced, but with `overwrite`.
+    Rows of another config file and a finished run of another scene are replaced with `overwrite` alone; a finished run
+    of the same scene is replaced once this one is done.
     Raises ConfigError, UsageError, MeshError, NotConverged, VerificationError, BackendError; what was computed
     before a failure is on disk.
     """
@@ -151,7 +153,7 @@ class Run:
             return outcome
         columns, body = (*scene.columns, *self._columns(scene)), config.body
         mesh = self._piece.text(body) if self._piece and isinstance(body, MeshFromFile) else ()
-        folder = {"columns": columns, "file": "" if self._overwrite else config.source.name, "resume": resume}
+        folder = {"columns": columns, "guard": not self._overwrite, "resume": resume}
         opened = Record(self.comm, self.target, text, said, surface=config.output.surface, mesh=mesh, **folder)
         with opened as record, unmasked(), spent():
             plan, self._beside = scene.plan, record.beside
@@ -239,7 +241,9 @@ class Run:
                 companion = Companion(ratio, self._curve(other), other)
             soft = softer(companion.scene) if companion.scene else None
             curve = self._curve(soft) if soft else None
-            return ErrorBars(attempt.scene, companion, curve, ways(companion, self._curve))
+            in_halves = ways(companion, self._curve)
+            film = film_of(attempt.scene, self._curve)
+            return ErrorBars(attempt.scene, companion, curve, in_halves, film)
 
     def _stick(self, run: Companion, bars: Bars) -> dict[str, Any] | None:
         """What no slip would change of the deepest force: as the plan knows it, or solved beside the run."""

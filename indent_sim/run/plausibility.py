@@ -145,7 +145,7 @@ def unresolved(scene: Scene, states: Sequence[State]) -> list[str]:
     few = [step for step, doubt in doubts.items() if doubt >= UNRESOLVED]
     if not few:
         return []
-    most = max(sizes.elements(state.a / L) for state in states if state.step in few)
+    most = max(sizes.elements(scene.physics.whole_radius(state.a / L)) for state in states if state.step in few)
     rows = f"step {few[0]} has" if len(few) == 1 else f"{len(few)} rows from step {few[0]} on have"
     likely = sorted(doubts[step] for step in few)
     span = " to ".join(dict.fromkeys(in_words(likely[k]) for k in (0, -1)))
@@ -156,10 +156,10 @@ def unresolved(scene: Scene, states: Sequence[State]) -> list[str]:
 
 def _doubt_of_force(scene: Scene, state: State) -> float:
     """The relative error of the force to fear with the contact radius that was found."""
-    physics, a = scene.physics, state.a / scene.physics.scales.length
+    physics, a = scene.physics, scene.physics.whole_radius(state.a / scene.physics.scales.length)
     if physics.is_closed_by_swelling(state.delta / physics.scales.depth, a):
         return swelling_doubt(scene.sizes, a)
-    return force_doubt(scene.sizes, a, physics.material.constants.nu)
+    return force_doubt(scene.sizes, a, physics.largest_nu)
 
 
 @cache
@@ -281,7 +281,7 @@ def _is_not_theorys(scene: Scene, state: State, earlier: Rows) -> str | None:
     solution = theory.at(state.delta / scales.depth) if theory else None
     if theory is None or solution is None or solution.force <= 0:
         return None
-    expected = solution.force * scales.force
+    expected = solution.force / scene.physics.seen * scales.force
     lowest, highest = _range(scene, solution)
     said = f"the force is {state.force:.6g}, and {theory.name}"
     if not lowest * expected <= state.force <= highest * expected:
@@ -334,7 +334,7 @@ def _may_soften(scene: Scene) -> bool:
 
 def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
     """Least and largest force over theory's that may be true, mesh and penalty included."""
-    coarse = 1 + force_doubt(scene.sizes, theory.a, scene.physics.material.constants.nu)
+    coarse = 1 + force_doubt(scene.sizes, theory.a, scene.physics.largest_nu)
     left = 1 - penalty_loss(scene.physics.contact, scene.physics.material, scene.plan.theory, theory.delta, theory.a)
     if scene.exact_theory:
         return left / (SAME_PROBLEM_FACTOR * coarse), SAME_PROBLEM_FACTOR * coarse

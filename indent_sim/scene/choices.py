@@ -35,6 +35,7 @@ THEORY_FORCE_WHY = "forces are given: theory finds the depth of each"
 SIDEWAYS = "pushes sideways, and nothing holds this body there (roller base, free sides)"
 EDGE_WHY = "the pressure is singular at the punch's sharp edge"
 AXIS_WHY = "sizes grow from this at the axis to h_contact where the deepest contact ends"
+FILM_WHY = "at drained faces the fluid's pressure changes within a film as thin as (D t)^(1/2) at the first rows"
 CORNER_WHY = "the contact feels bonded corners or the gap up to a side: sizes grow from this with the distance"
 GAP_WHY = {
     "reference": "linear elastic: Hertz' own problem, tested at the undeformed point",
@@ -106,8 +107,9 @@ def formulations(given: Given) -> Choices:
 def _formulation(region: Region, is_alone: bool) -> Choice:
     key = "material" if is_alone or region.name == "body" else f"body.{region.name}.material"
     key = f"body.{region.name}" if region.name.startswith("regions.") else key
-    nu, sign = region.material.constants.nu, ">=" if region.formulation == "mixed" else "<"
+    nu, sign = region.softest.nu, ">=" if region.formulation == "mixed" else "<"
     like = "" if region.material.is_isotropic else "as compressible as "
+    like = "its shear relaxes to " if region.least_share < 1 else like
     why = "as given" if region.material.formulation != "auto" else f"{like}nu = {nu:.6g} {sign} {LOCKING:g}"
     return Choice(f"{key}.formulation", region.formulation, why)
 
@@ -404,7 +406,7 @@ def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) 
     chosen = "as given" if wanted.h_contact != "auto" else auto
     far = "as given" if wanted.h_far != "auto" else f"sizes grow by {sizes.grading:.3g} per unit distance up to this"
     contact, axis = ("h_contact", f"{chosen}; {per_radius}"), ("h_axis", AXIS_WHY)
-    reasons = (contact, axis, ("h_far", far), ("h_edge", EDGE_WHY), ("h_corner", CORNER_WHY))
+    reasons = (contact, axis, ("h_far", far), ("h_edge", EDGE_WHY), ("h_corner", CORNER_WHY), ("h_film", FILM_WHY))
     each = [(f"mesh.{name}", getattr(sizes, name), why) for name, why in reasons]
     choices += [Choice(key, h * L, why) for key, h, why in each if h is not None]
     if sizes.inclusions:
@@ -436,8 +438,8 @@ def steps(given: Given, physics: Physics, sizes: Sizes) -> Choices:
     method = "SDIRK2" if physics.permeable else "the exponentials' own"
     why.append(f"{given.per_doubling} of each length in every piece of the history, then twice as long; {method}")
     first = first_step(given, physics, sizes.h_contact)
-    if given.history.control == "force" and given.history.jumps and not physics.path.sudden:
-        why.append("a sudden force on this column has no equilibrium: its row is the first step's")
+    if given.history.jumps and not physics.path.jumps:
+        why.append("a jump on this column has no equilibrium at once: the step after it begins before it")
     if physics.bath_ramp and any(physics.bath_pressure(one, physics.bath_ramp) for one in physics.permeable):
         why.append(f"the bath comes within {physics.bath_ramp:.3g}, since a sudden one has no equilibrium")
     return [Choice("time.first_step", float(f"{first:.4g}"), "; ".join(why))]

@@ -28,7 +28,8 @@ from indent_sim.model.tips import (
     Sphere,
     reach,
 )
-from indent_sim.scene.given import ATTRACTION_REACH, DRAINS_ELEMENT, Durations, Given, Physics, unused_material
+from indent_sim.scene.films import late_rows
+from indent_sim.scene.given import ATTRACTION_REACH, Durations, Given, Physics, unused_material
 from indent_sim.scene.theories import half_space_force
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.theory import Theory
@@ -111,10 +112,12 @@ def of_fluid(given: Given, physics: Physics, sizes: Sizes) -> Iterator[Doubt]:
         yield Doubt("locking", f"{problem} are 1 % too stiff at 0.4999", LOCKED_ERROR)
     if given.is_half_space and given.history.span > durations.wall:
         yield Doubt("diffusion", "fluid feels the walls of the finite body that stands for the half-space")
-    begin, drains = given.history.points[0][0], durations.element / DRAINS_ELEMENT
-    early = [t for t in physics.path.times if 0 < t - begin < drains * (1 - 1e-9)]
-    if early and given.history.jumps:
-        yield Doubt("early", f"rows up to t = {max(early):.3g} are up to 1.4 % low: an element takes {drains:.3g}")
+    begin = given.history.points[0][0]
+    if given.deepest > 0 and not physics.swells and (late := late_rows(given, physics, sizes, NEGLIGIBLE_ERROR)):
+        thick = f"elements of {late.h * physics.scales.length:.2g} at the drained {late.face} are thicker than what"
+        low = f"the force is up to {in_words(late.worst)} low"
+        words = f"rows up to t = {physics.path.times[late.until]:.3g}: {thick} has drained there by then, and {low}"
+        yield Doubt("early", f"{words}; {how_to_refine(sizes, 'give a smaller mesh.h_film')}", late.at_last)
     ramp = physics.bath_ramp if physics.swells else 0.0
     if soon := [t - begin for t in physics.path.times if 0 < t - begin < BATH_IS_SUDDEN * ramp]:
         less = " to ".join(dict.fromkeys(in_words(_less_swollen(ramp, t)) for t in (max(soon), min(soon))))
@@ -280,7 +283,7 @@ def _of_mesh(given: Given, sizes: Sizes) -> Iterator[Doubt]:
         remedy = "use smaller sizes everywhere, or leave them to the program"
         words = f"coarse elements at corners that the contact feels: {high}; {remedy}"
         yield Doubt("corners", words, sizes.corner_error)
-    nu, a = given.physics.material.constants.nu, given.a
+    nu, a = given.physics.largest_nu, given.a
     likely, at_last = _deepest_and_last(given, lambda delta, a: force_doubt(sizes, a, nu))
     shallowest = _radius(given, min((delta for delta in given.physics.deltas if delta > 0), default=given.deepest))
     words = ""

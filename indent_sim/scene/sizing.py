@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from indent_sim.mesh.part_from_file import MeshedPart
-from indent_sim.mesh.sizes import Sizes
+from indent_sim.mesh.sizes import Film, Sizes
 from indent_sim.model.body import Inclusion
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
+from indent_sim.scene import films
 from indent_sim.scene.corners import corners
 from indent_sim.scene.fineness import Fineness, SettledSizes, elements_for, fineness_of, steepness, target_of
-from indent_sim.scene.given import Given
+from indent_sim.scene.given import Given, in_time
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config, MeshSettings
@@ -52,6 +53,8 @@ STRETCHED = 0.7
 PER_ARC = 4.0  # elements as long as the radius of a punch's edge, which go around it when the surface slides there
 SHARPEST_ARC = 0.02  # of a punch's radius: a sharper edge would take thousands of elements
 CORNERS = 0.1  # of the error of the force that all else may cost, what the corners may cost
+FILMS = 0.5  # likewise, what films beside drained faces may cost
+FINEST_FILM = 1e-3  # of the contact radius: with smaller elements at a face its film costs less than 1e-4 of the force
 HEARD = 0.25  # of the error of the force that all else may cost, what inclusions may cost
 PER_SKIN = 1.5  # elements across a skin: see `test_skins`
 ACROSS = {2: (2.0, 30.0), 3: (2.0, 6.0)}  # elements in half the thickness of an inclusion, from and to, by dim
@@ -86,7 +89,7 @@ def fineness(config: Config, given: Given, per_radius: float | None) -> Fineness
         n = coarse * 2.0**refinements
     else:
         squeezed = max(a for _, a, _ in contacts) >= SQUEEZED_RATIO * physics.body.height
-        gives_way = squeezed and physics.material.constants.nu >= INCOMPRESSIBLE
+        gives_way = squeezed and physics.largest_nu >= INCOMPRESSIBLE
         is_confined = gives_way and not _is_sharp(physics.indenter)  # a sharp edge says where contact ends
         n = per_radius or elements_for(target, physics.part.dim, is_confined, steepness(physics.material.decay))
     stiffness_given = getattr(config.contact, "epsilon_n", "auto") != "auto"
@@ -137,7 +140,7 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
     settled = _beneath_deep_tip(config, given, settled, edge, gap)
     plain = _plain(given, settled, edge, keenness)
     fine = _in_inclusions(_at_corners(plain, given, settled, wanted), config, given, wanted)
-    fine = _in_skins(fine, config, given, wanted)
+    fine = _in_films(_in_skins(fine, config, given, wanted), given, settled, wanted)
     _refuse_lost(fine, given, max(part.width, part.height))
     return fine
 
@@ -220,7 +223,7 @@ def _keenness(given: Given, edge: float | None) -> float:
         return 1.0
     held = [support for name, support in physics.part.supports.items() if name != "base"]
     gap = max(physics.body.rim_distance(physics.center) - edge, 1e-9 * edge)
-    squeezed = 1 / max(1 - 2 * physics.material.constants.nu, 1e-9) ** 0.5 if physics.body.is_held else 1.0
+    squeezed = 1 / max(1 - 2 * physics.largest_nu, 1e-9) ** 0.5 if physics.body.is_held else 1.0
     sheared = (1 + edge / gap) ** 0.5 if "fixed" in held else 1.0
     return max(1.0, KEEN * min(1 + edge / gap, max(squeezed, sheared)))
 
@@ -228,7 +231,7 @@ def _keenness(given: Given, edge: float | None) -> float:
 def _at_corners(plain: Sizes, given: Given, settled: SettledSizes, wanted: Fineness | None) -> Sizes:
     """The sizes, smaller towards all corners where the contact feels one; in three dimensions that costs too much."""
     physics = given.physics
-    nu = physics.material.constants.nu
+    nu = physics.largest_nu
     end = given.a if physics.is_compressed else plain.edge
     around = corners(physics.part, physics.center, given.a, nu, end) if given.deepest > 0 else []
     if settled.h_corner and (physics.part.dim == 3 or not around):
@@ -267,6 +270,41 @@ def _in_skins(plain: Sizes, config: Config, given: Given, wanted: Fineness | Non
     return replace(plain, skins=tuple(zip(skins, map(rounded, found), strict=True)))
 
 
+def _in_films(plain: Sizes, given: Given, settled: SettledSizes, wanted: Fineness | None) -> Sizes:
+    """The sizes, smaller at the drained faces of a section where the first rows find only a film drained; in three
+    dimensions that costs too much."""
+    physics = given.physics
+    is_open = wanted is not None or settled.h_contact is None or settled.h_film is not None
+    drains = physics.permeable and physics.part.dim == 2 and given.history is not None and given.deepest > 0
+    if not (is_open and drains):
+        return plain
+    faces, h_film = films_of(given, plain, settled.h_film, wanted.error if wanted else AUTO)
+    return replace(plain, films=faces, h_film=h_film if faces else None)
+
+
+def films_of(given: Given, plain: Sizes, asked: float | None, error: float) -> tuple[tuple[Film, ...], float]:
+    """The drained faces at which elements are smaller than those of `plain`, and the size [length] at those next to the
+    contact: the one asked for, or what costs its share of a relative error of the force."""
+    assert given.history is not None
+    physics, a, D = given.physics, given.a, films.slowest(given.physics)
+    path = in_time(given, physics, plain.h_contact).path
+    rows = films.rows_of(path)
+    faces = films.drained_faces(given, min(path.times) - (path.begin or 0.0))
+    h_film = asked
+    if h_film is None:
+        most = FILMS * error / films.per_length(given)
+        h_film = rounded(films.size_for(rows, most, D, 0.0, plain.h_far, FINEST_FILM * a))
+    found = []
+    for side in physics.part.outline:
+        if side.surface in faces:
+            distance = faces[side.surface]
+            h = h_film / films.felt(distance, a) ** 0.5
+            nearest = 0.0 if side.surface == "top" else distance + (a if side.surface != "base" else 0.0)
+            if h < plain.h_far:
+                found.append(Film(side, rounded(h), rounded(nearest + plain.patch)))
+    return tuple(found), h_film
+
+
 def _elements_across(inclusion: Inclusion, given: Given, error: float) -> float:
     """Elements in half the thickness of an inclusion, by what the strain energy of a point force feels of it."""
     physics = given.physics
@@ -301,14 +339,14 @@ def _refuse_lost(found: Sizes, given: Given, largest: float) -> None:
 
 def _settled(mesh: MeshSettings, scales: Scales, height: float, edge: float | None) -> SettledSizes:
     """The sizes of the config; ConfigError where they contradict one another or the scene."""
-    names = ("h_contact", "h_axis", "h_edge", "h_corner", "h_far")
+    names = ("h_contact", "h_axis", "h_edge", "h_corner", "h_film", "h_far")
     lengths = {name: getattr(mesh, name) for name in names if getattr(mesh, name) not in (None, "auto")}
     h = lengths.get("h_contact", 0.0)
     if h and lengths.get("h_far", h) < h:
         raise ConfigError("mesh.h_far", "is smaller than h_contact", f"at least {h:g}")
     if h > height * scales.length:
         raise ConfigError("mesh.h_contact", "is larger than the body is thick", f"at most {height * scales.length:g}")
-    for name in ("h_axis", "h_edge", "h_corner"):
+    for name in ("h_axis", "h_edge", "h_corner", "h_film"):
         if name in lengths and not h:
             raise ConfigError(f"mesh.{name}", "needs h_contact, up to which sizes grow", "give both")
         if lengths.get(name, 0.0) > h:

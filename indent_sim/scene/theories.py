@@ -430,10 +430,9 @@ def relaxed(material: Material, left: float) -> Material:
     modulus, or where everything relaxes the same share of it; the material itself where nothing does."""
     if material.relaxation is None:
         return material
-    (E, nu), law = material.constants, Scales(1.0, 1.0 / left).scaled(replace(material, flow=None))
-    if material.relaxes_in_shear and nu < 0.5:
-        mu, kappa = left * E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu))
-        nu = (3 * kappa - 2 * mu) / (2 * (3 * kappa + mu))
-        said = {"nu": nu} | ({"E": 2 * mu * (1 + nu)} if isinstance(law, LinearElastic) else {})
+    law = Scales(1.0, 1.0 / left).scaled(replace(material, flow=None))
+    if material.relaxes_in_shear and material.constants.nu < 0.5:
+        E, nu = material.softened(left)
+        said = {"nu": nu} | ({"E": E} if isinstance(law, LinearElastic) else {})
         law = replace(law, **said)  # type: ignore[arg-type]
     return replace(law, relaxation=None, flow=material.flow)

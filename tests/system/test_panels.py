@@ -408,6 +408,43 @@ def test_a_wish_without_effect_is_refused(given, said):
 
 
 @pytest.mark.parametrize(
+    ("wish", "said"),
+    [
+        ({"layout": (1000, 1000)}, "is for 1000000 panels; a picture has 40 at most"),
+        ({"layout": (1, 41)}, "is for 41 panels"),
+        ({"what": ("force", "profile") * 100 + ("force",)}, "these are 201 panels, a picture has 40 at most"),
+    ],
+)
+def test_more_panels_than_a_picture_has_are_refused(drawn, wish, said):
+    """Before anything is drawn: a picture of a million panels, empty or not, never came to its end."""
+    with pytest.raises(UsageError, match=said):
+        drawn([a_result(units={})], **wish)
+
+
+@pytest.mark.parametrize(("width", "dpi", "kind"), [(1000, 2400, "png"), (1000, 1700, "pdf"), (300, 2400, "png")])
+def test_more_pixels_than_can_be_drawn_are_refused(tmp_path, width, dpi, kind):
+    """And what the message says is possible is drawn; nothing is left of what was not."""
+    path = tmp_path / f"picture.{kind}"
+    wish = panels.wish({"width": width, "dpi": dpi})
+    with pytest.raises(UsageError, match=r"pixels are too many for a picture; --dpi \d+ is possible") as refused:
+        panels.draw([a_result(units={})], wish, path)
+    assert not list(tmp_path.iterdir())
+    possible = int(re.findall(r"--dpi (\d+)", str(refused.value))[0])
+    assert 100 < possible < dpi
+    if width == 300:  # inches enough to take a second, not ten
+        panels.draw([a_result(units={})], dataclasses.replace(wish, dpi=possible / 8), path)
+        assert path.exists()
+
+
+def test_what_a_killed_picture_left_is_replaced_by_the_next(tmp_path):
+    """A name of its own, not one at random: nobody has to clean up."""
+    left = tmp_path / ".picture.png.new"
+    left.write_bytes(b"half of it")
+    panels.draw([a_result(units={})], panels.wish({}), tmp_path / "picture.png")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["picture.png"]
+
+
+@pytest.mark.parametrize(
     ("units", "asked", "said"),
     [
         ({}, {"length": "nm"}, "has no unit"),

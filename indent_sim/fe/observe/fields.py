@@ -26,6 +26,11 @@ class WholeBody:
         self.nodal_displacement, self.local_array = body.nodal_displacement, body.local_array
         self.dofs, self.fluid = body.active_dofs, fluid
 
+    @property
+    def E_star(self) -> float:
+        """Plane-strain modulus of what the tip touches, at this moment [pressure]."""
+        return float(self.strains[0].E_star)
+
     def crushed(self) -> Any:
         """Where the body is deformed most, see `terms.strain.Crushed` (collective); None at small strain."""
         found = [crushed for strain in self.strains if (crushed := strain.crushed())]

@@ -45,6 +45,7 @@ class BodyEquilibrium:
         self.has_memory = problem.has_memory
         self.newton = Newton(problem)
         self._stages = 0  # found so far
+        self._leading: Sequence[Snapshot] = ()  # states that lead on to what is solved next
         self._forces = None if problem.law.may_snap else _forces_over_time(scene.physics.path)
         self._rise = 0.0  # of the force over depth, at the last stage between
         self._algorithm = self._with_valve(algorithm_of(self.newton, touch))
@@ -99,9 +100,12 @@ class BodyEquilibrium:
     def solve(self, depth: float, dt: float = 0.0) -> bool:
         """True when converged to a state that a body can have, in every stage; else the unknowns are as they were."""
         began, before = self.problem.body.before_depth, self.problem.guess()
+        leading, self._leading = self._leading, ()
         for stage in self.problem.stages(dt):
-            self.problem.begin(stage)
             is_last = stage.end == 1.0
+            if leading and dt:
+                self._guess(began + stage.end * (depth - began), leading)
+            self.problem.begin(stage)
             if not (self._find(depth, self._algorithm) if is_last else self._between(began, depth, stage.end)):
                 self.problem.take(before)
                 return False
@@ -161,12 +165,19 @@ class BodyEquilibrium:
 
     def _find(self, depth: float, algorithm: Callable[[], bool]) -> bool:
         before, self.problem.delta.value = self.problem.guess(), depth
+        self._follow(depth)
         if not algorithm():
             return False
         if why := self._why_impossible():
             self.newton.failure = why
             self.problem.take(before)
         return not why
+
+    def _follow(self, depth: float) -> None:
+        """Let the contact be as stiff as what the tip touches is at a depth, at this moment."""
+        below = self.matter.strains[0]
+        below.expect(self.problem.body.before_depth, depth)
+        self.problem.follow(below.E_star / self.scene.physics.material.E_star)
 
     def _why_impossible(self) -> str:
         if not self.problem.is_admissible():
@@ -189,17 +200,28 @@ class BodyEquilibrium:
         beside = [*problem.frozen, *problem.histories]
         return [whole, *([Numbering(f.function_space, np.arange(len(f.x.array)))] for f in beside)]
 
+    @property
+    def _softens(self) -> bool:
+        """Whether the modulus of what the tip touches changes with time."""
+        return self.scene.physics.part.regions[0].relaxing is not None
+
     def pack(self, state: Snapshot) -> list[np.ndarray]:
         """A state as arrays on rank 0, for a checkpoint, in an order that does not know the ranks (collective)."""
         arrays = [*(vector.array_r for vector in state.unknowns), *state.history]
         pairs = zip(arrays, self._numbering, strict=True)
-        return [field.gathered(values) for values, fields in pairs for field in fields]
+        packed = [field.gathered(values) for values, fields in pairs for field in fields]
+        return [*packed, np.array([state.softer])] if self._softens else packed
 
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Snapshot | None:
         """The state of packed arrays, which all ranks have (collective); None when they are none of this problem."""
         state, numbering = replace(self.snapshot(), depth=depth, t=t), self._numbering
-        if [np.shape(values) for values in arrays] != [field.shape for fields in numbering for field in fields]:
+        shapes: list[tuple[int, ...]] = [field.shape for fields in numbering for field in fields]
+        shapes += [(1,)] if self._softens else []
+        if [np.shape(values) for values in arrays] != shapes:
             return None
+        if self._softens:
+            *arrays, softer = arrays
+            state = replace(state, softer=float(softer[0]))
         rest = iter(arrays)
         for values, fields in zip([*(v.array for v in state.unknowns), *state.history], numbering, strict=True):
             for field in fields:
@@ -207,7 +229,12 @@ class BodyEquilibrium:
         return state
 
     def predict(self, depth: float, earlier: Sequence[Snapshot]) -> None:
-        """Take the unknowns that earlier states lead to expect at a depth as the present ones."""
+        """Take the unknowns that earlier states lead to expect at a depth as the present ones; in the next `solve` at
+        the depth of each of its stages."""
+        self._leading = earlier
+        self._guess(depth, earlier)
+
+    def _guess(self, depth: float, earlier: Sequence[Snapshot]) -> None:
         depths = [state.depth for state in earlier]
         trial = self._expected(earlier[-2:], depth) if self._foresees else None
         guess = [vector.duplicate() for vector in earlier[-1].unknowns]
@@ -255,16 +282,19 @@ class BodyEquilibrium:
         numbers |= self._of_fluid()
         return numbers | measure.contact(self.observed)
 
-    def _of_fluid(self) -> dict[str, float]:
-        """What has left the whole body or moved in it, what is neither there nor gone, and the largest pressure."""
+    def _of_fluid(self) -> dict[str, Any]:
+        """What has left the whole body or moved in it, what is neither there nor gone, and the largest pressure; of a
+        sudden step what its drained faces are about to lose."""
         flow, valve, comm = self.matter.flow, self.matter.valve, self.problem.comm
         if flow is None or valve is None:
             return {}
         content = flow.content()
         shares = (valve.outflow(), content.sum(), np.abs(content).sum())
         left, kept, moved = (self.problem.whole(float(mine)) for mine in shares)
-        largest = comm.allreduce(float(flow.at_corners().max(initial=-np.inf)), op=MPI.MAX)
-        return {"outflow": left, "moved": moved, "unbalanced": abs(left + kept), "pore_pressure_max": largest}
+        largest = comm.allreduce(flow.largest(), op=MPI.MAX)
+        found = {"outflow": left, "moved": moved, "unbalanced": abs(left + kept), "pore_pressure_max": largest}
+        is_sudden = float(self.problem.body.dt.value) == 0
+        return found | ({"drained": valve.drained()} if is_sudden else {})
 
 
 class SolvedBody(WholeBody):

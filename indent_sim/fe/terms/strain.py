@@ -58,7 +58,9 @@ def pressures(scene: Scene) -> list[Field]:
 
 class Strain(Term):
     """int psi dOmega of a region's material. nominal_stress P = dpsi/dH and stress (Cauchy, P F^T/J; P itself at small
-    strain) are UFL tensors (3, 3) [pressure], psi [pressure] and J = det F UFL scalars."""
+    strain) are UFL tensors (3, 3) [pressure], psi [pressure] and J = det F UFL scalars.
+
+    E_star [pressure] is the plane-strain modulus of the moment: the stress over the strain."""
 
     is_matter = True
     psi: Expr
@@ -67,6 +69,7 @@ class Strain(Term):
         self.body, self.region = body, region
         scene, fields = body.scene, body.now.fields
         self.is_constant = region.material.small_strain
+        self.E_star = region.material.E_star
         self.fields = tuple(field.name for field in pressures(scene) if field.where == (region,))
         material = symbolic(region.material, body.mesh)
         self._H = H = ufl.variable(scene.physics.part.kinematics.gradient(fields["u"], body.X))
@@ -90,6 +93,17 @@ class Strain(Term):
         body, number = self.body, self.body.scene.physics.part.regions.index(self.region)
         owned = body.mesh.topology.index_map(body.body_mesh.dim).size_local
         return np.flatnonzero(body.body_mesh.regions[:owned] == number).astype(np.int32)
+
+    def expect(self, began: float, depth: float) -> None:
+        """Take the modulus that a step to a depth is expected to end with.
+
+        Parameters
+        ----------
+        began : float
+            Depth [length] at the step's begin.
+        depth : float
+            Depth [length] that the tip is at now.
+        """
 
     def work(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
         """First variation of the energy, as a UFL form."""

@@ -85,6 +85,10 @@ class Term:
     def soften(self, factor: float) -> None:
         """Multiply the stiffness of contact; 1 makes it the law's own again."""
 
+    def follow(self, softer: float) -> None:
+        """Let the stiffness of contact follow the modulus of what the tip touches: that of the moment is so many times
+        that of the first moment."""
+
     def force(self) -> float:
         """The virtual work of pressing deeper [force], this rank's share of the modelled part."""
         return 0.0

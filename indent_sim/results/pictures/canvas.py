@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import re
 import sys
@@ -10,7 +11,7 @@ import tempfile
 import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import is_own_file
+from indent_sim.results.folder import is_own_file, write_atomically
 from indent_sim.results.pictures import layout
 from indent_sim.results.pictures.axes import in_picture
 
@@ -37,6 +38,8 @@ FONT = 10.0  # points
 PICTURE_FORMATS = (".png", ".svg", ".pdf")
 DPI = {"png": 160, "svg": 200, "pdf": 300}  # of what is drawn point by point
 MOST_TICKS, TICK_LABEL_GAP = 6, 3.0  # bins of an axis, and pixels between its numbers
+# Pixels along a side that Agg can draw, and of a picture: each takes 11 bytes until it is packed, of which 1 GB is much
+LONGEST_SIDE, MOST_PIXELS = 2**16 - 1, 1e8
 RAISED = str.maketrans("-\N{MINUS SIGN}0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")  # an exponent
 MANY = 40  # points from which a line carries no markers
 LETTER, LINE = 0.07, 0.2  # inches: width of a letter and height of a line in a legend
@@ -172,13 +175,16 @@ def format_of(path: Path) -> str:
 
 def element(draw: Callable[[Path], None]) -> str:
     """What `draw` draws into a file as an element of a page: text that can be selected, no prolog, no metadata, and no
-    name that another one may have.
+    name that another one may have. Empty where it draws nothing.
     """
     import matplotlib
 
     with tempfile.TemporaryDirectory() as folder, matplotlib.rc_context({"svg.fonttype": "none"}):
-        draw(Path(folder) / "picture.svg")
-        text = (Path(folder) / "picture.svg").read_text(encoding="utf-8")
+        drawn = Path(folder) / "picture.svg"
+        draw(drawn)
+        if not drawn.exists():
+            return ""
+        text = drawn.read_text(encoding="utf-8")
     text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL)
     text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
     own = hashlib.sha256(text.encode()).hexdigest()[:8]
@@ -248,30 +254,36 @@ def _touch(along: Any) -> bool:
 
 
 def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
-    """Write PNG, SVG or PDF after the suffix, all at once; dpi [DPI] of what is drawn point by point."""
+    """Write PNG, SVG or PDF after the suffix, all at once; dpi [DPI] of what is drawn point by point.
+
+    UsageError for more pixels than can be drawn.
+    """
     path = Path(path)
     kind = format_of(path)
+    _refuse_too_many_pixels(figure, dpi or DPI[kind])
     with warnings.catch_warnings():  # of a letter that the font lacks: a box stands for it
         warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from", UserWarning)
         lay_out(figure)
         _write(figure, path, kind, dpi or DPI[kind])
 
 
+def _refuse_too_many_pixels(figure: Figure, dpi: float) -> None:
+    """UsageError for a picture that matplotlib cannot draw point by point, or that would take gigabytes."""
+    width, height = (float(inches) for inches in figure.get_size_inches())
+    most = min((MOST_PIXELS / (width * height)) ** 0.5, LONGEST_SIDE / max(width, height))
+    if dpi > most:
+        size = f"{width * dpi:.0f} x {height * dpi:.0f} pixels"
+        raise UsageError(f"{size} are too many for a picture", f"--dpi {int(most)} is possible at this size")
+
+
 def _write(figure: Figure, path: Path, kind: str, dpi: float) -> None:
     metadata: Look = {"png": {"Software": "indent-sim"}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
-    descriptor, temporary = tempfile.mkstemp(f".{kind}", f".{path.stem[:100]}.", path.parent)  # nobody's, and no link
-    try:
-        with open(descriptor, "wb") as file:
-            if kind == "png":
-                _write_png(figure, file, dpi, metadata[kind])
-            else:
-                figure.savefig(file, format=kind, dpi=dpi, metadata=metadata[kind])
-            os.umask(mask := os.umask(0o077))  # what new files do not get; there is no other way to ask
-            os.fchmod(file.fileno(), 0o666 & ~mask)
-        os.replace(temporary, path)
-    finally:
-        with suppress(FileNotFoundError):
-            os.unlink(temporary)
+    picture = io.BytesIO()
+    if kind == "png":
+        _write_png(figure, picture, dpi, metadata[kind])
+    else:
+        figure.savefig(picture, format=kind, dpi=dpi, metadata=metadata[kind])
+    write_atomically(path, picture.getvalue(), sync=False)
 
 
 def _write_png(figure: Figure, file: BinaryIO, dpi: float, metadata: Look) -> None:

@@ -120,6 +120,7 @@ def pictured(runs: Sequence[Results], wish: Wish) -> Iterator[Figure]:
     if wish.units:
         runs = [replace(run, report=run.report | {SHOWN_UNITS: dict(wish.units)}) for run in runs]
     runs, names = named_apart(runs) if len(runs) > 1 else (list(runs), [""])
+    _refuse_too_many(runs, names, wish)
     rows = _laid_out(runs, names, wish) if wish.layout else _as_they_have_room(runs, names, wish)
     width = wish.width * MM if wish.width else PANEL_WIDTH * min(MOST_WIDE, max(row.panels for row in rows))
     heights = [row.height(width) for row in rows]
@@ -130,6 +131,22 @@ def pictured(runs: Sequence[Results], wish: Wish) -> Iterator[Figure]:
         if wish.letters:
             _letter(figure)
         yield figure
+
+
+def _refuse_too_many(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> None:
+    """UsageError for more panels than a picture has; all kinds, fields and steps of all results are counted."""
+    count = 0
+    for what in wish.what:
+        if what in MAPPED:
+            count += len(wish.fields) * len(_shown(runs, names, wish, what))
+        elif what == "pressure":
+            maps = sum(np.ptp(run.surface["y"]) > 0 for run, *_ in _shown(runs, names, wish, what))
+            count += max(1, maps)
+        else:
+            count += 1
+    if count > MOST_PANELS:
+        problem = f"these are {count} panels, a picture has {MOST_PANELS} at most"
+        raise UsageError(problem, "name fewer --what, --field or --steps")
 
 
 def _letter(figure: Figure) -> None:
@@ -152,6 +169,9 @@ def _laid_out(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list
     """The panels in the rows and columns asked for, in the order of the wish."""
     assert wish.layout is not None
     count, columns = wish.layout
+    if count * columns > MOST_PANELS:
+        problem = f"--layout {count}x{columns} is for {count * columns} panels"
+        raise UsageError(problem, f"a picture has {MOST_PANELS} at most")
     cells = [cell for what in wish.what for cell in _cells(runs, names, replace(wish, what=(what,)))]
     if len(cells) > count * columns:
         raise UsageError(f"--layout {count}x{columns} has room for {count * columns} panels; these are {len(cells)}")

@@ -30,6 +30,7 @@ import numpy as np
 from indent_sim.model.contact import Anchor, Penalty
 from indent_sim.model.state import State
 from indent_sim.run.companions.companion import Companion, Curve, States, curve_of, in_half_steps
+from indent_sim.run.companions.drained_film import DrainedFilm
 from indent_sim.scene.doubts import PER_DEPTH, edge_error
 from indent_sim.scene.fineness import CONSTANT, RATE, fading
 from indent_sim.scene.scene import Scene
@@ -37,9 +38,9 @@ from indent_sim.scene.scene import Scene
 # ---- the numbers of the rule: docs/accuracy.md has coverage and width with and without each ------------------------
 
 SAFETY = 3.0  # Roache's, where two meshes alone are known
-FLOOR = 0.3  # of CONSTANT n^-RATE, from which `accuracy` chooses n elements in a contact radius (see `fineness`)
-RADIUS = 0.1  # of the element where the contact ends, to which the radius is read off
-PRESSURE_RATE, PEAK = 2.0, 0.15  # of the largest pressure: quadratic elements have stresses of order 2
+FLOOR = 0.2  # of CONSTANT n^-RATE, from which `accuracy` chooses n elements in a contact radius (see `fineness`)
+RADIUS = 0.08  # of the element where the contact ends, to which the radius is read off
+PRESSURE_RATE, PEAK = 2.0, 0.2  # of the largest pressure: quadratic elements have stresses of order 2
 
 # ---- what has not been decided yet ----------------------------------------------------------------------------------
 
@@ -73,7 +74,8 @@ class Budget:
 
     discretisation: the mesh. enforcement: the penalty's stiffness. truncation: the finite body that stands for a
     half-space, or flat facets for a curved surface. theory: the distance from a theory that is exact for this body.
-    path: with friction the steps of the path. time: of a body that evolves the steps in time.
+    path: with friction the steps of the path. time: of a body that evolves the steps in time. film: of a body that
+    drains, the films beside its drained faces.
     """
 
     step: int
@@ -83,6 +85,7 @@ class Budget:
     theory: float = 0.0
     path: float = 0.0
     time: float = 0.0
+    film: float = 0.0
 
     @property
     def parts(self) -> dict[str, float]:
@@ -160,12 +163,22 @@ class ErrorBars:
         The companion with half the penalty's stiffness, where there is a penalty.
     ways
         The companion's path in its own steps and in steps half as long, where they matter.
+    film
+        What the films beside drained faces cost on the run's own mesh, of a body that drains.
     """
 
-    def __init__(self, scene: Scene, companion: Companion, soft: States | None = None, ways: Ways | None = None):
+    def __init__(
+        self,
+        scene: Scene,
+        companion: Companion,
+        soft: States | None = None,
+        ways: Ways | None = None,
+        film: DrainedFilm | None = None,
+    ):
         self.budgets: list[Budget] = []
         self.companion = companion
         self._ways = ways
+        self._film = film
         self._coarse = companion.curve
         self._soft = None if soft is None else curve_of(soft)
         self._run: Curve = {}
@@ -204,6 +217,7 @@ class ErrorBars:
             "truncation": self._misshapen(state) * force,
             "path": 0.0 if self._physics.evolves else self._path(state, "force"),
             "time": self._path(state, "force") if self._physics.evolves else 0.0,
+            "film": self._film.error(state) if self._film else 0.0,
         }
 
     def _discretisation(self, state: State) -> float:
@@ -298,8 +312,8 @@ class ErrorBars:
         at_end = self._sizes.on_surface(state.a / L) * L if state.a > 0 else 0.0
         if name == "a":
             return RADIUS * at_end
-        rate = PRESSURE_RATE if name == "p_max" else 1.0
-        said = grid_convergence(_difference(self._coarse, self._run, state.step, name), self.companion.ratio, rate)
+        off = _difference(self._coarse, self._run, state.step, name)
+        said = grid_convergence(off, self.companion.ratio, PRESSURE_RATE)
         value = abs(getattr(state, name))
         coarseness = at_end / state.a if state.a > 0 else 0.0
         least = RADIUS * coarseness * value
