@@ -47,8 +47,8 @@ LEAST_DISK = 1e-5  # of the longest side of a box, a punch's radius: below 3e-6 
 # gmsh's CAD kernel, 1e-7, and it fails or aborts
 SQUEEZED_RATIO = 1.0  # contact radius over height from which a layer is squeezed rather than indented
 KEEN = 0.74  # of (1 + radius/gap), by how much more a punch's radius is felt beside a wall: to 20 %, by layer theory
-# Growth of the surface's stretch beneath a frictionless tip with each of its radii beyond the first: 13.5 at the apex of
-# a rod with a round end 4.75 radii deep in neo-Hookean rubber of nu = 0.49
+# Growth of the surface's stretch beneath a frictionless tip with each of its radii beyond the first: 13.5 was measured
+# at the apex of a rod with a round end 4.75 radii deep in neo-Hookean rubber of nu = 0.49
 STRETCHED = 0.7
 PER_ARC = 4.0  # elements as long as the radius of a punch's edge, which go around it when the surface slides there
 SHARPEST_ARC = 0.02  # of a punch's radius: a sharper edge would take thousands of elements
