@@ -50,7 +50,7 @@ KEEN = 0.74  # of (1 + radius/gap), by how much more a punch's radius is felt be
 # Growth of the surface's stretch beneath a frictionless tip with each of its radii beyond the first: 13.5 was measured
 # at the apex of a rod with a round end 4.75 radii deep in neo-Hookean rubber of nu = 0.49
 STRETCHED = 0.7
-PER_ARC = 4.0  # elements as long as the radius of a punch's edge, which go around it when the surface slides there
+PER_ARC = 10.0  # elements as long as the radius of a punch's edge, which go around it when the surface slides there
 SHARPEST_ARC = 0.02  # of a punch's radius: a sharper edge would take thousands of elements
 CORNERS = 0.1  # of the error of the force that all else may cost, what the corners may cost
 FILMS = 0.5  # likewise, what films beside drained faces may cost

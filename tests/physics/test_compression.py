@@ -114,6 +114,7 @@ def test_theory_knows_every_law(law: dict[str, Any]) -> None:
     theory = base.exact_theory
     assert theory is not None
     for state in solve(base):
+        assert state.newton_iterations <= 8  # quadratic: where two stretches are equal Ogden's tangent has its digits
         solution = theory.at(state.delta)
         assert solution is not None
         scales = base.physics.scales

@@ -39,7 +39,7 @@ def test_what_slides_outwards_is_meshed_finely_beneath_a_deep_rod() -> None:
 
 def test_elements_go_around_the_edge_of_a_punch_wherever_it_is() -> None:
     deep = sizes(5.0, ROD | {"edge_radius": 0.2})
-    assert 20 * deep.h_contact == pytest.approx(0.2 / 4)
+    assert 20 * deep.h_contact == pytest.approx(0.2 / 10)
     assert deep.h_edge == deep.h_contact  # the surface that is at the edge now was not beneath it
 
 
