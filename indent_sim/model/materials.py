@@ -601,7 +601,10 @@ class Ogden(_Isochoric):
 
     def isochoric(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
         """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); near rest, where stretches lose digits, by a series."""
-        far = self.energy_of_stretches(*algebra.unimodular_stretches(1 + excess, square, cube))
+        apart, middle, spread = algebra.unimodular_stretches(1 + excess, square, cube)
+        far = 0.0 * excess
+        for mu, alpha in zip(self.mu, self.alpha, strict=True):
+            far = far + mu / alpha * (apart**alpha + algebra.pair_power_sum(alpha, middle, spread) - 3)
         return algebra.where_less(square, algebra.SMALL_DEVIATOR**2 / 6, self._near_rest(excess, square, cube), far)
 
     def _near_rest(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
