@@ -161,9 +161,7 @@ def covers_top(tip: Indenter, body: Body, center: tuple[float, ...]) -> bool:
 COMPRESSIONS = ("uniaxial compression", "plane-strain compression", "confined compression")
 
 
-def _compression_theory(
-    body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer], room: float
-) -> Theory | None:
+def _compression_theory(body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer], room: float) -> Theory | None:
     """Theory of a plate on all of a flat top: the body as a bar that slides on the plate and on its base. None where
     nobody knows it: layers that are no linear ones, a bar that cannot give way.
     room: the radius of the tip's flat face over that of the top."""
