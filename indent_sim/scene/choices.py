@@ -42,7 +42,7 @@ GAP_WHY = {
     "current": "finite strain: tested at the deformed point, pressure along the tip's normal",
 }
 FOR_WHOLE = "solver.linear: iterative is for the whole body"
-CHEAP_UNKNOWNS = 15_000  # unknowns below which a factorisation costs next to nothing and never fails
+WORTH_SECONDS = 2.0  # of a factorisation, which never fails, that iterations must save to be chosen
 CLEARLY = 0.8  # of a factorisation's seconds, below which iterations are chosen: a prediction is no better
 FREE_WHY = "new contact sticks where its step began"
 ON_ITS_WAY = "new contact sticks where it touches on its way through the step, found in a pass without friction for it"
@@ -304,7 +304,8 @@ def linear(config: Config, physics: Physics, sizes: Sizes, direct: Cost, iterati
     if obstacle:
         return Choice("solver.linear", "direct", obstacle)
     effort = [f"about {cost.seconds:.2g} s and {cost.memory / 1e9:.2g} GB" for cost in (direct, iterative)]
-    is_cheaper = direct.dofs >= CHEAP_UNKNOWNS and iterative.seconds < CLEARLY * direct.seconds
+    is_worth_it = direct.seconds - iterative.seconds > WORTH_SECONDS
+    is_cheaper = is_worth_it and iterative.seconds < CLEARLY * direct.seconds
     is_needed = direct.memory > room >= iterative.memory
     chosen = "iterative" if is_cheaper or is_needed else "direct"
     return Choice("solver.linear", chosen, f"factored {effort[0]}, iteratively {effort[1]}")

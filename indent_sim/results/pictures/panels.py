@@ -133,6 +133,40 @@ def pictured(runs: Sequence[Results], wish: Wish) -> Iterator[Figure]:
         yield figure
 
 
+def draw_into(axes: Axes, runs: Sequence[Results], wish: Wish) -> None:
+    """Draw the one panel that was wished for into axes of somebody else's figure, with its legend inside.
+
+    UsageError as `pictured`, for several panels, and for a wish of the whole picture (width, font, layout, letters).
+    """
+    if (wish.width, wish.font, wish.layout, wish.letters) != (None, canvas.FONT, None, ""):
+        raise UsageError("width, font, layout and letters are those of the figure that ax belongs to")
+    if wish.units:
+        runs = [replace(run, report=run.report | {SHOWN_UNITS: dict(wish.units)}) for run in runs]
+    runs, names = named_apart(runs) if len(runs) > 1 else (list(runs), [""])
+    drawings = _line_panels(runs, names, wish)
+    lines = len(drawings)
+    for what in wish.what:
+        if what == "pressure":
+            shown = _shown(runs, names, wish, what)
+            mapped = [one for one in shown if np.ptp(one[0].surface["y"]) > 0]
+            drawings += [partial(draw_map, results=run, contact=contact_of(run, step)) for run, step, _ in mapped]
+        if what in MAPPED:
+            for name in wish.fields:
+                row = _fields(runs, names, wish, name, what)
+                places = (slice(k, k + 1) for k in range(len(row.shown)))
+                drawings += [partial(_draw_field, row=row, some=some) for some in places]
+    if len(drawings) != 1:
+        raise UsageError(f"ax is for one panel, these are {len(drawings)}", "name one of --what, --field and --steps")
+    drawings[0](axes)
+    if lines:
+        axes.legend()
+
+
+def _draw_field(axes: Axes, row: FieldRow, some: slice) -> None:
+    """One panel of a field with its bar of colours."""
+    row.draw([axes], some)
+
+
 def _refuse_too_many(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> None:
     """UsageError for more panels than a picture has; all kinds, fields and steps of all results are counted."""
     count = 0
