@@ -847,7 +847,7 @@ class Gel(_Law):
         return self.G / self.n_omega * mixing - self.G * (1 / self._l - 1 / J0) * shrunk
 
 
-# [kT] Between two chemical potentials that are the same: that of a free stretch found for a bath is off by 3e-16 at most
+# [kT] Between two chemical potentials that are the same: that of a free stretch found for a bath is off by 3e-16
 # (300 random gels of chi 0 to 0.7, n_omega 1e-4 to 0.03, baths 0 and -1e-6 to -0.1)
 SWELLING_ROUNDING = 1e-14
 GROWTHS = tuple(10 ** (k / 20) for k in range(-240, 241))  # where a stretch less 1 is looked for
