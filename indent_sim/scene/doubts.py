@@ -74,6 +74,7 @@ class Doubt:
     force_error: float = 0.0
 
 
+HELD_SURFACE = 5e-4  # of the force, what a membrane that holds the surface of a drop in its plane adds at most
 TENSE = 30.0  # contact radii, gamma/E* from which p_max is off by more than its bar, by 5 % at 200
 NO_CONTACT = Doubt("no_contact", "the tip never reaches the body: every depth is <= 0")
 
@@ -274,6 +275,8 @@ def _of_mesh(given: Given, sizes: Sizes) -> Iterator[Doubt]:
     if (flat := given.elastocapillary_length / given.a) > TENSE:
         step = f"gamma/E* is {flat:.2g} contact radii: the pressure ends with a step"
         yield Doubt("p_max", f"{step}, where p_max of a mesh is up to 5 % too large; the force is not")
+    if given.physics.is_drop:
+        yield Doubt("drop", "", HELD_SURFACE)
     moduli = [region.material.constants.E for region in given.physics.part.regions]
     if max(moduli) > VERIFIED_CONTRAST * min(moduli):
         words = f"moduli {max(moduli) / min(moduli):.0e} times apart: sizes are known to suit up to 1000 times"

@@ -28,7 +28,7 @@ STEEPEST_GRADING = 0.5
 FAR_SIZE = {2: 2.0, 3: 1.25}  # h_far n over the larger of height and width, by dim
 CONFINED = 1.6  # times as many elements where a layer that hardly compresses is squeezed: its force scatters more
 THIN = 4.0  # at most this many thicknesses over n
-# h_edge n^RATE over the punch's radius, by dim; in three dimensions so that the edge alone (`doubts.EDGE` of that) costs
+# h_edge n^RATE over the punch's radius, by dim; in three dimensions so that the edge alone (`doubts.EDGE` of it) costs
 # no more than CONSTANT n^-RATE: with 3.0 the first mesh missed its target, and the second took longer than this one
 EDGE_SIZE = {2: 0.3, 3: 1.2}
 LEAST_RESOLVED_RADIUS = {2: 0.01, 3: 0.2}  # contact radius that still gets n elements, of the largest one, by dim

@@ -309,7 +309,8 @@ class Valve(Term):
     def drained(self) -> np.ndarray:
         """What drained faces hold back while nothing flows: the table (vertices, 2) of all ranks, in one order, of the
         height of the elements at each vertex [length], and of p^2 times its area [pressure^2 length^2] of the part
-        that is modelled (collective). Vertices without conductance have no area."""
+        that is modelled (collective). A vertex that lets out less than its own cells let through holds no pressure at
+        the face, and has no area."""
         body, space = self.body, self.body.unknowns.own_space(NAME)
         places = np.asarray(space.dofmap.index_map.local_to_global(np.arange(len(self._places), dtype=np.int32)))
         heights, areas = np.zeros(len(places)), np.zeros(len(places))
@@ -328,7 +329,7 @@ class Valve(Term):
                 sums(body.x, self._places[nodes], np.ones(nodes.shape))[self._places], 1.0
             )
         p = body.local_array()[self._places[: self._owned]]
-        lets = np.where(self._touches, self._touched, self._free)[: self._owned] > 0
+        lets = self._conductance > self._open[: self._owned] / OPEN
         mine = np.column_stack([heights[: self._owned], np.where(lets, areas[: self._owned], 0.0) * p**2])
         kept = areas[: self._owned] > 0
         parts = body.comm.allgather((places[: self._owned][kept], mine[kept]))
