@@ -164,7 +164,7 @@ def test_the_penetration_is_over_epsilon_n_beside_what_a_penalty_yields() -> Non
             multiples.told(Families(curves, ("contact.epsilon_n",)), "penetration")[0][0]
             / runs[0].results["penetration"][-1]
         )
-        assert points == pytest.approx(
+        assert np.asarray(points) == pytest.approx(
             np.array([(k, scale * curve.results["penetration"][-1]) for k, curve in zip(stiffness, runs, strict=True)])
         )
         yields = next(line for line in axes.get_lines() if "epsilon" in str(line.get_label()))
