@@ -7,10 +7,11 @@ import time
 import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from indent_sim.config.scene_file import to_yaml
+from indent_sim.config.scene_file import Given, load, to_yaml
 from indent_sim.config.schema import Config, OutputSettings
 from indent_sim.model.body import MeshFromFile
 from indent_sim.model.loading import LoadPath
@@ -37,6 +38,7 @@ from indent_sim.run.companions.accuracy import (
 from indent_sim.run.companions.companion import Companion, beside, softer
 from indent_sim.run.companions.drained_film import film_of
 from indent_sim.run.companions.error_bars import Bars, ErrorBars, TheoryBars, ways
+from indent_sim.run.companions.remedies import are_tried, remedies, tried
 from indent_sim.run.companions.sticking import bearer, sticks
 from indent_sim.run.plausibility import unresolved
 from indent_sim.run.prospect import all_mistakes
@@ -67,27 +69,27 @@ class Outcome:
 
 
 def simulate(
-    config: Config,
+    given: Given,
     comm: Comm = None,
     *,
     scene: Scene | None = None,
-    directory: Path | None = None,
+    directory: Path | str | None = None,
     progress: Progress | None = None,
     resume: bool = False,
     error_bars: bool = False,
     overwrite: bool = False,
 ) -> Outcome:
-    """Simulate a config and write its result folder (collective over `comm` [this process alone], files by rank 0).
+    """Simulate a scene and write its result folder (collective over `comm` [this process alone], files by rank 0).
 
-    scene: what the config becomes, where that is known. With `resume` the rows of an earlier run of the same config
-    stay, and the others are computed. With `error_bars`, or `accuracy` in the config, every row has its force_error;
-    `accuracy` refines the mesh until it is small enough.
+    given: a config, or the file or dictionary that says one. scene: what the config becomes, where that is known. With
+    `resume` the rows of an earlier run of the same config stay, and the others are computed. With `error_bars`, or
+    `accuracy` in the config, every row has its force_error; `accuracy` refines the mesh until it is small enough.
     Rows of another config file and a finished run of another scene are replaced with `overwrite` alone; a finished run
     of the same scene is replaced once this one is done.
     Raises ConfigError, UsageError, MeshError, NotConverged, VerificationError, BackendError; what was computed
     before a failure is on disk.
     """
-    comm = comm if comm is not None else Alone()
+    comm, config = comm if comm is not None else Alone(), config_of(given)
     target = Path(directory or config.output.directory or "results/run")
     try:
         outcome = Run(config, scene, comm, target, progress, resume, error_bars, overwrite).outcome()
@@ -158,7 +160,7 @@ class Run:
             bars = self._bars(attempt) if self._asked.bars else None
             if bars is not None:
                 record.note(error_budget=bars.budgets, accuracy=entry(config, plan.fineness, attempt.tried))
-            simulation = Simulation(config, scene, record, self._clock, bars)
+            simulation = Simulation(config, scene, record, self._clock, bars, partial(self._remedies, scene))
             states = simulation.follow(self.progress)
             simulation.experiment()
             judged = simulation.judged
@@ -175,6 +177,13 @@ class Run:
             if attempt.missed:
                 record.fail(VerificationError(attempt.missed))
         return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
+
+    def _remedies(self, scene: Scene, step: int, spent: int) -> str:
+        """What was tried where a path ended early, and how far it came, in words; by one process alone."""
+        if self.comm.size > 1 or not are_tried(scene):
+            return ""
+        walk = partial(states, with_surface=False)
+        return tried(remedies(self.config, scene), step, spent, resolve, walk)
 
     def _finished(self, text: str, scene: Scene, output: OutputSettings, said: dict[str, Any]) -> Outcome | None:
         """The outcome of a run that came to its end before, with what its files lack since among its warnings."""
@@ -263,13 +272,15 @@ class Run:
 
 
 def states(
-    scene: Scene, comm: Comm = None, *, with_surface: bool = True, mesher: Mesher = Scene.grid
+    given: Scene | Given, comm: Comm = None, *, with_surface: bool = True, mesher: Mesher = Scene.grid
 ) -> Iterator[State]:
     """Walk a scene without writing anything: one State per requested depth, in the user's units; on the mesh that
     `mesher` makes of the scene.
 
+    given: a scene, or the config, file or dictionary that says one.
     For notebooks and tests; a State that is not converged is the last one.
     """
+    scene = given if isinstance(given, Scene) else resolve(config_of(given))
     comm = communicator(comm if comm is not None else Alone(), scene)
     beside = Beside(comm)
     fe = backend() if scene.is_meshed else None
@@ -351,6 +362,13 @@ def warm_up() -> None:
     """Load what every run needs, so that the first of many costs no more than the others."""
     start_mesher()
     backend()
+
+
+def config_of(given: Given) -> Config:
+    """The config of a scene, however it is given; TypeError for what `resolve` has made of one."""
+    if isinstance(given, Scene):
+        raise TypeError("give what `load` gives, not what `resolve` made of it")
+    return given if isinstance(given, Config) else load(given)
 
 
 def communicator(comm: Comm, scene: Scene) -> Comm:

@@ -42,7 +42,7 @@ GAP_WHY = {
     "current": "finite strain: tested at the deformed point, pressure along the tip's normal",
 }
 FOR_WHOLE = "solver.linear: iterative is for the whole body"
-CHEAP_UNKNOWNS = 15_000  # unknowns below which a factorisation costs next to nothing and never fails
+WORTH_SECONDS = 2.0  # of a factorisation, which never fails, that iterations must save to be chosen
 CLEARLY = 0.8  # of a factorisation's seconds, below which iterations are chosen: a prediction is no better
 FREE_WHY = "new contact sticks where its step began"
 ON_ITS_WAY = "new contact sticks where it touches on its way through the step, found in a pass without friction for it"
@@ -87,8 +87,15 @@ def model(given: Given) -> Choices:
         Choice("kinematics", part.kinematics.name, part.kinematics.why),
         Choice("strain", *strain),
         *([Choice("control", "force", FORCE_WHY)] if physics.path.control == "force" else []),
+        *([Choice("surface", "held", _held_surface(physics))] if physics.is_drop else []),
         *([Choice("pins", len(part.pins), pinned)] if part.pins else []),
     ]
+
+
+def _held_surface(physics: Physics) -> str:
+    """Why the surface of a drop is held in its plane."""
+    number = f"gamma/(mu R) = {physics.drop_number:.3g}: little but its tension holds the surface"
+    return f"{number}, whose points a membrane of 0.001 gamma keeps apart, which adds up to 0.05 % to the force"
 
 
 def quantities(config: Config) -> Choices:
@@ -304,7 +311,8 @@ def linear(config: Config, physics: Physics, sizes: Sizes, direct: Cost, iterati
     if obstacle:
         return Choice("solver.linear", "direct", obstacle)
     effort = [f"about {cost.seconds:.2g} s and {cost.memory / 1e9:.2g} GB" for cost in (direct, iterative)]
-    is_cheaper = direct.dofs >= CHEAP_UNKNOWNS and iterative.seconds < CLEARLY * direct.seconds
+    is_worth_it = direct.seconds - iterative.seconds > WORTH_SECONDS
+    is_cheaper = is_worth_it and iterative.seconds < CLEARLY * direct.seconds
     is_needed = direct.memory > room >= iterative.memory
     chosen = "iterative" if is_cheaper or is_needed else "direct"
     return Choice("solver.linear", chosen, f"factored {effort[0]}, iteratively {effort[1]}")

@@ -143,7 +143,8 @@ def carry_out(
             folders = {case.id: place.run(case.name).name for case in mine}
             rows = study_table.rows(study, asked, done, against, folders)
             board = scoreboard.rows(study.members, cases, done)
-            finished = replace(finished, rows=rows, notes=against.notes, scoreboard=board)
+            finished = replace(finished, rows=rows, notes=against.notes, scoreboard=board, compared_with=against.name)
+            place.write_record(title=study.title, study=str(study.path), keys=study.keys, compare_to=against.name)
             place.write(study_folder.STUDY_TABLE, study_table.write(rows))
             if board:
                 place.write(study_folder.SCOREBOARD, study_table.write(board))
