@@ -28,12 +28,15 @@ from indent_sim.model.units import rounded
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A state: the unknowns, which may be extrapolated and blended, and what the terms remember, which may not."""
+    """A state: the unknowns, which may be extrapolated and blended, and what the terms remember, which may not.
+
+    softer: the modulus that the contact was as stiff as, over that of the first moment."""
 
     depth: float
     unknowns: tuple[PETSc.Vec, ...]
     history: tuple[np.ndarray, ...] = ()
     t: float = 0.0
+    softer: float = 1.0
 
 
 class Problem:
@@ -52,6 +55,7 @@ class Problem:
         self.has_symmetric_tangent = all(term.has_symmetric_tangent for term in self.terms)
         self.has_memory = any(term.has_memory for term in self.terms)
         self.flows = any(term.flows for term in self.terms)
+        self._softer = 1.0
 
     @property
     def keeps_tangent(self) -> bool:
@@ -94,6 +98,22 @@ class Problem:
         """Multiply the stiffness of the contact law; 1 makes it the law's own again."""
         for term in self.terms:
             term.soften(factor)
+
+    @property
+    def can_firm(self) -> bool:
+        """Whether a term can hold more firmly what little holds."""
+        return any(term.can_firm for term in self.terms)
+
+    def firm(self, firmness: float) -> None:
+        """Hold the surface of a drop by so much of its tension in its plane, see `terms.surface_tension`."""
+        for term in self.terms:
+            term.firm(firmness)
+
+    def follow(self, softer: float) -> None:
+        """Make contact as stiff as a body of so many times the modulus of the first moment has it."""
+        self._softer = softer
+        for term in self.terms:
+            term.follow(softer)
 
     def begin_solve(self) -> None:
         """Forget what the last solve has remembered, and give what is held its values."""
@@ -153,7 +173,7 @@ class Problem:
     def snapshot(self) -> Snapshot:
         """The present state, just accepted."""
         remembered = tuple(function.x.array.copy() for function in self.histories)
-        return Snapshot(self.depth, tuple(self.guess()), remembered, float(self.body.now.t.value))
+        return Snapshot(self.depth, tuple(self.guess()), remembered, float(self.body.now.t.value), self._softer)
 
     def restore(self, state: Snapshot) -> None:
         """Make a state the present one, and the one that was accepted last."""
@@ -163,6 +183,7 @@ class Problem:
             function.x.array[:] = values
         self.body.accept()
         self.begin(Stage(0.0))  # no time has passed since
+        self.follow(state.softer)
 
     def is_admissible(self) -> bool:
         """Whether J > 0, and any other limit of the law is kept, at every quadrature point: the energy is a number.

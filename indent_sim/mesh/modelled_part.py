@@ -11,7 +11,7 @@ import numpy as np
 
 from indent_sim.model.body import Inclusion, Shell
 from indent_sim.model.kinematics import Kinematics
-from indent_sim.model.materials import Exponentials, Material
+from indent_sim.model.materials import Constants, Exponentials, Material
 
 Point = tuple[float, ...]
 Places = float | np.ndarray
@@ -88,7 +88,9 @@ class Side:
 @dataclass(frozen=True)
 class Region:
     """A layer of the part, or an inclusion: its material, its formulation (displacement, or mixed with a pressure), and
-    how its shear stress relaxes while it is followed in time."""
+    how its shear stress relaxes while it is followed in time.
+
+    least_share: what is left of its shear modulus when it has relaxed most, on the way that the scene asks for."""
 
     name: str
     material: Material
@@ -96,6 +98,15 @@ class Region:
     bottom: float = 0.0  # z of a layer's lower face [length]
     inclusion: Inclusion | None = None
     relaxing: Exponentials | None = None
+    least_share: float = 1.0
+
+    @property
+    def softest(self) -> Constants:
+        """Small-strain E [pressure] and nu of its softest state on the way, which is its most incompressible one."""
+        return self.material.softened(self.least_share)
+
+
+MIRROR_DISTANCE = 1e-12  # distance [length] of a tip to the mirror plane that it stands over
 
 
 @dataclass(frozen=True)
@@ -204,6 +215,18 @@ class Part:
         x, y = (*center, 0.0)[:2]
         walls = [side for side in self.outline if side.surface not in ("top", "base")]
         return {side.surface: float(side.inwards(x, y)) for side in walls}
+
+    def mirrors(self, center: Point) -> set[str]:
+        """The walls that are mirror planes: rollers right under the tip's axis."""
+        under = {wall for wall, distance in self.distances(center).items() if distance <= MIRROR_DISTANCE}
+        return {wall for wall in under if self.supports.get(wall) == "roller"}
+
+    def seen_by(self, center: Point) -> int:
+        """How many times the whole body the tip sees, mirrored at rollers through its axis: 1, 2, or 4 at a corner.
+
+        Its force is that share of the force on the body which it sees.
+        """
+        return 1 if self.kinematics.name == "axisymmetric" else int(2 ** len(self.mirrors(center)) // self.copies)
 
     @property
     def file_hash(self) -> str:

@@ -49,7 +49,6 @@ class Sizes:
     corners: tuple[tuple[float, float], ...] = ()
     h_corner: float | None = None
     corner_error: float = 0.0  # of the force, at most, what elements at corners cost that are left as they are
-    ruled_by_corners: bool = False  # whose elements are no smaller than those around, and rule how the force converges
     inclusions: tuple[tuple[Inclusion, float], ...] = ()
     skins: tuple[tuple[Shell, float], ...] = ()
     films: tuple[Film, ...] = ()

@@ -15,7 +15,7 @@ from indent_sim.model.body import Endless, MeshFromFile
 from indent_sim.model.contact import Adhesion, Anchor, AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.materials import LOCKING
-from indent_sim.model.tips import FlatPunch, Indenter, reach
+from indent_sim.model.tips import FlatPunch, Indenter, Plate, reach
 from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES, Cost
@@ -42,7 +42,7 @@ GAP_WHY = {
     "current": "finite strain: tested at the deformed point, pressure along the tip's normal",
 }
 FOR_WHOLE = "solver.linear: iterative is for the whole body"
-CHEAP_UNKNOWNS = 15_000  # unknowns below which a factorisation costs next to nothing and never fails
+WORTH_SECONDS = 2.0  # of a factorisation, which never fails, that iterations must save to be chosen
 CLEARLY = 0.8  # of a factorisation's seconds, below which iterations are chosen: a prediction is no better
 FREE_WHY = "new contact sticks where its step began"
 ON_ITS_WAY = "new contact sticks where it touches on its way through the step, found in a pass without friction for it"
@@ -55,6 +55,7 @@ NEARLY_LOCKED, RIGID = 0.495, 3e5
 JKR_WHY = "the JKR limit: exact for this body where the attraction's range is short"
 TING_WHY = "Lee & Radok while the contact grows, Ting while it shrinks: exact for one body or layers that relax alike"
 STEP_WHY = "contact stepped in time on the compliance, to 1e-4: the history is no single cycle of depths"
+AS_WIDE_WHY = "the punch is as wide as the body: a plane, whose edge does not cut into a rim that bulges"
 UNITS = "check work, R and E: are they in the same units?"
 QUASI_WHY = "every point an equilibrium of the elastic curve"
 SPREAD, FILLED = 500.0, 0.95  # of a mesh: between its contacts that come off and the deepest; of the way to the rim
@@ -86,8 +87,15 @@ def model(given: Given) -> Choices:
         Choice("kinematics", part.kinematics.name, part.kinematics.why),
         Choice("strain", *strain),
         *([Choice("control", "force", FORCE_WHY)] if physics.path.control == "force" else []),
+        *([Choice("surface", "held", _held_surface(physics))] if physics.is_drop else []),
         *([Choice("pins", len(part.pins), pinned)] if part.pins else []),
     ]
+
+
+def _held_surface(physics: Physics) -> str:
+    """Why the surface of a drop is held in its plane."""
+    number = f"gamma/(mu R) = {physics.drop_number:.3g}: little but its tension holds the surface"
+    return f"{number}, whose points a membrane of 0.001 gamma keeps apart, which adds up to 0.05 % to the force"
 
 
 def quantities(config: Config) -> Choices:
@@ -106,8 +114,9 @@ def formulations(given: Given) -> Choices:
 def _formulation(region: Region, is_alone: bool) -> Choice:
     key = "material" if is_alone or region.name == "body" else f"body.{region.name}.material"
     key = f"body.{region.name}" if region.name.startswith("regions.") else key
-    nu, sign = region.material.constants.nu, ">=" if region.formulation == "mixed" else "<"
+    nu, sign = region.softest.nu, ">=" if region.formulation == "mixed" else "<"
     like = "" if region.material.is_isotropic else "as compressible as "
+    like = "its shear relaxes to " if region.least_share < 1 else like
     why = "as given" if region.material.formulation != "auto" else f"{like}nu = {nu:.6g} {sign} {LOCKING:g}"
     return Choice(f"{key}.formulation", region.formulation, why)
 
@@ -122,7 +131,7 @@ def gap(wanted: Contact, given: Given) -> tuple[str, Choice]:
         outcome = "gap: current cannot tell how a body gives way to such a needle"
         problem = f"the depth is {given.deepest / end:.3g} times the radius at which the tip ends: {outcome}"
         raise ConfigError("indenter", problem, "give both in the same unit of length")
-    if chosen == "current" and physics.part.pins:
+    if chosen == "current" and physics.part.pins and not physics.is_compressed:
         remedy = "fix the base, hold a side, use gap: reference, or put the tip in the middle and use symmetry"
         raise ConfigError("contact.gap", f"'current' {SIDEWAYS}", remedy)
     return chosen, Choice("contact.gap", chosen, "as given" if wanted.gap != "auto" else GAP_WHY[chosen])
@@ -302,7 +311,8 @@ def linear(config: Config, physics: Physics, sizes: Sizes, direct: Cost, iterati
     if obstacle:
         return Choice("solver.linear", "direct", obstacle)
     effort = [f"about {cost.seconds:.2g} s and {cost.memory / 1e9:.2g} GB" for cost in (direct, iterative)]
-    is_cheaper = direct.dofs >= CHEAP_UNKNOWNS and iterative.seconds < CLEARLY * direct.seconds
+    is_worth_it = direct.seconds - iterative.seconds > WORTH_SECONDS
+    is_cheaper = is_worth_it and iterative.seconds < CLEARLY * direct.seconds
     is_needed = direct.memory > room >= iterative.memory
     chosen = "iterative" if is_cheaper or is_needed else "direct"
     return Choice("solver.linear", chosen, f"factored {effort[0]}, iteratively {effort[1]}")
@@ -505,8 +515,11 @@ def _refuse_unlike_contacts(given: Given, smallest: float, largest: float) -> No
         raise ConfigError("experiment.adhesion.work", problem, "do not go as deep, or solver.method: theory")
 
 
-def tip(given: Given, gap: str) -> tuple[Indenter, Choices]:
-    """The tip, with a small radius at a sharp apex or edge where the gap needs a normal everywhere."""
+def tip(config: Config, given: Given, gap: str) -> tuple[Indenter, Choices]:
+    """The tip, with a small radius at a sharp apex or edge where the gap needs a normal everywhere; a plate in place of
+    a punch that is as wide as the body."""
+    if isinstance(given.physics.indenter, Plate) and isinstance(config.indenter, FlatPunch):
+        return given.physics.indenter, [Choice("indenter.shape", "plate", AS_WIDE_WHY)]
     physics, body = given.physics, given.physics.body
     sharp, key = physics.indenter, "edge_radius" if isinstance(physics.indenter, FlatPunch) else "tip_radius"
     if gap == "reference" or getattr(sharp, key, 1.0) > 0:

@@ -1,7 +1,7 @@
 """Cost of a run: cells, unknowns, memory and processor seconds, before anything is meshed.
 
 Counts come from the integrals of 1/size^dim over the modelled part and, in three dimensions, of 1/size^2 over its
-surface. The constants below were fitted on this program (`make bench` prints prediction beside measurement for every
+surface. The constants below were fitted on this program (docs/accuracy.md has prediction beside measurement for every
 scene of configs/): one core of about 2020, on which numpy, scipy, matplotlib, gmsh, dolfinx and petsc4py load in 0.8 s,
 OpenBLAS, forms compiled before.
 """

@@ -79,6 +79,8 @@ def rows_of(path: LoadPath) -> list[Row]:
     """The rows of a path in time, with the last MOST_CHANGES that have begun until then, but for what has come at once
     just now, of which nothing has drained yet."""
     largest = max(path.values)
+    if largest <= 0:  # a tip that touches or is lifted: nothing is pressed, and no film costs anything
+        return []
     legs = [path.leg(step) for step in range(1, len(path.values) + 1)]
     pieces = _pieces([(0.0, 0.0), *((value / largest, t) for leg in legs for value, t in leg)])
     begin, end, change = np.array([(one.begin, one.end, one.change) for one in pieces if one.change]).T

@@ -35,14 +35,21 @@ from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.loading import PER_DOUBLING, History, Loading, LoadPath
 from indent_sim.model.materials import LOCKING, Exponentials, Gel, Material, Relaxation
 from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS
-from indent_sim.model.tips import FlatPunch, Indenter
+from indent_sim.model.tips import FlatPunch, Indenter, Plate
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.process.ranks import on_root
 from indent_sim.scene.cost import Work
 from indent_sim.scene.fineness import target_of
 from indent_sim.scene.reduction import reduce
-from indent_sim.scene.theories import adhesive_radii, half_space_force, relative_tip, theory_of
+from indent_sim.scene.theories import (
+    SAME_RADIUS,
+    adhesive_radii,
+    covers_top,
+    half_space_force,
+    relative_tip,
+    theory_of,
+)
 from indent_sim.scene.truncation import Truncation, expected_depth, truncate
 from indent_sim.theory.half_space import section_depth
 from indent_sim.theory.solution import Solution
@@ -72,7 +79,9 @@ HALVINGS = 40  # of the way of a spring's base, until the depth is known
 ATTRACTION_REACH = 7.0  # ranges of gap up to which an attraction counts: beyond, a thousandth of its work is left
 AT_RIM = 1e-9  # of a contact surface, from the tip's axis to its rim: less is none
 FORCE_SEARCH_FACTOR = 2  # times the linear solves of a step to a known depth are needed to find the depth of a force
-MIRROR_DISTANCE = 1e-12  # distance [length] of a tip to the mirror plane that it stands over
+# gamma/(mu R) from which nothing but its tension holds a surface of radius R: with 33 a ball between plates is solved
+# by the body alone, in 300 iterations, with 100 it is not
+DROP = 50.0
 MOST_COMPRESSED = 0.49999  # Poisson's ratio beyond which a displacement element's matrix loses its digits
 
 
@@ -97,6 +106,11 @@ class Physics:
     surface_tension: float = 0.0  # of the contact surface [pressure length]
     drainage: Drainage = field(default_factory=Drainage)  # of regions with a flow; times are the scene's own
     bath_ramp: float = 0.0  # in which its first bath comes [time]; 0: at once
+
+    @cached_property
+    def is_compressed(self) -> bool:
+        """Whether a plate, or a punch wider than the body, presses on all of its flat top."""
+        return covers_top(self.indenter, self.body, self.center)
 
     @cached_property
     def deepest(self) -> float:
@@ -124,20 +138,31 @@ class Physics:
         across, which is a roller wall, there; an edge that is free or fixed is none."""
         if not self.has_friction or self.part.kinematics.name == "axisymmetric":
             return {}
-        mirrors = self._mirrors
+        mirrors = self.part.mirrors(self.center)
         axes = {name: axis for axis, name in enumerate("xy"[: self.part.dim - 1])}
         return {name: axis for name, axis in axes.items() if not mirrors & {f"{name}_min", f"{name}_max"}}
 
     @property
-    def _mirrors(self) -> set[str]:
-        """The walls that are mirror planes: rollers right under the tip's axis."""
-        under = {wall for wall, distance in self.part.distances(self.center).items() if distance <= MIRROR_DISTANCE}
-        return {wall for wall in under if self.part.supports.get(wall) == "roller"}
+    def seen(self) -> int:
+        """How many times the body the tip sees (`Part.seen_by`)."""
+        return self.part.seen_by(self.center)
+
+    def whole_radius(self, a: float) -> float:
+        """The radius [length] of the whole contact, mirrored where the tip sees it go on, of a row's radius a, which is
+        that of a circle (half a width) as large as the contact on the body itself."""
+        kinematics = self.part.kinematics
+        return a if self.seen == 1 else kinematics.contact_radius(self.seen * kinematics.contact_area(a))
+
+    def own_radius(self, a: float) -> float:
+        """The radius [length] that a row has of a whole contact of radius a: the other way round."""
+        kinematics = self.part.kinematics
+        return a if self.seen == 1 else kinematics.contact_radius(kinematics.contact_area(a) / self.seen)
 
     @property
     def drained_walls(self) -> tuple[str, ...]:
         """The walls that let fluid out of the pores."""
-        walls = [wall for wall in self.part.distances(self.center) if wall not in self._mirrors]
+        mirrors = self.part.mirrors(self.center)
+        walls = [wall for wall in self.part.distances(self.center) if wall not in mirrors]
         return tuple(wall for wall in walls if self.drainage.drains_wall(self.part.supports.get(wall, "free")))
 
     @property
@@ -202,9 +227,28 @@ class Physics:
 
     @property
     def most_locked(self) -> float:
-        """The largest Poisson's ratio of displacement elements without fluid, whose pressure bears what would lock."""
+        """The largest Poisson's ratio, on the way, of displacement elements without fluid, whose pressure bears what
+        would lock."""
         regions = [one for one in self.part.regions if one.formulation == "displacement" and not one.material.flow]
-        return max((region.material.constants.nu for region in regions), default=0.0)
+        return max((region.softest.nu for region in regions), default=0.0)
+
+    @property
+    def largest_nu(self) -> float:
+        """Poisson's ratio of what the tip touches in its most incompressible state on the way."""
+        return self.part.regions[0].softest.nu
+
+    @property
+    def drop_number(self) -> float:
+        """gamma/(mu R) of a round body at finite strain, by the softest of its regions; 0 without tension."""
+        if self.small_strain or not self.part.dome or not self.surface_tension:
+            return 0.0
+        softest = min(E / (2 * (1 + nu)) for E, nu in (region.softest for region in self.part.regions))
+        return self.surface_tension / (softest * self.part.dome)
+
+    @property
+    def is_drop(self) -> bool:
+        """Whether next to nothing but its tension holds the surface of a round body."""
+        return self.drop_number >= DROP
 
     @property
     def is_linear(self) -> bool:
@@ -373,11 +417,12 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     relaxation = next((law for law in laws if law.of == "all"), None)  # of the curve
     compliance = config.experiment.compliance if config.experiment else 0.0
     softest = min((remaining(law, history) for law in laws), default=1.0)
-    tip = relative_tip(config.indenter, whole)
+    indenter = _without_edge_at_rim(config.indenter, whole, center)
+    tip = relative_tip(indenter, whole)
     path = deepest_path(history, softest, compliance, tip, layers) if history else config.loading.path()
-    _check_scene(whole, layers, config.indenter, center, path, pieces, "loading")
-    scales = Scales(_unit_of_length(whole, layers, config.indenter, path), material.constants.E, whole.dim, pieces)
-    body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
+    _check_scene(whole, layers, indenter, center, path, pieces, "loading")
+    scales = Scales(_unit_of_length(whole, layers, indenter, path), material.constants.E, whole.dim, pieces)
+    body, tip, material = scales.scaled(whole), scales.scaled(indenter), scales.scaled(material)
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
     history = history and history.without_units(scales.of(history.control))
@@ -386,7 +431,7 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     whole = scales.scaled(config.body) if isinstance(config.body, Endless) else body
     tension = scales.scaled(config.body).surface_tension
     theory, relative = theory_of(whole, layers, tip, center, tension), relative_tip(tip, body)
-    deltas = depths_of(path, theory, relative, material, body.height, scales)
+    deltas = depths_of(path, theory, relative, material, body.height, scales, part.seen_by(center))
     drainage = _drainage(config, history, scales)
     physics = Physics(scales, body, part, tip, center, path, deltas, surface_tension=tension, drainage=drainage)
     attraction = scales.scaled(config.contact).adhesion
@@ -402,6 +447,14 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     plain = theory_of(whole, layers, tip, center) if tension else theory
     found = (relative, part_why, theory, experiment, history, relaxation, stepped, steps, attraction, plain)
     return Given(physics, truncation, layers, *found, _swelling(drainage, layers), radius, theory_with)
+
+
+def _without_edge_at_rim(tip: Indenter, body: Body, center: Center) -> Indenter:
+    """A plate in place of a sharp punch that is exactly as wide as a flat top: such a punch is meant as a plate, and
+    its edge would cut into the rim, which bulges at finite strain."""
+    if not isinstance(tip, FlatPunch) or tip.edge_radius or not covers_top(tip, body, center):
+        return tip
+    return Plate() if tip.radius <= body.reach(center) * (1 + SAME_RADIUS) else tip
 
 
 def _part(
@@ -468,17 +521,25 @@ def _held_stretch(law: Gel, bath: float) -> float:
 
 
 def depths_of(
-    path: LoadPath, theory: Theory | None, tip: Indenter, material: Material, height: float, scales: Scales
+    path: LoadPath,
+    theory: Theory | None,
+    tip: Indenter,
+    material: Material,
+    height: float,
+    scales: Scales,
+    seen: int = 1,
 ) -> tuple[float, ...]:
     """The requested depths, or those to expect at the requested forces, within DEEPEST of the body's height.
 
     Of forces by theory, or by the tip's section where there is none or it ends; between MOST_FORCES by power laws.
+    seen: how many times the body the tip sees, each with the prescribed force.
     ConfigError when theory says that a linear body does not bear the largest force.
     """
     if path.control == "depth":
         return path.values
     deepest = DEEPEST * height
-    pushed = np.unique([force for force in path.values if force > 0])
+    forces = [seen * force for force in path.values]
+    pushed = np.unique([force for force in forces if force > 0])
     some = pushed if len(pushed) <= MOST_FORCES else np.geomspace(pushed[0], pushed[-1], MOST_FORCES)
     known, E_star = [], material.E_star
     for force in map(float, some):
@@ -486,7 +547,7 @@ def depths_of(
         depth = (theory and theory.depth(force, deepest)) or min(start, deepest / 2)
         known.append(float(f"{depth:.9g}"))  # the same in all units, and so is the mesh
     between = partial(np.interp, xp=np.log(some), fp=np.log(known))
-    depths = tuple(float(np.exp(between(np.log(force)))) if force > 0 else 0.0 for force in path.values)
+    depths = tuple(float(np.exp(between(np.log(force)))) if force > 0 else 0.0 for force in forces)
     if material.small_strain and theory and max(depths) > (1 - 1e-6) * deepest:
         largest = max(path.values) * scales.force
         problem = f"a force of {largest:g} would press the tip to {DEEPEST:.0%} of the body's thickness or deeper"
@@ -507,19 +568,19 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
             path = _without_sudden(path, "loading.force_history" if path.control == "force" else "loading.history")
     tip, height = given.relative, physics.body.height
     return replace(
-        physics, path=path, deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales)
+        physics,
+        path=path,
+        deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales, physics.seen),
     )
 
 
 def is_locked(physics: Physics) -> bool:
     """Whether a tip as wide as a body between its walls finds no way to press it while no fluid leaves."""
-    tip, body = physics.indenter, physics.body
-    is_as_wide = isinstance(tip, FlatPunch) and tip.radius >= body.rim_distance(physics.center) * (1 - AT_RIM)
     is_closed = all(
         physics.part.supports.get(wall, "free") != "free" for wall in physics.part.distances(physics.center)
     )
     is_full = all(one.material.flow and not one.material.flow.storage for one in physics.part.regions)
-    return bool(is_as_wide and is_closed and is_full)
+    return bool(physics.is_compressed and is_closed and is_full)
 
 
 def _without_sudden(path: LoadPath, key: str) -> LoadPath:
@@ -570,7 +631,10 @@ def deepest_path(
 
     def beyond(depth: float) -> bool:
         closed = half_space_force(tip, depth, E_star)
-        force = closed[1] if closed else 0.5 * E_star * tip.radius_at(depth) * depth
+        radius = tip.radius_at(depth)
+        if not closed and not isfinite(radius):  # a plate: the least force of a body is not known
+            return depth >= largest
+        force = closed[1] if closed else 0.5 * E_star * radius * depth
         return depth + compliance * force >= largest
 
     low, high = 0.0, largest
@@ -641,8 +705,9 @@ def _regions(config: Config, layers: Layers) -> tuple[Region, ...]:
     regions, depths = [], np.cumsum([layer.thickness for layer in layers])
     for k, (layer, depth) in enumerate(zip(layers, depths, strict=True)):
         name, material = f"layers[{k}]" if len(layers) > 1 else "body", _material_of(layer)
-        formulation = _formulation(config.material_key(k), material)
-        regions.append(Region(name, material, formulation, -rounded(float(depth))))
+        share = _least_share(config, material)
+        formulation = _formulation(config.material_key(k), material, share)
+        regions.append(Region(name, material, formulation, -rounded(float(depth)), least_share=share))
     return tuple(regions)
 
 
@@ -650,15 +715,45 @@ def _inclusions(config: Config, body: Drawn | Endless, scales: Scales) -> Iterat
     """The regions of inclusions, lengths rounded likewise."""
     own = [_elastic(config, inclusion.material) for inclusion in config.body.inclusions or ()]
     for k, (inclusion, material) in enumerate(zip(body.inclusions or (), own, strict=True)):
-        matter, name = scales.scaled(material), f"inclusions[{k}]"
-        yield Region(name, matter, _formulation(f"body.{name}.material", matter), inclusion=_to_digits(inclusion))
+        matter, name, share = scales.scaled(material), f"inclusions[{k}]", _least_share(config, material)
+        formulation = _formulation(f"body.{name}.material", matter, share)
+        yield Region(name, matter, formulation, inclusion=_to_digits(inclusion), least_share=share)
 
 
-def _formulation(key: str, material: Material) -> str:
-    """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
-    nu, wanted = material.constants.nu, material.formulation
+def _least_share(config: Config, material: Material) -> float:
+    """What is left of a material's shear modulus when it has relaxed most on the way of a scene, at most 1."""
+    if not material.relaxes_in_shear:
+        return 1.0
+    return min(1.0, remaining(material.relaxation, config.loading.in_time))
+
+
+def _formulation(key: str, material: Material, least_share: float) -> str:
+    """Displacements alone, or with a pressure, for the most incompressible state of a material on its way.
+
+    Parameters
+    ----------
+    key : str
+        Where the material stands in the scene file.
+    material : Material
+        Its law at the first moment.
+    least_share : float
+        What is left of its shear modulus when it has relaxed most.
+
+    Returns
+    -------
+    str
+        displacement | mixed.
+
+    Raises
+    ------
+    ConfigError
+        Where the material or the elements that it asks for cannot.
+    """
+    nu, wanted = material.softened(least_share).nu, material.formulation
     chosen = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
     said = f"nu = {nu:g}" if material.is_isotropic else f"matter as compressible as nu = {nu:.6g}"
+    if least_share < 1:
+        said = f"shear that relaxes to {said}"
     if chosen == "displacement" and nu > MOST_COMPRESSED:
         raise ConfigError(f"{key}.formulation", f"displacement elements cannot carry {said}", "use 'mixed'")
     if chosen == "mixed" and nu <= 0:
@@ -673,6 +768,7 @@ def _from_file(config: Config, source: MeshFromFile, piece: Piece) -> tuple[Mesh
         remedy = "find the mesh that this scene was made with, or leave the hash out"
         raise ConfigError("body.hash", f"'{source.file}' holds another mesh, {piece.hash}", remedy)
     piece = piece.led_by(part_from_file.under_axis(piece, center))
+    part_from_file.refuse_forgotten_mirrors(piece, source, center)
     placed = piece.lowered(part_from_file.first_touch(config.indenter, piece, center))
     return part_from_file.body_of(placed, source, center, _materials(placed, config)[0][1]), placed
 
@@ -734,7 +830,11 @@ def _piece_as_it_is(config: Config, piece: Piece, scales: Scales) -> tuple[Part,
     materials = [(key, scales.scaled(material)) for key, material in _materials(piece, config)]
     names = [f"regions.{name}" if name else "body" for name in piece.names]
     named = zip(names, materials, strict=True)
-    regions = tuple(Region(name, matter, _formulation(key, matter), 0.0) for name, (key, matter) in named)
+    shares = [_least_share(config, matter) for _, matter in materials]
+    regions = tuple(
+        Region(name, matter, _formulation(key, matter, share), 0.0, least_share=share)
+        for (name, (key, matter)), share in zip(named, shares, strict=True)
+    )
     part = part_from_file.part_of(piece.measured(scales.length), config.body, regions)
     known = "" if config.body.named == config.body.surfaces else ", its surfaces without a name by where they face"
     return part, f"a mesh from a file is modelled as it is{known}"
@@ -758,10 +858,8 @@ def _check_scene(
     """ConfigError for a tip that does not stand on a body, or a path that leads it where it cannot go."""
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
-    width, delta, thickness = 2 * body.rim_distance(body.center), max(path.values), pieces * body.height
-    if isinstance(tip, FlatPunch) and 2 * tip.radius > width:
-        problem = f"a flat punch of radius {tip.radius:g} is wider than the body"
-        raise ConfigError("indenter.radius", problem, f"at most {width / 2:g}")
+    delta, thickness = max(path.values), pieces * body.height
+    _check_width(body, tip, center)
     if path.control == "force":
         return
     if delta >= thickness:
@@ -775,6 +873,18 @@ def _check_scene(
         side = f"the top of a fixed side, which it meets at {end:g}"
         problem = f"depth {delta:g} presses the tip onto {side}: nothing moves it, and the force has no bound"
         raise ConfigError(key, problem, f"stay below {end:g}, free that side, or take a wider body")
+
+
+def _check_width(body: Body, tip: Indenter, center: Center) -> None:
+    """ConfigError for a sharp punch wider than a flat top that it does not cover: its edge would cross that of the
+    body."""
+    if not isinstance(tip, FlatPunch) or tip.edge_radius or isinstance(body, Dome) or covers_top(tip, body, center):
+        return
+    widest = body.rim_distance(body.center)
+    if tip.radius > widest:
+        problem = f"the edge of a flat punch of radius {tip.radius:g} crosses that of the body"
+        covering = "" if isinstance(body, Meshed) else f", at least {body.reach(center):g}, or shape: plate"
+        raise ConfigError("indenter.radius", problem, f"at most {widest:g}{covering}")
 
 
 def _expected_radius(

@@ -30,6 +30,10 @@ class Observed(Protocol):
     def depth(self) -> float:
         """delta [length]."""
 
+    @property
+    def E_star(self) -> float:
+        """Plane-strain modulus of what the tip touches, at this moment [pressure]."""
+
     def nodal_displacement(self) -> np.ndarray:
         """Displacement (facets, nodes, dim) [length]."""
 
@@ -84,13 +88,13 @@ def sample(body: Observed, points: np.ndarray) -> Sample:
 def touching(body: Observed) -> np.ndarray:
     """Which corners (facets, corners) of this rank's contact facets touch the tip, as `a` counts it."""
     p_hat = sample(body, body.trace.node_points()[: body.trace.dim]).p_hat
-    return np.asarray(p_hat > LEAST_PRESSURE * body.scene.physics.material.E_star)
+    return np.asarray(p_hat > LEAST_PRESSURE * body.E_star)
 
 
 def _edge_stiffness(body: Observed) -> np.ndarray:
     """Pressure per gap that finds the contact edge, (facets, 1): lam ripples beyond it, the gap is noisy inside."""
     region = body.scene.physics.part.regions[0]
-    return EDGE_MULTIPLE[region.formulation] * region.material.E_star / body.trace.sizes[:, None]
+    return EDGE_MULTIPLE[region.formulation] * body.E_star / body.trace.sizes[:, None]
 
 
 def gap(body: Observed, points: np.ndarray) -> np.ndarray:
@@ -132,9 +136,8 @@ def _may_touch_above(body: Observed, pressure: np.ndarray) -> bool:
     physics = body.scene.physics
     if not physics.evolves:
         return physics.contact.may_snap
-    return bool(
-        body.comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX) > LEAST_PRESSURE * physics.material.E_star
-    )
+    largest = body.comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX)
+    return bool(largest > LEAST_PRESSURE * body.E_star)
 
 
 def _area_ratio(body: Observed, nodal: np.ndarray, points: np.ndarray, X: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -165,12 +165,19 @@ class BodyEquilibrium:
 
     def _find(self, depth: float, algorithm: Callable[[], bool]) -> bool:
         before, self.problem.delta.value = self.problem.guess(), depth
+        self._follow(depth)
         if not algorithm():
             return False
         if why := self._why_impossible():
             self.newton.failure = why
             self.problem.take(before)
         return not why
+
+    def _follow(self, depth: float) -> None:
+        """Let the contact be as stiff as what the tip touches is at a depth, at this moment."""
+        below = self.matter.strains[0]
+        below.expect(self.problem.body.before_depth, depth)
+        self.problem.follow(below.E_star / self.scene.physics.material.E_star)
 
     def _why_impossible(self) -> str:
         if not self.problem.is_admissible():
@@ -193,17 +200,28 @@ class BodyEquilibrium:
         beside = [*problem.frozen, *problem.histories]
         return [whole, *([Numbering(f.function_space, np.arange(len(f.x.array)))] for f in beside)]
 
+    @property
+    def _softens(self) -> bool:
+        """Whether the modulus of what the tip touches changes with time."""
+        return self.scene.physics.part.regions[0].relaxing is not None
+
     def pack(self, state: Snapshot) -> list[np.ndarray]:
         """A state as arrays on rank 0, for a checkpoint, in an order that does not know the ranks (collective)."""
         arrays = [*(vector.array_r for vector in state.unknowns), *state.history]
         pairs = zip(arrays, self._numbering, strict=True)
-        return [field.gathered(values) for values, fields in pairs for field in fields]
+        packed = [field.gathered(values) for values, fields in pairs for field in fields]
+        return [*packed, np.array([state.softer])] if self._softens else packed
 
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Snapshot | None:
         """The state of packed arrays, which all ranks have (collective); None when they are none of this problem."""
         state, numbering = replace(self.snapshot(), depth=depth, t=t), self._numbering
-        if [np.shape(values) for values in arrays] != [field.shape for fields in numbering for field in fields]:
+        shapes: list[tuple[int, ...]] = [field.shape for fields in numbering for field in fields]
+        shapes += [(1,)] if self._softens else []
+        if [np.shape(values) for values in arrays] != shapes:
             return None
+        if self._softens:
+            *arrays, softer = arrays
+            state = replace(state, softer=float(softer[0]))
         rest = iter(arrays)
         for values, fields in zip([*(v.array for v in state.unknowns), *state.history], numbering, strict=True):
             for field in fields:

@@ -103,6 +103,26 @@ def test_a_bath_comes_within_some_steps() -> None:
     assert physics.path.times[1] == pytest.approx(ramp / 8, rel=1e-12)
 
 
+@pytest.mark.parametrize("bath", [0.0, -0.013])
+@pytest.mark.parametrize("chi", [0.2, 0.37, 0.6])
+def test_a_gel_at_rest_in_its_own_bath_is_not_warned_of_it(chi: float, bath: float) -> None:
+    """The first case of a report, and its like: the stretch of free swelling is found to rounding alone."""
+    scene = resolve(
+        from_mapping(
+            {
+                "body": {"shape": "cylinder", "radius": 10, "height": 1, "base": "roller", "sides": "free"},
+                "material": {"model": "gel", "G": 1, "n_omega": 0.001, "chi": chi, "flow": {"diffusivity": 1}},
+                "drainage": {"bath": bath},
+                "indenter": {"shape": "sphere", "R": 1},
+                "loading": {"history": [[0, 0], [0.001, 0.02], [100, 0.02]], "times": [0.001, 100]},
+            }
+        )
+    )
+    assert not scene.physics.swells
+    assert not any(doubt.key == "bath" for doubt in scene.plan.doubts)
+    assert not any("bath comes" in choice.why for choice in scene.plan.choices)
+
+
 def test_contact_is_expected_where_the_gel_has_swollen() -> None:
     """Held sideways it rises by 0.3788 of its height: as a tip that deep."""
     swollen = found().plan.prediction["a"]
