@@ -16,7 +16,7 @@ export PRTE_MCA_hwloc_default_binding_policy := none
 export OMPI_MCA_mpi_yield_when_idle := 1
 export OMPI_MCA_btl := ^tcp
 
-.PHONY: help setup demo check test system lint verify bench foreign stress debian13 clean
+.PHONY: help setup demo check test system lint proofs verify stress pages foreign debian13 clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -42,20 +42,21 @@ lint: setup ## ruff (rules and format) and mypy only
 	$(VENV)/ruff format --check .
 	$(VENV)/mypy
 
+proofs: setup ## all of `verify` and `stress`, on two processes; SLICE=3/12: the third of twelve slices of them
+	$(VENV)/python -m pytest -q -n 2 --durations=15 -m "verify or stress" $(if $(SLICE),--slice $(SLICE))
+
 verify: setup ## accuracy against closed forms and converged references, and the full form of long tests
 	$(VENV)/python -m pytest -q -m verify --durations=15
 
-bench: setup ## speed against accuracy, into docs/accuracy.md; intervals of fits against the truth, into docs/fit.md
-	$(VENV)/python scripts/bench
-	$(VENV)/python scripts/make_fit_page
+stress: setup ## extremes of geometry, material and size; hostile files, kills, random scenes
+	$(VENV)/python -m pytest -q -m stress --durations=15
+
+pages: setup ## all pages of docs/ that are measured, each with the commit that it was measured at
+	$(VENV)/python scripts/make_pages
 
 foreign: ## fits of other programs' curves, fetched from the internet, into docs/foreign_curves.md
 	@AFM=1 scripts/setup
 	$(VENV)/python scripts/make_foreign_curves_page
-
-stress: setup ## extremes of geometry, material and size, into docs/stability.md
-	$(VENV)/python -m pytest -q -m stress --durations=15
-	$(VENV)/python scripts/make_stability_page
 
 debian13: ## `make test` inside a Debian 13 root (needs root and debootstrap)
 	@scripts/debian13

@@ -7,9 +7,11 @@ The names of a notebook: `load` a scene from a file or a dictionary, `resolve` i
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+TYPE_CHECKING = False  # `typing` takes a while to load, in which Ctrl-C would be a traceback
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from indent_sim.cli.calls import compare, plan, plot, read, require, sensitivities, study
     from indent_sim.config.scene_file import load
     from indent_sim.fitting.notebook import fit

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import argparse
 import gc
 import os
 import pickle
+import resource
 import shutil
 import signal
 import subprocess
 import sys
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -45,9 +48,94 @@ MPI_ENVIRONMENT = {
     "PRTE_MCA_hwloc_default_binding_policy": "none",
 }
 GRIDS_KEPT = 40
+CPU_PROPERTY = "cpu_seconds"
+CPU_BEFORE = pytest.StashKey[float]()
 PATIENCE = 180  # s; a run that takes longer than this hangs
 
 Mpirun = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Options of the proofs, see `make proofs`."""
+    parser.addoption(
+        "--cpu-times",
+        metavar="FILE",
+        help="append to FILE a line for each test: CPU seconds of it and its child processes, a tab, its name",
+    )
+    parser.addoption(
+        "--slice",
+        metavar="K/N",
+        type=slice_of_tests,
+        help="run the K-th of N slices of the tests that are selected, K = 1 to N",
+    )
+
+
+def slice_of_tests(text: str) -> tuple[int, int]:
+    """K and N of "K/N"."""
+    words = text.split("/")
+    if len(words) == 2 and all(word.isdecimal() for word in words):
+        slice_, slices = map(int, words)
+        if 1 <= slice_ <= slices:
+            return slice_, slices
+    raise argparse.ArgumentTypeError(f"{text!r} is no slice K/N with K from 1 to N, as 3/12")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Keep a slice of the tests. A test's slice comes from its name alone: it neither moves when others come and go,
+    nor does a new test need a place in a list, and slices cost nearly the same as long as no test is dear."""
+    wanted = config.getoption("--slice")
+    if wanted is None:
+        return
+    slice_, slices = wanted
+    mine = [zlib.crc32(item.nodeid.encode()) % slices == slice_ - 1 for item in items]
+    config.hook.pytest_deselected(items=[item for item, is_mine in zip(items, mine, strict=True) if not is_mine])
+    items[:] = [item for item, is_mine in zip(items, mine, strict=True) if is_mine]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """The CPU time of a test with its fixtures and the child processes that it waited for."""
+    item.stash[CPU_BEFORE] = cpu_seconds()
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
+    """Put the CPU time into the test's last report, the only thing that comes back from a worker of pytest-xdist."""
+    report: Any = yield
+    if call.when == "teardown":
+        report.user_properties.append((CPU_PROPERTY, cpu_seconds() - item.stash[CPU_BEFORE]))
+    return report
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Write the CPU times in the process that shares tests out, or in the only one."""
+    file = config.getoption("--cpu-times")
+    if file and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(CpuTimes(Path(file)))
+
+
+class CpuTimes:
+    """Appends the CPU time of each test to a file as soon as the test is over."""
+
+    def __init__(self, file: Path):
+        self._file = file
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """One line for a test, when it is torn down."""
+        seconds = dict(report.user_properties).get(CPU_PROPERTY)
+        if seconds is None:
+            return
+        with self._file.open("a") as lines:
+            lines.write(f"{seconds:.2f}\t{report.nodeid}\n")
+
+
+def cpu_seconds() -> float:
+    """User and system time of this process and of all child processes that have ended [s]."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in used)
 
 
 def pytest_collect_file(file_path: Path) -> None:

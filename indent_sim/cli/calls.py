@@ -9,26 +9,25 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from indent_sim.config.scene_file import is_study, load
-from indent_sim.config.schema import Config
+from indent_sim.config.scene_file import Given, is_study
 from indent_sim.process.errors import UsageError
 from indent_sim.results import compare as comparisons
 from indent_sim.results import folder, reader
 from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
 from indent_sim.results.writer import plain
+from indent_sim.run.chain import config_of
 from indent_sim.run.companions import sensitivities as derivatives
 from indent_sim.run.prospect import foreseen
-from indent_sim.studies import conduct, curve_table
+from indent_sim.studies import conduct, curve_table, multiples
 from indent_sim.studies import plan as plan_study
 from indent_sim.studies.conduct import Study
 from indent_sim.studies.picture import curves_pictured
 
 if TYPE_CHECKING:
-    from indent_sim.results.pictures.canvas import Figure
+    from indent_sim.results.pictures.canvas import Axes, Figure
 
 PLOT_OPTIONS = ("fields", "steps", "units", "width", "font", "layout", "letters", "limits", "zoom")  # of `plot`
-Given = Config | Mapping[str, Any] | str | Path  # a scene, or the file or dictionary that says it
 Result = Results | str | Path
 
 
@@ -68,14 +67,21 @@ def compare(
 
 
 def study(
-    given: Mapping[str, Any] | str | Path, *, directory: str | Path | None = None, jobs: int = 1, resume: bool = False
+    given: Mapping[str, Any] | str | Path,
+    *,
+    directory: str | Path | None = None,
+    jobs: int = 1,
+    resume: bool = False,
+    overwrite: bool = False,
 ) -> Study:
     """Do a study and give its table. Of a dictionary without a directory the runs are kept as long as the result is.
 
+    Finished runs in the directory that the study does not ask for are kept with `resume` and replaced with `overwrite`.
     UsageError, ConfigError (before any run), NotConverged when no run at all gave a result.
     """
     if directory is not None or not isinstance(given, Mapping) or (given.get("output") or {}).get("directory"):
-        return conduct.carry_out(given, output=Path(directory) if directory else None, jobs=jobs, resume=resume)
+        place = Path(directory) if directory else None
+        return conduct.carry_out(given, output=place, jobs=jobs, resume=resume, overwrite=overwrite)
     place = Path(tempfile.mkdtemp(prefix="indent-sim-"))
     try:
         found = conduct.carry_out(given, output=place, jobs=jobs)
@@ -86,26 +92,47 @@ def study(
     return found
 
 
-def plot(shown: Result | Study | Sequence[Result], what: str = "force", **wish: Any) -> Figure:
+def plot(shown: Result | Study | Sequence[Result], what: str = "", *, ax: Axes | None = None, **wish: Any) -> Figure:
     """The figure of results or of a study, which a notebook shows; `figure.savefig(path)` writes it.
 
-    what: panels, by commas: force, time, pressure, profile, fields, film; the others as `indent-sim plot` has:
-    fields, steps, units, width [mm], font [points], layout (rows, columns), letters "a", limits (low, high), zoom.
-    UsageError for what the results do not have. Of a study its curves.
+    Parameters
+    ----------
+    shown
+        Results, the folders of some, or a study.
+    what
+        Panels of results, by commas: force [this one], time, pressure, pressure_x, pressure_y, profile, fields, film.
+        Of a study curves [these], or one of force, a, p_max and penetration over what varies.
+    ax
+        Axes of a figure of your own, into which one panel is drawn: one of `what`, and of fields one of one step.
+    wish
+        As `indent-sim plot` has them: fields, steps, units, width [mm], font [points], layout (rows, columns),
+        letters "a", limits (low, high), zoom.
+
+    Raises
+    ------
+    UsageError
+        For what the results do not have, and for more than one panel where `ax` is given.
     """
     from indent_sim.results.pictures import canvas, panels
 
     if isinstance(shown, Study):
-        if wish or what != "force":
-            raise UsageError("a study is drawn as its curves: give one of its runs for other panels")
+        if wish or ax is not None or what not in ("", "curves", *multiples.COLUMNS):
+            words = f"a study is drawn as curves, or as one of {', '.join(multiples.COLUMNS)}"
+            raise UsageError(f"{words}: give one of its runs for other panels")
         families = curve_table.of_runs(shown.directory / folder.RUNS, shown.rows, shown.keys)
         if not families.curves:
             raise UsageError(f"{shown.directory} has no run that is done")
         pictured = curves_pictured(families, shown.title)
+        if what in multiples.COLUMNS:
+            pictured = multiples.column_pictured(families, what, shown.title)
     else:
         several = [shown] if isinstance(shown, Results | str | Path) else list(shown)
         runs = [one if isinstance(one, Results) else reader.read(one) for one in several]
-        pictured = panels.pictured(runs, panels.wish({"what": _words(what)} | _listed(wish)))
+        wished = panels.wish({"what": _words(what or "force")} | _listed(wish))
+        if ax is not None:
+            panels.draw_into(ax, runs, wished)
+            return ax.figure
+        pictured = panels.pictured(runs, wished)
     with pictured as figure:
         canvas.lay_out(figure)
         return figure
@@ -126,13 +153,6 @@ def _words(given: str | Sequence[Any]) -> tuple[str, ...]:
 def sensitivities(scene: Given, keys: str | Sequence[str]) -> derivatives.Derivatives:
     """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}}, see `run.companions.sensitivities`."""
     return derivatives.sensitivities(config_of(scene), [keys] if isinstance(keys, str) else keys)
-
-
-def config_of(given: Given) -> Config:
-    """The config of a scene, however it is given."""
-    if not isinstance(given, Config | Mapping | str | Path):
-        raise TypeError("give what `load` gives, not what `resolve` made of it")
-    return given if isinstance(given, Config) else load(given)
 
 
 def _holds_study(path: str | Path) -> bool:

@@ -75,6 +75,15 @@ def members(hint: Any) -> tuple[Any, ...]:
 
 
 @cache
+def unnamed_sections(hint: Any) -> tuple[str, ...]:
+    """Names of the classes of a section without a tag that may stand in place of a word, as a conductance in place of
+    `drained`; none for any other type."""
+    parts = [core(part) for part in members(hint)] if hint is not None and tag_of(hint) is None else []
+    kinds = [part for part in parts if isinstance(part, type) and dataclasses.is_dataclass(part)]
+    return tuple(kind.__name__ for kind in kinds) if len(parts) > 1 else ()
+
+
+@cache
 def core(hint: Any) -> Any:
     """A type without its marks and without None."""
     if get_origin(hint) is Annotated:

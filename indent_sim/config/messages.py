@@ -33,8 +33,12 @@ def in_words(error: ValidationError, document: Mapping[str, Any]) -> ConfigError
 
 
 def _echoes(groups: dict[KeyPath, list[Any]], document: Mapping[str, Any]) -> Iterator[KeyPath]:
-    """Keys whose error only repeats another: the misspelt key that is missing, the list with wrong items."""
+    """Keys whose error only repeats another: the misspelt key that is missing, the list with wrong items, the section
+    that is no word either."""
     for path, (found, *_) in groups.items():
+        is_section = key_types.unnamed_sections(schema.spot_at(path, document).type)
+        if is_section and any(other[:-1] == path for other in groups):
+            yield path
         yield from (path[:k] for k, part in enumerate(path) if isinstance(part, int))
         if not path or isinstance(path[-1], int):
             continue
@@ -45,7 +49,8 @@ def _echoes(groups: dict[KeyPath, list[Any]], document: Mapping[str, Any]) -> It
 
 
 def document_path(found: Any, document: Mapping[str, Any]) -> KeyPath:
-    """The key path in the file of one pydantic error: without union tags, `center` back in its section."""
+    """The key path in the file of one pydantic error: without union tags and the names of classes that pydantic gives
+    to sections which may stand in place of a word, `center` back in its section."""
     location = found["loc"]
     if location[:1] == ("center",):
         location = ("indenter", "", *location)  # the tag, which pydantic names after every choice
@@ -53,6 +58,8 @@ def document_path(found: Any, document: Mapping[str, Any]) -> KeyPath:
     for part in location:
         if is_tag:
             is_tag = False
+            continue
+        if part in key_types.unnamed_sections(spot.type):
             continue
         inner = spot.inside(part)
         if inner.value is None and not schema.holds(spot.value, part):

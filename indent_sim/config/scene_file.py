@@ -30,15 +30,30 @@ KEY_PATTERN = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")  # as in body.layer
 SCALARS = {NoneType, bool, int, float, str}
 MOST_SET_LETTERS = 80  # most characters of a --set that are told
 Document = dict[str, Any]  # sections as a file has them
+Given = str | os.PathLike[str] | Mapping[str, Any] | Config  # a scene, or what says it
+Changes = Sequence[str] | Mapping[str, Any]  # as after --set, or values by dotted keys
 Place = tuple[str, int | None]  # file (or what stands for it) and line
 
 
-def load(path: str | os.PathLike[str] | Mapping[str, Any], overrides: Sequence[str] = ()) -> Config:
-    """The config of a scene file, or of mappings shaped like one; each override "contact.method=penalty" replaces one
-    key.
+def load(path: Given, overrides: Changes = ()) -> Config:
+    """The config of a scene file, or of mappings shaped like one, with some keys replaced.
 
-    UsageError when the file cannot be read, ConfigError for anything wrong in it.
+    Parameters
+    ----------
+    path
+        A file, mappings shaped like one, or a config that is to be changed.
+    overrides
+        Words as after `--set`, "contact.method=penalty", or values by their dotted keys, {"contact.method": "penalty"}.
+
+    Raises
+    ------
+    UsageError
+        When the file cannot be read.
+    ConfigError
+        For anything wrong in it.
     """
+    if isinstance(path, Config):
+        return _overridden(to_mapping(path), path.source, overrides)
     if isinstance(path, Mapping):
         return from_mapping(path, overrides)
     document, source = read_document(path)
@@ -70,7 +85,7 @@ def _move(document: Document, key: str, value: Any) -> None:
         document.pop("experiment", None)
 
 
-def loads(text: str, name: str = "", overrides: Sequence[str] = ()) -> Config:
+def loads(text: str, name: str = "", overrides: Changes = ()) -> Config:
     """The config of YAML text; `name` stands for it in errors."""
     document, source = _document(text, name)
     return _overridden(document, source, overrides)
@@ -100,7 +115,7 @@ def _document(text: str, name: str) -> tuple[Document, Source]:
     return document, Source(name, {path: (name, line) for path, line in lines.items()})
 
 
-def from_mapping(data: Mapping[str, Any], overrides: Sequence[str] = ()) -> Config:
+def from_mapping(data: Mapping[str, Any], overrides: Changes = ()) -> Config:
     """The config of nested mappings, lists, numbers (numpy's too) and dataclasses, shaped like the file."""
     return _overridden(plain(data), Source(), overrides)
 
@@ -188,7 +203,9 @@ def _content(name: str) -> bytes:
     return content
 
 
-def _overridden(document: Document, source: Source, overrides: Sequence[str]) -> Config:
+def _overridden(document: Document, source: Source, overrides: Changes) -> Config:
+    if isinstance(overrides, Mapping):
+        return varied(document, source, [_setting(key, value) for key, value in overrides.items()])
     seen: set[KeyPath] = set()
     wrong: list[ConfigError] = []
     for text in overrides:
@@ -259,6 +276,13 @@ def _mended(document: Document, source: Source, error: ConfigError) -> bool:
         inside = [old for old in source.places if old[: len(path)] == path]
         source.places.update({(*meant, *old[len(path) :]): source.places[old] for old in inside})
     return True
+
+
+def _setting(key: str, value: Any) -> tuple[str, Any, Place]:
+    """A value that a notebook gives to a dotted key; ConfigError for a key that is none."""
+    if not (isinstance(key, str) and KEY_PATTERN.fullmatch(key) and len(key_path(key)) <= MAX_DEPTH):
+        raise ConfigError("", f"{key!r} is no key", "write it with dots, e.g. contact.method")
+    return key, _plain(value, key_path(key)), ("", None)
 
 
 def _override(document: Document, source: Source, text: str) -> KeyPath:

@@ -54,7 +54,7 @@ When = Literal["none", "last", "all"]
 Preset = Literal["fast", "balanced", "accurate"]
 FLATTEST = 1e3  # base radius over height of a cap: beyond it digits of its place on its large ball are lost
 STEEPEST_CAP = 20.0  # height over base radius of a cap: beyond it, 174 degrees, a ball stands on a point
-MESH_SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_inclusions", "h_layers", "h_far", "grading")
+MESH_SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_film", "h_inclusions", "h_layers", "h_far", "grading")
 MIRROR_PLANE = "the mirror plane"
 PETSC_GONE = "is gone: a scene chooses by linear, method, rtol and max_iterations of solver"
 MOVED = {"relaxation": "material", "history": "loading", "force_history": "loading"}  # from `experiment`
@@ -83,6 +83,7 @@ class MeshSettings:
     h_axis: Length | None = None
     h_edge: Length | None = None
     h_corner: Length | None = None
+    h_film: Length | None = None
     h_inclusions: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(1, 50), LENGTH] | None = None
     h_layers: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(1, 50), LENGTH] | None = None
     h_far: Length | Auto = "auto"
@@ -514,12 +515,15 @@ def _tip(config: Config) -> list[ConfigError]:
     if isinstance(config.body, Cap | Ball) and not tip.of_revolution:
         problem = f"a {tip.shape} over a {config.body.shape}, which is modelled about its axis"
         return [ConfigError("indenter.shape", problem, "use a tip of revolution, a cone of equal sections")]
-    if isinstance(tip, Plate) and isinstance(config.body, Cylinder | Strip | Box | Endless):
-        problem = "a plate on a flat top touches all of it at once"
-        return [ConfigError("indenter.shape", problem, "use a flat_punch, or body.shape cap or ball")]
-    if isinstance(tip, FlatPunch) and tip.edge_radius >= tip.radius:
-        problem = "must be smaller than the punch's radius"
-        return [ConfigError("indenter.edge_radius", problem, f"below {tip.radius:g}")]
+    if isinstance(tip, Plate) and isinstance(config.body, Endless):
+        problem = f"a plate on a {config.body.shape} touches all of a top without end"
+        return [ConfigError("indenter.shape", problem, "use a cylinder, a strip or a box, or another tip")]
+    if isinstance(tip, Plate) and config.contact.adhesion and isinstance(config.body, Cylinder | Strip | Box):
+        problem = "of a plate that touches all of a flat top is not verified"
+        return [ConfigError("contact.adhesion", problem, "leave it out")]
+    if isinstance(tip, FlatPunch) and tip.edge_radius > tip.radius:
+        problem = "must not be larger than the punch's radius"
+        return [ConfigError("indenter.edge_radius", problem, f"at most {tip.radius:g}, half a ball")]
     try:
         if isinstance(tip, Profile):
             tip.check()
@@ -644,6 +648,9 @@ def _jkr_adhesion(config: Config, found: JKRAdhesion) -> Iterator[ConfigError]:
         yield ConfigError(key, problem.format(body.shape), remedy)
     if not tip.of_revolution:
         yield ConfigError(key, problem.format(tip.shape), "use a tip of revolution")
+    if isinstance(tip, Plate) and not isinstance(body, Cap | Ball):
+        problem = "the contact of a plate on a flat top does not shrink before it comes off at once"
+        yield ConfigError(key, problem, "use another tip")
     if isinstance(tip, FlatPunch) and not tip.edge_radius and not isinstance(body, Cap | Ball):
         problem = "the contact of a sharp flat punch does not shrink before it comes off at once"
         yield ConfigError(key, problem, "give the punch an edge_radius")

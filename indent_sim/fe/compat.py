@@ -29,6 +29,9 @@ from ufl.corealg.multifunction import MultiFunction
 DOLFINX_VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 CELL_NAMES = {2: "triangle", 3: "tetrahedron"}
 FIRST_CONSTANT = 10**9
+# PETSc 3.25 has another name for it, and keeps the number
+_REASONS = PETSc.SNES.ConvergedReason
+SNES_RESIDUAL_NOT_FINITE = getattr(_REASONS, "DIVERGED_FUNCTION_NANORINF", None) or _REASONS.DIVERGED_FNORM_NAN
 Element = Any  # of basix or of UFL
 
 if DOLFINX_VERSION >= (0, 8):

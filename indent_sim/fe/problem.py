@@ -23,6 +23,7 @@ from petsc4py import PETSc
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body, Moment
 from indent_sim.fe.terms.term import Stage, Term, flowing_stages
+from indent_sim.model.units import rounded
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ class Problem:
     @property
     def setting(self) -> tuple[float, ...]:
         """What the tangent depends on beside the state: where it is the same an old tangent is near."""
-        return float(self.body.dt.value), *(term.setting for term in self.terms)
+        return rounded(float(self.body.dt.value)), *(term.setting for term in self.terms)
 
     def soften(self, factor: float) -> None:
         """Multiply the stiffness of the contact law; 1 makes it the law's own again."""

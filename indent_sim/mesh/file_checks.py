@@ -171,7 +171,7 @@ def _surfaces(
     wanted = {surface: getattr(body.surfaces, key) for surface, key in SURFACE_KEYS.items()}
     for surface in sorted(wanted, key=lambda surface: wanted[surface] is None):
         name, key = wanted[surface], f"body.surfaces.{SURFACE_KEYS[surface]}"
-        if name is None and surface == "sides" and body.sides == "free":
+        if name is None and surface == "sides" and body.sides in ("free", "auto"):
             continue
         named = name is not None
         rest = np.where(taken, np.nan, up)

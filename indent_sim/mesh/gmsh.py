@@ -14,7 +14,7 @@ import numpy as np
 from indent_sim.mesh.grid import LENGTH_DIGITS, Grid, is_flat, named_surfaces, regions_of_cells
 from indent_sim.mesh.modelled_part import Part, Side
 from indent_sim.mesh.part_from_file import MeshedPart, refined
-from indent_sim.mesh.sizes import Sizes, formula_around, formula_beside, size_formula
+from indent_sim.mesh.sizes import Sizes, formula_around, formula_at_face, formula_beside, size_formula
 from indent_sim.model.body import BallInclusion, CylinderInclusion, EllipsoidInclusion, Inclusion
 from indent_sim.process.errors import BackendError, MeshError
 from indent_sim.process.forked import Crash, Forked
@@ -280,11 +280,13 @@ def _rounded(point: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _prescribe_sizes(gmsh: Gmsh, sizes: Sizes, dim: int) -> None:
-    """The smallest of what contact, inclusions and skins want, each a field of its own: a minimum doubles a formula."""
+    """The smallest of what contact, inclusions, skins and drained faces want, each a field of its own: a minimum
+    doubles a formula."""
     field, tags = gmsh.model.mesh.field, []
     around = [formula_around(*one, sizes.grading, dim) for one in sizes.inclusions]
     within = [formula_beside(*one, sizes.grading) for one in sizes.skins]
-    for formula in (size_formula(sizes, dim), *around, *within):
+    beside = [formula_at_face(film, sizes.axis[0], sizes.film_grading) for film in sizes.films]
+    for formula in (size_formula(sizes, dim), *around, *within, *beside):
         tags.append(field.add("MathEval"))
         field.setString(tags[-1], "F", formula)
     least = tags[0] if len(tags) == 1 else field.add("Min")

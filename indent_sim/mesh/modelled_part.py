@@ -106,6 +106,9 @@ class Region:
         return self.material.softened(self.least_share)
 
 
+MIRROR_DISTANCE = 1e-12  # distance [length] of a tip to the mirror plane that it stands over
+
+
 @dataclass(frozen=True)
 class Part:
     """The modelled piece; `copies` of it are the whole body. Its regions are layers from the top to the base, then
@@ -212,6 +215,18 @@ class Part:
         x, y = (*center, 0.0)[:2]
         walls = [side for side in self.outline if side.surface not in ("top", "base")]
         return {side.surface: float(side.inwards(x, y)) for side in walls}
+
+    def mirrors(self, center: Point) -> set[str]:
+        """The walls that are mirror planes: rollers right under the tip's axis."""
+        under = {wall for wall, distance in self.distances(center).items() if distance <= MIRROR_DISTANCE}
+        return {wall for wall in under if self.supports.get(wall) == "roller"}
+
+    def seen_by(self, center: Point) -> int:
+        """How many times the whole body the tip sees, mirrored at rollers through its axis: 1, 2, or 4 at a corner.
+
+        Its force is that share of the force on the body which it sees.
+        """
+        return 1 if self.kinematics.name == "axisymmetric" else int(2 ** len(self.mirrors(center)) // self.copies)
 
     @property
     def file_hash(self) -> str:

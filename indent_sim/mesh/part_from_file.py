@@ -89,6 +89,17 @@ class MeshedPart(Part):
         """The component of u that a roller holds on a surface; None where no one axis is normal to it."""
         return self.normals[surface]
 
+    def mirrors(self, center: Point) -> set[str]:
+        """The faces of roller sides that lie in a plane through the tip's axis, at an end of the body, as x_min."""
+        found: set[str] = set()
+        for surface, axis in self.normals.items():
+            if axis is None or self.supports.get(surface) != "roller" or not surface.startswith("sides_"):
+                continue
+            end = end_under(self.piece, center, axis)
+            if end and _through(self.piece.corners(surface), self.piece, center, axis).any():
+                found.add(f"{'xy'[axis]}_{end}")
+        return found
+
 
 def under_axis(piece: Piece, center: tuple[float, ...]) -> int:
     """The region that the axis of a tip meets first; ConfigError where it passes the contact surface by."""
@@ -123,17 +134,55 @@ def first_touch(tip: Indenter, piece: Piece, center: tuple[float, ...]) -> float
     return highest
 
 
+def end_under(piece: Piece, center: Point, axis: int) -> str:
+    """Which end of a piece along a horizontal axis lies right under a tip's axis: min, max, or "" for none."""
+    along = piece.grid.points[:, axis]
+    near = LEVEL * float(np.ptp(piece.grid.points, axis=0).max())
+    if abs(float(along.min()) - center[axis]) <= near:
+        return "min"
+    return "max" if abs(float(along.max()) - center[axis]) <= near else ""
+
+
+def _through(corners: np.ndarray, piece: Piece, center: Point, axis: int) -> np.ndarray:
+    """Which facets (k, n, dim) lie in the plane normal to a horizontal axis through a tip's axis (k,)."""
+    near = LEVEL * float(np.ptp(piece.grid.points, axis=0).max())
+    return np.asarray((np.abs(corners[..., axis] - center[axis]) <= near).all(axis=-1))
+
+
+def refuse_forgotten_mirrors(piece: Piece, source: MeshFromFile, center: Point) -> None:
+    """Ask how a face is held that lies in a plane through the tip's axis, where the scene does not say it.
+
+    Half of a symmetric body needs a roller there; forgotten it cost a third of the force without a word. ConfigError.
+    """
+    if source.sides != "auto" or source.kinematics == "axisymmetric":
+        return
+    outside, _ = boundary_of(piece.grid.cells)
+    corners = piece.grid.points[outside]
+    for axis in range(piece.dim - 1):
+        facets = _through(corners, piece, center, axis) if end_under(piece, center, axis) else np.zeros(1, dtype=bool)
+        if facets.any():
+            plane = f"{'xy'[axis]} = {center[axis]:.4g}"
+            problem = f"{facets.sum()} facets lie in the plane {plane} through the tip's axis: are they a mirror plane?"
+            remedy = "sides: roller where the body goes on as its mirror image, sides: free where it ends"
+            raise refused(problem, remedy, "body.sides")
+
+
 def body_of(piece: Piece, source: MeshFromFile, center: tuple[float, ...], material: Material) -> Meshed:
     """What the scene must know of a piece that lies with its first touch at z = 0; `material`: under the tip."""
     top = piece.grid.surfaces["top"]
     rim, _ = boundary_of(top)
     if source.kinematics == "axisymmetric":
         rim = rim[piece.grid.points[rim[:, 0], 0] > 0]  # the axis is no end
+    for axis in range(piece.dim - 1) if source.sides == "roller" else ():  # nor is a mirror plane
+        if end_under(piece, center, axis):
+            sides = piece.grid.surfaces["sides"]
+            mirror = np.unique(sides[_through(piece.grid.points[sides], piece, center, axis)])
+            rim = rim[~np.isin(rim, mirror).all(axis=1)]
     fixed = [name for name in ("base", "sides") if getattr(source, name) == "fixed"]
     held = [piece.grid.surfaces[name].ravel() for name in fixed if name in piece.grid.surfaces]
     clamped = np.intersect1d(top, np.concatenate([np.empty(0, dtype=top.dtype), *held]))
     ends, layers = (piece.grid.points[rim], piece.grid.points[clamped]), (Layer(piece.height, material),)
-    supports = source.base, source.sides
+    supports = source.base, "free" if source.sides == "auto" else source.sides
     return Meshed(piece.height, center, piece.corners("top"), *ends, layers, *supports, source.dim)
 
 

@@ -7,9 +7,26 @@ from typing import Any
 
 import numpy as np
 
+from indent_sim.mesh.modelled_part import Side
 from indent_sim.model.body import EllipsoidInclusion, Inclusion, Shell
 
+# Times as fast as elsewhere sizes grow from a drained face, at most at this rate: it takes half as many elements, and
+# what a film costs goes with the first of them
+FILM_GROWTH, STEEPEST_FILM = 2.0, 0.5
 DOUBTFUL_ELEMENTS = 3.0  # elements per contact radius below which results are doubtful
+
+
+@dataclass(frozen=True)
+class Film:
+    """A drained face of a section, beside which the pressure of the fluid changes within a film.
+
+    Elements at the face have the size h [length], up to a distance `reach` [length] from where the tip touches first;
+    from there sizes grow by `film_grading` along the face and away from it alike.
+    """
+
+    side: Side
+    h: float
+    reach: float
 
 
 @dataclass(frozen=True)
@@ -20,7 +37,8 @@ class Sizes:
     around a sharp edge at radius `edge` it shrinks to h_edge, around `corners` (r, depth) to h_corner. Where h_axis is
     given, sizes inside the expected contact radius `a` are the share of it that the distance from the axis is, but at
     least h_axis: so a contact of any radius down to a h_axis/h_contact finds as many elements as the last one.
-    inclusions, skins: each with the size inside it, which grows by `grading` outside.
+    inclusions, skins: each with the size inside it, which grows by `grading` outside. films: drained faces, with
+    h_film, the size at those next to the contact.
     """
 
     h_contact: float
@@ -34,9 +52,10 @@ class Sizes:
     corners: tuple[tuple[float, float], ...] = ()
     h_corner: float | None = None
     corner_error: float = 0.0  # of the force, at most, what elements at corners cost that are left as they are
-    ruled_by_corners: bool = False  # whose elements are no smaller than those around, and rule how the force converges
     inclusions: tuple[tuple[Inclusion, float], ...] = ()
     skins: tuple[tuple[Shell, float], ...] = ()
+    films: tuple[Film, ...] = ()
+    h_film: float | None = None
     keenness: float = 1.0  # how much more than on a far larger body the force feels the radius of a sharp punch
     refinements: int | None = None  # of a mesh from a file, which has these sizes then; None: they are to be meshed
     axis: tuple[float, ...] = field(kw_only=True)
@@ -54,7 +73,7 @@ class Sizes:
     @property
     def finest(self) -> float:
         """The smallest size anywhere [length]."""
-        inside = [h for _, h in (*self.inclusions, *self.skins)]
+        inside = [*(h for _, h in (*self.inclusions, *self.skins)), *(film.h for film in self.films)]
         return min(self.smallest, self.h_edge or self.smallest, self.h_corner or self.smallest, *inside)
 
     @property
@@ -64,12 +83,18 @@ class Sizes:
         return edge + [(r, depth, self.h_corner) for r, depth in self.corners if self.h_corner is not None]
 
     @property
+    def film_grading(self) -> float:
+        """Growth of the size per unit distance from a drained face: nothing but a film ends there."""
+        return min(FILM_GROWTH * self.grading, STEEPEST_FILM)
+
+    @property
     def slope(self) -> float:
         """Growth of the size per unit distance from the axis, inside the contact, where there is one."""
         return self.h_contact / self.a
 
     def at(self, r: np.ndarray, depth: np.ndarray) -> np.ndarray:
-        """The element size [length] at distance r from the tip's axis and a depth, far from inclusions and skins."""
+        """The element size [length] at distance r from the tip's axis and a depth, far from inclusions, skins and
+        drained faces."""
         near: Any = self.h_contact
         if self.h_axis is not None:  # not np.clip, which costs ten times as much for one place
             near = np.minimum(np.maximum(self.slope * r, self.h_axis), self.h_contact)
@@ -131,6 +156,21 @@ def formula_beside(skin: Shell, inside: float, grading: float) -> str:
     rho = f"Sqrt(x^2+(y-({number(skin.center[2])}))^2)"
     beyond = f"{_positive(f'({rho}-{number(skin.outer)})')}+{_positive(f'({number(skin.inner)}-{rho})')}"
     return f"{number(inside)}+{number(grading)}*({beyond})"
+
+
+def formula_at_face(film: Film, axis: float, grading: float) -> str:
+    """The element size that a drained face wants in a section, of a tip whose axis is at x = `axis`."""
+    number = "{:.12g}".format
+    if film.side.middle is not None:
+        x, y = map(number, film.side.middle)
+        distance = f"Abs({number(film.side.radius)}-Sqrt((x-({x}))^2+(y-({y}))^2))"
+    else:
+        (x0, y0), (x1, y1) = film.side.start, film.side.end
+        length = float(np.hypot(x1 - x0, y1 - y0))
+        along_x, along_y = number((x1 - x0) / length), number((y1 - y0) / length)
+        distance = f"Abs(({along_x})*(y-({number(y0)}))-({along_y})*(x-({number(x0)})))"
+    beyond = _positive(f"(Sqrt((x-({number(axis)}))^2+y^2)-{number(film.reach)})")
+    return f"{number(film.h)}+{number(grading)}*({distance}+{beyond})"
 
 
 def _positive(a: str) -> str:

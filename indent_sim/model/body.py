@@ -407,8 +407,17 @@ class _Walled(ABC):
         return tuple(width / 2 for width in self.widths)
 
     def rim_distance(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the nearest edge of the top."""
-        return min(min(place, width - place) for place, width in zip(center, self.widths, strict=True))
+        """Distance [length] from `center` to the nearest edge of the top, beyond which nothing goes on.
+
+        A roller wall right under the tip's axis is a mirror plane: the tip sees the body go on behind it.
+        """
+        distances: dict[str, float] = {}
+        for axis, place, width in zip("xy", center, self.widths, strict=False):
+            distances |= {f"{axis}_min": place, f"{axis}_max": width - place}
+        return min(distance for wall, distance in distances.items() if not self._is_mirror(distance, wall))
+
+    def _is_mirror(self, distance: float, wall: str) -> bool:
+        return abs(distance) <= SAME_PLACE * max(self.widths) and getattr(self.sides, wall) == "roller"
 
     def reach(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the farthest corner of the top."""
@@ -593,7 +602,8 @@ class MeshFromFile:
 
     The tip's axis is at x = 0, y = 0 of the file unless `indenter.center` says otherwise. What is none of `surfaces` is
     free; a surface without a name is known by where it faces, or the file is refused. `regions` gives each named region
-    its material; cells of no region are of the scene's.
+    its material; cells of no region are of the scene's. sides auto: free, but asked for where a face lies in a plane
+    through the tip's axis, which is a mirror (roller) of half a body, or an end (free) of a whole one.
     """
 
     file: str
@@ -601,7 +611,7 @@ class MeshFromFile:
     surfaces: MeshSurfaces = MeshSurfaces()
     shape: Literal["mesh"] = "mesh"
     base: BaseSupport = "fixed"
-    sides: Support = "free"
+    sides: Support | Auto = "auto"
     regions: dict[str, Annotated[Material, TaggedBy("model")]] | None = None
     hash: str | None = None
 
@@ -612,7 +622,7 @@ class MeshFromFile:
     @property
     def named(self) -> MeshSurfaces:
         """The names of all surfaces that it has, those for a copy of the file among them."""
-        own, sides = self.surfaces, None if self.sides == "free" else "sides"
+        own, sides = self.surfaces, "sides" if self.sides in ("roller", "fixed") else None
         return MeshSurfaces(own.contact or "contact", own.base or "base", own.sides or sides)
 
     @property

@@ -80,15 +80,44 @@ class LoadPath:
 
     @property
     def sudden(self) -> tuple[int, ...]:
-        """The steps [from 1] to which no time passes, though the value changes."""
-        places = [(0.0, self.begin or 0.0), *zip(self.values, self.times, strict=False)]
-        return tuple(k for k, (a, b) in enumerate(pairwise(places), start=1) if a[1] == b[1] and a[0] != b[0])
+        """The rows [from 1] to which no time passes, though the value changes."""
+        rows = (self._is_sudden(step)[-1] for step in range(1, len(self.values) + 1))
+        return tuple(step for step, is_sudden in enumerate(rows, start=1) if is_sudden)
 
-    def without(self, steps: Sequence[int]) -> LoadPath:
-        """The same without some of its steps [from 1], of a path without turns between its rows."""
-        kept = [k for k in range(len(self.values)) if k + 1 not in steps]
-        values, times = tuple(self.values[k] for k in kept), tuple(self.times[k] for k in kept)
-        return replace(self, values=values, times=times, branches=tuple(self.branches[k] for k in kept))
+    @property
+    def jumps(self) -> bool:
+        """Whether a value changes in no time, at a row or on the way to one."""
+        return any(any(self._is_sudden(step)) for step in range(1, len(self.values) + 1))
+
+    def _is_sudden(self, step: int) -> list[bool]:
+        """For each place of the leg to a row [from 1] whether the value gets there in no time."""
+        before = self.leg(step - 1)[-1] if step > 1 else (0.0, 0.0)
+        return [a[1] == b[1] and a[0] != b[0] for a, b in pairwise((before, *self.leg(step)))]
+
+    def without_sudden(self) -> LoadPath:
+        """The same path without the places that it reaches in no time: the step after a jump begins before the jump.
+        Rows among them are left out, and what is passed on the way to them is passed on the way to the next row."""
+        rows: list[int] = []
+        legs: list[list[tuple[float, float]]] = []
+        waiting: list[tuple[float, float]] = []
+        for step in range(1, len(self.values) + 1):
+            kept = [place for place, sudden in zip(self.leg(step), self._is_sudden(step), strict=True) if not sudden]
+            waiting += kept
+            if self._is_sudden(step)[-1]:
+                continue
+            rows.append(step - 1)
+            legs.append(waiting[:-1])
+            waiting = []
+        begin = self.begin or 0.0
+        has_turns = any(legs)
+        return replace(
+            self,
+            values=tuple(self.values[row] for row in rows),
+            times=tuple(self.times[row] for row in rows),
+            branches=tuple(self.branches[row] for row in rows),
+            turns=tuple(tuple(value for value, _ in leg) for leg in legs) if has_turns else (),
+            passed=tuple(tuple(begin + t for _, t in leg) for leg in legs) if has_turns else (),
+        )
 
     def leg(self, step: int) -> tuple[tuple[float, float], ...]:
         """The values on the way to a step [from 1], its own the last, each with the time since the path's begin; no

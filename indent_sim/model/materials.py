@@ -178,6 +178,16 @@ class _Law(ABC):
         E, nu = self.constants
         return E * (1 - nu) / ((1 + nu) * (1 - 2 * nu)) if nu < 0.5 else math.inf
 
+    def bar_modulus(self, held: int) -> float:
+        """Small-strain modulus [pressure] of a bar along z that `held` of the two directions across it cannot leave:
+        E, E/(1 - nu^2) or M_c."""
+        return (self.constants.E, self.E_star, self.confined_modulus)[held]
+
+    def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
+        """psi [pressure] of principal stretches (floats) at finite strain; of an incompressible law their product is
+        one. TypeError for a law of small strain."""
+        raise TypeError(f"{type(self).__name__} knows no stretches")
+
     @property
     def diffusivity(self) -> float:
         """Small-strain D = permeability/(storage + alpha^2/M_c) [length^2/time] of its flow, said by permeability."""
@@ -342,6 +352,12 @@ class TransverselyIsotropic(_Law):
         nu = min(max((1 - self._d) / 2, MOST_AUXETIC), 0.5)
         return Constants(self._indentation_modulus * (1 - nu * nu), nu)
 
+    def bar_modulus(self, held: int) -> float:
+        """E_z, E_z/(1 - nu_z^2 E/E_z), or C33 = E_z (1 - nu)/D [pressure]."""
+        if held < 2:
+            return self.E_z / (1 - held * self.nu_z**2 * self.E / self.E_z)
+        return self.E_z * (1 - self.nu) / self._D if self._D > ENERGY_ROUNDING else math.inf
+
     @property
     def _D(self) -> Expr:
         return 1 - self.nu - 2 * self.nu_z**2 * self.E / self.E_z
@@ -402,6 +418,14 @@ class NeoHookean(_TwoConstants):
         """mu/2 (I1 - 3) - mu ln J and ln J."""
         excess, log_J = _excess_and_log_J(H)
         return self.shear_modulus * excess, log_J
+
+    def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
+        """psi [pressure] of principal stretches."""
+        log_J = math.log(l1 * l2 * l3)
+        sheared = float(self.shear_modulus) * ((l1 * l1 + l2 * l2 + l3 * l3 - 3) / 2 - log_J)
+        E, nu = self.constants
+        lame_lambda = E * nu / ((1 + nu) * (1 - 2 * nu)) if nu < 0.5 else 0.0
+        return sheared + lame_lambda * log_J * log_J / 2
 
 
 def _excess_and_log_J(H: Expr) -> tuple[Expr, Expr]:
@@ -480,6 +504,14 @@ class _Isochoric(_Law):
         shrink = exp(-2 * log_J / 3)
         excess = shrink * (2 * w / 3 - expm1_remainder(2 * log_J / 3))
         return self.isochoric(excess, shrink**2 * square, shrink**3 * cube), log_J
+
+    def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
+        """psi [pressure] of principal stretches."""
+        J = l1 * l2 * l3
+        shrink = J ** (-1 / 3)
+        isochoric = self.energy_of_stretches(l1 * shrink, l2 * shrink, l3 * shrink)
+        kappa = 1 / float(self.inverse_stiffness) if self.constants.nu < 0.5 else 0.0
+        return float(isochoric) + kappa * math.log(J) ** 2 / 2
 
     def split(self, H: Expr) -> tuple[Expr, Expr]:
         """The energy that is free of any change of volume, and ln J: its `parts`."""
@@ -569,7 +601,10 @@ class Ogden(_Isochoric):
 
     def isochoric(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
         """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); near rest, where stretches lose digits, by a series."""
-        far = self.energy_of_stretches(*algebra.unimodular_stretches(1 + excess, square, cube))
+        apart, middle, spread = algebra.unimodular_stretches(1 + excess, square, cube)
+        far = 0.0 * excess
+        for mu, alpha in zip(self.mu, self.alpha, strict=True):
+            far = far + mu / alpha * (apart**alpha + algebra.pair_power_sum(alpha, middle, spread) - 3)
         return algebra.where_less(square, algebra.SMALL_DEVIATOR**2 / 6, self._near_rest(excess, square, cube), far)
 
     def _near_rest(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
@@ -784,6 +819,12 @@ class Gel(_Law):
         """psi [pressure] of the displacement gradient H (3 x 3), with all digits where H is small."""
         excess, growth = _excess_and_growth(H)
         return self.shear_modulus * excess + self._energy_of_swelling(growth)
+
+    def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
+        """psi [pressure] of principal stretches."""
+        J = l1 * l2 * l3
+        excess = (l1 * l1 + l2 * l2 + l3 * l3 - 3) / 2 - math.log(J)
+        return float(self.shear_modulus * excess + self._energy_of_swelling(J - 1))
 
     def parts(self, H: Expr) -> tuple[Expr, Expr]:
         """psi less stiffness e^2/2, and e = J - 1."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -63,7 +64,9 @@ class State:
     [time], the way z [length] of a base, branch (approach, hold, retract), and what the instrument's calibration leaves
     unknown of the force; what the curve does not know is NaN. With fluid in the pores: outflow [length^3] since rest,
     the largest pore pressure above the bath's [pressure], the fluid that has moved, out of the body or from place to
-    place in it, and the fluid that has neither left nor is there [length^3].
+    place in it, and the fluid that has neither left nor is there [length^3]. drained: of a sudden step, at each vertex
+    of a drained face the height of its elements and p^2 times its area, in the scene's units and of the part that is
+    modelled.
     """
 
     step: int
@@ -104,11 +107,20 @@ class State:
     pore_pressure_max: float | None = None
     moved: float = 0.0
     unbalanced: float = 0.0
+    drained: np.ndarray | None = field(default=None, repr=False, compare=False)
     surface: Surface | None = field(default=None, repr=False, compare=False)
 
     def __str__(self) -> str:
         """What a log says of it."""
-        return f"delta {self.delta:.6g}  force {self.force:.6g}  a {self.a:.6g}"
+        return self.said({})
+
+    def said(self, units: Mapping[str, str]) -> str:
+        """Time, depth, force and contact radius in words, each with its unit where `units` has it, by these names."""
+        numbers = {"t": self.t, "delta": self.delta, "force": self.force, "a": self.a}
+        known = {
+            name: value for name, value in numbers.items() if value is not None and (name != "t" or value == value)
+        }
+        return "  ".join(f"{name} {value:.6g} {units.get(name, '')}".rstrip() for name, value in known.items())
 
     def in_units(self, scales: Scales) -> State:
         """The same state measured in the user's units, of which the scales are the scene's."""

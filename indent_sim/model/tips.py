@@ -177,6 +177,10 @@ class Hyperboloid(_Tip):
         t = tan(self.half_angle) / self.R
         return sqrt(1 + square * t * t)
 
+    def creases(self) -> list[tuple[float, float]]:
+        """The apex alone, rounded over the radius R cot(half_angle) at which the paraboloid goes over into the cone."""
+        return [(0.0, self.R / float(tan(self.half_angle)))]
+
     def radius_at(self, depth: float) -> float:
         """Radius of the tip's section `depth` above its apex [length]."""
         slope = 1 / tan(self.half_angle)
@@ -185,7 +189,10 @@ class Hyperboloid(_Tip):
 
 @dataclass(frozen=True)
 class FlatPunch(_Tip):
-    """f = 0 for r <= radius, nothing beyond; with edge_radius > 0 the edge is a quarter circle."""
+    """f = 0 for r <= radius, nothing beyond; with edge_radius > 0 the edge is a quarter circle.
+
+    With edge_radius = radius it is a rod that ends in half a ball.
+    """
 
     radius: Length
     edge_radius: LengthOrZero = 0.0
@@ -223,7 +230,7 @@ class FlatPunch(_Tip):
 
 @dataclass(frozen=True)
 class Plate(_Tip):
-    """f = 0 everywhere: a rigid plane, for bodies whose top is curved."""
+    """f = 0 everywhere: a rigid plane. A body with a flat top it compresses as a whole."""
 
     shape: Literal["plate"] = "plate"
 
@@ -450,6 +457,16 @@ def reach(tip: Indenter) -> float:
         case Profile(points=points):
             return points[-1][0]
     return inf
+
+
+def flat_radius(tip: Indenter) -> float:
+    """The radius [length] of a tip's flat face; 0 for a tip that has none."""
+    match tip:
+        case Plate():
+            return inf
+        case FlatPunch(radius=radius, edge_radius=edge_radius):
+            return radius - edge_radius
+    return 0.0
 
 
 def below(tip: Indenter, gap: Expr) -> Expr:

@@ -18,7 +18,7 @@ import os
 import re
 import shutil
 import stat
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
@@ -234,12 +234,12 @@ def has_rows(folder: Path) -> bool:
 class Claim:
     """The right to write one result folder: a locked staging folder that becomes the target.
 
-    file: the config file of the run that is to take the place of another; "": of any. Raises UsageError, and leaves
-    nothing behind, when the target is foreign, unwritable, in use, or has rows of another config file.
+    may_replace: raises UsageError when the run in a folder is not to be replaced; by default each is. Raises
+    UsageError, and leaves nothing behind, when the target is foreign, unwritable, in use, or not to be replaced.
     """
 
-    def __init__(self, target: Path, file: str = ""):
-        self._file, self._lock, self.published = file, -1, False
+    def __init__(self, target: Path, may_replace: Callable[[Path], None] = lambda folder: None):
+        self._may_replace, self._lock, self.published = may_replace, -1, False
         self._parents: list[Path] = []
         try:
             if target.is_symlink() and not target.exists():
@@ -362,7 +362,7 @@ class Claim:
     def _refuse(self) -> None:
         if not self._old.is_dir():  # else a run was killed while it took the place of an old one
             refuse_foreign(self.target)
-            _refuse_other_file(self.target, self._file)
+            self._may_replace(self.target)
         with suppress(OSError):  # no lock, or not ours to open
             os.close(_lock(self.target / LOCK, self.target, 0))
 
@@ -444,14 +444,12 @@ def asked_from(file: str, folder: Path) -> dict[str, str]:
     return {"config": path, "config_from_here": os.path.relpath(path, os.path.realpath(folder))} if file else {}
 
 
-def _refuse_other_file(folder: Path, file: str) -> None:
-    """UsageError when the rows of a folder come from another config file; of runs that name none they do not."""
-    theirs = read_report(folder).get("asked") if file else None
-    if not (isinstance(theirs, dict) and "config" in theirs and has_rows(folder)):
-        return
-    if not any(theirs.get(name) == path for name, path in asked_from(file, folder).items()):
-        problem = f"{folder} holds the run of another config file, {theirs['config']}"
-        raise UsageError(problem, "choose another --output, or replace it with --overwrite", str(folder))
+def is_of_file(theirs: Report, ours: Report, folder: Path) -> bool:
+    """Whether two runs are of one config file, by what their run.json say; a run that names no file is of any."""
+    there, here = theirs.get("asked"), ours.get("asked")
+    if not (isinstance(there, dict) and isinstance(here, dict) and "config" in there and "config" in here):
+        return True
+    return any(there.get(name) == path for name, path in asked_from(here["config"], folder).items())
 
 
 def _is_marked(lock: Path) -> bool:

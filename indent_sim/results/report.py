@@ -123,10 +123,12 @@ def of_run(folder: Path) -> str:
 
 
 def page(**parts: Any) -> str:
-    """The page of its parts; whatever is text stays text. What only a run has may be missing."""
+    """The page of its parts; whatever is text stays text. What only a run has may be missing, and a picture of nothing
+    is left out."""
     from jinja2 import Environment, StrictUndefined
 
     parts = {"numbers": [], "said": [], "scene": "", "chosen": ""} | parts
+    parts["pictures"] = [one for one in parts.get("pictures", ()) if one.svg]
     source = (files("indent_sim.results") / "report.html").read_text(encoding="utf-8")
     template = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True).from_string(source)
     text = template.render(program=PROGRAM, version=VERSION, **parts)
@@ -312,14 +314,19 @@ def short(value: Any) -> str:
     return "" if number != number or isinstance(value, bool) else f"{number:.6g}"
 
 
+def refuse_foreign_crate(folder: Path) -> None:
+    """UsageError where a crate would replace the metadata of somebody else."""
+    if os.path.lexists(folder / CRATE) and not is_own_file(folder / CRATE):
+        raise UsageError(f"{folder / CRATE} is there already and not of indent-sim", "move it away")
+
+
 def write_crate(folder: Path, parts: Sequence[str]) -> None:
     """Write what an archive of research data reads of a result, a study or a fit: RO-Crate 1.1 metadata as JSON-LD.
 
     parts: names of the files and folders in it that are the program's own; those that are there are listed. UsageError
     where a file with its name is somebody else's.
     """
-    if os.path.lexists(folder / CRATE) and not is_own_file(folder / CRATE):
-        raise UsageError(f"{folder / CRATE} is there already and not of indent-sim", "move it away")
+    refuse_foreign_crate(folder)
     said = read_report(folder) or read_report(folder, STUDY) or read_report(folder, FIT)
     there = [name for name in sorted(parts) if (folder / name).exists() and name != CRATE]
     listed = [_in_crate(folder / name) for name in there]

@@ -23,8 +23,19 @@ from indent_sim.process.signals import uninterrupted
 from indent_sim.process.version import VERSION
 from indent_sim.results import checkpoint, folder, tables
 from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
-from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, Keep, Report, append_whole, write_atomically
+from indent_sim.results.folder import (
+    CONFIG,
+    PROGRAM,
+    REPORT,
+    TABLE,
+    Keep,
+    Report,
+    append_whole,
+    read_report,
+    write_atomically,
+)
 from indent_sim.results.reader import Earlier, earlier_run
+from indent_sim.results.replacing import refuse_to_lose
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, SURFACE
 from indent_sim.results.xdmf import ARRAYS, MORE_ARRAYS, FieldWriter
 
@@ -39,8 +50,9 @@ class ResultFolder:
     in parts. The folder appears under its name with the first row. `report` becomes run.json. Leaving the block ends
     the run: status done, failed or interrupted after the exception that passes through. A run that fails
     before its first row replaces no earlier results; one that ends with exit code 2 or 3 leaves nothing.
-    With `resume` the rows of this config that are there stay (`earlier`), and the run goes on behind them; else rows of
-    another config than that of the `file` are not replaced, where it is given.
+    With `resume` the rows of this config that are there stay (`earlier`), and the run goes on behind them.
+    With `guard` rows of another config file and a finished run of another scene are not replaced (UsageError), and a
+    finished run of the same scene is replaced when this one is done: one that is not leaves it as it was.
     """
 
     def __init__(
@@ -52,7 +64,7 @@ class ResultFolder:
         columns: tuple[str, ...] = (),
         report: Report | None = None,
         resume: bool = False,
-        file: str = "",
+        guard: bool = False,
         mesh: Iterable[str] = (),
     ):
         self.report: Report = dict(report or {})
@@ -60,7 +72,7 @@ class ResultFolder:
         self._target, self._config_yaml, self._mesh, self._surface = Path(target), config_yaml, mesh, surface
         self._columns = tables.in_order((*STATE_COLUMNS, *READINGS, *columns))
         self.earlier: Earlier | None = None
-        self._resume, self._file = resume, "" if resume else file
+        self._resume, self._guard, self._awaits_end = resume, guard and not resume, False
         self._fields: FieldWriter | None = None
         self._deepest = (-math.inf, b"")  # depth, and lines of the surface table
         self._synced, self._sync = time.monotonic(), False  # when last, and whether the next write waits for the disk
@@ -75,7 +87,8 @@ class ResultFolder:
 
     def __enter__(self) -> ResultFolder:
         with uninterrupted():
-            self._claim = folder.Claim(self._target, self._file)
+            self._claim = folder.Claim(self._target, self._refuse_to_lose)
+            self._awaits_end = self._guard and read_report(self._claim.target).get("status") == "done"
             try:
                 found = earlier_run(self._claim.target, self._config_yaml, self.report) if self._resume else None
                 with self._writing():
@@ -88,6 +101,11 @@ class ResultFolder:
                 self._claim.drop()
                 raise
         return self
+
+    def _refuse_to_lose(self, target: Path) -> None:
+        """UsageError where this run would replace what is to be kept."""
+        if self._guard:
+            refuse_to_lose(self._target, self._config_yaml, self.report)
 
     def _begin(self) -> None:
         """Write what was given, and the head of the table."""
@@ -188,12 +206,14 @@ class ResultFolder:
         self._sync = True
         with uninterrupted():
             try:
-                worth = self.rows or not self._claim.replaces_results
+                is_done = self._status["status"] == "done"
+                worth = is_done if self._awaits_end else self.rows or not self._claim.replaces_results
+                self._awaits_end = False
                 if not self._claim.published and (self._status["exit_code"] in (2, 3) or not worth):
                     self._claim.drop()
                     return
                 self._claim.give_ballast()
-                if self._status["status"] == "done":
+                if is_done:
                     (self.path / CHECKPOINT).unlink(missing_ok=True)
                 with self._writing() if error is None else suppress(OSError):
                     try:
@@ -211,7 +231,7 @@ class ResultFolder:
         self._begun = ()
 
     def _publish(self) -> None:
-        if self._claim.published:
+        if self._claim.published or self._awaits_end:
             return
         self._claim.publish()
         if self._fields is not None:
@@ -242,6 +262,8 @@ class ResultFolder:
             yield
         except OSError as error:
             kept = f"{self.rows} rows are kept in {self._claim.target}" if self.rows else "no row is kept"
+            if self._awaits_end:
+                kept = f"the finished run in {self._claim.target} is as it was"
             raise NotConverged(f"cannot write results: {error.strerror or error}; {kept}") from error
 
 

@@ -40,7 +40,7 @@ GRID = re.compile(
     re.DOTALL,
 )
 XDMF_HEAD = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n<Domain>\n'
-XDMF_HEAD += '<Grid Name="indent-sim" GridType="Collection" CollectionType="Temporal">\n'
+COLLECTION = '<Grid Name="indent-sim" GridType="Collection" CollectionType="Temporal">\n'
 BLANKS = str.maketrans({"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})  # which an attribute would not keep
 TAIL = "</Grid>\n</Domain>\n</Xdmf>\n"
 
@@ -77,7 +77,9 @@ class FieldWriter:
     ):
         self.directory = Path(directory)
         self._keep, self._arrays = keep, arrays
-        self._head = XDMF_HEAD + "".join(_information(name, value) for name, value in (told or {}).items())
+        # beside the collection: whoever counts what is in it counts its states
+        information = "".join(_information(name, value) for name, value in (told or {}).items())
+        self._head = XDMF_HEAD + information + COLLECTION
         points, cells, regions, self._tip = body
         self._mesh = {"points": in_space(points), "cells": np.asarray(cells), "region": np.asarray(regions)}
         self._mesh |= {"tip_points": self._tip.points, "tip_cells": self._tip.cells}

@@ -7,10 +7,11 @@ import time
 import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from indent_sim.config.scene_file import to_yaml
+from indent_sim.config.scene_file import Given, load, to_yaml
 from indent_sim.config.schema import Config, OutputSettings
 from indent_sim.model.body import MeshFromFile
 from indent_sim.model.loading import LoadPath
@@ -34,17 +35,11 @@ from indent_sim.run.companions.accuracy import (
     refuse_other_bars,
     unjudged,
 )
-from indent_sim.run.companions.error_bars import (
-    Bars,
-    Companion,
-    ErrorBars,
-    TheoryBars,
-    bearer,
-    beside,
-    softer,
-    sticks,
-    ways,
-)
+from indent_sim.run.companions.companion import Companion, beside, softer
+from indent_sim.run.companions.drained_film import film_of
+from indent_sim.run.companions.error_bars import Bars, ErrorBars, TheoryBars, ways
+from indent_sim.run.companions.remedies import are_tried, remedies, tried
+from indent_sim.run.companions.sticking import bearer, sticks
 from indent_sim.run.plausibility import unresolved
 from indent_sim.run.prospect import all_mistakes
 from indent_sim.run.readings import Equilibrium, Readings
@@ -74,26 +69,27 @@ class Outcome:
 
 
 def simulate(
-    config: Config,
+    given: Given,
     comm: Comm = None,
     *,
     scene: Scene | None = None,
-    directory: Path | None = None,
+    directory: Path | str | None = None,
     progress: Progress | None = None,
     resume: bool = False,
     error_bars: bool = False,
     overwrite: bool = False,
 ) -> Outcome:
-    """Simulate a config and write its result folder (collective over `comm` [this process alone], files by rank 0).
+    """Simulate a scene and write its result folder (collective over `comm` [this process alone], files by rank 0).
 
-    scene: what the config becomes, where that is known. With `resume` the rows of an earlier run of the same config
-    stay, and the others are computed. With `error_bars`, or `accuracy` in the config, every row has its force_error;
-    `accuracy` refines the mesh until it is small enough.
-    Rows of another config file are not replaced, but with `overwrite`.
+    given: a config, or the file or dictionary that says one. scene: what the config becomes, where that is known. With
+    `resume` the rows of an earlier run of the same config stay, and the others are computed. With `error_bars`, or
+    `accuracy` in the config, every row has its force_error; `accuracy` refines the mesh until it is small enough.
+    Rows of another config file and a finished run of another scene are replaced with `overwrite` alone; a finished run
+    of the same scene is replaced once this one is done.
     Raises ConfigError, UsageError, MeshError, NotConverged, VerificationError, BackendError; what was computed
     before a failure is on disk.
     """
-    comm = comm if comm is not None else Alone()
+    comm, config = comm if comm is not None else Alone(), config_of(given)
     target = Path(directory or config.output.directory or "results/run")
     try:
         outcome = Run(config, scene, comm, target, progress, resume, error_bars, overwrite).outcome()
@@ -150,21 +146,21 @@ class Run:
         """Simulate an attempt, with its error bars, and judge it."""
         config, scene, decided = self.config, attempt.scene, resolved(self.config, attempt.scene)
         self.comm = communicator(self.comm, scene)
-        resume = self._resume and not attempt.companions  # only the first one
-        whole = scene if attempt.companions else foreseen(scene, self._asked.error_bars)
+        resume = self._resume and attempt.companion is None  # only the first one
+        whole = scene if attempt.companion else foreseen(scene, self._asked.error_bars)
         said, text = self._said(scene, decided, whole.plan.prediction), to_yaml(decided)
         if resume and (outcome := self._finished(text, scene, decided.output, said)):
             return outcome
         columns, body = (*scene.columns, *self._columns(scene)), config.body
         mesh = self._piece.text(body) if self._piece and isinstance(body, MeshFromFile) else ()
-        folder = {"columns": columns, "file": "" if self._overwrite else config.source.name, "resume": resume}
+        folder = {"columns": columns, "guard": not self._overwrite, "resume": resume}
         opened = Record(self.comm, self.target, text, said, surface=config.output.surface, mesh=mesh, **folder)
         with opened as record, unmasked(), spent():
             plan, self._beside = scene.plan, record.beside
             bars = self._bars(attempt) if self._asked.bars else None
             if bars is not None:
                 record.note(error_budget=bars.budgets, accuracy=entry(config, plan.fineness, attempt.tried))
-            simulation = Simulation(config, scene, record, self._clock, bars)
+            simulation = Simulation(config, scene, record, self._clock, bars, partial(self._remedies, scene))
             states = simulation.follow(self.progress)
             simulation.experiment()
             judged = simulation.judged
@@ -181,6 +177,13 @@ class Run:
             if attempt.missed:
                 record.fail(VerificationError(attempt.missed))
         return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
+
+    def _remedies(self, scene: Scene, step: int, spent: int) -> str:
+        """What was tried where a path ended early, and how far it came, in words; by one process alone."""
+        if self.comm.size > 1 or not are_tried(scene):
+            return ""
+        walk = partial(states, with_surface=False)
+        return tried(remedies(self.config, scene), step, spent, resolve, walk)
 
     def _finished(self, text: str, scene: Scene, output: OutputSettings, said: dict[str, Any]) -> Outcome | None:
         """The outcome of a run that came to its end before, with what its files lack since among its warnings."""
@@ -231,21 +234,23 @@ class Run:
         with self._clock.stage("imports"):
             backend()
         with self._clock.stage("companions"):
-            companions = attempt.companions
-            if not companions:  # those of a resumed run begin with its earlier attempts, as before
-                earlier = [self._resolved(elements) for elements in reversed(attempt.tried)]
-                others = beside(attempt.scene, earlier)
-                companions = [Companion(ratio, self._curve(other), other) for ratio, other in others]
-            soft = softer(companions[0].scene) if companions[0].scene else None
+            companion = attempt.companion
+            if companion is None:  # that of a resumed run is its earlier attempt, as before
+                earlier = self._resolved(attempt.tried[-1]) if attempt.tried else None
+                ratio, other = beside(attempt.scene, earlier)
+                companion = Companion(ratio, self._curve(other), other)
+            soft = softer(companion.scene) if companion.scene else None
             curve = self._curve(soft) if soft else None
-            return ErrorBars(attempt.scene, companions, curve, ways(companions[0], self._curve))
+            in_halves = ways(companion, self._curve)
+            film = film_of(attempt.scene, self._curve)
+            return ErrorBars(attempt.scene, companion, curve, in_halves, film)
 
     def _stick(self, run: Companion, bars: Bars) -> dict[str, Any] | None:
         """What no slip would change of the deepest force: as the plan knows it, or solved beside the run."""
         assert run.scene is not None
         with self._clock.stage("companions"):
             known = run.scene.plan.stick
-            changed = sticks(bearer(run, bars.companions), self._curve) if run.scene.is_meshed else known
+            changed = sticks(bearer(run, bars.companion), self._curve) if run.scene.is_meshed else known
         return asdict(changed) | {"words": changed.words} if changed else None
 
     def _curve(self, scene: Scene) -> list[State]:
@@ -267,13 +272,15 @@ class Run:
 
 
 def states(
-    scene: Scene, comm: Comm = None, *, with_surface: bool = True, mesher: Mesher = Scene.grid
+    given: Scene | Given, comm: Comm = None, *, with_surface: bool = True, mesher: Mesher = Scene.grid
 ) -> Iterator[State]:
     """Walk a scene without writing anything: one State per requested depth, in the user's units; on the mesh that
     `mesher` makes of the scene.
 
+    given: a scene, or the config, file or dictionary that says one.
     For notebooks and tests; a State that is not converged is the last one.
     """
+    scene = given if isinstance(given, Scene) else resolve(config_of(given))
     comm = communicator(comm if comm is not None else Alone(), scene)
     beside = Beside(comm)
     fe = backend() if scene.is_meshed else None
@@ -355,6 +362,13 @@ def warm_up() -> None:
     """Load what every run needs, so that the first of many costs no more than the others."""
     start_mesher()
     backend()
+
+
+def config_of(given: Given) -> Config:
+    """The config of a scene, however it is given; TypeError for what `resolve` has made of one."""
+    if isinstance(given, Scene):
+        raise TypeError("give what `load` gives, not what `resolve` made of it")
+    return given if isinstance(given, Config) else load(given)
 
 
 def communicator(comm: Comm, scene: Scene) -> Comm:

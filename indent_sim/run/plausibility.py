@@ -44,6 +44,9 @@ PILLAR_HEIGHT = 10.0  # ways to the rim: a thicker body is a pillar, whose own s
 SHALLOW = 0.1  # of the contact radius: up to this depth no law stiffens by a factor
 THEORY_FORCE_ERROR = 1e-4  # of theory's force: its own error
 
+MAY_HELP = "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
+STAY_ABOVE = "the top alone is a contact surface: stay above that depth, or let the top slide (contact.friction: 0)"
+
 
 Compared = tuple[float, float, float]  # of a row: depth, force, half its bar's width
 
@@ -122,7 +125,8 @@ def contradiction(scene: Scene, state: State, earlier: Rows) -> str | None:
     is_pressed = scene.is_meshed and not _is_first_touch(scene, state)
     for rule in _rules(is_pressed, scene.physics.evolves, scene.physics.contact.may_snap):
         if said := rule(scene, state, earlier):
-            return said
+            is_side = rule is _is_inside_the_skin and scene.physics.is_compressed
+            return f"{said}; {STAY_ABOVE if is_side else MAY_HELP}"
     return None
 
 
@@ -141,7 +145,7 @@ def unresolved(scene: Scene, states: Sequence[State]) -> list[str]:
     few = [step for step, doubt in doubts.items() if doubt >= UNRESOLVED]
     if not few:
         return []
-    most = max(sizes.elements(state.a / L) for state in states if state.step in few)
+    most = max(sizes.elements(scene.physics.whole_radius(state.a / L)) for state in states if state.step in few)
     rows = f"step {few[0]} has" if len(few) == 1 else f"{len(few)} rows from step {few[0]} on have"
     likely = sorted(doubts[step] for step in few)
     span = " to ".join(dict.fromkeys(in_words(likely[k]) for k in (0, -1)))
@@ -152,7 +156,7 @@ def unresolved(scene: Scene, states: Sequence[State]) -> list[str]:
 
 def _doubt_of_force(scene: Scene, state: State) -> float:
     """The relative error of the force to fear with the contact radius that was found."""
-    physics, a = scene.physics, state.a / scene.physics.scales.length
+    physics, a = scene.physics, scene.physics.whole_radius(state.a / scene.physics.scales.length)
     if physics.is_closed_by_swelling(state.delta / physics.scales.depth, a):
         return swelling_doubt(scene.sizes, a)
     return force_doubt(scene.sizes, a, physics.largest_nu)
@@ -236,6 +240,9 @@ def _is_inside_the_skin(scene: Scene, state: State, earlier: Rows) -> str | None
     if state.intrusion <= INTRUDED * state.delta + _sunk(scene, state):
         return None
     why = "a side of the body has come to the tip, or the contact group of a mesh file ends too early"
+    if scene.physics.is_compressed:
+        since = earlier.last.delta if earlier.last and earlier.last.delta < state.delta else 0.0
+        why = f"a side of the body folds up against it from a depth between {since:.6g} and {state.delta:.6g} on"
     where = "inside the surface beside the contact surface, where nothing keeps it out"
     return f"the tip is {state.intrusion:.3g} {where}: {why}"
 
@@ -274,7 +281,7 @@ def _is_not_theorys(scene: Scene, state: State, earlier: Rows) -> str | None:
     solution = theory.at(state.delta / scales.depth) if theory else None
     if theory is None or solution is None or solution.force <= 0:
         return None
-    expected = solution.force * scales.force
+    expected = solution.force / scene.physics.seen * scales.force
     lowest, highest = _range(scene, solution)
     said = f"the force is {state.force:.6g}, and {theory.name}"
     if not lowest * expected <= state.force <= highest * expected:
@@ -298,6 +305,8 @@ def _is_first_touch(scene: Scene, state: State) -> bool:
     depth, deepest = state.delta / scene.physics.scales.depth, scene.physics.deepest
     if depth <= 0 or deepest <= depth:
         return depth <= 0
+    if scene.physics.is_compressed:
+        return depth <= FIRST_TOUCH * deepest
     radius_at = relative_tip(scene.physics.indenter, scene.physics.body).radius_at
     return depth * radius_at(depth) <= FIRST_TOUCH * deepest * radius_at(deepest)
 

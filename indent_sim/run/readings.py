@@ -90,13 +90,16 @@ def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
 
 
 def hertz_forces(scene: Scene, deltas: Iterable[float]) -> list[float | None]:
-    """Forces at depths by the half-space formula of the same tip, all without units; None where there is none."""
+    """Forces at depths by the half-space formula of the same tip, all without units; None where there is none.
+
+    Of a tip over mirror rollers the share of it that is on the body itself.
+    """
     physics = scene.physics
     if physics.scales.dim == 2:
         return [None for _ in deltas]
     tip, E_star = relative_tip(physics.indenter, physics.body), physics.material.E_star
     found = (half_space_force(tip, delta, E_star) for delta in deltas)
-    return [closed[1] if closed else None for closed in found]
+    return [closed[1] / physics.seen if closed else None for closed in found]
 
 
 def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:

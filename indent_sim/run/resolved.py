@@ -69,7 +69,10 @@ def _of_file(config: Config, body: MeshFromFile, scene: Scene) -> dict[str, Any]
         name: _decided(law, formulation=formulations[f"regions.{name}"]) for name, law in (body.regions or {}).items()
     }
     rest = config.material and _decided(config.material, formulation=formulations.get("body", "auto"))
-    copy = dataclasses.replace(body, file=MESH_FILE, surfaces=body.named, hash=part.file_hash, regions=own or None)
+    sides = "free" if body.sides == "auto" else body.sides
+    copy = dataclasses.replace(
+        body, sides=sides, file=MESH_FILE, surfaces=body.named, hash=part.file_hash, regions=own or None
+    )
     return {"body": copy, "material": rest}
 
 
@@ -91,7 +94,7 @@ def _mesh(config: Config, scene: Scene) -> Any:
         mesh = _decided(mesh, h_layers=tuple(h * L for _, h in sizes.skins))
     if config.mesh.h_contact != "auto":
         return mesh
-    own = {name: length * L for name in ("h_axis", "h_edge", "h_corner") if (length := getattr(sizes, name))}
+    own = {name: length * L for name in ("h_axis", "h_edge", "h_corner", "h_film") if (length := getattr(sizes, name))}
     return dataclasses.replace(mesh, **own)
 
 

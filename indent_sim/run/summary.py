@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,7 @@ from indent_sim.theory.theory import Theory
 if TYPE_CHECKING:
     from indent_sim.theory.surface.adhesion import Contact  # with scipy's searches
 
+SAME_FORCE = 1e-6  # relative: rows with one force, but for what the solver leaves of it
 FORMULA_POINTS, OF_THEORY = 50, 20  # of the curves kept for the plot, a formula's and theory's
 
 
@@ -70,6 +72,58 @@ def energy_balance(states: list[State]) -> float | None:
     return work / spent - 1
 
 
+def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State:
+    """The row that a run was made for: that of the largest force, the last one where no force pushes.
+
+    Of several rows of this force the first, or where forces are prescribed the deepest, as of a creep.
+    """
+    top = max(state.force for state in states)
+    if not top > 0:
+        return states[-1]
+    alike = [state for state in states if state.force >= (1 - SAME_FORCE) * top]
+    return max(alike, key=lambda state: state.delta) if is_force_prescribed else alike[0]
+
+
+@dataclasses.dataclass(frozen=True)
+class Loop:
+    """The loop of force over depth of a path that comes back.
+
+    area [force length]: between the way in and the way back, the work that the tip is not given back; error: of the
+    straight lines between rows, estimated; way_in: the work of the way in; is_closed: the tip does not push at the end.
+    """
+
+    area: float
+    error: float
+    way_in: float
+    is_closed: bool
+
+
+def loop_of(states: Sequence[State]) -> Loop | None:
+    """The loop of a path; None where the tip does not come back.
+
+    The area is that of straight lines through the rows, whose error goes with the square of their distance: a third
+    of what leaving out every second row between turning points changes.
+    """
+    rows = [(state.delta, state.force) for state in states]
+    if rows[0][0] > 0:  # the way in begins at first touch
+        rows.insert(0, (0.0, 0.0))
+    steps = [end[0] - begin[0] for begin, end in pairwise(rows)]
+    work = [_work(*step) for step in pairwise(rows)]
+    way_in = sum(part for part, step in zip(work, steps, strict=True) if step > 0)
+    if min(steps, default=0.0) >= 0 or not way_in > 0:
+        return None
+    turns = [i for i in range(1, len(steps)) if steps[i - 1] * steps[i] <= 0]
+    kept = sorted({*range(0, len(rows), 2), *turns, len(rows) - 1})
+    rough = sum(_work(rows[one], rows[other]) for one, other in pairwise(kept))
+    is_closed = not (rows[-1][0] > 0 and rows[-1][1] > 0)
+    return Loop(sum(work), abs(sum(work) - rough) / 3, way_in, is_closed)
+
+
+def _work(begin: tuple[float, float], end: tuple[float, float]) -> float:
+    """The work of a force that is straight between two pairs of depth and force."""
+    return (end[0] - begin[0]) * (begin[1] + end[1]) / 2
+
+
 def known_pulls(said: Mapping[str, Any]) -> list[tuple[str, float]]:
     """What is known beforehand of the largest pull, by what a run says of its adhesion: in words, and how much."""
     return [(symbol.meaning, force) for symbol in PULL_OFF if (force := said.get(symbol.name)) is not None]
@@ -91,7 +145,8 @@ def theory_comparison(scene: Scene, states: list[State], beside: Beside | None =
         return None
     rubbed = scene.plan.friction
     rough, unlike, scales = rubbed or FRICTIONLESS, _unlike(scene), scene.physics.scales
-    D, L, F = scales.depth, scales.length * rough.radius, scales.force * rough.force
+    D, L, F = scales.depth, scales.length * rough.radius, scales.force * rough.force / scene.physics.seen
+    L *= scene.physics.own_radius(1.0)
     depth: float | None = deepest.delta / D
     if scene.physics.path.control == "force":  # theory's at this force, where it is in the body
         depth = theory.depth(deepest.force / F, scene.physics.body.height)
@@ -103,10 +158,17 @@ def theory_comparison(scene: Scene, states: list[State], beside: Beside | None =
     deviation = {f"{one}_deviation": getattr(deepest, one) / numbers[one] - 1 for one in (name, "a")}
     curve = theory.contact.up_to(solution, OF_THEORY) if scene.is_meshed else []  # else: the rows
     knowing = f" {'with' if rubbed else 'without'} friction" if FRICTION_WHY in scene.differences else ""
-    said = {"name": theory.name + knowing, "exact": not unlike, "why": "; ".join(unlike) or theory.why}
+    why = "; ".join([*unlike, *_of_mirrored(scene)]) or theory.why
+    said = {"name": theory.name + knowing, "exact": not unlike, "why": why}
     others: dict[str, Any] = {"half_space": beside("half-space formula", lambda: _half_space(scene, deepest), None)}
     others["formulas"] = beside("film formulas", lambda: _formulas(scene, theory, deepest), [])
     return said | numbers | deviation | others | {"curve": _columns(curve, D, F, L)}
+
+
+def _of_mirrored(scene: Scene) -> list[str]:
+    """That what stands beside a run is a part of the whole contact, where the tip sees the body mirrored."""
+    parts = {2: "half", 4: "a quarter"}
+    return [f"{parts[scene.physics.seen]} of the mirrored contact's"] if scene.physics.seen > 1 else []
 
 
 def _numbers(contact: Solution | Contact, D: float, F: float, L: float) -> dict[str, float]:
@@ -121,7 +183,7 @@ def _columns(curve: Sequence[Solution | Contact], D: float, F: float, L: float) 
 
 def _formulas(scene: Scene, theory: Theory, state: State) -> list[dict[str, Any]]:
     """What the usual formulas for films and thin layers say at the state's depth, or at its force, beside the run."""
-    D, F = scene.physics.scales.depth, scene.physics.scales.force
+    D, F = scene.physics.scales.depth, scene.physics.scales.force / scene.physics.seen
     is_forced = scene.physics.path.control == "force"
     name, unit, force = ("delta", D, state.force / F) if is_forced else ("force", F, None)
     own = getattr(state, name)
@@ -143,7 +205,7 @@ def _without_range(scene: Scene, states: Sequence[State]) -> dict[str, Any] | No
     deepest = max(states, key=lambda state: state.delta, default=None)
     if jkr is None or deepest is None:
         return None
-    L, F, D = scales.length, scales.force, scales.depth
+    L, F, D = scales.length * scene.physics.own_radius(1.0), scales.force / scene.physics.seen, scales.depth
     asked = (deepest.force / F, inf) if is_forced else (deepest.delta / D, 0.0)
     try:
         beside, last = jkr.stable(*asked), jkr.pull_off()
@@ -155,7 +217,7 @@ def _without_range(scene: Scene, states: Sequence[State]) -> dict[str, Any] | No
         return None
     numbers, name = _numbers(beside, D, F, L), "delta" if is_forced else "force"
     deviation = {f"{name}_deviation": getattr(deepest, name) / numbers[name] - 1} if numbers[name] else {}
-    said = {"name": "JKR", "exact": False, "why": "; ".join(scene.differences)}
+    said = {"name": "JKR", "exact": False, "why": "; ".join([*scene.differences, *_of_mirrored(scene)])}
     deviation |= {"a_deviation": deepest.a / numbers["a"] - 1}
     return said | numbers | deviation | {"curve": _columns(curve, D, F, L)}
 
@@ -171,7 +233,8 @@ def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:
     """The half-space formula's force at the state's depth, or depth at its force, and how that differs from the run."""
     if scene.physics.scales.dim == 2:
         return None
-    D, F, E_star = scene.physics.scales.depth, scene.physics.scales.force, scene.physics.material.E_star
+    D, F = scene.physics.scales.depth, scene.physics.scales.force / scene.physics.seen
+    E_star = scene.physics.material.E_star
     tip = relative_tip(scene.physics.indenter, scene.physics.body)
     closed, name, unit = half_space_force(tip, state.delta / D, E_star), "force", F
     if scene.physics.path.control == "force":
@@ -181,5 +244,6 @@ def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:
     value = closed[1] * unit
     depths = [state.delta / D * n / FORMULA_POINTS for n in range(1, FORMULA_POINTS + 1)]
     curve = [(delta, force) for delta, force in zip(depths, hertz_forces(scene, depths), strict=True) if force]
-    columns = {"delta": [delta * D for delta, _ in curve], "force": [force * F for _, force in curve]}
+    unit_force = scene.physics.scales.force  # `hertz_forces` are of the body itself
+    columns = {"delta": [delta * D for delta, _ in curve], "force": [force * unit_force for _, force in curve]}
     return {"name": closed[0], name: value, "deviation": value / getattr(state, name) - 1, "curve": columns}

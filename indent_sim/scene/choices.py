@@ -15,7 +15,7 @@ from indent_sim.model.body import Endless, MeshFromFile
 from indent_sim.model.contact import Adhesion, Anchor, AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.materials import LOCKING
-from indent_sim.model.tips import FlatPunch, Indenter, reach
+from indent_sim.model.tips import FlatPunch, Indenter, Plate, reach
 from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES, Cost
@@ -35,13 +35,14 @@ THEORY_FORCE_WHY = "forces are given: theory finds the depth of each"
 SIDEWAYS = "pushes sideways, and nothing holds this body there (roller base, free sides)"
 EDGE_WHY = "the pressure is singular at the punch's sharp edge"
 AXIS_WHY = "sizes grow from this at the axis to h_contact where the deepest contact ends"
+FILM_WHY = "at drained faces the fluid's pressure changes within a film as thin as (D t)^(1/2) at the first rows"
 CORNER_WHY = "the contact feels bonded corners or the gap up to a side: sizes grow from this with the distance"
 GAP_WHY = {
     "reference": "linear elastic: Hertz' own problem, tested at the undeformed point",
     "current": "finite strain: tested at the deformed point, pressure along the tip's normal",
 }
 FOR_WHOLE = "solver.linear: iterative is for the whole body"
-CHEAP_UNKNOWNS = 15_000  # unknowns below which a factorisation costs next to nothing and never fails
+WORTH_SECONDS = 2.0  # of a factorisation, which never fails, that iterations must save to be chosen
 CLEARLY = 0.8  # of a factorisation's seconds, below which iterations are chosen: a prediction is no better
 FREE_WHY = "new contact sticks where its step began"
 ON_ITS_WAY = "new contact sticks where it touches on its way through the step, found in a pass without friction for it"
@@ -54,6 +55,7 @@ NEARLY_LOCKED, RIGID = 0.495, 3e5
 JKR_WHY = "the JKR limit: exact for this body where the attraction's range is short"
 TING_WHY = "Lee & Radok while the contact grows, Ting while it shrinks: exact for one body or layers that relax alike"
 STEP_WHY = "contact stepped in time on the compliance, to 1e-4: the history is no single cycle of depths"
+AS_WIDE_WHY = "the punch is as wide as the body: a plane, whose edge does not cut into a rim that bulges"
 UNITS = "check work, R and E: are they in the same units?"
 QUASI_WHY = "every point an equilibrium of the elastic curve"
 SPREAD, FILLED = 500.0, 0.95  # of a mesh: between its contacts that come off and the deepest; of the way to the rim
@@ -129,7 +131,7 @@ def gap(wanted: Contact, given: Given) -> tuple[str, Choice]:
         outcome = "gap: current cannot tell how a body gives way to such a needle"
         problem = f"the depth is {given.deepest / end:.3g} times the radius at which the tip ends: {outcome}"
         raise ConfigError("indenter", problem, "give both in the same unit of length")
-    if chosen == "current" and physics.part.pins:
+    if chosen == "current" and physics.part.pins and not physics.is_compressed:
         remedy = "fix the base, hold a side, use gap: reference, or put the tip in the middle and use symmetry"
         raise ConfigError("contact.gap", f"'current' {SIDEWAYS}", remedy)
     return chosen, Choice("contact.gap", chosen, "as given" if wanted.gap != "auto" else GAP_WHY[chosen])
@@ -309,7 +311,8 @@ def linear(config: Config, physics: Physics, sizes: Sizes, direct: Cost, iterati
     if obstacle:
         return Choice("solver.linear", "direct", obstacle)
     effort = [f"about {cost.seconds:.2g} s and {cost.memory / 1e9:.2g} GB" for cost in (direct, iterative)]
-    is_cheaper = direct.dofs >= CHEAP_UNKNOWNS and iterative.seconds < CLEARLY * direct.seconds
+    is_worth_it = direct.seconds - iterative.seconds > WORTH_SECONDS
+    is_cheaper = is_worth_it and iterative.seconds < CLEARLY * direct.seconds
     is_needed = direct.memory > room >= iterative.memory
     chosen = "iterative" if is_cheaper or is_needed else "direct"
     return Choice("solver.linear", chosen, f"factored {effort[0]}, iteratively {effort[1]}")
@@ -411,7 +414,7 @@ def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) 
     chosen = "as given" if wanted.h_contact != "auto" else auto
     far = "as given" if wanted.h_far != "auto" else f"sizes grow by {sizes.grading:.3g} per unit distance up to this"
     contact, axis = ("h_contact", f"{chosen}; {per_radius}"), ("h_axis", AXIS_WHY)
-    reasons = (contact, axis, ("h_far", far), ("h_edge", EDGE_WHY), ("h_corner", CORNER_WHY))
+    reasons = (contact, axis, ("h_far", far), ("h_edge", EDGE_WHY), ("h_corner", CORNER_WHY), ("h_film", FILM_WHY))
     each = [(f"mesh.{name}", getattr(sizes, name), why) for name, why in reasons]
     choices += [Choice(key, h * L, why) for key, h, why in each if h is not None]
     if sizes.inclusions:
@@ -443,8 +446,8 @@ def steps(given: Given, physics: Physics, sizes: Sizes) -> Choices:
     method = "SDIRK2" if physics.permeable else "the exponentials' own"
     why.append(f"{given.per_doubling} of each length in every piece of the history, then twice as long; {method}")
     first = first_step(given, physics, sizes.h_contact)
-    if given.history.control == "force" and given.history.jumps and not physics.path.sudden:
-        why.append("a sudden force on this column has no equilibrium: its row is the first step's")
+    if given.history.jumps and not physics.path.jumps:
+        why.append("a jump on this column has no equilibrium at once: the step after it begins before it")
     if physics.bath_ramp and any(physics.bath_pressure(one, physics.bath_ramp) for one in physics.permeable):
         why.append(f"the bath comes within {physics.bath_ramp:.3g}, since a sudden one has no equilibrium")
     return [Choice("time.first_step", float(f"{first:.4g}"), "; ".join(why))]
@@ -512,8 +515,11 @@ def _refuse_unlike_contacts(given: Given, smallest: float, largest: float) -> No
         raise ConfigError("experiment.adhesion.work", problem, "do not go as deep, or solver.method: theory")
 
 
-def tip(given: Given, gap: str) -> tuple[Indenter, Choices]:
-    """The tip, with a small radius at a sharp apex or edge where the gap needs a normal everywhere."""
+def tip(config: Config, given: Given, gap: str) -> tuple[Indenter, Choices]:
+    """The tip, with a small radius at a sharp apex or edge where the gap needs a normal everywhere; a plate in place of
+    a punch that is as wide as the body."""
+    if isinstance(given.physics.indenter, Plate) and isinstance(config.indenter, FlatPunch):
+        return given.physics.indenter, [Choice("indenter.shape", "plate", AS_WIDE_WHY)]
     physics, body = given.physics, given.physics.body
     sharp, key = physics.indenter, "edge_radius" if isinstance(physics.indenter, FlatPunch) else "tip_radius"
     if gap == "reference" or getattr(sharp, key, 1.0) > 0:

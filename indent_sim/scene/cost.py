@@ -1,7 +1,7 @@
 """Cost of a run: cells, unknowns, memory and processor seconds, before anything is meshed.
 
 Counts come from the integrals of 1/size^dim over the modelled part and, in three dimensions, of 1/size^2 over its
-surface. The constants below were fitted on this program (`make bench` prints prediction beside measurement for every
+surface. The constants below were fitted on this program (docs/accuracy.md has prediction beside measurement for every
 scene of configs/): one core of about 2020, on which numpy, scipy, matplotlib, gmsh, dolfinx and petsc4py load in 0.8 s,
 OpenBLAS, forms compiled before.
 """
@@ -15,7 +15,7 @@ import numpy as np
 
 from indent_sim.mesh.modelled_part import Part
 from indent_sim.mesh.part_from_file import MeshedPart
-from indent_sim.mesh.sizes import Sizes
+from indent_sim.mesh.sizes import Film, Sizes
 from indent_sim.model.body import Inclusion, Shell
 
 PLANE = {"cells": 2.63, "nodes": 5.58, "vertices": 1.45}  # per size^2
@@ -114,6 +114,7 @@ def _counts(sizes: Sizes, part: Part) -> dict[str, float]:
         return {"cells": size.cells * fold, "nodes": nodes * fold, "vertices": size.points * fold}
     within = sum(_elements_of(*one, sizes, part) for one in sizes.inclusions)
     within += sum(_elements_in(*one, sizes, part) for one in sizes.skins)
+    within += sum(_elements_at(film, sizes, part) for film in sizes.films)
     if part.dim == 2:
         area = _inverse_area(sizes, part) + within
         return {name: factor * area for name, factor in PLANE.items()}
@@ -176,6 +177,25 @@ def _elements_in(skin: Shell, inside: float, sizes: Sizes, part: Part) -> float:
     areas = np.concatenate([[(skin.outer**2 - skin.inner**2) / 2], inwards]) * angle
     beyond = 1 / np.concatenate([[inside], size]) ** 2 - 1 / sizes.h_far**2
     return float((areas * np.maximum(beyond, 0.0)).sum())
+
+
+def _elements_at(film: Film, sizes: Sizes, part: Part) -> float:
+    """Elements at a drained face of a section beyond those without a film there.
+
+    The integral of 1/(h + film_grading d)^2 - 1/there^2 over the distance d from the face, as far as it is above 0, and
+    over the length s along it from where it is nearest to the tip.
+    """
+    (x0, z0), (x1, z1) = film.side.start, film.side.end
+    is_level = film.side.middle is not None or z0 == z1
+    length = max(abs(x - sizes.axis[0]) for x in (x0, x1)) if is_level else abs(z1 - z0)
+    s, ds = _log_grid(length, film.h)
+    depth = 0.0 if film.side.surface == "top" else part.height
+    r, z = (s, np.full_like(s, depth)) if is_level else (np.full_like(s, abs(x0 - sizes.axis[0])), s)
+    there = sizes.at(r, z)
+    growth = sizes.film_grading
+    h = np.minimum(film.h + growth * np.maximum(np.hypot(r, z) - film.reach, 0.0), there)
+    across = (1 / h - 1 / there) / growth - (there - h) / (growth * there**2)
+    return float((_sectors(sizes, part) if is_level else 1.0) * (across * ds).sum())
 
 
 def candidates(sizes: Sizes, part: Part) -> float:

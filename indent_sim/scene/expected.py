@@ -42,8 +42,9 @@ def prediction_of(given: Given) -> dict[str, float]:
     """Expected contact radius, and force (or depth, if forces are prescribed) by layer theory and by the formulas for
     the half-space and for films, or of a tip that adheres by JKR, in the user's units."""
     physics, delta, tip = given.physics, given.deepest, given.relative
-    scales, theory, largest, E_star = physics.scales, given.theory, physics.largest_force, physics.material.E_star
-    asked, unit = ("force", scales.force) if largest is None else ("delta", scales.depth)
+    scales, theory, E_star = physics.scales, given.theory, physics.material.E_star
+    largest = None if physics.largest_force is None else physics.seen * physics.largest_force
+    asked, unit = ("force", scales.force / physics.seen) if largest is None else ("delta", scales.depth)
     found: dict[str, float | None] = {}
     if given.swelling:  # no elastic body at that depth has the force of a gel that rises against its tip
         return {"a": given.a * scales.length}

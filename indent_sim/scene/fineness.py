@@ -20,8 +20,7 @@ PRESETS = {"fast": 0.05, "balanced": 0.01, "accurate": 0.001}
 CONSTANT = {2: 0.65, 3: 0.33}
 RATE = 2.5
 BLUNT = 2.0  # with fewer elements than this the error grows no more as n^-RATE
-BLUNT_NESTED = 1.0  # of a mesh and the same refined (30 sections: bars hold as many errors and are a third narrower)
-FEWEST_ELEMENTS = {2: 5.0, 3: 4.6}  # elements in the contact radius, by dim: two meshes much coarser say nothing
+FEWEST_ELEMENTS = {2: 5.0, 3: 4.6}  # elements in the contact radius, by dim: meshes much coarser say nothing
 MOST_ELEMENTS = 1000.0
 GRADING_FACTOR = {2: 1.0, 3: 0.6}  # grading times n^EASING, by dim
 EASING = RATE / 4  # growth^4 is its error of the energy
@@ -29,8 +28,11 @@ STEEPEST_GRADING = 0.5
 FAR_SIZE = {2: 2.0, 3: 1.25}  # h_far n over the larger of height and width, by dim
 CONFINED = 1.6  # times as many elements where a layer that hardly compresses is squeezed: its force scatters more
 THIN = 4.0  # at most this many thicknesses over n
-EDGE_SIZE = {2: 0.3, 3: 3.0}  # h_edge n^RATE over the punch's radius, by dim
+# h_edge n^RATE over the punch's radius, by dim; in three dimensions so that the edge alone (`doubts.EDGE` of it) costs
+# no more than CONSTANT n^-RATE: with 3.0 the first mesh missed its target, and the second took longer than this one
+EDGE_SIZE = {2: 0.3, 3: 1.2}
 LEAST_RESOLVED_RADIUS = {2: 0.01, 3: 0.2}  # contact radius that still gets n elements, of the largest one, by dim
+FILM_POWER = 2.0  # of the size at a drained face, with which what its film costs falls once the film is resolved
 SINKING = 1.5  # per cent of force for a per cent of depth that a penalty of mean pressure / epsilon_n takes
 ENFORCEMENT = 0.2  # share of the error that a penalty may take where its stiffness is left to the program
 
@@ -43,6 +45,7 @@ class SettledSizes:
     h_axis: float | None = None
     h_edge: float | None = None
     h_corner: float | None = None
+    h_film: float | None = None
     h_far: float | None = None
     grading: float | None = None
 
@@ -97,9 +100,9 @@ def target_of(accuracy: float | str | None) -> float | None:
     return PRESETS[accuracy] if isinstance(accuracy, str) else accuracy
 
 
-def fading(n: float, blunt: float = BLUNT) -> float:
+def fading(n: float) -> float:
     """How the error falls with the elements in the contact radius, up to a factor that is the scene's own."""
-    return float((n**4 + blunt**4) ** (-RATE / 4))
+    return float((n**4 + BLUNT**4) ** (-RATE / 4))
 
 
 def elements_for(target: float, dim: int, is_confined: bool = False, steeper: float = 1.0) -> float:
@@ -129,6 +132,7 @@ def coarser(sizes: Sizes, ratio: float, height: float) -> Sizes:
     """Sizes that much larger, near and far alike, for a body of this height [length]; finer for a ratio below 1."""
     fine = min(ratio * sizes.h_contact, height)
     skins = tuple((one, min(ratio * h, max(one.thickness, h))) for one, h in sizes.skins)
+    films = tuple(replace(film, h=min(ratio ** (RATE / FILM_POWER) * film.h, fine)) for film in sizes.films)
     inside = [(one, min(ratio ** (RATE / 2) * h, one.thinnest)) for one, h in sizes.inclusions]
     return replace(
         sizes,
@@ -139,6 +143,8 @@ def coarser(sizes: Sizes, ratio: float, height: float) -> Sizes:
         h_edge=sizes.h_edge and min(ratio**RATE * sizes.h_edge, fine),
         h_axis=sizes.h_axis and min(ratio * sizes.h_axis, fine),
         h_corner=sizes.h_corner and min(ratio ** (RATE / POWER) * sizes.h_corner, fine),
+        films=films,
+        h_film=sizes.h_film and min(ratio ** (RATE / FILM_POWER) * sizes.h_film, fine),
         inclusions=tuple(inside),
         skins=skins,
     )

@@ -35,14 +35,21 @@ from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.loading import PER_DOUBLING, History, Loading, LoadPath
 from indent_sim.model.materials import LOCKING, Exponentials, Gel, Material, Relaxation
 from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS
-from indent_sim.model.tips import FlatPunch, Indenter
+from indent_sim.model.tips import FlatPunch, Indenter, Plate
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.process.ranks import on_root
 from indent_sim.scene.cost import Work
 from indent_sim.scene.fineness import target_of
 from indent_sim.scene.reduction import reduce
-from indent_sim.scene.theories import adhesive_radii, half_space_force, relative_tip, theory_of
+from indent_sim.scene.theories import (
+    SAME_RADIUS,
+    adhesive_radii,
+    covers_top,
+    half_space_force,
+    relative_tip,
+    theory_of,
+)
 from indent_sim.scene.truncation import Truncation, expected_depth, truncate
 from indent_sim.theory.half_space import section_depth
 from indent_sim.theory.solution import Solution
@@ -72,7 +79,6 @@ HALVINGS = 40  # of the way of a spring's base, until the depth is known
 ATTRACTION_REACH = 7.0  # ranges of gap up to which an attraction counts: beyond, a thousandth of its work is left
 AT_RIM = 1e-9  # of a contact surface, from the tip's axis to its rim: less is none
 FORCE_SEARCH_FACTOR = 2  # times the linear solves of a step to a known depth are needed to find the depth of a force
-MIRROR_DISTANCE = 1e-12  # distance [length] of a tip to the mirror plane that it stands over
 # gamma/(mu R) from which nothing but its tension holds a surface of radius R: with 33 a ball between plates is solved
 # by the body alone, in 300 iterations, with 100 it is not
 DROP = 50.0
@@ -102,6 +108,11 @@ class Physics:
     bath_ramp: float = 0.0  # in which its first bath comes [time]; 0: at once
 
     @cached_property
+    def is_compressed(self) -> bool:
+        """Whether a plate, or a punch wider than the body, presses on all of its flat top."""
+        return covers_top(self.indenter, self.body, self.center)
+
+    @cached_property
     def deepest(self) -> float:
         """The largest depth of the path [length], which every row asks for."""
         return max(self.deltas)
@@ -127,20 +138,31 @@ class Physics:
         across, which is a roller wall, there; an edge that is free or fixed is none."""
         if not self.has_friction or self.part.kinematics.name == "axisymmetric":
             return {}
-        mirrors = self._mirrors
+        mirrors = self.part.mirrors(self.center)
         axes = {name: axis for axis, name in enumerate("xy"[: self.part.dim - 1])}
         return {name: axis for name, axis in axes.items() if not mirrors & {f"{name}_min", f"{name}_max"}}
 
     @property
-    def _mirrors(self) -> set[str]:
-        """The walls that are mirror planes: rollers right under the tip's axis."""
-        under = {wall for wall, distance in self.part.distances(self.center).items() if distance <= MIRROR_DISTANCE}
-        return {wall for wall in under if self.part.supports.get(wall) == "roller"}
+    def seen(self) -> int:
+        """How many times the body the tip sees (`Part.seen_by`)."""
+        return self.part.seen_by(self.center)
+
+    def whole_radius(self, a: float) -> float:
+        """The radius [length] of the whole contact, mirrored where the tip sees it go on, of a row's radius a, which is
+        that of a circle (half a width) as large as the contact on the body itself."""
+        kinematics = self.part.kinematics
+        return a if self.seen == 1 else kinematics.contact_radius(self.seen * kinematics.contact_area(a))
+
+    def own_radius(self, a: float) -> float:
+        """The radius [length] that a row has of a whole contact of radius a: the other way round."""
+        kinematics = self.part.kinematics
+        return a if self.seen == 1 else kinematics.contact_radius(kinematics.contact_area(a) / self.seen)
 
     @property
     def drained_walls(self) -> tuple[str, ...]:
         """The walls that let fluid out of the pores."""
-        walls = [wall for wall in self.part.distances(self.center) if wall not in self._mirrors]
+        mirrors = self.part.mirrors(self.center)
+        walls = [wall for wall in self.part.distances(self.center) if wall not in mirrors]
         return tuple(wall for wall in walls if self.drainage.drains_wall(self.part.supports.get(wall, "free")))
 
     @property
@@ -395,11 +417,12 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     relaxation = next((law for law in laws if law.of == "all"), None)  # of the curve
     compliance = config.experiment.compliance if config.experiment else 0.0
     softest = min((remaining(law, history) for law in laws), default=1.0)
-    tip = relative_tip(config.indenter, whole)
+    indenter = _without_edge_at_rim(config.indenter, whole, center)
+    tip = relative_tip(indenter, whole)
     path = deepest_path(history, softest, compliance, tip, layers) if history else config.loading.path()
-    _check_scene(whole, layers, config.indenter, center, path, pieces, "loading")
-    scales = Scales(_unit_of_length(whole, layers, config.indenter, path), material.constants.E, whole.dim, pieces)
-    body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
+    _check_scene(whole, layers, indenter, center, path, pieces, "loading")
+    scales = Scales(_unit_of_length(whole, layers, indenter, path), material.constants.E, whole.dim, pieces)
+    body, tip, material = scales.scaled(whole), scales.scaled(indenter), scales.scaled(material)
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
     history = history and history.without_units(scales.of(history.control))
@@ -408,7 +431,7 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     whole = scales.scaled(config.body) if isinstance(config.body, Endless) else body
     tension = scales.scaled(config.body).surface_tension
     theory, relative = theory_of(whole, layers, tip, center, tension), relative_tip(tip, body)
-    deltas = depths_of(path, theory, relative, material, body.height, scales)
+    deltas = depths_of(path, theory, relative, material, body.height, scales, part.seen_by(center))
     drainage = _drainage(config, history, scales)
     physics = Physics(scales, body, part, tip, center, path, deltas, surface_tension=tension, drainage=drainage)
     attraction = scales.scaled(config.contact).adhesion
@@ -424,6 +447,14 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     plain = theory_of(whole, layers, tip, center) if tension else theory
     found = (relative, part_why, theory, experiment, history, relaxation, stepped, steps, attraction, plain)
     return Given(physics, truncation, layers, *found, _swelling(drainage, layers), radius, theory_with)
+
+
+def _without_edge_at_rim(tip: Indenter, body: Body, center: Center) -> Indenter:
+    """A plate in place of a sharp punch that is exactly as wide as a flat top: such a punch is meant as a plate, and
+    its edge would cut into the rim, which bulges at finite strain."""
+    if not isinstance(tip, FlatPunch) or tip.edge_radius or not covers_top(tip, body, center):
+        return tip
+    return Plate() if tip.radius <= body.reach(center) * (1 + SAME_RADIUS) else tip
 
 
 def _part(
@@ -490,17 +521,25 @@ def _held_stretch(law: Gel, bath: float) -> float:
 
 
 def depths_of(
-    path: LoadPath, theory: Theory | None, tip: Indenter, material: Material, height: float, scales: Scales
+    path: LoadPath,
+    theory: Theory | None,
+    tip: Indenter,
+    material: Material,
+    height: float,
+    scales: Scales,
+    seen: int = 1,
 ) -> tuple[float, ...]:
     """The requested depths, or those to expect at the requested forces, within DEEPEST of the body's height.
 
     Of forces by theory, or by the tip's section where there is none or it ends; between MOST_FORCES by power laws.
+    seen: how many times the body the tip sees, each with the prescribed force.
     ConfigError when theory says that a linear body does not bear the largest force.
     """
     if path.control == "depth":
         return path.values
     deepest = DEEPEST * height
-    pushed = np.unique([force for force in path.values if force > 0])
+    forces = [seen * force for force in path.values]
+    pushed = np.unique([force for force in forces if force > 0])
     some = pushed if len(pushed) <= MOST_FORCES else np.geomspace(pushed[0], pushed[-1], MOST_FORCES)
     known, E_star = [], material.E_star
     for force in map(float, some):
@@ -508,7 +547,7 @@ def depths_of(
         depth = (theory and theory.depth(force, deepest)) or min(start, deepest / 2)
         known.append(float(f"{depth:.9g}"))  # the same in all units, and so is the mesh
     between = partial(np.interp, xp=np.log(some), fp=np.log(known))
-    depths = tuple(float(np.exp(between(np.log(force)))) if force > 0 else 0.0 for force in path.values)
+    depths = tuple(float(np.exp(between(np.log(force)))) if force > 0 else 0.0 for force in forces)
     if material.small_strain and theory and max(depths) > (1 - 1e-6) * deepest:
         largest = max(path.values) * scales.force
         problem = f"a force of {largest:g} would press the tip to {DEEPEST:.0%} of the body's thickness or deeper"
@@ -525,33 +564,34 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
         first = first_step(given, physics, h_contact)
         physics = replace(physics, bath_ramp=0.0 if physics.small_strain else RAMP_STEPS * first)
         path = given.history.in_steps(first, given.per_doubling)
-        if _is_locked(physics) and path.control == "force":
-            path = _without_sudden(path)
+        if path.jumps and is_locked(physics):
+            path = _without_sudden(path, "loading.force_history" if path.control == "force" else "loading.history")
     tip, height = given.relative, physics.body.height
     return replace(
-        physics, path=path, deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales)
+        physics,
+        path=path,
+        deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales, physics.seen),
     )
 
 
-def _is_locked(physics: Physics) -> bool:
+def is_locked(physics: Physics) -> bool:
     """Whether a tip as wide as a body between its walls finds no way to press it while no fluid leaves."""
-    tip, body = physics.indenter, physics.body
-    is_as_wide = isinstance(tip, FlatPunch) and tip.radius >= body.rim_distance(physics.center) * (1 - AT_RIM)
     is_closed = all(
         physics.part.supports.get(wall, "free") != "free" for wall in physics.part.distances(physics.center)
     )
     is_full = all(one.material.flow and not one.material.flow.storage for one in physics.part.regions)
-    return bool(is_as_wide and is_closed and is_full)
+    return bool(physics.is_compressed and is_closed and is_full)
 
 
-def _without_sudden(path: LoadPath) -> LoadPath:
-    """The path without the rows at which a force comes at once: it has no equilibrium, which begins a step later."""
-    if path.sudden and (path.turns or len(path.sudden) == len(path.values)):
-        problem = "holds a sudden force on a column that cannot give way before its fluid does: it has no equilibrium"
-        raise ConfigError(
-            "loading.force_history", problem, "let it grow, or times: auto, whose first row is a step later"
-        )
-    return path.without(path.sudden)
+def _without_sudden(path: LoadPath, key: str) -> LoadPath:
+    """The path without the places that it reaches in no time; ConfigError where such a place is a row that `times` asks
+    for, or where there is no other row."""
+    asked = path.sudden if path.turns else ()
+    if asked or len(path.sudden) == len(path.values):
+        at = f" at t = {path.times[asked[0] - 1]:g}" if asked else ""
+        problem = f"jumps{at} on a column that cannot give way before its fluid does: there is no equilibrium then"
+        raise ConfigError(key, problem, "ask for a later time, or let it grow")
+    return path.without_sudden()
 
 
 def first_step(given: Given, physics: Physics, h_contact: float) -> float:
@@ -591,7 +631,10 @@ def deepest_path(
 
     def beyond(depth: float) -> bool:
         closed = half_space_force(tip, depth, E_star)
-        force = closed[1] if closed else 0.5 * E_star * tip.radius_at(depth) * depth
+        radius = tip.radius_at(depth)
+        if not closed and not isfinite(radius):  # a plate: the least force of a body is not known
+            return depth >= largest
+        force = closed[1] if closed else 0.5 * E_star * radius * depth
         return depth + compliance * force >= largest
 
     low, high = 0.0, largest
@@ -725,6 +768,7 @@ def _from_file(config: Config, source: MeshFromFile, piece: Piece) -> tuple[Mesh
         remedy = "find the mesh that this scene was made with, or leave the hash out"
         raise ConfigError("body.hash", f"'{source.file}' holds another mesh, {piece.hash}", remedy)
     piece = piece.led_by(part_from_file.under_axis(piece, center))
+    part_from_file.refuse_forgotten_mirrors(piece, source, center)
     placed = piece.lowered(part_from_file.first_touch(config.indenter, piece, center))
     return part_from_file.body_of(placed, source, center, _materials(placed, config)[0][1]), placed
 
@@ -814,10 +858,8 @@ def _check_scene(
     """ConfigError for a tip that does not stand on a body, or a path that leads it where it cannot go."""
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
-    width, delta, thickness = 2 * body.rim_distance(body.center), max(path.values), pieces * body.height
-    if isinstance(tip, FlatPunch) and 2 * tip.radius > width:
-        problem = f"a flat punch of radius {tip.radius:g} is wider than the body"
-        raise ConfigError("indenter.radius", problem, f"at most {width / 2:g}")
+    delta, thickness = max(path.values), pieces * body.height
+    _check_width(body, tip, center)
     if path.control == "force":
         return
     if delta >= thickness:
@@ -831,6 +873,18 @@ def _check_scene(
         side = f"the top of a fixed side, which it meets at {end:g}"
         problem = f"depth {delta:g} presses the tip onto {side}: nothing moves it, and the force has no bound"
         raise ConfigError(key, problem, f"stay below {end:g}, free that side, or take a wider body")
+
+
+def _check_width(body: Body, tip: Indenter, center: Center) -> None:
+    """ConfigError for a sharp punch wider than a flat top that it does not cover: its edge would cross that of the
+    body."""
+    if not isinstance(tip, FlatPunch) or tip.edge_radius or isinstance(body, Dome) or covers_top(tip, body, center):
+        return
+    widest = body.rim_distance(body.center)
+    if tip.radius > widest:
+        problem = f"the edge of a flat punch of radius {tip.radius:g} crosses that of the body"
+        covering = "" if isinstance(body, Meshed) else f", at least {body.reach(center):g}, or shape: plate"
+        raise ConfigError("indenter.radius", problem, f"at most {widest:g}{covering}")
 
 
 def _expected_radius(

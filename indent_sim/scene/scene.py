@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
 WALL_WHY = f"u.n = 0 with the cylinder's own normal, weakly, by {WALL_STIFFNESS:g} E/h_far"
+GAP_WHY = "the gap is tested at the deformed point, theory's at the undeformed one"
+PLANE_GAP_WHY = "the gap is tested at the undeformed point, and the contact of theory spreads"
 FRICTION_WHY = "the surface is rough, theory's frictionless"
 
 
@@ -162,13 +164,16 @@ class Scene:
     def differences(self) -> tuple[str, ...]:
         """What this problem has that theory's has not, in words; empty when they are one, or there is no theory."""
         theory, physics = self.plan.theory, self.physics
+        is_finite = theory is not None and theory.is_finite
+        has_plate = physics.is_compressed  # a plane is the same at every point
         parts = (
-            (not physics.small_strain, "strain is finite, theory's small"),
+            (not physics.small_strain and not is_finite, "strain is finite, theory's small"),
             (physics.has_friction, FRICTION_WHY),
             (bool(physics.permeable), "fluid flows in the pores, theory's body has none"),
             (bool(physics.relaxing), "its shear relaxes, theory's body is elastic"),
             (physics.contact.may_snap, "the attraction has a range, theory's none"),
-            (physics.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
+            (physics.gap == "current" and not has_plate, GAP_WHY),
+            (physics.gap == "reference" and is_finite, PLANE_GAP_WHY),
             (theory is not None and not theory.exact, theory.why if theory else ""),
         )
         return tuple(why for applies, why in parts if applies)
@@ -242,7 +247,7 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     law, anchor, friction_choice = choices.friction(law, given, sizes)
     adhesion, adhesion_choice = choices.adhesion(law, given, sizes)
     wall, wall_choice = _wall(given, sizes)
-    tip, tip_choice = choices.tip(given, gap)
+    tip, tip_choice = choices.tip(config, given, gap)
     physics = replace(given.physics, wall_stiffness=wall, indenter=tip, contact=law, gap=gap, anchor=anchor)
     solver, linear, cost = _solver(config, given, physics, sizes)
     if is_in_time := choices.follows_whole(config, given, solver):

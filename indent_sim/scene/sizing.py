@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import ceil, inf, log2
+from math import ceil, exp, inf, log2
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from indent_sim.mesh.part_from_file import MeshedPart
-from indent_sim.mesh.sizes import Sizes
+from indent_sim.mesh.sizes import Film, Sizes
 from indent_sim.model.body import Inclusion
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
+from indent_sim.scene import films
 from indent_sim.scene.corners import corners
 from indent_sim.scene.fineness import Fineness, SettledSizes, elements_for, fineness_of, steepness, target_of
-from indent_sim.scene.given import Given
+from indent_sim.scene.given import Given, in_time
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config, MeshSettings
@@ -46,8 +47,14 @@ LEAST_DISK = 1e-5  # of the longest side of a box, a punch's radius: below 3e-6 
 # gmsh's CAD kernel, 1e-7, and it fails or aborts
 SQUEEZED_RATIO = 1.0  # contact radius over height from which a layer is squeezed rather than indented
 KEEN = 0.74  # of (1 + radius/gap), by how much more a punch's radius is felt beside a wall: to 20 %, by layer theory
+# Growth of the surface's stretch beneath a frictionless tip with each of its radii beyond the first: 13.5 was measured
+# at the apex of a rod with a round end 4.75 radii deep in neo-Hookean rubber of nu = 0.49
+STRETCHED = 0.7
+PER_ARC = 10.0  # elements as long as the radius of a punch's edge, which go around it when the surface slides there
+SHARPEST_ARC = 0.02  # of a punch's radius: a sharper edge would take thousands of elements
 CORNERS = 0.1  # of the error of the force that all else may cost, what the corners may cost
-RULE = 0.25  # and from what share on they rule how the force converges
+FILMS = 0.5  # likewise, what films beside drained faces may cost where an accuracy is asked for
+FINEST_FILM = 1e-3  # of the contact radius: with smaller elements at a face its film costs less than 1e-4 of the force
 HEARD = 0.25  # of the error of the force that all else may cost, what inclusions may cost
 PER_SKIN = 1.5  # elements across a skin: see `test_skins`
 ACROSS = {2: (2.0, 30.0), 3: (2.0, 6.0)}  # elements in half the thickness of an inclusion, from and to, by dim
@@ -104,6 +111,8 @@ def _contact(given: Given, delta: float) -> tuple[float, float, float]:
 def _edge(given: Given, gap: str) -> float | None:
     """Radius of an edge at which the pressure is singular, or nearly: a punch's, or of a tip's end that is reached."""
     tip, a = given.physics.indenter, given.a
+    if given.physics.is_compressed:
+        return None  # the edge, where there is one, is beyond the body
     if isinstance(tip, FlatPunch):
         if given.physics.part.dome and a < AT_END * tip.radius:
             return None  # the curved top ends the contact
@@ -128,9 +137,10 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
         settled = _in_cohesive_zone(config, given, settled)
     elif (held := given.held_radii) and settled.h_contact is None:  # as fine in the smallest contact as in the deepest
         settled = replace(settled, h_contact=rounded(a / PER_ADHESIVE), h_axis=rounded(held[0] / PER_ADHESIVE))
+    settled = _beneath_deep_tip(config, given, settled, edge, gap)
     plain = _plain(given, settled, edge, keenness)
     fine = _in_inclusions(_at_corners(plain, given, settled, wanted), config, given, wanted)
-    fine = _in_skins(fine, config, given, wanted)
+    fine = _in_films(_in_skins(fine, config, given, wanted), given, settled, wanted)
     _refuse_lost(fine, given, max(part.width, part.height))
     return fine
 
@@ -151,6 +161,28 @@ def _plain(given: Given, settled: SettledSizes, edge: float | None, keenness: fl
     growth, h_axis = rounded(settled.grading or GRADING / steeper), on_axis if on_axis < fine else None
     h_edge = rounded(settled.h_edge or fine / ratio) if edge is not None else None
     return Sizes(fine, far, patch, growth, edge, h_edge, h_axis, rounded(a), keenness=keenness, axis=physics.center)
+
+
+def _beneath_deep_tip(
+    config: Config, given: Given, settled: SettledSizes, edge: float | None, gap: str
+) -> SettledSizes:
+    """The sizes with smaller elements beneath a tip that goes deeper than the radius at which it ends.
+
+    Without friction the surface slides outwards along the tip and up its side: what lies beneath a rod five radii deep
+    was a disc of a tenth of its radius, and one element of the usual size there would cover all of its end.
+    """
+    tip, end = given.physics.indenter, reach(given.physics.indenter)
+    depth = given.deepest / end
+    is_given = config.mesh.h_contact != "auto" or bool(config.contact.friction) or given.physics.part.dim == 3
+    if gap != "current" or is_given or given.physics.is_compressed or depth <= 1:
+        return settled
+    fine = settled.h_contact or min(given.a / PER_RADIUS[2], given.physics.part.height / 4)
+    rho = getattr(tip, "edge_radius", 0.0)
+    if rho >= SHARPEST_ARC * end:
+        fine = min(fine, rho / PER_ARC)
+    h_edge = rounded(fine) if edge is not None and rho > 0 else settled.h_edge
+    stretched = exp(STRETCHED * (depth - 1))
+    return replace(settled, h_contact=rounded(fine), h_axis=rounded(fine / stretched), h_edge=h_edge)
 
 
 def _in_cohesive_zone(config: Config, given: Given, settled: SettledSizes) -> SettledSizes:
@@ -200,7 +232,8 @@ def _at_corners(plain: Sizes, given: Given, settled: SettledSizes, wanted: Finen
     """The sizes, smaller towards all corners where the contact feels one; in three dimensions that costs too much."""
     physics = given.physics
     nu = physics.largest_nu
-    around = corners(physics.part, physics.center, given.a, nu, plain.edge) if given.deepest > 0 else []
+    end = given.a if physics.is_compressed else plain.edge
+    around = corners(physics.part, physics.center, given.a, nu, end) if given.deepest > 0 else []
     if settled.h_corner and (physics.part.dim == 3 or not around):
         where = "bonded corners and narrow gaps beside the contact in a meshed section"
         raise ConfigError("mesh.h_corner", f"is for {where}, and this scene has none", "leave it out")
@@ -208,8 +241,7 @@ def _at_corners(plain: Sizes, given: Given, settled: SettledSizes, wanted: Finen
     there = [(corner, float(plain.at(np.array(corner.r), np.array(corner.depth)))) for corner in around]
     cost = max((corner.error(size) for corner, size in there), default=0.0)
     if physics.part.dim == 3:
-        ruled = any(corner.size(RULE * error, n) < size for corner, size in there)
-        return replace(plain, corner_error=cost, ruled_by_corners=ruled)
+        return replace(plain, corner_error=cost)
     h, is_open = settled.h_corner, wanted is not None or settled.h_contact is None
     if h is None and is_open and any(corner.size(CORNERS * error, n) < size for corner, size in there):
         h = min(corner.size(CORNERS * error, n) for corner in around)
@@ -236,6 +268,41 @@ def _in_skins(plain: Sizes, config: Config, given: Given, wanted: Fineness | Non
     finer = max(1.0, (wanted.n if wanted else 0.0) / PER_RADIUS[2])
     found = [h / L for h in asked] if asked else [skin.thickness / (PER_SKIN * finer) for skin in skins]
     return replace(plain, skins=tuple(zip(skins, map(rounded, found), strict=True)))
+
+
+def _in_films(plain: Sizes, given: Given, settled: SettledSizes, wanted: Fineness | None) -> Sizes:
+    """The sizes, smaller at the drained faces of a section where the first rows find only a film drained; in three
+    dimensions that costs too much."""
+    physics = given.physics
+    is_open = wanted is not None or settled.h_contact is None or settled.h_film is not None
+    drains = physics.permeable and physics.part.dim == 2 and given.history is not None and given.deepest > 0
+    if not (is_open and drains):
+        return plain
+    faces, h_film = films_of(given, plain, settled.h_film, FILMS * wanted.error if wanted else AUTO)
+    return replace(plain, films=faces, h_film=h_film if faces else None)
+
+
+def films_of(given: Given, plain: Sizes, asked: float | None, most: float) -> tuple[tuple[Film, ...], float]:
+    """The drained faces at which elements are smaller than those of `plain`, and the size [length] at those next to the
+    contact: the one asked for, or what costs at `most` this share of the force."""
+    assert given.history is not None
+    physics, a, D = given.physics, given.a, films.slowest(given.physics)
+    path = in_time(given, physics, plain.h_contact).path
+    rows = films.rows_of(path)
+    faces = films.drained_faces(given, min(path.times) - (path.begin or 0.0))
+    h_film = asked
+    if h_film is None:
+        per = films.per_length(given)
+        h_film = rounded(films.size_for(rows, most, D, per, plain.h_far, FINEST_FILM * a))
+    found = []
+    for side in physics.part.outline:
+        if side.surface in faces:
+            distance = faces[side.surface]
+            h = h_film / films.felt(given, distance) ** 0.5
+            nearest = 0.0 if side.surface == "top" else distance + (a if side.surface != "base" else 0.0)
+            if h < plain.h_far:
+                found.append(Film(side, rounded(h), rounded(nearest + plain.patch)))
+    return tuple(found), h_film
 
 
 def _elements_across(inclusion: Inclusion, given: Given, error: float) -> float:
@@ -272,14 +339,14 @@ def _refuse_lost(found: Sizes, given: Given, largest: float) -> None:
 
 def _settled(mesh: MeshSettings, scales: Scales, height: float, edge: float | None) -> SettledSizes:
     """The sizes of the config; ConfigError where they contradict one another or the scene."""
-    names = ("h_contact", "h_axis", "h_edge", "h_corner", "h_far")
+    names = ("h_contact", "h_axis", "h_edge", "h_corner", "h_film", "h_far")
     lengths = {name: getattr(mesh, name) for name in names if getattr(mesh, name) not in (None, "auto")}
     h = lengths.get("h_contact", 0.0)
     if h and lengths.get("h_far", h) < h:
         raise ConfigError("mesh.h_far", "is smaller than h_contact", f"at least {h:g}")
     if h > height * scales.length:
         raise ConfigError("mesh.h_contact", "is larger than the body is thick", f"at most {height * scales.length:g}")
-    for name in ("h_axis", "h_edge", "h_corner"):
+    for name in ("h_axis", "h_edge", "h_corner", "h_film"):
         if name in lengths and not h:
             raise ConfigError(f"mesh.{name}", "needs h_contact, up to which sizes grow", "give both")
         if lengths.get(name, 0.0) > h:

@@ -11,15 +11,27 @@ from math import inf
 import numpy as np
 
 from indent_sim.model import tips
-from indent_sim.model.body import Body, Dome, Endless, HalfSpace, Meshed
+from indent_sim.model.body import Body, Box, Cylinder, Dome, Endless, HalfSpace, Meshed
 from indent_sim.model.body import Layer as BodyLayer
+from indent_sim.model.body import Strip as BodyStrip
 from indent_sim.model.materials import Gel, LinearElastic, Material, NeoHookean, TransverselyIsotropic
-from indent_sim.model.tips import FlatPunch, Indenter, Paraboloid, Plate, Profile, RegularPyramid, Sphere
+from indent_sim.model.tips import (
+    FlatPunch,
+    Indenter,
+    Paraboloid,
+    Plate,
+    Profile,
+    RegularPyramid,
+    Sphere,
+    flat_radius,
+)
 from indent_sim.model.units import Scales
 from indent_sim.theory import half_space, profiles
+from indent_sim.theory.compression import Bar, Compression, HyperelasticBar, LinearBar, bonded_modulus
 from indent_sim.theory.films import dimitriadis_force, film_force, gao_modulus, perriot_barthel_modulus
 from indent_sim.theory.half_space import section_depth
 from indent_sim.theory.layer import Layer, sneddon_force
+from indent_sim.theory.march import LayerContact
 from indent_sim.theory.roots import Curve, depth_of
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.stack import Ply, Stack
@@ -30,6 +42,8 @@ from indent_sim.theory.theory import OWN_ERROR, Theory
 NO_INCLUSIONS = "theory's body has no inclusions"
 # Between moduli from which theory loses digits, and the power: 2e-6 was measured at 1e5
 INEXACT_CONTRAST, STEEP = 1e4, 2.5
+SAME_RADIUS = 1e-9  # relative: radii that differ by less are one
+NEARLY_INCOMPRESSIBLE = 0.49  # Poisson's ratio from which rubber's formula for bonded blocks is said
 
 
 @dataclass(frozen=True)
@@ -124,6 +138,8 @@ def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center:
     assert not isinstance(body, HalfSpace)
     if isinstance(body, Dome):
         return _dome_theory(body, layers, tip)
+    if isinstance(body, Cylinder | BodyStrip | Box) and covers_top(tip, body, center):
+        return _compression_theory(body, layers, flat_radius(tip) / body.reach(center))
     shape, is_plane = shape_of(tip), body.dim == 2
     stack = stack_of(layers, body.base)
     if shape is None or stack is None or (is_plane and shape.f is None):
@@ -132,6 +148,87 @@ def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center:
     contact = (Strip if is_plane else Layer).on(shape, stack, wall)
     formulas = {} if is_plane else _layer_formulas(layers, tip, body.base)
     return _judged(Theory("layer theory", exact, why, contact, formulas=formulas), layers, tip)
+
+
+def covers_top(tip: Indenter, body: Body, center: tuple[float, ...]) -> bool:
+    """Whether the flat face of a tip on the axis `center` covers all of a flat top, which then compresses the body as
+    a plate does, as long as no rim bulges past its edge. Not known of a mesh from a file."""
+    if not isinstance(body, Cylinder | BodyStrip | Box):
+        return False
+    return flat_radius(tip) >= body.reach(center) * (1 - SAME_RADIUS)
+
+
+# What a compression is called by the number of directions across it in which walls hold the body
+COMPRESSIONS = ("uniaxial compression", "plane-strain compression", "confined compression")
+
+
+def _compression_theory(body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer], room: float) -> Theory | None:
+    """Theory of a plate on all of a flat top: the body as a bar that slides on the plate and on its base. None where
+    nobody knows it: layers that are no linear ones, a bar that cannot give way.
+    room: the radius of the tip's flat face over that of the top."""
+    held = _held_directions(body)
+    found = _bar(layers, held)
+    if found is None:
+        return None
+    bar, is_finite = found
+    dimensions = body.dim - 1
+    widest = max(room, 1.0) ** dimensions
+    contact = Compression(bar, body.height, _area_of_top(body), dimensions, widest)
+    why = first_of(
+        (body.base == "fixed", "the base is bonded, theory's slides"),
+        (len(layers) > 1, "theory's layers slide on one another"),
+    )
+    formulas = _bonded_formulas(body, layers) if body.base == "fixed" and held == 2 - dimensions else {}
+    why_exact = "a block that slides between plates is this very body"
+    return Theory(COMPRESSIONS[held], not why, why or why_exact, contact, formulas=formulas, is_finite=is_finite)
+
+
+def _held_directions(body: Cylinder | BodyStrip | Box) -> int:
+    """In how many of the two directions across it walls keep the width of a body; in plane strain in y at least."""
+    if isinstance(body, Cylinder):
+        return 0 if body.sides == "free" else 2
+    sides = body.sides
+    ends = [(sides.x_min, sides.x_max)]
+    if isinstance(body, Box):
+        ends.append((body.sides.y_min, body.sides.y_max))
+    return 2 - len(ends) + sum("free" not in pair for pair in ends)
+
+
+def _bar(layers: Sequence[BodyLayer], held: int) -> tuple[Bar, bool] | None:
+    """The body as a bar, and whether its strain is finite; None where it is not known."""
+    materials = [layer.material for layer in layers if layer.material]
+    if all(material.small_strain for material in materials):
+        moduli = [material.bar_modulus(held) for material in materials]
+        thicknesses = [layer.thickness or inf for layer in layers]
+        height = sum(thicknesses)
+        give = sum(t / height / modulus for t, modulus in zip(thicknesses, moduli, strict=True))
+        return (LinearBar(1 / give), False) if give > 0 else None
+    material = materials[0]
+    is_incompressible = material.constants.nu == 0.5
+    if len(materials) > 1 or (is_incompressible and held == 2):
+        return None
+    return HyperelasticBar(material.energy_of_bar, is_incompressible, held), True
+
+
+def _area_of_top(body: Cylinder | BodyStrip | Box) -> float:
+    """Area of a flat top [length^2], in plane strain its width [length]."""
+    if isinstance(body, Cylinder):
+        return float(np.pi) * body.radius**2
+    return float(np.prod(body.widths))
+
+
+def _bonded_formulas(body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer]) -> dict[str, Curve]:
+    """Gent and Lindley's force of a nearly incompressible disc or strip that is bonded at its base."""
+    if isinstance(body, Box) or len(layers) > 1 or layers[0].material is None:
+        return {}
+    E, nu = layers[0].material.constants
+    if nu < NEARLY_INCOMPRESSIBLE:
+        return {}
+    across = body.radius if isinstance(body, Cylinder) else body.width
+    bulk = E / (3 * (1 - 2 * nu)) if nu < 0.5 else inf
+    modulus = bonded_modulus(E, bulk, across / (4 * body.height), body.dim - 1)
+    stiffness = modulus * _area_of_top(body) / body.height
+    return {"Gent-Lindley": lambda delta: stiffness * delta}
 
 
 def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theory | None:
@@ -203,6 +300,7 @@ def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -
 
 def _judged(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter) -> Theory:
     """The theory of a body like its own, with what tip and materials have that it has not, and its error."""
+    assert isinstance(theory.contact, LayerContact)
     materials = [layer.material for layer in layers if layer.material]
     is_one_half_space = len(layers) == 1 and theory.contact.scaled.is_bottomless  # of the same indentation modulus
     is_isotropic = is_one_half_space or all(material.is_isotropic for material in materials)

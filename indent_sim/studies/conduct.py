@@ -23,7 +23,7 @@ from indent_sim.studies.reference import scoreboard
 from indent_sim.studies.reference.truth import Truth
 from indent_sim.studies.study_folder import StudyFolder
 from indent_sim.studies.study_table import Row
-from indent_sim.studies.worker import Ending, Load, Workers
+from indent_sim.studies.worker import Ending, Job, Load, Workers
 
 TELLING = ("status", "force", "a", "p_max", "force_error_vs", "cpu_s", "verdict")  # columns that a notebook shows
 Tell = Callable[[str], None]
@@ -104,12 +104,14 @@ def carry_out(
     resume: bool = False,
     shard: tuple[int, int] | None = None,
     jobs: int = 1,
+    overwrite: bool = False,
     tell: Tell = lambda line: None,
 ) -> Study:
     """Do the study of a file, or of mappings shaped like one. `shard` (i, n): do every n-th run from the i-th on, and
     write no table.
 
-    `jobs` runs are done at the same time, each in a process of its own. A run that fails is a row. Raises UsageError,
+    `jobs` runs are done at the same time, each in a process of its own. A run that fails is a row. Finished runs that
+    the study does not ask for are replaced with `overwrite` alone, and kept with `resume`. Raises UsageError,
     ConfigError (before any run), BackendError; NotConverged when no run at all gave a result.
     """
     study = study_file.read(given)
@@ -126,7 +128,8 @@ def carry_out(
     finished = Study(output or study.directory, study.title, study.keys, against.name, [], against.notes)
     load = chain.warm_up if any(case.prospect.scene.is_meshed for case in cases) else lambda: None
     names = [case.name for case in mine]
-    folder = study_folder.opened(finished.directory, resume=resume, shared=shard is not None, names=names)
+    how = {"resume": resume, "shared": shard is not None, "overwrite": overwrite}
+    folder = study_folder.opened(finished.directory, names=names, **how)
     with folder as place:
         place.write_record(title=study.title, study=str(study.path), keys=study.keys, compare_to=against.name)
         if shard is not None:
@@ -140,7 +143,8 @@ def carry_out(
             folders = {case.id: place.run(case.name).name for case in mine}
             rows = study_table.rows(study, asked, done, against, folders)
             board = scoreboard.rows(study.members, cases, done)
-            finished = replace(finished, rows=rows, notes=against.notes, scoreboard=board)
+            finished = replace(finished, rows=rows, notes=against.notes, scoreboard=board, compared_with=against.name)
+            place.write_record(title=study.title, study=str(study.path), keys=study.keys, compare_to=against.name)
             place.write(study_folder.STUDY_TABLE, study_table.write(rows))
             if board:
                 place.write(study_folder.SCOREBOARD, study_table.write(board))
@@ -179,22 +183,22 @@ def read_back(folder: Path) -> Study:
 
 def _do(cases: Sequence[Case], place: StudyFolder, at_once: int, load: Load, tell: Tell) -> None:
     """Do the runs, so many at once, those left out that have ended before."""
-    waiting = {case.name: case for case in cases if not place.is_finished(case.name)}
+    waiting = {case.name: case for case in cases if not (place.keeps and place.is_finished(case.name))}
     if len(waiting) < len(cases):
         tell(f"{len(cases) - len(waiting)} of {len(cases)} runs are there already")
     began, effort = time.monotonic(), sum(map(_effort, waiting.values()))
     left = effort
-    jobs = {name: (case.prospect, place.run(name)) for name, case in waiting.items()}
+    jobs = {name: Job(case.prospect, place.run(name), place.keeps) for name, case in waiting.items()}
     with Workers(at_once, jobs, load) as workers:
         for count, (name, ending) in enumerate(workers.done(jobs), start=1):
             if ending[0]:
                 place.fail(name, *ending)
-            place.forget_old()
             left -= _effort(waiting[name])
             spent = (time.monotonic() - began) * left / (effort - left)
             remains = f"  about {duration(spent)} left" if count < len(waiting) else ""
             told = _told(place.ended(name), ending)
             tell(f"run {count}/{len(waiting)}  {waiting[name].words}  {told}{remains}")
+    place.forget_others()
 
 
 def _told(found: Results | None, ending: Ending) -> str:

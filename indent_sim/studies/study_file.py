@@ -215,6 +215,20 @@ class _StudyReader:
                 near = closest(member.exact.case, names)
                 hint = f"did you mean '{near}'?" if near else "give the name of a case"
                 raise self.error(("cases", index, "exact", "case"), "there is no such case", hint)
+        self.check_circles(members)
+
+    def check_circles(self, members: tuple[Member, ...]) -> None:
+        """ConfigError for a case whose exact value is its own, or comes back to it by way of others."""
+        exact = {member.name: member.exact.case for member in members if member.exact and member.exact.case}
+        for index, member in enumerate(members):
+            way = [member.name]
+            while (following := exact.get(way[-1])) and following not in way:
+                way.append(following)
+            if following == member.name:
+                told = " by ".join([*way, member.name])
+                problem = f"is known by itself: {told}" if len(way) > 1 else "names its own case"
+                remedy = "an exact value is that of a second method"
+                raise self.error(("cases", index, "exact", "case"), problem, remedy)
 
     def common(self) -> Point:
         """The settings of every run: the study's quiet output, then `output`, then `set`."""

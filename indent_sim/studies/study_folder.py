@@ -10,7 +10,7 @@ import fcntl
 import os
 import signal
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -21,13 +21,14 @@ from indent_sim.process.version import VERSION
 from indent_sim.results import folder as results
 from indent_sim.results.folder import PROGRAM, REPORT, RUNS, read_report, write_atomically
 from indent_sim.results.reader import Results, read_run
+from indent_sim.results.replacing import MOST_TOLD, free_name, is_finished
 from indent_sim.results.writer import to_json
 
 RECORD, STUDY_TABLE, STUDY_PICTURE = results.STUDY, "study.csv", "study.png"
 CURVES, CURVES_PICTURE = "curves.csv", "curves.png"
 SCOREBOARD, SCOREBOARD_PICTURE = "verification.csv", "verification.png"
 STUDY_FILES = (RECORD, STUDY_TABLE, STUDY_PICTURE, CURVES, CURVES_PICTURE, SCOREBOARD, SCOREBOARD_PICTURE, RUNS)
-OLD_RUNS, LOCK = ".runs.old", ".lock"
+LOCK = ".lock"
 WORKER_TIMEOUT = 5.0  # s to wait for the worker of a killed study to be gone
 SENT = (signal.SIGHUP, signal.SIGINT, signal.SIGBUS, signal.SIGKILL, signal.SIGTERM, signal.SIGXCPU)
 OF_THE_MACHINE = {128 + number for number in SENT}  # exit codes
@@ -37,13 +38,22 @@ LACKING = ("MemoryError", "cannot write results")  # how the reason of a run beg
 class StudyFolder:
     """Where a study lies; a context manager that holds its lock.
 
-    Without `resume` the runs of an earlier call are replaced: they go when the first new one has ended.
+    Without `resume` each run of an earlier call is replaced once its new one is done, and those that are not asked for
+    any more go at the end; finished ones among these are refused without `overwrite`.
     names: of the runs that it is to have. Raises UsageError when the folder, or that of one of them, is foreign,
-    unwritable or in use.
+    unwritable or in use, or when it holds finished runs that would be lost.
     """
 
-    def __init__(self, path: Path, *, resume: bool, shared: bool = False, names: Iterable[str] = ()):
-        self.path, self._runs, self._old = path, path / RUNS, path / OLD_RUNS
+    def __init__(
+        self,
+        path: Path,
+        *,
+        resume: bool,
+        shared: bool = False,
+        overwrite: bool = False,
+        names: Iterable[str] = (),
+    ):
+        self.path, self._runs, self._overwrite = path, path / RUNS, overwrite
         self._physics = {name.rpartition("-")[2] for name in names}
         self._resume, self._shared = resume or shared, shared
         self._lock = -1
@@ -52,18 +62,16 @@ class StudyFolder:
 
     def __enter__(self) -> StudyFolder:
         results.refuse_foreign(self.path, "study", (STUDY_PICTURE, CURVES_PICTURE, SCOREBOARD_PICTURE))
-        for folder in (self._runs, self._old):
-            if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
-                raise UsageError(f"{folder} is a link, or no folder: the runs of a study stand in its own folder")
+        if self._runs.is_symlink() or (self._runs.exists() and not self._runs.is_dir()):
+            raise UsageError(f"{self._runs} is a link, or no folder: the runs of a study stand in its own folder")
         for run in self._runs.iterdir() if self._runs.exists() else ():
             if run.name.rpartition("-")[2] in self._physics:  # this study writes there
                 results.refuse_foreign(run)
+        if not (self._resume or self._overwrite):
+            self._refuse_to_lose()
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             self._take_lock()
-            self._recover()
-            if not self._resume and self._runs.exists():
-                self._runs.rename(self._old)
             self._runs.mkdir(exist_ok=True)
             self._names = {entry.name.rpartition("-")[2]: entry.name for entry in self._runs.iterdir()}
         except (OSError, UsageError) as error:
@@ -73,6 +81,11 @@ class StudyFolder:
 
     def __exit__(self, *error: object) -> None:
         self._release()
+
+    @property
+    def keeps(self) -> bool:
+        """Whether runs that have ended stay, and those cut off are gone on with."""
+        return self._resume
 
     def run(self, name: str) -> Path:
         """The result folder of a run: that of the same physics where there is one, whatever was varied then."""
@@ -103,8 +116,10 @@ class StudyFolder:
         return None
 
     def fail(self, name: str, exit_code: int, reason: str) -> None:
-        """Write down a failure that left no report of its own."""
+        """Write down a failure that left no report of its own, and no finished run of before."""
         report = read_report(self.run(name))
+        if report.get("status") == "done":
+            return
         if report.get("status") == "failed" and report.get("exit_code") == exit_code:
             return
         identity = {"program": PROGRAM, "version": VERSION, "status": "failed"}
@@ -112,17 +127,27 @@ class StudyFolder:
         said = identity | {"exit_code": exit_code, "reason": reason, "rows": 0}
         write_atomically(self.run(name) / REPORT, to_json(report | said) + "\n")
 
-    def forget_old(self) -> None:
-        """Delete the runs that this study replaces; what else stands among them goes back to where it was, and a run
-        with such in it, which is to be done again, as a whole: its new one will know what to keep."""
-        if not self._old.is_dir():
+    def forget_others(self) -> None:
+        """Delete the results of runs that this study does not ask for, unless it is to keep what is there."""
+        for run in [] if self._resume else self._others():
+            if results.is_ours(run):
+                results.discard(run)
+
+    def _others(self) -> list[Path]:
+        """What stands among the runs and is none that this study asks for."""
+        runs = sorted(self._runs.iterdir()) if self._runs.is_dir() else []
+        return [run for run in runs if run.name.rpartition("-")[2] not in self._physics]
+
+    def _refuse_to_lose(self) -> None:
+        """UsageError where finished runs of another study would go."""
+        lost = [run for run in self._others() if results.has_rows(run) and is_finished(read_report(run))]
+        if not lost:
             return
-        mine = [entry for entry in self._old.iterdir() if entry.name.rpartition("-")[2] in self._physics]
-        awaited = [entry for entry in mine if not os.path.lexists(self._runs / entry.name)]
-        kept = [entry.name for entry in awaited if results.guests(entry) - {results.FIELDS_FOLDER}]
-        _discard_runs(self._old, kept)
-        if self._old.is_dir():  # what has no room among the new ones stays where it is
-            _merge(self._old, self._runs)
+        told = ", ".join(run.name for run in lost[:MOST_TOLD]) + (" and others" if len(lost) > MOST_TOLD else "")
+        count = "1 finished run" if len(lost) == 1 else f"{len(lost)} finished runs"
+        problem = f"{self.path} holds {count} that this study does not ask for: {told}"
+        other = f"choose another --output, such as {free_name(self.path)}"
+        raise UsageError(problem, f"--resume keeps them, --overwrite replaces them, or {other}", str(self.path))
 
     def write(self, name: str, content: str) -> None:
         """Replace a file of the study at once."""
@@ -151,16 +176,6 @@ class StudyFolder:
             os.close(self._lock)
             self._lock = -1
 
-    def _recover(self) -> None:
-        """Undo a replacement that was killed before its first run had ended, or finish it."""
-        if not self._old.exists():
-            return
-        if self._runs.exists() and any(self.is_finished(entry.name) for entry in self._runs.iterdir()):
-            self.forget_old()
-        else:
-            _discard_runs(self._runs)
-            _merge(self._old, self._runs)
-
 
 @contextmanager
 def opened(path: Path, **how: Any) -> Iterator[StudyFolder]:
@@ -174,25 +189,3 @@ def opened(path: Path, **how: Any) -> Iterator[StudyFolder]:
                 for made in (path / RUNS, path / LOCK, path):
                     with suppress(OSError):
                         made.rmdir() if made.is_dir() else made.unlink()
-
-
-def _discard_runs(folder: Path, apart_from: Sequence[str] = ()) -> None:
-    """Delete the results that this program wrote, and the folder when nothing else is in it."""
-    for entry in folder.iterdir() if folder.is_dir() else ():
-        if results.is_ours(entry) and entry.name not in apart_from:
-            results.discard(entry)
-    with suppress(OSError):
-        folder.rmdir()
-
-
-def _merge(source: Path, target: Path) -> None:
-    """Move what is in a folder into another, folder by folder where both have one, and delete what is empty then."""
-    target.mkdir(exist_ok=True)
-    for entry in source.iterdir():
-        place = target / entry.name
-        if not os.path.lexists(place):
-            entry.rename(place)
-        elif entry.is_dir() and place.is_dir() and not (entry.is_symlink() or place.is_symlink()):
-            _merge(entry, place)
-    with suppress(OSError):
-        source.rmdir()

@@ -22,13 +22,14 @@ from indent_sim.studies.study_file import StudyFile
 STAGES = ("resolve", "companions", "mesh", "assemble", "solve", "write")
 COSTS = (*(f"cpu_{stage}" for stage in STAGES), "cpu_s", "wall_s", "memory_MB", "peak_memory_MB")
 OUTCOME = ("status", "exit_code", "reason", "steps_done", "force", "a", "p_max", "penetration")
+COMPARED = "reference"  # column of what a row is compared with
 ERRORS = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
 EFFORT = ("method", "stiffness", "dofs", "newton_iterations", "substeps")
 SAID = ("stated_error", "warnings", "verdict")
-STUDY_COLUMNS = (*OUTCOME, *ERRORS, *EFFORT, *COSTS, *SAID)
+STUDY_COLUMNS = (*OUTCOME, *ERRORS, COMPARED, *EFFORT, *COSTS, *SAID)
 SAME_FORCE = 1e-6  # relative: rows of a history with one force, but for what the solver leaves of it
 SMALLER_ERROR = 0.999  # an error less than this fraction of another is smaller, not the same but for rounding
-LENGTHS = ("h_contact", "h_axis", "h_edge", "h_corner", "h_far", "grading")
+LENGTHS = ("h_contact", "h_axis", "h_edge", "h_corner", "h_film", "h_far", "grading")
 MESH_KEYS = ("mesh", *(f"mesh.{name}" for name in LENGTHS), "accuracy")
 TARGETS = (0.05, 0.01, 0.001)
 REFERENCE = "reference"  # the finest run, which the others are compared with
@@ -52,12 +53,12 @@ def rows(
     """
     (cases, refusals), keys = asked, study.keys
     against.find_finest(cases, {name: found for name, found in done.items() if found.report["status"] == "done"})
-    found = [_row(case, keys, done.get(case.id), against.answer(case)) for case in cases]
+    found = [_row(case, keys, done.get(case.id), against.answer(case), against.reference(case)) for case in cases]
     found = sorted([*found, *(_refused(refusal, keys) for refusal in refusals)], key=lambda row: row["index"])
     if study.tolerance is not None:
         for row in found:
             row["verdict"] = verdict(row, study.tolerance, against.references)
-    return [row | {"run": names.get(row["run"], row["run"])} for row in found]
+    return [row | {name: names.get(row[name], row[name]) for name in ("run", COMPARED)} for row in found]
 
 
 def write(table: Sequence[Row]) -> str:
@@ -101,7 +102,7 @@ def telling(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
     return kept or list(keys)
 
 
-def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer | None) -> Row:
+def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer | None, reference: str | None) -> Row:
     named = {"index": case.index + 1, "run": case.id} | {key: case.values.get(key) for key in keys}
     row: Row = named | dict.fromkeys(STUDY_COLUMNS) | {"status": "pending"}
     row |= {"method": case.prospect.scene.method, "stiffness": case.prospect.stiffness}
@@ -115,7 +116,7 @@ def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer 
         return row
     numbers, told = ("force", "a", "p_max", "penetration"), answer_row(found)
     row |= {name: _known(found[name][told]) for name in numbers} | _said(found, told)
-    return row | (_errors(found, answer) if answer else {})
+    return row | (_errors(found, answer) | {COMPARED: reference} if answer else {})
 
 
 def _refused(refusal: Refusal, keys: Sequence[str]) -> Row:

@@ -9,6 +9,7 @@ import gc
 import os
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from functools import partial
 from multiprocessing import connection
 from pathlib import Path
@@ -26,7 +27,18 @@ LAUNCHERS = ("SLURM_", "PMI_", "PMIX_", "PRTE_MCA_ess", *OPEN_MPI)
 Ending = tuple[int, str]  # exit code and reason
 Load = Callable[[], object]  # loads libraries
 Named = TypeVar("Named", bound=Hashable)
-Jobs = Mapping[Named, tuple[Prospect, Path]]  # by their names: what is run, and the folder it runs into
+
+
+@dataclass(frozen=True)
+class Job:
+    """A run to do: what is run, the folder that it runs into, and whether it goes on from what is there."""
+
+    prospect: Prospect
+    directory: Path
+    resume: bool = True
+
+
+Jobs = Mapping[Named, Job]  # by their names
 
 
 class Worker(ExitStack, Generic[Named]):
@@ -35,7 +47,7 @@ class Worker(ExitStack, Generic[Named]):
 
     def __init__(self, jobs: Jobs[Named], load: Load = chain.warm_up) -> None:
         super().__init__()
-        self._process = Forked(lambda name: _ending(*jobs[name]), partial(_prepare, load), uses_mpi=True)
+        self._process = Forked(lambda name: _ending(jobs[name]), partial(_prepare, load), uses_mpi=True)
         self.callback(self._process.stop)
         self._answer: Callable[[], Ending] = lambda: (0, "")
         self._done = 0
@@ -67,13 +79,17 @@ def _prepare(load: Load) -> None:
     gc.freeze()  # libraries stay: every run ends with a search for what it left behind
 
 
-def _ending(prospect: Prospect, directory: Path) -> Ending:
-    """Do a run, or what an earlier call left of it to do; what cannot be gone on with is begun anew."""
-    config, scene = prospect.config, prospect.scene
+def _ending(job: Job) -> Ending:
+    """Do a run, or what an earlier call left of it to do; what cannot be gone on with is begun anew.
+
+    A finished run is of the same physics, as the name of its folder says; where it was written with other words, or
+    with other output, it is replaced all the same.
+    """
+    config, scene, directory = job.prospect.config, job.prospect.scene, job.directory
     try:
         if directory.exists():
             with suppress(ConfigError, UsageError):
-                chain.simulate(config, scene=scene, directory=directory, resume=True)
+                chain.simulate(config, scene=scene, directory=directory, resume=job.resume)
                 return 0, ""
         chain.simulate(config, scene=scene, directory=directory, overwrite=True)
     except (UsageError, BackendError):  # no fault of the run: the next one would end the same way

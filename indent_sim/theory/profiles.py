@@ -39,7 +39,7 @@ class Tip:
 
 
 def plane() -> Tip:
-    """f = g = 0 without end: a tip for curved bodies alone, see `over_dome`."""
+    """f = g = 0 without end: a tip for curved bodies, see `over_dome`; on flat ones it is that of `Compression`."""
     return Tip(lambda x: 0.0 * x, lambda x: 0.0 * x)
 
 
@@ -101,15 +101,15 @@ def flat_punch(radius: float, edge_radius: float = 0.0) -> Tip:
     require_positive(radius=radius)
     if edge_radius == 0.0:
         return Tip(lambda x: 0.0 * x, lambda x: 0.0 * x, edge=radius)
-    if not 0.0 < edge_radius < radius:
-        raise ValueError(f"edge_radius must lie in [0, radius), got {edge_radius!r}")
+    if not 0.0 < edge_radius <= radius:
+        raise ValueError(f"edge_radius must lie in [0, radius], got {edge_radius!r}")
     flat = radius - edge_radius
 
     def slope(r):
         rim = np.clip(r - flat, 0.0, edge_radius * (1.0 - 1e-15))
         return rim / np.sqrt((edge_radius - rim) * (edge_radius + rim))
 
-    return profile(slope, breaks=(flat,), reach=radius)
+    return profile(slope, breaks=(flat,) if flat > 0.0 else (), reach=radius)
 
 
 def piecewise_linear(points: Sequence[Sequence[float]]) -> Tip:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from indent_sim.theory.compression import Compression
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.march import LayerContact
 from indent_sim.theory.roots import Curve, depth_of
@@ -26,7 +27,8 @@ SAMPLED = 10  # depths of a path at which it is asked whether theory's tip would
 
 @dataclass(frozen=True)
 class Theory:
-    """Small-strain theory of a body under a tip on its axis; `exact` when the body is the theory's own.
+    """Theory of a body under a tip on its axis, at small strain but where it `is_finite`; `exact` when the body is the
+    theory's own.
 
     `why` says what the finite body has that the theory has not. `error`: of its numbers, relative. `pull`: the share of
     the force that the tip would have to pull with, where that alone keeps it from being exact. `formulas`: force
@@ -37,10 +39,11 @@ class Theory:
     name: str
     exact: bool
     why: str
-    contact: LayerContact = field(repr=False)
+    contact: LayerContact | Compression = field(repr=False)
     error: float = OWN_ERROR
     formulas: Mapping[str, Curve] = field(default_factory=dict, repr=False)
     pull: float = 0.0
+    is_finite: bool = False  # of finite strain, its contact tested at the deformed point
     _adhering: dict[float, Jkr | None] = field(default_factory=dict, init=False, repr=False, compare=False)
     _known: dict[float, Solution | None] = field(default_factory=dict, init=False, repr=False, compare=False)
     _path: dict[float, Solution | None] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -87,7 +90,7 @@ class Theory:
 
     def along(self, deltas: Sequence[float]) -> Theory:
         """The same theory, no longer exact where its tip would have to pull at one of the depths."""
-        if not self.exact or len(self.contact.scaled.plies) == 1:
+        if not self.exact or isinstance(self.contact, Compression) or len(self.contact.scaled.plies) == 1:
             return self
         some = sorted(delta for delta in {*deltas[:: ceil(len(deltas) / SAMPLED)], max(deltas)} if delta > 0)
         found = self.curve(some)  # each sets out from the last

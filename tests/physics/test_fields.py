@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import meshio
 import numpy as np
 import pytest
 from scenes import ELASTIC
@@ -168,7 +169,7 @@ def test_files_for_paraview_name_units_and_regions_and_have_depths_as_times(tmp_
         assert [one.get("Value") for one in tip.iter("Time")] == [one.get("Value") for one in found[name].iter("Time")]
     assert [float(one.get("Value", "")) for one in found["in"].iter("Time")] == [0.01, 0.03]
     assert [float(one.get("Value", "")) for one in found["back"].iter("Time")] == [1.0, 2.0]
-    said = {one.get("Name"): one.get("Value") for one in found["in"].findall("./Domain/Grid/Information")}
+    said = {one.get("Name"): one.get("Value") for one in found["in"].findall("./Domain/Information")}
     assert said == {
         "unit of length": "um",
         "unit of force": "nN",
@@ -177,3 +178,8 @@ def test_files_for_paraview_name_units_and_regions_and_have_depths_as_times(tmp_
     }
     regions = read_fields(tmp_path / "in", 1)["region"]
     assert set(regions) == {0, 1}
+    # which counts as a state whatever stands in the collection
+    with meshio.xdmf.TimeSeriesReader(tmp_path / "in" / "fields.xdmf") as reader:
+        points, _ = reader.read_points_cells()
+        times = [reader.read_data(k) for k in range(reader.num_steps)]
+    assert [t for t, _, _ in times] == [0.01, 0.03] and times[1][1]["displacement"].shape == points.shape

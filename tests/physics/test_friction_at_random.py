@@ -13,10 +13,11 @@ from scenes import scene, solve
 
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.companions.error_bars import Companion, ErrorBars, beside, ways
+from indent_sim.run.companions.companion import Companion, beside
+from indent_sim.run.companions.error_bars import ErrorBars, ways
 from indent_sim.scene.scene import Scene
 
-SCENES, STICKY = 120, 80
+SCENES, STICKY = 6, 5  # 20 s of CPU each; 120 and 80 told no more of the bars
 READ = ("force", "a", "p_max", "stick_radius")  # off the row itself; heat is that since rest
 
 
@@ -92,8 +93,9 @@ class Drawn:
 
 def judged(base: Scene) -> list[State]:
     """The rows of a scene with their error bars."""
-    companions = [Companion(ratio, solve(other), other) for ratio, other in beside(base, [])]
-    bars = ErrorBars(base, companions, None, ways(companions[0], solve))
+    ratio, other = beside(base)
+    companion = Companion(ratio, solve(other), other)
+    bars = ErrorBars(base, companion, None, ways(companion, solve))
     return [bars.judged(state) for state in solve(base)]
 
 

@@ -18,7 +18,7 @@ SPHERE = {"shape": "sphere", "R": 1.0}
 
 def each_nu(coarse: float, fine: float) -> Any:
     """The two ends on a coarse mesh; what lies between them, and a fine one, in `make verify`."""
-    full = [pytest.param(nu, fine, marks=pytest.mark.verify) for nu in (0.3, 0.49, 0.4999, 0.5)]
+    full = [pytest.param(nu, fine, marks=pytest.mark.verify) for nu in (0.3, 0.4999)]
     return pytest.mark.parametrize(("nu", "h"), [(0.3, coarse), (0.5, coarse), *full])
 
 
@@ -212,7 +212,7 @@ METHODS = {"uzawa": 2e-4, "active_set": 1e-3, "penalty": 2e-2}
 
 @pytest.mark.parametrize(
     ("delta", "nu"),
-    [(0.2, 0.3), *(pytest.param(0.7, nu, marks=pytest.mark.verify) for nu in (0.3, 0.49, 0.4999, 0.5))],
+    [(0.2, 0.3), *(pytest.param(0.7, nu, marks=pytest.mark.verify) for nu in (0.3, 0.4999))],
 )
 def test_every_method_arrives(delta: float, nu: float) -> None:
     """At 0.7 R, in four steps; at 0.2 R in one, where 12 elements in the contact radius leave twice as much as 17."""
@@ -232,7 +232,7 @@ EFFORT = {"penalty": 105, "uzawa": 240, "active_set": 70}
     ("nu", "method", "h"),
     [
         (0.49, "penalty", 0.04),
-        *(pytest.param(nu, method, 0.02, marks=pytest.mark.verify) for nu in (0.3, 0.49) for method in EFFORT),
+        *(pytest.param(0.49, method, 0.02, marks=pytest.mark.verify) for method in EFFORT),
     ],
 )
 def test_effort_of_the_other_methods(nu: float, method: str, h: float) -> None:

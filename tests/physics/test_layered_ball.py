@@ -24,10 +24,10 @@ DEEP = {"delta": DELTA, "steps": 1}
 KNOWN = 2e-5  # of the force, what the series knows
 CORE = (1.0, ELASTIC["nu"])
 TIPS = {"plate": {"shape": "plate"}, "paraboloid": {"shape": "paraboloid", "R": 0.5}}
-THICKNESSES, CONTRASTS = (0.005, 0.02, 0.1, 0.2), (1.0, 10.0, 100.0, 1000.0)
-ROWS = [(tip, t, E) for tip in TIPS for t in THICKNESSES for E in CONTRASTS]
 QUICK = [("plate", 0.02, 1000.0), ("paraboloid", 0.1, 10.0)]
-EACH_ROW = [row if row in QUICK else pytest.param(*row, marks=pytest.mark.verify) for row in ROWS]
+CORNERS = [(tip, t, E) for tip in TIPS for t in (0.005, 0.2) for E in (10.0, 1000.0)]  # of the table of all rows
+EACH_ROW = [*QUICK, *(pytest.param(*row, marks=pytest.mark.verify) for row in CORNERS)]
+ACCURATE = [("plate", 0.005, 1000.0), ("plate", 0.2, 10.0), ("paraboloid", 0.02, 100.0), ("paraboloid", 0.1, 1.0)]
 
 
 def plate(r: np.ndarray) -> np.ndarray:
@@ -98,7 +98,7 @@ def test_skins_at_automatic_sizes_inside_error_bars(tip: str, t: float, E: float
 
 
 @pytest.mark.parametrize(
-    ("tip", "t", "E"), [("plate", 0.1, 1000.0), *(pytest.param(*row, marks=pytest.mark.verify) for row in ROWS)]
+    ("tip", "t", "E"), [("plate", 0.1, 1000.0), *(pytest.param(*row, marks=pytest.mark.verify) for row in ACCURATE)]
 )
 def test_skins_to_a_given_accuracy(tip: str, t: float, E: float, tmp_path: Path) -> None:
     """0.1 % asked for: the error is less, and inside the bar."""
@@ -116,7 +116,7 @@ def with_nucleus(shape: str, radius: float, E: float, **sections: Any) -> dict[s
     return {"body": body, "material": ELASTIC, "indenter": TIPS["plate"], "loading": DEEP} | sections
 
 
-NUCLEI = [(0.6, 100.0), (0.9, 10.0), (0.4, 0.001), (0.6, 0.01), (0.8, 0.1), (0.8, 0.01), (0.9, 0.001), (0.95, 0.01)]
+NUCLEI = [(0.6, 100.0), (0.9, 10.0), (0.4, 0.001), (0.8, 0.01), (0.95, 0.01)]
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,7 @@ def test_a_nucleus_in_the_middle_is_a_core(shape: str, radius: float, E: float) 
 
 
 @pytest.mark.verify  # a skin to an accuracy, and nuclei at automatic sizes, are in `make test`
-@pytest.mark.parametrize(("radius", "E"), NUCLEI)
+@pytest.mark.parametrize(("radius", "E"), [(0.6, 100.0), (0.4, 0.001), (0.95, 0.01)])
 def test_a_nucleus_to_a_given_accuracy(radius: float, E: float, tmp_path: Path) -> None:
     """0.1 % asked for: the error is less, and inside the bar."""
     expected = series([(1.0, CORE), (radius, (E, ELASTIC["nu"]))])

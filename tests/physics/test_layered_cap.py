@@ -71,7 +71,7 @@ def drawn(count: int, seed: int) -> list[Round]:
 
 
 QUICK = (0, 1)  # caps, glued and on rollers; a glued ball in `make verify`, and with a nucleus below
-BODIES = [pytest.param(one, marks=[] if k in QUICK else [pytest.mark.verify]) for k, one in enumerate(drawn(24, 5))]
+BODIES = [pytest.param(one, marks=[] if k in QUICK else [pytest.mark.verify]) for k, one in enumerate(drawn(9, 5))]
 
 
 @pytest.mark.parametrize("skin", [None, (0.1, (10.0, 0.3)), (0.01, (0.2, 0.45))])
@@ -139,7 +139,7 @@ def test_a_ball_with_an_ellipsoid_in_its_middle(
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("body", drawn(9, 6))
+@pytest.mark.parametrize("body", drawn(3, 6))
 def test_accuracy_of_a_thousandth_is_met(body: Round, tmp_path: Path) -> None:
     exact = body.reference()
     row = body.row(exact.delta, tmp_path, accuracy=0.001)

@@ -8,11 +8,15 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
+from scenes import CYLINDER, scene
 
 from indent_sim.config.scene_file import from_mapping
+from indent_sim.fe.condensed.compliance import Condenser
+from indent_sim.fe.condensed.contact import CondensedContact
 from indent_sim.fe.path import steps
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve import uzawa
@@ -41,7 +45,7 @@ SAME = 1e-8  # of the force, whoever solves the systems: Newton's residual is 1e
 
 def solved(folder: Path, **sections: Any) -> Outcome:
     """A run of the scene with other sections."""
-    return simulate(from_mapping(SCENE | sections), MPI.COMM_SELF, directory=folder / "out")
+    return simulate(from_mapping(SCENE | sections), MPI.COMM_SELF, directory=folder / "out", overwrite=True)
 
 
 @contextmanager
@@ -183,3 +187,104 @@ def test_a_failed_linear_solver_is_named_at_a_depth_in_the_users_lengths(tmp_pat
     options = {"ksp_type": "cg", "pc_type": "jacobi", "ksp_max_it": 1}
     with tuned(**options), pytest.raises(NotConverged, match="delta = 10: the linear solver failed"):
         solved(tmp_path, **sections)
+
+
+FRICTION = {"method": "penalty", "friction": 0.3}  # whose line search shortens steps
+
+
+def named(contact: dict[str, Any]) -> str:
+    """A contact law by its values."""
+    return "-".join(map(str, contact.values()))
+
+
+@pytest.mark.parametrize(
+    ("linear", "contact"),
+    [
+        ("direct", {"method": "penalty"}),
+        ("direct", FRICTION),
+        ("iterative", {"method": "penalty"}),
+        ("iterative", {"method": "uzawa"}),
+    ],
+)
+@pytest.mark.parametrize("after", [0, 1])  # residuals that are numbers
+def test_a_residual_that_is_no_number_is_no_equilibrium(tmp_path, monkeypatch, contact, linear, after):
+    """Methods of the whole body with each line search, from the first residual of every solve on, or the second."""
+    assemble, begin = Problem.assemble_residual, Problem.begin_solve
+    left = [after]
+
+    def begun(self):
+        left[0] = after
+        begin(self)
+
+    def not_a_number(self, b):
+        assemble(self, b)
+        if left[0] == 0:
+            b.set(float("nan"))
+        else:
+            left[0] -= 1
+
+    monkeypatch.setattr(Problem, "begin_solve", begun)
+    monkeypatch.setattr(Problem, "assemble_residual", not_a_number)
+    monkeypatch.setattr(steps, "SMALLEST_CUT", 0.5)
+    bodies = {"direct": {}, "iterative": CUBE | {"mesh": {"h_contact": 0.3, "h_far": 0.5}}}
+    sections = bodies[linear] | {"contact": contact, "solver": {"method": "newton", "linear": linear}}
+    with pytest.raises(NotConverged, match="the residual is not a number"):
+        solved(tmp_path, **sections)
+
+
+def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monkeypatch):
+    """PETSc 3.25 may say of a residual that is no number that the step was short: a reason above 0, as the others that
+    its own tests give. Each of them ends the run; so it is told apart from a step that has converged."""
+    made, create, runs = [], Newton._create, Newton._runs
+    reasons = PETSc.SNES.ConvergedReason
+
+    def says(reason):
+        def run(self, guess):
+            ended = runs(self, guess)
+            self.snes.setConvergedReason(reason)
+            return ended
+
+        return run
+
+    monkeypatch.setattr(steps, "SMALLEST_CUT", 0.5)
+    monkeypatch.setattr(Newton, "_create", lambda self, **said: made.append(create(self, **said)) or made[-1])
+    for reason in (reasons.CONVERGED_SNORM_RELATIVE, reasons.CONVERGED_FNORM_ABS, reasons.CONVERGED_ITS):
+        with monkeypatch.context() as patch:
+            patch.setattr(Newton, "_runs", says(reason))
+            with pytest.raises(NotConverged, match=f"SNES reason {reason}"):
+                solved(tmp_path)
+    assert solved(tmp_path).states[-1].force == pytest.approx(FORCE, rel=0.1)
+    with tuned(snes_stol=1.0):  # nor does a short step end a solve, whatever the environment says
+        solved(tmp_path / "tuned")
+    assert {snes.getTolerances()[2] for snes in made} == {0.0}
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [
+        *({"method": method} for method in ("penalty", "augmented_lagrangian", "uzawa", "active_set")),
+        {"method": "augmented_lagrangian", "friction": 0.3},
+    ],
+    ids=named,
+)
+def test_a_condensed_body_takes_no_number_that_is_none(tmp_path, monkeypatch, contact):
+    """A compliance that is no number; and a step that is none, which has no point in contact and so looked like the
+    equilibrium of a tip that does not touch."""
+    sections = {"contact": contact, "solver": {"method": "condensed"}}
+    column, step = Condenser._block, CondensedContact.newton_step
+    monkeypatch.setattr(steps, "SMALLEST_CUT", 0.5)
+    with monkeypatch.context() as patch:
+        patch.setattr(Condenser, "_block", lambda *given: tuple(np.nan * part for part in column(*given)))
+        with pytest.raises(NotConverged, match="response to forces on its surface is not a number"):
+            solved(tmp_path, **sections)
+    if contact["method"] == "active_set":  # has no such step
+        return
+    monkeypatch.setattr(CondensedContact, "newton_step", lambda *given: np.nan * step(*given))
+    with pytest.raises(NotConverged):
+        solved(tmp_path, **sections)
+
+
+def test_a_multiplier_that_is_no_number_has_not_settled():
+    solver, base = SimpleNamespace(failure=""), scene(CYLINDER, contact={"method": "uzawa"})
+    assert not uzawa.settle(solver, base, MPI.COMM_SELF, lambda rtol: True, lambda mixing: float("nan"))
+    assert solver.failure == "the multiplier is not a number"

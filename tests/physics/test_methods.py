@@ -67,7 +67,6 @@ def hertz(name: str, h: float, multiple: float | None = None, steps: int = 10) -
     ("h", "names"),
     [
         (0.03, ("augmented_lagrangian", "uzawa", "active_set")),
-        pytest.param(0.03, METHODS, marks=pytest.mark.verify),
         pytest.param(0.02, METHODS, marks=pytest.mark.verify),
     ],
 )
@@ -301,10 +300,9 @@ def test_pressures_on_the_cylinder_do_not_oscillate(name: str, h: float) -> None
     [
         ("augmented_lagrangian", 0.02),
         ("active_set", 0.02),
-        pytest.param("nitsche", 0.03, marks=pytest.mark.verify),
-        pytest.param("uzawa", 0.02, marks=pytest.mark.verify),
-        *[pytest.param(name, h, marks=pytest.mark.verify) for name in METHODS[:3] for h in (0.015, 0.01)],
         pytest.param("nitsche", 0.02, marks=pytest.mark.verify),
+        pytest.param("uzawa", 0.02, marks=pytest.mark.verify),
+        pytest.param("augmented_lagrangian", 0.01, marks=pytest.mark.verify),
     ],
 )
 def test_pressures_along_the_axes_of_the_cube_do_not_oscillate(name: str, h: float) -> None:

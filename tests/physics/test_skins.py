@@ -146,7 +146,7 @@ def test_automatic_sizes(case: int) -> None:
 
 
 @pytest.mark.verify  # in `make test` of a ball beside the series (test_layered_ball.py)
-@pytest.mark.parametrize("case", range(len(CASES)))
+@pytest.mark.parametrize("case", FEW)
 def test_accuracy_is_met_inside_error_bars(case: int, tmp_path: Path) -> None:
     """0.1 % asked for; the bar holds what the finest mesh gives, to that one's own error, an eighth of it."""
     body, skins, nu = CASES[case]

@@ -28,7 +28,7 @@ def outcome(tmp_path):
             "mesh": {"h_contact": 0.03, "h_far": 0.5},
             "output": {"plot": False},
         }
-        return simulate(from_mapping(given | sections), MPI.COMM_SELF, directory=tmp_path / "out")
+        return simulate(from_mapping(given | sections), MPI.COMM_SELF, directory=tmp_path / "out", overwrite=True)
 
     return start
 

@@ -81,7 +81,7 @@ class TestNotOurs:
             Claim(tmp_path / "out")
         assert content_of(tmp_path) == before
 
-    @pytest.mark.parametrize("name", ["runs/thesis/data.csv", "runs/notes", ".runs.old/notes", ".lock"])
+    @pytest.mark.parametrize("name", ["runs/thesis/data.csv", "runs/notes", ".lock"])
     def test_a_folder_with_runs_of_somebody_is_no_study(self, tmp_path, name):
         path = tmp_path / "study" / name
         path.parent.mkdir(parents=True)
@@ -102,9 +102,9 @@ class TestNotOurs:
         (place / "runs" / "a" / "notes").write_text("mine")
         (place / "runs" / "thesis").mkdir()
         (place / "runs" / "thesis" / "data.csv").write_text("mine")
-        with StudyFolder(place, resume=False) as study:
+        with StudyFolder(place, resume=False, overwrite=True, names=["b"]) as study:
             write_run(study.run("b"))
-            study.forget_old()
+            study.forget_others()
         kept = {
             "study.json",
             ".lock",

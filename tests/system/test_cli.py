@@ -66,6 +66,11 @@ def left(folder: Path) -> set[str]:
     return {entry.name for entry in folder.iterdir()} - {"scene.yaml"}
 
 
+def content_of(folder: Path) -> dict[Path, bytes]:
+    """All files below a folder."""
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
 def command(*words: str | Path) -> list[str]:
     return [sys.executable, "-m", "indent_sim.cli.commands", *map(str, words)]
 
@@ -98,6 +103,14 @@ class TestWithoutARun:
         heavy = "{'numpy', 'rich', 'mpi4py', 'pydantic', 'matplotlib', 'dolfinx'}"
         script = f"import sys, indent_sim.cli.commands; sys.exit(bool({heavy} & set(sys.modules)))"
         assert subprocess.run([sys.executable, "-c", script], env=environment()).returncode == 0
+
+    def test_nothing_is_loaded_before_a_signal_ends_it(self):
+        """A Ctrl-C then would be a traceback out of an import: 13 of 60 were, sent in the first 0.3 s of `plan`."""
+        known = "{'indent_sim', 'indent_sim.cli', 'indent_sim.cli.start', 'gc', 'os', 'signal'}"
+        names = f"{{name for name in sys.modules if name not in before}} - {known}"
+        script = f"import sys; before = set(sys.modules); import indent_sim.cli.start; print({names})"
+        done = subprocess.run([sys.executable, "-c", script], env=environment(), capture_output=True, text=True)
+        assert done.stdout == "set()\n", done.stderr
 
     def test_help_names_every_command(self, indent_sim):
         help_text = indent_sim("--help").stdout
@@ -454,7 +467,8 @@ class TestRuns:
 
     def test_a_second_run_replaces_the_first(self, indent_sim, tmp_path):
         for steps in (3, 2):
-            assert indent_sim("run", "scene.yaml", "--set", f"loading.steps={steps}").exit_code == 0
+            words = ("--set", f"loading.steps={steps}", "--overwrite")
+            assert indent_sim("run", "scene.yaml", *words).exit_code == 0
         assert len(read(tmp_path / "results" / "scene")) == 2 and left(tmp_path / "results") == {"scene"}
 
     def test_a_run_into_a_folder_in_use_is_refused(self, indent_sim, tmp_path):
@@ -481,12 +495,12 @@ class TestAnotherConfigFile:
         (theory_run / "b.yaml").write_text(THEORY)
 
         def run(*words: str) -> int:
-            before = {path: path.read_bytes() for path in theory_run.rglob("*") if path.is_file()}
+            before = content_of(theory_run)
             done = indent_sim("run", *words)
             assert done.exit_code in (0, 2), done.stderr
-            assert (done.exit_code == 2) == ("another config file" in done.stderr and "--overwrite" in done.stderr)
-            after = {path: path.read_bytes() for path in theory_run.rglob("*") if path.is_file()}
-            assert (before == after) == (done.exit_code == 2)
+            is_refused = "another config file" in done.stderr or "another scene" in done.stderr
+            assert (done.exit_code == 2) == (is_refused and "--overwrite" in done.stderr)
+            assert (content_of(theory_run) == before) == (done.exit_code == 2)
             return done.exit_code
 
         return run
@@ -498,10 +512,8 @@ class TestAnotherConfigFile:
         assert again("scene.yaml", "--output", "out") == 2
 
     def test_the_same_file_replaces_its_run_however_it_is_named(self, again, theory_run, monkeypatch):
-        (theory_run / "scene.yaml").write_text(THEORY.replace("nu: 0.3", "nu: 0.2"))
         (theory_run / "link.yaml").symlink_to("scene.yaml")
         (theory_run / "deep").mkdir()
-        assert again("scene.yaml", "--output", "out", "--set", "material.E=2") == 0
         assert again("link.yaml", "--output", str(theory_run / "out")) == 0
         monkeypatch.chdir(theory_run / "deep")
         assert again("../scene.yaml", "--output", "../out") == 0 and again("../b.yaml", "--output", "../out") == 2
@@ -519,7 +531,7 @@ class TestAnotherConfigFile:
         assert again("moved/scene.yaml", "--output", "moved/out") == 0
 
     def test_what_names_no_file_is_replaced(self, again, theory_run):
-        """A run of an older version, of a notebook, and one without rows."""
+        """A run of an older version, of a notebook, and one without rows, if its scene is the same."""
         report = theory_run / "out" / "run.json"
         known = json.loads(report.read_text())
         report.write_text(json.dumps({name: value for name, value in known.items() if name != "asked"}))
@@ -537,6 +549,100 @@ class TestAnotherConfigFile:
         (theory_run / "study.yaml").write_text("base: b.yaml\nvary: {material.E: [1.0, 2.0]}\n")
         (theory_run / "b.yaml").write_text(THEORY)
         assert indent_sim("study", "study.yaml", "--output", "all").exit_code == 0
+
+
+class TestAnotherScene:
+    """A finished run is replaced by one of the same scene, once that is done, and by any with --overwrite alone."""
+
+    def test_it_is_refused_with_what_differs_and_where_to_go(self, indent_sim, theory_run):
+        before = content_of(theory_run)
+        words = ("run", "scene.yaml", "--output", "out", "--set", "material.E=2", "--set", "loading.steps=2")
+        done = indent_sim(*words)
+        assert done.exit_code == 2 and content_of(theory_run) == before
+        said = (
+            "out holds the finished run of another scene: material.E was 1.0 and is 2.0, loading.steps was 3 and is 2"
+        )
+        assert said in done.stderr and "--output, such as out-2, or replace it with --overwrite" in done.stderr
+        error = json.loads(indent_sim(*words, "--json").stdout)["error"]
+        assert error["message"].endswith(said.partition("out")[2]) and "out-2" in error["remedy"]
+        assert indent_sim(*words, "--overwrite").exit_code == 0
+        assert len(read(theory_run / "out")) == 2 and not (theory_run / "out-2").exists()
+
+    @pytest.mark.parametrize(
+        ("words", "code"),
+        [
+            (("title=another",), 0),
+            (("output.plot=false",), 0),
+            (("contact.method=auto",), 0),
+            (("material.E=1.0",), 0),
+            (("contact.method=penalty",), 2),
+            (("accuracy=0.1",), 2),
+            (("material.nu=0.31",), 2),
+            (("indenter={shape: cone, half_angle: 70}",), 2),
+        ],
+    )
+    def test_what_counts_as_another_scene(self, indent_sim, theory_run, words, code):
+        """Every key that changes numbers or what is kept, also one that was left to the program before."""
+        sets = [word for one in words for word in ("--set", one)]
+        assert indent_sim("run", "scene.yaml", "--output", "out", *sets).exit_code == code
+
+    def test_error_bars_are_not_lost(self, indent_sim, theory_run):
+        words = ("run", "scene.yaml", "--output", "out")
+        assert indent_sim(*words, "--error-bars").exit_code == 0
+        done = indent_sim(*words)
+        assert done.exit_code == 2 and "--error-bars was given and is not given" in done.stderr
+
+    def test_a_run_that_was_not_finished_is_replaced(self, indent_sim, theory_run):
+        """Who corrects a scene whose run failed, or was stopped, need not say that the rows are of no use."""
+        report = theory_run / "out" / "run.json"
+        said = json.loads(report.read_text())
+        for status, code in (("failed", 5), ("interrupted", 130), ("running", None)):
+            report.write_text(json.dumps(said | {"status": status, "exit_code": code}))
+            E = {"failed": 2, "interrupted": 3, "running": 4}[status]
+            assert indent_sim("run", "scene.yaml", "--output", "out", "--set", f"material.E={E}").exit_code == 0
+
+    def test_one_that_missed_its_accuracy_is_finished(self, indent_sim, theory_run):
+        report = theory_run / "out" / "run.json"
+        said = json.loads(report.read_text())
+        report.write_text(json.dumps(said | {"status": "failed", "exit_code": 6}))
+        assert indent_sim("run", "scene.yaml", "--output", "out", "--set", "material.E=2").exit_code == 2
+
+    def test_a_run_that_fails_leaves_the_finished_one(self, indent_sim, theory_run, monkeypatch):
+        """Also after its first rows, of the same scene, whether it fails or is stopped."""
+        before = content_of(theory_run)
+        for end, code in ((NotConverged("no way"), 5), (KeyboardInterrupt(), 130)):
+
+            def ends(simulation, progress, end=end):
+                simulation._keep(next(simulation._walk.states(simulation.scene.physics.path, lambda step: False)))
+                raise end
+
+            with monkeypatch.context() as patched:
+                patched.setattr("indent_sim.run.simulation.Simulation.follow", ends)
+                done = indent_sim("run", "scene.yaml", "--output", "out")
+            assert done.exit_code == code and "the finished run in out is as it was" in done.stderr
+            assert content_of(theory_run) == before
+
+    def test_in_a_notebook(self, theory_run):
+        scene = from_mapping(parse(THEORY)[0])
+        other = from_mapping(parse(THEORY.replace("E: 1.0", "E: 2.0"))[0])
+        simulate(scene, directory=theory_run / "here")
+        with pytest.raises(UsageError, match=r"another scene: material.E was 1.0 and is 2.0"):
+            simulate(other, directory=theory_run / "here")
+        simulate(other, directory=theory_run / "here", overwrite=True)
+        assert read(theory_run / "here")["force"][-1] == pytest.approx(2 * read(theory_run / "out")["force"][-1])
+
+    def test_in_a_study(self, indent_sim, theory_run):
+        (theory_run / "study.yaml").write_text("base: scene.yaml\nvary: {material.E: [1.0, 2.0]}\n")
+        assert indent_sim("study", "study.yaml", "--output", "all").exit_code == 0
+        (theory_run / "study.yaml").write_text("base: scene.yaml\nvary: {material.E: [1.0, 3.0]}\n")
+        before = content_of(theory_run)
+        done = indent_sim("study", "study.yaml", "--output", "all")
+        assert done.exit_code == 2 and content_of(theory_run) == before
+        assert "1 finished run that this study does not ask for: E=2" in done.stderr and "all-2" in done.stderr
+        assert indent_sim("study", "study.yaml", "--output", "all", "--resume").exit_code == 0
+        assert len(list((theory_run / "all" / "runs").iterdir())) == 3
+        assert indent_sim("study", "study.yaml", "--output", "all", "--overwrite").exit_code == 0
+        assert len(list((theory_run / "all" / "runs").iterdir())) == 2
 
 
 class TestFilesOfOthers:

@@ -157,11 +157,11 @@ def test_a_run_killed_before_its_experiment_is_resumed(tmp_path: Path) -> None:
 def test_a_run_without_one_replaces_the_files_of_one(tmp_path: Path) -> None:
     out = tmp_path / "out"
     ran("run", written(tmp_path), "--output", out)
-    ran("run", written(tmp_path, **STICKY), "--output", out)
+    ran("run", written(tmp_path, **STICKY), "--output", out, "--overwrite")
     assert not (out / "dynamic.csv").exists() and len(rows(out, "experiment.csv")) == 200
     held = json.loads((out / "run.json").read_text())["experiment"]
     assert held["adhesion"]["pull_off"]["force_control"]["force"] < 0 and held["cantilever"]["jump_out"]["z"] < 0
-    ran("run", written(tmp_path), "--output", out)
+    ran("run", written(tmp_path), "--output", out, "--overwrite")
     assert not (out / "experiment.csv").exists() and (out / "dynamic.csv").exists()
 
 

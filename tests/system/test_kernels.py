@@ -235,14 +235,14 @@ class TestAnotherProgramsEntry:
 
 
 @pytest.mark.stress
-def test_twenty_cold_runs_at_once(tmp_path):
+def test_six_cold_runs_at_once(tmp_path):
     (tmp_path / "scene.yaml").write_text(SCENE)
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
     words = [sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output"]
     runs = [
         subprocess.Popen([*words, str(k)], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
-        for k in range(20)
+        for k in range(6)
     ]
     told = [run.communicate(timeout=900)[1] for run in runs]
-    assert [run.returncode for run in runs] == [0] * 20, told
+    assert [run.returncode for run in runs] == [0] * 6, told
     assert not any("Traceback" in text for text in told)

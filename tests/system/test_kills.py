@@ -142,7 +142,7 @@ def kills(place: Path, number: int, seed: int) -> int:
     return done
 
 
-@pytest.mark.parametrize("number", [3, pytest.param(25, marks=pytest.mark.stress)])
+@pytest.mark.parametrize("number", [3, pytest.param(8, marks=pytest.mark.stress)])
 def test_killed_at_random_moments(scene, tmp_path, undisturbed, number):
     kills(tmp_path, number, seed=number)
     assert {entry.name for entry in tmp_path.iterdir()} <= {"scene.yaml", "out", ".out.staging", ".out.old"}
@@ -236,14 +236,14 @@ class Victim:
 @pytest.mark.stress
 @pytest.mark.parametrize("kind", AT_THE_END)
 def test_ended_by_any_signal_at_random_moments(kind, tmp_path):
-    """Fifty of each kind, three hundred in all: every end is in the table of exit codes or the signal's own, nothing is
+    """Eight of each kind: every end is in the table of exit codes or the signal's own, nothing is
     lost, and the rows at the end are those of a run that nothing stopped."""
     whole = Victim(kind, tmp_path / "whole", tmp_path)
     code, told = whole.end(None)
     assert code == 0, told
     victim, chance, ends = Victim(kind, tmp_path / "ended", whole.place / "out"), random.Random(kind), Counter()
     span = 4.0
-    while sum(ends.values()) < 50:
+    while sum(ends.values()) < 8:
         number, begin = chance.choice(SENT), time.monotonic()
         code, told = victim.end(chance.uniform(0.0, span), number)
         if "in use by another" in told:  # the ranks of an mpirun that was killed are on their way

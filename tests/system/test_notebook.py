@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 import indent_sim
 from indent_sim.cli import commands
-from indent_sim.process.errors import BackendError, ConfigError
+from indent_sim.process.errors import BackendError, ConfigError, UsageError
 from indent_sim.process.screen import MOST_LINES, Shown
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -47,6 +47,41 @@ def test_a_dictionary_is_a_scene_as_its_file(tmp_path: Path) -> None:
     assert config == indent_sim.load(tmp_path / "scene.json", ["material.nu=0.4"])
     with pytest.raises(ConfigError, match=r"body\.hight: unknown key, did you mean 'height'"):
         indent_sim.load(SCENE | {"body": {"shape": "layer", "hight": 1}})
+
+
+def test_a_dictionary_is_enough(tmp_path: Path) -> None:
+    """Everywhere where a scene is taken: no `load`, no `resolve`."""
+    forces = [state.force for state in indent_sim.states(SCENE)]
+    outcome = indent_sim.simulate(SCENE, directory=str(tmp_path / "run"))
+    assert forces == [state.force for state in outcome.states]
+    (tmp_path / "scene.json").write_text(json.dumps(SCENE | {"loading": {"deltas": list(SCENE["loading"]["deltas"])}}))
+    assert next(iter(indent_sim.states(tmp_path / "scene.json"))).force == pytest.approx(forces[0], rel=1e-12)
+    with pytest.raises(TypeError, match="not what `resolve` made of it"):
+        indent_sim.simulate(indent_sim.resolve(indent_sim.load(SCENE)), directory=tmp_path / "other")
+
+
+def test_changes_are_values_by_their_keys() -> None:
+    """As after --set, of a dictionary, a file or a config; numbers of numpy and sections too."""
+    changes = {"material.nu": np.float64(0.4), "body.height": "20 um", "indenter": {"shape": "cone", "half_angle": 70}}
+    words = ["material.nu=0.4", "body.height=20 um", "indenter={shape: cone, half_angle: 70}"]
+    changed = indent_sim.load(SCENE, changes)
+    assert changed == indent_sim.load(SCENE, words) == indent_sim.load(indent_sim.load(SCENE), changes)
+    with pytest.raises(ConfigError, match=r"material\.nuu: unknown key, did you mean 'nu'"):
+        indent_sim.load(SCENE, {"material.nuu": 0.4})
+    with pytest.raises(ConfigError, match=r"'material nu' is no key; write it with dots"):
+        indent_sim.load(SCENE, {"material nu": 0.4})
+
+
+def test_a_panel_is_drawn_into_axes_of_ones_own(result: Any) -> None:
+    from matplotlib.figure import Figure
+
+    own = Figure()
+    first, second = own.subplots(1, 2)
+    assert indent_sim.plot(result, "profile", ax=second) is own
+    assert second.get_lines() and second.get_legend() and not first.get_lines()
+    for what, wish, said in (("force,profile", {}, "these are 2"), ("force", {"width": 80}, "that ax belongs to")):
+        with pytest.raises(UsageError, match=said):
+            indent_sim.plot(result, what, ax=first, **wish)
 
 
 def test_what_is_shown_fits_a_screen(result: Any) -> None:

@@ -199,6 +199,8 @@ class Condenser:
             parts = C[:, ~old], support[~old], stray[~old]
             C[:, ~old], support[~old], stray[~old] = (_summed(self.body.comm, part) for part in parts)
         C[np.ix_(~old, old)] = C[np.ix_(old, ~old)].T
+        if not np.isfinite(C).all():  # the same on all ranks
+            raise NotConverged("the body's response to forces on its surface is not a number")
         return (C + C.T) / 2, support, stray, seen
 
     def _solved(self, places: np.ndarray, axes: Sequence[int]) -> tuple[Own, np.ndarray, np.ndarray]:

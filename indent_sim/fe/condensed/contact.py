@@ -167,7 +167,7 @@ class CondensedContact:
         change, nothing = np.linalg.norm(image - before), self.nothing(lambda F: np.linalg.norm(self.projected(F)))
         self.lam = mixing(before, image)
         size = max(np.linalg.norm(before), np.linalg.norm(image))
-        return float(change / size) if change > nothing else 0.0
+        return 0.0 if change <= nothing else float(change / size)
 
     def _newton(self, epsilon_n: float, inverse_mass: np.ndarray | float) -> bool:
         N, _, height = self.quadrature
@@ -184,7 +184,10 @@ class CondensedContact:
             allowed = NODAL_FORCE_TOLERANCE * np.abs(load).max(initial=0.0) + nothing
             # between two Newton steps with the same active points the problem is linear: the first was exact
             settled = before is not None and np.array_equal(active, before)
-            if settled or np.abs(F - load).max(initial=0.0) <= allowed:
+            residual = np.abs(F - load).max(initial=0.0)
+            if not np.isfinite(residual):  # p_hat > 0 is False for NaN: it would pass for a body without contact
+                return False
+            if settled or residual <= allowed:
                 self.forces = load[None]
                 return True
             if active.tobytes() in seen:  # the active points alone say where the next step leads: it is a circle
@@ -329,6 +332,8 @@ def complementary(A: np.ndarray, open_gap: np.ndarray, active: np.ndarray) -> tu
         seen.add(active.tobytes())
         p, on = np.zeros(len(A)), np.flatnonzero(active)
         p[on] = np.linalg.solve(A[np.ix_(on, on)], -open_gap[on])
+        if not np.isfinite(p).all():  # what is no number would pass for a node without pressure
+            break
         now = np.where(active, p, -(open_gap + A @ p)) > 0
         if np.array_equal(now, active):
             return p, len(seen)

@@ -101,6 +101,8 @@ class CondensedFriction:
             trial = self._trial(D @ X, contact.quadrature, softer)
             load = self._loads(trial)
             residual, least = np.abs(X - load).max(initial=0.0), min(residuals, default=np.inf)
+            if not np.isfinite(residual):
+                return False
             allowed = STALLED if residual >= least else NODAL_FORCE_TOLERANCE
             if residual <= allowed * np.abs(load).max(initial=0.0) + nothing:
                 contact.forces = load.reshape(-1, self._n)

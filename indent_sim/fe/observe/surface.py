@@ -197,6 +197,21 @@ def facet_nodes(mesh: Mesh, space: fem.FunctionSpace, facets: np.ndarray) -> np.
     return compat.cell_dofs(space.dofmap)[cells[:, None], closure[local]].astype(np.int64)
 
 
+def heights_above(mesh: Mesh, facets: np.ndarray) -> np.ndarray:
+    """How far the cell of each facet reaches from it (facets,) [length]: dim times its volume over the facet's area."""
+    dim = mesh.topology.dim
+    cells, local = adjacent_cells(mesh, facets)
+    corners = mesh.geometry.x[compat.cell_dofs(mesh.geometry.dofmap)[cells][:, : dim + 1], :dim]
+    apex = corners[np.arange(len(cells)), local]
+    on_facet = np.array([np.delete(np.arange(dim + 1), k) for k in range(dim + 1)])[local]
+    base = np.take_along_axis(corners, on_facet[:, :, None], axis=1)
+    along = base[:, 1:] - base[:, :1]  # (facets, dim - 1, dim)
+    up = apex - base[:, 0]
+    edges = np.concatenate([along, up[:, None]], axis=1)
+    area = np.sqrt(np.abs(np.linalg.det(along @ along.transpose(0, 2, 1))))
+    return np.abs(np.linalg.det(edges)) / area
+
+
 class FacetValues:
     """A UFL expression at points of the reference facet, on every one of this rank's facets."""
 

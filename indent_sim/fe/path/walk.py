@@ -26,6 +26,7 @@ OUTSET_RANGES, LONG, JUMP = 12.0, 4.0, 0.25
 # Of the body's height, by which a tip is lifted, and twice as much, to see how far it is; and that is left below one
 # that just touches. It is clear of the body where that rises by less than a fifth of it
 LIFT, MOST_LIFTS, AIR, CLEAR = 1e-3, 12, 1e-9, 5.0
+SAME_SPEED = 1e-6  # relative: of the tip in two steps of one ramp, but for rounding
 MOST_SEARCHES = 6  # for a force, each with the surface sealed where the one before has found contact
 
 
@@ -286,17 +287,27 @@ class Walk:
         return True
 
     def _solve(self, place: Place) -> bool:
-        """Where time passes a step sets out from the last state: what is extrapolated through a hold leads nowhere."""
+        """Where time passes while the depth does not change as it did a step sets out from the last state: what is
+        extrapolated through a hold leads nowhere."""
         delta, dt = place.delta, place.t - self._last.place.t
-        leading = [] if dt else _leading(self._points, delta)
+        leading = [] if dt and not self._goes_on(place) else _leading(self._points, delta)
         if is_led := len(leading) > 1:  # by the line or parabola through the last states
             self.equilibrium.predict(delta, [point.state for point in leading])
-            if self.equilibrium.solve(delta):
+            if self.equilibrium.solve(delta, dt):
                 return True
         self.return_to_last()
         if is_led and self._range and self._is_long(delta):  # a shorter step costs less than another fifty iterations
             return False
         return self.equilibrium.solve(delta, dt)
+
+    def _goes_on(self, place: Place) -> bool:
+        """Whether the depth changes as fast on the way to a place as on the way to where the walk stands."""
+        before, last = (point.place for point in [self._points[0], *self._points][-2:])
+        passed, dt = last.t - before.t, place.t - last.t
+        if passed <= 0 or place.delta == last.delta:
+            return False
+        speed, was = (place.delta - last.delta) / dt, (last.delta - before.delta) / passed
+        return abs(speed - was) <= SAME_SPEED * abs(speed)
 
     @property
     def _touches(self) -> bool:

@@ -45,6 +45,7 @@ class BodyEquilibrium:
         self.has_memory = problem.has_memory
         self.newton = Newton(problem)
         self._stages = 0  # found so far
+        self._leading: Sequence[Snapshot] = ()  # states that lead on to what is solved next
         self._forces = None if problem.law.may_snap else _forces_over_time(scene.physics.path)
         self._rise = 0.0  # of the force over depth, at the last stage between
         self._algorithm = self._with_valve(algorithm_of(self.newton, touch))
@@ -99,9 +100,12 @@ class BodyEquilibrium:
     def solve(self, depth: float, dt: float = 0.0) -> bool:
         """True when converged to a state that a body can have, in every stage; else the unknowns are as they were."""
         began, before = self.problem.body.before_depth, self.problem.guess()
+        leading, self._leading = self._leading, ()
         for stage in self.problem.stages(dt):
-            self.problem.begin(stage)
             is_last = stage.end == 1.0
+            if leading and dt:
+                self._guess(began + stage.end * (depth - began), leading)
+            self.problem.begin(stage)
             if not (self._find(depth, self._algorithm) if is_last else self._between(began, depth, stage.end)):
                 self.problem.take(before)
                 return False
@@ -225,7 +229,12 @@ class BodyEquilibrium:
         return state
 
     def predict(self, depth: float, earlier: Sequence[Snapshot]) -> None:
-        """Take the unknowns that earlier states lead to expect at a depth as the present ones."""
+        """Take the unknowns that earlier states lead to expect at a depth as the present ones; in the next `solve` at
+        the depth of each of its stages."""
+        self._leading = earlier
+        self._guess(depth, earlier)
+
+    def _guess(self, depth: float, earlier: Sequence[Snapshot]) -> None:
         depths = [state.depth for state in earlier]
         trial = self._expected(earlier[-2:], depth) if self._foresees else None
         guess = [vector.duplicate() for vector in earlier[-1].unknowns]
@@ -273,16 +282,19 @@ class BodyEquilibrium:
         numbers |= self._of_fluid()
         return numbers | measure.contact(self.observed)
 
-    def _of_fluid(self) -> dict[str, float]:
-        """What has left the whole body or moved in it, what is neither there nor gone, and the largest pressure."""
+    def _of_fluid(self) -> dict[str, Any]:
+        """What has left the whole body or moved in it, what is neither there nor gone, and the largest pressure; of a
+        sudden step what its drained faces are about to lose."""
         flow, valve, comm = self.matter.flow, self.matter.valve, self.problem.comm
         if flow is None or valve is None:
             return {}
         content = flow.content()
         shares = (valve.outflow(), content.sum(), np.abs(content).sum())
         left, kept, moved = (self.problem.whole(float(mine)) for mine in shares)
-        largest = comm.allreduce(float(flow.at_corners().max(initial=-np.inf)), op=MPI.MAX)
-        return {"outflow": left, "moved": moved, "unbalanced": abs(left + kept), "pore_pressure_max": largest}
+        largest = comm.allreduce(flow.largest(), op=MPI.MAX)
+        found = {"outflow": left, "moved": moved, "unbalanced": abs(left + kept), "pore_pressure_max": largest}
+        is_sudden = float(self.problem.body.dt.value) == 0
+        return found | ({"drained": valve.drained()} if is_sudden else {})
 
 
 class SolvedBody(WholeBody):

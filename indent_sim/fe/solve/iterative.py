@@ -112,7 +112,8 @@ class Iterative:
         digits = -log10(min(self.rtol, INEXACT_REDUCTION))  # of few digits the first costs most
         self.iterations += iterations
         self._solves += 1
-        self.failed = self._ksp.getConvergedReason() < 0
+        solved = self._ksp.getConvergedReason() > 0 and np.isfinite(self._x.norm())
+        self.failed = not solved
         if self.failed:
             self._wear = inf
             return

@@ -10,6 +10,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from indent_sim.fe import compat
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.blocks import by_factors
 from indent_sim.fe.solve.iterative import INEXACT_REDUCTION, MOST_KRYLOV_ITERATIONS, Iterative
@@ -19,6 +20,9 @@ from indent_sim.model.contact import ContactLaw
 from indent_sim.scene.scene import Scene
 
 LINEAR_SOLVER_FAILED = "the linear solver failed"
+# The reason that Newton's own convergence test gives, and the only one that is accepted: SNES has others, such as that
+# a step was short, which say nothing of the residual
+CONVERGED = PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
 SOFT = 0.1  # E*/h_contact: from here every contact has been found
 STIFF = 1e5  # E*/h_contact: from here the first step, not the depth, may turn cells inside out
 FIRST_STIFFNESS = 3.0  # E*/h_contact: up to here a contact is found in a few iterations
@@ -75,7 +79,8 @@ class Newton:
             by_factors(ksp, "cholesky" if symmetric else "lu")
         with defaults({"snes_linesearch_type": line_search(self.problem)}):
             snes.setFromOptions()
-        snes.setTolerances(max_it=self.max_iterations)
+        # stol = 0: a short step is no sign of an equilibrium, and PETSc accepts one after a line search that failed
+        snes.setTolerances(stol=0.0, max_it=self.max_iterations)
         snes.setConvergenceTest(self._converged)
         self._halved = symmetric and ksp.getPC().getType() == "cholesky"
         return snes
@@ -117,11 +122,11 @@ class Newton:
     def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
         residual = self._residual
         reasons = PETSc.SNES.ConvergedReason
-        if not np.isfinite(residual):
-            return reasons.DIVERGED_FNORM_NAN
+        if not np.isfinite([residual, self._reaction]).all():
+            return compat.SNES_RESIDUAL_NOT_FINITE
         begins = self.problem.flows and iteration == 0  # what many steps leave of the fluid's balance would add up
         if not begins and residual <= self._tolerance * self._reaction + REACTION_ROUNDOFF * self._largest_reaction:
-            return reasons.CONVERGED_FNORM_RELATIVE
+            return CONVERGED
         if iteration <= 1 or residual < self._least / 2:  # the first step may go up
             self._least, self._nearest = residual, iteration
         return reasons.ITERATING if iteration < self._nearest + STAGNANT else reasons.DIVERGED_MAX_IT
@@ -172,7 +177,8 @@ class Newton:
             self.problem.body.set_solution(start)
             self.snes = self._create(symmetric=False)  # L U pivots more freely: from here on that
             return self._solve(rtol)
-        converged = reason > 0
+        # the last residual that SNES asked for: where it is no number there is no equilibrium, whatever SNES says
+        converged = reason == CONVERGED and np.isfinite(self._residual)
         self.failure = "" if converged else self._why_not()
         self.problem.body.set_solution(guess if converged else start)
         if converged:
@@ -195,7 +201,7 @@ class Newton:
         problem, failure = self.problem, self.failure
         reason, reasons = self.snes.getConvergedReason(), PETSc.SNES.ConvergedReason
         unit = problem.scene.physics.material.E_star / problem.scene.sizes.h_contact
-        is_thrown_out = reason == reasons.DIVERGED_FNORM_NAN and stiffness_scale(problem.scene) > STIFF * unit
+        is_thrown_out = reason == compat.SNES_RESIDUAL_NOT_FINITE and stiffness_scale(problem.scene) > STIFF * unit
         is_stuck = reason in (reasons.DIVERGED_MAX_IT, reasons.DIVERGED_LINE_SEARCH)
         if problem.law.may_snap or not (is_stuck or is_thrown_out):
             return False  # where a tip snaps in or lets go, no softer contact leads to the other state
@@ -270,10 +276,12 @@ class Newton:
         reasons, reason = PETSc.SNES.ConvergedReason, self.snes.getConvergedReason()
         if self._iterative and self._iterative.failed:
             return f"a linear system was not solved within {MOST_KRYLOV_ITERATIONS} iterations"
+        if not np.isfinite(self._residual):
+            return "the residual is not a number"
         return {
             reasons.DIVERGED_LINEAR_SOLVE: LINEAR_SOLVER_FAILED,
             reasons.DIVERGED_MAX_IT: f"no equilibrium within {self.snes.getIterationNumber()} iterations",
-            reasons.DIVERGED_FNORM_NAN: "the residual is not a number",
+            compat.SNES_RESIDUAL_NOT_FINITE: "the residual is not a number",
             reasons.DIVERGED_LINE_SEARCH: "no part of Newton's step comes nearer",
         }.get(reason, f"SNES reason {reason}")
 

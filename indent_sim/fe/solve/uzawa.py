@@ -59,6 +59,9 @@ def settle(
         if not solve(rtol):
             return False
         change = update(mixing)
+        if not np.isfinite(change):
+            solver.failure = "the multiplier is not a number"
+            return False
         if change <= tolerance:
             return solve(0.0)
         solver.failure = f"the multiplier does not settle, it still changes by {change:.1e} of itself"

@@ -14,21 +14,15 @@ from indent_sim.config.schema import Config
 from indent_sim.model.contact import ActiveSet, Penalty
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.companions.error_bars import (
-    FORCELESS,
-    RATIOS,
-    Bars,
-    Budget,
-    Companion,
-    companions_of,
-    on_finer_mesh,
-    on_first,
-)
+from indent_sim.run.companions.companion import Companion, beside, on_finer_mesh, on_its_mesh
+from indent_sim.run.companions.error_bars import Bars, Budget
+from indent_sim.run.companions.sticking import bearer, sticking
 from indent_sim.scene.cost import EACH, EACH_BY_THEORY, START_SECONDS, THEORY_SECONDS, Cost
 from indent_sim.scene.fineness import MOST_ELEMENTS, RATE, Fineness, target_of
 from indent_sim.scene.scene import Scene
 
 ATTEMPTS = 6
+FORCELESS = 1e-6  # of the largest force: a step with less has none that an accuracy could be asked of
 LEAST_REFINEMENT, GREATEST = 1.3, 2.5  # how much finer a next mesh is
 AIM = 1.1  # and how much finer than the estimate says
 # The error bar to expect of a body that drains is about DRAINING n^-DRAINING_RATE, with n elements in the contact
@@ -46,7 +40,7 @@ class Attempt:
 
     scene: Scene
     tried: tuple[float, ...] = ()  # elements in the contact radius of the attempts before, in turn
-    companions: Sequence[Companion] = ()  # the last of those as companions of this one; none: it makes its own
+    companion: Companion | None = None  # the last of those as that of this one; None: it makes its own
     missed: str = ""  # why it is not accurate enough; "" when it is
     following: Attempt | None = None  # what to try then; None: nothing may help
 
@@ -64,8 +58,7 @@ class Attempt:
         if finer is not None and finer.plan.fineness is not None:
             end = f"refining to {finer.plan.fineness.n:.3g} elements in the contact radius"
             ratio = self.scene.sizes.h_contact / finer.sizes.h_contact
-            last = [Companion(1.0, states, self.scene), *bars.companions][: len(RATIOS)]
-            self.following = Attempt(finer, tried, [replace(one, ratio=one.ratio * ratio) for one in last])
+            self.following = Attempt(finer, tried, Companion(ratio, states, self.scene))
         self.missed = f"accuracy not reached: the error at step {worst.step} is estimated as {error:.2g} of the force"
         self.missed += f", {fineness.target:g} is asked for; {end}"
 
@@ -107,8 +100,16 @@ def _beside(scene: Scene, error_bars: bool) -> list[Cost]:
     meshes = [scene, *(on_finer_mesh(scene, ratio) for ratio in _ratios_foreseen(scene))]
     others = companions_of(scene, error_bars)
     for coarse, fine in pairwise(meshes):
-        others += [fine, *on_first(coarse)]
+        others += [fine, *on_its_mesh(coarse)]
     return [other.cost for other in others]
+
+
+def companions_of(scene: Scene, no_slip: bool) -> list[Scene]:
+    """All scenes that a run solves beside its first attempt: for its error bars, and for what stick would change."""
+    ratio, coarse = beside(scene)
+    where = bearer(Companion(1.0, (), scene), Companion(ratio, (), coarse)).scene or scene
+    with_stick = sticking(where, max(scene.physics.deltas)) if no_slip else []
+    return [coarse, *on_its_mesh(coarse), *with_stick]
 
 
 def _ratios_foreseen(scene: Scene) -> list[float]:

@@ -12,7 +12,8 @@ import numpy as np
 from indent_sim.model.state import State
 from indent_sim.process.errors import NotConverged
 from indent_sim.run.chain import condense, states
-from indent_sim.run.companions.error_bars import Companion, ErrorBars, beside, softer
+from indent_sim.run.companions.companion import Companion, beside, softer
+from indent_sim.run.companions.error_bars import ErrorBars
 from indent_sim.run.prospect import Prospect
 from indent_sim.run.readings import hertz_forces, punches_of
 from indent_sim.scene.scene import Scene
@@ -60,10 +61,10 @@ def _solved(scene: Scene, depths: np.ndarray) -> list[State]:
 
 
 def _bar(scene: Scene, found: list[State], depths: np.ndarray) -> float:
-    """The relative error bar of the deepest forces, from coarser meshes."""
-    companions = [Companion(ratio, _solved(other, depths), other) for ratio, other in beside(scene, [])]
-    soft = softer(companions[0].scene) if companions[0].scene else None
-    bars = ErrorBars(scene, companions, _solved(soft, depths) if soft else None, None)
+    """The relative error bar of the deepest forces, from a coarser mesh."""
+    ratio, other = beside(scene)
+    soft = softer(other)
+    bars = ErrorBars(scene, Companion(ratio, _solved(other, depths), other), _solved(soft, depths) if soft else None)
     judged = [bars.judged(state) for state in found]  # each knows those before it
     deep = [state for state in judged if state.delta > DEEP * depths[-1] and np.isfinite(state.force_error or 0.0)]
     return max(((state.force_error or 0.0) / state.force for state in deep), default=0.0)

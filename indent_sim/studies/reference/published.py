@@ -72,6 +72,8 @@ def read_exact(given: Any, keys: KeyPath) -> Exact:
     if ("value" in section) == ("case" in section):
         raise _error(keys, "must have one of value and case", "a number, or the name of a case that is run beside")
     value = _number(section, "value", keys) if "value" in section else None
+    if value == 0:
+        raise _error((*keys, "value"), "must not be 0", "differences are parts of it")
     return Exact(_words(section, "by", keys), value, _words(section, "case", keys) if "case" in section else "")
 
 

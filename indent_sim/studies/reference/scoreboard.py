@@ -98,6 +98,8 @@ def _row(member: Member, found: Mapping[str, tuple[Case, Results | None]]) -> Ro
     said |= {"claims": published.claims, "source": published.source, "within": published.within}
     ours = _found(published, *found.get(member.name, (None, None)))
     exact = _exact(member, found)
+    if exact is not None and exact.number == 0:
+        exact = None  # of which no difference could be a part
     row = dict.fromkeys(SCOREBOARD_COLUMNS) | said | {"wrong": _wrong(published, exact, ours)}
     if ours is not None:
         row |= {"ours": ours.number, "our_error": ours.error}

@@ -72,7 +72,7 @@ class Truth:
         self._wanted, self._apart = study.compare_to, bool(study.members)  # cases ask a question each
         self._answers: dict[str, Answer] = {}
         self._file: Answer | None = None
-        self.references: set[str] = set()  # runs that others are compared with
+        self._finest: dict[str, Case] = {}  # the run that answers each problem, where runs are compared with such
         where = study.compare_place
         if self._wanted != "finest" and any(case.prospect.scene.takes_time for case in cases):
             raise _error(where, "rows are compared by depth, and a history passes one several times", "leave it out")
@@ -99,21 +99,41 @@ class Truth:
         """What is compared with, in words."""
         if isinstance(self._wanted, float):
             return f"{self._wanted:g}"
+        if len(self._finest) == 1:
+            return f"finest: {next(iter(self._finest.values())).words}"
         return self._wanted if isinstance(self._wanted, str) else self._wanted.name
 
+    @property
+    def references(self) -> set[str]:
+        """The runs, by id, that others are compared with."""
+        return {case.id for case in self._finest.values()}
+
+    def reference(self, case: Case) -> str | None:
+        """What a case is compared with: the id of a run, theory, a force or the name of a result; None for nothing."""
+        if self._wanted == "finest":
+            return self._finest[case.problem].id if case.problem in self._finest else None
+        return self.name if self.answer(case) else None
+
     def find_finest(self, cases: Sequence[Case], done: Mapping[str, Results]) -> None:
-        """Where the finest run is the reference: choose it, for every problem the study asks about."""
+        """Where the finest run is the reference: choose it, for every problem the study asks about.
+
+        It has the most unknowns, and among such the least penetration: what a penalty lets sink in is no answer.
+        """
         if self._wanted != "finest":
             return
-        asked: dict[str, list[str]] = {}
+        asked: dict[str, list[Case]] = {}
         comparable = (case for case in cases if case.id in done and not case.prospect.scene.takes_time)  # by depth
         for case in sorted(comparable, key=lambda case: _fineness(case, done)):
-            asked.setdefault(case.problem, []).append(case.id)  # the finest comes last
-        finest = {problem: runs[-1] for problem, runs in asked.items() if len(set(runs)) > 1}  # none is its own answer
-        self._answers = {problem: of_results(done[run]) for problem, run in finest.items()}
-        self.references = set(finest.values())
-        if asked and not finest and not self._apart:
+            asked.setdefault(case.problem, []).append(case)  # the finest comes last
+        # none is its own answer
+        self._finest = {problem: runs[-1] for problem, runs in asked.items() if len({run.id for run in runs}) > 1}
+        self._answers = {problem: of_results(done[run.id]) for problem, run in self._finest.items()}
+        if asked and not self._finest and not self._apart:
             self.notes = (ALONE,)
+        if len(self._finest) == 1:
+            (run,) = self._finest.values()
+            unknowns = done[run.id].report.get("dofs") or "no"
+            self.notes = (f"compared with the finest run, {run.words}: {unknowns} unknowns{_sunk(done[run.id])}",)
 
     def answer(self, case: Case) -> Answer | None:
         """What the case is compared with; None when there is nothing."""
@@ -196,10 +216,21 @@ def _peak(solution: Any) -> float:
 
 
 def _fineness(case: Case, done: Mapping[str, Results]) -> tuple[Any, ...]:
-    """Sorts cases from coarse to fine, and among equal meshes one whose enforcement costs no accuracy last."""
-    sizes, exact = case.prospect.scene.sizes, case.prospect.scene.physics.contact.method == "augmented_lagrangian"
-    dofs = done[case.id].report.get("dofs", 0) if case.prospect.scene.is_meshed else math.inf
-    return dofs, -sizes.h_contact, exact, -case.index
+    """Sorts cases from coarse to fine, and among equal meshes those into which the tip sinks least last."""
+    scene, found = case.prospect.scene, done[case.id]
+    dofs = found.report.get("dofs", 0) if scene.is_meshed else math.inf
+    return dofs, -_penetration(found), -scene.sizes.h_contact, -case.index
+
+
+def _penetration(found: Results) -> float:
+    """How far the tip sinks in at the last row [length]; 0 where nobody knows."""
+    column = found.table.get("penetration", np.zeros(1))
+    return float(np.nan_to_num(column[-1])) if len(column) else 0.0
+
+
+def _sunk(found: Results) -> str:
+    """The same in words."""
+    return f", penetration {_penetration(found):.2g} at its last row"
 
 
 def _error(where: Place, problem: str, remedy: str = "") -> ConfigError:

@@ -128,10 +128,10 @@ class TensedLayer(LayerContact):
     def _row(self, a: float, angle: float, count: int) -> np.ndarray:
         """(1/pi) ∫ phi(t) k0(a cos(angle) - t) dt of each function of phi; an angle i eta stands for a cosh(eta)."""
         levels = max(2, math.ceil(math.log2(1.0 + a / self.b)) + 3)
-        theta, weight = _angles(angle, levels, count)
-        apart = 2.0 * a * np.sin(0.5 * (theta + angle)) * np.abs(np.sin(0.5 * (theta - angle)))
+        away, weight = _angles(angle, levels, count)
+        apart = 2.0 * a * np.sin(angle + 0.5 * away) * np.abs(np.sin(0.5 * away))
         kernel = auxiliary(apart / self.b) / self.b
-        return a / math.pi * ((weight * kernel) @ _functions(theta, count))
+        return a / math.pi * ((weight * kernel) @ _functions(angle + away, count))
 
     def _beneath(self, a: float, x: np.ndarray, count: int) -> np.ndarray:
         """(2/pi) ∫ phi(t) K(x, t) dt of each function, shape (len(x), count)."""
@@ -195,7 +195,11 @@ def _functions(theta: np.ndarray, count: int) -> np.ndarray:
 
 @lru_cache(maxsize=4096)
 def _angles(angle: float, levels: int, count: int) -> Nodes:
-    """Nodes and weights on [0, pi] for a logarithm at an angle, and functions of count oscillations."""
+    """Nodes and weights on [0, pi] for a logarithm at an angle, and functions of count oscillations.
+
+    The nodes are told as seen from the angle: where they crowd, far closer than the angle has digits, the difference of
+    two angles would be zero, and the logarithm infinite.
+    """
     longest = 2.0 * PANEL_POINTS / (3.0 * count)
     parts = []
     for length, way in ((angle, -1.0), (math.pi - angle, 1.0)):
@@ -205,8 +209,8 @@ def _angles(angle: float, levels: int, count: int) -> Nodes:
         panels = math.ceil((length - steps[-1]) / longest)
         edges = [*steps, *(steps[-1] + (length - steps[-1]) * np.arange(1, panels + 1) / panels)]
         v, w = gauss(0.0, 1.0, INNERMOST)
-        parts.append((angle + way * edges[0] * v**3, 3.0 * edges[0] * v**2 * w))
-        parts += [(angle + way * x, w) for x, w in (gauss(*ends, PANEL_POINTS) for ends in pairwise(edges))]
+        parts.append((way * edges[0] * v**3, 3.0 * edges[0] * v**2 * w))
+        parts += [(way * x, w) for x, w in (gauss(*ends, PANEL_POINTS) for ends in pairwise(edges))]
     return joined(parts)
 
 

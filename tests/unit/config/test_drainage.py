@@ -44,7 +44,7 @@ SCENE: dict[str, Any] = {
         ),
         ({"loading": {"history": HISTORY, "times": [2.0]}}, r"loading.times\[0\]", "outside the history"),
         ({"drainage": {"bath": [[1, 0], [1, 0.1]]}}, r"drainage.bath\[1\]", "does not go on"),
-        ({"drainage": {"tip": {"conductance": 0}}}, "drainage.tip", "must be drained or sealed or a section"),
+        ({"drainage": {"tip": {"conductance": 0}}}, "drainage.tip.conductance", "must be > 0"),
         ({"contact": {"method": "nitsche"}}, "contact.method", "nitsche takes the body's own stress"),
         ({"solver": {"method": "theory"}}, "solver.method", "no fluid in the pores"),
         ({"solver": {"method": "condensed"}}, "solver.method", "inside the body"),

@@ -13,8 +13,8 @@ from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.strict_yaml import dump
 from indent_sim.model.state import State
 from indent_sim.run import chain
-from indent_sim.run.companions.accuracy import Attempt, foreseen
-from indent_sim.run.companions.error_bars import Companion, companions_of
+from indent_sim.run.companions.accuracy import Attempt, companions_of, foreseen
+from indent_sim.run.companions.companion import Companion
 from indent_sim.scene.scene import Scene, resolve
 
 PLAIN: dict[str, Any] = {
@@ -27,7 +27,7 @@ BOX = {"shape": "box", "size": [2.0, 2.0, 1.0]}
 ITERATED = {"body": BOX, "mesh": {"h_contact": 0.1, "h_far": 0.5}, "solver": {"linear": "iterative"}}
 SCENES: dict[str, dict[str, Any]] = {
     "plain": {},
-    "accuracy": {"accuracy": 0.01},
+    "accuracy": {"accuracy": 0.0005},  # whose companion costs more than the digits of `seconds`
     "solid": {"body": BOX},
     "solid, iterated": ITERATED,
     "penalty": {"contact": {"method": "penalty"}},

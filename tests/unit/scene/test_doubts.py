@@ -13,7 +13,8 @@ from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.model.contact import Penalty
 from indent_sim.model.materials import LinearElastic
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid
-from indent_sim.run.companions.error_bars import Companion, ErrorBars
+from indent_sim.run.companions.companion import Companion
+from indent_sim.run.companions.error_bars import ErrorBars
 from indent_sim.run.resolved import resolved
 from indent_sim.scene.doubts import characteristic_strain, penalty_loss
 from indent_sim.scene.scene import Scene, resolve
@@ -119,7 +120,7 @@ def test_without_contact_only_that_is_said() -> None:
 
 def test_the_error_budget_has_the_doubt_of_the_finite_body() -> None:
     found = scene(**SCENES["half_space"])
-    bars = ErrorBars(found, [Companion(1.6, [], found)])
+    bars = ErrorBars(found, Companion(1.6, [], found))
     (doubt,) = (doubt for doubt in found.plan.doubts if doubt.key == "truncation")
     assert bars._truncation == doubt.force_error == found.plan.prediction["truncation_error"]
 

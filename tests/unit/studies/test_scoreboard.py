@@ -24,6 +24,12 @@ HERTZ = 4 / 3 / 0.91 * 0.01**1.5  # its force at the last row
 PUBLISHED = "{quantity: force, value: 1.4652e-3, claims: exact, within: 1.0e-4, source: Hertz 1882}"
 
 
+CIRCLE = "    exact: {case: B, by: x}\n" + "".join(
+    f"  - name: {name}\n{SCENE}    published: {PUBLISHED}\n    exact: {{case: {other}, by: x}}\n"
+    for name, other in (("B", "C"), ("C", "Hertz"))
+)
+
+
 def study(folder: Path, published: str = PUBLISHED, more: str = "", scene: str = SCENE) -> study_file.StudyFile:
     path = folder / "study.yaml"
     path.write_text(f"cases:\n  - name: Hertz\n{scene}    published: {published}\n{more}")
@@ -112,6 +118,9 @@ def test_rows_are_read_back_as_they_were(tmp_path: Path) -> None:
         (PUBLISHED, "    exact: {by: x}\n", r":10: cases\[0\].exact: must have one of value and case"),
         (PUBLISHED, "    exact: {case: Hart, by: x}\n", r":10: cases\[0\].exact.case: there is no such case"),
         (PUBLISHED, f"  - name: Hertz\n{SCENE}", r":10: cases\[1\].name: Hertz is there twice"),
+        (PUBLISHED, "    exact: {value: 0, by: x}\n", r":10: cases\[0\].exact.value: must not be 0"),
+        (PUBLISHED, "    exact: {case: Hertz, by: x}\n", r":10: cases\[0\].exact.case: names its own case"),
+        (PUBLISHED, CIRCLE, r":10: cases\[0\].exact.case: is known by itself: Hertz by B by C by Hertz"),
         (PUBLISHED, "base: hertz.yaml\n", r":10: base: does not go with cases"),
         (PUBLISHED, "    sett: {}\n", r":10: cases\[0\].sett: unknown key, did you mean 'set'"),
     ],

@@ -261,7 +261,7 @@ def test_nonsense_is_refused(change):
         lambda: profiles.paraboloid(0.0),
         lambda: profiles.sphere(-1.0),
         lambda: profiles.cone(90.0),
-        lambda: profiles.flat_punch(0.5, 0.5),
+        lambda: profiles.flat_punch(0.5, 0.6),
         lambda: profiles.piecewise_linear([[0, 0], [1, 1], [2, 1.5]]),
         lambda: profiles.piecewise_linear([[0.1, 0], [1, 1]]),
     ],

@@ -44,7 +44,8 @@ class Projection:
         self._solver.getPC().setFactorSolverType("mumps")
 
     def update(self, mixing: Mixing | None = None) -> float:
-        """Change the multiplier (collective); returns how far it was from its projection, relative to itself."""
+        """Change the multiplier (collective); returns how far it was from its projection, relative to itself: NaN where
+        one of both is not a number."""
         with self._b.localForm() as local:
             local.set(0.0)
         fem_petsc.assemble_vector(self._b, self._load)
@@ -52,8 +53,8 @@ class Projection:
         self._b.array[self._off] = 0.0
         before, image = self.lam.copy(), self.lam.duplicate()
         self._solver.solve(self._b, image)
-        size = max(image.norm(), before.norm())
+        size = np.maximum(image.norm(), before.norm())  # NaN where one is, which max() may lose
         self.lam.array[:] = mixing(before.array_r, image.array_r) if mixing else image.array_r
         self.lam.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
         before.axpy(-1.0, image)
-        return before.norm() / size if size > 0 else 0.0
+        return before.norm() / size if size != 0 else 0.0

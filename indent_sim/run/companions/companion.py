@@ -1,0 +1,111 @@
+"""The scenes solved beside one: a coarser mesh, a softer penalty, and steps half as long."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+from indent_sim.model.contact import Penalty
+from indent_sim.model.state import State
+from indent_sim.scene import fineness
+from indent_sim.scene.scene import Scene
+
+RATIO = 1.6  # of the element sizes of the companion to those of the run; its reason stands in `error_bars`
+
+Curve = dict[int, State]
+States = Sequence[State]
+
+
+@dataclass(frozen=True)
+class Companion:
+    """A run of the same scene on a mesh whose sizes are `ratio` times as large.
+
+    A ratio below 1 is a finer mesh. `scene`: that of this mesh; None where it is not known.
+    """
+
+    ratio: float
+    states: States
+    scene: Scene | None = field(default=None, repr=False)
+
+    @property
+    def curve(self) -> Curve:
+        """The state of every step that was reached."""
+        return curve_of(self.states)
+
+
+def curve_of(states: States) -> Curve:
+    """The converged states by their step."""
+    return {state.step: state for state in states if state.converged}
+
+
+def coarser(scene: Scene, ratio: float) -> Scene:
+    """The same scene on a mesh whose sizes are that much larger, near and far alike."""
+    sizes = fineness.coarser(scene.sizes, ratio, scene.physics.part.height)
+    return replace(scene.with_physics(wall_stiffness=scene.physics.wall_stiffness / ratio), sizes=sizes)
+
+
+def beside(scene: Scene, earlier: Scene | None = None) -> tuple[float, Scene]:
+    """The scene of the companion, and the ratio of its element sizes to those of this scene.
+
+    Parameters
+    ----------
+    scene
+        The scene whose error is asked for.
+    earlier
+        The last attempt at its accuracy, on a coarser mesh; it is the companion then.
+
+    Returns
+    -------
+    ratio, companion
+        A mesh from a file has the sizes that it has: its companion is refined once less, or once
+        more where it is not refined at all.
+    """
+    level = scene.sizes.refinements
+    if level is not None:
+        other = level - 1 if level > 0 else level + 1
+        return 2.0 ** (level - other), _refined(scene, other)
+    if earlier is not None:
+        return earlier.sizes.h_contact / scene.sizes.h_contact, earlier
+    return RATIO, coarser(scene, RATIO)
+
+
+def on_finer_mesh(scene: Scene, ratio: float) -> Scene:
+    """The same scene on a mesh whose sizes are that much smaller, or halved where it is from a file."""
+    level = scene.sizes.refinements
+    return coarser(scene, 1 / ratio) if level is None else _refined(scene, level + 1)
+
+
+def _refined(scene: Scene, refinements: int) -> Scene:
+    """The same scene on the same file, refined that often."""
+    return replace(scene, sizes=fineness.refined(scene.sizes, refinements))
+
+
+def softer(scene: Scene) -> Scene | None:
+    """The same scene with half the penalty stiffness; None without a penalty."""
+    law = scene.physics.contact
+    if not isinstance(law, Penalty):
+        return None
+    tangential = law.epsilon_t if law.epsilon_t == "auto" else law.epsilon_t / 2
+    halved = replace(law, epsilon_n=law.stiffness / 2, epsilon_t=tangential)
+    return scene.with_physics(contact=halved)
+
+
+def in_half_steps(scene: Scene) -> Scene | None:
+    """The same scene in steps half as long; None where neither the path nor time matters."""
+    physics = scene.physics
+    if not physics.takes_steps:
+        return None
+    return scene.with_physics(path=physics.path.halved(), deltas=_halved(physics.deltas))
+
+
+def on_its_mesh(companion: Scene) -> list[Scene]:
+    """What is solved beside the companion, on its mesh."""
+    others = (softer(companion), in_half_steps(companion))
+    return [other for other in others if other is not None]
+
+
+def _halved(values: Sequence[float]) -> tuple[float, ...]:
+    """The values of a path, and between each and the one before the mean of the two."""
+    steps = pairwise((0.0, *values))
+    return tuple(part for before, value in steps for part in ((before + value) / 2, value))

@@ -1,0 +1,91 @@
+"""What films beside drained faces cost the force on the elements of a run, from one undrained equilibrium.
+
+At once nothing has drained, and the pressure p of the fluid at the drained faces is known from the run's own mesh. What
+elements there then lose too much is known, too (`scene.films`), and what that takes from the force follows by
+reciprocity:
+
+    dF(row) = 1/2 d/ddelta sum_i p_i^2 A_i E(h_i)/M
+
+over the vertices i of drained faces, with elements of the height h_i and the area A_i each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import nan
+
+import numpy as np
+
+from indent_sim.model.loading import LoadPath
+from indent_sim.model.state import State
+from indent_sim.scene import films
+from indent_sim.scene.films import Row
+from indent_sim.scene.given import is_locked
+from indent_sim.scene.scene import Scene
+
+NEAR = 0.95  # of the largest depth or force: the second equilibrium, for the slope
+
+
+@dataclass(frozen=True)
+class DrainedFilm:
+    """The error that films leave in the force of each row [force].
+
+    heights, losses: at each vertex of a drained face the height of its elements [length], and the force [force/length]
+    that is lost per `excess_length` at the largest value of the history. All without units, but for the force.
+    """
+
+    rows: Sequence[Row]
+    diffusivity: float
+    heights: np.ndarray
+    losses: np.ndarray
+    is_column: bool = False
+
+    def error(self, state: State) -> float:
+        """Of a row's force, at its depth [force]."""
+        row = self.rows[state.step - 1]
+        if self.is_column:
+            return self._of_column(row, state)
+        return float(self.losses @ row.excess(self.heights, self.diffusivity))
+
+    def _of_column(self, row: Row, state: State) -> float:
+        """Of a column that gives way by what has drained alone: the share of that length which is too much."""
+        drained = row.drained(self.diffusivity)
+        excess = float(np.max(row.excess(self.heights, self.diffusivity), initial=0.0))
+        return abs(state.force) * excess / drained if drained else 0.0
+
+
+def film_of(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> DrainedFilm | None:
+    """The errors of films in a scene's rows; None where there are none: no fluid, or a gel that its bath swells.
+
+    `follow` solves a scene. Where the undrained body finds no equilibrium, the errors are NaN.
+    """
+    physics = scene.physics
+    if not physics.permeable or physics.swells or physics.path.begin is None:
+        return None
+    rows, D = films.rows_of(physics.path), films.slowest(physics)
+    if is_locked(physics):
+        at_faces = [film.h for film in scene.sizes.films] or [scene.sizes.h_contact]
+        return DrainedFilm(rows, D, np.array(at_faces), np.empty(0), is_column=True)
+    states = [state for state in follow(_at_once(scene)) if state.converged]
+    found = [state.drained for state in states]
+    if len(found) < 2 or any(one is None for one in found):
+        return DrainedFilm(rows, D, np.ones(1), np.array([nan]))
+    (heights, before), (_, there) = (one.T for one in found if one is not None)
+    way = (states[1].delta - states[0].delta) / physics.scales.depth
+    lost = physics.part.copies * (there - before) / (2 * way) * films.softening(physics) * physics.scales.force
+    return DrainedFilm(rows, D, heights, lost)
+
+
+def _at_once(scene: Scene) -> Scene:
+    """The scene whose largest depth or force comes at once, in two steps."""
+    path = scene.physics.path
+    largest, deepest = max(path.values), max(scene.physics.deltas)
+    sudden = LoadPath(
+        path.control,
+        (NEAR * largest, largest),
+        times=(path.begin or 0.0,) * 2,
+        branches=("approach",) * 2,
+        begin=path.begin,
+    )
+    return scene.with_physics(path=sudden, deltas=(NEAR * deepest, deepest))

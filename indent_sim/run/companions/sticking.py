@@ -1,0 +1,99 @@
+"""What no slip instead of no friction would change of a scene's force, solved beside a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import isnan, nan
+from typing import Literal
+
+import numpy as np
+
+from indent_sim.model.contact import Anchor, AugmentedLagrangian, Friction
+from indent_sim.model.loading import LoadPath
+from indent_sim.process.usage import machine_memory
+from indent_sim.run.companions.companion import Companion, States
+from indent_sim.scene.cost import MOST_CANDIDATES, Work, candidates, cost
+from indent_sim.scene.expected import NEARLY_STICK, Stick, pulling_rim
+from indent_sim.scene.scene import Scene
+
+ANCHORS: tuple[Anchor, ...] = ("mid", "implicit", "glue")
+STICK_STEPS = {2: 10, 3: 4}  # by dim: new contact sticks on the way through each, to 0.05 % and 0.15 % of the force
+
+
+def sticks(run: Companion, follow: Callable[[Scene], States]) -> Stick | None:
+    """What pure stick instead of no friction would change of the deepest force of a run or a companion, on its mesh:
+    with the anchor `mid`, between its two ends.
+
+    None where there is no such number: friction or adhesion already, no contact, a body that may slide away, or a run
+    that fails.
+    """
+    deepest = max((state.delta for state in run.curve.values()), default=0.0)
+    if run.scene is None:
+        return None
+    followed = map(follow, sticking(run.scene, deepest / run.scene.physics.scales.depth))
+    forces = [one[-1].force if one and one[-1].converged else nan for one in followed]
+    if not forces or not forces[0] > 0 or any(map(isnan, forces)):
+        return None
+    changes = [100 * (force / forces[0] - 1) for force in forces[1:]]
+    return Stick(changes[0], min(changes), max(changes), "solved beside this run")
+
+
+def sticking(scene: Scene, depth: float) -> list[Scene]:
+    """The scenes that tell what stick would change of a scene's force at a depth: without friction, and with each
+    anchor; none where there is no such number."""
+    smooth = _smooth(scene) if depth > 0 else None
+    if smooth is None:
+        return []
+    rough, steps = _rough(smooth), STICK_STEPS[scene.physics.part.dim]
+    return [_to(smooth, depth, 1), *(_to(rough, depth, steps, anchor) for anchor in ANCHORS)]
+
+
+def bearer(run: Companion, companion: Companion | None) -> Companion:
+    """The one on whose mesh stick is solved: the run itself, in three dimensions its companion."""
+    is_solid = run.scene is not None and run.scene.physics.part.dim == 3
+    return companion if companion is not None and is_solid else run
+
+
+def _smooth(scene: Scene) -> Scene | None:
+    """The same frictionless scene with a law that may have friction; None for one that may not."""
+    physics = scene.physics
+    if physics.takes_path or physics.part.pins:
+        return None
+    if scene.solver.linear == "iterative":
+        factored = _factored(scene)
+        return _smooth(factored) if factored else None
+    law = physics.contact
+    if not isinstance(law, AugmentedLagrangian):
+        law = AugmentedLagrangian(epsilon_n=physics.material.E_star / scene.sizes.typical)
+    return scene.with_physics(contact=law)
+
+
+def _factored(scene: Scene) -> Scene | None:
+    """The same scene for a solver that knows friction; None where that does not fit this machine."""
+    physics, part = scene.physics, scene.physics.part
+    is_linear = physics.small_strain and physics.gap == "reference"
+    is_small = candidates(scene.sizes, part) * part.dim <= MOST_CANDIDATES
+    method: Literal["condensed", "newton"] = "condensed" if is_linear and is_small else "newton"
+    mixed = any(region.formulation == "mixed" for region in part.regions)
+    work = Work(method, "direct", mixed, STICK_STEPS[part.dim], nonlinear=True, rough=True)
+    if cost(scene.sizes, part, work).memory > machine_memory():
+        return None
+    return replace(scene, solver=replace(scene.solver, method=method, linear="direct"))
+
+
+def _rough(scene: Scene) -> Scene:
+    """A frictionless scene whose surface sticks, on the whole body where a compliance along it would be too large."""
+    law, part = scene.physics.contact, scene.physics.part
+    assert isinstance(law, AugmentedLagrangian)
+    would_pull = pulling_rim(scene.physics.indenter, part.regions[0].material.constants.nu, scene.sizes, part.dim)
+    bound: Friction = NEARLY_STICK if would_pull else "stick"
+    is_large = candidates(scene.sizes, part) * part.dim > MOST_CANDIDATES
+    solver = replace(scene.solver, method="newton") if is_large else scene.solver
+    return replace(scene.with_physics(contact=replace(law, friction=bound, epsilon_t=law.epsilon_n)), solver=solver)
+
+
+def _to(scene: Scene, depth: float, steps: int, anchor: Anchor = "implicit") -> Scene:
+    """The same scene on its way to a depth in equal steps."""
+    depths = tuple(float(part) for part in np.linspace(0.0, depth, steps + 1)[1:])
+    return scene.with_physics(path=LoadPath("depth", depths), deltas=depths, anchor=anchor)
