@@ -16,7 +16,7 @@ export PRTE_MCA_hwloc_default_binding_policy := none
 export OMPI_MCA_mpi_yield_when_idle := 1
 export OMPI_MCA_btl := ^tcp
 
-.PHONY: help setup demo check test system lint verify bench foreign stress debian13 clean
+.PHONY: help setup demo check test system lint proofs verify stress pages foreign debian13 clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -50,6 +50,9 @@ verify: setup ## accuracy against closed forms and converged references, and the
 
 stress: setup ## extremes of geometry, material and size; hostile files, kills, random scenes
 	$(VENV)/python -m pytest -q -m stress --durations=15
+
+pages: setup ## all pages of docs/ that are measured, each with the commit that it was measured at
+	$(VENV)/python scripts/make_pages
 
 foreign: ## fits of other programs' curves, fetched from the internet, into docs/foreign_curves.md
 	@AFM=1 scripts/setup

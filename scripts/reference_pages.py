@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes docs/config.md and docs/symbols.md from the schema and the glossary.
+"""Makes docs/config.md, docs/symbols.md and docs/scenes.md from the schema, the glossary and the shipped scenes.
 
 usage: scripts/reference_pages.py [FOLDER]
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import itertools
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -124,9 +125,29 @@ def symbols_markdown() -> str:
     return "\n".join(parts)
 
 
+def scenes_markdown() -> str:
+    """docs/scenes.md: the scenes in configs/, each with the comment at its head."""
+    parts = [
+        "# Shipped scenes\n\n"
+        "Generated from the first lines of each scene by `scripts/reference_pages.py`. Each answers one question and\n"
+        "runs as it is: `indent-sim run configs/NAME.yaml`.\n",
+    ]
+    for heading, folder in (("Scenes", "configs"), ("Scenes of the contact notes", "configs/notes")):
+        scenes = sorted((ROOT / folder).glob("*.yaml"))
+        rows = [[f"`{folder}/{scene.name}`", _head_comment(scene)] for scene in scenes]
+        parts += [f"## {heading}\n", _table(["scene", "what it shows"], rows)]
+    return "\n".join(parts)
+
+
+def _head_comment(scene: Path) -> str:
+    """The comment at the head of a scene file, as one paragraph."""
+    lines = scene.read_text(encoding="utf-8").splitlines()
+    return " ".join(line.lstrip("# ") for line in itertools.takewhile(lambda line: line.startswith("#"), lines))
+
+
 def pages() -> dict[str, str]:
     """The pages by their names in docs/."""
-    return {"config.md": config_markdown(), "symbols.md": symbols_markdown()}
+    return {"config.md": config_markdown(), "symbols.md": symbols_markdown(), "scenes.md": scenes_markdown()}
 
 
 if __name__ == "__main__":

@@ -306,7 +306,7 @@ def program() -> None:
 @click.option("--output", type=PATH, help="Result folder [results/<CONFIG's stem>].")
 @click.option("--resume", is_flag=True, help="Go on with a run that was stopped; a finished one stays as it is.")
 @click.option("--overwrite", is_flag=True, help=OVERWRITE_HELP)
-@click.option("--error-bars", is_flag=True, help="Estimate the error of every force, from two coarser meshes.")
+@click.option("--error-bars", is_flag=True, help="Estimate the error of every force, from a coarser mesh.")
 @quiet_option
 @json_option
 def run(config: Path, overrides: tuple[str, ...], output: Path | None, told: Told, form: Form, **how: bool) -> None:

@@ -80,7 +80,8 @@ def conclusion(outcome: Outcome) -> list[str]:
     if theory.get("formulas"):
         given, asked = _given_and_asked(theory)
         said = (f"{one['name']} {one[asked]:.6g} ({one['deviation']:+.3%})" for one in theory["formulas"])
-        lines.append(f"film formulas at {given} {theory[given]:.6g}: {asked} {', '.join(said)}")
+        kind = "block" if theory["name"].endswith("compression") else "film"
+        lines.append(f"{kind} formulas at {given} {theory[given]:.6g}: {asked} {', '.join(said)}")
     if fit := report.get("hertz"):
         read = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
         lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({read})")

@@ -99,6 +99,16 @@ class Problem:
         for term in self.terms:
             term.soften(factor)
 
+    @property
+    def can_firm(self) -> bool:
+        """Whether a term can hold more firmly what little holds."""
+        return any(term.can_firm for term in self.terms)
+
+    def firm(self, firmness: float) -> None:
+        """Hold the surface of a drop by so much of its tension in its plane, see `terms.surface_tension`."""
+        for term in self.terms:
+            term.firm(firmness)
+
     def follow(self, softer: float) -> None:
         """Make contact as stiff as a body of so many times the modulus of the first moment has it."""
         self._softer = softer

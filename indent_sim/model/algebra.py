@@ -103,11 +103,12 @@ def macaulay(x: Expr) -> Expr:
     return where_less(0.0, x, x, 0.0 * x)
 
 
-# A principal stretch has no derivative where two of them meet, yet a function symmetric in the stretches has. Roots
-# stay away from zero by these; energies change by their squares, round-off in stresses is magnified by their inverses
-# and, where all three meet, by more: there a function has to be written in another way (`power_sum`).
-SPLIT = 1e-6  # where all three meet
-PAIR = 3e-6  # where two meet, of their distance to the third
+# A principal stretch has no derivative where two of them meet, yet a function symmetric in the stretches has. Where all
+# three meet the root stays away from zero by SPLIT, and a function has to be written in another way (`power_sum`)
+SPLIT = 1e-6
+# Up to this squared relative difference a pair of stretches is summed by its series, whose next term is 1e-13 of the
+# sum for exponents up to 30
+PAIR, PAIR_TERMS = 1e-3, 6
 NEWTON = 4  # steps to a root known to 0.3 %: two for its value, one more for each derivative
 SMALL_DEVIATOR = 3e-3  # up to here, of a deviator's norm, sums of powers come from their series
 SERIES_TERMS = 7  # terms of it: the next is 1e-17 of one, 1e-12 of the sum
@@ -127,12 +128,14 @@ def power_sum(exponent: Expr, square: Expr, cube: Expr) -> Expr:
     return total
 
 
-def unimodular_stretches(mean: Expr, square: Expr, cube: Expr) -> list[Expr]:
-    """The three principal stretches of an F with det F = 1 (UFL or floats), smooth when used symmetrically.
+def unimodular_stretches(mean: Expr, square: Expr, cube: Expr) -> tuple[Expr, Expr, Expr]:
+    """The principal stretches of an F with det F = 1 (UFL or floats): the one that stands apart, the mean m of the
+    other two, and the square of their half difference over m, ((l2 - l3)/(l2 + l3))^2.
 
     Of C = F^T F: mean = tr C/3, square = dev C : dev C/6, cube = det dev C. The squared stretch that stands apart from
     the others is mean + 2 sqrt(square) y with 4 y^3 - 3 y = cosine (Cardano), which Newton's method solves without
-    the arc cosine's singular point; the other two follow from the trace, the product and (1 - y^2).
+    the arc cosine's singular point; the other two follow from the trace, the product and (1 - y^2). All three are
+    smooth where two stretches are equal, as they are in all of a bar under uniaxial stress, and the difference is not.
     """
     size = sqrt(square + SPLIT**2)
     cosine = cube / (2 * size**3)
@@ -144,5 +147,20 @@ def unimodular_stretches(mean: Expr, square: Expr, cube: Expr) -> list[Expr]:
     apart = sqrt(mean + 2 * side * size * y)
     product = sqrt(1 - 3 * mean * SPLIT**2) / apart  # of the other two: all three are roots of one cubic
     middle = sqrt(3 * mean - apart * apart + 2 * product) / 2
-    half = size * sqrt(3 * (1 - y * y) + PAIR**2) / (2 * middle)
-    return [apart, middle + half, middle - half]
+    return apart, middle, size * size * 3 * (1 - y * y) / (4 * middle**4)
+
+
+def pair_power_sum(exponent: Expr, middle: Expr, spread: Expr) -> Expr:
+    """l2^exponent + l3^exponent of two stretches by their mean and `spread`, see `unimodular_stretches`.
+
+    Near the place where they are equal by the binomial series 2 m^a sum_k C(a, 2 k) spread^k: through the root of
+    the spread the second derivatives would lose all digits there.
+    """
+    terms, binomial, power = 1.0 + 0.0 * spread, 1.0, 1.0 + 0.0 * spread
+    for k in range(1, PAIR_TERMS + 1):
+        binomial = binomial * (exponent - 2 * k + 2) * (exponent - 2 * k + 1) / ((2 * k - 1) * (2 * k))
+        power = power * spread
+        terms = terms + binomial * power
+    root = sqrt(maximum(spread, PAIR))
+    apart = (1 + root) ** exponent + (1 - root) ** exponent
+    return middle**exponent * where_less(spread, PAIR, 2 * terms, apart)

@@ -134,7 +134,7 @@ center [length] $(x_0, y_0)$: where the tip's axis meets the surface, [x, y] or 
 
 ## Contact
 method: which algorithm; auto: the program chooses and says why
-epsilon_n [pressure/length] $\varepsilon_n$: contact stiffness of penalty, augmented Lagrangian and Uzawa; where shear relaxes it falls with E* of the moment
+epsilon_n [pressure/length] $\varepsilon_n$: contact stiffness of penalty, augmented Lagrangian and Uzawa; falls with E* where shear relaxes
 gamma [pressure/length] $\gamma$: stabilisation of Nitsche's method
 contact.gap: reference: the gap is tested at the undeformed point, pressure along z; current: at the deformed point,
   pressure along the tip's normal; auto: reference at small strain
@@ -293,7 +293,7 @@ reference: what the row is compared with: the run of the finest mesh, theory, a 
 study.stiffness [1]: epsilon_n or gamma of the method in E*/h_contact
 dofs [1]: unknowns of the finite-element model
 cpu_resolve [s]: CPU seconds until everything is decided
-cpu_companions [s]: CPU seconds of the coarser meshes behind error bars, where there are any
+cpu_companions [s]: CPU seconds of the coarser mesh behind error bars, where there are any
 cpu_mesh [s]: CPU seconds of the mesh
 cpu_assemble [s]: CPU seconds of forms, matrices and factorisation
 cpu_solve [s]: CPU seconds of all load steps

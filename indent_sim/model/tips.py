@@ -177,6 +177,10 @@ class Hyperboloid(_Tip):
         t = tan(self.half_angle) / self.R
         return sqrt(1 + square * t * t)
 
+    def creases(self) -> list[tuple[float, float]]:
+        """The apex alone, rounded over the radius R cot(half_angle) at which the paraboloid goes over into the cone."""
+        return [(0.0, self.R / float(tan(self.half_angle)))]
+
     def radius_at(self, depth: float) -> float:
         """Radius of the tip's section `depth` above its apex [length]."""
         slope = 1 / tan(self.half_angle)

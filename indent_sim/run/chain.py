@@ -7,6 +7,7 @@ import time
 import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ from indent_sim.run.companions.accuracy import (
 from indent_sim.run.companions.companion import Companion, beside, softer
 from indent_sim.run.companions.drained_film import film_of
 from indent_sim.run.companions.error_bars import Bars, ErrorBars, TheoryBars, ways
+from indent_sim.run.companions.remedies import are_tried, remedies, tried
 from indent_sim.run.companions.sticking import bearer, sticks
 from indent_sim.run.plausibility import unresolved
 from indent_sim.run.prospect import all_mistakes
@@ -158,7 +160,7 @@ class Run:
             bars = self._bars(attempt) if self._asked.bars else None
             if bars is not None:
                 record.note(error_budget=bars.budgets, accuracy=entry(config, plan.fineness, attempt.tried))
-            simulation = Simulation(config, scene, record, self._clock, bars)
+            simulation = Simulation(config, scene, record, self._clock, bars, partial(self._remedies, scene))
             states = simulation.follow(self.progress)
             simulation.experiment()
             judged = simulation.judged
@@ -175,6 +177,13 @@ class Run:
             if attempt.missed:
                 record.fail(VerificationError(attempt.missed))
         return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
+
+    def _remedies(self, scene: Scene, step: int, spent: int) -> str:
+        """What was tried where a path ended early, and how far it came, in words; by one process alone."""
+        if self.comm.size > 1 or not are_tried(scene):
+            return ""
+        walk = partial(states, with_surface=False)
+        return tried(remedies(self.config, scene), step, spent, resolve, walk)
 
     def _finished(self, text: str, scene: Scene, output: OutputSettings, said: dict[str, Any]) -> Outcome | None:
         """The outcome of a run that came to its end before, with what its files lack since among its warnings."""

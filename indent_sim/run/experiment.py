@@ -21,6 +21,7 @@ from indent_sim.scene.given import is_stepped, remaining
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.theories import relative_tip, shape_of
 from indent_sim.theory.layer import Layer
+from indent_sim.theory.march import LayerContact
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.surface import relaxation
 from indent_sim.theory.surface.adhesion import Contact, Jkr, maugis_lambda, maugis_pull_off, tabor
@@ -361,8 +362,9 @@ class _Evaluation:
         """The elastic force at the deepest depth with the tip's radius times a share."""
         theory, tip = self.scene.plan.theory, self.scene.physics.indenter
         tip = replace(tip, R=share * tip.R)  # type: ignore[arg-type, call-arg, union-attr]
-        if not self.scene.is_meshed and theory is not None and (shape := shape_of(tip)):
-            return replace(theory.contact, tip=shape).curve([self.deepest])[0].force
+        contact = theory.contact if theory else None
+        if not self.scene.is_meshed and isinstance(contact, LayerContact) and (shape := shape_of(tip)):
+            return replace(contact, tip=shape).curve([self.deepest])[0].force
         other = self._equilibrium.under(self.scene.with_physics(indenter=tip))
         self._press(other, self.deepest, self.deepest)
         return float(other.force)

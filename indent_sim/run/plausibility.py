@@ -44,6 +44,9 @@ PILLAR_HEIGHT = 10.0  # ways to the rim: a thicker body is a pillar, whose own s
 SHALLOW = 0.1  # of the contact radius: up to this depth no law stiffens by a factor
 THEORY_FORCE_ERROR = 1e-4  # of theory's force: its own error
 
+MAY_HELP = "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
+STAY_ABOVE = "the top alone is a contact surface: stay above that depth, or let the top slide (contact.friction: 0)"
+
 
 Compared = tuple[float, float, float]  # of a row: depth, force, half its bar's width
 
@@ -122,7 +125,8 @@ def contradiction(scene: Scene, state: State, earlier: Rows) -> str | None:
     is_pressed = scene.is_meshed and not _is_first_touch(scene, state)
     for rule in _rules(is_pressed, scene.physics.evolves, scene.physics.contact.may_snap):
         if said := rule(scene, state, earlier):
-            return said
+            is_side = rule is _is_inside_the_skin and scene.physics.is_compressed
+            return f"{said}; {STAY_ABOVE if is_side else MAY_HELP}"
     return None
 
 
@@ -236,6 +240,9 @@ def _is_inside_the_skin(scene: Scene, state: State, earlier: Rows) -> str | None
     if state.intrusion <= INTRUDED * state.delta + _sunk(scene, state):
         return None
     why = "a side of the body has come to the tip, or the contact group of a mesh file ends too early"
+    if scene.physics.is_compressed:
+        since = earlier.last.delta if earlier.last and earlier.last.delta < state.delta else 0.0
+        why = f"a side of the body folds up against it from a depth between {since:.6g} and {state.delta:.6g} on"
     where = "inside the surface beside the contact surface, where nothing keeps it out"
     return f"the tip is {state.intrusion:.3g} {where}: {why}"
 

@@ -41,12 +41,18 @@ SWELLING_SCALE = 100.0  # of E height^2, or of E a^2 of a body that only drains,
 DISPLACED = 1e-2
 
 Progress = Callable[[State, int, int], None]
+Remedies = Callable[
+    [int, int], str
+]  # of a step that was not reached and the iterations spent: what was tried, in words
 
 
 class Simulation:
     """A scene on its way through mesh, problem and load path; every converged state is on disk before the next."""
 
-    def __init__(self, config: Config, scene: Scene, record: Record, clock: Clock, bars: Bars | None):
+    def __init__(
+        self, config: Config, scene: Scene, record: Record, clock: Clock, bars: Bars | None, remedies: Remedies
+    ):
+        self._remedies = remedies
         self.bars, self.output, self.scene, self.record, self.clock = bars, config.output, scene, record, clock
         earlier = record.earlier
         self.states = list(earlier.states) if earlier else []
@@ -157,7 +163,7 @@ class Simulation:
             walked = self._walk.states(self.scene.physics.path, self._wants_surface, min(self._walked_to, done))
             while state := self._next(walked):
                 if not state.converged:
-                    raise NotConverged(f"step {state.step} of {self._total}: {state.reason}")
+                    raise NotConverged(f"step {state.step} of {self._total}: {state.reason}{self._tried(state)}")
                 if state.step <= done:
                     continue
                 self._keep(state.in_units(self.scene.physics.scales))
@@ -175,6 +181,12 @@ class Simulation:
             self._note_time()
             self.record.note(**summary(self.scene, self.states, self.clock, worst, self.record.alone))
         return self.states
+
+    def _tried(self, failed: State) -> str:
+        """Which remedies were tried for a row that was not found, in words."""
+        spent = failed.newton_iterations + sum(state.newton_iterations for state in self.states)
+        with self.clock.stage("remedies"):
+            return self._remedies(failed.step, spent)
 
     def _note_time(self) -> None:
         """Say how a history was followed row by row, the parts before this one included."""
@@ -239,9 +251,8 @@ class Simulation:
             self._audit(state)
         state = state if self.bars is None else self.bars.judged(state)
         if said := self.record.alone("check of its rows", lambda: contradiction(self.scene, state, self._rows), None):
-            remedy = "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
             place = f"step {state.step}, at delta = {state.delta:.6g}"
-            raise VerificationError(f"{place}, is a row that cannot be true: {said}; {remedy}")
+            raise VerificationError(f"{place}, is a row that cannot be true: {said}")
         return state
 
     @property

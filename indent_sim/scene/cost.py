@@ -1,7 +1,7 @@
 """Cost of a run: cells, unknowns, memory and processor seconds, before anything is meshed.
 
 Counts come from the integrals of 1/size^dim over the modelled part and, in three dimensions, of 1/size^2 over its
-surface. The constants below were fitted on this program (`make bench` prints prediction beside measurement for every
+surface. The constants below were fitted on this program (docs/accuracy.md has prediction beside measurement for every
 scene of configs/): one core of about 2020, on which numpy, scipy, matplotlib, gmsh, dolfinx and petsc4py load in 0.8 s,
 OpenBLAS, forms compiled before.
 """
@@ -182,8 +182,8 @@ def _elements_in(skin: Shell, inside: float, sizes: Sizes, part: Part) -> float:
 def _elements_at(film: Film, sizes: Sizes, part: Part) -> float:
     """Elements at a drained face of a section beyond those without a film there.
 
-    The integral of 1/(h + grading d)^2 - 1/there^2 over the distance d from the face, as far as it is above 0, and over
-    the length s along it from where it is nearest to the tip.
+    The integral of 1/(h + film_grading d)^2 - 1/there^2 over the distance d from the face, as far as it is above 0, and
+    over the length s along it from where it is nearest to the tip.
     """
     (x0, z0), (x1, z1) = film.side.start, film.side.end
     is_level = film.side.middle is not None or z0 == z1
@@ -192,8 +192,9 @@ def _elements_at(film: Film, sizes: Sizes, part: Part) -> float:
     depth = 0.0 if film.side.surface == "top" else part.height
     r, z = (s, np.full_like(s, depth)) if is_level else (np.full_like(s, abs(x0 - sizes.axis[0])), s)
     there = sizes.at(r, z)
-    h = np.minimum(film.h + sizes.grading * np.maximum(np.hypot(r, z) - film.reach, 0.0), there)
-    across = (1 / h - 1 / there) / sizes.grading - (there - h) / (sizes.grading * there**2)
+    growth = sizes.film_grading
+    h = np.minimum(film.h + growth * np.maximum(np.hypot(r, z) - film.reach, 0.0), there)
+    across = (1 / h - 1 / there) / growth - (there - h) / (growth * there**2)
     return float((_sectors(sizes, part) if is_level else 1.0) * (across * ds).sum())
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import ceil, inf, log2
+from math import ceil, exp, inf, log2
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,8 +47,13 @@ LEAST_DISK = 1e-5  # of the longest side of a box, a punch's radius: below 3e-6 
 # gmsh's CAD kernel, 1e-7, and it fails or aborts
 SQUEEZED_RATIO = 1.0  # contact radius over height from which a layer is squeezed rather than indented
 KEEN = 0.74  # of (1 + radius/gap), by how much more a punch's radius is felt beside a wall: to 20 %, by layer theory
+# Growth of the surface's stretch beneath a frictionless tip with each of its radii beyond the first: 13.5 was measured
+# at the apex of a rod with a round end 4.75 radii deep in neo-Hookean rubber of nu = 0.49
+STRETCHED = 0.7
+PER_ARC = 10.0  # elements as long as the radius of a punch's edge, which go around it when the surface slides there
+SHARPEST_ARC = 0.02  # of a punch's radius: a sharper edge would take thousands of elements
 CORNERS = 0.1  # of the error of the force that all else may cost, what the corners may cost
-FILMS = 0.5  # likewise, what films beside drained faces may cost
+FILMS = 0.5  # likewise, what films beside drained faces may cost where an accuracy is asked for
 FINEST_FILM = 1e-3  # of the contact radius: with smaller elements at a face its film costs less than 1e-4 of the force
 HEARD = 0.25  # of the error of the force that all else may cost, what inclusions may cost
 PER_SKIN = 1.5  # elements across a skin: see `test_skins`
@@ -132,6 +137,7 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
         settled = _in_cohesive_zone(config, given, settled)
     elif (held := given.held_radii) and settled.h_contact is None:  # as fine in the smallest contact as in the deepest
         settled = replace(settled, h_contact=rounded(a / PER_ADHESIVE), h_axis=rounded(held[0] / PER_ADHESIVE))
+    settled = _beneath_deep_tip(config, given, settled, edge, gap)
     plain = _plain(given, settled, edge, keenness)
     fine = _in_inclusions(_at_corners(plain, given, settled, wanted), config, given, wanted)
     fine = _in_films(_in_skins(fine, config, given, wanted), given, settled, wanted)
@@ -155,6 +161,28 @@ def _plain(given: Given, settled: SettledSizes, edge: float | None, keenness: fl
     growth, h_axis = rounded(settled.grading or GRADING / steeper), on_axis if on_axis < fine else None
     h_edge = rounded(settled.h_edge or fine / ratio) if edge is not None else None
     return Sizes(fine, far, patch, growth, edge, h_edge, h_axis, rounded(a), keenness=keenness, axis=physics.center)
+
+
+def _beneath_deep_tip(
+    config: Config, given: Given, settled: SettledSizes, edge: float | None, gap: str
+) -> SettledSizes:
+    """The sizes with smaller elements beneath a tip that goes deeper than the radius at which it ends.
+
+    Without friction the surface slides outwards along the tip and up its side: what lies beneath a rod five radii deep
+    was a disc of a tenth of its radius, and one element of the usual size there would cover all of its end.
+    """
+    tip, end = given.physics.indenter, reach(given.physics.indenter)
+    depth = given.deepest / end
+    is_given = config.mesh.h_contact != "auto" or bool(config.contact.friction) or given.physics.part.dim == 3
+    if gap != "current" or is_given or given.physics.is_compressed or depth <= 1:
+        return settled
+    fine = settled.h_contact or min(given.a / PER_RADIUS[2], given.physics.part.height / 4)
+    rho = getattr(tip, "edge_radius", 0.0)
+    if rho >= SHARPEST_ARC * end:
+        fine = min(fine, rho / PER_ARC)
+    h_edge = rounded(fine) if edge is not None and rho > 0 else settled.h_edge
+    stretched = exp(STRETCHED * (depth - 1))
+    return replace(settled, h_contact=rounded(fine), h_axis=rounded(fine / stretched), h_edge=h_edge)
 
 
 def _in_cohesive_zone(config: Config, given: Given, settled: SettledSizes) -> SettledSizes:
@@ -250,27 +278,27 @@ def _in_films(plain: Sizes, given: Given, settled: SettledSizes, wanted: Finenes
     drains = physics.permeable and physics.part.dim == 2 and given.history is not None and given.deepest > 0
     if not (is_open and drains):
         return plain
-    faces, h_film = films_of(given, plain, settled.h_film, wanted.error if wanted else AUTO)
+    faces, h_film = films_of(given, plain, settled.h_film, FILMS * wanted.error if wanted else AUTO)
     return replace(plain, films=faces, h_film=h_film if faces else None)
 
 
-def films_of(given: Given, plain: Sizes, asked: float | None, error: float) -> tuple[tuple[Film, ...], float]:
+def films_of(given: Given, plain: Sizes, asked: float | None, most: float) -> tuple[tuple[Film, ...], float]:
     """The drained faces at which elements are smaller than those of `plain`, and the size [length] at those next to the
-    contact: the one asked for, or what costs its share of a relative error of the force."""
+    contact: the one asked for, or what costs at `most` this share of the force."""
     assert given.history is not None
     physics, a, D = given.physics, given.a, films.slowest(given.physics)
     path = in_time(given, physics, plain.h_contact).path
     rows = films.rows_of(path)
-    faces = films.drained_faces(given, min(t for t in path.times))
+    faces = films.drained_faces(given, min(path.times) - (path.begin or 0.0))
     h_film = asked
     if h_film is None:
-        most = FILMS * error / films.per_length(given)
-        h_film = rounded(films.size_for(rows, most, D, 0.0, plain.h_far, FINEST_FILM * a))
+        per = films.per_length(given)
+        h_film = rounded(films.size_for(rows, most, D, per, plain.h_far, FINEST_FILM * a))
     found = []
     for side in physics.part.outline:
         if side.surface in faces:
             distance = faces[side.surface]
-            h = h_film / films.felt(distance, a) ** 0.5
+            h = h_film / films.felt(given, distance) ** 0.5
             nearest = 0.0 if side.surface == "top" else distance + (a if side.surface != "base" else 0.0)
             if h < plain.h_far:
                 found.append(Film(side, rounded(h), rounded(nearest + plain.patch)))

@@ -31,6 +31,7 @@ from indent_sim.theory.compression import Bar, Compression, HyperelasticBar, Lin
 from indent_sim.theory.films import dimitriadis_force, film_force, gao_modulus, perriot_barthel_modulus
 from indent_sim.theory.half_space import section_depth
 from indent_sim.theory.layer import Layer, sneddon_force
+from indent_sim.theory.march import LayerContact
 from indent_sim.theory.roots import Curve, depth_of
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.stack import Ply, Stack
@@ -137,7 +138,7 @@ def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center:
     assert not isinstance(body, HalfSpace)
     if isinstance(body, Dome):
         return _dome_theory(body, layers, tip)
-    if covers_top(tip, body, center):
+    if isinstance(body, Cylinder | BodyStrip | Box) and covers_top(tip, body, center):
         return _compression_theory(body, layers, flat_radius(tip) / body.reach(center))
     shape, is_plane = shape_of(tip), body.dim == 2
     stack = stack_of(layers, body.base)
@@ -299,6 +300,7 @@ def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -
 
 def _judged(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter) -> Theory:
     """The theory of a body like its own, with what tip and materials have that it has not, and its error."""
+    assert isinstance(theory.contact, LayerContact)
     materials = [layer.material for layer in layers if layer.material]
     is_one_half_space = len(layers) == 1 and theory.contact.scaled.is_bottomless  # of the same indentation modulus
     is_isotropic = is_one_half_space or all(material.is_isotropic for material in materials)

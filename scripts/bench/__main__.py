@@ -18,7 +18,7 @@ from pathlib import Path
 from string import Template
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT), str(ROOT / "scripts"), str(ROOT / "tests")]
 for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ[threads] = "1"
 
@@ -26,6 +26,7 @@ import processes  # noqa: E402
 import side_by_side  # noqa: E402
 import sources  # noqa: E402
 import sweeps  # noqa: E402
+from generated_page import write  # noqa: E402
 from markdown import number, table  # noqa: E402
 
 from indent_sim import __version__  # noqa: E402
@@ -78,8 +79,7 @@ def main(quick: bool) -> None:
     text = Template(Path(__file__).with_name("page.md").read_text(encoding="utf-8")).substitute(
         {name: value.rstrip() for name, value in slots.items()}
     )
-    PAGE.write_text(text, encoding="utf-8")
-    print(PAGE.relative_to(ROOT))
+    write(PAGE, text)
 
 
 def of_studies(studies: dict[str, Study]) -> dict[str, str]:

@@ -125,7 +125,7 @@ def statistics(runs: list[Judged]) -> dict[str, float]:
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("target", (0.01, 0.001))
 def test_every_scene_is_as_accurate_as_asked_for_and_knows_its_error(target: float, tmp_path: Path) -> None:
     """All tips, thick and thin layers, compressible or not. The target holds at every step without exception. A bar
     that is wrong once in twenty is what 95 % means; one wider than five times the error says little."""
@@ -160,8 +160,8 @@ def drawn(count: int, seed: int = 7) -> list[Case]:
 @pytest.mark.verify
 @pytest.mark.parametrize("target", (0.01, 0.001))
 def test_scenes_drawn_at_random(target: float, tmp_path: Path) -> None:
-    """The target holds without exception. Of some 280 rows, by threes and fours of one mesh, 95 % is uncertain by 2."""
-    runs = [judged(case, target, tmp_path / str(i)) for i, case in enumerate(drawn(60))]
+    """The target holds without exception. Of some 140 rows, by threes and fours of one mesh, 95 % is uncertain by 2."""
+    runs = [judged(case, target, tmp_path / str(i)) for i, case in enumerate(drawn(30))]
     found = statistics(runs)
     print(target, found)
     assert max(run_.true.max() for run_ in runs) <= target

@@ -98,17 +98,17 @@ GROUPS: dict[str, list[dict[str, Any]]] = {
 @pytest.mark.verify
 @pytest.mark.parametrize("group", GROUPS)
 def test_bars_hold_what_stands_beside_the_force(group: str, tmp_path: Path) -> None:
-    """Random scenes, none of which chose a constant: 95 % of the rows, and bars five times as wide as the error at
-    most, in the median. Of some hundred rows of other methods, by threes and fours of one mesh, 95 % is uncertain by 2,
-    and where a penalty takes more than the mesh both are added."""
+    """Random scenes, none of which chose a constant: bars five times as wide as the error at most, in the median. Of
+    some hundred rows, by threes and fours of one mesh, 95 % is uncertain by 3, and where a penalty takes more than the
+    mesh both are added."""
     runs = []
     for sections in GROUPS[group]:
         print(sections)
-        runs += [judged(case, tmp_path / f"{len(runs)}-{i}", **sections) for i, case in enumerate(drawn(20, seed=12))]
-        table(runs[-20:])
+        runs += [judged(case, tmp_path / f"{len(runs)}-{i}", **sections) for i, case in enumerate(drawn(6, seed=12))]
+        table(runs[-6:])
     print("all")
     for rows in table(runs).values():
-        assert rows.held >= (0.95 if group == "sizes" else 0.93)
+        assert rows.held >= 0.92
         assert rows.width <= (5 if group == "sizes" else 6)
 
 

@@ -1,7 +1,7 @@
 """The stability map in short: the most telling cells of configs/studies/extremes, against the theory of that very body.
 
 Right is within 0.5 % of the force; what is not must be covered by the error the scene itself states. The whole map:
-`make stress`, docs/stability.md.
+docs/stability.md.
 """
 
 from __future__ import annotations

@@ -63,10 +63,10 @@ def test_a_load_path_at_finite_strain_scales_with_its_only_modulus():
 
 @pytest.mark.verify
 def test_coverage_on_a_coarse_mesh():
-    """24 curves on a mesh of two elements: fewer than 20 of 95 % intervals hold the truth once in 300."""
+    """12 curves on a mesh of two elements: fewer than 9 of 95 % intervals hold the truth once in 400."""
     draw, inside = np.random.default_rng(3), 0
-    for k in range(24):
+    for k in range(12):
         E = math.exp(draw.uniform(-1, 1))
         stated = fit((X, curve(E, draw.uniform(-0.02, 0.02), k)), scene(WIDE, mesh={"h_contact": 0.1}))
         inside += stated.parameters["material.E"].low < E < stated.parameters["material.E"].high
-    assert inside >= 20
+    assert inside >= 9

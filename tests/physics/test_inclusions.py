@@ -298,7 +298,7 @@ def drawn(count: int, seed: int) -> list[dict[str, Any]]:
 def test_error_bars_of_inclusions_drawn_at_random(tmp_path: Path) -> None:
     """`accuracy: 0.005` against 0.0005, whose error is allowed for: met at every step, 95 % of rows in their bars."""
     inside, rows, worst = 0, 0, 0.0
-    for number, document in enumerate(drawn(12, seed=3)):
+    for number, document in enumerate(drawn(4, seed=3)):
         configs = [from_mapping(document | {"accuracy": accuracy}) for accuracy in (0.005, 0.0005)]
         runs = [chain.simulate(config, directory=tmp_path / f"{number}_{k}").states for k, config in enumerate(configs)]
         for state, fine in zip(*runs, strict=True):

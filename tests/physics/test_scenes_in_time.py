@@ -106,38 +106,39 @@ def test_fluid_that_comes_from_nowhere_ends_the_run(tmp_path: Path, monkeypatch:
 
 @pytest.mark.verify
 def test_rows_drawn_at_random_are_inside_their_bars(tmp_path: Path) -> None:
-    """42 scenes of all kinds, some 300 rows."""
+    """Two scenes of each kind, some 100 rows: of these 95 % is uncertain by 3, by threes and fours of one mesh."""
     ratios: dict[str, list[float]] = {name: [] for name in NAMES}
-    for k, mapping in enumerate(time_scenes(42, 12)):
+    for k, mapping in enumerate(time_scenes(2 * len(KINDS), 12)):
         if "times" not in mapping["loading"]:  # a tip that is lifted has no force to judge
             continue
         for name, found in over(mapping, tmp_path / str(k)).items():
             ratios[name] += found
     for name, found in ratios.items():
         print(f"{name}: {np.mean(np.array(found) >= 1):.3f} of {len(found)} rows, {np.median(found):.2g}")
-    assert np.mean(np.array(ratios["force"] + ratios["delta"]) >= 1) >= 0.95
-    assert np.mean(np.array(ratios["a"]) >= 1) >= 0.95
+    assert np.mean(np.array(ratios["force"] + ratios["delta"]) >= 1) >= 0.92
+    assert np.mean(np.array(ratios["a"]) >= 1) >= 0.92
 
 
 @pytest.mark.verify
-def test_an_accuracy_is_met_in_time(tmp_path: Path) -> None:
-    """20 scenes asked for 1 %: of every row the force is right to that, or the depth where forces are given."""
-    for k, mapping in enumerate(time_scenes(20, 31, KINDS[:5])):
-        name = "delta" if "force_history" in mapping["loading"] else "force"
-        given = {name: part for name, part in mapping.items() if name != "mesh"} | {"accuracy": 0.01}
-        rows = simulate(from_mapping(given), directory=tmp_path / str(k)).states
-        exact = truth(resolve(from_mapping(given)))
-        pairs = [(getattr(row, name), getattr(one, name)) for row, one in zip(rows, exact, strict=True)]
-        worst = max(abs(row - one) / one for row, one in pairs if one > 0)
-        print(f"scene {k}: {name} within {worst:.2g}")
-        assert worst <= 0.01, mapping
+@pytest.mark.parametrize("mapping", time_scenes(5, 31, KINDS[:5]), ids=KINDS[:5])
+def test_an_accuracy_is_met_in_time(mapping: dict[str, Any], tmp_path: Path) -> None:
+    """1 % asked for: of every row the force is right to that, or the depth where forces are given."""
+    name = "delta" if "force_history" in mapping["loading"] else "force"
+    given = {name: part for name, part in mapping.items() if name != "mesh"} | {"accuracy": 0.01}
+    rows = simulate(from_mapping(given), directory=tmp_path).states
+    exact = truth(resolve(from_mapping(given)))
+    pairs = [(getattr(row, name), getattr(one, name)) for row, one in zip(rows, exact, strict=True)]
+    worst = max(abs(row - one) / one for row, one in pairs if one > 0)
+    print(f"{name} within {worst:.2g}")
+    assert worst <= 0.01
 
 
 @pytest.mark.verify
-def test_every_scene_drawn_at_random_ends(tmp_path: Path) -> None:
-    """200 scenes: all rows, or an end that says why; a force falls in a hold, to what the solver leaves."""
+@pytest.mark.parametrize("part", [0, 3, 7])
+def test_every_scene_drawn_at_random_ends(part: int, tmp_path: Path) -> None:
+    """All rows, or an end that says why; a force falls in a hold, to what the solver leaves."""
     lost = []
-    for k, mapping in enumerate(time_scenes(200, 2)):
+    for k, mapping in enumerate(time_scenes(10 * len(KINDS), 2)[part::10]):
         config = from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})
         try:
             rows = simulate(config, directory=tmp_path / str(k)).states  # audited: contents, supports, plausible rows
@@ -148,14 +149,14 @@ def test_every_scene_drawn_at_random_ends(tmp_path: Path) -> None:
         if "force_history" not in mapping["loading"] and mapping["material"]["model"] != "gel":
             largest = max(row.force for row in rows)
             assert np.diff(held).max(initial=-1) < 3e-6 * largest, mapping
-    assert len(lost) <= 6, lost
+    assert len(lost) <= 1, lost
 
 
 @pytest.mark.verify
 def test_scenes_drawn_at_random_go_on_from_any_row(tmp_path: Path) -> None:
-    """40 scenes stopped at a row drawn at random: the rest is that of one run, to what its iterations leave."""
+    """One of each kind stopped at a row drawn at random: the rest is that of one run, to what its iterations leave."""
     rng, worst = np.random.default_rng(41), 0.0
-    for k, mapping in enumerate(time_scenes(40, 41)):
+    for k, mapping in enumerate(time_scenes(len(KINDS), 41)):
         config = from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})
         whole = simulate(config, directory=tmp_path / f"{k} whole").states
         last = int(rng.integers(1, len(whole))) if len(whole) > 1 else 1

@@ -281,11 +281,11 @@ def drawn(count: int, seed: int) -> list[dict[str, Any]]:
 
 @pytest.mark.verify
 def test_error_bars_hold_theory(tmp_path: Path) -> None:
-    """`accuracy: 0.003` is met in 60 rows, and 95 % of forces, contact radii and largest pressures are inside their
+    """`accuracy: 0.003` is met in 24 rows, and 95 % of forces, contact radii and largest pressures are inside their
     bars; all were, forces 0.08 % off at most."""
     inside = {"force": 0, "a": 0, "p_max": 0}
     rows = 0
-    for number, document in enumerate(drawn(15, seed=7)):
+    for number, document in enumerate(drawn(6, seed=7)):
         exact = resolve(from_mapping(document))
         meshed_ = from_mapping(document | {"accuracy": 0.003, "solver": {"method": "condensed"}})
         scales = exact.physics.scales

@@ -69,27 +69,25 @@ def test_one_file_of_every_kind(tmp_path):
 
 
 @pytest.mark.verify
-def test_two_hundred_and_more_files_in_two_processes(tmp_path):
+def test_more_files_in_two_processes(tmp_path):
     files = []
-    for seed in range(1, 6):
+    for seed in range(1, 3):
         drawn = hostile_curves.hostile(np.random.default_rng(seed))
         files += [hostile_curves.Hostile(f"{seed} {one.name}", one.data, one.reason) for one in drawn]
-    assert len(files) > 400
+    assert len(files) > 160
     check(tmp_path, files, "--jobs", "2")
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("how", ["plain", "with a hole", "with words"])
-def test_ten_million_rows(tmp_path, how):
-    """Within 60 s of processor time and 2 GB: 6 to 13 s and 1.1 to 1.4 GB are measured."""
+def test_ten_million_rows(tmp_path):
+    """A column of words and a hole, within 60 s of processor time and 2 GB: 13 s and 1.4 GB are measured."""
     (tmp_path / "curves").mkdir()
     x, force = hostile_curves.curve(np.random.default_rng(0), 10_000_000)
     with (tmp_path / "curves" / "long.csv").open("w") as file:
-        file.write("segment;depth [um];force [nN]\n" if how == "with words" else "depth [um];force [nN]\n")
-        word = "approach;" if how == "with words" else ""
+        file.write("segment;depth [um];force [nN]\n")
         for rows in np.array_split(np.column_stack([x, force]), 100):
-            file.write("".join(f"{word}{a:.8f};{b:.6f}\n" for a, b in rows.tolist()))
-        file.write(";1.5\n" if how == "with a hole" else "")
+            file.write("".join(f"approach;{a:.8f};{b:.6f}\n" for a, b in rows.tolist()))
+        file.write("approach;;1.5\n")
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done, entries = fitted(tmp_path)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -188,8 +188,26 @@ def test_the_checker_finds_words_on_the_panel_of_another() -> None:
         assert "'a name that is much too long' lies on the panel of another" in faults(figure)
 
 
+# One of each kind of picture: three dimensions, plane strain, theory alone, histories with and without fluid, adhesion,
+# friction, an inclusion, a stack, a tip off the axis
+KINDS = (
+    "hertz",
+    "hertz_cube",
+    "plane_strain",
+    "wide_layer",
+    "draining_gel",
+    "creeping_cell",
+    "sticky_gel",
+    "lifted_sphere",
+    "thin_gel_stick",
+    "nucleus",
+    "bilayer_gel",
+    "off_axis",
+)
+
+
 @pytest.mark.verify
-@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [path for path in SCENES if path.stem in KINDS], ids=lambda path: path.stem)
 def test_no_picture_of_a_shipped_scene_has_a_fault(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Those that a run draws, and every panel on request."""
     drawn: list[Any] = []

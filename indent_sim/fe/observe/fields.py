@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -32,9 +32,9 @@ class WholeBody:
         return float(self.strains[0].E_star)
 
     def crushed(self) -> Any:
-        """Where the body is compressed most, see `terms.strain.Crushed` (collective); None at small strain."""
-        found = [crushed for strain in self.strains if (crushed := strain.least_volume_ratio())]
-        return min(found, key=lambda crushed: crushed.J, default=None)
+        """Where the body is deformed most, see `terms.strain.Crushed` (collective); None at small strain."""
+        found = [crushed for strain in self.strains if (crushed := strain.crushed())]
+        return reduce(lambda one, other: one.with_worst(other), found) if found else None
 
 
 class Fields:

@@ -32,13 +32,15 @@ def failed_state(
 def _advice(scene: Scene) -> str:
     rounded = next((key for key in ("tip_radius", "edge_radius") if getattr(scene.physics.indenter, key, 0.0)), None)
     law: Any = scene.physics.contact
+    is_drop = scene.physics.is_drop
     ways = [
         *(["solver.linear: direct"] if scene.solver.linear == "iterative" else []),
         *law.remedies,
         *(["a hyperelastic material"] if scene.physics.small_strain and scene.physics.gap == "current" else []),
         *([f"a larger indenter.{rounded}"] if rounded else []),
         *(["contact.method: augmented_lagrangian"] if scene.physics.contact.method != "augmented_lagrangian" else []),
-        *(["nu slightly below 0.5"] if scene.physics.material.constants.nu == 0.5 else []),
+        *(["nu slightly below 0.5"] if scene.physics.material.constants.nu == 0.5 and not is_drop else []),
+        *([f"more shear modulus: gamma/(mu R) is {scene.physics.drop_number:.2g}"] if is_drop else []),
         *(["another mesh.h_contact"] if not law.may_snap else []),  # where a tip snaps that never helped
     ]
     return f"; {' or '.join(ways)} may help" if ways else ""

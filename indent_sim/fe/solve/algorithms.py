@@ -19,10 +19,14 @@ from indent_sim.fe.solve.newton import Newton, finest, stages
 from indent_sim.fe.terms.contact.drag import Drag
 from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.scene_terms import Touch
+from indent_sim.fe.terms.surface_tension import FIRMNESS
 
 # Times Newton's tolerance: so well is the first pass of a step found, which says where new contact sticks. The force
 # feels a few hundredths of what it is off, and Newton's last step leaves less than asked. At most LOOSEST_TOLERANCE.
 LOOSELY, LOOSEST_TOLERANCE = 1e3, 1e-6
+# Firmness of a drop (`terms.surface_tension`) from which its equilibria are followed to its own, the first ratio of one
+# to the next, and the ratio beyond which they are given up: decades were enough but for one row in ten
+FIRM, SOFTER, LEAST_SOFTER = 1.0, 0.1, 0.8
 # Of a body that comes to rest:
 FIRST_DRAG, LIGHTER, HEAVIER = 2.0, 0.5, 3.0  # drag, of work/range^2; at least, and at most, of the step before
 SAFE = 3.0  # times the curvature by which a body runs away: the step has its minimum nearby, for the next one has more
@@ -41,7 +45,50 @@ def _approaching(newton: Newton, touch: Touch) -> Callable[[], bool]:
 def algorithm_of(newton: Newton, touch: Touch) -> Callable[[], bool]:
     """The algorithm of a scene's tip, from success to success."""
     algorithm = ALGORITHMS[newton.problem.law.multiplier](newton, touch)
+    if newton.problem.can_firm:
+        algorithm = through_firmer_bodies(newton, algorithm)
     return algorithm if newton.problem.law.is_conservative else _with_friction(newton, touch.friction, algorithm)
+
+
+def through_firmer_bodies(newton: Newton, algorithm: Callable[[], bool]) -> Callable[[], bool]:
+    """An algorithm for a drop that, where it finds nothing at once, finds the equilibrium of a firm body first and then
+    of ever softer ones, each from the one before: what Newton cannot do over a depth it does over a modulus.
+
+    Measured on a ball between plates of gamma/(mu R) = 1000: 30 iterations for a row that took 170 to 450 in 9 to 33
+    shorter and shorter steps of the depth.
+    """
+    problem = newton.problem
+
+    def from_firm_to_soft() -> bool:
+        firmness, ratio = FIRM, SOFTER
+        problem.firm(firmness)
+        if not (algorithm() and problem.is_admissible()):
+            return False
+        while firmness > FIRMNESS:
+            found = problem.guess()
+            softer = max(FIRMNESS, ratio * firmness)
+            problem.firm(softer)
+            if algorithm() and problem.is_admissible():
+                firmness = softer
+                continue
+            problem.take(found)
+            ratio = ratio**0.5
+            if ratio > LEAST_SOFTER:
+                return False
+        return True
+
+    def find() -> bool:
+        before = problem.guess()
+        if algorithm() and problem.is_admissible():
+            return True
+        problem.take(before)
+        if from_firm_to_soft():
+            return True
+        problem.firm(FIRMNESS)
+        problem.take(before)
+        return False
+
+    return find
 
 
 def _with_friction(newton: Newton, friction: Anchored | None, algorithm: Callable[[], bool]) -> Callable[[], bool]:

@@ -291,7 +291,7 @@ class BodyEquilibrium:
         content = flow.content()
         shares = (valve.outflow(), content.sum(), np.abs(content).sum())
         left, kept, moved = (self.problem.whole(float(mine)) for mine in shares)
-        largest = comm.allreduce(float(flow.at_corners().max(initial=-np.inf)), op=MPI.MAX)
+        largest = comm.allreduce(flow.largest(), op=MPI.MAX)
         found = {"outflow": left, "moved": moved, "unbalanced": abs(left + kept), "pore_pressure_max": largest}
         is_sudden = float(self.problem.body.dt.value) == 0
         return found | ({"drained": valve.drained()} if is_sudden else {})

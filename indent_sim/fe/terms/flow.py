@@ -14,6 +14,8 @@ what is there add up to round-off. Where no time passes nothing flows, and the b
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -130,6 +132,40 @@ class Flow(Term):
         space = self.body.unknowns.own_space(NAME)
         nodes = facet_nodes(self.body.mesh, space, self.body.body_mesh.surfaces["top"])
         return self.body.local_array()[self.body.unknowns.places(NAME)[nodes]] @ barycentric(points).T
+
+    def largest(self) -> float:
+        """The largest pressure [pressure] of this rank's vertices, from the bath's (collective).
+
+        Where a film beside a drained face is thinner than the elements, p goes to and fro beside it: it is
+        p (1 - (-0.268)^k) at the k-th vertex inside, 1.27 times what is right at the first. The mean F p of a vertex,
+        weighted by its function, is right there, and 2 F p - F F p as well but for 1.1 at the first, while it differs
+        from a smooth p by the fourth power of the elements alone.
+        """
+        mass, whole = self._mass
+        p = mass.createVecRight()
+        p.array[:] = self.body.local_array()[self.body.unknowns.places(NAME)[: len(p.array)]]
+        once = mass * p
+        once.pointwiseDivide(once, whole)
+        twice = mass * once
+        twice.pointwiseDivide(twice, whole)
+        found = 2 * once.array_r - twice.array_r
+        for vector in (p, once, twice):
+            vector.destroy()
+        return float(np.max(found[self._is_permeable], initial=-np.inf))
+
+    @cached_property
+    def _mass(self) -> tuple[PETSc.Mat, PETSc.Vec]:
+        """The integrals of two vertices' functions, and of one; 1 at vertices outside of all permeable regions."""
+        space = self.body.unknowns.own_space(NAME)
+        product = ufl.TestFunction(space) * ufl.TrialFunction(space)
+        mass = fem_petsc.assemble_matrix(fem.form(sum(self.body.over_region(product, region) for region in self._laws)))
+        mass.assemble()
+        ones = mass.createVecRight()
+        ones.set(1.0)
+        whole = mass * ones
+        self._is_permeable = whole.array_r > 0
+        whole.array[:] = np.where(self._is_permeable, whole.array_r, 1.0)
+        return mass, whole
 
     def at_corners(self) -> np.ndarray:
         """p (cells, corners) of this rank's cells [pressure], from the bath's."""
@@ -273,7 +309,8 @@ class Valve(Term):
     def drained(self) -> np.ndarray:
         """What drained faces hold back while nothing flows: the table (vertices, 2) of all ranks, in one order, of the
         height of the elements at each vertex [length], and of p^2 times its area [pressure^2 length^2] of the part
-        that is modelled (collective). Vertices without conductance have no area."""
+        that is modelled (collective). A vertex that lets out less than its own cells let through holds no pressure at
+        the face, and has no area."""
         body, space = self.body, self.body.unknowns.own_space(NAME)
         places = np.asarray(space.dofmap.index_map.local_to_global(np.arange(len(self._places), dtype=np.int32)))
         heights, areas = np.zeros(len(places)), np.zeros(len(places))
@@ -292,7 +329,7 @@ class Valve(Term):
                 sums(body.x, self._places[nodes], np.ones(nodes.shape))[self._places], 1.0
             )
         p = body.local_array()[self._places[: self._owned]]
-        lets = np.where(self._touches, self._touched, self._free)[: self._owned] > 0
+        lets = self._conductance > self._open[: self._owned] / OPEN
         mine = np.column_stack([heights[: self._owned], np.where(lets, areas[: self._owned], 0.0) * p**2])
         kept = areas[: self._owned] > 0
         parts = body.comm.allgather((places[: self._owned][kept], mine[kept]))

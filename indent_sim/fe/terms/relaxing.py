@@ -120,8 +120,8 @@ class Relaxing(Strain):
             self.E_star = self._E_star_of(share)
 
     def _share_left(self, S: np.ndarray, relaxed: Sequence[np.ndarray]) -> float:
-        """((rest + sum g_k) S - sum g_k A_k) : S/(S : S) over all points of the quadrature (collective); where nothing is strained that of a further
-        step.
+        """((rest + sum g_k) S - sum g_k A_k) : S/(S : S) over all points of the quadrature (collective); where nothing
+        is strained that of a further step.
 
         Parameters
         ----------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 import ufl
@@ -22,15 +22,29 @@ from indent_sim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Crushed:
-    """The smallest volume ratio J in the body, and the undeformed point that has it [length]."""
+    """The smallest volume ratio J and the largest principal stretch in the body, and the undeformed points that have
+    them [length]."""
 
     J: float
     X: tuple[float, ...]
+    stretch: float
+    X_stretched: tuple[float, ...]
 
     def words(self, scene: Scene) -> str:
-        """J and the place, in the user's lengths."""
-        place = ", ".join(f"{x * scene.physics.scales.length:.4g}" for x in self.X)
-        return f", where J is smallest, {self.J:.3g}, at ({', '.join(scene.physics.part.kinematics.axes)}) = ({place})"
+        """Both and their places, in the user's lengths."""
+        axes = ", ".join(scene.physics.part.kinematics.axes)
+
+        def place(X: tuple[float, ...]) -> str:
+            return ", ".join(f"{x * scene.physics.scales.length:.4g}" for x in X)
+
+        stretched = f"the largest stretch, {self.stretch:.3g}, is at ({place(self.X_stretched)})"
+        return f", where J is smallest, {self.J:.3g}, at ({axes}) = ({place(self.X)}) and {stretched}"
+
+    def with_worst(self, other: Crushed) -> Crushed:
+        """The smaller J of two places or regions and the larger stretch."""
+        J, X = min((self.J, self.X), (other.J, other.X))
+        stretch, X_stretched = max((self.stretch, self.X_stretched), (other.stretch, other.X_stretched))
+        return Crushed(J, X, stretch, X_stretched)
 
 
 def pressures(scene: Scene) -> list[Field]:
@@ -58,7 +72,7 @@ class Strain(Term):
         self.E_star = region.material.E_star
         self.fields = tuple(field.name for field in pressures(scene) if field.where == (region,))
         material = symbolic(region.material, body.mesh)
-        H = ufl.variable(scene.physics.part.kinematics.gradient(fields["u"], body.X))
+        self._H = H = ufl.variable(scene.physics.part.kinematics.gradient(fields["u"], body.X))
         q = fields[self.fields[0]] if self.fields else None
         self._density, potential = self._densities(material, H, None if q is None else ufl.variable(q))
         F = ufl.Identity(3) + H
@@ -99,18 +113,25 @@ class Strain(Term):
         """Its second variation."""
         return self.body.over_region(variations(self._density, now)[1], self.region)
 
-    def least_volume_ratio(self) -> Crushed | None:
-        """The smallest J = det F at the quadrature points, and where (collective); none at small strain."""
+    def crushed(self) -> Crushed | None:
+        """The smallest J = det F and the largest principal stretch at the quadrature points, and where (collective);
+        none at small strain."""
         body = self.body
         if self.region.material.small_strain:
             return None
         dim = body.body_mesh.dim
         points, _ = compat.quadrature(compat.CELL_NAMES[dim], VOLUME_DEGREE[dim])
-        values = ufl.as_vector([self.J, *(body.X[k] for k in range(dim))])
-        table = compat.evaluate(fem.Expression(values, points), body.mesh, self.cells).reshape(-1, 1 + dim)
-        least = tuple(map(float, table[np.argmin(table[:, 0])])) if len(table) else (np.inf,) * (1 + dim)
-        J, *X = min(body.comm.allgather(least))
-        return Crushed(J, tuple(X))
+        F = ufl.Identity(3) + self._H
+        values = ufl.as_vector([*(F[i, k] for i in range(3) for k in range(3)), *(body.X[k] for k in range(dim))])
+        table = compat.evaluate(fem.Expression(values, points), body.mesh, self.cells).reshape(-1, 9 + dim)
+        own = Crushed(np.inf, (np.inf,) * dim, 0.0, (np.inf,) * dim)
+        if len(table):
+            gradients, X = table[:, :9].reshape(-1, 3, 3), table[:, 9:]
+            J, stretches = np.linalg.det(gradients), np.linalg.norm(gradients, ord=2, axis=(1, 2))
+            least, most = int(np.argmin(J)), int(np.argmax(stretches))
+            places = tuple(map(float, X[least])), tuple(map(float, X[most]))
+            own = Crushed(float(J[least]), places[0], float(stretches[most]), places[1])
+        return reduce(Crushed.with_worst, body.comm.allgather(own))
 
     @cached_property
     def _inverted(self) -> fem.Form:

@@ -52,6 +52,7 @@ class Term:
     has_symmetric_tangent = True
     is_matter = False  # whether it is there without the tip
     is_constant = False  # whether its tangent is the same at every state
+    can_firm = False  # whether it can hold more firmly what little holds
     flows = False  # whether a step in time takes two stages
     setting = 0
 
@@ -84,6 +85,9 @@ class Term:
 
     def soften(self, factor: float) -> None:
         """Multiply the stiffness of contact; 1 makes it the law's own again."""
+
+    def firm(self, firmness: float) -> None:
+        """Hold the surface of a drop by so much of its tension in its plane."""
 
     def follow(self, softer: float) -> None:
         """Let the stiffness of contact follow the modulus of what the tip touches: that of the moment is so many times

@@ -46,7 +46,7 @@ class DrainedFilm:
         row = self.rows[state.step - 1]
         if self.is_column:
             return self._of_column(row, state)
-        return float(self.losses @ np.asarray(row.excess(self.heights, self.diffusivity)))
+        return float(self.losses @ row.excess(self.heights, self.diffusivity))
 
     def _of_column(self, row: Row, state: State) -> float:
         """Of a column that gives way by what has drained alone: the share of that length which is too much."""

@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.contact import Anchor, Penalty
+from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
 from indent_sim.run.companions.companion import Companion, Curve, States, curve_of, in_half_steps
 from indent_sim.run.companions.drained_film import DrainedFilm
@@ -38,32 +38,21 @@ from indent_sim.scene.scene import Scene
 # ---- the numbers of the rule: docs/accuracy.md has coverage and width with and without each ------------------------
 
 SAFETY = 3.0  # Roache's, where two meshes alone are known
-FLOOR = 0.3  # of CONSTANT n^-RATE, from which `accuracy` chooses n elements in a contact radius (see `fineness`)
-RADIUS = 0.1  # of the element where the contact ends, to which the radius is read off
-PRESSURE_RATE, PEAK = 2.0, 0.15  # of the largest pressure: quadratic elements have stresses of order 2
+FLOOR = 0.2  # of CONSTANT n^-RATE, from which `accuracy` chooses n elements in a contact radius (see `fineness`)
+RADIUS = 0.08  # of the element where the contact ends, to which the radius is read off
+PRESSURE_RATE, PEAK = 2.0, 0.2  # of the largest pressure: quadratic elements have stresses of order 2
 
 # ---- what has not been decided yet ----------------------------------------------------------------------------------
 
 # Of E* times the angle at which flat facets meet, the error of a pressure where they stand for a curved surface: 0.5 to
 # 0.75 on a dome of three to fourteen facets, under which pressures gather at corners
 FACETED = 0.8
-# Of p_max: nodes that came into contact in different steps keep different shears, and their pressures differ by 2 % of
-# the largest at most; on 80 random scenes in 1, 4 and 16 steps one differed by more than its bars without this
-ROUGH = 0.015
 # Of p_max of a contact that a swelling gel closes, times n^-2: up to 58, 33, 18, 11, 5 and 2 % too large with n = 3.1,
 # 3.5, 3.8, 5.3, 7.5 and 9.5 elements in the contact radius (four scenes); two meshes agree better by accident
 CLOSED_BY_SWELLING = 5.5
-# The error of a path over what steps half as long change of it. Where new contact sticks where its step began, that
-# error falls as steps^-0.7; where it sticks on its way it falls as it may. In time it is of first order where the tip
-# seals what it comes to
-HALVED: dict[Anchor, float] = {"implicit": 2.6, "mid": 5.0}
-HALVED_IN_TIME = 2.0
 # Of the stick radius, times the share of it or of the contact radius that a step adds or takes; of the dissipation, all
-# of which a long step may have made up, times its square; and of a step's work, where next to nothing slips. With half
-# of the dissipation alone bars held 99 % of 1048 rows of 46 random scenes in 1, 4 and 16 steps against 96 on a finer
-# mesh.
+# of which a long step may have made up, times its square
 UNSEEN = {"stick_radius": 0.5, "dissipation": 1.0}
-LEAST_SLIP = 3e-6
 
 BESIDE = ("a", "p_max", "stick_radius", "dissipation")  # numbers beside the force that have bars
 
@@ -120,16 +109,18 @@ def grid_convergence(difference: float, ratio: float, rate: float) -> float:
 
 @dataclass(frozen=True)
 class Ways:
-    """The path of a scene with friction, or of a body that evolves, in its own steps and in steps half as long; the
-    error of the first over their difference."""
+    """The path of a scene with friction, or of a body that evolves, in its own steps and in steps half as long."""
 
     own: Curve
     finer: Curve
-    factor: float
 
     def error(self, state: State, name: str) -> float:
-        """The error of a number of a step; NaN where a path has no such step."""
-        return self.factor * _difference(self.own, self.finer, state.step, name)
+        """The error of a number of a step: SAFETY times what steps half as long change; NaN without such a step.
+
+        Twice that change is Richardson's error of first order, 2.6 times that of order 0.7, with which a path converges
+        whose new contact sticks where its step began.
+        """
+        return SAFETY * _difference(self.own, self.finer, state.step, name)
 
 
 def ways(run: Companion, follow: Callable[[Scene], States]) -> Ways | None:
@@ -142,9 +133,7 @@ def ways(run: Companion, follow: Callable[[Scene], States]) -> Ways | None:
         replace(last, step=last.step // 2, dissipation=(first.dissipation or 0.0) + (last.dissipation or 0.0))
         for first, last in zip(halves[::2], halves[1::2], strict=False)
     ]
-    physics = run.scene.physics
-    rough = HALVED[physics.anchor] if physics.has_friction else 0.0
-    return Ways(run.curve, curve_of(kept), max(rough, HALVED_IN_TIME if physics.evolves else 0.0))
+    return Ways(run.curve, curve_of(kept))
 
 
 class ErrorBars:
@@ -302,7 +291,6 @@ class ErrorBars:
             self._misshapen(state) * value,
             self._path(state, name),
             self._ridged if name == "p_max" and value > 0 else 0.0,
-            ROUGH * value if name == "p_max" and self._physics.has_friction else 0.0,
         ]
         return sum(parts)
 
@@ -312,8 +300,8 @@ class ErrorBars:
         at_end = self._sizes.on_surface(state.a / L) * L if state.a > 0 else 0.0
         if name == "a":
             return RADIUS * at_end
-        rate = PRESSURE_RATE if name == "p_max" else 1.0
-        said = grid_convergence(_difference(self._coarse, self._run, state.step, name), self.companion.ratio, rate)
+        off = _difference(self._coarse, self._run, state.step, name)
+        said = grid_convergence(off, self.companion.ratio, PRESSURE_RATE)
         value = abs(getattr(state, name))
         coarseness = at_end / state.a if state.a > 0 else 0.0
         least = RADIUS * coarseness * value
@@ -342,14 +330,13 @@ class ErrorBars:
     def _unseen(self, state: State, name: str) -> float:
         """What halves of a step that is long beside its contact may not show of where and how far the surface slips."""
         before, value = self._run.get(state.step - 1), getattr(state, name)
-        a, stick, depth, force = _of_slip(before)
-        moved, work = _share(a, state.a), (state.force + force) / 2 * (state.delta - depth)
-        match name:
-            case "stick_radius":
-                narrow = self._unresolved(value) if state.a > 0 else 0.0
-                return UNSEEN[name] * max(moved, _share(stick, value)) * value + narrow
-            case "dissipation":
-                return UNSEEN[name] * moved**2 * value + LEAST_SLIP * abs(work)
+        moved = _share(before.a if before else 0.0, state.a)
+        if name == "dissipation":
+            return float(UNSEEN[name] * moved**2 * value)
+        if name == "stick_radius":
+            stick = (before.stick_radius if before else None) or 0.0
+            narrow = self._unresolved(value) if state.a > 0 else 0.0
+            return float(UNSEEN[name] * max(moved, _share(stick, value)) * value + narrow)
         return 0.0
 
     def _unresolved(self, stick: float) -> float:
@@ -397,13 +384,6 @@ class TheoryBars:
 
 
 Bars = ErrorBars | TheoryBars
-
-
-def _of_slip(state: State | None) -> tuple[float, float, float, float]:
-    """Contact radius, stick radius, depth and force; nothing at rest."""
-    if state is None:
-        return 0.0, 0.0, 0.0, 0.0
-    return state.a, state.stick_radius or 0.0, state.delta, state.force
 
 
 def _share(before: float, after: float) -> float:

@@ -99,8 +99,8 @@ class PorousSolid:
         return 2.0 * self.shear_modulus * (1.0 + self.undrained_nu)
 
 
-def drained_length(diffusivity: float, since: float, over: float = 0.0) -> float:
-    """The depth [length] of undrained body whose fluid has left through a drained face.
+def drained_length(diffusivity: float, since: np.ndarray, over: np.ndarray) -> np.ndarray:
+    """The depth (n,) [length] of undrained body whose fluid has left through a drained face.
 
     A half-space whose pressure p grows evenly over the time `over`, and stays then, has lost this times
     p permeability/D of fluid per area at the time `since` its begin:
@@ -112,23 +112,25 @@ def drained_length(diffusivity: float, since: float, over: float = 0.0) -> float
     Parameters
     ----------
     diffusivity : D [length^2/time]
-    since : time since the pressure began to grow, >= 0 [time]
-    over : time in which it grows, from 0 to `since`; longer ones are cut off there [time]
+    since : times (n,) since the pressure began to grow, > 0 [time]
+    over : times (n,) in which it grows, 0 to `since` [time]
     """
-    over = min(over, since)
-    if since <= 0.0:
-        return 0.0
-    if over < SUDDEN * since:
-        return 2.0 * math.sqrt(diffusivity * since / math.pi)
-    return 4.0 / 3.0 * math.sqrt(diffusivity / math.pi) * (since**1.5 - (since - over) ** 1.5) / over
+    is_sudden = over < SUDDEN * since
+    took = np.where(is_sudden, since, over)
+    ramped = (since**1.5 - (since - took) ** 1.5) / took
+    return 4.0 / 3.0 * np.sqrt(diffusivity / math.pi) * np.where(is_sudden, 1.5 * np.sqrt(since), ramped)
 
 
-def excess_length(h: np.ndarray | float, drained: float) -> np.ndarray | float:
+def excess_length(h: np.ndarray, drained: np.ndarray) -> np.ndarray:
     """By how much elements of linear pressure and the height h [length] at a drained face overstate `drained_length`.
 
     In Laplace space a half-space drains (D/s)^(1/2), and a row of elements with p = 0 at its end (D/s + h^2/12)^(1/2),
     h/12^(1/2) if no time passes at all. At a time t the difference is at most (drained^2 + h^2/12)^(1/2) - drained:
     equal to it where h is large, 1.2 (ramp) to 1.6 (jump) times too large where h is small.
+
+    Parameters
+    ----------
+    h, drained : of shapes that broadcast [length]
     """
     return np.hypot(drained, h / math.sqrt(12.0)) - drained
 

@@ -194,7 +194,7 @@ def test_a_contact_that_no_mesh_finds_has_less_force_than_a_deeper_one() -> None
 
 def test_radius_and_peak_have_bars_of_their_own() -> None:
     """A peak that differs between run and companion by the power that is assumed has SAFETY times its error as a bar; a
-    radius is read off to a tenth of an element; a peak that no mesh knows has no bar."""
+    radius is read off to a share of an element; a peak that no mesh knows has no bar."""
     base = scene()
     exact = states(0.0)
 
@@ -205,7 +205,7 @@ def test_radius_and_peak_have_bars_of_their_own() -> None:
     for state in off(1.0):
         found = judge.judged(state)
         assert found.p_max_error == pytest.approx(SAFETY * 0.01)
-        assert found.a_error == pytest.approx(0.1 * base.sizes.on_surface(state.a))
+        assert found.a_error == pytest.approx(RADIUS * base.sizes.on_surface(state.a))
     sharp = [replace(state, p_max=float("nan")) for state in exact]
     assert np.isnan(ErrorBars(base, Companion(RATIO, sharp)).judged(sharp[0]).p_max_error)
 

@@ -1,0 +1,56 @@
+"""Element sizes beneath tips that go deep into a body whose surface slides along them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from indent_sim.config.scene_file import from_mapping
+from indent_sim.mesh.sizes import Sizes
+from indent_sim.scene.scene import resolve
+
+ROD = {"shape": "flat_punch", "radius": 1.0, "edge_radius": 1.0}
+
+
+def sizes(depth: float, tip: dict[str, Any] = ROD, **sections: Any) -> Sizes:
+    """Sizes [tip radii] beneath a tip so deep in a block of rubber 20 radii high."""
+    scene = resolve(
+        from_mapping(
+            {
+                "body": {"shape": "cylinder", "radius": 20.0, "height": 20.0, "base": "fixed", "sides": "free"},
+                "material": {"model": "neo_hookean", "E": 10.0, "nu": 0.49},
+                "indenter": tip,
+                "loading": {"delta": depth, "steps": 1},
+            }
+            | sections
+        )
+    )
+    return scene.sizes
+
+
+def test_what_slides_outwards_is_meshed_finely_beneath_a_deep_rod() -> None:
+    """At five radii the disc of a tenth of the radius covers all of its end: it has as many elements as the end had."""
+    shallow, deep = sizes(0.9), sizes(5.0)
+    assert shallow.h_axis is None
+    assert deep.h_axis is not None
+    assert deep.h_axis < 0.1 * shallow.h_contact
+
+
+def test_elements_go_around_the_edge_of_a_punch_wherever_it_is() -> None:
+    deep = sizes(5.0, ROD | {"edge_radius": 0.2})
+    assert 20 * deep.h_contact == pytest.approx(0.2 / 10)
+    assert deep.h_edge == deep.h_contact  # the surface that is at the edge now was not beneath it
+
+
+@pytest.mark.parametrize(
+    "sections",
+    [
+        {"contact": {"friction": "stick"}},
+        {"mesh": {"h_contact": 0.1}},
+        {"contact": {"method": "auto", "gap": "reference"}},
+    ],
+    ids=["what sticks does not slide", "sizes that are given stay", "no surface goes around a tip"],
+)
+def test_elsewhere_nothing_is_finer(sections: dict[str, Any]) -> None:
+    assert sizes(5.0, **sections).h_axis is None
