@@ -312,9 +312,10 @@ def _error(outcome: Outcome) -> list[str]:
 def _asked_in_words(report: Report, theory: Report) -> str:
     """What theory was asked for, in words; of a strip the force is one per length."""
     from indent_sim.results.pictures.axes import choice
+    from indent_sim.results.writer import plain
 
     _, asked = _given_and_asked(theory)
-    is_flat = choice(report, "kinematics") == "plane_strain"
+    is_flat = choice({"plan": plain(_part(report, "plan"))}, "kinematics") == "plane_strain"
     return "force per length" if asked == "force" and is_flat else asked
 
 
