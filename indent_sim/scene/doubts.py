@@ -28,7 +28,7 @@ from indent_sim.model.tips import (
     Sphere,
     reach,
 )
-from indent_sim.scene.films import late_rows
+from indent_sim.scene.boundary_films import late_rows
 from indent_sim.scene.given import ATTRACTION_REACH, Durations, Given, Physics, unused_material
 from indent_sim.scene.theories import half_space_force
 from indent_sim.theory.solution import UNSOLVED

@@ -14,7 +14,7 @@ from indent_sim.model.body import Inclusion
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
-from indent_sim.scene import films
+from indent_sim.scene import boundary_films
 from indent_sim.scene.corners import corners
 from indent_sim.scene.fineness import Fineness, SettledSizes, elements_for, fineness_of, steepness, target_of
 from indent_sim.scene.given import Given, in_time
@@ -290,19 +290,19 @@ def films_of(given: Given, plain: Sizes, asked: float | None, most: float) -> tu
     """The drained faces at which elements are smaller than those of `plain`, and the size [length] at those next to the
     contact: the one asked for, or what costs at `most` this share of the force."""
     assert given.history is not None
-    physics, a, D = given.physics, given.a, films.slowest(given.physics)
+    physics, a, D = given.physics, given.a, boundary_films.slowest(given.physics)
     path = in_time(given, physics, plain.h_contact).path
-    rows = films.rows_of(path)
-    faces = films.drained_faces(given, min(path.times) - (path.begin or 0.0))
+    rows = boundary_films.rows_of(path)
+    faces = boundary_films.drained_faces(given, min(path.times) - (path.begin or 0.0))
     h_film = asked
     if h_film is None:
-        per = films.per_length(given)
-        h_film = rounded(films.size_for(rows, most, D, per, plain.h_far, FINEST_FILM * a))
+        per = boundary_films.per_length(given)
+        h_film = rounded(boundary_films.size_for(rows, most, D, per, plain.h_far, FINEST_FILM * a))
     found = []
     for side in physics.part.outline:
         if side.surface in faces:
             distance = faces[side.surface]
-            h = h_film / films.felt(given, distance) ** 0.5
+            h = h_film / boundary_films.felt(given, distance) ** 0.5
             nearest = 0.0 if side.surface == "top" else distance + (a if side.surface != "base" else 0.0)
             if h < plain.h_far:
                 found.append(Film(side, rounded(h), rounded(nearest + plain.patch)))

@@ -1,7 +1,7 @@
 """What films beside drained faces cost the force on the elements of a run, from one undrained equilibrium.
 
 At once nothing has drained, and the pressure p of the fluid at the drained faces is known from the run's own mesh. What
-elements there then lose too much is known, too (`scene.films`), and what that takes from the force follows by
+elements there then lose too much is known, too (`scene.boundary_films`), and what that takes from the force follows by
 reciprocity:
 
     dF(row) = 1/2 d/ddelta sum_i p_i^2 A_i E(h_i)/M
@@ -19,8 +19,8 @@ import numpy as np
 
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
-from indent_sim.scene import films
-from indent_sim.scene.films import Row
+from indent_sim.scene import boundary_films
+from indent_sim.scene.boundary_films import PathRow
 from indent_sim.scene.given import is_locked
 from indent_sim.scene.scene import Scene
 
@@ -35,7 +35,7 @@ class DrainedFilm:
     that is lost per `excess_length` at the largest value of the history. All without units, but for the force.
     """
 
-    rows: Sequence[Row]
+    rows: Sequence[PathRow]
     diffusivity: float
     heights: np.ndarray
     losses: np.ndarray
@@ -48,7 +48,7 @@ class DrainedFilm:
             return self._of_column(row, state)
         return float(self.losses @ row.excess(self.heights, self.diffusivity))
 
-    def _of_column(self, row: Row, state: State) -> float:
+    def _of_column(self, row: PathRow, state: State) -> float:
         """Of a column that gives way by what has drained alone: the share of that length which is too much."""
         drained = row.drained(self.diffusivity)
         excess = float(np.max(row.excess(self.heights, self.diffusivity), initial=0.0))
@@ -63,7 +63,7 @@ def film_of(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> Drained
     physics = scene.physics
     if not physics.permeable or physics.swells or physics.path.begin is None:
         return None
-    rows, D = films.rows_of(physics.path), films.slowest(physics)
+    rows, D = boundary_films.rows_of(physics.path), boundary_films.slowest(physics)
     if is_locked(physics):
         at_faces = [film.h for film in scene.sizes.films] or [scene.sizes.h_contact]
         return DrainedFilm(rows, D, np.array(at_faces), np.empty(0), is_column=True)
@@ -73,7 +73,7 @@ def film_of(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> Drained
         return DrainedFilm(rows, D, np.ones(1), np.array([nan]))
     (heights, before), (_, there) = (one.T for one in found if one is not None)
     way = (states[1].delta - states[0].delta) / physics.scales.depth
-    lost = physics.part.copies * (there - before) / (2 * way) * films.softening(physics) * physics.scales.force
+    lost = physics.part.copies * (there - before) / (2 * way) * boundary_films.softening(physics) * physics.scales.force
     return DrainedFilm(rows, D, heights, lost)
 
 

@@ -11,7 +11,7 @@ from scipy.linalg import solve_banded
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.resolved import resolved
-from indent_sim.scene.films import rows_of
+from indent_sim.scene.boundary_films import rows_of
 from indent_sim.scene.fineness import coarser
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.surface.drainage import drained_length, excess_length

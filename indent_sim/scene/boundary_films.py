@@ -36,11 +36,12 @@ STEP = 0.9  # of a depth: a second one, for slopes
 SAME_SPEED = 1e-6  # relative: of one piece of a path, but for rounding
 MOST_CHANGES = 30  # before a row: films of earlier ones have grown thick
 MOST_ROWS = 100  # that a size is chosen by
+HALVINGS = 30  # of the range of a size, in its logarithm: to 1e-8
 LEAST_VALUE = 0.05  # of the largest depth or force: earlier rows are not asked for a film's error
 
 
 @dataclass
-class Piece:
+class PathPiece:
     """A piece of a path in which the value changes evenly, or a jump: its begin and end in time, and the change."""
 
     begin: float
@@ -54,7 +55,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class Row:
+class PathRow:
     """A row of a path in time: the sizes of what has changed until then (n,), each with the time since it began and the
     time that it took (n,), and the value of the row; sizes and value over the largest value of the path."""
 
@@ -74,7 +75,7 @@ class Row:
         return excess_length(h[:, None], lengths) @ self.changes
 
 
-def rows_of(path: LoadPath) -> list[Row]:
+def rows_of(path: LoadPath) -> list[PathRow]:
     """The rows of a path in time, with the last MOST_CHANGES that have begun until then, but for what has come at once
     just now, of which nothing has drained yet."""
     largest = max(path.values)
@@ -91,15 +92,15 @@ def rows_of(path: LoadPath) -> list[Row]:
         since, whole = t - begin[recent], end[recent] - begin[recent]
         over = np.minimum(since, whole)
         share = np.divide(over, whole, out=np.ones_like(over), where=whole > 0)
-        found.append(Row(np.abs(change[recent] * share), since, over, value / largest))
+        found.append(PathRow(np.abs(change[recent] * share), since, over, value / largest))
     return found
 
 
-def _pieces(places: Sequence[tuple[float, float]]) -> list[Piece]:
+def _pieces(places: Sequence[tuple[float, float]]) -> list[PathPiece]:
     """The pieces between places (value, time), as long as they are."""
-    found: list[Piece] = []
+    found: list[PathPiece] = []
     for (before, begin), (value, end) in pairwise(places):
-        piece = Piece(begin, end, value - before)
+        piece = PathPiece(begin, end, value - before)
         if found and end > begin and abs(piece.speed - found[-1].speed) <= SAME_SPEED * abs(piece.speed):
             found[-1].end, found[-1].change = end, found[-1].change + piece.change
         elif end > begin or value != before:
@@ -118,7 +119,7 @@ def softening(physics: Physics) -> float:
     return max(flow.permeability / D for flow, D in flows if flow and flow.permeability)
 
 
-def share_of(row: Row, h: float, diffusivity: float, per: float | None) -> float:
+def share_of(row: PathRow, h: float, diffusivity: float, per: float | None) -> float:
     """The share of the largest force that elements h [length] at a drained face under the tip cost a row.
 
     per: see `per_length`. A column gives way by what it has drained alone, so that its error is the excess over that.
@@ -213,7 +214,7 @@ def late_rows(given: Given, physics: Physics, sizes: Sizes, negligible: float) -
 
 
 def size_for(
-    rows: Sequence[Row], most: float, diffusivity: float, per: float | None, coarse: float, fine: float
+    rows: Sequence[PathRow], most: float, diffusivity: float, per: float | None, coarse: float, fine: float
 ) -> float:
     """The size [length] of elements at a face under the tip, from `fine` to `coarse`, that cost at `most` this share of
     the force at the row that has drained least."""
@@ -227,4 +228,9 @@ def size_for(
 
     if beyond(coarse) <= 0:
         return coarse
-    return fine if beyond(fine) >= 0 else float(brentq(beyond, fine, coarse, rtol=1e-6))
+    if beyond(fine) >= 0:
+        return fine
+    for _ in range(HALVINGS):
+        middle = (fine * coarse) ** 0.5
+        fine, coarse = (middle, coarse) if beyond(middle) < 0 else (fine, middle)
+    return fine
