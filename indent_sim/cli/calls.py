@@ -100,8 +100,8 @@ def plot(shown: Result | Study | Sequence[Result], what: str = "", *, ax: Axes |
     shown
         Results, the folders of some, or a study.
     what
-        Panels of results, by commas: force [this one], time, pressure, pressure_x, pressure_y, profile, fields, film.
-        Of a study curves [these], or one of force, a, p_max and penetration over what varies.
+        Panels, by commas: force [this one], time, pressure, pressure_x, pressure_y, profile, fields, film. Of a study
+        curves [these], or one of force, a, p_max and penetration over what varies.
     ax
         Axes of a figure of your own, into which one panel is drawn: one of `what`, and of fields one of one step.
     wish

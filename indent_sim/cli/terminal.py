@@ -80,7 +80,8 @@ def conclusion(outcome: Outcome) -> list[str]:
         lines.append(f"nothing left to compute: all {rows} rows were there" if before == rows else some)
     lines += _error(outcome)
     if theory:
-        lines.append(_theory(theory) if report.get("method") != "theory" else f"solved by theory: {theory['why']}")
+        told = _theory(theory, _asked_in_words(report, theory))
+        lines.append(told if report.get("method") != "theory" else f"solved by theory: {theory['why']}")
     if closed := theory.get("half_space"):
         side = "below" if closed["deviation"] < 0 else "above"
         given, asked = _given_and_asked(theory)
@@ -356,10 +357,20 @@ def _error(outcome: Outcome) -> list[str]:
     return [f"estimated error of the force: at most {worst:.2g} of it (step {step})"] if bars else []
 
 
-def _theory(theory: Report) -> str:
+def _asked_in_words(report: Report, theory: Report) -> str:
+    """What theory was asked for, in words; of a strip the force is one per length."""
+    from indent_sim.results.pictures.axes import choice
+    from indent_sim.results.writer import plain
+
+    _, asked = _given_and_asked(theory)
+    is_flat = choice({"plan": plain(_part(report, "plan"))}, "kinematics") == "plane_strain"
+    return "force per length" if asked == "force" and is_flat else asked
+
+
+def _theory(theory: Report, words: str) -> str:
     exact = "exact for this body" if theory.get("exact") else theory.get("why", "")
     given, asked = _given_and_asked(theory)
-    beside = f"{asked} {theory[asked]:.6g}; this run {theory[f'{asked}_deviation']:+.3%} ({exact})"
+    beside = f"{words} {theory[asked]:.6g}; this run {theory[f'{asked}_deviation']:+.3%} ({exact})"
     return f"{theory['name']} at {given} {theory[given]:.6g}: {beside}"
 
 

@@ -32,6 +32,7 @@ MOST_SET_LETTERS = 80  # most characters of a --set that are told
 Document = dict[str, Any]  # sections as a file has them
 Given = str | os.PathLike[str] | Mapping[str, Any] | Config  # a scene, or what says it
 Changes = Sequence[str] | Mapping[str, Any]  # as after --set, or values by dotted keys
+Quantities = dict[KeyPath, tuple[str, float]]  # as given, and as numbers in the units of the scene
 Place = tuple[str, int | None]  # file (or what stands for it) and line
 
 
@@ -137,6 +138,15 @@ def varied(document: Mapping[str, Any], source: Source, settings: Iterable[tuple
     for key, value, place in settings:
         _replace(changed, where, key_path(key), copy.deepcopy(value), place)
     return _validated(changed, where)
+
+
+def quantities_of(document: Mapping[str, Any], settings: Iterable[tuple[str, Any, Place]]) -> Quantities:
+    """The quantities of a document in which some keys are replaced, as they are given and as numbers in its units;
+    ConfigError for one that is none."""
+    changed, where = copy.deepcopy(dict(document)), Source()
+    for key, value, place in settings:
+        _replace(changed, where, key_path(key), copy.deepcopy(value), place)
+    return converted(changed)[1]
 
 
 def located(where: Config | Source, error: ConfigError) -> ConfigError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import Any, TypeVar
@@ -22,6 +23,7 @@ from indent_sim.process.ranks import is_one_of_several
 
 T = TypeVar("T")
 Gmsh = Any  # the module, which is loaded where it meshes alone, or one of its kernels
+OTHER_SIZES = (1.1, 0.9)  # times h_contact: tried where a part cannot be meshed, so that a message names what helps
 OPTIONS = {"General.Terminal": 0, "General.Verbosity": 1, "General.NumThreads": 1}  # says errors alone
 OPTIONS |= {"Mesh.MeshSizeExtendFromBoundary": 0, "Mesh.MeshSizeFromPoints": 0}
 TILT = (1.0, -1.0, 0.0, 1.0)  # about this axis by this angle: seam and poles of a ball lie in no plane of symmetry then
@@ -78,8 +80,33 @@ def start() -> None:
 
 
 def _meshed(part: Part, sizes: Sizes, terminal: int = 0) -> Grid:
-    """The mesh of a part, with a smaller shift where gmsh fails or leaves flat cells; terminal: 1 where it prints."""
-    failure = MeshError("gmsh left cells without volume; another mesh.h_contact may help")
+    """The mesh of a part, with a smaller shift where gmsh fails or leaves flat cells; terminal: 1 where it prints.
+
+    MeshError where none does; it says which other size at the contact was tried and can be meshed.
+    """
+    try:
+        return _shaken(part, sizes, terminal)
+    except MeshError as failure:
+        words = str(failure)
+    for factor in OTHER_SIZES:
+        if _can_be_meshed(part, replace(sizes, h_contact=factor * sizes.h_contact), terminal):
+            raise MeshError(f"{words}; a mesh.h_contact {factor:g} times as large was tried and can be meshed")
+    tried = " and ".join(f"{factor:g}" for factor in OTHER_SIZES)
+    raise MeshError(f"{words}; neither can it with a mesh.h_contact {tried} times as large, which were tried")
+
+
+def _can_be_meshed(part: Part, sizes: Sizes, terminal: int) -> bool:
+    """Whether a part can be meshed with other sizes."""
+    try:
+        _shaken(part, sizes, terminal)
+    except MeshError:
+        return False
+    return True
+
+
+def _shaken(part: Part, sizes: Sizes, terminal: int) -> Grid:
+    """As `_meshed`, of these sizes alone."""
+    failure = MeshError("gmsh left cells without volume")
     for milder in (1.0, 0.1, 0.01):  # 4 meshes in 10 of a strip had flat triangles at 1, none at 0.1
         try:
             grid = _generated(part, sizes, milder * _shake(part, sizes), terminal)
@@ -285,7 +312,7 @@ def _prescribe_sizes(gmsh: Gmsh, sizes: Sizes, dim: int) -> None:
     field, tags = gmsh.model.mesh.field, []
     around = [formula_around(*one, sizes.grading, dim) for one in sizes.inclusions]
     within = [formula_beside(*one, sizes.grading) for one in sizes.skins]
-    beside = [formula_at_face(film, sizes.axis[0], sizes.film_grading) for film in sizes.films]
+    beside = [formula_at_face(film, sizes.axis[0], sizes.grading) for film in sizes.films]
     for formula in (size_formula(sizes, dim), *around, *within, *beside):
         tags.append(field.add("MathEval"))
         field.setString(tags[-1], "F", formula)

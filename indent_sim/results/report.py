@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -40,6 +41,7 @@ from indent_sim.results.tables import EXPERIMENT
 from indent_sim.results.writer import to_json
 from indent_sim.results.xdmf import kept_steps, read_fields
 
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\d)")  # in a sentence
 MOST_ROWS = 100  # of a table; more are thinned
 OF_AUDIT = "The contact force against the supports' reactions, relative, at its worst; from 1e-8 on a row is refused."
 CAPTIONS = {"force": "Force over depth", "pressure": "Pressure on the surface at the largest force"}
@@ -129,10 +131,26 @@ def page(**parts: Any) -> str:
 
     parts = {"numbers": [], "said": [], "scene": "", "chosen": ""} | parts
     parts["pictures"] = [one for one in parts.get("pictures", ()) if one.svg]
+    parts["warnings"] = gathered(parts.get("warnings", ()))
     source = (files("indent_sim.results") / "report.html").read_text(encoding="utf-8")
     template = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True).from_string(source)
     text = template.render(program=PROGRAM, version=VERSION, **parts)
     return "".join(sign for sign in text if sign in "\n\t" or sign >= " ") + "\n"  # no control characters
+
+
+def gathered(warnings: Sequence[str]) -> list[str]:
+    """Warnings that differ in nothing but their numbers as one line each, with the range of every number."""
+    alike: dict[str, list[str]] = {}
+    for line in dict.fromkeys(warnings):
+        alike.setdefault(NUMBER.sub("#", line), []).append(line)
+    return [lines[0] if len(lines) == 1 else _as_one(lines) for lines in alike.values()]
+
+
+def _as_one(lines: Sequence[str]) -> str:
+    """Lines that are alike as one."""
+    numbers = [sorted(set(column), key=float) for column in zip(*map(NUMBER.findall, lines), strict=True)]
+    ranges = (column[0] if len(column) == 1 else f"{column[0]} to {column[-1]}" for column in numbers)
+    return f"{NUMBER.sub(lambda _: next(ranges), lines[0])} ({len(lines)} such warnings)"
 
 
 def _numbers(results: Results) -> list[tuple[str, str]]:

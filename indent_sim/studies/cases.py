@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from indent_sim.config.scene_file import located, varied
+from indent_sim.config.scene_file import Quantities, located, quantities_of, varied
 from indent_sim.config.schema import Config
-from indent_sim.config.strict_yaml import inline, short
+from indent_sim.config.strict_yaml import KeyPath, inline, key_path, short
 from indent_sim.process.errors import ConfigError, ConfigErrors
 from indent_sim.run.prospect import Prospect
 from indent_sim.studies.points import Multiple, Point, Setting
 from indent_sim.studies.study_file import StudyFile, Wanted
 
 DISCRETE = ("mesh", "contact", "solver")  # sections that choose how a scene is solved, not which scene it is
+MOST_TOLD = 20  # errors of one study
 HOW = ("accuracy", "material.formulation", "loading.steps")  # keys that do
 
 
@@ -36,6 +37,12 @@ class Case:
     def words(self) -> str:
         """The varied keys in words."""
         return ", ".join(f"{key}={short(value)}" for key, value in self.values.items())
+
+    @cached_property
+    def numbers(self) -> dict[str, Any]:
+        """The varied keys as a table has them: a quantity with a unit as a number in the scene's units."""
+        quantities = self.prospect.config.source.quantities
+        return {key: _in_scene_units(value, key_path(key), quantities) for key, value in self.values.items()}
 
     @cached_property
     def name(self) -> str:
@@ -58,6 +65,17 @@ class Case:
         return self.prospect.depths[-1]
 
 
+def _in_scene_units(value: Any, path: KeyPath, quantities: Quantities) -> Any:
+    """A value of a document with every quantity in it as the number that it stands for in the scene."""
+    if path in quantities:
+        return quantities[path][1]
+    if isinstance(value, Mapping):
+        return {key: _in_scene_units(part, (*path, key), quantities) for key, part in value.items()}
+    if isinstance(value, list):
+        return [_in_scene_units(part, (*path, index), quantities) for index, part in enumerate(value)]
+    return value
+
+
 @dataclass(frozen=True)
 class Refusal:
     """A point that the program refuses before anything is run, and why: a row of a study with a tolerance."""
@@ -66,6 +84,12 @@ class Refusal:
     point: Point
     named: dict[str, Any] | None
     error: ConfigError
+    quantities: Quantities = field(default_factory=dict)
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """The varied keys as a table has them: a quantity with a unit as a number in the scene's units."""
+        return {key: _in_scene_units(value, key_path(key), self.quantities) for key, value in self.values.items()}
 
     @property
     def values(self) -> dict[str, Any]:
@@ -92,8 +116,19 @@ def asked_for(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
         for refusal in refusals:
             told.setdefault(str(refusal.error), []).append(refusal)
         of_all = len(cases) + len(refusals)  # what is wrong with every run is wrong with what they share
-        raise ConfigErrors.of([one[0].error if len(one) == of_all else one[0].told for one in told.values()][:20])
+        errors = [one[0].error if len(one) == of_all else one[0].told for one in told.values()][:MOST_TOLD]
+        if cases and not study.members:
+            errors[-1] = _with_a_way_out(errors[-1], len(refusals), of_all)
+        raise ConfigErrors.of(errors)
     return cases, refusals
+
+
+def _with_a_way_out(error: ConfigError, refused: int, of_all: int) -> ConfigError:
+    """The last of the errors of a study, some of whose runs are possible: what lets it go on without the others."""
+    *others, last = error.errors
+    way = f"{refused} of {of_all} runs cannot be: with `tolerance` in the study they are rows that failed"
+    remedy = f"{last.remedy}; {way}" if last.remedy else way
+    return ConfigErrors.of([*others, replace(last, remedy=remedy)])
 
 
 def sorted_out(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
@@ -105,7 +140,7 @@ def sorted_out(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
         try:
             cases.append(build(index, wanted))
         except ConfigError as error:
-            refusals.append(Refusal(index, wanted.point, wanted.named, error))
+            refusals.append(Refusal(index, wanted.point, wanted.named, error, build.quantities(wanted)))
     return cases, refusals
 
 
@@ -122,6 +157,13 @@ class _Builder:
         prospect = _prospect(config, point)
         named = wanted.named or {key: value for key, value, _ in point}
         return Case(index, named, prospect, prospect.identity)
+
+    def quantities(self, wanted: Wanted) -> Quantities:
+        """What the quantities of a point are in its scene's units; none where one is no quantity."""
+        try:
+            return quantities_of(wanted.base, (*self._common, *wanted.point))
+        except ConfigError:
+            return {}
 
     def _number(self, value: object, wanted: Wanted) -> object:
         """A value at a point, a multiple of E*/h_contact in the user's units."""

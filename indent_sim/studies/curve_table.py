@@ -117,7 +117,7 @@ def rows(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Results]
     """One row per run and step: run, every varied key, then `CURVE_COLUMNS`; what is unknown is None."""
     found: list[Row] = []
     for case, results in ((case, done[case.id]) for case in cases if case.id in done):
-        head = {"run": results.path.name} | {key: case.values.get(key) for key in keys}
+        head = {"run": results.path.name} | {key: case.numbers.get(key) for key in keys}
         columns = {name: results.table.get(name, np.full(len(results), math.nan)) for name in CURVE_COLUMNS}
         for i in range(len(results)):
             values = {name: float(column[i]) for name, column in columns.items()}

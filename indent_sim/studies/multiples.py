@@ -365,6 +365,8 @@ def column_pictured(families: Families, column: str, title: str) -> Iterator[Fig
             _draw_over_each(figure, panels, families, over, (values, label))
         if over == (STIFFNESS,):
             _draw_pressure_over_stiffness(panels[0], families)
+            if min(values) > 0 and span(families.numbers(STIFFNESS)) > LOG_SPAN:
+                panels[0].set_yscale("log")  # it falls with the stiffness
         if panels[0].get_legend_handles_labels()[1]:
             canvas.legend_below(figure, panels[0])
         canvas.head(figure, title, f"{len(families.curves)} runs")

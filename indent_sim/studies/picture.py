@@ -95,16 +95,14 @@ def draw_curves(families: Families, title: str, path: Path) -> None:
 def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
     """The figure of the curves of a study's runs, of which there is at least one; of many that differ in several keys
     small multiples."""
-    if len(families.keys) > 1 and len(families.curves) > MOST_CURVES_NAMED:
-        held = _all_held([first_hold(curve.results) for curve in families.curves])
-        if not held:
-            with multiples.pictured(families, title) as figure:
-                yield figure
-            return
+    holds = [first_hold(curve.results) for curve in families.curves]
+    if len(families.keys) > 1 and len(families.curves) > MOST_CURVES_NAMED and not _all_held(holds):
+        with multiples.pictured(families, title) as figure:
+            yield figure
+        return
     numbers, count = families.numeric()[:3], len(families.curves)  # panels
     is_coloured = len(numbers) > 0 and (len(families.keys) == 1 or count > MOST_CURVES_NAMED)
     looks, names = _looks_of_all(families)
-    holds = [first_hold(curve.results) for curve in families.curves]
     longest = min(max(map(len, names), default=0), MOST_LEGEND_LETTERS)
     beside = 0.9 if is_coloured or not any(names) else 0.7 + canvas.LETTER * longest
     groups = {key: groups_of(families, key) for key in numbers}

@@ -103,7 +103,7 @@ def telling(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
 
 
 def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer | None, reference: str | None) -> Row:
-    named = {"index": case.index + 1, "run": case.id} | {key: case.values.get(key) for key in keys}
+    named = {"index": case.index + 1, "run": case.id} | {key: case.numbers.get(key) for key in keys}
     row: Row = named | dict.fromkeys(STUDY_COLUMNS) | {"status": "pending"}
     row |= {"method": case.prospect.scene.method, "stiffness": case.prospect.stiffness}
     if found is None:
@@ -120,7 +120,7 @@ def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer 
 
 
 def _refused(refusal: Refusal, keys: Sequence[str]) -> Row:
-    values = {key: refusal.values.get(key) for key in keys}
+    values = {key: refusal.numbers.get(key) for key in keys}
     stiffness = next((value.factor for value in values.values() if isinstance(value, Multiple)), None)
     row: Row = {"index": refusal.index + 1, "run": None} | values | dict.fromkeys(STUDY_COLUMNS)
     row |= {"method": values.get("contact.method"), "stiffness": stiffness, "status": "failed"}

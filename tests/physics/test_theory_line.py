@@ -71,3 +71,10 @@ def test_the_axis_is_at_zero(outcome):
     """And not at 1.5e-18, where a reader cannot find it."""
     x = read(outcome().directory).surface["x"]
     assert x.min() == x[0] == 0.0 and not ((x > 0) & (x < 1e-12)).any()
+
+
+def test_the_force_of_a_strip_is_one_per_length(outcome):
+    """Beside theory, whose number has the unit of a force over a length."""
+    done = outcome(body={"shape": "strip", "width": 2.0, "height": 1.0, "sides": "roller"})
+    assert "at delta 0.01: force per length " in line(done, "layer theory")
+    assert "at delta 0.01: force 0." in line(outcome(), "layer theory")

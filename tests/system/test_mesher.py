@@ -98,10 +98,25 @@ def test_a_flat_cell_is_told():
     assert gmsh.has_flat_cells(Grid(points, np.array([*halves, [2, 4, 3]])))
 
 
-def test_a_mesh_that_stays_flat_is_refused(monkeypatch):
-    monkeypatch.setattr(gmsh, "has_flat_cells", lambda grid: True)
+@pytest.mark.parametrize(
+    ("flat", "told"),
+    [
+        (100, "neither can it with a mesh.h_contact 1.1 and 0.9 times as large, which were tried"),
+        (3, "a mesh.h_contact 1.1 times as large was tried and can be meshed"),
+        (6, "a mesh.h_contact 0.9 times as large was tried and can be meshed"),
+    ],
+)
+def test_a_mesh_that_stays_flat_is_refused(monkeypatch, flat, told):
+    """And the message names a size that was tried; each is meshed with three shifts."""
+    seen = []
+
+    def is_flat(grid):
+        seen.append(len(grid.cells))
+        return len(seen) <= flat
+
+    monkeypatch.setattr(gmsh, "has_flat_cells", is_flat)
     gmsh._mesher.stop()  # forked anew, it knows
-    with pytest.raises(MeshError, match="cells without volume"):
+    with pytest.raises(MeshError, match=f"cells without volume; {told}"):
         grid_of(resolve(loads(SMALL)))
     gmsh._mesher.stop()
 

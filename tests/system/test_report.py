@@ -16,6 +16,7 @@ from made_results import a_result
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import load
+from indent_sim.results import report
 from indent_sim.run.chain import simulate
 from indent_sim.studies.study_report import of_study
 
@@ -247,3 +248,15 @@ def test_numbers_in_the_page_are_those_of_the_table():
     result.table["force"][-1], result.table["delta"][-1] = 0.0, 0.0
     assert dict(_numbers(result))["depth δ"] == "40 µm"
     assert np.isclose(float(dict(_numbers(result))["force F"].split()[0]), 1e3 * (4e-5) ** 1.5 * 1e6, rtol=1e-3)
+
+
+def test_alike_warnings_are_one_line_with_a_range() -> None:
+    """Forty runs of a study warned alike, of other numbers each: forty lines. What differs in words stays apart."""
+    words = "only {:g} elements in the contact radius: the force may be wrong by about {}e-2 %"
+    said = [words.format(n / 10, n) for n in range(5, 45)]
+    other = ["the contact comes close to the edge of the body", "depth is 12% of the thickness"]
+    assert report.gathered([*said, *other, *said]) == [
+        "only 0.5 to 4.4 elements in the contact radius: the force may be wrong by about 5e-2 to 44e-2 % "
+        "(40 such warnings)",
+        *other,
+    ]

@@ -51,7 +51,7 @@ class Axis:
 def in_print(unit: str) -> str:
     """A unit as it is printed: um and uN with their Greek letter."""
     parts = in_picture(unit).split("/")
-    return "/".join(f"µ{part[1:]}" if part.rstrip("²") in ("um", "uN") else part for part in parts)
+    return "/".join(f"µ{part[1:]}" if part.rstrip("²³") in ("um", "uN") else part for part in parts)
 
 
 def in_picture(text: str, most: int = 60) -> str:

@@ -136,9 +136,11 @@ def title_over(axes: Axes, words: str) -> None:
 
 
 def _width(axes: Axes) -> float:
-    """The width of a panel in a grid [inches], about, before it has its place."""
-    figure, columns = axes.get_figure(), axes.get_subplotspec().get_gridspec().ncols
-    return float(figure.bbox.width / figure.dpi / columns - BESIDE_PANEL * figure_font() / FONT)
+    """The width of a panel [inches]: in a grid about, before it has its place."""
+    figure, spec = axes.get_figure(), getattr(axes, "get_subplotspec", lambda: None)()
+    if spec is None:  # it has its place
+        return float(axes.get_window_extent().width / figure.dpi)
+    return float(figure.bbox.width / figure.dpi / spec.get_gridspec().ncols - BESIDE_PANEL * figure_font() / FONT)
 
 
 def colour_bar(panels: Sequence[Axes], drawn: Any, label: str, where: Where, **look: Any) -> Any:

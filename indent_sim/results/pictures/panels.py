@@ -105,11 +105,12 @@ def wish(given: Mapping[str, Any]) -> Wish:
 class _Panel:
     """One panel.
 
-    draw: draws into it, when it is told its height over its width; aspect: what that is at least, None where any will
-    do.
+    draw: draws into it, when it is told its height over its width; draw_alone: the same in a figure of somebody else;
+    aspect: what the height over the width is at least, None where any will do.
     """
 
     draw: Callable[[Axes, float], None]
+    draw_alone: Callable[[Axes], None]
     aspect: float | None = None
 
 
@@ -173,6 +174,13 @@ def pictured(runs: Sequence[Results], wish: Wish) -> Iterator[Figure]:
         yield figure
 
 
+def _height(row: _Row, part: SubFigure, panels: Sequence[Axes], dpi: float) -> float:
+    """The height of a row [inches] in which its panels have the height over width that they are drawn for."""
+    wide, high = part.bbox.width / dpi, part.bbox.height / dpi
+    panel = panels[0].get_position(original=True)
+    return high + row.lines * (row.aspect * panel.width * wide - panel.height * high)
+
+
 def draw_into(axes: Axes, runs: Sequence[Results], wish: Wish) -> None:
     """Draw the one panel that was wished for into axes of somebody else's figure, with its legend inside.
 
@@ -183,19 +191,20 @@ def draw_into(axes: Axes, runs: Sequence[Results], wish: Wish) -> None:
     if wish.units:
         runs = [replace(run, report=run.report | {SHOWN_UNITS: dict(wish.units)}) for run in runs]
     runs, names = named_apart(runs) if len(runs) > 1 else (list(runs), [""])
-    panels = _panels(runs, names, wish)
+    panels = _every_panel(runs, names, wish)
     if len(panels) != 1:
         raise UsageError(f"ax is for one panel, these are {len(panels)}", "name one of --what, --field and --steps")
-    panels[0].draw(axes, panels[0].aspect or LINE_ASPECT)
-    if axes.get_legend_handles_labels()[1]:
-        axes.legend()
+    panels[0].draw_alone(axes)
 
 
-def _height(row: _Row, part: SubFigure, panels: Sequence[Axes], dpi: float) -> float:
-    """The height of a row [inches] in which its panels have the height over width that they are drawn for."""
-    wide, high = part.bbox.width / dpi, part.bbox.height / dpi
-    panel = panels[0].get_position(original=True)
-    return high + row.lines * (row.aspect * panel.width * wide - panel.height * high)
+def _every_panel(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Panel]:
+    """All panels one by one, in the order of the wish."""
+    panels: list[_Panel] = []
+    for what in wish.what:
+        panels += _line_panels(runs, names, wish, what)
+        for maps in _maps(runs, names, wish, what):
+            panels += [_map_panel(maps, i) for i in range(len(maps.shown))]
+    return panels
 
 
 def _refuse_too_many(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> None:
@@ -247,7 +256,7 @@ def _laid_out(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list
     if count * columns > MOST_PANELS:
         problem = f"--layout {count}x{columns} is for {count * columns} panels"
         raise UsageError(problem, f"a picture has {MOST_PANELS} at most")
-    panels = _panels(runs, names, wish)
+    panels = _every_panel(runs, names, wish)
     if len(panels) > count * columns:
         raise UsageError(f"--layout {count}x{columns} has room for {count * columns} panels; these are {len(panels)}")
     narrow = NARROWEST_CELL * wish.font / canvas.FONT
@@ -255,16 +264,6 @@ def _laid_out(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list
         least = columns * narrow / MM
         raise UsageError(f"{columns} panels side by side with letters of {wish.font:g} pt need --width {least:.0f}")
     return [_side_by_side(part, columns) for part in _in_rows(panels, columns)]
-
-
-def _panels(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Panel]:
-    """All panels in the order of the wish, each map one of its own."""
-    panels: list[_Panel] = []
-    for what in wish.what:
-        panels += _line_panels(runs, names, wish, what)
-        for maps in _maps(runs, names, wish, what):
-            panels += [_map_panel(maps, i) for i in range(len(maps.shown))]
-    return panels
 
 
 def _line_panels(runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str) -> list[_Panel]:
@@ -289,7 +288,11 @@ def _line_panel(draw: Callable[[Axes], None]) -> _Panel:
         draw(axes)
         canvas.legend_under(axes)
 
-    return _Panel(into)
+    def alone(axes: Axes) -> None:
+        draw(axes)
+        axes.legend()
+
+    return _Panel(into, alone)
 
 
 def _pressure_curves(runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str) -> list[_Panel]:
@@ -325,7 +328,7 @@ def _map_panel(maps: FieldRow | PressureMaps, i: int) -> _Panel:
     def into(axes: Axes, aspect: float) -> None:
         maps.draw([axes], slice(i, i + 1), "bottom", aspect)
 
-    return _Panel(into, maps.aspect)
+    return _Panel(into, lambda axes: maps.draw([axes], slice(i, i + 1)), maps.aspect)
 
 
 def _side_by_side(panels: Sequence[_Panel], columns: int) -> _Row:

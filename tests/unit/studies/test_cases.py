@@ -96,3 +96,38 @@ def test_an_error_says_of_which_run_it_is(runs: str, names: list[str], tmp_path:
     (error,) = told.value.errors
     assert error.key == "material.relaxation" and all(name in error.problem for name in names)
     assert ("in the run of" in error.problem) == bool(names)
+
+
+MIXED = """
+base:
+  units: {length: um, force: nN}
+  body: {shape: layer, height: 10 um}
+  material: {model: linear_elastic, E: 1 kPa, nu: 0.3}
+  indenter: {shape: sphere, R: 5 um}
+  loading: {delta: 0.1 um, steps: 1}
+vary:
+  material: [{model: linear_elastic, E: 2 kPa, nu: 0.3}]
+  body.height: [5 um, 10000 nm, 0.05 um]
+"""
+
+
+def test_a_table_has_quantities_as_numbers_in_the_units_of_the_scene(tmp_path: Path) -> None:
+    """Also of what is refused, and in sections: 1 kPa was text, which nothing can plot."""
+    study = tmp_path / "study.yaml"
+    study.write_text(f"{MIXED}tolerance: 0.01\n")
+    found, refused = cases.asked_for(study_file.read(study))
+    assert [case.numbers["body.height"] for case in found] == [5.0, 10.0]
+    assert found[0].numbers["material"] == {"model": "linear_elastic", "E": pytest.approx(2.0), "nu": 0.3}
+    assert [one.numbers["body.height"] for one in refused] == [pytest.approx(0.05)]
+    assert found[0].name.startswith("material=") and "height=5_um" in found[0].name  # a name says what was written
+
+
+def test_one_impossible_combination_is_told_with_the_word_tolerance(tmp_path: Path) -> None:
+    study = tmp_path / "study.yaml"
+    study.write_text(MIXED)
+    with pytest.raises(ConfigError, match=r"1 of 3 runs cannot be: with `tolerance` in the study they are rows"):
+        cases.asked_for(study_file.read(study))
+    study.write_text(MIXED.replace("5 um, 10000 nm, ", ""))  # none can be
+    with pytest.raises(ConfigError) as told:
+        cases.asked_for(study_file.read(study))
+    assert "tolerance" not in str(told.value)
