@@ -130,7 +130,7 @@ def scenes_markdown() -> str:
     parts = [
         "# Shipped scenes\n\n"
         "Generated from the first lines of each scene by `scripts/reference_pages.py`. Each answers one question and\n"
-        "runs as it is: `indent-sim run configs/NAME.yaml`.\n",
+        "runs as it is by `indent-sim run`.\n",
     ]
     for heading, folder in (("Scenes", "configs"), ("Scenes of the contact notes", "configs/notes")):
         scenes = sorted((ROOT / folder).glob("*.yaml"))

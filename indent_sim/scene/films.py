@@ -23,7 +23,6 @@ from itertools import pairwise
 from math import inf, log
 
 import numpy as np
-from scipy.optimize import brentq
 
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Conductance
@@ -223,6 +222,8 @@ def size_for(
 
     def beyond(h: float) -> float:
         return max((share_of(row, h, diffusivity, per) for row in asked), default=0.0) - most
+
+    from scipy.optimize import brentq  # loaded by scenes that drain alone: `plan` of any other is quick
 
     if beyond(coarse) <= 0:
         return coarse

