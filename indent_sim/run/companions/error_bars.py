@@ -42,7 +42,7 @@ FLOOR = 0.2  # of CONSTANT n^-RATE, from which `accuracy` chooses n elements in 
 RADIUS = 0.08  # of the element where the contact ends, to which the radius is read off
 PRESSURE_RATE, PEAK = 2.0, 0.2  # of the largest pressure: quadratic elements have stresses of order 2
 
-# ---- what has not been decided yet ----------------------------------------------------------------------------------
+# ---- numbers that the table has not judged, or on few rows -----------------------------------------------------------
 
 # Of E* times the angle at which flat facets meet, the error of a pressure where they stand for a curved surface: 0.5 to
 # 0.75 on a dome of three to fourteen facets, under which pressures gather at corners

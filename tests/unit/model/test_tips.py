@@ -304,6 +304,16 @@ def test_a_paraboloid_through_points() -> None:
     assert difference.min() > -1e-15 and difference.max() < 1.01 / 40**2 / 8
 
 
+def test_a_hyperboloid_is_rounded_where_its_paraboloid_goes_over_into_its_cone() -> None:
+    """There its slope is 1/sqrt(2) of the cone's, the paraboloid's as large as the cone's: no mesh with larger elements
+    knows its largest pressure."""
+    tip = Hyperboloid(0.1, 70.0)
+    ((r, width),) = tip.creases()
+    flank = float(tip.slope(1e9))
+    assert r == 0.0 and width / tip.R == pytest.approx(flank, rel=1e-9)
+    assert float(tip.slope(width)) == pytest.approx(flank / 2**0.5, rel=1e-9)
+
+
 def test_a_plate_is_a_plane() -> None:
     """Its gap is the height below it, whatever the place."""
     x, y = POINTS
