@@ -6,6 +6,7 @@ from __future__ import annotations
 from itertools import combinations
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
@@ -76,7 +77,7 @@ def _is_seen(text: Any) -> bool:
 def _unseen(figure: Any) -> set[int]:
     """What is never drawn: numbers beyond the ends of an axis, and all that stands along axes that are switched off."""
     found: set[int] = set()
-    for axes in figure.axes:
+    for axes in figure.findobj(Axes):  # bars of colours inside a panel too
         for along in (axes.xaxis, axes.yaxis):
             ticks = [*along.get_major_ticks(), *along.get_minor_ticks()]
             drawn = along._update_ticks() if axes.axison and axes.get_visible() else []

@@ -19,7 +19,7 @@ from indent_sim.results.writer import plain
 from indent_sim.run.chain import config_of
 from indent_sim.run.companions import sensitivities as derivatives
 from indent_sim.run.prospect import foreseen
-from indent_sim.studies import conduct, curve_table
+from indent_sim.studies import conduct, curve_table, multiples
 from indent_sim.studies import plan as plan_study
 from indent_sim.studies.conduct import Study
 from indent_sim.studies.picture import curves_pictured
@@ -92,17 +92,16 @@ def study(
     return found
 
 
-def plot(
-    shown: Result | Study | Sequence[Result], what: str = "force", *, ax: Axes | None = None, **wish: Any
-) -> Figure:
+def plot(shown: Result | Study | Sequence[Result], what: str = "", *, ax: Axes | None = None, **wish: Any) -> Figure:
     """The figure of results or of a study, which a notebook shows; `figure.savefig(path)` writes it.
 
     Parameters
     ----------
     shown
-        Results, the folders of some, or a study, of which the curves are drawn.
+        Results, the folders of some, or a study.
     what
-        Panels, by commas: force, time, pressure, profile, fields, film.
+        Panels, by commas: force [this one], time, pressure, pressure_x, pressure_y, profile, fields, film. Of a study
+        curves [these], or one of force, a, p_max and penetration over what varies.
     ax
         Axes of a figure of your own, into which one panel is drawn: one of `what`, and of fields one of one step.
     wish
@@ -117,16 +116,19 @@ def plot(
     from indent_sim.results.pictures import canvas, panels
 
     if isinstance(shown, Study):
-        if wish or what != "force" or ax is not None:
-            raise UsageError("a study is drawn as its curves: give one of its runs for other panels")
+        if wish or ax is not None or what not in ("", "curves", *multiples.COLUMNS):
+            words = f"a study is drawn as curves, or as one of {', '.join(multiples.COLUMNS)}"
+            raise UsageError(f"{words}: give one of its runs for other panels")
         families = curve_table.of_runs(shown.directory / folder.RUNS, shown.rows, shown.keys)
         if not families.curves:
             raise UsageError(f"{shown.directory} has no run that is done")
         pictured = curves_pictured(families, shown.title)
+        if what in multiples.COLUMNS:
+            pictured = multiples.column_pictured(families, what, shown.title)
     else:
         several = [shown] if isinstance(shown, Results | str | Path) else list(shown)
         runs = [one if isinstance(one, Results) else reader.read(one) for one in several]
-        wished = panels.wish({"what": _words(what)} | _listed(wish))
+        wished = panels.wish({"what": _words(what or "force")} | _listed(wish))
         if ax is not None:
             panels.draw_into(ax, runs, wished)
             return ax.figure

@@ -277,6 +277,11 @@ def _tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[
     return found
 
 
+WHAT_HELP = (
+    "Panels, with commas: force, time, pressure, pressure_x, pressure_y, profile, fields, film; of a study one of "
+    "curves, force, a, p_max, penetration."
+)
+LIMITS_HELP = "Ends of the colours of a field, and of pressures, in the unit shown."
 SEGMENTS = ("approach", "hold", "retract", "all")  # of a measured curve
 SEGMENT_HELP = "Part of the curve; hold: up to its end."
 DESIGN_HELP = "Before a measurement: what a curve of this scene would tell of the keys; needs --noise."
@@ -534,10 +539,8 @@ def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[st
 
 
 @program.command()
-@click.argument("paths", metavar="RESULT_OR_CURVE...", nargs=-1, required=True, type=PATH)
-@click.option(
-    "--what", callback=_words, help="Panels: force, time, pressure, profile, fields, film; several with commas."
-)
+@click.argument("paths", metavar="RESULT_OR_CURVE...|STUDY", nargs=-1, required=True, type=PATH)
+@click.option("--what", callback=_words, help=WHAT_HELP)
 @click.option("--field", "fields", callback=_words, shell_complete=_fields, help="Fields, with commas [von_mises].")
 @click.option("--steps", callback=_words, help="Steps with commas, last or all [that of the largest force].")
 @click.option("--units", callback=_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa.")
@@ -545,24 +548,30 @@ def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[st
 @click.option("--layout", callback=_layout, metavar="ROWSxCOLUMNS", help="All panels in rows and columns, e.g. 1x3.")
 @click.option("--letters", flag_value="a", default="", help="Name the panels (a), (b), ...")
 @click.option("--dpi", type=Number(20, 2400), metavar="N", help="Points to the inch [160; of a PDF 300].")
-@click.option("--limits", callback=_limits, metavar="A:B", help="Ends of the colours of a field, in the unit shown.")
+@click.option("--limits", callback=_limits, metavar="A:B", help=LIMITS_HELP)
 @click.option("--zoom", callback=_zoom, metavar="X|all", help="Contact radii around the tip, or the whole body.")
 @click.option("--font-size", "font", type=Number(4, 40), metavar="PT", help="Font size in points [10].")
 @click.option("--output", type=PATH, help="Picture to write: .png, .svg or .pdf; or the force curve: .tab.")
 def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
-    """Draw finished results and measured curves over one another. Prints the picture's path.
+    """Draw finished results and measured curves over one another, or a study. Prints the picture's path.
 
     \b
     Without --what: force, contact radius and pressure of one result, force and contact radius of several; of a
-    body followed in time what changes over the time.
+    body followed in time what changes over the time; of a study its curves.
+    pressure_x and pressure_y are the pressure on a line through the tip's axis.
+    Of a study force, a, p_max and penetration are drawn over what varies, over two numbers as a map, the
+    penetration over epsilon_n where that varies.
     Fields: von_mises, principal_1, principal_2, principal_3, sigma_xx (of a body of revolution rr),
     sigma_yy, sigma_zz, sigma_xz, J, energy_density, displacement; with fluid pore_pressure, fluid_content;
     of gels swelling. A film shows states of one side by side, spread over the path.
     """
     from indent_sim.results import reader
+    from indent_sim.results.folder import held
     from indent_sim.results.pictures import canvas, panels
 
     given = {name: value for name, value in wish.items() if value}
+    if any(held(path) == "study" for path in paths):
+        return _plot_study(paths, output, given)
     wanted = panels.wish(given) if given else None
     runs = [reader.read(path) for path in paths]
     if output is not None and output.suffix.lower() == ".tab":
@@ -573,6 +582,41 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
         canvas.refuse_foreign(output)
     try:
         panels.draw(runs, wanted, output) if wanted else panels.draw_results(runs, output)
+    except OSError as error:
+        raise unwritable(output, error) from error
+    say(str(output))
+
+
+OF_STUDY = ("what", "dpi")  # options of a picture that one of a study heeds
+
+
+def _plot_study(paths: Sequence[Path], output: Path | None, given: dict[str, Any]) -> None:
+    """Draw the curves of a study, or a column of its table over what varies."""
+    from indent_sim.results.folder import RUNS
+    from indent_sim.results.pictures import canvas
+    from indent_sim.studies import curve_table, multiples, picture, study_report
+
+    if len(paths) > 1:
+        raise UsageError("a study is drawn by itself", "name one study, or folders of runs alone")
+    if unheeded := [name for name in given if name not in OF_STUDY]:
+        raise UsageError(f"the picture of a study heeds no {unheeded[0]}", "there are --what, --dpi and --output")
+    folder, (word, *more) = paths[0], given.get("what", ("curves",))
+    if more or word not in ("curves", *multiples.COLUMNS):
+        raise UsageError(f"--what of a study is one of curves, {', '.join(multiples.COLUMNS)}")
+    record, rows = study_report.read_study(folder)
+    families = curve_table.of_runs(folder / RUNS, rows, record["keys"])
+    if not families.curves:
+        raise UsageError(f"{folder} has no run that is done")
+    title = str(record.get("title") or folder.resolve().name)
+    if output is None:
+        output = folder / f"{word}.png"
+        canvas.refuse_foreign(output)
+    drawn = picture.curves_pictured(families, title)
+    if word != "curves":
+        drawn = multiples.column_pictured(families, word, title)
+    try:
+        with drawn as figure:
+            canvas.save(figure, output, given.get("dpi"))
     except OSError as error:
         raise unwritable(output, error) from error
     say(str(output))
@@ -779,7 +823,9 @@ def together(comm: Any) -> Iterator[None]:
 def _simulate(settings: Config, comm: Any, directory: Path, told: Told, **how: Any) -> Outcome:
     from indent_sim.run.chain import simulate as simulate
 
-    shown: AbstractContextManager[Any] = terminal.progress(tell) if comm.rank == 0 and told == "all" else nullcontext()
+    shown: AbstractContextManager[Any] = nullcontext()
+    if comm.rank == 0 and told == "all":
+        shown = terminal.progress(tell, settings)
     try:
         with shown as show, _quiet_libraries(logging.ERROR if comm.rank else LEVELS[told]):  # rank 0 speaks for all
 

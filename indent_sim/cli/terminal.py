@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from indent_sim.run.requirements.cheapest import Requirements
     from indent_sim.run.requirements.effects import Effect
     from indent_sim.run.simulation import Progress
+    from indent_sim.run.summary import Loop
     from indent_sim.studies import StudyPlan
 
 TIMES_IN_WORDS = {  # of a scene that is followed in time, in words
@@ -41,12 +42,13 @@ Report = dict[str, Any]  # of a run, or a part of one
 
 
 @contextmanager
-def progress(tell: Callable[[str], None]) -> Iterator[Progress]:
+def progress(tell: Callable[[str], None], config: Config) -> Iterator[Progress]:
     """A function to call with every state: a bar on a terminal, plain lines in a log (stderr)."""
-    pace = Pace()
+    pace, is_flat = Pace(), "plane_strain" in (config.mesh.symmetry, getattr(config.body, "kinematics", ""))
+    units = _units_of_rows(vars(config.units), is_flat or config.body.shape == "strip")
     if not sys.stderr.isatty():
         yield lambda state, step, total: _log(
-            tell, str(state), f"{state.newton_iterations} iterations", step, total, pace
+            tell, state.said(units), f"{state.newton_iterations} iterations", step, total, pace
         )
         return
     from rich import progress as bars
@@ -56,14 +58,22 @@ def progress(tell: Callable[[str], None]) -> Iterator[Progress]:
     with bars.Progress(*columns, bars.TimeElapsedColumn(), console=Console(stderr=True)) as bar:
         task = bar.add_task("building the model", total=None)
         yield lambda state, step, total: bar.update(
-            task, completed=step, total=total, description=f"{state}  {pace.after(total - step)[1]}"
+            task, completed=step, total=total, description=f"{state.said(units)}  {pace.after(total - step)[1]}"
         )
 
 
+def _units_of_rows(units: Mapping[str, str], is_flat: bool) -> dict[str, str]:
+    """The units of time, depth, force and contact radius, as far as the scene has units; in plane strain forces are per
+    length."""
+    length, force = units.get("length", ""), units.get("force", "")
+    line = f"{force}/{length}" if is_flat and force and length else force
+    return {"t": "s" if length else "", "delta": length, "a": length, "force": line}
+
+
 def conclusion(outcome: Outcome) -> list[str]:
-    """The last lines of a run: its last row, theory beside it, the picture, and the warnings."""
+    """The last lines of a run: theory beside it, the picture, the warnings, and the row that it was made for."""
     report, theory = outcome.report, _part(outcome.report, "theory")
-    lines = [f"step {state.step}: {state}" for state in outcome.states[-1:]]
+    lines = []
     rows, before = len(outcome.states), outcome.resumed_after
     if before:
         some = f"resumed: {before} of the {rows} rows were there"
@@ -91,7 +101,45 @@ def conclusion(outcome: Outcome) -> list[str]:
         lines.append(f"in time by {report['time']['method']}: {report['time']['why']}")
     pictures = (outcome.directory / name for name in ("force_indentation.png", "experiment.png"))
     lines += [f"picture: {picture}" for picture in pictures if picture.exists()]
-    return lines + warnings(outcome)
+    return lines + warnings(outcome) + _answer(outcome)
+
+
+def _answer(outcome: Outcome) -> list[str]:
+    """What a run was made for: its last row, of a path that goes back or lasts also its loop and its largest force."""
+    from indent_sim.run.summary import loop_of, row_of_interest
+
+    states, report = outcome.states, outcome.report
+    if not states:
+        return []
+    units = _units_of_rows(_entries(report.get("units") or {}), _is_flat(report))
+    last = f"step {states[-1].step}: {states[-1].said(units)}"
+    top = row_of_interest(states, report.get("control") == "force")
+    if top is states[-1]:
+        return [last]
+    loses_work = any(state.t is not None or state.dissipation for state in states) or "adhesion" in report
+    loop = loop_of(states) if loses_work else None  # an elastic body comes back along the way in
+    return [last, *_loop(loop, units), f"largest force, step {top.step}: {top.said(units)}"]
+
+
+def _is_flat(report: Report) -> bool:
+    """Whether forces are per length."""
+    choices = map(_entries, _part(report, "plan").get("choices") or [])
+    return any(one["key"] == "kinematics" and one["value"] == "plane_strain" for one in choices)
+
+
+def _entries(part: Any) -> Mapping[str, Any]:
+    """A part of a report as a mapping: of a run that was there before it was read from run.json."""
+    return part if isinstance(part, Mapping) else vars(part)
+
+
+def _loop(found: Loop | None, units: Mapping[str, str]) -> list[str]:
+    """The loop of a path that comes back, in words."""
+    if found is None:
+        return []
+    unit = f"{units['force']} {units['delta']}".strip()
+    said = f"loop of force over depth: area {found.area:.4g} ± {found.error:.1g} {unit}".rstrip()
+    open_end = "" if found.is_closed else ", not closed: the tip still pushes"
+    return [f"{said}, {100 * found.area / found.way_in:.3g} % of the work of the way in{open_end}"]
 
 
 def warnings(outcome: Outcome) -> list[str]:

@@ -312,7 +312,7 @@ def _prescribe_sizes(gmsh: Gmsh, sizes: Sizes, dim: int) -> None:
     field, tags = gmsh.model.mesh.field, []
     around = [formula_around(*one, sizes.grading, dim) for one in sizes.inclusions]
     within = [formula_beside(*one, sizes.grading) for one in sizes.skins]
-    beside = [formula_at_face(film, sizes.axis[0], sizes.film_grading) for film in sizes.films]
+    beside = [formula_at_face(film, sizes.axis[0], sizes.grading) for film in sizes.films]
     for formula in (size_formula(sizes, dim), *around, *within, *beside):
         tags.append(field.add("MathEval"))
         field.setString(tags[-1], "F", formula)

@@ -10,9 +10,6 @@ import numpy as np
 from indent_sim.mesh.modelled_part import Side
 from indent_sim.model.body import EllipsoidInclusion, Inclusion, Shell
 
-# Times as fast as elsewhere sizes grow from a drained face, at most at this rate: it takes half as many elements, and
-# what a film costs goes with the first of them
-FILM_GROWTH, STEEPEST_FILM = 2.0, 0.5
 DOUBTFUL_ELEMENTS = 3.0  # elements per contact radius below which results are doubtful
 
 
@@ -21,7 +18,7 @@ class Film:
     """A drained face of a section, beside which the pressure of the fluid changes within a film.
 
     Elements at the face have the size h [length], up to a distance `reach` [length] from where the tip touches first;
-    from there sizes grow by `film_grading` along the face and away from it alike.
+    from there sizes grow by `grading` along the face and away from it alike.
     """
 
     side: Side
@@ -81,11 +78,6 @@ class Sizes:
         """(r, depth, size) [length] of the places towards which elements shrink: a punch's edge, the felt corners."""
         edge = [] if self.edge is None or self.h_edge is None else [(self.edge, 0.0, self.h_edge)]
         return edge + [(r, depth, self.h_corner) for r, depth in self.corners if self.h_corner is not None]
-
-    @property
-    def film_grading(self) -> float:
-        """Growth of the size per unit distance from a drained face: nothing but a film ends there."""
-        return min(FILM_GROWTH * self.grading, STEEPEST_FILM)
 
     @property
     def slope(self) -> float:

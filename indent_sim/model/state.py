@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -111,7 +112,15 @@ class State:
 
     def __str__(self) -> str:
         """What a log says of it."""
-        return f"delta {self.delta:.6g}  force {self.force:.6g}  a {self.a:.6g}"
+        return self.said({})
+
+    def said(self, units: Mapping[str, str]) -> str:
+        """Time, depth, force and contact radius in words, each with its unit where `units` has it, by these names."""
+        numbers = {"t": self.t, "delta": self.delta, "force": self.force, "a": self.a}
+        known = {
+            name: value for name, value in numbers.items() if value is not None and (name != "t" or value == value)
+        }
+        return "  ".join(f"{name} {value:.6g} {units.get(name, '')}".rstrip() for name, value in known.items())
 
     def in_units(self, scales: Scales) -> State:
         """The same state measured in the user's units, of which the scales are the scene's."""

@@ -134,7 +134,7 @@ center [length] $(x_0, y_0)$: where the tip's axis meets the surface, [x, y] or 
 
 ## Contact
 method: which algorithm; auto: the program chooses and says why
-epsilon_n [pressure/length] $\varepsilon_n$: contact stiffness of penalty, augmented Lagrangian and Uzawa; falls with E* where shear relaxes
+epsilon_n [pressure/length] $\varepsilon_n$: contact stiffness; falls with E* where shear relaxes
 gamma [pressure/length] $\gamma$: stabilisation of Nitsche's method
 contact.gap: reference: the gap is tested at the undeformed point, pressure along z; current: at the deformed point,
   pressure along the tip's normal; auto: reference at small strain

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,7 @@ from indent_sim.theory.theory import Theory
 if TYPE_CHECKING:
     from indent_sim.theory.surface.adhesion import Contact  # with scipy's searches
 
+SAME_FORCE = 1e-6  # relative: rows with one force, but for what the solver leaves of it
 FORMULA_POINTS, OF_THEORY = 50, 20  # of the curves kept for the plot, a formula's and theory's
 
 
@@ -68,6 +70,58 @@ def energy_balance(states: list[State]) -> float | None:
     force = np.array([0.0, *(state.force for state in states)])
     work = float(np.sum(np.diff(delta) * (force[1:] + force[:-1]) / 2))
     return work / spent - 1
+
+
+def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State:
+    """The row that a run was made for: that of the largest force, the last one where no force pushes.
+
+    Of several rows of this force the first, or where forces are prescribed the deepest, as of a creep.
+    """
+    top = max(state.force for state in states)
+    if not top > 0:
+        return states[-1]
+    alike = [state for state in states if state.force >= (1 - SAME_FORCE) * top]
+    return max(alike, key=lambda state: state.delta) if is_force_prescribed else alike[0]
+
+
+@dataclasses.dataclass(frozen=True)
+class Loop:
+    """The loop of force over depth of a path that comes back.
+
+    area [force length]: between the way in and the way back, the work that the tip is not given back; error: of the
+    straight lines between rows, estimated; way_in: the work of the way in; is_closed: the tip does not push at the end.
+    """
+
+    area: float
+    error: float
+    way_in: float
+    is_closed: bool
+
+
+def loop_of(states: Sequence[State]) -> Loop | None:
+    """The loop of a path; None where the tip does not come back.
+
+    The area is that of straight lines through the rows, whose error goes with the square of their distance: a third
+    of what leaving out every second row between turning points changes.
+    """
+    rows = [(state.delta, state.force) for state in states]
+    if rows[0][0] > 0:  # the way in begins at first touch
+        rows.insert(0, (0.0, 0.0))
+    steps = [end[0] - begin[0] for begin, end in pairwise(rows)]
+    work = [_work(*step) for step in pairwise(rows)]
+    way_in = sum(part for part, step in zip(work, steps, strict=True) if step > 0)
+    if min(steps, default=0.0) >= 0 or not way_in > 0:
+        return None
+    turns = [i for i in range(1, len(steps)) if steps[i - 1] * steps[i] <= 0]
+    kept = sorted({*range(0, len(rows), 2), *turns, len(rows) - 1})
+    rough = sum(_work(rows[one], rows[other]) for one, other in pairwise(kept))
+    is_closed = not (rows[-1][0] > 0 and rows[-1][1] > 0)
+    return Loop(sum(work), abs(sum(work) - rough) / 3, way_in, is_closed)
+
+
+def _work(begin: tuple[float, float], end: tuple[float, float]) -> float:
+    """The work of a force that is straight between two pairs of depth and force."""
+    return (end[0] - begin[0]) * (begin[1] + end[1]) / 2
 
 
 def known_pulls(said: Mapping[str, Any]) -> list[tuple[str, float]]:

@@ -182,7 +182,7 @@ def _elements_in(skin: Shell, inside: float, sizes: Sizes, part: Part) -> float:
 def _elements_at(film: Film, sizes: Sizes, part: Part) -> float:
     """Elements at a drained face of a section beyond those without a film there.
 
-    The integral of 1/(h + film_grading d)^2 - 1/there^2 over the distance d from the face, as far as it is above 0, and
+    The integral of 1/(h + grading d)^2 - 1/there^2 over the distance d from the face, as far as it is above 0, and
     over the length s along it from where it is nearest to the tip.
     """
     (x0, z0), (x1, z1) = film.side.start, film.side.end
@@ -192,7 +192,7 @@ def _elements_at(film: Film, sizes: Sizes, part: Part) -> float:
     depth = 0.0 if film.side.surface == "top" else part.height
     r, z = (s, np.full_like(s, depth)) if is_level else (np.full_like(s, abs(x0 - sizes.axis[0])), s)
     there = sizes.at(r, z)
-    growth = sizes.film_grading
+    growth = sizes.grading
     h = np.minimum(film.h + growth * np.maximum(np.hypot(r, z) - film.reach, 0.0), there)
     across = (1 / h - 1 / there) / growth - (there - h) / (growth * there**2)
     return float((_sectors(sizes, part) if is_level else 1.0) * (across * ds).sum())

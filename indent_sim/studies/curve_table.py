@@ -16,6 +16,7 @@ from indent_sim.process.errors import IndentSimError, UsageError
 from indent_sim.results.reader import Results, read_run
 from indent_sim.studies import study_table
 from indent_sim.studies.cases import Case
+from indent_sim.studies.points import STIFFNESS_UNIT, Multiple
 from indent_sim.studies.study_table import Row
 
 CURVE_COLUMNS = ("step", "delta", "force", "a", "force_error")
@@ -104,6 +105,8 @@ def _section(value: object) -> Mapping[str, object] | None:
 
 def amount(value: object) -> tuple[float, str | None]:
     """A value as a number and its unit, "" of a plain number; the unit of a word, nan, is None."""
+    if isinstance(value, Multiple):
+        return value.factor, STIFFNESS_UNIT
     if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
         return float(value), ""
     match = QUANTITY_PATTERN.fullmatch(value) if isinstance(value, str) else None

@@ -18,16 +18,26 @@ from indent_sim.config.strict_yaml import short
 from indent_sim.results.folder import Report
 from indent_sim.results.hold import Hold, first_hold
 from indent_sim.results.pictures import canvas
-from indent_sim.results.pictures.axes import Axis, axis, in_picture, unit_of_key
+from indent_sim.results.pictures.axes import axis, in_picture
 from indent_sim.results.pictures.canvas import FORMULA_STYLE, Axes, Figure, Look
-from indent_sim.results.pictures.curves import Colour, smooth
+from indent_sim.results.pictures.curves import smooth
 from indent_sim.results.pictures.forces import draw_force, draw_many
 from indent_sim.results.reader import MEASURED, Results
-from indent_sim.studies import study_table
+from indent_sim.studies import multiples, study_table
 from indent_sim.studies.curve_table import Families, told_apart
+from indent_sim.studies.multiples import (
+    DASHES,
+    LOG_SPAN,
+    MOST_COLOURS,
+    MOST_GROUPS,
+    few_decades,
+    groups_of,
+    label_of,
+    looks_by,
+    span,
+)
 from indent_sim.studies.study_table import Row
 
-MOST_COLOURS = len(canvas.COLOURS)
 MOST_NAMED = 8  # points of the front that are named
 LABEL_DISTANCE = (0.03, 0.045)  # of the panel's width or height: points that are nearer have no room for a number each
 FEW_COLOURS, INCHES = 4, 0.2  # from how many groups on the picture grows, and by how much for each
@@ -36,8 +46,6 @@ NAME_LETTERS = 44  # of a line of what a point of the front is, of which there a
 SPAN = 3.0  # from which ratio of largest to smallest an axis is logarithmic
 ONE_PERCENT = 0.01
 CURVE_PANEL = 4.4  # inches: width and height of the panels of curves.png
-MOST_GROUPS = 12  # lines in them that are named
-DASHES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (5, 1.5, 1, 1.5)))  # of lines that share a colour
 BAR_WIDTH = 0.2  # inches: width of a bar of colours
 MOST_ABREAST = 24  # letters of names of which two stand side by side below a panel
 NAMES_HEIGHT = 1.4  # inches: of names below a panel that take room from it; more make the picture higher
@@ -45,7 +53,6 @@ MOST_CURVES_NAMED = 8  # beside the panels
 SAME_FORMULA = 1e-3  # relative, between points of a curve
 BOARD_LINE, LEAST = 0.27, 0.1  # inches of a line of the scoreboard; per cent where its axis turns logarithmic
 BOARD_MARK: Look = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
-LOG_SPAN = 20.0  # from which ratio of largest to smallest a varied number is logarithmic
 LOG_FORCES = 1000.0  # likewise depths and forces: on linear axes most curves would lie on zero
 
 
@@ -86,14 +93,19 @@ def draw_curves(families: Families, title: str, path: Path) -> None:
 
 @contextmanager
 def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
-    """The figure of the curves of a study's runs, of which there is at least one."""
+    """The figure of the curves of a study's runs, of which there is at least one; of many that differ in several keys
+    small multiples."""
+    holds = [first_hold(curve.results) for curve in families.curves]
+    if len(families.keys) > 1 and len(families.curves) > MOST_CURVES_NAMED and not _all_held(holds):
+        with multiples.pictured(families, title) as figure:
+            yield figure
+        return
     numbers, count = families.numeric()[:3], len(families.curves)  # panels
     is_coloured = len(numbers) > 0 and (len(families.keys) == 1 or count > MOST_CURVES_NAMED)
     looks, names = _looks_of_all(families)
-    holds = [first_hold(curve.results) for curve in families.curves]
     longest = min(max(map(len, names), default=0), MOST_LEGEND_LETTERS)
     beside = 0.9 if is_coloured or not any(names) else 0.7 + canvas.LETTER * longest
-    groups = {key: _groups_of(families, key) for key in numbers}
+    groups = {key: groups_of(families, key) for key in numbers}
     named = {key: list(found) for key, found in groups.items() if _group_looks(families, key)}
     abreast = 2 if max((len(name) for known in named.values() for name in known), default=0) <= MOST_ABREAST else 1
     lines = canvas.LINE * max([0, *(-(-len(known) // abreast) + 1 for known in named.values())])
@@ -111,8 +123,10 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
         shown = held if _all_held(holds) else "every force at its run's own depth"
         canvas.head(figure, title, f"{count} run{'s' * (count > 1)}  ·  {shown}")
         if is_coloured:
-            colours = _colours_of(axes["names"], families, numbers[0])
-            looks, names = [{"color": colour, "ls": "-"} for colour in colours], [""] * count
+            looks, colours = looks_by(families, numbers[0])
+            names = [""] * count
+            label = label_of(families, numbers[0])
+            figure.colorbar(colours, cax=axes["names"], label=label).outline.set_visible(False)
         _curves(axes["curves"], families, looks, names, holds)
         for key in numbers:
             _over(axes[key], families, key, looks, holds)
@@ -206,28 +220,6 @@ def _board_line(axes: Axes, place: int, row: Row) -> None:
         axes.errorbar(row["ours_difference"], place, xerr=bar, label="ours" if is_first else None, **look)
 
 
-def _colours_of(axes: Axes, families: Families, key: str) -> list[Colour]:
-    """Colours of the curves by a number that varies; what they stand for is drawn into the axes."""
-    from matplotlib import colormaps
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
-
-    values = families.numbers(key)
-    low, high = min(values), max(values)
-    norm = (LogNorm if low > 0 and high > LOG_SPAN * low else Normalize)(low, high if high > low else low + 1)
-    seen = colormaps["viridis"]  # without its lightest yellow, which is lost on white
-    shades = LinearSegmentedColormap.from_list("shades", seen(np.linspace(0.0, 0.9, 256)))
-    bar = axes.figure.colorbar(ScalarMappable(norm, shades), cax=axes, label=_label(families, key))
-    bar.outline.set_visible(False)
-    return [tuple(colour) for colour in seen(0.9 * np.asarray(norm(values))).tolist()]
-
-
-def _label(families: Families, key: str) -> str:
-    """The name of a varied number with its unit."""
-    unit = families.unit(key) or unit_of_key(key, families.curves[0].results)
-    return Axis(in_picture(families.told(key)), unit=unit).label
-
-
 Holds = Sequence[Hold | None]
 
 
@@ -252,9 +244,9 @@ def _curves(axes: Axes, families: Families, looks: Sequence[Look], names: Sequen
         (line,) = axes.plot(*smooth(*drawn), **FORMULA_STYLE, label=in_picture(f"{hertz['name']}, half-space"))
         axes.legend(handles=[line], loc="upper left")  # where no force is
     axes.set(xlabel=depth.label, ylabel=force.label)
-    if _span([run["delta"].max() for run in runs]) >= LOG_FORCES:
+    if span([run["delta"].max() for run in runs]) >= LOG_FORCES:
         axes.set_xscale("log")
-    if _span([run["force"].max() for run in runs]) >= LOG_FORCES:
+    if span([run["force"].max() for run in runs]) >= LOG_FORCES:
         axes.set_yscale("log")
     else:
         axes.axhline(0, color=canvas.GREY, lw=0.6, zorder=0)
@@ -263,11 +255,6 @@ def _curves(axes: Axes, families: Families, looks: Sequence[Look], names: Sequen
 def _is_curve(run: Results) -> bool:
     """Whether a line goes through its rows: one alone has a mark, measured ones are points."""
     return len(run) > 1 and not run.report.get(MEASURED)
-
-
-def _span(values: Sequence[float] | np.ndarray) -> float:
-    """Ratio of the largest to the smallest of positive numbers; 1 where one is not."""
-    return float(np.max(values) / np.min(values)) if np.min(values) > 0 else 1.0
 
 
 def _formula_of_all(runs: Sequence[Results]) -> Report | None:
@@ -300,7 +287,7 @@ def _over(axes: Axes, families: Families, key: str, looks: Sequence[Look], holds
     force, held = axis("force", [curve.results for curve in families.curves]), _all_held(holds)
     own, values = _group_looks(families, key), families.numbers(key)
     y = [hold.half_time for hold in held] or [float(force(_told_force(curve.results))) for curve in families.curves]
-    for name, places in _groups_of(families, key).items():
+    for name, places in groups_of(families, key).items():
         along = sorted(places, key=lambda place: values[place])
         x_y = [values[place] for place in along], [y[place] for place in along]
         if own:
@@ -309,13 +296,13 @@ def _over(axes: Axes, families: Families, key: str, looks: Sequence[Look], holds
         axes.plot(*x_y, lw=1.0, color=canvas.GREY, zorder=1)
         axes.scatter(*x_y, s=14, color=[looks[place]["color"] for place in along], zorder=2)
     in_time = all("t" in curve.results.table for curve in families.curves)
-    if _span(values) > (1.0 if held else LOG_SPAN):
+    if span(values) > (1.0 if held else LOG_SPAN):
         axes.set_xscale("log")
-        _tick_few_decades(axes, _span(values))
-    if held or _span(y) >= LOG_FORCES:
+        few_decades(axes.xaxis, span(values))
+    if held or span(y) >= LOG_FORCES:
         axes.set_yscale("log")
     axes.set(
-        xlabel=_label(families, key),
+        xlabel=label_of(families, key),
         ylabel=f"half of the fall is over at t{_seconds(families)}"
         if held
         else f"{'largest' if in_time else 'last'} {force.label}",
@@ -324,14 +311,6 @@ def _over(axes: Axes, families: Families, key: str, looks: Sequence[Look], holds
 
 def _told_force(run: Results) -> float:
     return float(run["force"][study_table.answer_row(run)])
-
-
-def _groups_of(families: Families, key: str) -> dict[str, list[int]]:
-    """The places of the curves by their other varied keys, in words."""
-    groups: dict[str, list[int]] = {}
-    for place, name in enumerate(families.names([other for other in families.keys if other != key])):
-        groups.setdefault(name, []).append(place)
-    return groups
 
 
 def _work(axes: Axes, groups: dict[str, list[Row]]) -> None:
@@ -434,22 +413,12 @@ def _mark(i: int) -> Look:
     return {"color": colour, "marker": canvas.MARKERS[i % 7], "ms": 6, "mec": "white", "mew": 0.6, "zorder": 3}
 
 
-def _tick_few_decades(axes: Axes, ratio: float) -> None:
-    """Plain numbers on a logarithmic axis of x whose largest number is less than 100 times the smallest."""
-    from matplotlib.ticker import LogLocator
-
-    if ratio < 100:
-        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if ratio > 5 else (1, 1.5, 2, 3, 4, 5, 6, 8)))
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_formatter("")
-
-
 def _log_axes(axes: Axes, x: str, values: Sequence[float], span: float = SPAN) -> None:
     """|error| on a logarithmic axis, and the other logarithmic where its numbers span enough."""
     axes.set(yscale="log", xlabel=x, ylabel="|relative error of the force|")
     if min(values) > 0 and max(values) > span * min(values):
         axes.set_xscale("log")
-        _tick_few_decades(axes, max(values) / min(values))
+        few_decades(axes.xaxis, max(values) / min(values))
     axes.axhline(ONE_PERCENT, color=canvas.GREY, lw=0.6, ls=":", zorder=1)
     at_right: Look = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "bottom", "fontsize": 8}
     axes.annotate("1 %", (1, ONE_PERCENT), color=canvas.GREY, **at_right)

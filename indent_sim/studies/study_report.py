@@ -24,7 +24,7 @@ NUMBER_COLUMNS = ("force_error_vs", "cpu_s")
 
 def of_study(folder: Path) -> str:
     """The page of a study's folder; UsageError when it holds none that can be read."""
-    record, rows = _read(folder)
+    record, rows = read_study(folder)
     title = str(record.get("title") or folder.resolve().name)
     names = [name for name in (rows[0] if rows else {}) if not name.startswith(("cpu_", "peak_", "memory_", "wall_s"))]
     shown = [name for name in names if name != "warnings" and any(row[name] is not None for row in rows)]
@@ -47,7 +47,7 @@ def of_study(folder: Path) -> str:
     return page(title=title, subtitle=subtitle, failure=failure, **seen)
 
 
-def _read(folder: Path) -> tuple[Report, list[Row]]:
+def read_study(folder: Path) -> tuple[Report, list[Row]]:
     """study.json and the rows of study.csv; UsageError when they are missing or damaged."""
     try:
         record = read_report(folder, RECORD)

@@ -117,7 +117,14 @@ def of_processes(repeat: int) -> dict[str, str]:
         "deep": deep(repeat),
         "ranks": ranks(repeat),
         "predictions": predictions(),
+        "error_bars": of_error_bars(),
     }
+
+
+def of_error_bars() -> str:
+    """The tables that `scripts/make_error_bar_table` has written into the page, which stay."""
+    _, _, rest = PAGE.read_text(encoding="utf-8").partition("<!-- error bars -->")
+    return rest.partition("<!-- end of error bars -->")[0].strip()
 
 
 def steps(repeat: int) -> str:

@@ -91,8 +91,8 @@ def test_a_body_that_keeps_next_to_nothing_of_its_shear(method: str) -> None:
 
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty"])
 def test_a_power_law(method: str) -> None:
-    """At every moment it is nearly the body of the modulus of that moment: the force is 1.3 % larger, of which the ramp,
-    a hundredth of the hold, leaves 0.2 % and the bulk modulus delays the rest; and so is p_max, to 1e-3 of it."""
+    """At every moment it is nearly the body of the modulus of that moment: the force is 1.3 % larger, of which the
+    ramp, a hundredth of the hold, leaves 0.2 % and the bulk modulus delays the rest; so is p_max, to 1e-3 of it."""
     left = (1.0 / 1e-3) ** -0.4
     like, rest = at_rest(left, method)
     law = {"power_law": {"exponent": 0.4, "time": 1e-3}}

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_results import a_result
+from matplotlib.axes import Axes
 from matplotlib.collections import TriMesh
 from test_results import some_fields
 
@@ -226,6 +227,72 @@ class TestPressure:
             label.get_window_extent().extents[[0, 2]].tolist() for label in axes.get_xticklabels() if label.get_text()
         )
         assert all(before[1] < after[0] for before, after in pairwise(ends))
+
+
+def a_bump(center: tuple[float, float] | None = None, **report):
+    """A map whose pressure says where it was taken: 1 - x/3 - y/9 inside the contact, from the tip's axis."""
+    result = a_result("three_dimensional", units={}, **({"center": list(center)} if center else {}), **report)
+    x, y = (result.surface[name] - at for name, at in zip(("x", "y"), center or (0.0, 0.0), strict=True))
+    inside = np.hypot(x, y) <= result["a"][-1]
+    result.surface["pressure"] = np.where(inside, 1 - x / 3 / x.max() - y / 9 / y.max(), 0.0)
+    return result
+
+
+class TestPressureOfThreeDimensions:
+    def test_maps_of_several_runs_share_colours_and_frame(self, drawn):
+        """The second presses twice as hard on three times the radius: one bar for both, up to the larger pressure."""
+        one, other = a_result("three_dimensional", units={}, title="soft"), a_result("three_dimensional", units={})
+        other.surface["pressure"] = 2 * other.surface["pressure"]
+        for name in ("x", "y"):
+            other.surface[name] = 3 * other.surface[name]
+        other.table["a"] = 3 * other["a"]
+        figure = drawn([one, other], what=("pressure",))
+        maps = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
+        limits = {(axes.get_xlim(), axes.get_ylim()) for axes in maps}
+        assert len(maps) == 2 and len(limits) == 1
+        assert maps[0].get_xlim()[1] == pytest.approx(1.5 * other["a"][-1])
+        (bar,) = [axes for axes in figure.axes if axes.get_label() == "<colorbar>"]
+        assert max(bar.get_ylim()) == pytest.approx(other.surface["pressure"].max(), rel=0.05)
+
+    @pytest.mark.parametrize("what", ["pressure", "pressure_x"])
+    def test_limits_hold_for_pressures(self, drawn, what):
+        """Of maps they are the ends of the colours, of curves those of the axis."""
+        figure = drawn([a_result("three_dimensional", units={})], what=(what,), limits=(0.0, 7.0))
+        bars = [axes for axes in figure.findobj(Axes) if axes.get_label() == "<colorbar>"]
+        shown = bars[0].get_xlim() if bars else figure.axes[0].get_ylim()
+        assert shown == pytest.approx((0.0, 7.0)) and bool(bars) == (what == "pressure")
+
+    @pytest.mark.parametrize("along", [0, 1])
+    def test_a_line_through_the_axis_is_the_surface_there(self, drawn, along):
+        """Places and pressures of the nodes on the line; along y the other slope."""
+        result = a_bump()
+        axes = drawn([result], what=(("pressure_x", "pressure_y")[along],)).axes[0]
+        on = np.abs(result.surface["xy"[1 - along]]) < 1e-12
+        places, pressure = (result.surface[name][on] for name in ("xy"[along], "pressure"))
+        line = axes.get_lines()[0]
+        right = line.get_xdata() > 0  # the left half is its image
+        assert line.get_xdata()[right] == pytest.approx(places[places > 0])
+        assert line.get_ydata()[right] == pytest.approx(pressure[places > 0])
+        assert axes.get_xlabel() == "xy"[along]
+
+    def test_a_body_of_revolution_has_no_y(self, drawn):
+        with pytest.raises(UsageError, match="has no y axis"):
+            drawn([a_result(units={})], what=("pressure_y",))
+
+
+class TestOneHeight:
+    @pytest.mark.parametrize("wish", [{}, {"layout": (1, 3)}, {"layout": (1, 3), "width": 170.0, "font": 8.0}])
+    def test_panels_side_by_side(self, drawn, wish):
+        """A curve, a map and a line: all three end at one height, to a pixel, and all legends begin below."""
+        figure = drawn([a_result("three_dimensional", units={})], what=("force", "pressure", "pressure_x"), **wish)
+        boxes = [axes.get_window_extent() for axes in figure.axes if axes.get_label() != "<colorbar>"]
+        assert len(boxes) == 3
+        for side in ("y0", "y1"):
+            assert np.ptp([getattr(box, side) for box in boxes]) < 1
+        legends = [axes.get_legend().get_window_extent() for axes in figure.axes if axes.get_legend()]
+        assert len(legends) == 2 and np.ptp([legend.y1 for legend in legends]) < 1
+        assert max(legend.y1 for legend in legends) < boxes[0].y0
+        assert boxes[1].width == pytest.approx(boxes[1].height, rel=0.01)  # true to scale, and all of its place
 
 
 class TestProfile:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -22,6 +22,7 @@ BASE_UNITS = {"length": "m", "force": "N", "pressure": "Pa", "line": "N/m"}
 SHOWN_UNITS = "shown_units"  # entry of a report: units asked for in a picture, by kind
 NAMES = {"delta": ("depth δ", "length"), "force": ("force F", "force"), "a": ("contact radius a", "length")}
 NAMES |= {"pore_pressure_max": ("largest pore pressure p", "pressure")}
+NAMES |= {"p_max": ("largest pressure p", "pressure"), "penetration": ("penetration", "length")}
 FLAT_NAMES = {"a": ("contact half-width a", "length"), "force": ("force F per length", "line")}
 
 
@@ -50,7 +51,7 @@ class Axis:
 def in_print(unit: str) -> str:
     """A unit as it is printed: um and uN with their Greek letter."""
     parts = in_picture(unit).split("/")
-    return "/".join(f"µ{part[1:]}" if part.rstrip("²") in ("um", "uN") else part for part in parts)
+    return "/".join(f"µ{part[1:]}" if part.rstrip("²³") in ("um", "uN") else part for part in parts)
 
 
 def in_picture(text: str, most: int = 60) -> str:
@@ -77,11 +78,14 @@ def first_axis(run: Results) -> str:
     return "r" if choice(run.report, "kinematics") in (None, "axisymmetric") else "x"
 
 
-def middle_of(runs: Sequence[Results]) -> tuple[float, str]:
-    """Where the axis of all tips stands [length] and the name of the axis through it; 0 of tips at several places."""
-    places = {float([*(run.report.get("center") or [0.0]), 0.0][0]) for run in runs}
+def middle_of(runs: Sequence[Results], along: Literal[0, 1] = 0) -> tuple[float, str]:
+    """Where the axis of all tips stands [length] along x or y, and the name of that axis.
+
+    Tips at several places have the distance from their own axes, which is 0 at each.
+    """
+    places = {float([*(run.report.get("center") or [0.0]), 0.0, 0.0][along]) for run in runs}
     if len(places) == 1:
-        return places.pop(), first_axis(runs[0])
+        return places.pop(), "y" if along else first_axis(runs[0])
     return 0.0, "distance from the tip's axis"
 
 
@@ -144,18 +148,20 @@ def _prefixed(kind: str, power: int, values: np.ndarray, name: str) -> Axis:
 
 
 def unit_of(kind: str, units: Mapping[str, str]) -> str:
-    """The label of a kind of number (length, force, line, pressure) from those of length and force."""
+    """The label of a kind of number (length, force, line, pressure, pressure/length) from those of length and force."""
     length, force = units.get("length", ""), units.get("force", "")
     if kind == "length" or not (length and force):
         return {"length": length, "force": force}.get(kind, "")
-    return {"force": force, "line": f"{force}/{length}", "pressure": f"{force}/{length}²"}[kind]
+    over = {"force": "", "line": f"/{length}", "pressure": f"/{length}²", "pressure/length": f"/{length}³"}
+    return f"{force}{over[kind]}"
 
 
 def unit_of_key(key: str, run: Results) -> str:
-    """The label of the unit of a key of the scene, as in material.E; "" of what is no length, force or pressure."""
+    """The label of the unit of a key of the scene, as in material.E; "" of what is no length, force or pressure, nor a
+    pressure over a length."""
     section, _, name = key.rpartition(".")
     symbol = lookup(name, section.split(".")[0])
-    if symbol is None or symbol.dimension not in ("length", "force", "pressure"):
+    if symbol is None or symbol.dimension not in ("length", "force", "pressure", "pressure/length"):
         return ""
     return unit_of(symbol.dimension, run.report.get("units") or {})
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from indent_sim.process.errors import UsageError
 from indent_sim.results.outline import scene_of
 from indent_sim.results.pictures.axes import Axis, choice, first_axis, middle_of, scaled
-from indent_sim.results.pictures.canvas import GREY, Axes, Look
+from indent_sim.results.pictures.canvas import GREY, Axes, Where, colour_bar, title_over
 from indent_sim.results.pictures.pressure import titled
 from indent_sim.results.pictures.profile import draw_tip
 from indent_sim.results.reader import Results
@@ -27,7 +27,6 @@ WHOLE_BODY_RATIO = 1.6  # times that a body may be wider or deeper to be shown w
 COLOURED_PERCENT = 99.8  # of the shown area, inside the colours: at an edge, with many points, a stress is infinite
 SLIVER = 2e-3  # of the width of the frame: about half a pixel
 FACE_WIDTH = 0.6  # points: of the lines between regions
-Beside = Literal["right", "bottom"]  # where the bar of the colours stands
 Part = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # points, moved points, cells, values at the points
 
 
@@ -190,14 +189,23 @@ class FieldRow:
     shown: Sequence[tuple[Results, float, str]]
     field: ShownField
     limits: tuple[float, float] | None = None  # of the colours, in the unit shown; None: those of the field
-    zoom: float | None = (
-        None  # contact radii to either side of the tip; infinite: the whole body; None: as it is seen best
-    )
+    # Contact radii to either side of the tip; infinite: the whole body; None: as it is seen best
+    zoom: float | None = None
 
     @cached_property
     def sections(self) -> list[Section]:
-        """The deformed body of each."""
-        return [section_of(results, step, self.field) for results, step, _ in self.shown]
+        """The deformed body of each; where tips stand at several places, each as seen from its own."""
+        found = []
+        for results, step, _ in self.shown:
+            section = section_of(results, step, self.field)
+            away = self.middle - middle_of([results])[0]
+            found.append(replace(section, points=section.points + np.array([away, 0.0])) if away else section)
+        return found
+
+    @property
+    def middle(self) -> float:
+        """Where the tips' axis is drawn [length]."""
+        return middle_of([results for results, *_ in self.shown])[0]
 
     @cached_property
     def frame(self) -> np.ndarray:
@@ -210,19 +218,46 @@ class FieldRow:
         if not touched > 0 and max(depths) <= LIFTED * size:  # by what swells: no contact to look at
             size = (top - bottom) / 2
         if self.zoom is not None:
-            reach, (middle, _) = self.zoom * size, middle_of([self.shown[0][0]])
-            sides = max(left, middle - reach), min(right, middle + reach)
+            reach = self.zoom * size
+            sides = max(left, self.middle - reach), min(right, self.middle + reach)
             return np.array([*sides, max(bottom, -reach), top + ABOVE * size])
         reach = size * np.clip(THIN * (top - bottom) / size, THIN_BODY_VIEW, FIELD_VIEW)
-        middle, _ = middle_of([self.shown[0][0]])
-        sides = (left, right) if right - left <= 2 * WHOLE_BODY_RATIO * reach else (middle - reach, middle + reach)
+        sides = (self.middle - reach, self.middle + reach)
+        if right - left <= 2 * WHOLE_BODY_RATIO * reach:
+            sides = (left, right)
         return np.array([*sides, bottom if -bottom <= WHOLE_BODY_RATIO * reach else -reach, top + ABOVE * size])
 
-    def draw(self, panels: Sequence[Axes], some: slice = slice(None), beside: Beside = "right") -> None:
-        """Draw some of them into as many panels, with one bar for the colours of all."""
-        runs, frame = [run for run, *_ in self.shown], self.frame
-        length = scaled("length", runs, np.ptp(frame[:2]) / 2, first_axis(runs[0]))
-        inside, areas = map(np.concatenate, zip(*(section.inside(frame) for section in self.sections), strict=True))
+    @property
+    def aspect(self) -> float:
+        """The height of the frame over its width."""
+        return float(np.ptp(self.frame[2:]) / np.ptp(self.frame[:2]))
+
+    def _framed(self, aspect: float) -> np.ndarray:
+        """The frame in another shape, which is higher: it goes on down into the body, then up."""
+        left, right, bottom, top = self.frame
+        more = aspect * (right - left) - (top - bottom)
+        if more <= 0:
+            return self.frame
+        lowest = min(float(section.points[:, 1].min()) for section in self.sections)
+        down = min(more, max(bottom - lowest, 0.0))
+        return np.array([left, right, bottom - down, top + more - down])
+
+    def draw(
+        self,
+        panels: Sequence[Axes],
+        some: slice = slice(None),
+        where: Where = "right",
+        aspect: float = 0.0,
+    ) -> None:
+        """Draw some of them into as many panels, with one bar for the colours of all.
+
+        aspect: height over width of the panels, where they are higher than the frame.
+        """
+        runs, frame = [run for run, *_ in self.shown], self._framed(aspect)
+        length = scaled("length", runs, np.ptp(frame[:2]) / 2, middle_of(runs)[1])
+        inside, areas = map(
+            np.concatenate, zip(*(section.inside(self.frame) for section in self.sections), strict=True)
+        )
         first, kind = first_axis(runs[0]), self.field.kind
         name = self.field.name.format(r=first, t={"r": r"\theta", "x": "y"}[first])
         axis = Axis(name) if kind == "1" else scaled(kind, runs, inside, name)
@@ -232,18 +267,17 @@ class FieldRow:
             look = {"vmin": low, "vmax": high, "cmap": colours, "rasterized": True}
             drawn = _draw_section(axes, section, length, axis, SLIVER * np.ptp(frame[:2]), look)
             if (scene := scene_of(run.path)) is not None:
-                draw_tip(axes, scene, _at(run, step, "delta"), middle_of([run])[0], float(np.ptp(frame[:2])), length)
+                draw_tip(axes, scene, _at(run, step, "delta"), self.middle, float(np.ptp(frame[:2])), length)
             axes.set(aspect="equal", xlim=length(frame[:2]), ylim=length(frame[2:]))
             axes.locator_params(nbins=5)
-            axes.set_title(titled(run, step, words, apart="\n"), loc="left", fontsize="small", color=GREY)
+            title_over(axes, titled(run, step, words, apart="\n"))
             axes.set(xlabel=length.label, ylabel=Axis("z", unit=length.unit).label)
         ends = [axis(inside).min() < low, axis(inside).max() > high]
         beyond = {(False, True): "max", (True, False): "min", (True, True): "both"}.get(tuple(ends), "neither")
-        placed: Look = {"label": axis.label, "extend": beyond, "aspect": 25, "location": beside}
-        bar = panels[0].figure.colorbar(drawn, ax=list(panels), **placed)
-        bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
-        for axes in panels:
-            axes.label_outer()
+        colour_bar(panels, drawn, axis.label, where, extend=beyond)
+        if where == "right":
+            for axes in panels:
+                axes.label_outer()
 
 
 def _draw_section(axes: Axes, section: Section, length: Axis, axis: Axis, least: float, look: dict[str, Any]) -> Any:

@@ -17,24 +17,38 @@ from indent_sim.results.pictures.axes import BASE_UNITS, SHOWN_UNITS
 from indent_sim.results.pictures.canvas import Axes, Figure, SubFigure
 from indent_sim.results.pictures.fields import FieldRow, field_of
 from indent_sim.results.pictures.forces import draw_forces, named_apart, overlay
-from indent_sim.results.pictures.pressure import contact_of, draw_map, draw_pressures, strongest_step, titled
+from indent_sim.results.pictures.pressure import (
+    PressureMaps,
+    contact_of,
+    draw_pressures,
+    on_axis,
+    strongest_step,
+    titled,
+)
 from indent_sim.results.pictures.profile import draw_profiles
 from indent_sim.results.reader import Results
 from indent_sim.results.xdmf import kept_steps
 
-WHAT = ("force", "time", "pressure", "profile", "fields", "film")
-OF_STEPS = ("pressure", "profile", "fields", "film")
+WHAT = ("force", "time", "pressure", "pressure_x", "pressure_y", "profile", "fields", "film")
+OF_STEPS = ("pressure", "pressure_x", "pressure_y", "profile", "fields", "film")
+PRESSED = ("pressure", "pressure_x", "pressure_y")  # _x, _y: along these axes through the tip's
 MAPPED = ("fields", "film")  # film: states of a field spread over the path
-OF_FIELDS = {"fields": "--field", "limits": "--limits", "zoom": "--zoom"}  # entries of a wish, and their options
+# Entries of a wish, their options, and the panels that heed them
+OF_PANELS = {
+    "fields": ("--field", MAPPED),
+    "limits": ("--limits", (*PRESSED, *MAPPED)),
+    "zoom": ("--zoom", MAPPED),
+}
 MM = 1 / 25.4  # inches
 PANEL_WIDTH = 4.4  # inches: width of a panel where no width is asked for
-LINE_ASPECT, MAP_ASPECT = 0.72, 0.85  # height over width of panels
-# Inches around a field for words and numbers, and what its bar leaves
-WORDS_HEIGHT, TIME_HEIGHT, NUMBERS_WIDTH, BESIDE_BAR = 0.75, 0.15, 0.4, 0.85
-LOWEST = 1.2  # inches: of a bar with its words
+LINE_ASPECT = 0.72  # height over width of panels of curves
+WORDS = (
+    1.6  # inches: around the panels of a line for words, numbers and bars, before the layout says how much they take
+)
+FITTINGS = 2  # the second time the layout knows how high the panels are
 MOST_IN_ROW, MOST_IN_FILM, MOST_WIDE, MOST_PANELS = 4, 6, 3, 40
 T = TypeVar("T")
-NARROWEST_CELL, BAR_HEIGHT = 1.5, 0.5  # inches: of a panel of a layout at the standard font size, of a bar below it
+NARROWEST_CELL = 1.5  # inches: a panel of a layout at the standard font size
 NARROWEST_LINES, NARROWEST_MAPS = 2.6, 1.8  # inches: panels at the standard font size
 Shown = tuple[Results, float, str]  # a result, a step, and what tells them from the others in words
 
@@ -52,7 +66,7 @@ class Wish:
     layout: tuple[int, int] | None = None  # rows and columns of all panels; None: as they have room
     letters: Literal["", "a"] = ""  # before the panels: none, or (a), (b), ...
     dpi: float | None = None  # of what is drawn point by point
-    limits: tuple[float, float] | None = None  # of the colours of a field, in the unit shown
+    limits: tuple[float, float] | None = None  # of the colours of maps and of pressures, in the unit shown
     zoom: float | None = None  # contact radii around the tip that fields show; infinite: the whole body
 
     def side_by_side(self, narrowest: float, most: int) -> int:
@@ -71,9 +85,9 @@ def wish(given: Mapping[str, Any]) -> Wish:
     found = Wish(**{"what": ("force",), **given})
     if unknown := [word for word in found.what if word not in WHAT]:
         raise UsageError(f"--what {unknown[0]} is none of {', '.join(WHAT)}")
-    for name, option in OF_FIELDS.items():
-        if name in given and not set(found.what) & set(MAPPED):
-            raise UsageError(f"{option} belongs to --what {' or '.join(MAPPED)}")
+    for name, (option, heeding) in OF_PANELS.items():
+        if name in given and not set(found.what) & set(heeding):
+            raise UsageError(f"{option} belongs to --what {' or '.join(heeding)}")
     if found.limits is not None and not found.limits[0] < found.limits[1]:
         raise UsageError(f"--limits {found.limits[0]:g}:{found.limits[1]:g}: the first must be below the second")
     if "steps" in given and not set(found.what) & set(OF_STEPS):
@@ -88,12 +102,26 @@ def wish(given: Mapping[str, Any]) -> Wish:
 
 
 @dataclass(frozen=True)
-class _Row:
-    """A row of so many panels: its height at a width of the picture [inches], and what draws it into its part."""
+class _Panel:
+    """One panel.
 
-    panels: int
-    height: Callable[[float], float]
-    draw: Callable[[SubFigure], None]
+    draw: draws into it, when it is told its height over its width; draw_alone: the same in a figure of somebody else;
+    aspect: what the height over the width is at least, None where any will do.
+    """
+
+    draw: Callable[[Axes, float], None]
+    draw_alone: Callable[[Axes], None]
+    aspect: float | None = None
+
+
+@dataclass(frozen=True)
+class _Row:
+    """Panels of one size in so many lines and columns: their height over their width, and what draws them."""
+
+    lines: int
+    columns: int
+    aspect: float
+    draw: Callable[[SubFigure], Sequence[Axes]]
 
 
 def draw(runs: Sequence[Results], wish: Wish, path: Path | str) -> None:
@@ -122,15 +150,35 @@ def pictured(runs: Sequence[Results], wish: Wish) -> Iterator[Figure]:
     runs, names = named_apart(runs) if len(runs) > 1 else (list(runs), [""])
     _refuse_too_many(runs, names, wish)
     rows = _laid_out(runs, names, wish) if wish.layout else _as_they_have_room(runs, names, wish)
-    width = wish.width * MM if wish.width else PANEL_WIDTH * min(MOST_WIDE, max(row.panels for row in rows))
-    heights = [row.height(width) for row in rows]
+    width = wish.width * MM if wish.width else PANEL_WIDTH * min(MOST_WIDE, max(row.columns for row in rows))
+    words = WORDS + canvas.LINE * (len(runs) + len(wish.what))
+    heights = [row.lines * (row.aspect * width / row.columns + words) * wish.font / canvas.FONT for row in rows]
     with canvas.canvas((width, sum(heights)), wish.font) as figure:
-        parts = figure.subfigures(len(rows), 1, height_ratios=heights, squeeze=False)
-        for row, part in zip(rows, parts[:, 0], strict=True):
-            row.draw(part)
+        grid = figure.add_gridspec(len(rows), 1, height_ratios=heights)
+        parts = [figure.add_subfigure(place) for place in grid]
+        drawn = [row.draw(part) for row, part in zip(rows, parts, strict=True)]
         if wish.letters:
             _letter(figure)
+        true = [axes for axes in figure.axes if axes.get_aspect() != "auto"]
+        for axes in true:  # the layout leaves no room for the numbers of one that is smaller than its place
+            axes.set_aspect("auto")
+        for _ in range(FITTINGS):
+            canvas.find_places(figure)
+            canvas.thin_numbers(figure)
+            heights = [_height(*one, figure.dpi) for one in zip(rows, parts, drawn, strict=True)]
+            figure.set_size_inches(width, sum(heights))
+            grid.set_height_ratios(heights)
+        canvas.lay_out(figure)
+        for axes in true:
+            axes.set_aspect("equal")
         yield figure
+
+
+def _height(row: _Row, part: SubFigure, panels: Sequence[Axes], dpi: float) -> float:
+    """The height of a row [inches] in which its panels have the height over width that they are drawn for."""
+    wide, high = part.bbox.width / dpi, part.bbox.height / dpi
+    panel = panels[0].get_position(original=True)
+    return high + row.lines * (row.aspect * panel.width * wide - panel.height * high)
 
 
 def draw_into(axes: Axes, runs: Sequence[Results], wish: Wish) -> None:
@@ -143,28 +191,20 @@ def draw_into(axes: Axes, runs: Sequence[Results], wish: Wish) -> None:
     if wish.units:
         runs = [replace(run, report=run.report | {SHOWN_UNITS: dict(wish.units)}) for run in runs]
     runs, names = named_apart(runs) if len(runs) > 1 else (list(runs), [""])
-    drawings = _line_panels(runs, names, wish)
-    lines = len(drawings)
+    panels = _every_panel(runs, names, wish)
+    if len(panels) != 1:
+        raise UsageError(f"ax is for one panel, these are {len(panels)}", "name one of --what, --field and --steps")
+    panels[0].draw_alone(axes)
+
+
+def _every_panel(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Panel]:
+    """All panels one by one, in the order of the wish."""
+    panels: list[_Panel] = []
     for what in wish.what:
-        if what == "pressure":
-            shown = _shown(runs, names, wish, what)
-            mapped = [one for one in shown if np.ptp(one[0].surface["y"]) > 0]
-            drawings += [partial(draw_map, results=run, contact=contact_of(run, step)) for run, step, _ in mapped]
-        if what in MAPPED:
-            for name in wish.fields:
-                row = _fields(runs, names, wish, name, what)
-                places = (slice(k, k + 1) for k in range(len(row.shown)))
-                drawings += [partial(_draw_field, row=row, some=some) for some in places]
-    if len(drawings) != 1:
-        raise UsageError(f"ax is for one panel, these are {len(drawings)}", "name one of --what, --field and --steps")
-    drawings[0](axes)
-    if lines:
-        axes.legend()
-
-
-def _draw_field(axes: Axes, row: FieldRow, some: slice) -> None:
-    """One panel of a field with its bar of colours."""
-    row.draw([axes], some)
+        panels += _line_panels(runs, names, wish, what)
+        for maps in _maps(runs, names, wish, what):
+            panels += [_map_panel(maps, i) for i in range(len(maps.shown))]
+    return panels
 
 
 def _refuse_too_many(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> None:
@@ -193,10 +233,20 @@ def _letter(figure: Figure) -> None:
 
 
 def _as_they_have_room(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Row]:
-    """Curves first, then maps, in rows as wide as the picture."""
-    lines = _line_panels(runs, names, wish)
-    rows = [_line_row(part, len(runs)) for part in _in_rows(lines, wish.side_by_side(NARROWEST_LINES, MOST_WIDE))]
-    return rows + _map_rows(runs, names, wish)
+    """Panels that stand alone side by side, then every map of which there are several, with one bar of colours."""
+    alone: list[_Panel] = []
+    together: list[_Row] = []
+    for what in wish.what:
+        alone += _line_panels(runs, names, wish, what)
+        for maps in _maps(runs, names, wish, what):
+            if len(maps.shown) == 1:
+                alone.append(_map_panel(maps, 0))
+            else:
+                most = wish.side_by_side(NARROWEST_MAPS, MOST_IN_FILM if what == "film" else MOST_IN_ROW)
+                together.append(_map_row(maps, most))
+    most = wish.side_by_side(NARROWEST_LINES, MOST_WIDE)
+    columns = 2 if len(alone) == 4 and most > 2 else min(most, max(1, len(alone)))
+    return [_side_by_side(part, columns) for part in _in_rows(alone, columns)] + together
 
 
 def _laid_out(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Row]:
@@ -206,130 +256,110 @@ def _laid_out(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list
     if count * columns > MOST_PANELS:
         problem = f"--layout {count}x{columns} is for {count * columns} panels"
         raise UsageError(problem, f"a picture has {MOST_PANELS} at most")
-    cells = [cell for what in wish.what for cell in _cells(runs, names, replace(wish, what=(what,)))]
-    if len(cells) > count * columns:
-        raise UsageError(f"--layout {count}x{columns} has room for {count * columns} panels; these are {len(cells)}")
+    panels = _every_panel(runs, names, wish)
+    if len(panels) > count * columns:
+        raise UsageError(f"--layout {count}x{columns} has room for {count * columns} panels; these are {len(panels)}")
     narrow = NARROWEST_CELL * wish.font / canvas.FONT
     if wish.width and wish.width * MM < columns * narrow:
         least = columns * narrow / MM
         raise UsageError(f"{columns} panels side by side with letters of {wish.font:g} pt need --width {least:.0f}")
-    return [_beside_one_another(part, columns) for part in _in_rows(cells, columns)]
+    return [_side_by_side(part, columns) for part in _in_rows(panels, columns)]
 
 
-def _cells(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Row]:
-    """The panels of one kind, each by itself."""
-    cells = [_line_row([panel], len(runs)) for panel in _line_panels(runs, names, wish)]
-    if "pressure" in wish.what:
-        shown = _shown(runs, names, wish, "pressure")
-        cells += [_pressure_row([one]) for one in shown if np.ptp(one[0].surface["y"]) > 0]
-    for what in (what for what in wish.what if what in MAPPED):
+def _line_panels(runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str) -> list[_Panel]:
+    """The panels of curves of one kind."""
+    named = names if len(runs) > 1 else ("this run",)
+    if what == "force":
+        theory = runs[0].report.get("theory") if len(runs) == 1 else None
+        return [_line_panel(partial(draw_forces, runs=runs, theory=theory, names=named))]
+    if what == "time":
+        return [_line_panel(partial(history.draw_over_time, runs=runs, names=named))]
+    if what == "profile":
+        return [_line_panel(partial(draw_profiles, shown=_coloured(_shown(runs, names, wish, what))))]
+    if what in PRESSED:
+        return _pressure_curves(runs, names, wish, what)
+    return []
+
+
+def _line_panel(draw: Callable[[Axes], None]) -> _Panel:
+    """A panel of curves with its legend below."""
+
+    def into(axes: Axes, aspect: float) -> None:
+        draw(axes)
+        canvas.legend_under(axes)
+
+    def alone(axes: Axes) -> None:
+        draw(axes)
+        axes.legend()
+
+    return _Panel(into, alone)
+
+
+def _pressure_curves(runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str) -> list[_Panel]:
+    """Pressures as curves: over the radius, or of a surface of two dimensions on a line through the tip's axis."""
+    along: Literal[0, 1] = 1 if what == "pressure_y" else 0
+    told = []
+    for run, step, name, colour in _coloured(_shown(runs, names, wish, what)):
+        contact = contact_of(run, step)
+        has_two = np.ptp(contact.y) > 0
+        if along == 1 and not has_two:
+            raise UsageError(f"{run.path} has no y axis: --what pressure_y is of bodies in three dimensions")
+        if has_two and what == "pressure":
+            continue  # which is a map
+        told.append((run, on_axis(contact, along) if has_two else contact, name, colour))
+    return [_line_panel(partial(draw_pressures, shown=told, limits=wish.limits, along=along))] if told else []
+
+
+def _maps(runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str) -> Iterator[FieldRow | PressureMaps]:
+    """The maps of one kind, those of one quantity together."""
+    if what == "pressure":
+        found = _shown(runs, names, wish, what)
+        if seen := [one for one in found if np.ptp(one[0].surface["y"]) > 0]:
+            yield PressureMaps(seen, wish.limits)
+    elif what in MAPPED:
+        shown = _shown(runs, names, wish, what)
         for name in wish.fields:
-            row = _fields(runs, names, wish, name, what)
-            cells += [_field_cell(row, i) for i in range(len(row.shown))]
-    return cells
+            yield FieldRow(shown, field_of(name), wish.limits, wish.zoom)
 
 
-def _beside_one_another(cells: Sequence[_Row], columns: int) -> _Row:
-    """Cells side by side, each as wide as the others, whether the last row is full or not."""
+def _map_panel(maps: FieldRow | PressureMaps, i: int) -> _Panel:
+    """One of some maps by itself, in the frame and the colours of all, the bar below it."""
 
-    def into(part: SubFigure) -> None:
-        parts = part.subfigures(1, columns, squeeze=False)[0]
-        for cell, place in zip(cells, parts[: len(cells)], strict=True):
-            cell.draw(place)
+    def into(axes: Axes, aspect: float) -> None:
+        maps.draw([axes], slice(i, i + 1), "bottom", aspect)
 
-    return _Row(columns, lambda width: max(cell.height(width / columns) for cell in cells), into)
+    return _Panel(into, lambda axes: maps.draw([axes], slice(i, i + 1)), maps.aspect)
 
 
-def _field_cell(row: FieldRow, i: int) -> _Row:
-    """One of the panels of a field by itself, in the frame and the colours of all, the bar below it."""
+def _side_by_side(panels: Sequence[_Panel], columns: int) -> _Row:
+    """Panels side by side, of one height and one baseline, each as wide as the others, be the row full or not."""
+    aspect = max((panel.aspect for panel in panels if panel.aspect is not None), default=LINE_ASPECT)
 
-    def height(width: float) -> float:
-        aspect = float(np.ptp(row.frame[2:]) / np.ptp(row.frame[:2]))
-        return max(aspect * (width - NUMBERS_WIDTH), LOWEST) + WORDS_HEIGHT + BAR_HEIGHT
-
-    return _Row(1, height, lambda part: row.draw([part.subplots()], slice(i, i + 1), "bottom"))
-
-
-def _fields(runs: Sequence[Results], names: Sequence[str], wish: Wish, name: str, what: str) -> FieldRow:
-    return FieldRow(_shown(runs, names, wish, what), field_of(name), wish.limits, wish.zoom)
-
-
-def _line_panels(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[Callable[[Axes], None]]:
-    """What draws each panel of curves, in the order of the wish."""
-    panels: list[Callable[[Axes], None]] = []
-    theory = runs[0].report.get("theory") if len(runs) == 1 else None
-    for what in wish.what:
-        if what == "force":
-            panels.append(lambda axes: draw_forces(axes, runs, theory, names if len(runs) > 1 else ("this run",)))
-        elif what == "time":
-            panels.append(partial(history.draw_over_time, runs=runs, names=names if len(runs) > 1 else ("this run",)))
-        elif what == "profile":
-            panels.append(partial(draw_profiles, shown=_coloured(_shown(runs, names, wish, what))))
-        elif what == "pressure":
-            shown = _coloured([one for one in _shown(runs, names, wish, what) if np.ptp(one[0].surface["y"]) == 0])
-            told = [(run, contact_of(run, step), name, colour) for run, step, name, colour in shown]
-            panels += [partial(draw_pressures, shown=told)] if told else []
-    return panels
-
-
-def _line_row(panels: Sequence[Callable[[Axes], None]], runs: int) -> _Row:
-    """Panels of curves side by side, each with its legend below."""
-
-    def into(part: SubFigure) -> None:
-        axes = part.subplots(2, len(panels), squeeze=False)
-        width, height = part.bbox.width / part.figure.dpi / len(panels), part.bbox.height / part.figure.dpi
-        for draw_panel, (plot, below) in zip(panels, axes.T, strict=True):
-            draw_panel(plot)
-            canvas.legend_in(below, plot, wide=width - 0.5)  # for its words and numbers
-        legends = [below.get_legend().get_texts() for below in axes[1]]
-        lines = max(sum(text.get_text().count("\n") + 1 for text in texts) for texts in legends)
-        legend = min(0.6 * height, canvas.LINE * (lines + 0.5) * canvas.figure_font() / canvas.FONT)
-        axes[0, 0].get_gridspec().set_height_ratios([height - legend, legend])
-
-    words = canvas.LINE * (2 + len(panels) + runs)
-    return _Row(len(panels), lambda width: LINE_ASPECT * width / len(panels) + words, into)
-
-
-def _map_rows(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Row]:
-    """Rows of maps: of the pressure where the surface has two dimensions, and of every field."""
-    rows: list[_Row] = []
-    most, film = (wish.side_by_side(NARROWEST_MAPS, many) for many in (MOST_IN_ROW, MOST_IN_FILM))
-    for what in wish.what:
-        if what == "pressure":
-            mapped = [one for one in _shown(runs, names, wish, what) if np.ptp(one[0].surface["y"]) > 0]
-            rows += [_pressure_row(part) for part in _in_rows(mapped, most)]
-        if what in MAPPED:
-            across = film if what == "film" else most
-            rows += [_field_row(_fields(runs, names, wish, name, what), across) for name in wish.fields]
-    return rows
-
-
-def _pressure_row(shown: Sequence[Shown]) -> _Row:
-    def into(part: SubFigure) -> None:
-        for axes, (run, step, words) in zip(part.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
-            draw_map(axes, run, contact_of(run, step))
-            axes.set_title(titled(run, step, words), loc="left", fontsize="small", color=canvas.GREY)
-
-    return _Row(len(shown), lambda width: MAP_ASPECT * min(width / len(shown), PANEL_WIDTH), into)
-
-
-def _field_row(row: FieldRow, most: int) -> _Row:
-    """A field in one frame and one range of colours, in as many lines as the panels need."""
-    lines = -(-len(row.shown) // most)
-    columns = -(-len(row.shown) // lines)
-
-    def into(part: SubFigure) -> None:
-        axes = part.subplots(lines, columns, squeeze=False, sharex=True, sharey=True).ravel()
-        for unused in axes[len(row.shown) :]:
+    def into(part: SubFigure) -> Sequence[Axes]:
+        places = list(part.subplots(1, columns, squeeze=False)[0])
+        for panel, axes in zip(panels, places[: len(panels)], strict=True):
+            panel.draw(axes, aspect)
+        for unused in places[len(panels) :]:
             unused.remove()
-        row.draw(list(axes[: len(row.shown)]))
+        return places[: len(panels)]
 
-    def height(width: float) -> float:
-        aspect = float(np.ptp(row.frame[2:]) / np.ptp(row.frame[:2]))
-        panel = max(aspect * (BESIDE_BAR * width / columns - NUMBERS_WIDTH), LOWEST)
-        return lines * (panel + TIME_HEIGHT * any("t" in run.table for run, *_ in row.shown)) + WORDS_HEIGHT
+    return _Row(1, columns, aspect, into)
 
-    return _Row(columns, height, into)
+
+def _map_row(maps: FieldRow | PressureMaps, most: int) -> _Row:
+    """Maps in one frame and one range of colours, in as many lines as they need, with one bar."""
+    lines = -(-len(maps.shown) // most)
+    columns = -(-len(maps.shown) // lines)
+
+    def into(part: SubFigure) -> Sequence[Axes]:
+        is_shared = isinstance(maps, FieldRow)  # each pressure is seen around its own tip
+        axes = part.subplots(lines, columns, squeeze=False, sharex=is_shared, sharey=is_shared).ravel()
+        for unused in axes[len(maps.shown) :]:
+            unused.remove()
+        maps.draw(list(axes[: len(maps.shown)]))
+        return list(axes[: len(maps.shown)])
+
+    return _Row(lines, columns, maps.aspect, into)
 
 
 def _in_rows(panels: Sequence[T], most: int) -> list[Sequence[T]]:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from indent_sim.model.tips import reach
 from indent_sim.results.outline import scene_of
 from indent_sim.results.pictures.axes import Axis, axis, choice, first_axis, middle_of, scaled, time_said
-from indent_sim.results.pictures.canvas import COLOURS, GREY, Axes, Look, from_zero
+from indent_sim.results.pictures.canvas import COLOURS, GREY, Axes, Look, Where, colour_bar, from_zero, title_over
+from indent_sim.results.pictures.profile import on_line
 from indent_sim.results.reader import Results
 
 # Medians inside the contact up to which a peak is shown: beside a singular edge nothing else would be seen
@@ -126,23 +129,52 @@ def _infinite(results: Results, step: float) -> tuple[tuple[float, float], ...]:
 def draw_pressure(axes: Axes, results: Results, step: float) -> None:
     """The contact pressure of a step, around the tip: a profile along a line or a map."""
     contact = contact_of(results, step)
-    axes.set_title(f"step {step:g}, depth {depth_text(results, step)}", color=GREY, loc="left", fontsize="small")
     if np.ptp(contact.y) > 0:  # the surface has two dimensions
-        draw_map(axes, results, contact)
+        PressureMaps([(results, step, "")]).draw([axes], where="beside")
     else:
         draw_pressures(axes, [(results, contact, "", COLOURS[0])])
         if contact.shear is not None:
             axes.legend(loc="upper right")
+    axes.set_title(f"step {step:g}, depth {depth_text(results, step)}", color=GREY, loc="left", fontsize="small")
 
 
-def draw_pressures(axes: Axes, shown: Sequence[tuple[Results, PressedSurface, str, object]]) -> None:
-    """Pressure over the radius (plane strain: over x) of several contacts, each with its name and colour."""
+def on_axis(contact: PressedSurface, along: Literal[0, 1]) -> PressedSurface:
+    """The pressure of a surface of two dimensions on the line through the tip's axis along x (0) or y (1)."""
+    x, y = (contact.x, contact.y) if along == 0 else (contact.y, contact.x)
+    values = [contact.p] if contact.shear is None else [contact.p, contact.shear]
+    places, p, *shear = on_line(y, x, *values)
+    return replace(
+        contact,
+        x=places,
+        y=np.zeros(len(places)),
+        p=p,
+        shear=shear[0] if shear else None,
+        center=np.roll(contact.center, along),
+        mirrored=(contact.mirrored[along], False),
+    )
+
+
+def draw_pressures(
+    axes: Axes,
+    shown: Sequence[tuple[Results, PressedSurface, str, object]],
+    limits: tuple[float, float] | None = None,
+    along: Literal[0, 1] = 0,
+) -> None:
+    """Draw pressures over the radius, in plane strain over x, of surfaces in three dimensions along one of their axes.
+
+    Parameters
+    ----------
+    axes : the panel
+    shown : results, contact, name and colour of each curve
+    limits : ends of the axis of pressures, in the unit shown; None: as the curves need them
+    along : the axis that the places lie on, 0 for x and 1 for y
+    """
     runs = [results for results, *_ in shown]
-    middle, along = middle_of(runs)
+    middle, name_of_axis = middle_of(runs, along)
     is_half = all(first_axis(run) == "r" for run in runs)  # of a body of revolution
     contacts = [replace(one, mirrored=(False, False)) if is_half else one for _, one, *_ in shown]
     reach = max(contact.reach for contact in contacts)
-    length = scaled("length", runs, reach, along)
+    length = scaled("length", runs, reach, name_of_axis)
     pressures = np.concatenate([contact.p[contact.bounded()] for contact in contacts])
     pressure = scaled("pressure", runs, pressures, "pressure p")
     sides, tops, marked = (1,) if is_half else (-1, 1), [], False
@@ -166,7 +198,10 @@ def draw_pressures(axes: Axes, shown: Sequence[tuple[Results, PressedSurface, st
         axes.plot([], [], color=GREY, lw=0.8, ls=":", label="stick radius")
     axes.set(xlabel=length.label, ylabel=pressure.label)
     axes.set_xlim(0.0 if is_half else length(middle - reach), length(middle + reach))
-    from_zero(axes, np.array(tops))
+    if limits is None:
+        from_zero(axes, np.array(tops))
+    else:
+        axes.set_ylim(limits)
     right_of_it: Look = {"xytext": (3, 0), "textcoords": "offset points", "ha": "left", "va": "top"}
     for place in sorted({place for contact in contacts for place, _ in contact.infinite}):
         at = length(place + middle)
@@ -174,34 +209,106 @@ def draw_pressures(axes: Axes, shown: Sequence[tuple[Results, PressedSurface, st
         axes.annotate("∞", (at, 1), xycoords=("data", "axes fraction"), color=GREY, **right_of_it)
 
 
-def draw_map(axes: Axes, results: Results, contact: PressedSurface) -> None:
-    """The pressure as seen from above: centred on the tip, mirrored where a part is modelled, all that is pressed."""
-    from matplotlib.ticker import MaxNLocator
+@dataclass(frozen=True)
+class PressureMaps:
+    """Pressures of several results or steps as seen from above, in one frame and one range of colours.
 
-    length = scaled("length", [results], contact.reach, "x")
-    bounded = contact.p[contact.bounded()]
-    pressure = scaled("pressure", [results], bounded, "pressure p")
-    x, y, p = _whole(contact)
-    near = (np.abs(x) < 2 * contact.reach) & (np.abs(y) < 2 * contact.reach)  # triangles reach beyond the frame
-    if near.sum() < 3 or np.ptp(x[near]) == 0 or np.ptp(y[near]) == 0:
-        near[:] = True
-    largest = float(bounded.max(initial=0.0))
-    shown = min(largest, PEAK_MEDIANS * contact.typical) if contact.infinite else largest
-    low = float(pressure(p[near].min(initial=0.0)))
-    top = float(pressure(shown)) or float(low == 0.0)
-    places = (length(along[near] + middle) for along, middle in zip((x, y), contact.center, strict=True))
-    extend, levels = "max" if top < pressure(p.max()) else "neither", np.linspace(low, top, 25)
-    filled = axes.tricontourf(*places, pressure(p[near]), levels=levels, cmap="cividis", extend=extend)
-    _draw_rubbed(axes, contact, length)
-    ticks = [tick for tick in MaxNLocator(5).tick_values(low, top) if low <= tick <= top]
-    beside = axes.inset_axes(BAR, label="<colorbar>")  # as high as the map, which is true to scale
-    bar = axes.figure.colorbar(filled, cax=beside, label=pressure.label, ticks=ticks)
-    bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
-    axes.set_aspect("equal")
-    for set_limits, middle in zip((axes.set_xlim, axes.set_ylim), contact.center, strict=True):
-        set_limits(length(middle - contact.reach), length(middle + contact.reach))
-    axes.locator_params(nbins=5)
-    axes.set(xlabel=length.label, ylabel=Axis("y", unit=length.unit).label)
+    Each is centred on its tip and mirrored where a part of the body is modelled. The frame has all that is pressed.
+    """
+
+    shown: Sequence[tuple[Results, float, str]]
+    limits: tuple[float, float] | None = None  # of the colours, in the unit shown; None: those of all pressures
+    aspect: ClassVar[float] = 1.0  # height of the frame over its width
+
+    @cached_property
+    def contacts(self) -> list[PressedSurface]:
+        """The contact surface of each."""
+        return [contact_of(results, step) for results, step, _ in self.shown]
+
+    @cached_property
+    def reach(self) -> float:
+        """Half the width of the frame [length]."""
+        return max(contact.reach for contact in self.contacts)
+
+    def draw(
+        self,
+        panels: Sequence[Axes],
+        some: slice = slice(None),
+        where: Where | Literal["beside"] = "right",
+        aspect: float = 1.0,
+    ) -> None:
+        """Draw some of them into as many panels, with one bar for the colours of all.
+
+        Parameters
+        ----------
+        panels : where each is drawn
+        some : which of them
+        where : of the bar, right of all panels, at the bottom of the one panel, or beside one whose place has another
+            shape
+        aspect : height over width of the panels, 1 at least
+        """
+        from matplotlib.ticker import MaxNLocator
+
+        runs = [results for results, *_ in self.shown]
+        length = scaled("length", runs, self.reach, "x")
+        bounded = np.concatenate([contact.p[contact.bounded()] for contact in self.contacts])
+        pressure = scaled("pressure", runs, bounded, "pressure p")
+        low, top = self.limits or self._colours(pressure)
+        for axes, (run, step, words), contact in zip(panels, self.shown[some], self.contacts[some], strict=True):
+            drawn = self._draw_one(axes, contact, length, pressure, (low, top), aspect)
+            title_over(axes, titled(run, step, words))
+        ticks = [tick for tick in MaxNLocator(5).tick_values(low, top) if low <= tick <= top]
+        if where == "beside":  # as high as the map, which is true to scale
+            beside = panels[0].inset_axes(BAR, label="<colorbar>")
+            bar = panels[0].figure.colorbar(drawn, cax=beside, label=pressure.label, ticks=ticks)
+            bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
+        else:
+            colour_bar(panels, drawn, pressure.label, where, ticks=ticks)
+
+    def _colours(self, pressure: Axis) -> tuple[float, float]:
+        """The smallest and the largest pressure of all that is shown; of a peak without bound PEAK_MEDIANS of the
+        median in its contact."""
+        highest = []
+        for contact in self.contacts:
+            largest = float(contact.p[contact.bounded()].max(initial=0.0))
+            highest.append(min(largest, PEAK_MEDIANS * contact.typical) if contact.infinite else largest)
+        low = min(float(pressure(self._near(contact)[2].min(initial=0.0))) for contact in self.contacts)
+        return low, float(pressure(max(highest))) or float(low == 0.0)
+
+    def _near(self, contact: PressedSurface, aspect: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The points in the frame and around it, for triangles reach beyond it, from the tip's axis."""
+        x, y, p = _whole(contact)
+        near = (np.abs(x) < 2 * self.reach) & (np.abs(y) < 2 * aspect * self.reach)
+        if near.sum() < 3 or np.ptp(x[near]) == 0 or np.ptp(y[near]) == 0:
+            near[:] = True
+        return x[near], y[near], p[near]
+
+    def _draw_one(
+        self,
+        axes: Axes,
+        contact: PressedSurface,
+        length: Axis,
+        pressure: Axis,
+        colours: tuple[float, float],
+        aspect: float,
+    ) -> Any:
+        """One map; returns what a bar of colours is made of."""
+        x, y, p = self._near(contact, aspect)
+        low, top = colours
+        levels = np.linspace(low, top, 25)
+        beyond = {(False, True): "max", (True, False): "min", (True, True): "both"}
+        extend = beyond.get((bool(pressure(p.min()) < low), bool(top < pressure(p.max()))), "neither")
+        places = (length(along + middle) for along, middle in zip((x, y), contact.center, strict=True))
+        drawn = axes.tricontourf(*places, pressure(p), levels=levels, cmap="cividis", extend=extend)
+        _draw_rubbed(axes, contact, length)
+        axes.set_aspect("equal")
+        for set_limits, middle, half in zip(
+            (axes.set_xlim, axes.set_ylim), contact.center, (self.reach, aspect * self.reach), strict=True
+        ):
+            set_limits(length(middle - half), length(middle + half))
+        axes.locator_params(nbins=5)
+        axes.set(xlabel=length.label, ylabel=Axis("y", unit=length.unit).label)
+        return drawn
 
 
 def _whole(contact: PressedSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -34,7 +34,7 @@ def line_of(results: Results, step: float) -> Line:
     x, y, before = surface["x"], surface["y"], surface.get("z", np.zeros(len(surface["x"])))
     moved_x, moved_z = x + np.nan_to_num(surface["u_x"]), np.nan_to_num(before) + surface["u_z"]
     center = np.array([*results.report.get("center", [0.0, 0.0]), 0.0][:2])
-    x, moved_x, moved_z, before = _on_plane(y - center[1], x, moved_x, moved_z, np.nan_to_num(before))
+    x, moved_x, moved_z, before = on_line(y - center[1], x, moved_x, moved_z, np.nan_to_num(before))
     if x.min(initial=np.inf) >= center[0] - 1e-9 * np.ptp(x) and choice(results.report, "symmetry") != "full":
         moved_x = np.concatenate([2 * center[0] - moved_x[::-1], moved_x])
         moved_z, before = (np.concatenate([values[::-1], values]) for values in (moved_z, before))
@@ -42,8 +42,12 @@ def line_of(results: Results, step: float) -> Line:
     return Line(moved_x, moved_z, before, float(results["a"][row][0]), float(results["delta"][row][0]))
 
 
-def _on_plane(y: np.ndarray, x: np.ndarray, *values: np.ndarray) -> tuple[np.ndarray, ...]:
-    """The points on y = 0 in order of x; of a surface without such points, what lies between its points there."""
+def on_line(y: np.ndarray, x: np.ndarray, *values: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Places and values on the line y = 0 of a surface, in order of x.
+
+    These are the points that lie there; of a surface with fewer than five of them, what is interpolated between its
+    points.
+    """
     on = np.abs(y) <= 1e-9 * max(np.ptp(y), np.ptp(x))
     if on.sum() >= 5:  # they are the line; with fewer the surface is interpolated
         order = np.argsort(x[on])

@@ -81,7 +81,7 @@ def test_what_has_drained_of_a_ramp_is_the_mean_of_jumps() -> None:
 def test_elements_shrink_towards_drained_faces_as_the_first_row_asks() -> None:
     early, late = scene(), scene(loading={"history": [[0, 0], [0.1, 0.02]], "times": [0.1]})
     assert drained_faces(early) == ["top"] and early.sizes.h_film is not None
-    assert early.sizes.h_film < early.sizes.h_contact / 3
+    assert early.sizes.h_film < early.sizes.h_contact / 2
     assert late.sizes.h_film is None or late.sizes.h_film > 2 * early.sizes.h_film
 
 

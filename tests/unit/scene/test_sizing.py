@@ -35,6 +35,7 @@ def test_what_slides_outwards_is_meshed_finely_beneath_a_deep_rod() -> None:
     assert shallow.h_axis is None
     assert deep.h_axis is not None
     assert deep.h_axis < 0.1 * shallow.h_contact
+    assert deep.grading < 0.1 < shallow.grading  # what is stretched is a column about the axis
 
 
 def test_elements_go_around_the_edge_of_a_punch_wherever_it_is() -> None:
