@@ -308,6 +308,10 @@ class LinearElastic(_TwoConstants):
         deviator = ufl.dev(ufl.sym(H))
         return self.shear_modulus * ufl.inner(deviator, deviator), ufl.tr(H)
 
+    def mixed_volume(self, H: Expr, theta: Expr, q: Expr, share: Expr = 1.0) -> Expr:
+        """q theta - q^2/(2 kappa) [pressure], whatever share of the shear modulus is left; q is the mean stress."""
+        return q * theta - q * q * self.inverse_bulk_modulus / 2
+
     @property
     def inverse_bulk_modulus(self) -> Expr:
         """1/kappa = 3 (1 - 2 nu)/E [1/pressure]."""
@@ -518,7 +522,12 @@ class _Isochoric(_Law):
         return self.isochoric(excess, shrink**2 * square, shrink**3 * cube), log_J
 
     def mixed_energy(self, H: Expr, q: Expr) -> Expr:
-        """The same energy with a field q that is the normal stress on a sheared surface, not the mean stress.
+        """The same energy with the q of `mixed_volume`."""
+        rest, log_J = self.parts(H)
+        return rest + self.mixed_volume(H, log_J, q)
+
+    def mixed_volume(self, H: Expr, log_J: Expr, q: Expr, share: Expr = 1.0) -> Expr:
+        """Energy of the volume with a field q that is the normal stress on a sheared surface, not the mean stress.
 
         The mean stress in sheared material is q + k (I1 - 3), with k the `poynting_coefficient`; to leading order
         I1 - 3 is gamma^2. Contact holds the normal stress of a surface, and the shear gamma along it jumps between
@@ -530,19 +539,22 @@ class _Isochoric(_Law):
         ----------
         H : Expr
             Displacement gradient (3 x 3).
+        log_J : Expr
+            ln J of it, as `parts` gives it.
         q : Expr
             Field [pressure], positive in tension.
+        share : Expr
+            Of the shear modulus, and so of k, that is left.
 
         Returns
         -------
         Expr
-            rest + p ln J - p^2/(2 kappa) [pressure] with the mean stress p = q + k (I1 - 3).
+            p ln J - p^2/(2 kappa) [pressure] with the mean stress p = q + share k (I1 - 3).
         """
-        rest, log_J = self.parts(H)
         # not scaled by J^(-2/3): that is concave in ln J, and Newton's method then failed in uniform shear
         elongation = ufl.variable(2 * ufl.tr(H) + ufl.inner(H, H))  # I1 - 3, with its digits where H is small
-        mean = q + self.poynting_coefficient * elongation
-        return rest + mean * log_J - mean * mean * self.inverse_stiffness / 2
+        mean = q + share * self.poynting_coefficient * elongation
+        return mean * log_J - mean * mean * self.inverse_stiffness / 2
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
         """psi [pressure] of principal stretches."""
