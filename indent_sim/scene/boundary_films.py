@@ -224,8 +224,6 @@ def size_for(
     def beyond(h: float) -> float:
         return max((share_of(row, h, diffusivity, per) for row in asked), default=0.0) - most
 
-    from scipy.optimize import brentq  # loaded by scenes that drain alone: `plan` of any other is quick
-
     if beyond(coarse) <= 0:
         return coarse
     if beyond(fine) >= 0:
