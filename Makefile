@@ -26,7 +26,7 @@ setup: ## install what is missing: Debian packages, .venv, .venv/bin/indent-sim;
 	@AFM=$(AFM) scripts/setup
 
 demo: setup ## run configs/hertz.yaml and show its last row beside Hertz
-	@$(VENV)/indent-sim run configs/hertz.yaml
+	@$(VENV)/indent-sim run configs/hertz.yaml --overwrite
 
 check: setup lint ## ruff, mypy, and the tests that run nothing: a minute
 	$(VENV)/python -m pytest -q tests/unit tests/laws
