@@ -36,6 +36,7 @@ STEP = 0.9  # of a depth: a second one, for slopes
 SAME_SPEED = 1e-6  # relative: of one piece of a path, but for rounding
 MOST_CHANGES = 30  # before a row: films of earlier ones have grown thick
 MOST_ROWS = 100  # that a size is chosen by
+HALVINGS = 30  # of the range of a size, in its logarithm: to 1e-8
 LEAST_VALUE = 0.05  # of the largest depth or force: earlier rows are not asked for a film's error
 
 
@@ -227,6 +228,7 @@ def size_for(
         return coarse
     if beyond(fine) >= 0:
         return fine
-    from scipy.optimize import brentq  # loaded by scenes that drain alone: `plan` of any other is quick
-
-    return float(brentq(beyond, fine, coarse, rtol=1e-6))
+    for _ in range(HALVINGS):
+        middle = (fine * coarse) ** 0.5
+        fine, coarse = (middle, coarse) if beyond(middle) < 0 else (fine, middle)
+    return fine

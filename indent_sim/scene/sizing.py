@@ -111,11 +111,15 @@ def _contact(given: Given, delta: float) -> tuple[float, float, float]:
     return delta, a, solution.force / area if solution else given.physics.material.E_star * delta / (2 * a)
 
 
-def _edge(given: Given, gap: str) -> float | None:
-    """Radius of an edge at which the pressure is singular, or nearly: a punch's, or of a tip's end that is reached."""
+def _edge(given: Given, gap: str, is_asked: bool) -> float | None:
+    """Radius of an edge at which the pressure is singular, or nearly: a punch's, or of a tip's end that is reached.
+
+    A plate has none, and the edge of a punch wider than the body touches nothing. Where the scene asks for elements at
+    the edge of the contact (`is_asked`), they are those at the body's rim.
+    """
     tip, a = given.physics.indenter, given.a
     if given.physics.is_compressed:
-        return None  # the edge, where there is one, is beyond the body
+        return a if is_asked else None
     if isinstance(tip, FlatPunch):
         if given.physics.part.dome and a < AT_END * tip.radius:
             return None  # the curved top ends the contact
@@ -127,7 +131,8 @@ def _edge(given: Given, gap: str) -> float | None:
 def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Sizes:
     """The element sizes: the config's, those of the fineness that `accuracy` wants, or those of `sizing`."""
     physics, mesh, part, a = given.physics, config.mesh, given.physics.part, given.a
-    edge = rounded(found) if (found := _edge(given, gap)) is not None else None
+    found = _edge(given, gap, mesh.h_edge is not None)
+    edge = rounded(found) if found is not None else None
     if isinstance(part, MeshedPart):
         return _of_file(part, given, edge, wanted.refinements if wanted else mesh.refinements or 0)
     keenness = _keenness(given, edge)
@@ -225,6 +230,8 @@ def _keenness(given: Given, edge: float | None) -> float:
     physics = given.physics
     if edge is None:
         return 1.0
+    if physics.is_compressed:
+        return 0.0  # the body's own rim ends the contact, wherever elements end
     held = [support for name, support in physics.part.supports.items() if name != "base"]
     gap = max(physics.body.rim_distance(physics.center) - edge, 1e-9 * edge)
     squeezed = 1 / max(1 - 2 * physics.largest_nu, 1e-9) ** 0.5 if physics.body.is_held else 1.0

@@ -37,7 +37,7 @@ COLUMN: dict[str, Any] = {
     "material": {"model": "linear_elastic", "E": 6.0, "nu": 0.25, "flow": {"permeability": 0.01}},
     "indenter": {"shape": "flat_punch", "radius": 0.25},
     "drainage": {"surface": "drained", "tip": "drained", "base": "sealed", "sides": "sealed"},
-    "mesh": {"h_contact": 0.05, "h_edge": 0.05, "h_far": 0.05},
+    "mesh": {"h_contact": 0.05, "h_far": 0.05},
     "output": QUIET,
 }
 WEIGHT = 0.00589049

@@ -66,7 +66,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "pyfmreader": ("results/measured/nanoscope_file.py",),
     "h5py": ("results/", "mesh/mesh_file.py"),
     "matplotlib": ("results/pictures/", "studies/picture.py", "studies/multiples.py", "fitting/fit_picture.py"),
-    "scipy": ("theory/", "fe/", "fitting/", "scene/boundary_films.py"),
+    "scipy": ("theory/", "fe/", "fitting/"),
     "yaml": ("config/strict_yaml.py",),
     "pint": ("config/quantities.py",),
     "jinja2": ("results/report.py",),
