@@ -529,11 +529,11 @@ class _Isochoric(_Law):
     def mixed_volume(self, H: Expr, log_J: Expr, q: Expr, share: Expr = 1.0) -> Expr:
         """Energy of the volume with a field q that is the normal stress on a sheared surface, not the mean stress.
 
-        The mean stress in sheared material is q + k (I1 - 3), with k the `poynting_coefficient`; to leading order
-        I1 - 3 is gamma^2. Contact holds the normal stress of a surface, and the shear gamma along it jumps between
-        elements. A continuous mean stress cannot follow, and the pressure became a saw-tooth under friction. The
-        stationary point is that of the displacement law whatever k is, also where the law is incompressible
-        (docs/decisions/0048-a-mixed-pressure-that-shear-leaves-alone.md).
+        The mean stress in sheared material is q + k (I1 - 3), with k the `poynting_coefficient`, or 0 where that is
+        below 0; to leading order I1 - 3 is gamma^2. Contact holds the normal stress of a surface, and the shear gamma
+        along it jumps between elements. A continuous mean stress cannot follow, and the pressure became a saw-tooth
+        under friction. The stationary point is that of the displacement law whatever k is, also where the law is
+        incompressible (docs/decisions/0048-a-mixed-pressure-that-shear-leaves-alone.md).
 
         Parameters
         ----------
@@ -553,7 +553,9 @@ class _Isochoric(_Law):
         """
         # not scaled by J^(-2/3): that is concave in ln J, and Newton's method then failed in uniform shear
         elongation = ufl.variable(2 * ufl.tr(H) + ufl.inner(H, H))  # I1 - 3, with its digits where H is small
-        mean = q + share * self.poynting_coefficient * elongation
+        # with k < 0, as of Ogden's law with alpha = 9, Newton's method did not converge (under a ball, depth 0.4 R)
+        k = algebra.maximum(self.poynting_coefficient, 0.0)
+        mean = q + share * k * elongation
         return mean * log_J - mean * mean * self.inverse_stiffness / 2
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
