@@ -2,7 +2,8 @@
 
 A material is a frozen dataclass with its constants, an `energy` of the displacement gradient H (3x3) and, of the same
 `parts`, a `mixed_energy` in which a pressure-like field q replaces the volumetric stiffness (q = lame_lambda tr eps, or
-lambda ln J, or kappa ln J at the solution), so that nu = 0.5 is legal. Its numbers may be floats or UFL constants.
+lambda ln J, or kappa ln J - k (I1 - 3) at the solution), so that nu = 0.5 is legal. Its numbers may be floats or UFL
+constants.
 """
 
 from __future__ import annotations
@@ -307,6 +308,10 @@ class LinearElastic(_TwoConstants):
         deviator = ufl.dev(ufl.sym(H))
         return self.shear_modulus * ufl.inner(deviator, deviator), ufl.tr(H)
 
+    def mixed_volume(self, H: Expr, theta: Expr, q: Expr, share: Expr = 1.0) -> Expr:
+        """q theta - q^2/(2 kappa) [pressure], whatever share of the shear modulus is left; q is the mean stress."""
+        return q * theta - q * q * self.inverse_bulk_modulus / 2
+
     @property
     def inverse_bulk_modulus(self) -> Expr:
         """1/kappa = 3 (1 - 2 nu)/E [1/pressure]."""
@@ -461,6 +466,17 @@ class _Isochoric(_Law):
     def small_strain_mu(self) -> Expr:
         """Shear modulus at small strain [pressure]."""
 
+    @property
+    @abstractmethod
+    def poynting_coefficient(self) -> Expr:
+        """k [pressure]: simple shear by gamma at constant volume gives the plane that it shears along a normal stress
+        less than the mean stress by k gamma^2, to leading order (Poynting effect).
+
+        In the logarithms h_i of stretches whose product is one, the energy of any isotropic law begins with
+        mu (h_1^2 + h_2^2 + h_3^2) + c h_1 h_2 h_3. In simple shear they are gamma/2, -gamma/2 and 0, and the principal
+        axes lie gamma/4 beside those at 45 degrees, from which k = mu/2 - c/12 follows.
+        """
+
     @abstractmethod
     def isochoric(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
         """Isochoric energy [pressure] of excess = tr C/3 - 1, square = dev C : dev C/6, cube = det dev C; det C = 1."""
@@ -505,6 +521,43 @@ class _Isochoric(_Law):
         excess = shrink * (2 * w / 3 - expm1_remainder(2 * log_J / 3))
         return self.isochoric(excess, shrink**2 * square, shrink**3 * cube), log_J
 
+    def mixed_energy(self, H: Expr, q: Expr) -> Expr:
+        """The same energy with the q of `mixed_volume`."""
+        rest, log_J = self.parts(H)
+        return rest + self.mixed_volume(H, log_J, q)
+
+    def mixed_volume(self, H: Expr, log_J: Expr, q: Expr, share: Expr = 1.0) -> Expr:
+        """Energy of the volume with a field q that is the normal stress on a sheared surface, not the mean stress.
+
+        The mean stress in sheared material is q + k (I1 - 3), with k the `poynting_coefficient`, or 0 where that is
+        below 0; to leading order I1 - 3 is gamma^2. Contact holds the normal stress of a surface, and the shear gamma
+        along it jumps between elements. A continuous mean stress cannot follow, and the pressure became a saw-tooth
+        under friction. The stationary point is that of the displacement law whatever k is, also where the law is
+        incompressible (docs/decisions/0048-a-mixed-pressure-that-shear-leaves-alone.md).
+
+        Parameters
+        ----------
+        H : Expr
+            Displacement gradient (3 x 3).
+        log_J : Expr
+            ln J of it, as `parts` gives it.
+        q : Expr
+            Field [pressure], positive in tension.
+        share : Expr
+            Of the shear modulus, and so of k, that is left.
+
+        Returns
+        -------
+        Expr
+            p ln J - p^2/(2 kappa) [pressure] with the mean stress p = q + share k (I1 - 3).
+        """
+        # not scaled by J^(-2/3): that is concave in ln J, and Newton's method then failed in uniform shear
+        elongation = ufl.variable(2 * ufl.tr(H) + ufl.inner(H, H))  # I1 - 3, with its digits where H is small
+        # with k < 0, as of Ogden's law with alpha = 9, Newton's method did not converge (under a ball, depth 0.4 R)
+        k = algebra.maximum(self.poynting_coefficient, 0.0)
+        mean = q + share * k * elongation
+        return mean * log_J - mean * mean * self.inverse_stiffness / 2
+
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
         """psi [pressure] of principal stretches."""
         J = l1 * l2 * l3
@@ -526,6 +579,11 @@ class _Isochoric(_Law):
 @dataclass(frozen=True)
 class _OfInvariants(_Isochoric):
     """Laws of the modified invariants J^-2/3 I1 and J^-4/3 I2."""
+
+    @property
+    def poynting_coefficient(self) -> Expr:
+        """mu/3, of a law of I1 alone; 2/3 of the slope along I2 more where there is one."""
+        return self.small_strain_mu / 3
 
     @abstractmethod
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
@@ -553,6 +611,11 @@ class MooneyRivlin(_OfInvariants):
     def small_strain_mu(self) -> Expr:
         """2 (C10 + C01)."""
         return 2 * (self.C10 + self.C01)
+
+    @property
+    def poynting_coefficient(self) -> Expr:
+        """(2 C10 + 4 C01)/3."""
+        return (2 * self.C10 + 4 * self.C01) / 3
 
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
         """C10 i1 + C01 i2."""
@@ -598,6 +661,12 @@ class Ogden(_Isochoric):
     def small_strain_mu(self) -> Expr:
         """sum mu_i alpha_i / 2."""
         return sum(mu * alpha for mu, alpha in zip(self.mu, self.alpha, strict=True)) / 2
+
+    @property
+    def poynting_coefficient(self) -> Expr:
+        """sum mu_i alpha_i (6 - alpha_i)/24, since c = sum mu_i alpha_i^2 / 2."""
+        pairs = zip(self.mu, self.alpha, strict=True)
+        return sum(mu * alpha * (6 - alpha) for mu, alpha in pairs) / 24
 
     def isochoric(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
         """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); near rest, where stretches lose digits, by a series."""

@@ -59,7 +59,7 @@ class Relaxing(Strain):
         width = len(COMPONENTS[dim])
         space = compat.function_space(body.mesh, compat.at_quadrature(dim, degree, width))
         means = compat.function_space(body.mesh, compat.in_cells(dim, width))
-        self._stiffness = fem.Constant(body.mesh, 1.0)
+        self._stiffness, self._share_at_rest = (fem.Constant(body.mesh, share) for share in (1.0, self._rest))
         self._found: list[np.ndarray] = []  # S and the A_k at the end of the last stage
         self._if_held = 1.0  # share of the shear stress that a stage leaves where the strain stands still
         self._h, self._mean_h = fem.Function(space), fem.Function(means)
@@ -74,8 +74,12 @@ class Relaxing(Strain):
         """The potential of a stage, with h at the points of the quadrature, and with its mean in a cell."""
         assert isinstance(material, Relaxable)
         shear, theta = material.split(H)
-        kappa_inverse = material.inverse_bulk_modulus
-        volume = theta**2 / (2 * kappa_inverse) if q is None else q * theta - q * q * kappa_inverse / 2
+        # the meaning of q stays the same while the shear relaxes: it is the one of the body that has relaxed
+        volume = (
+            theta**2 / (2 * material.inverse_bulk_modulus)
+            if q is None
+            else material.mixed_volume(H, theta, q, self._share_at_rest)
+        )
         P = ufl.diff(shear, H)
         self._S = P if material.small_strain else ufl.exp(2 * theta / 3) * ufl.inv(ufl.Identity(3) + H) * P
         self.psi = self._rest * shear + volume
