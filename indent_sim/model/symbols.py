@@ -168,6 +168,8 @@ conductance [length/(pressure time)] $X$: flux out over the fluid's pressure abo
 pore_pressure [pressure] $p$: of the fluid in the pores, above the bath's
 outflow [length^3]: fluid that has left the whole body since rest; < 0 what it has taken up
 pore_pressure_max [pressure]: largest pressure of the fluid, above the bath's
+drained: of a sudden step in a body that drains, at each vertex of a drained face the height of its elements and p^2
+  times its area; for the film part of the error bars alone, in no file
 moved [length^3]: fluid that has gone from where it was at rest, out of the body or to another place in it
 unbalanced [length^3]: fluid that has neither left nor is there; zero
 
