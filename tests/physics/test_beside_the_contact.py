@@ -31,6 +31,7 @@ def judged(folder: Path, kinematics: str, body: dict[str, Any], *overrides: str)
         "file": "body.msh",
         "kinematics": kinematics,
         "surfaces": {"contact": "top", "base": "bottom"},
+        "sides": "free",
     }
     scene = {
         "body": mesh,

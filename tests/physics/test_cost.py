@@ -193,12 +193,9 @@ def test_seconds_with_accuracy(change: str, tmp_path: Path) -> None:
     assert_close(foreseen(resolve(load(path, settings))).plan.prediction["seconds"], seconds)
 
 
-def test_a_sharp_punch_in_three_dimensions_takes_a_second_mesh() -> None:
-    """Its bar holds what the elements at the edge cost, which is known beforehand: 1.65 % where 1 % is asked for. A box
-    went on from 4.6 to 6.24 elements in the radius, 1.357 times as many, a tip beside the axis of a cylinder to 6.32;
-    `plan` knew of the first mesh alone."""
+def test_a_sharp_punch_in_three_dimensions_takes_one_mesh() -> None:
+    """Its bar holds what the elements at the edge cost, which is known beforehand, and the first mesh is chosen by it:
+    elements that cost 1.65 % where 1 % was asked for led to a second one."""
     punch = {"shape": "flat_punch", "radius": 0.2}
     config = {"body": BOX | {"size": [2.0, 2.0, 1.0]}, "indenter": punch, "accuracy": 0.01, "mesh": {}}
-    (ratio,) = ratios_foreseen(scene(**config))
-    assert ratio == pytest.approx(1.357, rel=0.05)
-    assert ratios_foreseen(scene(**config | {"accuracy": 0.05})) == []
+    assert ratios_foreseen(scene(**config)) == ratios_foreseen(scene(**config | {"accuracy": 0.05})) == []

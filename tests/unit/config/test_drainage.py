@@ -143,13 +143,13 @@ def test_what_is_doubtful_is_said() -> None:
     assert "sealing" in keys()
     assert "sealing" not in keys(drainage={"tip": "drained"}) | keys(mesh={"h_contact": 0.01})
     assert "sealed" in keys(drainage={"surface": "sealed"})
-    assert "early" in keys(loading=jump)
+    assert "early" in keys(loading=jump, drainage={"tip": "drained"})  # a tip that seals has no film below it
     endless = {"shape": "half_space"}
     assert "diffusion" in keys(body=endless, loading={"history": [[0, 0], [1, 0.02], [1e6, 0.02]]})
 
 
 def test_a_sudden_force_on_a_closed_column_comes_with_the_first_step() -> None:
-    """Nothing gives way before the fluid does; between free sides, or with storage, it does."""
+    """Nothing gives way before the fluid does, to a force or a depth; between free sides, or with storage, it does."""
     punch = {"shape": "flat_punch", "radius": 2.0}
     sudden = {"force_history": [[0, 0.1], [1, 0.1]]}
 
@@ -160,4 +160,4 @@ def test_a_sudden_force_on_a_closed_column_comes_with_the_first_step() -> None:
     assert first() > 0
     assert first(body=SCENE["body"] | {"sides": "free"}) == 0
     assert first(material=WET | {"flow": FLOW | {"storage": 1.0}}) == 0
-    assert first(loading={"history": [[0, 0.02], [1, 0.02]]}) == 0
+    assert first(loading={"history": [[0, 0.02], [1, 0.02]]}) > 0  # a depth at once would take an infinite force
