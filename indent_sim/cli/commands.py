@@ -570,7 +570,7 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
     from indent_sim.results.pictures import canvas, panels
 
     given = {name: value for name, value in wish.items() if value}
-    if any(held(path) == "study" for path in paths):
+    if any(path.is_dir() and held(path) == "study" for path in paths):
         return _plot_study(paths, output, given)
     wanted = panels.wish(given) if given else None
     runs = [reader.read(path) for path in paths]

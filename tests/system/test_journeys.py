@@ -50,11 +50,11 @@ def cluster_user(folder: Path) -> None:
         rows = list(csv.DictReader(stream))
     assert [row["status"] for row in rows] == ["done"] * 6
     assert {(row["body.height"], row["material.E"]) for row in rows} == {
-        (height, E) for height in ("5 um", "10 um", "20 um") for E in ("1 kPa", "3 kPa")
+        (height, E) for height in ("5.0", "10.0", "20.0") for E in ("1.0", "3.0")
     }
     page = (folder / "results" / "study" / "report.html").read_text(encoding="utf-8")
     html_page.check(page)
-    assert ">height [µm]<" in page and ">E [kPa]<" in page
+    assert ">height [µm]<" in page and ">E [nN/µm²]<" in page
 
 
 TRUE_E = 14.0  # kPa, of the measured curve
