@@ -191,9 +191,9 @@ def test_a_study(tmp_path):
     words = (
         ">depth δ [µm]<",
         ">force F [nN]<",
-        ">height 5, E 1 kPa<",
+        ">height 5, E 1<",
         ">height [µm]<",
-        ">E [kPa]<",
+        ">E [nN/µm²]<",
         ">last force F [nN]<",
     )
     assert [word for word in words if word not in text] == []
