@@ -221,6 +221,7 @@ def test_fields_by_pyvista(tmp_path):
 @pytest.mark.slow
 def test_the_answers_of_the_how_do_i_page_run(tmp_path):
     """Every command in its sentences, in their order, beside a scene, a study, a result and a measured curve."""
+    os.symlink(ROOT / "configs", tmp_path / "configs")
     (tmp_path / "scene.yaml").write_text(SCENE)
     (tmp_path / "study.yaml").write_text("base: scene.yaml\nvary: {material.nu: [0.3, 0.4]}\n")
     followed(
