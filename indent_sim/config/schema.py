@@ -110,6 +110,7 @@ class OutputSettings:
     directory: Annotated[str, MinLen(1)] | None = None
     fields: Literal["auto", "none", "last", "all"] = "auto"
     surface: When = "last"
+    reactions: bool = False
     plot: bool = True
 
 

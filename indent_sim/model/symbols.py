@@ -223,6 +223,7 @@ fields: steps whose fields are written for ParaView; last: the deepest and the l
   none with theory
 surface: state of the contact surface, point by point
 output.surface: steps whose contact surface is written to surface.csv; last: the deepest and the last
+output.reactions: whether force_indentation.csv has a column for each force of a support on the body
 plot: whether force_indentation.png is drawn
 
 ## Results, one row a step

@@ -226,7 +226,9 @@ class Run:
         given = {"delta"} if scene.physics.path.control == "depth" else set()
         found = BARS.values() if scene.history else (*STATE_COLUMNS, *scene.physics.columns)
         judged = {*found} - given if self._asked.bars else set[str]()
-        return (*effort, *(name for name in ERROR_COLUMNS if name.removesuffix("_error") in judged))
+        errors = (name for name in ERROR_COLUMNS if name.removesuffix("_error") in judged)
+        reactions = scene.reaction_columns if self.config.output.reactions else ()
+        return (*effort, *errors, *reactions)
 
     def _bars(self, attempt: Attempt) -> Bars:
         if not attempt.scene.is_meshed:
