@@ -480,6 +480,12 @@ def refuse_reactions(config: Config, why: str) -> None:
         raise ConfigError("output.reactions", f"true: there are none to write: {why}", "leave it out")
 
 
+def refuse_nodal_stress(config: Config, has_fields: bool) -> None:
+    """ConfigError where stresses at the nodes are asked for and no fields are written."""
+    if config.output.nodal_stress and not (has_fields and config.output.fields != "none"):
+        raise ConfigError("output.nodal_stress", "true: this run writes no fields", "leave it out")
+
+
 def _refuse_in_time(given: Given, why: str) -> None:
     """ConfigError for what is made of a curve."""
     if given.relaxation:

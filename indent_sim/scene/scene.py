@@ -235,6 +235,7 @@ def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
     physics = given.physics
     of_curve = choices.curve(config, given, solver)
     choices.refuse_reactions(config, "theory solves it, without a mesh")
+    choices.refuse_nodal_stress(config, has_fields=False)
     chosen = (*choices.quantities(config), solver, *choices.by_theory(config, given), *of_curve)
     each = PER_SOUGHT_ROW if given.theory and given.theory.contact.tip.breaks else PER_ROW
     predicted = prediction_of(given) | {"seconds": float(f"{THEORY_SECONDS + each * len(physics.deltas):.3g}")}
@@ -270,6 +271,7 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     no_peak = peakless(physics, sizes, given.a if given.deepest > 0 else 0.0)
     of_peak = [Choice("p_max", "empty", no_peak)] if no_peak else []
     of_mesh, of_curve = choices.mesh(config, given, sizes, fineness), choices.curve(config, given, solver, is_in_time)
+    choices.refuse_nodal_stress(config, has_fields=not given.history or is_in_time)
     if given.history and not is_in_time:
         choices.refuse_reactions(config, "a history is followed on the elastic curve, of forces alone")
     elif isinstance(config.body, Endless):

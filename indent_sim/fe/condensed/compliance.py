@@ -248,8 +248,8 @@ class Condenser:
         return ((dofs, np.arange(n), all_free) if self._is_whole else (local, columns, free)), dofs, all_free
 
     def _block(self, own: Own, dofs: np.ndarray, is_free: np.ndarray, n: int) -> Columns:
-        """Displacements at n columns, reactions of the supports, largest one of the pins, for unit forces at dofs; and the
-        displacements that are `seen`."""
+        """Displacements at n columns, reactions of the supports, largest one of the pins, for unit forces at dofs; and
+        the displacements that are `seen`."""
         comm, (local, columns, _) = self._comm, own
         rows = self._pc.getOperators()[0].getLocalSize()[0]
         X = PETSc.Mat().createDense(((rows, PETSc.DETERMINE), (PETSc.DECIDE, len(dofs))), comm=comm)
