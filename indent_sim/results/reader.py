@@ -235,9 +235,14 @@ def read_run(path: Path) -> Results:
     return Results(path, {name: np.empty(0) for name in ("step", *COMPARED, "newton_iterations")}, report)
 
 
-def rows_of(states: Iterable[State], has_reactions: bool = False) -> list[dict[str, float]]:
+def has_reactions(folder: Path) -> bool:
+    """Whether the force table of a result folder has the reactions of supports."""
+    return not {*header_of(folder / TABLE)}.isdisjoint(REACTION_COLUMNS)
+
+
+def rows_of(states: Iterable[State], with_reactions: bool = False) -> list[dict[str, float]]:
     """The rows of the force table as mappings from column to number; with reactions where they were asked for."""
-    names = [name for name in (*STATE_COLUMNS, *BEYOND_STATE) if has_reactions or name not in REACTION_COLUMNS]
+    names = [name for name in (*STATE_COLUMNS, *BEYOND_STATE) if with_reactions or name not in REACTION_COLUMNS]
     rows = ({name: state.column(name) for name in names} for state in states)
     return [{name: value for name, value in row.items() if value is not None} for row in rows]
 
