@@ -190,7 +190,7 @@ class TestPressure:
     def test_places_are_on_the_surface_whose_contact_radius_is_read(self, drawn, gap, stretch, name):
         """The deformed one where the gap is tested there, and the axis says it."""
         result = a_result(units={}, gap=gap)
-        result.surface |= {"u_x": 0.1 * result.surface["x"], "u_y": np.zeros(len(result.surface["x"]))}
+        result.surface.update(u_x=0.1 * result.surface["x"], u_y=np.zeros(len(result.surface["x"])))
         axes = drawn([result], what=("pressure",)).axes[0]
         assert axes.get_lines()[0].get_xdata() == pytest.approx(stretch * result.surface["x"])
         assert axes.get_xlabel().startswith(name)
