@@ -67,7 +67,11 @@ Center = tuple[float, ...]  # horizontal position of the tip's axis [length]
 # Of the time that fluid takes through the contact, and of that through an element: the first step of a piece. In less
 # than the second an element of linear pressure does not drain as a half-space does, and the force is up to 1.4 % low
 FIRST_STEP, DRAINS_ELEMENT = 1e-3, 6.0
-RAMP_STEPS = 8.0  # in which a bath comes at finite strain: no Newton step finds a sudden layer
+# Of the time that fluid takes through the contact, or through a thinner body: within this a sudden bath comes at finite
+# strain, in RAMP_STEPS first steps, since no Newton step finds the layer that swells at once. Elements of a tenth of
+# the contact radius just drain in such a step, h^2/(DRAINS_ELEMENT D)
+RAMP_STEPS = 8.0
+BATH_RAMP = RAMP_STEPS / DRAINS_ELEMENT / 10**2
 # Of the force, with PER_DOUBLING steps of each length; of second order in them. What rubs is known to less: its error
 # bar is five times what half steps change
 FOLLOWED_TO, RUBS_TO = 0.004, 0.02
@@ -105,7 +109,7 @@ class Physics:
     anchor: Anchor = "implicit"  # of what comes into contact during a step, with friction
     surface_tension: float = 0.0  # of the contact surface [pressure length]
     drainage: Drainage = field(default_factory=Drainage)  # of regions with a flow; times are the scene's own
-    bath_ramp: float = 0.0  # in which its first bath comes [time]; 0: at once
+    bath_ramp: float = 0.0  # in which a sudden bath comes [time]; 0: at once
 
     @cached_property
     def is_compressed(self) -> bool:
@@ -561,9 +565,8 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
     path = given.history.path
     if physics.evolves:
         physics = replace(physics, part=_relaxing(physics, given.history))
-        first = first_step(given, physics, h_contact)
-        physics = replace(physics, bath_ramp=0.0 if physics.small_strain else RAMP_STEPS * first)
-        path = given.history.in_steps(first, given.per_doubling)
+        physics = replace(physics, bath_ramp=bath_ramp(given, physics))
+        path = given.history.in_steps(first_step(given, physics, h_contact), given.per_doubling)
         if path.jumps and is_locked(physics):
             path = _without_sudden(path, "loading.force_history" if path.control == "force" else "loading.history")
     tip, height = given.relative, physics.body.height
@@ -572,6 +575,21 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
         path=path,
         deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales, physics.seen),
     )
+
+
+def bath_ramp(given: Given, physics: Physics) -> float:
+    """The time [time] in which a bath comes to a body that it swells or shrinks; 0 where none does, or at once.
+
+    As `drainage.bath_ramp` says; where that is auto, of a body at finite strain, BATH_RAMP L^2/D with L the expected
+    contact radius, or the body's height where that is less. No mesh has a part in it.
+    """
+    if not physics.swells:
+        return 0.0
+    if physics.drainage.bath_ramp != "auto":
+        return physics.drainage.bath_ramp
+    if physics.small_strain:
+        return 0.0
+    return BATH_RAMP * min(given.a, physics.body.height) ** 2 / fastest(physics)
 
 
 def is_locked(physics: Physics) -> bool:
@@ -595,12 +613,15 @@ def _without_sudden(path: LoadPath, key: str) -> LoadPath:
 
 
 def first_step(given: Given, physics: Physics, h_contact: float) -> float:
-    """The first step of a piece of the history [time]: what flows and what relaxes is followed by it; h_contact
-    [length]."""
+    """The first step of a piece of the history [time]: what flows, what relaxes and a bath that comes are followed by
+    it; h_contact [length]."""
     assert given.history is not None
     times = [t for region in physics.part.regions if region.relaxing for t in region.relaxing.times]
     shortest = max(min(times, default=inf) / PER_TIME, SHORTEST_STEP * given.history.shortest_piece)
-    return Durations.of(given, physics, h_contact).first(shortest) if physics.permeable else shortest
+    if not physics.permeable:
+        return shortest
+    first = Durations.of(given, physics, h_contact).first(shortest)
+    return min(first, physics.bath_ramp / RAMP_STEPS) if physics.bath_ramp else first
 
 
 def _relaxing(physics: Physics, history: History) -> Part:
