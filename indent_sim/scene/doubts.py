@@ -119,6 +119,8 @@ def of_fluid(given: Given, physics: Physics, sizes: Sizes) -> Iterator[Doubt]:
         low = f"the force is up to {in_words(late.worst)} low"
         words = f"rows up to t = {physics.path.times[late.until]:.3g}: {thick} has drained there by then, and {low}"
         yield Doubt("early", f"{words}; {how_to_refine(sizes, 'give a smaller mesh.h_film')}", late.at_last)
+    if physics.creases:
+        yield Doubt("creases", f"{physics.creases}: rows may be lost, and those that are found are of a smooth surface")
     if drainage.bath_ramp != "auto" and not physics.swells:
         yield Doubt("bath_ramp", "drainage.bath_ramp has no effect: the bath is that in which the body is at rest")
     ramp = physics.bath_ramp

@@ -79,6 +79,9 @@ PER_TIME = 20.0  # first steps of a piece in the shortest time of a relaxation
 # Of the shortest piece of a history: its first step at least, and of that the shortest time of a power law, which is a
 # sum of exponentials down to there
 SHORTEST_STEP, BEFORE_STEP = 1e-3, 1e-2
+# Stretch of a skin across over that along it, from which the surface of an incompressible network has creases (Hong,
+# Zhao & Suo 2009, Appl. Phys. Lett. 95, 111901); a smooth surface is without any stability from 3.4 on (Biot 1963)
+CREASE = 2.4
 HALVINGS = 40  # of the way of a spring's base, until the depth is known
 ATTRACTION_REACH = 7.0  # ranges of gap up to which an attraction counts: beyond, a thousandth of its work is left
 AT_RIM = 1e-9  # of a contact surface, from the tip's axis to its rim: less is none
@@ -185,6 +188,24 @@ class Physics:
     def swells(self) -> bool:
         """Whether a bath makes it swell or shrink."""
         return any(one.material.bath_pressure(bath) != 0 for one in self.permeable for bath in self.drainage.baths)
+
+    @property
+    def skin_stretch(self) -> float:
+        """The stretch across the surface of a gel whose skin has swollen, held sideways by what is beneath it; 1
+        without a gel at the surface. A free body has such a skin at first, a body between walls for good."""
+        law = self.part.regions[0].material
+        if not isinstance(law, Gel) or not law.flow:
+            return 1.0
+        return max(law.held_swelling(law.bath_pressure(bath)).stretch for bath in self.drainage.baths)
+
+    @property
+    def creases(self) -> str:
+        """That the skin of a gel swells so much that its surface does not stay smooth, in words; empty where it does
+        not."""
+        if self.skin_stretch <= CREASE:
+            return ""
+        skin = f"the gel's skin swells to {self.skin_stretch:.3g} times its thickness, held sideways by what is beneath"
+        return f"{skin}, and from {CREASE:g} on its surface has creases, which are not followed"
 
     def is_closed_by_swelling(self, depth: float, a: float) -> bool:
         """Whether a contact of radius a is wider than the tip at its depth, which pressing alone makes none."""
