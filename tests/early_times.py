@@ -2,8 +2,8 @@
 
 Fluid leaves through faces of every kind, on ramps of 1e-7 to 10 of the time that it takes through the contact; shear
 relaxes by sums of exponentials and by power laws, also towards an incompressible body. What is right follows from
-series, limits, bounds and the principle of correspondence. Of a gel only a finer mesh in shorter steps knows; it is
-asked with `--finer`, else a gel's rows are counted alone.
+series, limits, bounds and the principle of correspondence. Of a gel, and of a contact that drains for long, only a
+finer mesh in shorter steps knows; it is asked with `--finer`, else such rows are counted alone.
 
 `python tests/early_times.py --seed 1 --count 60` runs as many random scenes and prints a table: how often a force and
 the largest pressure are inside their error bars, how often `accuracy` is met, how wide the bars are, and how many gels
@@ -259,6 +259,27 @@ class Drawn:
         peaks = [relaxed([row.p_max for row in elastic], t) for t in times]
         return EarlyScene("relaxing contact", mapping, right, right, [(p, p) for p in peaks])
 
+    def contact(self) -> EarlyScene:
+        """A ball or a cone on a body that drains through some of its faces, at any speed: only a finer run knows."""
+        material, R, a = self.material(), self.spread(0.3, 3.0), self.spread(0.1, 0.4)
+        shape = self.either("paraboloid", "cone")
+        depth = a * a / R if shape == "paraboloid" else pi / 2 * a / float(np.tan(np.radians(80.0)))
+        body = {"shape": "cylinder", "radius": float(self.draw.uniform(1.0, 3.0)), "height": 1.0}
+        mapping = {
+            "body": body | {"base": self.either("fixed", "roller"), "sides": self.either("roller", "free", "fixed")},
+            "material": material,
+            "indenter": {"shape": shape, "R": R} if shape == "paraboloid" else {"shape": shape, "half_angle": 80.0},
+            "drainage": {
+                "surface": self.either("drained", "sealed"),
+                "tip": self.either("drained", "sealed"),
+                "base": self.either("drained", "sealed"),
+                "sides": self.either("drained", "sealed", "auto"),
+            },
+            "loading": self.history(a * a * self.spread(1e-7, 10.0), depth),
+            "output": QUIET,
+        }
+        return EarlyScene("contact", mapping, [], [])
+
     def gel(self) -> EarlyScene:
         """A gel that swells in its pure solvent under a tip that stands still or comes."""
         body = {"shape": "cylinder", "radius": float(self.draw.uniform(1.5, 3)), "height": 1.0}
@@ -296,7 +317,7 @@ def _rows(mapping: dict[str, Any]) -> list[State]:
         return list(simulate(from_mapping(kept), directory=Path(folder) / "o").states)
 
 
-KINDS = ("disc", "column", "layer", "relaxing column", "relaxing contact", "gel")
+KINDS = ("disc", "column", "layer", "relaxing column", "relaxing contact", "contact", "gel")
 
 
 def early_scenes(seed: int, count: int, kinds: Sequence[str] = KINDS) -> Iterator[EarlyScene]:
@@ -332,11 +353,14 @@ class Judged:
 def judged(
     scene: EarlyScene, accuracy: float | None = None, mesh: dict[str, Any] | None = None, *, finer: bool = False
 ) -> Judged:
-    """The scene solved with error bars, or to an accuracy; of a gel its rows alone, or `finer` ones beside them."""
+    """The scene solved with error bars, or to an accuracy.
+
+    finer: whether scenes without bounds are judged by the rows of a finer one; else they are solved alone.
+    """
     more: dict[str, Any] = {"accuracy": accuracy} if accuracy else {}
     more |= {"mesh": mesh} if mesh else {}
     config = from_mapping(scene.mapping | more)
-    has_bars = bool(scene.low) or finer
+    has_bars = bool(scene.low) or finer  # what is not judged needs none
     with tempfile.TemporaryDirectory() as folder:
         try:
             found = simulate(config, directory=Path(folder) / "o", error_bars=has_bars and not accuracy)
@@ -382,7 +406,9 @@ def main() -> None:
     parser.add_argument("--accuracy", type=float)
     parser.add_argument("--mesh", type=float, help="h_contact, over the contact radius: a mesh that is given")
     parser.add_argument("--kinds", nargs="*", default=KINDS, choices=KINDS)
-    parser.add_argument("--finer", action="store_true", help="judge gels by finer meshes in shorter steps")
+    parser.add_argument(
+        "--finer", action="store_true", help="judge scenes without bounds by finer meshes in shorter steps"
+    )
     asked = parser.parse_args()
     found: dict[str, list[Judged]] = {kind: [] for kind in asked.kinds}
     for k, scene in enumerate(early_scenes(asked.seed, asked.count, asked.kinds)):

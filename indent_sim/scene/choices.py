@@ -454,7 +454,7 @@ def steps(given: Given, physics: Physics, sizes: Sizes) -> Choices:
             "as given" if physics.drainage.bath_ramp != "auto" else "a 75th of what fluid takes through the contact"
         )
         words = f"a sudden bath comes evenly within this time, since at once it has no equilibrium: {given_as}"
-        found.append(Choice("drainage.bath_ramp", physics.bath_ramp, words))
+        found.append(Choice("drainage.bath_ramp", float(f"{physics.bath_ramp:.4g}"), words))
     return found
 
 
