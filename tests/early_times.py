@@ -29,10 +29,12 @@ from scipy.special import j0, j1, jn_zeros
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
+from indent_sim.model.materials import Gel
 from indent_sim.model.state import State
 from indent_sim.process.errors import NotConverged, VerificationError
 from indent_sim.run.chain import simulate, states
 from indent_sim.run.companions.companion import RATIO, coarser, in_half_steps
+from indent_sim.scene.given import CREASE
 from indent_sim.scene.scene import resolve
 from indent_sim.theory.surface.drainage import drained_length
 
@@ -280,12 +282,21 @@ class Drawn:
         }
         return EarlyScene("contact", mapping, [], [])
 
+    def swelling_law(self) -> dict[str, Any]:
+        """A gel whose skin does not swell so far that its surface creases: that is a third of those drawn, of which
+        rows are lost."""
+        while True:
+            law = {"G": self.spread(0.3, 3), "n_omega": self.spread(1e-3, 1e-2)}
+            law |= {"chi": float(self.draw.uniform(0.2, 0.65)), "stretch": float(self.draw.uniform(1.2, 1.7))}
+            gel = Gel(**law)
+            if gel.held_swelling(gel.bath_pressure(0.0)).stretch <= CREASE:
+                return {"model": "gel"} | law
+
     def gel(self) -> EarlyScene:
         """A gel that swells in its pure solvent under a tip that stands still or comes."""
         body = {"shape": "cylinder", "radius": float(self.draw.uniform(1.5, 3)), "height": 1.0}
         body |= {"base": self.either("fixed", "roller"), "sides": self.either("roller", "free")}
-        material = {"model": "gel", "G": self.spread(0.3, 3), "n_omega": self.spread(1e-3, 1e-2)}
-        material |= {"chi": float(self.draw.uniform(0.2, 0.65)), "stretch": float(self.draw.uniform(1.2, 1.7))}
+        material = self.swelling_law()
         tips: list[dict[str, Any]] = [
             {"shape": "sphere", "R": self.spread(0.5, 2)},
             {"shape": "paraboloid", "R": self.spread(0.5, 2)},
