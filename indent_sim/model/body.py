@@ -771,6 +771,10 @@ class Drainage:
     surface: what the tip may touch, where it does not; tip: where it does; sides auto: drained where they are free.
     Mirror planes are sealed. bath: a number, or [t, value] points, straight between them; at rest there is none. Of a
     gel it is the solvent's chemical potential [kT], and at rest that of free swelling.
+
+    bath_ramp: the time that a sudden bath takes to come. No step of Newton's method finds the thin layer that swells at
+    once, so that a sudden bath at finite strain comes evenly within it; auto: a seventy-fifth of the time that fluid
+    takes through the contact, whatever the mesh. At small strain auto is 0, at once.
     """
 
     surface: Drain = "drained"
@@ -778,6 +782,7 @@ class Drainage:
     base: Drain | Conductance = "sealed"
     sides: Drain | Auto = "auto"
     bath: Annotated[float, PRESSURE] | Annotated[tuple[BathPoint, ...], Len(1, MOST_POINTS)] = 0.0
+    bath_ramp: Annotated[float, Gt(0), TIME] | Auto = "auto"
 
     def since(self, begin: float) -> Drainage:
         """The same with the bath's times counted from another one."""

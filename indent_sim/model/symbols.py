@@ -164,6 +164,8 @@ drainage.base: of the lower face, as `tip`
 drainage.sides: of the walls; auto: drained where they are free
 bath [time, pressure] $p_b$: pressure of the fluid around the body, or [t, value] points; at rest there is none; of a
   gel the solvent's chemical potential over kT, 0 for the pure solvent
+bath_ramp [time]: time within which a sudden bath comes, evenly; auto: a 75th of the time that fluid takes through the
+  contact, at small strain at once
 conductance [length/(pressure time)] $X$: flux out over the fluid's pressure above the bath's
 pore_pressure [pressure] $p$: of the fluid in the pores, above the bath's
 outflow [length^3]: fluid that has left the whole body since rest; < 0 what it has taken up

@@ -36,7 +36,7 @@ from indent_sim.run.companions.accuracy import (
     refuse_other_bars,
     unjudged,
 )
-from indent_sim.run.companions.companion import Companion, beside, softer
+from indent_sim.run.companions.companion import Companion, beside, in_slower_bath, softer
 from indent_sim.run.companions.drained_film import film_of
 from indent_sim.run.companions.error_bars import Bars, ErrorBars, TheoryBars, ways
 from indent_sim.run.companions.remedies import are_tried, remedies, tried
@@ -245,8 +245,10 @@ class Run:
             soft = softer(companion.scene) if companion.scene else None
             curve = self._curve(soft) if soft else None
             in_halves = ways(companion, self._curve)
+            slower = in_slower_bath(companion.scene) if companion.scene else None
+            bath = self._curve(slower) if slower else None
             film = film_of(attempt.scene, self._curve)
-            return ErrorBars(attempt.scene, companion, curve, in_halves, film)
+            return ErrorBars(attempt.scene, companion, curve, in_halves, film, bath)
 
     def _stick(self, run: Companion, bars: Bars) -> dict[str, Any] | None:
         """What no slip would change of the deepest force: as the plan knows it, or solved beside the run."""

@@ -9,7 +9,7 @@ from typing import Any
 from indent_sim.config.scene_file import to_mapping
 from indent_sim.config.schema import Config, When, keys_at
 from indent_sim.config.strict_yaml import leaves
-from indent_sim.model.body import MeshFromFile
+from indent_sim.model.body import Drainage, MeshFromFile
 from indent_sim.results.folder import MESH_FILE
 from indent_sim.scene.given import with_used_material
 from indent_sim.scene.scene import Scene
@@ -22,6 +22,8 @@ def resolved(config: Config, scene: Scene) -> Config:
     solver = _decided(config.solver, method=scene.solver.method, linear=scene.solver.linear)
     decided: dict[str, Any] = {"center": config.center or config.body.center, "accuracy": None, "solver": solver}
     decided |= {"output": output, "contact": _decided(config.contact, gap=gap)}
+    if scene.physics.bath_ramp:
+        decided["drainage"] = _decided(config.drainage or Drainage(), bath_ramp=scene.physics.bath_ramp)
     if scene.is_meshed:
         decided |= _materials(config, scene) | {"contact": _contact(config, scene), "mesh": _mesh(config, scene)}
     return config.model_copy(update=decided)

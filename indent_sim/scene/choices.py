@@ -452,9 +452,14 @@ def steps(given: Given, physics: Physics, sizes: Sizes) -> Choices:
     first = first_step(given, physics, sizes.h_contact)
     if given.history.jumps and not physics.path.jumps:
         why.append("a jump on this column has no equilibrium at once: the step after it begins before it")
-    if physics.bath_ramp and any(physics.bath_pressure(one, physics.bath_ramp) for one in physics.permeable):
-        why.append(f"the bath comes within {physics.bath_ramp:.3g}, since a sudden one has no equilibrium")
-    return [Choice("time.first_step", float(f"{first:.4g}"), "; ".join(why))]
+    found: Choices = [Choice("time.first_step", float(f"{first:.4g}"), "; ".join(why))]
+    if physics.bath_ramp:
+        given_as = (
+            "as given" if physics.drainage.bath_ramp != "auto" else "a 75th of what fluid takes through the contact"
+        )
+        words = f"a sudden bath comes evenly within this time, since at once it has no equilibrium: {given_as}"
+        found.append(Choice("drainage.bath_ramp", float(f"{physics.bath_ramp:.4g}"), words))
+    return found
 
 
 def curve(config: Config, given: Given, solver: Choice, follows_whole: bool = False) -> Choices:

@@ -119,11 +119,19 @@ def of_fluid(given: Given, physics: Physics, sizes: Sizes) -> Iterator[Doubt]:
         low = f"the force is up to {in_words(late.worst)} low"
         words = f"rows up to t = {physics.path.times[late.until]:.3g}: {thick} has drained there by then, and {low}"
         yield Doubt("early", f"{words}; {how_to_refine(sizes, 'give a smaller mesh.h_film')}", late.at_last)
-    ramp = physics.bath_ramp if physics.swells else 0.0
+    if physics.creases:
+        yield Doubt("creases", f"{physics.creases}: rows may be lost, and those that are found are of a smooth surface")
+    if drainage.bath_ramp != "auto" and not physics.swells:
+        yield Doubt("bath_ramp", "drainage.bath_ramp has no effect: the bath is that in which the body is at rest")
+    ramp = physics.bath_ramp
     if soon := [t - begin for t in physics.path.times if 0 < t - begin < BATH_IS_SUDDEN * ramp]:
         less = " to ".join(dict.fromkeys(in_words(_less_swollen(ramp, t)) for t in (max(soon), min(soon))))
         rows = f"rows up to t = {begin + max(soon):.3g}: the bath comes within {ramp:.3g}"
-        yield Doubt("bath", f"{rows}, and of a sudden one the gel would have risen more there, by {less}")
+        yield Doubt(
+            "bath",
+            f"{rows}, and of a sudden one the gel would have risen more there, by {less}; "
+            "use a smaller drainage.bath_ramp",
+        )
 
 
 def _less_swollen(ramp: float, t: float) -> float:

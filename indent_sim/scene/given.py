@@ -67,7 +67,11 @@ Center = tuple[float, ...]  # horizontal position of the tip's axis [length]
 # Of the time that fluid takes through the contact, and of that through an element: the first step of a piece. In less
 # than the second an element of linear pressure does not drain as a half-space does, and the force is up to 1.4 % low
 FIRST_STEP, DRAINS_ELEMENT = 1e-3, 6.0
-RAMP_STEPS = 8.0  # in which a bath comes at finite strain: no Newton step finds a sudden layer
+# Of the time that fluid takes through the contact, or through a thinner body: within this a sudden bath comes at finite
+# strain, in RAMP_STEPS first steps, since no Newton step finds the layer that swells at once. Elements of a tenth of
+# the contact radius just drain in such a step, h^2/(DRAINS_ELEMENT D)
+RAMP_STEPS = 8.0
+BATH_RAMP = RAMP_STEPS / DRAINS_ELEMENT / 10**2
 # Of the force, with PER_DOUBLING steps of each length; of second order in them. What rubs is known to less: its error
 # bar is five times what half steps change
 FOLLOWED_TO, RUBS_TO = 0.004, 0.02
@@ -75,6 +79,9 @@ PER_TIME = 20.0  # first steps of a piece in the shortest time of a relaxation
 # Of the shortest piece of a history: its first step at least, and of that the shortest time of a power law, which is a
 # sum of exponentials down to there
 SHORTEST_STEP, BEFORE_STEP = 1e-3, 1e-2
+# Stretch of a skin across over that along it, from which the surface of an incompressible network has creases (Hong,
+# Zhao & Suo 2009, Appl. Phys. Lett. 95, 111901); a smooth surface is without any stability from 3.4 on (Biot 1963)
+CREASE = 2.4
 HALVINGS = 40  # of the way of a spring's base, until the depth is known
 ATTRACTION_REACH = 7.0  # ranges of gap up to which an attraction counts: beyond, a thousandth of its work is left
 AT_RIM = 1e-9  # of a contact surface, from the tip's axis to its rim: less is none
@@ -105,7 +112,7 @@ class Physics:
     anchor: Anchor = "implicit"  # of what comes into contact during a step, with friction
     surface_tension: float = 0.0  # of the contact surface [pressure length]
     drainage: Drainage = field(default_factory=Drainage)  # of regions with a flow; times are the scene's own
-    bath_ramp: float = 0.0  # in which its first bath comes [time]; 0: at once
+    bath_ramp: float = 0.0  # in which a sudden bath comes [time]; 0: at once
 
     @cached_property
     def is_compressed(self) -> bool:
@@ -181,6 +188,24 @@ class Physics:
     def swells(self) -> bool:
         """Whether a bath makes it swell or shrink."""
         return any(one.material.bath_pressure(bath) != 0 for one in self.permeable for bath in self.drainage.baths)
+
+    @property
+    def skin_stretch(self) -> float:
+        """The stretch across the surface of a gel whose skin has swollen, held sideways by what is beneath it; 1
+        without a gel at the surface. A free body has such a skin at first, a body between walls for good."""
+        law = self.part.regions[0].material
+        if not isinstance(law, Gel) or not law.flow:
+            return 1.0
+        return max(law.held_swelling(law.bath_pressure(bath)).stretch for bath in self.drainage.baths)
+
+    @property
+    def creases(self) -> str:
+        """That the skin of a gel swells so much that its surface does not stay smooth, in words; empty where it does
+        not."""
+        if self.skin_stretch <= CREASE:
+            return ""
+        skin = f"the gel's skin swells to {self.skin_stretch:.3g} times its thickness, held sideways by what is beneath"
+        return f"{skin}, and from {CREASE:g} on its surface has creases, which are not followed"
 
     def is_closed_by_swelling(self, depth: float, a: float) -> bool:
         """Whether a contact of radius a is wider than the tip at its depth, which pressing alone makes none."""
@@ -561,9 +586,8 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
     path = given.history.path
     if physics.evolves:
         physics = replace(physics, part=_relaxing(physics, given.history))
-        first = first_step(given, physics, h_contact)
-        physics = replace(physics, bath_ramp=0.0 if physics.small_strain else RAMP_STEPS * first)
-        path = given.history.in_steps(first, given.per_doubling)
+        physics = replace(physics, bath_ramp=bath_ramp(given, physics))
+        path = given.history.in_steps(first_step(given, physics, h_contact), given.per_doubling)
         if path.jumps and is_locked(physics):
             path = _without_sudden(path, "loading.force_history" if path.control == "force" else "loading.history")
     tip, height = given.relative, physics.body.height
@@ -572,6 +596,21 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
         path=path,
         deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales, physics.seen),
     )
+
+
+def bath_ramp(given: Given, physics: Physics) -> float:
+    """The time [time] in which a bath comes to a body that it swells or shrinks; 0 where none does, or at once.
+
+    As `drainage.bath_ramp` says; where that is auto, of a body at finite strain, BATH_RAMP L^2/D with L the expected
+    contact radius, or the body's height where that is less. No mesh has a part in it.
+    """
+    if not physics.swells:
+        return 0.0
+    if physics.drainage.bath_ramp != "auto":
+        return physics.drainage.bath_ramp
+    if physics.small_strain:
+        return 0.0
+    return BATH_RAMP * min(given.a, physics.body.height) ** 2 / fastest(physics)
 
 
 def is_locked(physics: Physics) -> bool:
@@ -595,12 +634,15 @@ def _without_sudden(path: LoadPath, key: str) -> LoadPath:
 
 
 def first_step(given: Given, physics: Physics, h_contact: float) -> float:
-    """The first step of a piece of the history [time]: what flows and what relaxes is followed by it; h_contact
-    [length]."""
+    """The first step of a piece of the history [time]: what flows, what relaxes and a bath that comes are followed by
+    it; h_contact [length]."""
     assert given.history is not None
     times = [t for region in physics.part.regions if region.relaxing for t in region.relaxing.times]
     shortest = max(min(times, default=inf) / PER_TIME, SHORTEST_STEP * given.history.shortest_piece)
-    return Durations.of(given, physics, h_contact).first(shortest) if physics.permeable else shortest
+    if not physics.permeable:
+        return shortest
+    first = Durations.of(given, physics, h_contact).first(shortest)
+    return min(first, physics.bath_ramp / RAMP_STEPS) if physics.bath_ramp else first
 
 
 def _relaxing(physics: Physics, history: History) -> Part:

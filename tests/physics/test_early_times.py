@@ -1,13 +1,17 @@
-"""Early times of bodies that drain: forces inside their bars while only a film has drained, on meshes of the program's
-own and on given ones, and jumps that a closed column cannot take at once."""
+"""Early times of bodies that drain, and random scenes in time: forces inside their bars, and rows of gels.
+
+Forces while only a film has drained, on meshes of the program's own and on given ones, and jumps that a closed column
+cannot take at once.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from early_times import disc_ramp, early_scenes, judged
+from early_times import KINDS, disc_ramp, early_scenes, judged
 from exact_time import confined_modulus, terzaghi_settlement, unconfined_force
 
 from indent_sim.config.scene_file import from_mapping
@@ -43,6 +47,17 @@ COLUMN: dict[str, Any] = {
 WEIGHT = 0.00589049
 
 
+def first_vertex_beside_a_film() -> float:
+    """The pressure that `pore_pressure_max` takes for 1 beside a face whose film no element resolves: the mean of two
+    smoothings, 2 F p - F F p, of p = 1 - (-0.268)^k at the k-th vertex from the face. 1.096, at the first."""
+    p = 1 - (3**0.5 - 2) ** np.arange(20)
+    once = np.convolve(p, [1 / 6, 2 / 3, 1 / 6], "valid")
+    twice = np.convolve(once, [1 / 6, 2 / 3, 1 / 6], "valid")
+    at_face = (2 * p[0] + p[1]) / 3
+    first = 2 * once[0] - (at_face + 4 * once[0] + once[1]) / 6
+    return float(max(first, *(2 * once[1:-1] - twice)))
+
+
 def rows(mapping: dict[str, Any], folder: Path, **how: Any) -> Any:
     return simulate(from_mapping(mapping), directory=folder / "run", **how)
 
@@ -72,7 +87,8 @@ def test_a_disc_with_a_drained_rim_meets_its_accuracy(tmp_path: Path) -> None:
     (row,) = found.states
     right = disc_ramp(1.0, 0.2, 1.0, 1.0, 0.01, 1e-5, 1e-5)
     assert abs(row.force / right - 1) < 1e-3 < row.force_error / row.force + 1e-3
-    assert row.pore_pressure_max == pytest.approx(0.01 / 2.4, rel=0.08)  # G strain, a third of the stress; 6 % found
+    # G strain, a third of the stress, which the film changes by its thickness over the radius, 0.3 %
+    assert 0.99 < row.pore_pressure_max / (0.01 / 2.4) < first_vertex_beside_a_film() + 0.01
 
 
 def test_the_ramp_of_a_disc_is_the_integral_of_its_steps() -> None:
@@ -121,15 +137,22 @@ def test_a_sudden_force_on_a_narrower_punch_has_a_depth_at_once(sides: str, tmp_
 
 
 @pytest.mark.verify
-def test_random_early_times_are_inside_their_bars() -> None:
-    """Nine scenes, four rows each; `python tests/early_times.py` runs more."""
-    found = [judged(scene) for scene in early_scenes(5, 9)]
-    held = [error <= bar for one in found for error, bar in zip(one.errors, one.bars, strict=True)]
+def test_random_scenes_in_time_are_inside_their_bars() -> None:
+    """Two scenes of each kind; `python tests/early_times.py` runs more, and its table stands in docs/time.md.
+
+    97 % of forces and 93 % of largest pressures are asked for, and every gel is to end with rows; of so few rows one
+    more may miss.
+    """
+    found = [judged(scene) for scene in early_scenes(5, 2 * len(KINDS))]
+    assert not [one.lost for one in found if one.lost]
+    held = [is_held for one in found for is_held in one.held]
+    peaks = [is_held for one in found for is_held in one.peaks_held]
     assert sum(held) >= 0.97 * len(held) - 1
+    assert sum(peaks) >= 0.93 * len(peaks) - 1
 
 
 @pytest.mark.verify
 def test_random_early_times_meet_an_accuracy_or_say_so() -> None:
-    for scene in early_scenes(6, 6):
+    for scene in early_scenes(6, 5, KINDS[:5]):
         found = judged(scene, accuracy=0.01)
         assert found.is_missed or max(found.errors) <= 0.01, scene

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scenes import scene
 
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.materials import Gel
 from indent_sim.model.state import State
 from indent_sim.run import chain
+from indent_sim.run.chain import simulate
 from indent_sim.run.companions.error_bars import CLOSED_BY_SWELLING
 from indent_sim.run.plausibility import unresolved
 from indent_sim.scene.doubts import UNRESOLVED, swelling_doubt
@@ -24,6 +27,7 @@ LAYER = {"shape": "cylinder", "radius": 2.0, "height": 1.0, "base": "fixed", "si
 FREE = LAYER | {"base": "roller", "sides": "free"}
 SPHERE = {"shape": "sphere", "R": 1.0}
 COARSE = {"h_contact": 0.06}
+QUIET = {"fields": "none", "surface": "none", "plot": False}
 DIFFUSION = 31.05  # H^2/D_c of this gel, D_c = M_c k
 
 
@@ -173,3 +177,23 @@ def test_a_vertex_that_the_tip_closes_has_no_spike_of_pore_pressure() -> None:
     1e-8 of the modulus. It was 0.2 to 0.5 of it in every row in which a vertex was closed between the two stages."""
     rows = at([0.02, 0.05, 0.1, 0.2])
     assert max(row.pore_pressure_max or 0.0 for row in rows) < 1e-5
+
+
+@pytest.mark.verify
+def test_the_error_of_a_bath_that_takes_some_time_is_inside_its_part(tmp_path: Path) -> None:
+    """Beside a bath that comes in a tenth of the time, from 1.5 ramps on.
+
+    The part `bath` holds what the rows differ by, and from three ramps on is at most five times that: it is SAFETY = 3
+    times the error at late times.
+    """
+    base: dict[str, Any] = {"body": LAYER, "material": WET, "indenter": SPHERE, "mesh": {"h_contact": 0.1}}
+    ramp = 1.0
+    loading = {"history": [[0, 0.02], [10, 0.02]], "times": [1.5, 3.0, 10.0], "per_doubling": 2}
+    base |= {"loading": loading, "drainage": {"bath": 0.0, "bath_ramp": ramp}, "output": QUIET}
+    found = simulate(from_mapping(base), directory=tmp_path / "run", error_bars=True)
+    sooner = chain.states(from_mapping(base | {"drainage": {"bath": 0.0, "bath_ramp": ramp / 10}}), with_surface=False)
+    for row, right, budget in zip(found.states, sooner, found.report["error_budget"], strict=True):
+        error = abs(right.force - row.force)
+        print(f"t {row.t:g}: bath {budget.bath / row.force:.2g}, error {error / row.force:.2g}")
+        assert error <= budget.bath
+        assert row.t < 3 * ramp or budget.bath <= 5 * error

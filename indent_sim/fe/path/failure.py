@@ -24,8 +24,9 @@ def failed_state(
         wanted, place, delta = f"force = {value * F:.6g}", f"{place}, force = {last[0] * F:.6g}", last[1]
     law, method = scene.physics.material, scene.physics.contact.method
     limit = f"; Gent's law has no strain beyond I1 - 3 = Jm = {law.Jm:g}" if isinstance(law, Gent) else ""
+    creases = f"; {scene.physics.creases}: less swelling helps" if scene.physics.creases else ""
     reason = f"contact method {method} did not converge at {wanted}: {why}; the last equilibrium found is at {place}"
-    reason += f"{crushed.words(scene) if crushed else ''}{limit}{_advice(scene)}"
+    reason += f"{crushed.words(scene) if crushed else ''}{limit}{creases}{_advice(scene)}"
     return State(step, delta, nan, nan, nan, nan, nan, *spent, converged=False, reason=reason)
 
 

@@ -69,13 +69,20 @@ class StepRule:
         self.longest = max(self.longest, self._smallest)
 
     def goal(self, at: float, target: float) -> float | None:
-        """The next coordinate from `at` to `target`, what is below `free` at once; None where it is given up."""
+        """The next coordinate from `at` to `target`, what is below `free` at once; None where it is given up.
+
+        Given up as well is a step so short that its end is its beginning, to the last digit: without time or depth in
+        it, it would work for ever.
+        """
         if self._failures >= MOST_FAILURES or self._futile >= FUTILE or self.longest <= self._smallest / 2:
             return None
         start, end = max(at, self._free), max(target, self._free)
         parts = max(1, ceil(abs(end - start) / self.longest - 1e-9))
         self._step = abs(end - start) / parts
-        return target if parts == 1 else start + (end - start) / parts
+        if parts == 1:
+            return target
+        goal = start + (end - start) / parts
+        return None if goal == at else goal
 
     def succeeded(self) -> None:
         """The step worked."""

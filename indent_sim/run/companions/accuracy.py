@@ -15,6 +15,7 @@ from indent_sim.model.contact import ActiveSet, Penalty
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.companions.companion import Companion, beside, on_finer_mesh, on_its_mesh
+from indent_sim.run.companions.drained_film import at_once
 from indent_sim.run.companions.error_bars import Bars, Budget
 from indent_sim.run.companions.sticking import bearer, sticking
 from indent_sim.scene.cost import EACH, EACH_BY_THEORY, START_SECONDS, THEORY_SECONDS, Cost
@@ -100,7 +101,7 @@ def _beside(scene: Scene, error_bars: bool) -> list[Cost]:
     meshes = [scene, *(on_finer_mesh(scene, ratio) for ratio in _ratios_foreseen(scene))]
     others = companions_of(scene, error_bars)
     for coarse, fine in pairwise(meshes):
-        others += [fine, *on_its_mesh(coarse)]
+        others += [fine, *on_its_mesh(coarse), *_undrained(fine)]
     return [other.cost for other in others]
 
 
@@ -109,7 +110,13 @@ def companions_of(scene: Scene, no_slip: bool) -> list[Scene]:
     ratio, coarse = beside(scene)
     where = bearer(Companion(1.0, (), scene), Companion(ratio, (), coarse)).scene or scene
     with_stick = sticking(where, max(scene.physics.deltas)) if no_slip else []
-    return [coarse, *on_its_mesh(coarse), *with_stick]
+    return [coarse, *on_its_mesh(coarse), *_undrained(scene), *with_stick]
+
+
+def _undrained(scene: Scene) -> list[Scene]:
+    """The scene on its own mesh that tells what films beside drained faces cost, if there are any."""
+    undrained = at_once(scene)
+    return [] if undrained is None else [undrained]
 
 
 def _ratios_foreseen(scene: Scene) -> list[float]:

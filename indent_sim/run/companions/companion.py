@@ -99,9 +99,15 @@ def in_half_steps(scene: Scene) -> Scene | None:
     return scene.with_physics(path=physics.path.halved(), deltas=_halved(physics.deltas))
 
 
+def in_slower_bath(scene: Scene) -> Scene | None:
+    """The same scene with a bath that takes twice as long to come; None where no bath comes."""
+    ramp = scene.physics.bath_ramp
+    return scene.with_physics(bath_ramp=2 * ramp) if ramp else None
+
+
 def on_its_mesh(companion: Scene) -> list[Scene]:
     """What is solved beside the companion, on its mesh."""
-    others = (softer(companion), in_half_steps(companion))
+    others = (softer(companion), in_half_steps(companion), in_slower_bath(companion))
     return [other for other in others if other is not None]
 
 

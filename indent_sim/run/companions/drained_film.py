@@ -41,17 +41,17 @@ class DrainedFilm:
     losses: np.ndarray
     is_column: bool = False
 
-    def error(self, state: State) -> float:
-        """Of a row's force, at its depth [force]."""
-        row = self.rows[state.step - 1]
+    def error(self, state: State, coarser: float = 1.0) -> float:
+        """Of a row's force, at its depth [force]; on elements that are so many times as large."""
+        row, heights = self.rows[state.step - 1], coarser * self.heights
         if self.is_column:
-            return self._of_column(row, state)
-        return float(self.losses @ row.excess(self.heights, self.diffusivity))
+            return self._of_column(row, state, heights)
+        return float(self.losses @ row.excess(heights, self.diffusivity))
 
-    def _of_column(self, row: PathRow, state: State) -> float:
+    def _of_column(self, row: PathRow, state: State, heights: np.ndarray) -> float:
         """Of a column that gives way by what has drained alone: the share of that length which is too much."""
         drained = row.drained(self.diffusivity)
-        excess = float(np.max(row.excess(self.heights, self.diffusivity), initial=0.0))
+        excess = float(np.max(row.excess(heights, self.diffusivity), initial=0.0))
         return abs(state.force) * excess / drained if drained else 0.0
 
 
@@ -61,13 +61,14 @@ def film_of(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> Drained
     `follow` solves a scene. Where the undrained body finds no equilibrium, the errors are NaN.
     """
     physics = scene.physics
-    if not physics.permeable or physics.swells or physics.path.begin is None:
+    if not _has_films(scene):
         return None
     rows, D = boundary_films.rows_of(physics.path), boundary_films.slowest(physics)
-    if is_locked(physics):
+    sudden = at_once(scene)
+    if sudden is None:
         at_faces = [film.h for film in scene.sizes.films] or [scene.sizes.h_contact]
         return DrainedFilm(rows, D, np.array(at_faces), np.empty(0), is_column=True)
-    states = [state for state in follow(_at_once(scene)) if state.converged]
+    states = [state for state in follow(sudden) if state.converged]
     found = [state.drained for state in states]
     if len(found) < 2 or any(one is None for one in found):
         return DrainedFilm(rows, D, np.ones(1), np.array([nan]))
@@ -77,9 +78,18 @@ def film_of(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> Drained
     return DrainedFilm(rows, D, heights, lost)
 
 
-def _at_once(scene: Scene) -> Scene:
-    """The scene whose largest depth or force comes at once, in two steps."""
+def _has_films(scene: Scene) -> bool:
+    """Whether films beside drained faces cost something: not those of a gel that its bath swells."""
+    physics, path = scene.physics, scene.physics.path
+    return bool(physics.permeable) and not physics.swells and path.begin is not None and max(path.values) > 0
+
+
+def at_once(scene: Scene) -> Scene | None:
+    """The scene whose largest depth or force comes at once, in two steps, which tells what films cost; None where
+    nothing is asked of it: without films, or of a column that has no undrained equilibrium."""
     path = scene.physics.path
+    if not _has_films(scene) or is_locked(scene.physics):
+        return None
     largest, deepest = max(path.values), max(scene.physics.deltas)
     sudden = LoadPath(
         path.control,

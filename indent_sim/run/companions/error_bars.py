@@ -64,7 +64,7 @@ class Budget:
     discretisation: the mesh. enforcement: the penalty's stiffness. truncation: the finite body that stands for a
     half-space, or flat facets for a curved surface. theory: the distance from a theory that is exact for this body.
     path: with friction the steps of the path. time: of a body that evolves the steps in time. film: of a body that
-    drains, the films beside its drained faces.
+    drains, the films beside its drained faces. bath: of a gel, the time that a sudden bath takes to come.
     """
 
     step: int
@@ -75,6 +75,7 @@ class Budget:
     path: float = 0.0
     time: float = 0.0
     film: float = 0.0
+    bath: float = 0.0
 
     @property
     def parts(self) -> dict[str, float]:
@@ -154,6 +155,8 @@ class ErrorBars:
         The companion's path in its own steps and in steps half as long, where they matter.
     film
         What the films beside drained faces cost on the run's own mesh, of a body that drains.
+    bath
+        The companion in a bath that takes twice as long to come, of a body whose bath comes.
     """
 
     def __init__(
@@ -163,11 +166,13 @@ class ErrorBars:
         soft: States | None = None,
         ways: Ways | None = None,
         film: DrainedFilm | None = None,
+        bath: States | None = None,
     ):
         self.budgets: list[Budget] = []
         self.companion = companion
         self._ways = ways
         self._film = film
+        self._bath = None if bath is None else curve_of(bath)
         self._coarse = companion.curve
         self._soft = None if soft is None else curve_of(soft)
         self._run: Curve = {}
@@ -207,6 +212,7 @@ class ErrorBars:
             "path": 0.0 if self._physics.evolves else self._path(state, "force"),
             "time": self._path(state, "force") if self._physics.evolves else 0.0,
             "film": self._film.error(state) if self._film else 0.0,
+            "bath": self._of_bath(state, "force"),
         }
 
     def _discretisation(self, state: State) -> float:
@@ -230,8 +236,18 @@ class ErrorBars:
             return nan
         own, other = run[step], coarse[step]
         if self._physics.evolves:  # no other row is on its curve
-            return abs(other.force - own.force) + abs(other.delta - own.delta) * self._slope(own)
+            return self._off_in_time(own, other)
         return abs(force_at(other, own.delta, coarse) - own.force)
+
+    def _off_in_time(self, own: State, other: State) -> float:
+        """The same of a row in time, which has a curve of its own.
+
+        What the films beside drained faces take from the force is known on both meshes, and has a part of the bar.
+        """
+        more = other.force - own.force - (other.delta - own.delta) * self._slope(own)
+        if self._film:
+            more += self._film.error(own, self.companion.ratio) - self._film.error(own)
+        return abs(more)
 
     def _enforcement(self, step: int) -> float:
         """The relative error of a penalty, whose 1/force is linear in 1/epsilon_n from stiff to soft."""
@@ -290,6 +306,7 @@ class ErrorBars:
             self._soft_difference(state.step, name),
             self._misshapen(state) * value,
             self._path(state, name),
+            self._of_bath(state, name),
             self._ridged if name == "p_max" and value > 0 else 0.0,
         ]
         return sum(parts)
@@ -326,6 +343,17 @@ class ErrorBars:
             return self._ways.error(state, "delta") * self._slope(state)
         unseen = self._unseen(state, name) if self._physics.contact.slips else 0.0
         return self._ways.error(state, name) + unseen
+
+    def _of_bath(self, state: State, name: str) -> float:
+        """What it costs a number, in a force of the depth that is found, that a sudden bath takes some time to come.
+
+        A bath that takes twice as long changes a number by as much as this one does, as soon as it is all there.
+        """
+        if self._bath is None:
+            return 0.0
+        if name == "force" and self._finds_depths:
+            return SAFETY * _difference(self._coarse, self._bath, state.step, "delta") * self._slope(state)
+        return SAFETY * _difference(self._coarse, self._bath, state.step, name)
 
     def _unseen(self, state: State, name: str) -> float:
         """What halves of a step that is long beside its contact may not show of where and how far the surface slips."""

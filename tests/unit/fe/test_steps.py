@@ -6,6 +6,7 @@ from math import inf
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -31,6 +32,17 @@ def test_a_failed_step_is_halved_and_the_parts_are_equal() -> None:
     rule.failed()
     assert rule.goal(0.0, 1.0) == 0.25
     assert rule.goal(0.25, 1.0) == pytest.approx(0.5)  # three parts of 0.75
+
+
+def test_a_step_that_does_not_move_on_is_given_up() -> None:
+    """Two numbers side by side, and a step that fails between them: half of it is no step, and would work for ever."""
+    rule = StepRule()
+    at = 300.0
+    target = float(np.nextafter(at, inf))
+    rule.begin(target - at)
+    assert rule.goal(at, target) == target
+    rule.failed()
+    assert rule.goal(at, target) is None
 
 
 def test_two_successes_double_the_step_and_it_is_kept_for_the_next_target() -> None:

@@ -263,6 +263,41 @@ def test_with_prescribed_forces_the_depths_differ_and_say_the_same() -> None:
     assert by_force == pytest.approx(by_depth, rel=0.02)  # one is relative to the wrong force, 1 + ERROR q^RATE
 
 
+DRAINING: dict[str, Any] = {
+    "material": SCENE["material"] | {"flow": {"diffusivity": 1.0}},
+    "loading": {"history": [[0, 0], [0.1, 0.01]], "times": [0.025, 0.05, 0.075, 0.1]},
+}
+
+
+def test_films_are_counted_once() -> None:
+    """Run and companion are low by what their films take, and by nothing else: the mesh's part is its floor, as of two
+    equal runs, and the film's part is the error."""
+    lost = {1.0: 0.01, RATIO: 0.023}  # relative, by the size of the elements
+
+    def film_error(state: State, coarser: float = 1.0) -> float:
+        return lost[coarser] * EXACT[state.step]
+
+    film: Any = SimpleNamespace(error=film_error)
+    base = with_theory(scene(**DRAINING), None)
+    bars = ErrorBars(base, Companion(RATIO, states(-lost[RATIO])), film=film)
+    alike = ErrorBars(base, Companion(RATIO, states(-lost[1.0])))
+    for state in states(-lost[1.0]):
+        bars.judged(state)
+        alike.judged(state)
+    for budget, equal in zip(bars.budgets, alike.budgets, strict=True):
+        assert budget.film == pytest.approx(lost[1.0] * EXACT[budget.step], rel=1e-12)
+        assert budget.discretisation == pytest.approx(equal.discretisation, rel=1e-9)
+
+
+def test_a_bath_that_comes_in_twice_the_time_says_what_its_ramp_costs() -> None:
+    """Of first order: what the doubled ramp changes is the error, and the bar SAFETY times that."""
+    base = with_theory(scene(**DRAINING), None)
+    bars = ErrorBars(base, Companion(RATIO, states(0.0)), bath=states(-0.02))
+    for state in states(0.0):
+        bars.judged(state)
+        assert bars.budgets[-1].bath == pytest.approx(SAFETY * 0.02 * EXACT[state.step], rel=1e-9)
+
+
 def test_a_coarser_scene_is_coarser_everywhere() -> None:
     base = scene(accuracy=0.001, indenter={"shape": "flat_punch", "radius": 0.5})
     larger = coarser(base, 1.6)

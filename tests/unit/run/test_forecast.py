@@ -38,6 +38,21 @@ SCENES: dict[str, dict[str, Any]] = {
     "adhesion": {"contact": {"method": "auto", "adhesion": {"work": 1e-3, "range": 0.02}}},
     "pins": {"body": BOX | {"base": "roller"}, "indenter": {"shape": "paraboloid", "R": 1.0, "center": [0.9, 1.0]}},
     "out of contact": {"loading": {"deltas": [-0.01]}},
+    "drains": {
+        "material": PLAIN["material"] | {"flow": {"diffusivity": 1.0}},
+        "loading": {"history": [[0, 0], [0.1, 0.02]], "times": [0.05, 0.1]},
+    },
+    "swells": {
+        "material": {
+            "model": "gel",
+            "G": 1.0,
+            "n_omega": 0.001,
+            "chi": 0.6,
+            "stretch": 1.4,
+            "flow": {"diffusivity": 1},
+        },
+        "loading": {"history": [[0, 0], [100, 0]], "times": [10, 100]},
+    },
     "half-space by mesh": {"body": {"shape": "half_space"}, "output": {"fields": "last"}},
 }
 Said = tuple[Any, ...]
