@@ -10,9 +10,11 @@ floor, a share of the error that so many elements in a contact radius have cost 
     a        RADIUS times the element in which the contact ends
     p_max    max(SAFETY |p_q - p|/(q^PRESSURE_RATE - 1), PEAK n^-PRESSURE_RATE p)
 
-with n elements in the contact radius of the row. To this come the parts that no mesh shows, each measured by a run of
-its own or known beforehand: see `Budget`. No bar of a force is narrower than its distance from a theory that is exact
-for the body. `scripts/make_error_bar_table` measures coverage and width with and without each number of the rule.
+with n elements in the contact radius of the row. The rule has eight numbers: the ratio q of the meshes, SAFETY, RATE,
+FLOOR, RADIUS, PRESSURE_RATE, PEAK, and that of an edge in three dimensions (`doubts.EDGE`). CONSTANT is that by which
+`accuracy` chooses its meshes. To this come the parts that no mesh shows, each measured by a run of its own or known
+beforehand: see `Budget`. No bar of a force is narrower than its distance from a theory that is exact for the body.
+`scripts/make_error_bar_table` measures coverage and width with and without each number of the rule.
 
 Roache, J. Fluids Eng. 116, 405 (1994); Annu. Rev. Fluid Mech. 29, 123 (1997), whose safety factors are 3 for two grids
 and 1.25 for three; Verification and Validation in Computational Science and Engineering (Hermosa, 1998).
@@ -41,12 +43,6 @@ SAFETY = 3.0  # Roache's, where two meshes alone are known
 FLOOR = 0.2  # of CONSTANT n^-RATE, from which `accuracy` chooses n elements in a contact radius (see `fineness`)
 RADIUS = 0.08  # of the element where the contact ends, to which the radius is read off
 PRESSURE_RATE, PEAK = 2.0, 0.2  # of the largest pressure: quadratic elements have stresses of order 2
-
-# ---- with friction ------------------------------------------------------------------------------------------------
-
-# Of the stick radius, times the share of it or of the contact radius that a step adds or takes; of the dissipation, all
-# of which a long step may have made up, times its square
-UNSEEN = {"stick_radius": 0.5, "dissipation": 1.0}
 
 BESIDE = ("a", "p_max", "stick_radius", "dissipation")  # numbers beside the force that have bars
 
@@ -343,15 +339,19 @@ class ErrorBars:
         return self._ways.error(state, name) + unseen
 
     def _unseen(self, state: State, name: str) -> float:
-        """What halves of a step that is long beside its contact may not show of where and how far the surface slips."""
+        """What halves of a step that is long beside its contact may not show of where and how far the surface slips.
+
+        All of it may differ in the share of the contact radius that the step adds or takes, of the dissipation, which
+        is one of the area, in the square of that share. After one step from rest neither is known.
+        """
         before, value = self._run.get(state.step - 1), getattr(state, name)
         moved = _share(before.a if before else 0.0, state.a)
         if name == "dissipation":
-            return float(UNSEEN[name] * moved**2 * value)
+            return float(moved**2 * value)
         if name == "stick_radius":
             stick = (before.stick_radius if before else None) or 0.0
             narrow = self._unresolved(value) if state.a > 0 else 0.0
-            return float(UNSEEN[name] * max(moved, _share(stick, value)) * value + narrow)
+            return float(max(moved, _share(stick, value)) * value + narrow)
         return 0.0
 
     def _unresolved(self, stick: float) -> float:
