@@ -10,11 +10,12 @@ floor, a share of the error that so many elements in a contact radius have cost 
     a        RADIUS times the element in which the contact ends
     p_max    max(SAFETY |p_q - p|/(q^PRESSURE_RATE - 1), PEAK n^-PRESSURE_RATE p)
 
-with n elements in the contact radius of the row. The rule has eight numbers: the ratio q of the meshes, SAFETY, RATE,
-FLOOR, RADIUS, PRESSURE_RATE, PEAK, and that of an edge in three dimensions (`doubts.EDGE`). CONSTANT is that by which
-`accuracy` chooses its meshes. To this come the parts that no mesh shows, each measured by a run of its own or known
-beforehand: see `Budget`. No bar of a force is narrower than its distance from a theory that is exact for the body.
-`scripts/make_error_bar_table` measures coverage and width with and without each number of the rule.
+with n elements in the contact radius of the row (for p_max beneath a punch's rounded edge in its part on the arc). The
+rule has eight numbers: the ratio q of the meshes, SAFETY, RATE, FLOOR, RADIUS, PRESSURE_RATE, PEAK, and that of an edge
+in three dimensions (`doubts.EDGE`). CONSTANT is that by which `accuracy` chooses its meshes. To this come the parts
+that no mesh shows, each measured by a run of its own or known beforehand: see `Budget`. No bar of a force is narrower
+than its distance from a theory that is exact for the body. `scripts/make_error_bar_table` measures coverage and width
+with and without each number of the rule.
 
 Roache, J. Fluids Eng. 116, 405 (1994); Annu. Rev. Fluid Mech. 29, 123 (1997), whose safety factors are 3 for two grids
 and 1.25 for three; Verification and Validation in Computational Science and Engineering (Hermosa, 1998).
@@ -31,6 +32,7 @@ import numpy as np
 
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
+from indent_sim.model.tips import flat_radius
 from indent_sim.run.companions.companion import Companion, Curve, States, curve_of, in_half_steps
 from indent_sim.run.companions.drained_film import DrainedFilm
 from indent_sim.scene.doubts import PER_DEPTH, edge_error
@@ -41,7 +43,7 @@ from indent_sim.scene.scene import Scene
 
 SAFETY = 3.0  # Roache's, where two meshes alone are known
 FLOOR = 0.2  # of CONSTANT n^-RATE, from which `accuracy` chooses n elements in a contact radius (see `fineness`)
-RADIUS = 0.08  # of the element where the contact ends, to which the radius is read off
+RADIUS = 0.09  # of the element where the contact ends, to which the radius is read off
 PRESSURE_RATE, PEAK = 2.0, 0.2  # of the largest pressure: quadratic elements have stresses of order 2
 
 BESIDE = ("a", "p_max", "stick_radius", "dissipation")  # numbers beside the force that have bars
@@ -310,16 +312,28 @@ class ErrorBars:
         at_end = self._sizes.on_surface(state.a / L) * L if state.a > 0 else 0.0
         if name == "a":
             return RADIUS * at_end
-        off = _difference(self._coarse, self._run, state.step, name)
-        said = grid_convergence(off, self.companion.ratio, PRESSURE_RATE)
         value = abs(getattr(state, name))
-        coarseness = at_end / state.a if state.a > 0 else 0.0
-        least = RADIUS * coarseness * value
+        least = RADIUS * at_end / state.a * value if state.a > 0 else 0.0
         if name == "p_max":
             if self._physics.is_closed_by_swelling(state.delta / self._scales.depth, state.a / L):
                 return nan  # the pressure of the element that closed last, which no other mesh shares
-            least = PEAK * coarseness**PRESSURE_RATE * value
+            least = PEAK * self._coarseness_of_peak(state, at_end) ** PRESSURE_RATE * value
+        off = _difference(self._coarse, self._run, state.step, name)
+        said = grid_convergence(off, self.companion.ratio, PRESSURE_RATE)
         return float(np.max([said, least]))  # NaN where one is
+
+    def _coarseness_of_peak(self, state: State, at_end: float) -> float:
+        """The size at_end [length] of the element where the contact ends, over the width of what bears the peak.
+
+        That is the contact radius. Where the contact ends at a punch's rounded edge, it is the part that lies on the
+        arc.
+        """
+        if state.a <= 0:
+            return 0.0
+        width = state.a
+        if self._sizes.edge is not None:
+            width -= flat_radius(self._physics.indenter) * self._scales.length
+        return at_end / max(width, min(at_end, state.a))
 
     def _soft_difference(self, step: int, name: str) -> float:
         """What a penalty takes from a number, which is as linear in 1/epsilon_n."""
