@@ -884,10 +884,11 @@ def _name_partial(directory: Path, end: BaseException) -> None:
 
 def _conclude(outcome: Outcome, form: Form, told: Told) -> None:
     from indent_sim.results.folder import read_report
-    from indent_sim.results.reader import rows_of
+    from indent_sim.results.reader import has_reactions, rows_of
 
     if form == "json":
-        rows, written = rows_of(outcome.states), read_report(outcome.directory)  # with the entries of the writer
+        written = read_report(outcome.directory)  # with the entries of the writer
+        rows = rows_of(outcome.states, has_reactions(outcome.directory))
         say_done({"directory": outcome.directory, "rows": rows, "report": written | outcome.report})
     else:
         say(str(outcome.directory))

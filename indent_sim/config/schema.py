@@ -109,7 +109,9 @@ class OutputSettings:
 
     directory: Annotated[str, MinLen(1)] | None = None
     fields: Literal["auto", "none", "last", "all"] = "auto"
+    nodal_stress: bool = False
     surface: When = "last"
+    reactions: bool = False
     plot: bool = True
 
 

@@ -21,7 +21,8 @@ from ufl.core.expr import Expr
 from indent_sim.fe import compat
 from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.observe.surface import QUADRATURE_DEGREE, Trace, facet_nodes
-from indent_sim.mesh.modelled_part import Part, Region
+from indent_sim.mesh.modelled_part import Region
+from indent_sim.mesh.reactions import Surface
 from indent_sim.scene.scene import Scene
 
 HeldDofs = list[tuple[int, np.ndarray]]  # component and local dofs
@@ -129,20 +130,10 @@ def components(expression: Expr) -> list[Expr]:
     return [expression[k] for k in range(len(expression))] if expression.ufl_shape else [expression]
 
 
-def held_sides(part: Part) -> list[tuple[int, str]]:
-    """Each component of the displacement that a support holds, and its surface."""
-    sides: list[tuple[int, str]] = []
-    for surface, support in part.supports.items():
-        normal = part.normal(surface)  # a curved wall has none and is guided weakly
-        components = {"fixed": list(range(part.dim)), "roller": [] if normal is None else [normal]}.get(support, [])
-        sides += [(c, surface) for c in components]
-    return sides
-
-
 def held(space: fem.FunctionSpace, body_mesh: BodyMesh) -> tuple[HeldDofs, HeldDofs]:
     """What supports and pins hold at zero in a space of displacements: component and local dofs (collective)."""
     part, dim, surfaces = body_mesh.part, body_mesh.dim - 1, body_mesh.surfaces
-    supports = [(c, fem.locate_dofs_topological(space.sub(c), dim, surfaces[side])) for c, side in held_sides(part)]
+    supports = [(c, fem.locate_dofs_topological(space.sub(c), dim, surfaces[side])) for c, side in part.held_sides]
     pins = [(c, fem.locate_dofs_topological(space.sub(c), 0, body_mesh.vertices_at(point))) for point, c in part.pins]
     return supports, pins
 
@@ -256,12 +247,12 @@ class Body:
         return Trace(nodes, X, self.unknowns.displacement_places(nodes))
 
     def _constrain(self) -> None:
-        unknowns, part, body_mesh = self.unknowns, self.scene.physics.part, self.body_mesh
+        unknowns, body_mesh = self.unknowns, self.body_mesh
         displacement = unknowns.subspace("u")
         supported, pins = held(displacement, body_mesh)
         self.bcs = [zero(displacement.sub(c), dofs) for c, dofs in supported + pins]
         self.supports = _owned([dofs for _, dofs in supported + pins], unknowns.owned)
-        self.z_supports = _owned([dofs for c, dofs in supported if c == part.dim - 1], unknowns.owned)
+        self.bearing = self._bearing(supported)
         self.pinned = _owned([dofs for _, dofs in pins], unknowns.owned)
         self.constrained, self.active_dofs = self.supports, unknowns.total
         self._imposed: list[tuple[np.ndarray, float]] = []
@@ -269,6 +260,31 @@ class Body:
             self._confine(field)
             if field.name != "u":
                 self._follow_supports(field)
+
+    def _bearing(self, supported: HeldDofs) -> dict[Surface, tuple[np.ndarray, np.ndarray]]:
+        """Own dofs that the support of each surface holds along a component, and its share of what holds each dof.
+
+        Where two supports hold a node along one axis, as at the edge of a fixed base between fixed sides, each has half
+        of its reaction. On a mirror plane, or the axis, everything comes from the image beyond it: a support that
+        reaches it has there none along the normal.
+        """
+        part, owned = self.scene.physics.part, self.unknowns.owned
+        by_symmetry = {"r_min", *part.mirror_planes}
+        groups: dict[Surface, np.ndarray] = {}
+        supports = np.zeros(owned)  # that hold each dof
+        for (component, surface), (_, dofs) in zip(part.held_sides, supported, strict=True):
+            groups[surface, component] = dofs[dofs < owned]
+            if surface not in by_symmetry:
+                supports[dofs[dofs < owned]] += 1.0
+        share = 1 / np.maximum(supports, 1.0)
+        for (surface, _), dofs in groups.items():
+            if surface in by_symmetry:
+                share[dofs] = 0.0
+        ones = np.ones(owned)
+        return {
+            (surface, component): (dofs, (ones if surface in by_symmetry else share)[dofs])
+            for (surface, component), dofs in groups.items()
+        }
 
     def _confine(self, field: Field) -> None:
         """A field is held at zero where it does not live, and costs nothing there."""
@@ -286,7 +302,7 @@ class Body:
     def _follow_supports(self, field: Field) -> None:
         """A field along an axis is zero where that component of u is held: it does no work there, and would be free."""
         dim, surfaces = self.body_mesh.dim - 1, self.body_mesh.surfaces
-        for component, surface in held_sides(self.body_mesh.part):
+        for component, surface in self.body_mesh.part.held_sides:
             if component in field.along:
                 along = component if len(field.along) > 1 else None
                 self.hold(field.name, along, self.unknowns.dofs_on(field.name, along, dim, surfaces[surface]))

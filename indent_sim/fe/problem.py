@@ -23,6 +23,7 @@ from petsc4py import PETSc
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body, Moment
 from indent_sim.fe.terms.term import Stage, Term, flowing_stages
+from indent_sim.mesh.reactions import Surface
 from indent_sim.model.units import rounded
 
 
@@ -210,13 +211,17 @@ class Problem:
         """A number of the whole body by this rank's share of the modelled part (collective)."""
         return float(self.scene.physics.part.copies * self.comm.allreduce(mine, op=MPI.SUM))
 
-    def reactions(self) -> tuple[float, float]:
-        """z-reaction of all supports, and the largest reaction of the pins that only remove rigid modes."""
+    def reactions(self) -> tuple[dict[Surface, float], float]:
+        """The force of each support on the modelled part [force], and the largest reaction of the pins that only
+        remove rigid modes, of the whole body (collective)."""
         self.assemble_residual(self.b)
-        values = self.b.array_r
-        vertical = self.comm.allreduce(float(values[self.body.z_supports].sum()), op=MPI.SUM)
-        stray = self.comm.allreduce(float(np.abs(values[self.body.pinned]).max(initial=0.0)), op=MPI.MAX)
-        return self.scene.physics.part.copies * vertical, self.scene.physics.part.copies * stray
+        values, body = self.b.array_r, self.body
+        mine = {of: float(share @ values[dofs]) for of, (dofs, share) in body.bearing.items()}
+        for term in self.terms:
+            mine |= term.reactions()
+        borne = {of: self.comm.allreduce(force, op=MPI.SUM) for of, force in mine.items()}
+        stray = self.comm.allreduce(float(np.abs(values[body.pinned]).max(initial=0.0)), op=MPI.MAX)
+        return borne, self.scene.physics.part.copies * stray
 
 
 def _sum(forms: Iterable[ufl.Form]) -> ufl.Form:

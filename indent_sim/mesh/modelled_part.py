@@ -118,6 +118,7 @@ class Part:
     which goes from z = -height to z = 0 between the surfaces base and top.
     supports: free | roller | fixed by surface, free where there is none; symmetry planes are rollers.
     pins: (point, component) that take the rigid modes left.
+    cuts: the axes, of x and y, that mirror planes are normal to; each is the end x_min or y_min of the part.
     """
 
     kinematics: Kinematics
@@ -128,6 +129,7 @@ class Part:
     regions: tuple[Region, ...]
     supports: Mapping[str, str]
     pins: Pins = ()
+    cuts: tuple[str, ...] = ()
 
     @property
     def dim(self) -> int:
@@ -220,6 +222,27 @@ class Part:
         """The walls that are mirror planes: rollers right under the tip's axis."""
         under = {wall for wall, distance in self.distances(center).items() if distance <= MIRROR_DISTANCE}
         return {wall for wall in under if self.supports.get(wall) == "roller"}
+
+    @property
+    def mirror_planes(self) -> tuple[str, ...]:
+        """The surfaces at which the part was cut off from its mirror images."""
+        return tuple(f"{axis}_min" for axis in self.cuts)
+
+    @property
+    def held_sides(self) -> tuple[tuple[int, str], ...]:
+        """Each component of the displacement that a support holds, and its surface."""
+        sides: list[tuple[int, str]] = []
+        for surface, support in self.supports.items():
+            if support == "fixed":
+                sides += [(component, surface) for component in range(self.dim)]
+            elif support == "roller" and (normal := self.normal(surface)) is not None:
+                sides.append((normal, surface))
+        return tuple(sides)
+
+    @property
+    def has_curved_roller(self) -> bool:
+        """Whether a curved wall in three dimensions is a roller, which has no one normal and is guided weakly."""
+        return self.bend is not None and self.supports.get("r_max") == "roller"
 
     def seen_by(self, center: Point) -> int:
         """How many times the whole body the tip sees, mirrored at rollers through its axis: 1, 2, or 4 at a corner.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,13 @@ FLUID_COLUMNS = ("outflow", "pore_pressure_max")  # with fluid in the pores
 ERROR_COLUMNS = ("force_error", "a_error", "p_max_error", "delta_error", "stick_radius_error", "dissipation_error")
 KRYLOV_COLUMNS = ("krylov_iterations",)  # with an iterative linear solver
 TIME_COLUMNS = ("t", "z", "branch", "calibration_error")  # of a history; t stands after step
+SUPPORTS = ("base", "sides", "x_min", "x_max", "y_min", "y_max")
+REACTION = "reaction_"  # how the columns of the reactions of single supports begin
+# On request; `mesh.reactions` says which a body has
+REACTION_COLUMNS = (
+    *(f"{REACTION}{support}_{axis}" for support in SUPPORTS for axis in "rxyz"),
+    *(f"{REACTION}mirror_{axis}" for axis in "xy"),
+)
 STATE_COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "newton_iterations", "wall_s")
 
 
@@ -53,7 +61,8 @@ class State:
 
     force [pressure length^2] > 0 pushing (per unit length in plane strain), a [length] contact radius, p_max
     [pressure] NaN where no mesh knows it, penetration [length] the largest <-g> over the contact quadrature points,
-    energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, overlap
+    energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, reactions
+    the forces of single supports on the body by support and axis (see `mesh.reactions`), None without a mesh, overlap
     [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only), intrusion
     [length] how deep the tip lies inside the surface beside that which it may touch. stiffness
     [pressure length] is dF/ddelta, area [length^2] that of the contact, E_hertz [pressure] the modulus that a
@@ -79,6 +88,7 @@ class State:
     newton_iterations: int
     wall_s: float
     reaction: float = float("nan")
+    reactions: Mapping[str, float] | None = field(default=None, repr=False)
     stray_reaction: float = 0.0
     krylov_iterations: int | None = None
     overlap: float = 0.0
@@ -122,11 +132,21 @@ class State:
         }
         return "  ".join(f"{name} {value:.6g} {units.get(name, '')}".rstrip() for name, value in known.items())
 
+    def column(self, name: str) -> Any:
+        """The value of a column of the force table; None where there is none."""
+        if name in REACTION_COLUMNS:
+            return (self.reactions or {}).get(name.removeprefix(REACTION))
+        return getattr(self, name)
+
     def in_units(self, scales: Scales) -> State:
         """The same state measured in the user's units, of which the scales are the scene's."""
         own, units = vars(self), _units(scales)
-        measured = {name: value * unit for name, unit in units.items() if (value := own[name]) is not None}
+        measured: dict[str, Any] = {
+            name: value * unit for name, unit in units.items() if (value := own[name]) is not None
+        }
         surface = self.surface and self.surface.in_units(scales.length, scales.pressure)
+        if self.reactions is not None:
+            measured["reactions"] = {name: force * scales.force for name, force in self.reactions.items()}
         return State(**own | measured | {"surface": surface})  # `replace` would ask for every field's default
 
 

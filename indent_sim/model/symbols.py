@@ -221,8 +221,11 @@ max_iterations [1]: most Newton iterations of one step
 directory: result folder, below the working directory; default: results/ and the name of the config
 fields: steps whose fields are written for ParaView; last: the deepest and the last; auto: last where a mesh is solved,
   none with theory
+nodal_stress: whether the fields have the stress at the nodes, too: the mean over the cells of one region around each,
+  weighted by volume
 surface: state of the contact surface, point by point
 output.surface: steps whose contact surface is written to surface.csv; last: the deepest and the last
+output.reactions: whether force_indentation.csv has a column for each force of a support on the body
 plot: whether force_indentation.png is drawn
 
 ## Results, one row a step
@@ -252,6 +255,7 @@ stick_radius_error [length]: half-width of the error bar on the stick radius; wi
 dissipation_error [energy]: half-width of the error bar on the dissipation; with friction
 calibration_error [force]: what the instrument's calibration leaves unknown of the force; with a history
 reaction [force]: z-reaction of all constrained degrees of freedom; equals the force
+reactions [force]: force of each support on the body, by support and axis; of the whole body
 intrusion [length]: how deep the tip lies inside the surface beside that which it may touch
 overlap [length]: how deep a whole surface facet lies inside the tip's own shape; current gap
 stray_reaction [force]: reaction of the constraints that only remove rigid modes; zero

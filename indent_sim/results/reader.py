@@ -18,6 +18,7 @@ from pydantic import AllowInfNan, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
 
 from indent_sim.config.quantities import size_of
+from indent_sim.config.scene_file import load, to_yaml
 from indent_sim.config.schema import GONE
 from indent_sim.config.strict_yaml import inline, key_text, leaves, parse
 from indent_sim.model.state import (
@@ -25,6 +26,7 @@ from indent_sim.model.state import (
     FLUID_COLUMNS,
     FRICTION_COLUMNS,
     KRYLOV_COLUMNS,
+    REACTION_COLUMNS,
     READINGS,
     STATE_COLUMNS,
     TIME_COLUMNS,
@@ -55,6 +57,7 @@ BEYOND_STATE = (
     *KRYLOV_COLUMNS,
     *ERROR_COLUMNS,
     *TIME_COLUMNS,
+    *REACTION_COLUMNS,
 )  # columns that not every run has
 # Columns of what was found: numbers without their error bars, and not what says which row it is or what it took
 FOUND_COLUMNS = tuple(
@@ -232,9 +235,15 @@ def read_run(path: Path) -> Results:
     return Results(path, {name: np.empty(0) for name in ("step", *COMPARED, "newton_iterations")}, report)
 
 
-def rows_of(states: Iterable[State]) -> list[dict[str, float]]:
-    """The rows of the force table as mappings from column to number."""
-    rows = ({name: getattr(state, name) for name in (*STATE_COLUMNS, *BEYOND_STATE)} for state in states)
+def has_reactions(folder: Path) -> bool:
+    """Whether the force table of a result folder has the reactions of supports."""
+    return not {*header_of(folder / TABLE)}.isdisjoint(REACTION_COLUMNS)
+
+
+def rows_of(states: Iterable[State], with_reactions: bool = False) -> list[dict[str, float]]:
+    """The rows of the force table as mappings from column to number; with reactions where they were asked for."""
+    names = [name for name in (*STATE_COLUMNS, *BEYOND_STATE) if with_reactions or name not in REACTION_COLUMNS]
+    rows = ({name: state.column(name) for name in names} for state in states)
     return [{name: value for name, value in row.items() if value is not None} for row in rows]
 
 
@@ -424,7 +433,8 @@ def earlier_run(folder: Path, config_yaml: str, report: Report | None = None) ->
     try:
         result_folder.refuse_links(folder)
         follows = set.intersection(*(set((one.get("plan") or {}).get("auto") or ()) for one in (report or {}, theirs)))
-        _refuse_other(folder, content(folder / CONFIG).decode("utf-8"), config_yaml, follows)
+        content(folder / CONFIG).decode("utf-8")
+        _refuse_other(folder, _as_written_now(folder / CONFIG), config_yaml, follows)
         unknown = ("energy",) if theirs.get("method") == "theory" else ()
         return Earlier(*_rows(folder / TABLE, unknown), theirs)
     except FileNotFoundError as error:
@@ -442,6 +452,14 @@ def lost_files(folder: Path, surface: Keep, fields: Keep) -> list[str]:
         if surface == "none" or (found := read(folder))["step"][-1] in found.surface.get("step", ()):
             return lost
     return [*lost, SURFACE]
+
+
+def _as_written_now(path: Path) -> str:
+    """A result's config with the keys that this version writes; as it stands where this version cannot read it."""
+    try:
+        return to_yaml(load(path))
+    except (ConfigError, UsageError):
+        return content(path).decode("utf-8")
 
 
 def _refuse_other(folder: Path, theirs: str, ours: str, follows: Collection[str]) -> None:

@@ -19,7 +19,15 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.state import ERROR_COLUMNS, KRYLOV_COLUMNS, READINGS, State, Surface
+from indent_sim.model.state import (
+    ERROR_COLUMNS,
+    KRYLOV_COLUMNS,
+    REACTION,
+    REACTION_COLUMNS,
+    READINGS,
+    State,
+    Surface,
+)
 from indent_sim.process.errors import UsageError
 from indent_sim.results.folder import write_atomically
 
@@ -38,22 +46,28 @@ MORE_OF_SURFACE = ("shear", "pore_pressure")  # with friction, with fluid in the
 
 def row(state: State, columns: tuple[str, ...]) -> bytes:
     """The line of a state in the force table."""
-    values, written = _of_columns(columns)
-    return (",".join([write(value) for write, value in zip(written, values(state), strict=True)]) + "\n").encode()
+    values, written, reactions = _of_columns(columns)
+    cells = [write(value) for write, value in zip(written, values(state), strict=True)]
+    cells += [_cell(state.column(name)) for name in reactions]
+    return (",".join(cells) + "\n").encode()
 
 
 @cache
 def _of_columns(
     columns: tuple[str, ...],
-) -> tuple[Callable[[State], tuple[Any, ...]], tuple[Callable[[Any], str], ...]]:
-    """What says the values of a state in columns, and how each is written."""
-    return attrgetter(*columns), tuple(_integer if name in INTEGERS else _cell for name in columns)
+) -> tuple[Callable[[State], tuple[Any, ...]], tuple[Callable[[Any], str], ...], tuple[str, ...]]:
+    """What says the values of a state in columns, and how each is written; the columns of reactions, which are last."""
+    own = tuple(name for name in columns if name not in REACTION_COLUMNS)
+    written = tuple(_integer if name in INTEGERS else _cell for name in own)
+    return attrgetter(*own), written, columns[len(own) :]
 
 
 def in_order(columns: Sequence[str]) -> tuple[str, ...]:
-    """Columns of the force table in their order: the time after the step."""
-    rest = tuple(name for name in columns if name != "t")
-    return (rest[0], "t", *rest[1:]) if len(rest) < len(columns) else rest
+    """Columns of the force table in their order: the time after the step, the reactions of supports at the end."""
+    time = [name for name in columns if name == "t"]
+    reactions = [name for name in columns if name in REACTION_COLUMNS]
+    first, *rest = (name for name in columns if name != "t" and name not in REACTION_COLUMNS)
+    return (first, *time, *rest, *reactions)
 
 
 def state_of(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ()) -> State | None:
@@ -72,7 +86,10 @@ def state_of(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ())
         return None
     infinite = any(value in (math.inf, -math.inf) for value in values.values())
     is_result = empty <= MAY_BE_EMPTY.union(unknown, UNKNOWN_IN_TIME if "t" in names else ()) and not infinite
-    return State(**values) if is_result else None
+    if not is_result:
+        return None
+    reactions = {name.removeprefix(REACTION): values.pop(name) for name in names if name in REACTION_COLUMNS}
+    return State(**values, reactions=reactions or None)
 
 
 def _value(name: str, cell: str) -> float | str:

@@ -32,6 +32,7 @@ ARRAYS |= dict.fromkeys(("J", "energy_density"), ("Cell", "Scalar", ()))
 # Where the tip drags on the surface; where there is fluid in the pores; of gels
 MORE_ARRAYS: Kinds = dict.fromkeys(("shear", "pore_pressure"), ("Node", "Scalar", ()))
 MORE_ARRAYS |= dict.fromkeys(("fluid_content", "swelling"), ("Cell", "Scalar", ()))
+MORE_ARRAYS |= {"nodal_stress": ("Node", "Tensor", (9,)), "nodal_von_mises": ("Node", "Scalar", ())}  # on request
 LASTING_ARRAYS: Kinds = {"region": ("Cell", "Scalar", ())}  # beside the mesh
 XDMF, TIP, MESH, OLD = "fields.xdmf", "tip.xdmf", "mesh.h5", "fields.h5"
 GRID = re.compile(

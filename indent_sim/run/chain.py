@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 import time
 import weakref
 from collections.abc import Iterator, Sequence
@@ -226,7 +227,9 @@ class Run:
         given = {"delta"} if scene.physics.path.control == "depth" else set()
         found = BARS.values() if scene.history else (*STATE_COLUMNS, *scene.physics.columns)
         judged = {*found} - given if self._asked.bars else set[str]()
-        return (*effort, *(name for name in ERROR_COLUMNS if name.removesuffix("_error") in judged))
+        errors = (name for name in ERROR_COLUMNS if name.removesuffix("_error") in judged)
+        reactions = scene.reaction_columns if self.config.output.reactions else ()
+        return (*effort, *errors, *reactions)
 
     def _bars(self, attempt: Attempt) -> Bars:
         if not attempt.scene.is_meshed:
@@ -278,7 +281,8 @@ def states(
     `mesher` makes of the scene.
 
     given: a scene, or the config, file or dictionary that says one.
-    For notebooks and tests; a State that is not converged is the last one.
+    For notebooks and tests; a State that is not converged is the last one. The memory of the solution is given back at
+    the last state, and on one process also where the iterator is closed before, as when a loop over it is left.
     """
     scene = given if isinstance(given, Scene) else resolve(config_of(given))
     comm = communicator(comm if comm is not None else Alone(), scene)
@@ -291,12 +295,19 @@ def states(
     if scene.history:
         walk = CurveWalk(scene, walk)
         walk.solve()
-    for state in walk.states(scene.physics.path, lambda step: with_surface):
-        yield (state if scene.history else readings.read(state)).in_units(scene.physics.scales)
-    del walk, readings  # what dies after the release stays
-    beside.meeting.free()
-    if fe:
-        fe.release(mesh)
+    is_through = False
+    try:
+        for state in walk.states(scene.physics.path, lambda step: with_surface):
+            yield (state if scene.history else readings.read(state)).in_units(scene.physics.scales)
+        is_through = True
+    finally:
+        del walk, readings  # what dies after the release stays
+        # Several ranks release together: one that leaves early does not know whether the others do. At the end of the
+        # process PETSc is gone before the last of Python's objects are
+        if is_through or (comm.size == 1 and not sys.is_finalizing()):
+            beside.meeting.free()
+            if fe:
+                fe.release(mesh)
 
 
 @dataclass(frozen=True)

@@ -100,7 +100,7 @@ class Simulation:
         self._take_up()
         self._fields = None
         if self._keep_fields != "none" and len(self.states) < len(scene.physics.deltas):
-            self._fields = fe.Fields(self._walk.equilibrium.observed)
+            self._fields = fe.Fields(self._walk.equilibrium.observed, self.output.nodal_stress)
             told = {f"region {k}": region.name for k, region in enumerate(scene.physics.part.regions)}
             L = scene.physics.scales.length
             shown = () if grid is None else (grid.points * L, grid.cells, grid.regions, self._drawn_tip())

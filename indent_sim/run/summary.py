@@ -48,8 +48,19 @@ def summary(
         entries["adhesion"] = beside("adhesion", lambda: adhesion(expected, states), {})
     fitted = None if in_time else beside("Hertz fit", lambda: hertz_fit(scene, states), None)
     entries |= {"hertz": fitted, "audit": audit}
+    if states and states[-1].reactions is not None:
+        entries["reactions"] = reactions_of(states[-1])
     spent = {"timings": stages(clock.stages), "cpu_timings": stages(clock.cpu)}
     return entries | spent | {"peak_memory_MB": round(peak_memory(), 1)}
+
+
+def reactions_of(state: State) -> dict[str, Any]:
+    """The step of a row, and the force of each support on the body by its axes [force]."""
+    supports: dict[str, Any] = {}
+    for name, force in (state.reactions or {}).items():
+        support, axis = name.rsplit("_", 1)
+        supports.setdefault(support, {})[axis] = force
+    return {"step": state.step} | supports
 
 
 def stages(seconds: Mapping[str, float]) -> dict[str, float]:

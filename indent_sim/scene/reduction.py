@@ -129,7 +129,8 @@ def _cut(
 ) -> Part:
     """The part of a body that is cut along mirror planes, which are rollers."""
     supports = {**supports, **{f"{axis}_min": "roller" for axis in cuts}}
-    return Part(kinematics, SYMMETRY[len(cuts)], 2 ** len(cuts), outline, height, regions, supports)
+    symmetry, copies = SYMMETRY[len(cuts)], 2 ** len(cuts)
+    return Part(kinematics, symmetry, copies, outline, height, regions, supports, cuts=tuple(cuts))
 
 
 def _dome(body: Dome, wanted: str, regions: Regions) -> tuple[Part, str]:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh.body_from_file import Piece
 from indent_sim.mesh.grid import Grid, moved
+from indent_sim.mesh.reactions import reaction_columns
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.model.body import Endless
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.loading import History
 from indent_sim.model.materials import Relaxation
@@ -128,6 +130,11 @@ class Scene:
         return ("t", *(["z"] if held else []), "branch", *(["calibration_error"] if given else []))
 
     @property
+    def reaction_columns(self) -> tuple[str, ...]:
+        """Columns of its force table with the reactions of its supports, for a run that writes them."""
+        return reaction_columns(self.physics.part)
+
+    @property
     def method(self) -> str:
         """The contact method, or theory."""
         return self.physics.contact.method if self.is_meshed else "theory"
@@ -227,6 +234,8 @@ def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
     """The scene that theory solves: what stands for its sizes are the points of the surface that are written."""
     physics = given.physics
     of_curve = choices.curve(config, given, solver)
+    choices.refuse_reactions(config, "theory solves it, without a mesh")
+    choices.refuse_nodal_stress(config, has_fields=False)
     chosen = (*choices.quantities(config), solver, *choices.by_theory(config, given), *of_curve)
     each = PER_SOUGHT_ROW if given.theory and given.theory.contact.tip.breaks else PER_ROW
     predicted = prediction_of(given) | {"seconds": float(f"{THEORY_SECONDS + each * len(physics.deltas):.3g}")}
@@ -262,6 +271,11 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     no_peak = peakless(physics, sizes, given.a if given.deepest > 0 else 0.0)
     of_peak = [Choice("p_max", "empty", no_peak)] if no_peak else []
     of_mesh, of_curve = choices.mesh(config, given, sizes, fineness), choices.curve(config, given, solver, is_in_time)
+    choices.refuse_nodal_stress(config, has_fields=not given.history or is_in_time)
+    if given.history and not is_in_time:
+        choices.refuse_reactions(config, "a history is followed on the elastic curve, of forces alone")
+    elif isinstance(config.body, Endless):
+        choices.refuse_reactions(config, "a body without end is held at its base alone, by the force")
     of_time = (*of_curve, *choices.steps(given, physics, sizes))
     chosen = (*of_body, *of_contact, *of_peak, *of_mesh, solver, linear, *of_time)
     time = followed(given, physics, sizes.h_contact, _why_so(of_time))
@@ -282,7 +296,7 @@ def _why_so(chosen: Iterable[Choice]) -> str:
 def _wall(given: Given, sizes: Sizes) -> tuple[float, list[Choice]]:
     """The stiffness of a curved roller wall in three dimensions [pressure/length, without units]; 0: there is none."""
     physics = given.physics
-    if physics.part.bend is None or physics.part.supports["r_max"] != "roller":
+    if not physics.part.has_curved_roller:
         return 0.0, []
     stiffness = WALL_STIFFNESS * physics.material.constants.E / sizes.h_far
     return stiffness, [Choice("wall", stiffness * physics.scales.stiffness, WALL_WHY)]

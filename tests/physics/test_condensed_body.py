@@ -186,6 +186,22 @@ def test_memory_of_a_step_is_given_back() -> None:
     assert memory_in_use() - before < 5e6
 
 
+@pytest.mark.parametrize("taken", [0, 1, 3])
+def test_a_walk_that_is_left_early_lets_go_of_its_mesh(taken: int) -> None:
+    """Once, whether it is left after its first row, after another one, or at its end."""
+    from indent_sim.fe import solver
+
+    released = []
+    rows = states(scene(WALLED, "mesh.h_contact=0.1", loading={"delta": 0.01, "steps": 3}), with_surface=False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(solver, "release", released.append)
+        next(rows)
+        for _ in range(taken):
+            next(rows, None)
+        rows.close()
+    assert len(released) == 1
+
+
 def memory_in_use() -> int:
     """Resident memory of this process [bytes]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")

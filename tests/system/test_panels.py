@@ -186,6 +186,15 @@ class TestPressure:
         assert line.get_xdata() == pytest.approx(result.surface["x"])
         assert line.get_ydata() == pytest.approx(result.surface["pressure"])
 
+    @pytest.mark.parametrize(("gap", "stretch", "name"), [("current", 1.1, "deformed r"), ("reference", 1.0, "r")])
+    def test_places_are_on_the_surface_whose_contact_radius_is_read(self, drawn, gap, stretch, name):
+        """The deformed one where the gap is tested there, and the axis says it."""
+        result = a_result(units={}, gap=gap)
+        result.surface.update(u_x=0.1 * result.surface["x"], u_y=np.zeros(len(result.surface["x"])))
+        axes = drawn([result], what=("pressure",)).axes[0]
+        assert axes.get_lines()[0].get_xdata() == pytest.approx(stretch * result.surface["x"])
+        assert axes.get_xlabel().startswith(name)
+
     def test_the_stick_radius_has_a_name(self, drawn):
         """A dotted line there, and one more name in the legend; neither where nothing sticks."""
         for sticks, shown in ((0.7, True), (0.0, False)):

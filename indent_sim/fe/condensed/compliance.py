@@ -22,7 +22,9 @@ from petsc4py import PETSc
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.observe.surface import Trace
 from indent_sim.fe.terms.scene_terms import matter_of
+from indent_sim.fe.terms.wall import Wall
 from indent_sim.mesh.grid import lots
+from indent_sim.mesh.reactions import Surface
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.usage import machine_memory
 
@@ -39,9 +41,10 @@ class Compliance:
 
     whole (m n, m n): C, and with friction m - 1 horizontal axes after it; held (m - 1, nodes of the surface): where
     their displacements are held. trace: the facets between the candidates, with `nodes` numbering rows of C; surface:
-    all facets of the contact surface, whose node places[i] is candidate i; support and stray (m n,): what a unit force
-    at a candidate makes the supports and the rigid-mode pins feel; seen (k, m n): the displacements that it makes
-    at the condenser's `seen` dofs, k = 0 where these are not kept."""
+    all facets of the contact surface, whose node places[i] is candidate i; support (surfaces, m n) and stray (m n,):
+    the reactions of the condenser's `bearing` surfaces to a unit force at a candidate, and the largest of the
+    rigid-mode pins; seen (k, m n): the displacements that it makes at the condenser's `seen` dofs, k = 0 where these
+    are not kept."""
 
     whole: np.ndarray
     support: np.ndarray
@@ -77,7 +80,7 @@ class Condenser:
         tangents = [term.tangent(body.now, body.now, body.dt) for term in matter]
         matrix = fem_petsc.assemble_matrix(fem.form(reduce(add, tangents)))
         matrix.assemble()
-        self._support_rows = self._row_sum(matrix, body.z_supports)
+        self.bearing, self._support_rows = self._rows_of_supports(matrix, matter.walls)
         self._pin_rows = [self._row_sum(matrix, np.array([pin])) for pin in self._all_pins()]
         matrix.zeroRowsColumnsLocal(body.constrained.astype(np.int32), diag=1.0)
         if self._is_whole:
@@ -112,12 +115,25 @@ class Condenser:
         ranks = np.repeat(np.arange(len(counts)), counts)
         return [int(next(mine)) if rank == self.body.comm.rank else -1 for rank in ranks]
 
-    def _row_sum(self, matrix: PETSc.Mat, rows: np.ndarray) -> np.ndarray:
-        """The sum of rows of a symmetric matrix, those columns that this rank solves for."""
+    def _rows_of_supports(
+        self, matrix: PETSc.Mat, walls: Sequence[Wall]
+    ) -> tuple[tuple[Surface, ...], list[np.ndarray]]:
+        """The surfaces that supports bear on, and for each what unit displacements add to its reaction."""
+        rows = {of: self._row_sum(matrix, dofs, shares) for of, (dofs, shares) in self.body.bearing.items()}
+        for wall in walls:
+            rows |= {of: self._gathered(row) for of, row in wall.rows().items()}
+        return tuple(rows), list(rows.values())
+
+    def _row_sum(self, matrix: PETSc.Mat, rows: np.ndarray, shares: np.ndarray | float = 1.0) -> np.ndarray:
+        """The sum of shares of rows of a symmetric matrix, those columns that this rank solves for."""
         marks, total = matrix.createVecs()
-        marks.array[rows[rows >= 0]] = 1.0
+        marks.array[rows[rows >= 0]] = shares
         matrix.mult(marks, total)
-        return np.concatenate(self.body.comm.allgather(total.array)) if self._is_whole else total.array.copy()
+        return self._gathered(total.array.copy())
+
+    def _gathered(self, row: np.ndarray) -> np.ndarray:
+        """A row of own dofs, of all ranks where each solves for the whole body."""
+        return np.concatenate(self.body.comm.allgather(row)) if self._is_whole else row
 
     def _number_surface_nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """This rank's own surface nodes, their rows among all by their places, and the rows of its facets' nodes."""
@@ -178,7 +194,8 @@ class Condenser:
         n, known = len(places) * len(axes), self._last
         own, dofs, is_free = self._solved(places, axes)
         up = np.where(np.arange(n) < len(places), -1.0, 1.0)  # a force down is solved for as one that pulls up
-        C, support, stray = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+        C, stray = np.zeros((n, n)), np.zeros(n)
+        support = self._on_held_nodes(own, up, n)
         if len(self.seen) * n > MOST_SEEN:
             self.seen = self.seen[:0]
         seen = np.zeros((len(self.seen), n))
@@ -186,22 +203,37 @@ class Condenser:
         if known is not None:
             there = np.tile(np.isin(known.places, places), len(axes))
             C[np.ix_(old, old)] = known.whole[np.ix_(there, there)]
-            support[old], stray[old] = known.support[there], known.stray[there]
+            support[:, old], stray[old] = known.support[:, there], known.stray[there]
             seen[:, old] = known.seen[: len(seen), there]
+        solved = np.zeros_like(support)
         columns = np.flatnonzero(~old)
         if self._is_whole:
             columns = np.array_split(columns, self.body.comm.size)[self.body.comm.rank]
         for block in (columns[some] for some in lots(len(columns), BLOCK)):
-            found, support[block], stray[block], moved = self._block(own, dofs[block], is_free[block], n)
+            found, borne, stray[block], moved = self._block(own, dofs[block], is_free[block], n)
             C[:, block], seen[:, block] = up[:, None] * found * up[block], moved * up[block]
-            support[block] = up[block] * support[block] + (up[block] < 0) * ~is_free[block]
+            solved[:, block] = borne * up[block]
         if self._is_whole:
-            parts = C[:, ~old], support[~old], stray[~old]
-            C[:, ~old], support[~old], stray[~old] = (_summed(self.body.comm, part) for part in parts)
+            parts = C[:, ~old], solved[:, ~old], stray[~old]
+            C[:, ~old], solved[:, ~old], stray[~old] = (_summed(self.body.comm, part) for part in parts)
+        support[:, ~old] += solved[:, ~old]
         C[np.ix_(~old, old)] = C[np.ix_(old, ~old)].T
         if not np.isfinite(C).all():  # the same on all ranks
             raise NotConverged("the body's response to forces on its surface is not a number")
         return (C + C.T) / 2, support, stray, seen
+
+    def _on_held_nodes(self, own: Own, up: np.ndarray, n: int) -> np.ndarray:
+        """What forces at nodes that are held put on their supports right away (surfaces, n): minus the force."""
+        places, columns, _ = own
+        found = np.zeros((len(self.bearing), n))
+        for row, surface in enumerate(self.bearing):
+            if surface not in self.body.bearing:  # a wall that holds no node
+                continue
+            dofs, shares = self.body.bearing[surface]
+            share = np.zeros(self.body.unknowns.owned)
+            share[dofs] = shares
+            found[row, columns] = -up[columns] * self._gathered(share)[places]
+        return _summed(self._comm, found)
 
     def _solved(self, places: np.ndarray, axes: Sequence[int]) -> tuple[Own, np.ndarray, np.ndarray]:
         """This rank's local dofs, columns and which are free, axis by axis; numbers among all unknowns, which free."""
@@ -216,7 +248,7 @@ class Condenser:
         return ((dofs, np.arange(n), all_free) if self._is_whole else (local, columns, free)), dofs, all_free
 
     def _block(self, own: Own, dofs: np.ndarray, is_free: np.ndarray, n: int) -> Columns:
-        """Displacements at n columns, z-reaction of the supports, largest one of the pins, for unit forces at dofs; and
+        """Displacements at n columns, reactions of the supports, largest one of the pins, for unit forces at dofs; and
         the displacements that are `seen`."""
         comm, (local, columns, _) = self._comm, own
         rows = self._pc.getOperators()[0].getLocalSize()[0]
@@ -226,9 +258,10 @@ class Condenser:
         self._pc.getFactorMatrix().matSolve(_unit_forces(comm, dofs, is_free, self.body.unknowns.total), X)
         solutions, C = X.getDenseArray(), np.zeros((n, len(dofs)))
         C[columns], seen = solutions[local], solutions[self.seen]
-        reactions = _summed(comm, np.array([row @ solutions for row in (self._support_rows, *self._pin_rows)]))
+        reactions = _summed(comm, np.array([row @ solutions for row in (*self._support_rows, *self._pin_rows)]))
         X.destroy()  # left to Python they stay until the end: all blocks at once
-        return _summed(comm, C), reactions[0], np.abs(reactions[1:]).max(axis=0, initial=0.0), seen
+        supports, pins = np.split(reactions, [len(self.bearing)])
+        return _summed(comm, C), supports, np.abs(pins).max(axis=0, initial=0.0), seen
 
     def _pushed(self, compliance: Compliance) -> Own:
         """Where this rank's share of the nodal forces goes; every row asks for it, a compliance alone decides it."""

@@ -14,7 +14,7 @@ from indent_sim.fe.condensed.flat_punches import punches
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.observe import measure
 from indent_sim.fe.observe.fields import WholeBody
-from indent_sim.fe.path.equilibrium import Effort, Equilibrium
+from indent_sim.fe.path.equilibrium import Effort, Equilibrium, reactions
 from indent_sim.fe.solve.prediction import expected, shares
 from indent_sim.scene.cost import MOST_CANDIDATES
 from indent_sim.scene.scene import Scene
@@ -193,7 +193,8 @@ class CondensedEquilibrium(Equilibrium):
         contact, copies, compliance = self.contact, self.scene.physics.part.copies, self.contact.compliance
         X = contact.forces.ravel()
         numbers = {"force": self.force, "energy": copies * contact.energy()}
-        numbers["reaction"] = copies * float(compliance.support @ X)
+        borne = dict(zip(self.condenser.bearing, (compliance.support @ X).tolist(), strict=True))
+        numbers |= reactions(self.scene.physics.part, borne)
         numbers["stray_reaction"] = copies * float(compliance.stray @ np.abs(X))
         for name, k in self.scene.physics.sideways.items():
             numbers[f"side_force_{name}"] = 0.0 - copies * float(contact.forces[1 + k].sum())  # no -0.0

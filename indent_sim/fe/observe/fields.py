@@ -12,6 +12,7 @@ from dolfinx import fem
 
 from indent_sim.fe import compat
 from indent_sim.fe.observe import measure
+from indent_sim.fe.observe.nodal_stress import NodalStress, total_stress
 from indent_sim.model.materials import Gel
 
 
@@ -45,17 +46,19 @@ class Fields:
     3, 3) (Cauchy, of solid and fluid together), von_mises, principal_stresses (cells, 3) from the largest,
     energy_density per undeformed volume [pressure] (of the drained law), J = det(I + grad u), with fluid its
     fluid_content per undeformed volume, and with a gel swelling, J from the dry state. A quadratic displacement is
-    shown by its values at the vertices."""
+    shown by its values at the vertices. With `nodal_stress`, that and nodal_von_mises at the vertices."""
 
-    def __init__(self, body: Any):
+    def __init__(self, body: Any, nodal_stress: bool = False):
         self.body = body
+        self._nodal_stress = NodalStress(body) if nodal_stress else None
 
     @property
     def more(self) -> tuple[str, ...]:
         """Names of those that not every body has."""
         kinds = {"shear": self.body.friction, "pore_pressure": self.body.fluid, "fluid_content": self.body.fluid}
         gels = [strain for strain in self.body.strains if isinstance(strain.region.material, Gel)]
-        return (*(name for name, there in kinds.items() if there is not None), *(["swelling"] if gels else []))
+        nodal = ("nodal_stress", "nodal_von_mises") if self._nodal_stress else ()
+        return (*(name for name, there in kinds.items() if there is not None), *(["swelling"] if gels else []), *nodal)
 
     @cached_property
     def _expressions(self) -> list[tuple[fem.Expression, np.ndarray]]:
@@ -64,9 +67,7 @@ class Fields:
 
     def _in_cell(self, strain: Any) -> list[Any]:
         """Stress, J, psi and, where there is fluid, its content: UFL scalars."""
-        stress, fluid = strain.stress, self.body.fluid
-        if fluid is not None:
-            stress -= fluid.pressure_in(strain.region) * ufl.Identity(3)
+        stress, fluid = total_stress(self.body, strain), self.body.fluid
         content = [] if fluid is None else [fluid.content_in(strain.region)]
         return [*(stress[i, j] for i, j in np.ndindex(3, 3)), strain.J, strain.psi, *content]
 
@@ -76,6 +77,7 @@ class Fields:
         nodes, cells = mesh.geometry.input_global_indices, mesh.topology.original_cell_index
         mine = (nodes, self._at_vertices(), *self._tractions(), cells, self._in_cells())
         parts: Any = self.body.comm.gather(mine, root=0)
+        averaged = self._nodal_stress.gather(mesh.topology.index_map(0).size_global) if self._nodal_stress else None
         if parts is None:
             return None
         nodes, u, touched, acting, cells, inside = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -89,6 +91,7 @@ class Fields:
             **dict(zip(("pore_pressure",), fluid.T, strict=False)),
             **_stresses(stress.reshape(-1, 3, 3)),
             **dict(zip(("swelling", "J", "energy_density", "fluid_content"), inner.T, strict=False)),
+            **({} if averaged is None else _nodal(averaged)),
         }
 
     @property
@@ -124,6 +127,11 @@ class Fields:
             found = compat.evaluate(expression, self.body.mesh, cells).reshape(-1, width)
             values[cells] = np.insert(found, 9, strain.region.material.swelling(found[:, 9]), axis=1)
         return values
+
+
+def _nodal(stress: np.ndarray) -> dict[str, np.ndarray]:
+    """A stress at the vertices (points, 3, 3), and its von Mises stress."""
+    return {"nodal_stress": stress, "nodal_von_mises": _stresses(stress)["von_mises"]}
 
 
 def _stresses(stress: np.ndarray) -> dict[str, np.ndarray]:

@@ -21,8 +21,9 @@ class Observed(Protocol):
     scene: Scene
     comm: Any
     trace: Trace
-    # None without; `room_at` points: friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks;
-    # `shear_at` points: tau (facets, points, axes) [pressure]
+    # None without; `shear_at` points: tau (facets, points, axes) [pressure]. `room_at` points: friction p - |t_hat|
+    # (facets, points) [pressure], >= 0 where the surface sticks, which `contact` alone asks for: a condensed body has
+    # it on its candidates (`condensed.contact.CondensedState`), not where it is recovered for tables and fields
     friction: Any
     fluid: Any  # None without; `pressure_at` points: p (facets, points) [pressure], from the bath's
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
+from indent_sim.mesh.modelled_part import Part
+from indent_sim.mesh.reactions import Surface, reactions_of_whole_body
 from indent_sim.scene.scene import Scene
 
 
@@ -90,3 +92,12 @@ class Equilibrium(Protocol):
 
     def numbers(self) -> dict[str, Any]:
         """What a State says of the present equilibrium, by the names of its fields."""
+
+
+def reactions(part: Part, borne: Mapping[Surface, float]) -> dict[str, Any]:
+    """What a State says of reactions [force]: the z-reaction of the whole body's supports, and that of each support.
+
+    borne: what the supports of the modelled part bear.
+    """
+    vertical = sum(force for (_, component), force in borne.items() if component == part.dim - 1)
+    return {"reaction": part.copies * vertical, "reactions": reactions_of_whole_body(part, borne)}

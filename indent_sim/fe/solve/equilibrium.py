@@ -14,7 +14,7 @@ from mpi4py import MPI
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.observe import measure
 from indent_sim.fe.observe.fields import WholeBody
-from indent_sim.fe.path.equilibrium import Effort
+from indent_sim.fe.path.equilibrium import Effort, reactions
 from indent_sim.fe.problem import Problem, Snapshot
 from indent_sim.fe.solve.algorithms import algorithm_of, come_to_rest
 from indent_sim.fe.solve.newton import Newton, finest, stages
@@ -274,7 +274,8 @@ class BodyEquilibrium:
         """Force, contact, energy and reactions of the present equilibrium."""
         energy = nan if self.scene.physics.relaxing else self.problem.energy()  # what relaxes has stored none
         numbers: dict[str, Any] = {"force": self.force, "energy": energy}
-        numbers["reaction"], numbers["stray_reaction"] = self.problem.reactions()
+        borne, numbers["stray_reaction"] = self.problem.reactions()
+        numbers |= reactions(self.scene.physics.part, borne)
         for name, axis in self.scene.physics.sideways.items():
             numbers[f"side_force_{name}"] = self.problem.side_force(axis)
         body = self.problem.body

@@ -14,6 +14,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from indent_sim.fe.discrete_body import Moment
+from indent_sim.mesh.reactions import Surface
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,11 @@ class Term:
     def side_force(self, axis: int) -> float:
         """Force on the tip along a horizontal axis [force], this rank's share of the modelled part."""
         return 0.0
+
+    def reactions(self) -> dict[Surface, float]:
+        """Forces on the body [force] of a support that this term stands for, by `mesh.reactions.bearing_surfaces`:
+        this rank's share on the modelled part."""
+        return {}
 
     def dissipation(self) -> float:
         """What is lost in the step to the present state [energy], this rank's share of the modelled part."""

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
+import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from petsc4py import PETSc
 
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.terms.term import Term
+from indent_sim.mesh.reactions import Surface
 
 
 class Wall(Term):
@@ -16,12 +22,44 @@ class Wall(Term):
     is_matter = True
 
     def __init__(self, body: Body):
+        self._body = body
         self.is_constant = body.scene.physics.small_strain
         X, u = body.X, body.now.fields["u"]
         r = ufl.sqrt(X[0] ** 2 + X[1] ** 2)
         if body.scene.physics.small_strain:
             outward = (u[0] * X[0] + u[1] * X[1]) / r
+            normal = [X[axis] / r for axis in (0, 1)]
         else:
-            outward = ufl.sqrt((X[0] + u[0]) ** 2 + (X[1] + u[1]) ** 2) - r
+            deformed = ufl.sqrt((X[0] + u[0]) ** 2 + (X[1] + u[1]) ** 2)
+            outward = deformed - r
+            normal = [(X[axis] + u[axis]) / deformed for axis in (0, 1)]
         stiffness = fem.Constant(body.mesh, body.scene.physics.wall_stiffness)
         self.energy = body.over_surface("r_max", stiffness / 2 * outward**2)
+        self._axis = fem.Constant(body.mesh, np.array([1.0, 0.0]))
+        along = self._axis[0] * normal[0] + self._axis[1] * normal[1]
+        self._push = body.over_surface("r_max", -stiffness * outward * along)
+
+    @cached_property
+    def _force(self) -> fem.Form:
+        return fem.form(self._push)
+
+    def reactions(self) -> dict[Surface, float]:
+        """Force of the wall on the body along x and y [force], this rank's share of the modelled part."""
+        found: dict[Surface, float] = {}
+        for axis in (0, 1):
+            self._axis.value = np.eye(2)[axis]
+            found["r_max", axis] = float(fem.assemble_scalar(self._force))
+        return found
+
+    def rows(self) -> dict[Surface, np.ndarray]:
+        """What each dof of a linear body adds to `reactions` [force], an entry for each of this rank's own dofs
+        (collective)."""
+        body = self._body
+        form = fem.form(ufl.derivative(self._push, body.now.function, body.now.test))
+        found: dict[Surface, np.ndarray] = {}
+        for axis in (0, 1):
+            self._axis.value = np.eye(2)[axis]
+            vector = fem_petsc.assemble_vector(form)
+            vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+            found["r_max", axis] = vector.array_r.copy()
+        return found

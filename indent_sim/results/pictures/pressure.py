@@ -23,6 +23,7 @@ PRESSED_SHARE = 0.02  # of the median pressure within the contact radius: beyond
 BESIDE_KINK = 1.5  # elements beside a kink of the tip, an infinite pressure, in which the mesh says what it is
 BESIDE_END = 4.0  # the same beside its end: one over a square root, no logarithm
 TOUCHED_RADII = 1.02  # contact radii up to which the tip touches, for the radius of a row is of its nodes
+OFF_MIDDLE = 0.1  # of an element: how far its deformed middle node may be from halfway between its ends
 AT_REST = 1e-6  # of the largest depth: a search for a force of 0 ends as near to 0 as that
 UNPRESSED = "#00224e"  # the darkest of the map's colours: behind words that may stand beside the body
 BAR = (1.07, 0.0, 0.07, 1.0)  # of colours beside a map: left, bottom, width, height in parts of the map
@@ -32,6 +33,7 @@ BAR = (1.07, 0.0, 0.07, 1.0)  # of colours beside a map: left, bottom, width, he
 class PressedSurface:
     """The contact surface of one step around the tip: places (n,) from the tip's axis, pressure (n,), as modelled.
 
+    Places are those of the deformed surface where the gap is tested there, as the contact radius is then.
     mirrored: the axes (x, y) along which the modelled part ends at the tip's axis; a [length] of the contact;
     infinite: distances from the axis at which the pressure has no bound, and how far from there a mesh finds what its
     own size makes it. With friction the shear (n,) and the radius [length] of what sticks.
@@ -82,7 +84,7 @@ class PressedSurface:
         assert self.shear is not None
         order = np.argsort(self.x)
         x, tau = self.x[order], self.shear[order]
-        if len(x) % 2 and np.allclose(x[1::2], (x[:-2:2] + x[2::2]) / 2, rtol=0, atol=1e-6 * np.ptp(x)):
+        if len(x) % 2 and (np.abs(x[1::2] - (x[:-2:2] + x[2::2]) / 2) <= OFF_MIDDLE * (x[2::2] - x[:-2:2])).all():
             x, tau = x[1::2], (tau[:-2:2] + 4 * tau[1::2] + tau[2::2]) / 6
         return self._along_line(x, np.abs(tau), middle)
 
@@ -97,6 +99,8 @@ def contact_of(results: Results, step: float) -> PressedSurface:
     surface = results.surface
     known = (surface["step"] == step) & np.isfinite(surface["pressure"])
     x, y, p = (surface[name][known] for name in ("x", "y", "pressure"))
+    if is_deformed(results):
+        x, y = x + surface["u_x"][known], y + surface["u_y"][known]
     said = results.report.get("center")  # of an older result: where the pressure is largest
     center = np.array([*said, 0.0][:2]) if said else np.array([x[p.argmax()], y[p.argmax()]])
     x, y = x - center[0], y - center[1]
@@ -112,6 +116,19 @@ def contact_of(results: Results, step: float) -> PressedSurface:
     shear = surface["shear"][known] if "shear" in surface else None
     sticks = results.table.get("stick_radius", np.zeros(len(results)))[results["step"] == step]
     return PressedSurface(x, y, p, center, mirrored, a, infinite, shear, float(sticks.max(initial=0.0)))
+
+
+def is_deformed(results: Results) -> bool:
+    """Whether the gap of a run is tested on the deformed surface, of which its contact radius is then."""
+    return results.report.get("gap") == "current"
+
+
+def name_of_places(name: str, runs: Sequence[Results]) -> str:
+    """The name of an axis of places: which surface they are on, where one is deformed."""
+    deformed = [is_deformed(run) for run in runs]
+    if all(deformed):
+        return f"deformed {name}"
+    return f"{name} (deformed at finite strain)" if any(deformed) else name
 
 
 def _infinite(results: Results, step: float) -> tuple[tuple[float, float], ...]:
@@ -174,7 +191,7 @@ def draw_pressures(
     is_half = all(first_axis(run) == "r" for run in runs)  # of a body of revolution
     contacts = [replace(one, mirrored=(False, False)) if is_half else one for _, one, *_ in shown]
     reach = max(contact.reach for contact in contacts)
-    length = scaled("length", runs, reach, name_of_axis)
+    length = scaled("length", runs, reach, name_of_places(name_of_axis, runs))
     pressures = np.concatenate([contact.p[contact.bounded()] for contact in contacts])
     pressure = scaled("pressure", runs, pressures, "pressure p")
     sides, tops, marked = (1,) if is_half else (-1, 1), [], False
@@ -225,6 +242,10 @@ class PressureMaps:
         """The contact surface of each."""
         return [contact_of(results, step) for results, step, _ in self.shown]
 
+    @property
+    def _runs(self) -> list[Results]:
+        return [results for results, *_ in self.shown]
+
     @cached_property
     def reach(self) -> float:
         """Half the width of the frame [length]."""
@@ -249,8 +270,8 @@ class PressureMaps:
         """
         from matplotlib.ticker import MaxNLocator
 
-        runs = [results for results, *_ in self.shown]
-        length = scaled("length", runs, self.reach, "x")
+        runs = self._runs
+        length = scaled("length", runs, self.reach, name_of_places("x", runs))
         bounded = np.concatenate([contact.p[contact.bounded()] for contact in self.contacts])
         pressure = scaled("pressure", runs, bounded, "pressure p")
         low, top = self.limits or self._colours(pressure)
@@ -307,7 +328,7 @@ class PressureMaps:
         ):
             set_limits(length(middle - half), length(middle + half))
         axes.locator_params(nbins=5)
-        axes.set(xlabel=length.label, ylabel=Axis("y", unit=length.unit).label)
+        axes.set(xlabel=length.label, ylabel=Axis(name_of_places("y", self._runs), unit=length.unit).label)
         return drawn
 
 

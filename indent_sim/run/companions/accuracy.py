@@ -18,7 +18,6 @@ from indent_sim.run.companions.companion import Companion, beside, on_finer_mesh
 from indent_sim.run.companions.error_bars import Bars, Budget
 from indent_sim.run.companions.sticking import bearer, sticking
 from indent_sim.scene.cost import EACH, EACH_BY_THEORY, START_SECONDS, THEORY_SECONDS, Cost
-from indent_sim.scene.doubts import edge_error
 from indent_sim.scene.fineness import MOST_ELEMENTS, RATE, Fineness, target_of
 from indent_sim.scene.scene import Scene
 
@@ -125,8 +124,6 @@ def _ratios_foreseen(scene: Scene) -> list[float]:
             ratios.append(ratios[-1] * _refinement(fineness.target / bar))
         if len(ratios) > 1:
             return ratios[1:ATTEMPTS]
-    if physics.part.dim == 3 and (error := edge_error(scene.sizes)) > fineness.target:  # a part of the bar in 3D
-        return [_refinement(fineness.target / error)]
     # the first mesh meets most accuracies, but leaves no room for what the steps of a path with friction or a stiff
     # penalty cost, and one from a file has the sizes that it has
     is_refined = physics.has_friction, isinstance(physics.contact, Penalty), scene.sizes.refinements is not None

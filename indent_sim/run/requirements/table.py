@@ -25,6 +25,8 @@ from indent_sim.theory.surface.adhesion import Jkr
 from indent_sim.theory.surface.punches import LayerPunches
 
 FRICTIONS: tuple[Friction, ...] = (0.1, 0.3, "stick")  # that tell what may come of friction where a scene has none
+# Of a punch's radius: as near as a wall is followed, for at the punch itself the body is compressed, another problem
+WALL_ROOM = 1.01
 RANGE_MARGIN = 1e-3  # of the force, by which a range is wider than half of itself to either side
 RADIUS_CHANGE = 0.02  # relative change of R that says how the force grows with it
 # Of a contact with adhesion, where its search begins; of the depth, instead of one below 0
@@ -115,8 +117,11 @@ def _walls_of_layer(bench: Bench) -> Said:
     own: Any = bench.plain.body
     walled = partial(Cylinder, height=own.height, base=own.base, sides="roller", layers=own.layers)
     change = bench.over(bench.plain, lambda x: varied(bench.plain, body=walled(1 / x)))
-    key = "a frictionless wall at radius"
-    return Start(key, change, 0.3 / own.height, "theory of both", lambda x: 1 / x, " or nearer")
+    key, tip = "a frictionless wall at radius", bench.tip
+    nearest = WALL_ROOM * tip.radius if isinstance(tip, FlatPunch) else 0.0
+    end = 1 / nearest if nearest else inf
+    first = min(0.3 / own.height, end)
+    return Start(key, change, first, "theory of both", lambda x: 1 / x, " or nearer", end)
 
 
 def _substrate(bench: Bench, within: float) -> Said:
