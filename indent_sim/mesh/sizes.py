@@ -48,7 +48,7 @@ class Sizes:
     a: float = 0.0
     corners: tuple[tuple[float, float], ...] = ()
     h_corner: float | None = None
-    corner_error: float = 0.0  # of the force, at most, what elements at corners cost that are left as they are
+    corner_error: float = 0.0  # of the force, at most, what the elements at corners cost
     inclusions: tuple[tuple[Inclusion, float], ...] = ()
     skins: tuple[tuple[Shell, float], ...] = ()
     films: tuple[Film, ...] = ()

@@ -240,7 +240,11 @@ def _keenness(given: Given, edge: float | None) -> float:
 
 
 def _at_corners(plain: Sizes, given: Given, settled: SettledSizes, wanted: Fineness | None) -> Sizes:
-    """The sizes, smaller towards all corners where the contact feels one; in three dimensions that costs too much."""
+    """The sizes, smaller towards all corners where the contact feels one; in three dimensions that costs too much.
+
+    What the elements at corners cost the force stands in `corner_error`, whether they are refined or not: a coarser
+    companion does not show it, since its elements at a corner are no larger than those in its contact.
+    """
     physics = given.physics
     nu = physics.largest_nu
     end = given.a if physics.is_compressed else plain.edge
@@ -250,16 +254,17 @@ def _at_corners(plain: Sizes, given: Given, settled: SettledSizes, wanted: Finen
         raise ConfigError("mesh.h_corner", f"is for {where}, and this scene has none", "leave it out")
     error, n = (wanted.error, wanted.n) if wanted else (AUTO, given.a / plain.h_contact)
     there = [(corner, float(plain.at(np.array(corner.r), np.array(corner.depth)))) for corner in around]
-    cost = max((corner.error(size) for corner, size in there), default=0.0)
-    if physics.part.dim == 3:
-        return replace(plain, corner_error=cost)
     h, is_open = settled.h_corner, wanted is not None or settled.h_contact is None
-    if h is None and is_open and any(corner.size(CORNERS * error, n) < size for corner, size in there):
+    is_felt = any(corner.size(CORNERS * error, n) < size for corner, size in there)
+    if physics.part.dim == 2 and h is None and is_open and is_felt:
         h = min(corner.size(CORNERS * error, n) for corner in around)
     if h is None:
-        return replace(plain, corner_error=cost)
+        return replace(plain, corner_error=max((corner.error(size) for corner, size in there), default=0.0))
     at = tuple(sorted({(corner.r, rounded(corner.depth)) for corner in around}))
-    return replace(plain, corners=at, h_corner=min(rounded(h), plain.h_contact))
+    refined = replace(plain, corners=at, h_corner=min(rounded(h), plain.h_contact))
+    sizes = (float(refined.at(np.array(corner.r), np.array(corner.depth))) for corner in around)
+    cost = max(corner.error(size) for corner, size in zip(around, sizes, strict=True))
+    return replace(refined, corner_error=cost)
 
 
 def _in_inclusions(plain: Sizes, config: Config, given: Given, wanted: Fineness | None) -> Sizes:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from promised_bars import BAR_OVER_ERROR, ROWS_OF_A_CLASS
 from test_accuracy import Case, drawn
 
 from indent_sim.config.scene_file import from_mapping
@@ -98,9 +99,7 @@ GROUPS: dict[str, list[dict[str, Any]]] = {
 @pytest.mark.verify
 @pytest.mark.parametrize("group", GROUPS)
 def test_bars_hold_what_stands_beside_the_force(group: str, tmp_path: Path) -> None:
-    """Random scenes, none of which chose a constant: bars five times as wide as the error at most, in the median. Of
-    some hundred rows, by threes and fours of one mesh, 95 % is uncertain by 3, and where a penalty takes more than the
-    mesh both are added."""
+    """Random scenes, none of which chose a constant: bars as is promised of a class of scenes."""
     runs = []
     for sections in GROUPS[group]:
         print(sections)
@@ -108,8 +107,8 @@ def test_bars_hold_what_stands_beside_the_force(group: str, tmp_path: Path) -> N
         table(runs[-6:])
     print("all")
     for rows in table(runs).values():
-        assert rows.held >= 0.92
-        assert rows.width <= (5 if group == "sizes" else 6)
+        assert rows.held >= ROWS_OF_A_CLASS
+        assert rows.width <= BAR_OVER_ERROR
 
 
 FEW = [Case("paraboloid", 0.1, 0.3), Case("sphere", 1.0, 0.4999, steps=3)]

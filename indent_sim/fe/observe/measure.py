@@ -250,13 +250,26 @@ def _overlap(body: Observed, x: np.ndarray, gap: np.ndarray) -> float:
 
 
 def intrusion(body: Any, skin: Trace, solution: np.ndarray) -> float:
-    """How deep the tip lies inside a surface where nothing keeps it out [length] (collective). By the gap that contact
-    is tested with, and by the tip's own shape. solution: the body's local array, or what of it lies on the surface."""
+    """How deep the tip lies inside a surface where nothing keeps it out [length] (collective).
+
+    A point counts that is inside by the gap that contact is tested with and by the tip's own shape, with the lesser
+    of both. With the gap at reference points the rim of a body that is pressed flat may fold up beyond the tip's
+    height above its reference point, while the tip itself, which rises outwards, is still above it.
+
+    Parameters
+    ----------
+    body
+        What is observed, whole or condensed.
+    skin
+        The surface that contact is not looked for on.
+    solution
+        The body's local array, or what of it lies on the surface [length].
+    """
     points = contact_quadrature(body.trace.dim)[0]
     u = skin.values(solution[skin.dofs], points)
-    inside = -_gap(body, skin, points, u)
-    if body.scene.physics.gap == "current":
-        inside = np.minimum(inside, _under(body, skin.positions(points) + u)[0])
+    by_gap = -_gap(body, skin, points, u)
+    by_shape, _ = _under(body, skin.positions(points) + u)
+    inside = np.minimum(by_gap, by_shape)
     return _largest(body, inside[inside > 0].max(initial=0.0))[0]
 
 

@@ -10,9 +10,12 @@ floor, a share of the error that so many elements in a contact radius have cost 
     a        RADIUS times the element in which the contact ends
     p_max    max(SAFETY |p_q - p|/(q^PRESSURE_RATE - 1), PEAK n^-PRESSURE_RATE p)
 
-with n elements in the contact radius of the row. To this come the parts that no mesh shows, each measured by a run of
-its own or known beforehand: see `Budget`. No bar of a force is narrower than its distance from a theory that is exact
-for the body. `scripts/make_error_bar_table` measures coverage and width with and without each number of the rule.
+with n elements in the contact radius of the row (for p_max beneath a punch's rounded edge in its part on the arc). The
+rule has eight numbers: the ratio q of the meshes, SAFETY, RATE, FLOOR, RADIUS, PRESSURE_RATE, PEAK, and that of an edge
+in three dimensions (`doubts.EDGE`). CONSTANT is that by which `accuracy` chooses its meshes. To this come the parts
+that no mesh shows, each measured by a run of its own or known beforehand: see `Budget`. No bar of a force is narrower
+than its distance from a theory that is exact for the body. `scripts/make_error_bar_table` measures coverage and width
+with and without each number of the rule.
 
 Roache, J. Fluids Eng. 116, 405 (1994); Annu. Rev. Fluid Mech. 29, 123 (1997), whose safety factors are 3 for two grids
 and 1.25 for three; Verification and Validation in Computational Science and Engineering (Hermosa, 1998).
@@ -22,13 +25,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from math import inf, nan
+from math import acosh, inf, nan
 from typing import Any
 
 import numpy as np
 
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
+from indent_sim.model.tips import flat_radius
 from indent_sim.run.companions.companion import Companion, Curve, States, curve_of, in_half_steps
 from indent_sim.run.companions.drained_film import DrainedFilm
 from indent_sim.scene.doubts import PER_DEPTH, edge_error
@@ -39,20 +43,8 @@ from indent_sim.scene.scene import Scene
 
 SAFETY = 3.0  # Roache's, where two meshes alone are known
 FLOOR = 0.2  # of CONSTANT n^-RATE, from which `accuracy` chooses n elements in a contact radius (see `fineness`)
-RADIUS = 0.08  # of the element where the contact ends, to which the radius is read off
+RADIUS = 0.09  # of the element where the contact ends, to which the radius is read off
 PRESSURE_RATE, PEAK = 2.0, 0.2  # of the largest pressure: quadratic elements have stresses of order 2
-
-# ---- numbers that the table has not judged, or on few rows -----------------------------------------------------------
-
-# Of E* times the angle at which flat facets meet, the error of a pressure where they stand for a curved surface: 0.5 to
-# 0.75 on a dome of three to fourteen facets, under which pressures gather at corners
-FACETED = 0.8
-# Of p_max of a contact that a swelling gel closes, times n^-2: up to 58, 33, 18, 11, 5 and 2 % too large with n = 3.1,
-# 3.5, 3.8, 5.3, 7.5 and 9.5 elements in the contact radius (four scenes); two meshes agree better by accident
-CLOSED_BY_SWELLING = 5.5
-# Of the stick radius, times the share of it or of the contact radius that a step adds or takes; of the dissipation, all
-# of which a long step may have made up, times its square
-UNSEEN = {"stick_radius": 0.5, "dissipation": 1.0}
 
 BESIDE = ("a", "p_max", "stick_radius", "dissipation")  # numbers beside the force that have bars
 
@@ -106,6 +98,25 @@ def grid_convergence(difference: float, ratio: float, rate: float) -> float:
         Of the error, which falls as h^rate.
     """
     return SAFETY * difference / abs(ratio**rate - 1)
+
+
+def ridge_pressure(turn: float, refinements: int) -> float:
+    """The pressure over E* that gathers where flat facets of a contact surface meet, on top of that of a smooth one.
+
+    Two facets that meet at the angle theta are a cone of the slope theta/2 to a tip that is flat there, whose pressure
+    grows as E* theta/4 arccosh(l/r) towards the ridge (Sneddon 1965, Int. J. Eng. Sci. 3, 47; Johnson, Contact
+    Mechanics, 5.2). l is the length of a facet, and no pressure is read off nearer than a quarter of an element, so
+    that this is the most. On meshes of caps under balls and plates, refined one to three times, p_max was 0.57 to 0.67,
+    0.67 to 0.72 and 0.83 to 0.87 of E* theta too large, where this says 0.69, 0.87 and 1.04.
+
+    Parameters
+    ----------
+    turn
+        The angle theta [radians]; 0 where nothing is faceted.
+    refinements
+        How often each facet has been halved.
+    """
+    return turn / 4 * acosh(4.0 * 2.0**refinements)
 
 
 @dataclass(frozen=True)
@@ -185,7 +196,8 @@ class ErrorBars:
         part = scene.physics.part
         near = scene.physics.center, scene.sizes.a, scene.sizes.refinements or 0
         self._sag = part.sag(*near)
-        self._ridged = FACETED * scene.physics.material.E_star * part.turn(*near) * self._scales.pressure
+        sharpened = ridge_pressure(part.turn(*near), scene.sizes.refinements or 0)
+        self._ridged = scene.physics.material.E_star * sharpened * self._scales.pressure
         own, theirs = scene.physics.contact, (companion.scene or scene).physics.contact
         self._stiffer = 1.0  # than its companion, whose penalty may be that of an earlier attempt
         if isinstance(own, Penalty) and isinstance(theirs, Penalty):
@@ -317,15 +329,28 @@ class ErrorBars:
         at_end = self._sizes.on_surface(state.a / L) * L if state.a > 0 else 0.0
         if name == "a":
             return RADIUS * at_end
+        value = abs(getattr(state, name))
+        least = RADIUS * at_end / state.a * value if state.a > 0 else 0.0
+        if name == "p_max":
+            if self._physics.is_closed_by_swelling(state.delta / self._scales.depth, state.a / L):
+                return nan  # the pressure of the element that closed last, which no other mesh shares
+            least = PEAK * self._coarseness_of_peak(state, at_end) ** PRESSURE_RATE * value
         off = _difference(self._coarse, self._run, state.step, name)
         said = grid_convergence(off, self.companion.ratio, PRESSURE_RATE)
-        value = abs(getattr(state, name))
-        coarseness = at_end / state.a if state.a > 0 else 0.0
-        least = RADIUS * coarseness * value
-        if name == "p_max":
-            closed = self._physics.is_closed_by_swelling(state.delta / self._scales.depth, state.a / L)
-            least = (CLOSED_BY_SWELLING if closed else PEAK) * coarseness**PRESSURE_RATE * value
         return float(np.max([said, least]))  # NaN where one is
+
+    def _coarseness_of_peak(self, state: State, at_end: float) -> float:
+        """The size at_end [length] of the element where the contact ends, over the width of what bears the peak.
+
+        That is the contact radius. Where the contact ends at a punch's rounded edge, it is the part that lies on the
+        arc.
+        """
+        if state.a <= 0:
+            return 0.0
+        width = state.a
+        if self._sizes.edge is not None:
+            width -= flat_radius(self._physics.indenter) * self._scales.length
+        return at_end / max(width, min(at_end, state.a))
 
     def _soft_difference(self, step: int, name: str) -> float:
         """What a penalty takes from a number, which is as linear in 1/epsilon_n."""
@@ -356,15 +381,19 @@ class ErrorBars:
         return SAFETY * _difference(self._coarse, self._bath, state.step, name)
 
     def _unseen(self, state: State, name: str) -> float:
-        """What halves of a step that is long beside its contact may not show of where and how far the surface slips."""
+        """What halves of a step that is long beside its contact may not show of where and how far the surface slips.
+
+        All of it may differ in the share of the contact radius that the step adds or takes, of the dissipation, which
+        is one of the area, in the square of that share. After one step from rest neither is known.
+        """
         before, value = self._run.get(state.step - 1), getattr(state, name)
         moved = _share(before.a if before else 0.0, state.a)
         if name == "dissipation":
-            return float(UNSEEN[name] * moved**2 * value)
+            return float(moved**2 * value)
         if name == "stick_radius":
             stick = (before.stick_radius if before else None) or 0.0
             narrow = self._unresolved(value) if state.a > 0 else 0.0
-            return float(UNSEEN[name] * max(moved, _share(stick, value)) * value + narrow)
+            return float(max(moved, _share(stick, value)) * value + narrow)
         return 0.0
 
     def _unresolved(self, stick: float) -> float:

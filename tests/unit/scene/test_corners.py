@@ -79,6 +79,17 @@ def test_corners_shrink_with_the_accuracy_and_grow_in_companions() -> None:
     assert coarser(base, 1.6).sizes.h_corner == pytest.approx(1.6 ** (2.5 / 1.2) * fine.h_corner)
 
 
+def test_what_refined_corners_still_cost_is_known() -> None:
+    """A tenth of what all else may cost, by design: a companion does not show it, whose elements at corners are as
+    small as those in its contact at most."""
+    base = scene(CYLINDER, material=SOFT, indenter=PLATE, accuracy=0.001)
+    physics, fineness = base.physics, base.plan.fineness
+    assert fineness is not None and base.sizes.h_corner is not None
+    felt = corners(physics.part, physics.center, base.sizes.a, 0.4999, base.sizes.edge)
+    assert base.sizes.corner_error == pytest.approx(max(corner.error(base.sizes.h_corner) for corner in felt))
+    assert base.sizes.corner_error == pytest.approx(0.1 * fineness.error, rel=1e-6)
+
+
 @pytest.mark.parametrize("sections", [{}, {"accuracy": 0.01}], ids=["automatic", "accuracy"])
 def test_the_resolved_config_has_the_same_sizes(sections: dict[str, Any]) -> None:
     config = from_mapping({"body": CYLINDER, "material": SOFT, "indenter": PLATE, "loading": DEEP} | sections)
