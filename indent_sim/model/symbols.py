@@ -253,6 +253,7 @@ dissipation_error [energy]: half-width of the error bar on the dissipation; with
 calibration_error [force]: what the instrument's calibration leaves unknown of the force; with a history
 reaction [force]: z-reaction of all constrained degrees of freedom; equals the force
 intrusion [length]: how deep the tip lies inside the surface beside that which it may touch
+roughness [1]: part of p_max by which the contact pressure alternates from node to node of the elements
 overlap [length]: how deep a whole surface facet lies inside the tip's own shape; current gap
 stray_reaction [force]: reaction of the constraints that only remove rigid modes; zero
 substeps [1]: how many solves the step was cut into

@@ -44,6 +44,10 @@ PILLAR_HEIGHT = 10.0  # ways to the rim: a thicker body is a pillar, whose own s
 SHALLOW = 0.1  # of the contact radius: up to this depth no law stiffens by a factor
 THEORY_FORCE_ERROR = 1e-4  # of theory's force: its own error
 
+# Of p_max: a pressure that alternates by more from node to node is warned of. Smooth scenes alternate by 0.002 to 0.01,
+# a saw-tooth by 0.09 to 0.5 (see `docs/decisions/0053`)
+ROUGH = 0.03
+
 MAY_HELP = "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
 STAY_ABOVE = "the top alone is a contact surface: stay above that depth, or let the top slide (contact.friction: 0)"
 
@@ -152,6 +156,41 @@ def unresolved(scene: Scene, states: Sequence[State]) -> list[str]:
     wrong = f"the force there may be wrong by {span}, pressures by more"
     remedy = how_to_refine(sizes, "give mesh.h_contact and a smaller mesh.h_axis, or ask for an accuracy")
     return [f"{rows} at most {most:.2g} elements in the contact radius: {wrong}; {remedy}"]
+
+
+def rough(scene: Scene, states: Sequence[State]) -> list[str]:
+    """What to say of rows whose pressure alternates from node to node of the elements; nothing where none does.
+
+    Parameters
+    ----------
+    scene
+        The scene of the run.
+    states
+        Its rows, in any units.
+
+    Returns
+    -------
+    list of str
+        One warning at most.
+    """
+    found = [state for state in states if state.roughness > ROUGH]
+    if not found:
+        return []
+    worst = max(found, key=lambda state: state.roughness)
+    size = f"{100 * worst.roughness:.2g} % of p_max"
+    rows = f"step {worst.step}: the pressure alternates from node to node by {size}"
+    if len(found) > 1:
+        rows = f"{len(found)} rows from step {found[0].step} on: the pressure alternates from node to node"
+        least = min(state.roughness for state in found)
+        rows = f"{rows}, by {100 * least:.2g} to {size}, most in step {worst.step}"
+    return [f"{rows}; p_max and `pressure` of the surface are as uncertain, the force is not; {_smoother(scene)}"]
+
+
+def _smoother(scene: Scene) -> str:
+    """What makes a pressure smoother: measured, see `docs/decisions/0053`."""
+    if scene.sizes.rubbed:
+        return how_to_refine(scene.sizes, "a smaller mesh.h_edge helps")
+    return how_to_refine(scene.sizes, "a smaller mesh.h_contact helps")
 
 
 def _doubt_of_force(scene: Scene, state: State) -> float:
