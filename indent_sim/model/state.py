@@ -55,8 +55,8 @@ class State:
     [pressure] NaN where no mesh knows it, penetration [length] the largest <-g> over the contact quadrature points,
     energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, overlap
     [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only), intrusion
-    [length] how deep the tip lies inside the surface beside that which it may touch, roughness the part of p_max by which
-    the pressure alternates from node to node. stiffness
+    [length] how deep the tip lies inside the surface beside that which it may touch, roughness the part of p_max by
+    which the pressure alternates from node to node. stiffness
     [pressure length] is dF/ddelta, area [length^2] that of the contact, E_hertz [pressure] the modulus that a
     half-space fit of this one point returns; NaN where there is none, None where nobody asked. With friction, None
     without: stick_radius [length] of the region that does not slip, dissipation [pressure length^3] of the step,

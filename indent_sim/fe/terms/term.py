@@ -100,7 +100,7 @@ class Term:
         self.scale_stiffness(self._softened * self._softer)
 
     def scale_stiffness(self, factor: float) -> None:
-        """Take so many times the stiffness that the law of contact has; a term without such a stiffness does nothing."""
+        """Take so many times the stiffness of the contact law; what has no such stiffness does nothing."""
 
     def force(self) -> float:
         """The virtual work of pressing deeper [force], this rank's share of the modelled part."""
