@@ -238,7 +238,7 @@ def long_steps(scene: Scene, states: Sequence[State]) -> list[str]:
 
 def _about(error: float) -> str:
     """A relative error in words."""
-    return "its own size or more" if error >= 0.5 else f"about {100 * error:.1g} %"
+    return "its own size or more" if error >= 0.5 else f"about {100 * error:.0f} %"
 
 
 def flat_radius(scene: Scene) -> float:
