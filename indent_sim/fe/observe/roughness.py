@@ -17,8 +17,8 @@ from indent_sim.model.tips import Indenter
 
 SAME = 1e-9  # of the extent of the surface: nodes closer to each other are one
 # Facets between one that is looked at and the rim of contact or a crease, by the nodes of a facet: those beside it are
-# part of its patch. A ball on a cube (three elements in the contact radius, no friction) is 0.08 rough with two of them,
-# where the elements that the rim crosses smear the pressure
+# part of its patch. A ball on a cube (three elements in the contact radius, no friction) is 0.08 rough with two of
+# them, where the elements that the rim crosses smear the pressure
 RINGS = {3: 2, 6: 3}
 
 
