@@ -38,7 +38,7 @@ class Run:
 
 def run(mapping: dict[str, Any], exact: np.ndarray, folder: Path, near: float = 0.0, far: float = 0.0) -> Run:
     """A scene beside its exact forces."""
-    outcome = simulate(from_mapping(mapping), directory=folder)
+    outcome = simulate(from_mapping(mapping), directory=folder, overwrite=True)
     error = np.abs([state.force for state in outcome.states] / exact - 1).max()
     return Run(error, outcome.report["dofs"], near, far)
 
