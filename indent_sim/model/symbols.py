@@ -195,7 +195,8 @@ loss [force/length] $K''$: out-of-phase stiffness of the contact
 h_contact [length] $h$: element size under the tip; auto: at most 0.3 % force error at the last step
 h_axis [length]: element size at the tip's axis; from it sizes grow with the distance to h_contact where the deepest
   contact ends; without it a given h_contact is everywhere under the tip
-h_edge [length]: element size at the sharp edge of a flat punch, along all of a rounded one that friction shears
+h_edge [length]: element size at the sharp edge of a flat punch, along all of a rounded one that friction shears;
+  without it a fraction of h_contact
 h_corner [length]: element size at the corners of the section that the contact feels: where a fixed face meets a free
   one, and where it ends close to a side; without it a given h_contact has none of its own there
 h_film [length]: element size at drained faces next to the contact, in a section; without it a given h_contact has none
