@@ -31,7 +31,8 @@ class Sizes:
     """Element sizes [length].
 
     h_contact inside `patch` of the tip's `axis` (x, y), growing by `grading` per unit distance outside it up to h_far;
-    around a sharp edge at radius `edge` it shrinks to h_edge, around `corners` (r, depth) to h_corner. Where h_axis is
+    around a sharp edge at radius `edge` it shrinks to h_edge, from `rubbed` inside that radius on, around `corners` (r,
+    depth) to h_corner. Where h_axis is
     given, sizes inside the expected contact radius `a` are the share of it that the distance from the axis is, but at
     least h_axis: so a contact of any radius down to a h_axis/h_contact finds as many elements as the last one.
     inclusions, skins: each with the size inside it, which grows by `grading` outside. films: drained faces, with
@@ -54,6 +55,7 @@ class Sizes:
     films: tuple[Film, ...] = ()
     h_film: float | None = None
     keenness: float = 1.0  # how much more than on a far larger body the force feels the radius of a sharp punch
+    rubbed: float = 0.0  # width of a punch's rounded edge, where friction at finite strain needs all of it fine
     refinements: int | None = None  # of a mesh from a file, which has these sizes then; None: they are to be meshed
     axis: tuple[float, ...] = field(kw_only=True)
 
@@ -93,7 +95,17 @@ class Sizes:
         size = near + self.grading * np.hypot(np.maximum(r - self.patch, 0.0), depth)
         for at, below, smallest in self.points:
             size = np.minimum(size, smallest + self.grading * np.hypot(r - at, depth - below))
+        if self.rubbed and self.edge is not None and self.h_edge is not None:
+            middle, half = self._middle_of_rubbed
+            beside = np.maximum(np.abs(r - middle) - half, 0.0)
+            size = np.minimum(size, self.h_edge + self.grading * np.hypot(beside, depth))
         return np.minimum(size, self.h_far)
+
+    @property
+    def _middle_of_rubbed(self) -> tuple[float, float]:
+        """The middle of the rounded edge and half its width [length]."""
+        assert self.edge is not None
+        return self.edge - self.rubbed / 2, self.rubbed / 2
 
     def elements(self, a: float) -> float:
         """How many elements there are in a contact radius a, judged by the one where it ends."""
@@ -122,6 +134,10 @@ def size_formula(sizes: Sizes, dim: int) -> str:
     for at, below, smallest in sizes.points:
         around = f"Sqrt(({r}-{number(at)})^2+({depth}-{number(below)})^2)"
         size = _smaller(size, f"{number(smallest)}+{number(sizes.grading)}*{around}")
+    if sizes.rubbed and sizes.h_edge is not None:
+        middle, half = map(number, sizes._middle_of_rubbed)
+        beside = _positive(f"(Abs({r}-({middle}))-{half})")
+        size = _smaller(size, f"{number(sizes.h_edge)}+{number(sizes.grading)}*Sqrt({beside}^2+{depth}^2)")
     return _smaller(size, number(sizes.h_far))
 
 

@@ -64,7 +64,8 @@ class State:
     energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, reactions
     the forces of single supports on the body by support and axis (see `mesh.reactions`), None without a mesh, overlap
     [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only), intrusion
-    [length] how deep the tip lies inside the surface beside that which it may touch. stiffness
+    [length] how deep the tip lies inside the surface beside that which it may touch, roughness the part of p_max by
+    which the pressure alternates from node to node. stiffness
     [pressure length] is dF/ddelta, area [length^2] that of the contact, E_hertz [pressure] the modulus that a
     half-space fit of this one point returns; NaN where there is none, None where nobody asked. With friction, None
     without: stick_radius [length] of the region that does not slip, dissipation [pressure length^3] of the step,
@@ -93,6 +94,7 @@ class State:
     krylov_iterations: int | None = None
     overlap: float = 0.0
     intrusion: float = 0.0
+    roughness: float = 0.0
     substeps: int = 1
     converged: bool = True
     reason: str = ""

@@ -197,7 +197,8 @@ loss [force/length] $K''$: out-of-phase stiffness of the contact
 h_contact [length] $h$: element size under the tip; auto: at most 0.3 % force error at the last step
 h_axis [length]: element size at the tip's axis; from it sizes grow with the distance to h_contact where the deepest
   contact ends; without it a given h_contact is everywhere under the tip
-h_edge [length]: element size at the sharp edge of a flat punch; without it a fraction of h_contact
+h_edge [length]: element size at the sharp edge of a flat punch, along all of a rounded one that friction shears;
+  without it a fraction of h_contact
 h_corner [length]: element size at the corners of the section that the contact feels: where a fixed face meets a free
   one, and where it ends close to a side; without it a given h_contact has none of its own there
 h_film [length]: element size at drained faces next to the contact, in a section; without it a given h_contact has none
@@ -259,6 +260,7 @@ calibration_error [force]: what the instrument's calibration leaves unknown of t
 reaction [force]: z-reaction of all constrained degrees of freedom; equals the force
 reactions [force]: force of each support on the body, by support and axis; of the whole body
 intrusion [length]: how deep the tip lies inside the surface beside that which it may touch
+roughness [1]: part of p_max by which the contact pressure alternates from node to node of the elements
 overlap [length]: how deep a whole surface facet lies inside the tip's own shape; current gap
 stray_reaction [force]: reaction of the constraints that only remove rigid modes; zero
 substeps [1]: how many solves the step was cut into

@@ -41,7 +41,7 @@ from indent_sim.run.companions.drained_film import film_of
 from indent_sim.run.companions.error_bars import Bars, ErrorBars, TheoryBars, ways
 from indent_sim.run.companions.remedies import are_tried, remedies, tried
 from indent_sim.run.companions.sticking import bearer, sticks
-from indent_sim.run.plausibility import unresolved
+from indent_sim.run.plausibility import long_steps, rough, unresolved
 from indent_sim.run.prospect import all_mistakes
 from indent_sim.run.readings import Equilibrium, Readings
 from indent_sim.run.record import Beside, Comm, Record, amend
@@ -166,8 +166,9 @@ class Run:
             simulation.experiment()
             judged = simulation.judged
             simulation.release()
+            record.warn(*rough(scene, judged))
             if bars is None:
-                record.warn(*unresolved(scene, states))
+                record.warn(*unresolved(scene, states), *long_steps(scene, states))
             else:
                 record.warn(*unjudged(scene, judged, bars))
                 attempt.judge(self._resolved, judged, bars)

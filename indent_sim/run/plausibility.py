@@ -22,6 +22,7 @@ import numpy as np
 
 from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.model.state import State
+from indent_sim.model.tips import FlatPunch
 from indent_sim.scene.doubts import UNRESOLVED, force_doubt, how_to_refine, in_words, penalty_loss, swelling_doubt
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.theories import relative_tip
@@ -43,6 +44,16 @@ HALF_SPACE_CONTACT = 0.3  # of the thickness and of the way to the rim: a contac
 PILLAR_HEIGHT = 10.0  # ways to the rim: a thicker body is a pillar, whose own shortening counts
 SHALLOW = 0.1  # of the contact radius: up to this depth no law stiffens by a factor
 THEORY_FORCE_ERROR = 1e-4  # of theory's force: its own error
+
+# Of p_max: a pressure that alternates by more from node to node is warned of. Smooth scenes alternate by 0.002 to 0.01,
+# a saw-tooth by 0.09 to 0.5 (see `docs/decisions/0053`)
+ROUGH = 0.03
+# A stick radius or a dissipation that a long step may have wrong by more than this is warned of. Measured with 1, 2, 5,
+# 10 and 40 even steps under a paraboloid (thick layer, nu 0): with friction 0.3 the stick radius is 0.24, 0.45, 0.50,
+# 0.52 and 0.54 of the contact radius and all heat 2.4, 1.5, 1.07, 1.01 times that of 40 steps; with friction 0.6 it is
+# 0.82, 0.82, 0.85, 0.87 and 0.90 of it, and 0.97, 0.60, 0.64, 0.89 times. The last step adds 1, 0.29, 0.11 and 0.05 of
+# the contact radius.
+LONG_STEP = 0.25
 
 MAY_HELP = "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
 STAY_ABOVE = "the top alone is a contact surface: stay above that depth, or let the top slide (contact.friction: 0)"
@@ -152,6 +163,97 @@ def unresolved(scene: Scene, states: Sequence[State]) -> list[str]:
     wrong = f"the force there may be wrong by {span}, pressures by more"
     remedy = how_to_refine(sizes, "give mesh.h_contact and a smaller mesh.h_axis, or ask for an accuracy")
     return [f"{rows} at most {most:.2g} elements in the contact radius: {wrong}; {remedy}"]
+
+
+def rough(scene: Scene, states: Sequence[State]) -> list[str]:
+    """What to say of rows whose pressure alternates from node to node of the elements; nothing where none does.
+
+    Parameters
+    ----------
+    scene
+        The scene of the run.
+    states
+        Its rows, in any units.
+
+    Returns
+    -------
+    list of str
+        One warning at most.
+    """
+    found = [state for state in states if state.roughness > ROUGH]
+    if not found:
+        return []
+    worst = max(found, key=lambda state: state.roughness)
+    size = f"{100 * worst.roughness:.2g} % of p_max"
+    rows = f"step {worst.step}: the pressure alternates from node to node by {size}"
+    if len(found) > 1:
+        rows = f"{len(found)} rows from step {found[0].step} on: the pressure alternates from node to node"
+        least = min(state.roughness for state in found)
+        rows = f"{rows}, by {100 * least:.2g} to {size}, most in step {worst.step}"
+    return [f"{rows}; p_max and `pressure` of the surface are as uncertain, the force is not; {_smoother(scene)}"]
+
+
+def long_steps(scene: Scene, states: Sequence[State]) -> list[str]:
+    """What to say of rows whose step is too long for where the surface slips, and how much; nothing where none is.
+
+    A step that makes the contact radius grow from a_0 to a takes all that is new in contact to have slipped at once.
+    Its stick radius is off by about (a - a_0)/a of itself, its dissipation by half of (a - a_0)/(a - stick radius), and
+    the force hardly at all. Rows of less than half of the largest contact are left out: the first one is a single step
+    from rest in every run.
+
+    Parameters
+    ----------
+    scene
+        The scene of the run, without error bars.
+    states
+        Its rows, in the user's units.
+
+    Returns
+    -------
+    list of str
+        One warning at most.
+    """
+    if not scene.physics.contact.slips or not scene.is_meshed:
+        return []
+    widest = max((state.a for state in states), default=0.0)
+    before = flat_radius(scene) * scene.physics.scales.length
+    found: dict[int, tuple[float, float, float]] = {}
+    for state in states:
+        wider = max(before, state.a)
+        moved = abs(state.a - before) / wider if wider > 0 else 0.0
+        slips = 1 - (state.stick_radius or 0.0) / state.a if state.a > 0 else 0.0
+        heat = min(moved / (2 * slips), 1.0) if state.dissipation and slips > 0 else 0.0
+        if state.a > 0 and wider >= widest / 2 and max(moved, heat) > LONG_STEP:
+            found[state.step] = moved, min(moved / (1 - moved), 1.0) if moved < 1 else 1.0, heat
+        before = state.a
+    if not found:
+        return []
+    moved, stick, heat = (max(sizes) for sizes in zip(*found.values(), strict=True))
+    first = next(iter(found))
+    rows = f"step {first} changes" if len(found) == 1 else f"{len(found)} rows from step {first} on change"
+    wrong = f"stick_radius may be wrong by {_about(stick)} there, dissipation by {_about(heat)}, the force hardly"
+    remedy = "use more loading.steps, or --error-bars, which say how much"
+    return [f"{rows} the contact radius by up to {100 * moved:.0f} %: {wrong}; {remedy}"]
+
+
+def _about(error: float) -> str:
+    """A relative error in words."""
+    return "its own size or more" if error >= 0.5 else f"about {100 * error:.0f} %"
+
+
+def flat_radius(scene: Scene) -> float:
+    """The radius [length] of what a tip touches at once, and what slip does not depend on the steps for."""
+    physics, tip = scene.physics, scene.physics.indenter
+    if isinstance(tip, FlatPunch) and not physics.part.dome:
+        return tip.radius - tip.edge_radius
+    return physics.body.rim_distance(physics.center) if physics.is_compressed else 0.0
+
+
+def _smoother(scene: Scene) -> str:
+    """What makes a pressure smoother: measured, see `docs/decisions/0053`."""
+    if scene.sizes.rubbed:
+        return how_to_refine(scene.sizes, "a smaller mesh.h_edge helps")
+    return how_to_refine(scene.sizes, "a smaller mesh.h_contact helps")
 
 
 def _doubt_of_force(scene: Scene, state: State) -> float:

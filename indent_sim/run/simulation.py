@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,8 @@ class Simulation:
         self.bars, self.output, self.scene, self.record, self.clock = bars, config.output, scene, record, clock
         earlier = record.earlier
         self.states = list(earlier.states) if earlier else []
+        if earlier and (known := earlier.report.get("roughness")):  # which the table of rows does not have
+            self.states = [replace(row, roughness=known.get(str(row.step), 0.0)) for row in self.states]
         if bars is not None and scene.history is None:
             self.states = [bars.judged(state) for state in self.states]
         self._rows = Rows(self.states)

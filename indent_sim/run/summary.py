@@ -14,6 +14,7 @@ from indent_sim.model.state import State
 from indent_sim.model.symbols import PULL_OFF
 from indent_sim.model.tips import Sphere
 from indent_sim.process.usage import Clock, peak_memory
+from indent_sim.run.plausibility import ROUGH
 from indent_sim.run.readings import hertz_fit, hertz_forces
 from indent_sim.run.record import Beside
 from indent_sim.scene.expected import ExpectedAdhesion
@@ -50,6 +51,8 @@ def summary(
     entries |= {"hertz": fitted, "audit": audit}
     if states and states[-1].reactions is not None:
         entries["reactions"] = reactions_of(states[-1])
+    if uneven := {str(state.step): state.roughness for state in states if state.roughness > ROUGH}:
+        entries["roughness"] = uneven
     spent = {"timings": stages(clock.stages), "cpu_timings": stages(clock.cpu)}
     return entries | spent | {"peak_memory_MB": round(peak_memory(), 1)}
 

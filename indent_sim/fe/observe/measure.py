@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from mpi4py import MPI
 
+from indent_sim.fe.observe.roughness import patches_of, roughness
 from indent_sim.fe.observe.surface import Trace, contact_quadrature, lattice, reading_points
 from indent_sim.model.state import Surface
 from indent_sim.model.tips import below, gap_current, gap_reference
@@ -160,7 +161,8 @@ def _measure(tangents: np.ndarray) -> np.ndarray:
 
 
 def contact(body: Observed) -> dict[str, float]:
-    """Contact radius `a` [length], `p_max` [pressure], `penetration` and `overlap` [length] of the present state.
+    """Contact radius `a` [length], `p_max` [pressure], `penetration` and `overlap` [length], and `roughness` of the
+    present state.
 
     a = sqrt(area/pi) of the region with p_hat > 0 (half its width in plane strain), cut along p_hat = 0, linearly
     inside each of the small simplices of a facet; with a current gap measured in the deformed configuration,
@@ -169,7 +171,8 @@ def contact(body: Observed) -> dict[str, float]:
     SMEARED of the step, and the peak the largest mean over a facet. Else the peak is over the contact quadrature points
     and the nodes. It is NaN where no mesh knows it (see `scene.expected.peakless`). The penetration is the largest <-g>
     over the contact quadrature points. The overlap is how deep a whole facet lies inside the tip's own shape, of which
-    the gap function may know nothing; 0 with a reference gap."""
+    the gap function may know nothing; 0 with a reference gap. The roughness is the part of p_max by which the pressure
+    alternates from node to node; 0 where nothing is known of it (see `observe.roughness`)."""
     dim = body.trace.dim
     grid, (inner, weights) = lattice(dim)[0], contact_quadrature(dim)
     s = sample(body, reading_points(dim))
@@ -186,10 +189,38 @@ def contact(body: Observed) -> dict[str, float]:
         size = 0.0
     a = body.scene.physics.part.kinematics.contact_radius(size)
     sunk, overlap = (-s.gap[:, begin:end]).max(initial=0.0), _overlap(body, s.X + s.u, s.gap)
-    peak, depth, overlap = _largest(body, pressure.max(initial=0.0), sunk, overlap)
+    rough = _rough(body, s, x, end) if a > 0 and body.scene.has_peak(a) else 0.0
+    peak, depth, overlap, rough = _largest(body, pressure.max(initial=0.0), sunk, overlap, rough)
+    rough = rough / peak if peak > LEAST_PRESSURE * body.E_star else 0.0
     peak = peak if body.scene.has_peak(a) else float("nan")
-    found = {"a": a, "p_max": peak, "penetration": depth, "overlap": overlap}
+    found = {"a": a, "p_max": peak, "penetration": depth, "overlap": overlap, "roughness": rough}
     return found | ({"stick_radius": _stick_radius(body, a, s, x, grid)} if body.friction else {})
+
+
+def _rough(body: Observed, s: Sample, x: np.ndarray, end: int) -> float:
+    """The roughness of the pressure [pressure] on rank 0, 0 on the others (collective).
+
+    Parameters
+    ----------
+    body
+        What is looked at.
+    s
+        Its sample, at the nodes of the facets from the point number `end` on.
+    x
+        Where the points touch the tip (facets, points, dim) [length].
+    end
+        See `s`.
+    """
+    horizontal = body.scene.physics.part.kinematics.horizontal(_by_axis(x[:, end:]), body.scene.physics.center)
+    nodal: Any = s.X[:, end:], s.pressure[:, end:], s.p_hat[:, end:] > 0, np.hypot(*horizontal)
+    if body.comm.size > 1:
+        parts = body.comm.gather(nodal, root=0)
+        if parts is None:
+            return 0.0
+        nodal = [np.concatenate(part) for part in zip(*parts, strict=True)]
+    X, pressure, touches, distance = nodal
+    near = np.flatnonzero(touches.any(axis=1))
+    return roughness(patches_of(X[near]), pressure[near], touches[near], distance[near], body.scene.physics.indenter)
 
 
 def _largest(body: Observed, *numbers: float) -> list[float]:

@@ -56,6 +56,8 @@ class Term:
     can_firm = False  # whether it can hold more firmly what little holds
     flows = False  # whether a step in time takes two stages
     setting = 0
+    _softened = 1.0  # by Newton's method, on its way to an equilibrium: see `soften`
+    _softer = 1.0  # as what the tip touches is now: see `follow`
 
     def work(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
         """The virtual work along now.test, a UFL form; None of a term that adds its rows itself."""
@@ -86,6 +88,8 @@ class Term:
 
     def soften(self, factor: float) -> None:
         """Multiply the stiffness of contact; 1 makes it the law's own again."""
+        self._softened = factor
+        self.scale_stiffness(self._softened * self._softer)
 
     def firm(self, firmness: float) -> None:
         """Hold the surface of a drop by so much of its tension in its plane."""
@@ -93,6 +97,11 @@ class Term:
     def follow(self, softer: float) -> None:
         """Let the stiffness of contact follow the modulus of what the tip touches: that of the moment is so many times
         that of the first moment."""
+        self._softer = softer
+        self.scale_stiffness(self._softened * self._softer)
+
+    def scale_stiffness(self, factor: float) -> None:
+        """Take so many times the stiffness of the contact law; what has no such stiffness does nothing."""
 
     def force(self) -> float:
         """The virtual work of pressing deeper [force], this rank's share of the modelled part."""

@@ -10,7 +10,7 @@ import pytest
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.state import State
-from indent_sim.run.plausibility import ALWAYS, WHEN_PRESSED, Rows, contradiction, unresolved
+from indent_sim.run.plausibility import ALWAYS, WHEN_PRESSED, Rows, contradiction, long_steps, rough, unresolved
 from indent_sim.scene.doubts import BATH_IS_SUDDEN, _less_swollen
 from indent_sim.scene.scene import Scene, resolve
 
@@ -212,6 +212,50 @@ def test_what_was_said_beforehand_is_not_said_again() -> None:
     base = scene(mesh={"h_contact": 0.2})
     assert any(doubt.key == "elements" for doubt in base.plan.doubts)
     assert unresolved(base, rows_of([0.5])) == []
+
+
+# ---- pressures that alternate, steps that are too long ------------------------------------------------------------
+
+
+def test_rough_pressures_are_said_once_with_their_size() -> None:
+    base, smooth = scene(), rows_of([5.0, 5.0, 5.0])
+    assert rough(base, smooth) == rough(base, [replace(row, roughness=0.029) for row in smooth]) == []
+    (said,) = rough(base, [replace(row, roughness=r) for row, r in zip(smooth, (0.01, 0.05, 0.12), strict=True)])
+    assert said.startswith("2 rows from step 2 on") and "by 5 to 12 % of p_max, most in step 3" in said
+    assert "mesh.h_contact" in said
+    (said,) = rough(base, [replace(smooth[0], roughness=0.3)])
+    assert said.startswith("step 1:") and "30 % of p_max" in said
+
+
+def even_rows(steps: int, stick: float) -> list[State]:
+    """Rows under a paraboloid in even steps, whose contact sticks in so much of its radius."""
+    radii = [5.0 * (k / steps) ** 0.5 for k in range(1, steps + 1)]
+    return [replace(row, stick_radius=stick * row.a, dissipation=1.0) for row in rows_of(radii)]
+
+
+def test_a_long_step_with_friction_says_what_it_costs() -> None:
+    """One step from rest: Spence's stick radius is 2.2 times and the heat a quarter of what it finds."""
+    base = scene(contact={"friction": 0.1})
+    (said,) = long_steps(base, even_rows(1, 0.1))
+    assert said.startswith("step 1 changes the contact radius by up to 100 %")
+    assert said.count("its own size or more") == 2
+    (said,) = long_steps(base, even_rows(4, 0.3))
+    assert said.startswith("2 rows from step 1 on") and "stick_radius" in said
+
+
+def test_ten_steps_are_short_enough_unless_little_slips() -> None:
+    base = scene(contact={"friction": 0.3})
+    assert long_steps(base, even_rows(10, 0.5)) == []
+    (said,) = long_steps(base, even_rows(10, 0.9))
+    assert "dissipation by its own size or more" in said and "stick_radius may be wrong by about 22 %" in said
+    for contact in ({}, {"friction": "stick"}):  # nothing slips that is reported
+        assert long_steps(scene(contact=contact), even_rows(1, 0.1)) == []
+
+
+def test_a_punch_touches_at_once() -> None:
+    """Its contact does not grow, and one step slips as ten do."""
+    flat = scene(contact={"friction": 0.3}, indenter={"shape": "flat_punch", "radius": 0.1})
+    assert long_steps(flat, even_rows(1, 0.5)) == []
 
 
 # ---- baths that come within a time --------------------------------------------------------------------------------

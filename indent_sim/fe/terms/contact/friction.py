@@ -62,7 +62,6 @@ class Friction(Term):
         self._start, self._start_depth = fem.Function(body.unknowns.space), fem.Constant(body.mesh, 0.0)
         self._widest = fem.Constant(body.mesh, 1.0)
         self._holds_new = fem.Constant(body.mesh, 1.0)  # 0: what is new in contact slips freely
-        self._softened = self._followed = 1.0  # factors of the law's epsilon_t
         self._epsilon_t = fem.Constant(body.mesh, float(self._law.epsilon_t))
         self._tangents = normal.gap.tangents
         self._expressions: dict[tuple[str, bytes], FacetValues] = {}
@@ -127,18 +126,9 @@ class Friction(Term):
         passed = self._at("passed", self._passed, contact_quadrature(self.body.body_mesh.dim)[0])()
         self._widest.value = self.body.comm.allreduce(float(passed.max(initial=0.0)), op=MPI.MAX) or 1.0
 
-    def soften(self, factor: float) -> None:
-        """Multiply epsilon_t; 1 makes it the law's own again."""
-        self._softened = factor
-        self._take_stiffness()
-
-    def follow(self, softer: float) -> None:
-        """Let epsilon_t follow the modulus of what the tip touches."""
-        self._followed = softer
-        self._take_stiffness()
-
-    def _take_stiffness(self) -> None:
-        self._epsilon_t.value = self._softened * self._followed * self._law.epsilon_t
+    def scale_stiffness(self, factor: float) -> None:
+        """Take so many times the law's epsilon_t."""
+        self._epsilon_t.value = factor * self._law.epsilon_t
 
     def dissipation(self) -> float:
         """What slip turns into heat in the step to the present state [energy], this rank's share (collective)."""

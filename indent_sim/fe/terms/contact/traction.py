@@ -33,7 +33,6 @@ class Traction(Term):
     def __init__(self, body: Body, strain: Strain):
         self.body, self.gap = body, Gap(body, body.now)
         self.law = body.scene.physics.contact
-        self._softened = self._followed = 1.0  # factors of the law's stiffness
         self._lam = self._multiplier(strain)
         self._is_unknown = self.law.multiplier == "unknown"
         self.fields = ("lam",) if self._is_unknown else ()
@@ -87,18 +86,8 @@ class Traction(Term):
         """The law's stiffness as it is now, softened or not [pressure/length]."""
         return float(self.symbolic_law.stiffness.value)  # type: ignore[union-attr]
 
-    def soften(self, factor: float) -> None:
-        """Multiply the stiffness of the contact law; 1 makes it the law's own again."""
-        self._softened = factor
-        self._take_stiffness()
-
-    def follow(self, softer: float) -> None:
-        """Let the law's stiffness follow the modulus of what the tip touches."""
-        self._followed = softer
-        self._take_stiffness()
-
-    def _take_stiffness(self) -> None:
-        factor = self._softened * self._followed
+    def scale_stiffness(self, factor: float) -> None:
+        """Take so many times the stiffness of the contact law."""
         self.symbolic_law.stiffness.value = factor * self.law.stiffness  # type: ignore[union-attr]
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
