@@ -291,7 +291,7 @@ def test_the_forces_on_a_finite_body_are_those_of_independent_computations() -> 
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("target", [target for target in TARGETS if target >= 0.01])  # 0.001 takes minutes
 def test_a_cube(target: float, tmp_path: Path) -> None:
     """Three dimensions, the quarter of a box: all ten steps keep the target and know their error."""
     outcome = simulate(from_mapping(CUBE | {"accuracy": target}), directory=tmp_path)

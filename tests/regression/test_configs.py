@@ -109,8 +109,8 @@ def test_a_mesh_gives_the_force_of_theory(name: str, tmp_path: Path) -> None:
 @pytest.mark.verify
 @pytest.mark.parametrize("name", [name for name, settings in COARSER.items() if settings.overrides])
 def test_scene_as_shipped(name: str, tmp_path: Path) -> None:
-    """Without the coarsening: 0.3 % at the last step."""
-    assert abs(deviations(name, tmp_path / "result")[-1]) <= 0.003
+    """Without the coarsening: 0.3 % at the last step, beside what the expected force itself is uncertain by."""
+    assert abs(deviations(name, tmp_path / "result")[-1]) <= 0.003 + EXPECTED[name]["uncertainty"]
 
 
 @pytest.mark.parametrize("name", EXPECTED)
