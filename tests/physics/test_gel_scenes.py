@@ -51,8 +51,11 @@ def at(times: Sequence[float], *, key: str = "history", value: float = 0.0, **se
 
 
 def test_a_gel_swells_against_a_resting_sphere() -> None:
-    """Forces over G height^2 of this design at h = 0.06 to 0.03: what they differ by, and the time steps, beside it."""
-    found = at([0.1, 1.0, 10.0, 1000.0])
+    """Forces over G height^2 of this design at h = 0.06 to 0.03: what they differ by, and the time steps, beside it.
+
+    The bath comes within a sixtieth of the first row's time, which costs that row less than 1 %.
+    """
+    found = at([0.1, 1.0, 10.0, 1000.0], drainage={"bath": 0.0, "bath_ramp": 0.05})
     assert [row.force for row in found[:2]] == pytest.approx([0.0780, 0.587], rel=3e-2)
     assert found[2].force == pytest.approx(1.480, rel=6e-3) and found[3].force == pytest.approx(1.5055, rel=2e-3)
     assert 0 < found[0].a < found[1].a < found[2].a < 1
