@@ -6,14 +6,14 @@ where two meshes alone are known, since nothing then tests whether the error fal
 (which elements touch changes from step to step, and the difference passes through zero): so no bar is narrower than a
 floor, a share of the error that so many elements in a contact radius have cost in general.
 
-    force    max(SAFETY |F_q - F|/(q^RATE - 1), FLOOR CONSTANT n^-RATE |F|, edge of a sharp punch in 3D) + corners
+    force    max(SAFETY |F_q - F|/(q^RATE - 1), FLOOR CONSTANT n^-RATE |F|, edge) + corners
     a        RADIUS times the element in which the contact ends
     p_max    max(SAFETY |p_q - p|/(q^PRESSURE_RATE - 1), PEAK n^-PRESSURE_RATE p)
 
 with n elements in the contact radius of the row (for p_max beneath a punch's rounded edge in its part on the arc). The
-rule has eight numbers: the ratio q of the meshes, SAFETY, RATE, FLOOR, RADIUS, PRESSURE_RATE, PEAK, and that of an edge
-in three dimensions (`doubts.EDGE`). CONSTANT is that by which `accuracy` chooses its meshes. To this come the parts
-that no mesh shows, each measured by a run of its own or known beforehand: see `Budget`. No bar of a force is narrower
+rule has eight numbers: the ratio q of the meshes, SAFETY, RATE, FLOOR, RADIUS, PRESSURE_RATE, PEAK, and that of an
+edge, of a sharp punch in three dimensions or of a contact that ends where the tip's slope jumps (`doubts.EDGE`).
+CONSTANT is that by which `accuracy` chooses its meshes. To this come the parts that no mesh shows, each measured by a run of its own or known beforehand: see `Budget`. No bar of a force is narrower
 than its distance from a theory that is exact for the body. `scripts/make_error_bar_table` measures coverage and width
 with and without each number of the rule.
 
@@ -35,7 +35,7 @@ from indent_sim.model.state import State
 from indent_sim.model.tips import flat_radius
 from indent_sim.run.companions.companion import Companion, Curve, States, curve_of, in_half_steps
 from indent_sim.run.companions.drained_film import DrainedFilm
-from indent_sim.scene.doubts import PER_DEPTH, edge_error
+from indent_sim.scene.doubts import EDGE, PER_DEPTH, edge_error
 from indent_sim.scene.fineness import CONSTANT, RATE, fading
 from indent_sim.scene.scene import Scene
 
@@ -234,7 +234,24 @@ class ErrorBars:
         said = grid_convergence(self._off(state.step), self.companion.ratio, RATE)
         least = FLOOR * CONSTANT[dim] * fading(self._elements(state)) * force
         edge = edge_error(self._sizes) * force if dim == 3 else 0.0
-        return float(np.max([said, least, edge])) + self._sizes.corner_error * force  # NaN where one is
+        crease = self._at_a_crease(state) * force
+        return float(np.max([said, least, edge, crease])) + self._sizes.corner_error * force  # NaN where one is
+
+    def _at_a_crease(self, state: State) -> float:
+        """The relative error of a contact that ends within an element of a circle where the tip's slope jumps.
+
+        Elements that end there stand for a contact that is narrower or wider, as at the edge of a sharp punch: EDGE
+        times their size over the radius. Under profiles and rounded punches 0.02 to 0.1 of that ratio was measured
+        (tests/physics/test_accuracy.py). At a sharp punch's own edge elements are refined.
+        """
+        tip = self._physics.indenter
+        a = state.a / self._scales.length
+        error = 0.0
+        for r, width in tip.creases():
+            ends_here = width == 0 and self._sizes.edge is not None
+            if r > 0 and not ends_here and abs(a - r) <= (size := self._sizes.on_surface(r)):
+                error = max(error, EDGE * size / r)
+        return error
 
     def _elements(self, state: State) -> float:
         """Elements in the contact radius, as they were chosen from an accuracy: not those near an edge or a corner."""
