@@ -13,9 +13,9 @@ floor, a share of the error that so many elements in a contact radius have cost 
 with n elements in the contact radius of the row (for p_max beneath a punch's rounded edge in its part on the arc). The
 rule has eight numbers: the ratio q of the meshes, SAFETY, RATE, FLOOR, RADIUS, PRESSURE_RATE, PEAK, and that of an
 edge, of a sharp punch in three dimensions or of a contact that ends where the tip's slope jumps (`doubts.EDGE`).
-CONSTANT is that by which `accuracy` chooses its meshes. To this come the parts that no mesh shows, each measured by a run of its own or known beforehand: see `Budget`. No bar of a force is narrower
-than its distance from a theory that is exact for the body. `scripts/make_error_bar_table` measures coverage and width
-with and without each number of the rule.
+CONSTANT is that by which `accuracy` chooses its meshes. To this come the parts that no mesh shows, each measured by a
+run of its own or known beforehand: see `Budget`. No bar of a force is narrower than its distance from a theory that is
+exact for the body. `scripts/make_error_bar_table` measures coverage and width with and without each number of the rule.
 
 Roache, J. Fluids Eng. 116, 405 (1994); Annu. Rev. Fluid Mech. 29, 123 (1997), whose safety factors are 3 for two grids
 and 1.25 for three; Verification and Validation in Computational Science and Engineering (Hermosa, 1998).
