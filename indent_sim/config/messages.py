@@ -12,7 +12,8 @@ from indent_sim.config import key_types, schema
 from indent_sim.config.strict_yaml import KeyPath, key_text
 from indent_sim.process.errors import ConfigError, ConfigErrors
 
-MOST_PROBLEMS = 20
+MOST_PROBLEMS = 20  # of one file that are told
+AND_MORE = ConfigError("", "and more errors like these")
 
 _MISSING = {"missing", "missing_argument", "missing_keyword_only_argument"}
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
@@ -28,7 +29,7 @@ def in_words(error: ValidationError, document: Mapping[str, Any]) -> ConfigError
         groups.pop(path, None)
     problems = [_in_words(path, found, document) for path, found in list(groups.items())[:MOST_PROBLEMS]]
     if len(groups) > MOST_PROBLEMS:
-        problems.append(ConfigError("", "and more errors like these"))
+        problems.append(AND_MORE)
     return ConfigErrors.of(problems)
 
 

@@ -18,7 +18,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from indent_sim.config import key_types, schema, strict_yaml
-from indent_sim.config.messages import MOST_PROBLEMS, in_words
+from indent_sim.config.messages import AND_MORE, MOST_PROBLEMS, in_words
 from indent_sim.config.quantities import converted
 from indent_sim.config.schema import Config, Source
 from indent_sim.config.strict_yaml import MAX_BYTES, MAX_DEPTH, KeyPath, key_path, key_text
@@ -255,6 +255,8 @@ def _and_others(first: ConfigError, document: Document, source: Source, check: C
             break
         except ConfigError as error:
             new = _beside(found, error)
+    if len(found) > MOST_PROBLEMS:
+        found = [*found[:MOST_PROBLEMS], AND_MORE]
     return located(source, ConfigErrors.of(found))
 
 

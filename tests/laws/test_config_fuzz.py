@@ -228,9 +228,8 @@ def junk(rng: random.Random, depth: int = 0) -> Any:
         return rng.choice([NUMBERS, TEXTS, WORDS, [None, True, False]][kind])
     if kind < 6:
         count = rng.choice([0, 1, 2, 3, 1000 if depth == 0 else 4])
-        below = (
-            depth + 1 if count < 1000 else 3
-        )  # a thousand lists of lists are 1e7 places, most of a minute for `places`
+        # A thousand lists of lists are 1e7 places, most of a minute for `places`.
+        below = depth + 1 if count < 1000 else 3
         return [junk(rng, below) for _ in range(count)]
     if kind == 6:
         return {rng.choice(WORDS + TEXTS): junk(rng, depth + 1) for _ in range(rng.randrange(4))}

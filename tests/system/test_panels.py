@@ -341,7 +341,7 @@ class TestFields:
             "fluid_content": np.array([0.0, -1.0]),
             "swelling": np.array([2, 3.0]),
         }
-        fluid |= {"shear": np.zeros(4)}
+        fluid |= {"shear": np.zeros(4), "nodal_stress": np.zeros((4, 9)), "nodal_von_mises": np.zeros(4)}
         for step in (1, 2, 3):
             own = {"displacement": np.tile([0.1, -0.1 * step], (4, 1))}
             writer.write(step, 0.1 * step, some_fields(step) | fluid | own)
