@@ -225,7 +225,7 @@ class Part:
 
     @property
     def mirror_planes(self) -> tuple[str, ...]:
-        """The surfaces at which the part was cut off from its mirror images."""
+        """Names of the surfaces of the modelled part that lie in symmetry planes of the whole body."""
         return tuple(f"{axis}_min" for axis in self.cuts)
 
     @property

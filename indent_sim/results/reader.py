@@ -433,8 +433,7 @@ def earlier_run(folder: Path, config_yaml: str, report: Report | None = None) ->
     try:
         result_folder.refuse_links(folder)
         follows = set.intersection(*(set((one.get("plan") or {}).get("auto") or ()) for one in (report or {}, theirs)))
-        content(folder / CONFIG).decode("utf-8")
-        _refuse_other(folder, _as_written_now(folder / CONFIG), config_yaml, follows)
+        _refuse_other(folder, _with_present_keys(folder / CONFIG), config_yaml, follows)
         unknown = ("energy",) if theirs.get("method") == "theory" else ()
         return Earlier(*_rows(folder / TABLE, unknown), theirs)
     except FileNotFoundError as error:
@@ -454,12 +453,17 @@ def lost_files(folder: Path, surface: Keep, fields: Keep) -> list[str]:
     return [*lost, SURFACE]
 
 
-def _as_written_now(path: Path) -> str:
-    """A result's config with the keys that this version writes; as it stands where this version cannot read it."""
+def _with_present_keys(path: Path) -> str:
+    """Return the config of a result with all keys of the present version, new ones at their defaults.
+
+    A config that the present version cannot read is returned as it stands. Raises UnicodeDecodeError where the file is
+    no text.
+    """
+    text = content(path).decode("utf-8")
     try:
         return to_yaml(load(path))
     except (ConfigError, UsageError):
-        return content(path).decode("utf-8")
+        return text
 
 
 def _refuse_other(folder: Path, theirs: str, ours: str, follows: Collection[str]) -> None:

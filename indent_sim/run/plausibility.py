@@ -22,7 +22,7 @@ import numpy as np
 
 from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.model.state import State
-from indent_sim.model.tips import FlatPunch
+from indent_sim.model.tips import flat_radius
 from indent_sim.scene.doubts import UNRESOLVED, force_doubt, how_to_refine, in_words, penalty_loss, swelling_doubt
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.theories import relative_tip
@@ -45,8 +45,8 @@ PILLAR_HEIGHT = 10.0  # ways to the rim: a thicker body is a pillar, whose own s
 SHALLOW = 0.1  # of the contact radius: up to this depth no law stiffens by a factor
 THEORY_FORCE_ERROR = 1e-4  # of theory's force: its own error
 
-# Of p_max: a pressure that alternates by more from node to node is warned of. Smooth scenes alternate by 0.002 to 0.01,
-# a saw-tooth by 0.09 to 0.5 (see `docs/decisions/0053`)
+# A contact pressure that oscillates from node to node by more than this fraction of p_max is warned of. In scenes with
+# a smooth pressure the fraction is 0.002 to 0.02, in a saw-tooth 0.09 to 0.5 (measured in docs/decisions/0053).
 ROUGH = 0.03
 # A stick radius or a dissipation that a long step may have wrong by more than this is warned of. Measured with 1, 2, 5,
 # 10 and 40 even steps under a paraboloid (thick layer, nu 0): with friction 0.3 the stick radius is 0.24, 0.45, 0.50,
@@ -166,7 +166,7 @@ def unresolved(scene: Scene, states: Sequence[State]) -> list[str]:
 
 
 def rough(scene: Scene, states: Sequence[State]) -> list[str]:
-    """What to say of rows whose pressure alternates from node to node of the elements; nothing where none does.
+    """Warn of rows whose contact pressure oscillates from node to node of the elements (a saw-tooth).
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def rough(scene: Scene, states: Sequence[State]) -> list[str]:
 
 
 def long_steps(scene: Scene, states: Sequence[State]) -> list[str]:
-    """What to say of rows whose step is too long for where the surface slips, and how much; nothing where none is.
+    """Warn of load increments that are too long to resolve where the surface slips on the tip.
 
     A step that makes the contact radius grow from a_0 to a takes all that is new in contact to have slipped at once.
     Its stick radius is off by about (a - a_0)/a of itself, its dissipation by half of (a - a_0)/(a - stick radius), and
@@ -216,7 +216,7 @@ def long_steps(scene: Scene, states: Sequence[State]) -> list[str]:
     if not scene.physics.contact.slips or not scene.is_meshed:
         return []
     widest = max((state.a for state in states), default=0.0)
-    before = flat_radius(scene) * scene.physics.scales.length
+    before = _radius_of_first_contact(scene) * scene.physics.scales.length
     found: dict[int, tuple[float, float, float]] = {}
     for state in states:
         wider = max(before, state.a)
@@ -241,16 +241,16 @@ def _about(error: float) -> str:
     return "its own size or more" if error >= 0.5 else f"about {100 * error:.0f} %"
 
 
-def flat_radius(scene: Scene) -> float:
-    """The radius [length] of what a tip touches at once, and what slip does not depend on the steps for."""
-    physics, tip = scene.physics, scene.physics.indenter
-    if isinstance(tip, FlatPunch) and not physics.part.dome:
-        return tip.radius - tip.edge_radius
-    return physics.body.rim_distance(physics.center) if physics.is_compressed else 0.0
+def _radius_of_first_contact(scene: Scene) -> float:
+    """The contact radius [length] of a tip that just touches: that of its flat face on a flat body, otherwise 0."""
+    physics = scene.physics
+    if physics.is_compressed:
+        return physics.body.rim_distance(physics.center)
+    return 0.0 if physics.part.dome else flat_radius(physics.indenter)
 
 
 def _smoother(scene: Scene) -> str:
-    """What makes a pressure smoother: measured, see `docs/decisions/0053`."""
+    """Name the element size whose reduction makes the contact pressure smoother (measured in docs/decisions/0053)."""
     if scene.sizes.rubbed:
         return how_to_refine(scene.sizes, "a smaller mesh.h_edge helps")
     return how_to_refine(scene.sizes, "a smaller mesh.h_contact helps")

@@ -50,15 +50,15 @@ def summary(
     fitted = None if in_time else beside("Hertz fit", lambda: hertz_fit(scene, states), None)
     entries |= {"hertz": fitted, "audit": audit}
     if states and states[-1].reactions is not None:
-        entries["reactions"] = reactions_of(states[-1])
+        entries["reactions"] = _reactions_by_support(states[-1])
     if uneven := {str(state.step): state.roughness for state in states if state.roughness > ROUGH}:
         entries["roughness"] = uneven
     spent = {"timings": stages(clock.stages), "cpu_timings": stages(clock.cpu)}
     return entries | spent | {"peak_memory_MB": round(peak_memory(), 1)}
 
 
-def reactions_of(state: State) -> dict[str, Any]:
-    """The step of a row, and the force of each support on the body by its axes [force]."""
+def _reactions_by_support(state: State) -> dict[str, Any]:
+    """Return the step of a row, and the force of each support on the body by support and axis [force]."""
     supports: dict[str, Any] = {}
     for name, force in (state.reactions or {}).items():
         support, axis = name.rsplit("_", 1)

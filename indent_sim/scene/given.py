@@ -599,10 +599,11 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
 
 
 def bath_ramp(given: Given, physics: Physics) -> float:
-    """The time [time] in which a bath comes to a body that it swells or shrinks; 0 where none does, or at once.
+    """Return the time [time] over which the bath of a gel ramps up linearly to its full chemical potential.
 
-    As `drainage.bath_ramp` says; where that is auto, of a body at finite strain, BATH_RAMP L^2/D with L the expected
-    contact radius, or the body's height where that is less. No mesh has a part in it.
+    It is 0 for a body that no bath swells or shrinks, and for a sudden bath. The key `drainage.bath_ramp` gives it; for
+    `auto` at finite strain it is BATH_RAMP L^2/D, where D is the largest diffusivity and L the smaller of the expected
+    contact radius and the body's height. The ramp does not depend on the mesh.
     """
     if not physics.swells:
         return 0.0

@@ -121,18 +121,21 @@ class Condenser:
         """The surfaces that supports bear on, and for each what unit displacements add to its reaction."""
         rows = {of: self._row_sum(matrix, dofs, shares) for of, (dofs, shares) in self.body.bearing.items()}
         for wall in walls:
-            rows |= {of: self._gathered(row) for of, row in wall.rows().items()}
+            rows |= {of: self._for_solver(row) for of, row in wall.rows().items()}
         return tuple(rows), list(rows.values())
 
     def _row_sum(self, matrix: PETSc.Mat, rows: np.ndarray, shares: np.ndarray | float = 1.0) -> np.ndarray:
-        """The sum of shares of rows of a symmetric matrix, those columns that this rank solves for."""
+        """Sum rows of the symmetric stiffness matrix, each weighted by its share: the reaction to unit displacements.
+
+        The entries of the sum are those of the degrees of freedom that this rank solves for.
+        """
         marks, total = matrix.createVecs()
         marks.array[rows[rows >= 0]] = shares
         matrix.mult(marks, total)
-        return self._gathered(total.array.copy())
+        return self._for_solver(total.array.copy())
 
-    def _gathered(self, row: np.ndarray) -> np.ndarray:
-        """A row of own dofs, of all ranks where each solves for the whole body."""
+    def _for_solver(self, row: np.ndarray) -> np.ndarray:
+        """Values at this rank's own degrees of freedom; at those of all ranks where each rank solves the whole body."""
         return np.concatenate(self.body.comm.allgather(row)) if self._is_whole else row
 
     def _number_surface_nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -232,7 +235,7 @@ class Condenser:
             dofs, shares = self.body.bearing[surface]
             share = np.zeros(self.body.unknowns.owned)
             share[dofs] = shares
-            found[row, columns] = -up[columns] * self._gathered(share)[places]
+            found[row, columns] = -up[columns] * self._for_solver(share)[places]
         return _summed(self._comm, found)
 
     def _solved(self, places: np.ndarray, axes: Sequence[int]) -> tuple[Own, np.ndarray, np.ndarray]:

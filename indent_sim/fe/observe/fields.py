@@ -77,7 +77,9 @@ class Fields:
         nodes, cells = mesh.geometry.input_global_indices, mesh.topology.original_cell_index
         mine = (nodes, self._at_vertices(), *self._tractions(), cells, self._in_cells())
         parts: Any = self.body.comm.gather(mine, root=0)
-        averaged = self._nodal_stress.gather(mesh.topology.index_map(0).size_global) if self._nodal_stress else None
+        averaged = (
+            self._nodal_stress.gather_averages(mesh.topology.index_map(0).size_global) if self._nodal_stress else None
+        )
         if parts is None:
             return None
         nodes, u, touched, acting, cells, inside = (np.concatenate(column) for column in zip(*parts, strict=True))

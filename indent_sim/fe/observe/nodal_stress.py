@@ -60,8 +60,8 @@ class NodalStress:
             found.append((fem.Expression(components, self._points), strain.cells))
         return found
 
-    def gather(self, points: int) -> np.ndarray | None:
-        """The stress (points, 3, 3) on rank 0, None on the others (collective).
+    def gather_averages(self, points: int) -> np.ndarray | None:
+        """Return the volume-weighted nodal stress (points, 3, 3) [pressure] on rank 0, None elsewhere (collective).
 
         Parameters
         ----------

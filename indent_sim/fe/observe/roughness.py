@@ -109,7 +109,9 @@ def _quadratics(patch: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 def roughness(
     patches: Patches, pressure: np.ndarray, touches: np.ndarray, distance: np.ndarray, tip: Indenter
 ) -> float:
-    """The largest part of a pressure that is not smooth from node to node [pressure]; 0 where no patch tells.
+    """Return the amplitude [pressure] of the oscillation of the contact pressure from node to node of the elements.
+
+    It is 0 where the contact is too small for a facet away from its rim and from creases of the tip.
 
     Parameters
     ----------

@@ -101,7 +101,7 @@ class Term:
         self.scale_stiffness(self._softened * self._softer)
 
     def scale_stiffness(self, factor: float) -> None:
-        """Take so many times the stiffness of the contact law; what has no such stiffness does nothing."""
+        """Set the penalty stiffness to `factor` times that of the contact law; terms without a penalty ignore it."""
 
     def force(self) -> float:
         """The virtual work of pressing deeper [force], this rank's share of the modelled part."""

@@ -40,15 +40,15 @@ class Wall(Term):
         self._push = body.over_surface("r_max", -stiffness * outward * along)
 
     @cached_property
-    def _force(self) -> fem.Form:
+    def _reaction_form(self) -> fem.Form:
         return fem.form(self._push)
 
     def reactions(self) -> dict[Surface, float]:
-        """Force of the wall on the body along x and y [force], this rank's share of the modelled part."""
+        """Return the force of the curved roller wall on the body along x and y [force], this rank's part of the sum."""
         found: dict[Surface, float] = {}
         for axis in (0, 1):
             self._axis.value = np.eye(2)[axis]
-            found["r_max", axis] = float(fem.assemble_scalar(self._force))
+            found["r_max", axis] = float(fem.assemble_scalar(self._reaction_form))
         return found
 
     def rows(self) -> dict[Surface, np.ndarray]:

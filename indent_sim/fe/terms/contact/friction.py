@@ -127,7 +127,7 @@ class Friction(Term):
         self._widest.value = self.body.comm.allreduce(float(passed.max(initial=0.0)), op=MPI.MAX) or 1.0
 
     def scale_stiffness(self, factor: float) -> None:
-        """Take so many times the law's epsilon_t."""
+        """Set the tangential penalty stiffness to `factor` times the epsilon_t of the contact law."""
         self._epsilon_t.value = factor * self._law.epsilon_t
 
     def dissipation(self) -> float:

@@ -87,7 +87,7 @@ class Traction(Term):
         return float(self.symbolic_law.stiffness.value)  # type: ignore[union-attr]
 
     def scale_stiffness(self, factor: float) -> None:
-        """Take so many times the stiffness of the contact law."""
+        """Set the penalty stiffness to `factor` times that of the contact law."""
         self.symbolic_law.stiffness.value = factor * self.law.stiffness  # type: ignore[union-attr]
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
