@@ -158,15 +158,23 @@ def _words(part: Report) -> list[str]:
 
 
 def _largest_pull(report: Report) -> list[str]:
-    """The largest pull of the rows, and what is known of it beforehand."""
+    """The pull-off, or where that is not known the largest pull of the rows; and what is known of it beforehand."""
     pulled = report.get("largest_pull")
     if pulled is None:
         return []
     from indent_sim.run.summary import known_pulls
 
-    beside = [f"; {words} {force:.6g}" for words, force in known_pulls(report)]
     line = f"largest pull: force {pulled['force']:.6g} at delta {pulled['delta']:.6g}, step {pulled['step']}"
+    if found := report.get("pull_off"):
+        force = f"force {found['force']:.6g} {_within(found['error'])}"
+        line = f"pull-off, searched between rows: {force} at delta {found['delta']:.6g}"
+    beside = [f"; {words} {force:.6g}" for words, force in known_pulls(report)]
     return ["".join([line, *beside])]
+
+
+def _within(error: float | None) -> str:
+    """An error behind a number, in words."""
+    return "± an unknown error" if error is None else f"± {error:.2g}"
 
 
 def _experiment(report: Report) -> Iterator[str]:

@@ -152,6 +152,25 @@ class State:
         return State(**own | measured | {"surface": surface})  # `replace` would ask for every field's default
 
 
+@dataclass(frozen=True)
+class PullOff:
+    """The largest pull on the way out.
+
+    Attributes
+    ----------
+    state
+        The equilibrium there, which is no row: its step is 0.
+    error
+        By how much the pull between the rows may be larger [force]; infinite where that is not known.
+    equilibria
+        How many were sought.
+    """
+
+    state: State
+    error: float
+    equilibria: int
+
+
 @cache
 def _units(scales: Scales) -> dict[str, float]:
     """The units of a State's fields, of those that have one."""

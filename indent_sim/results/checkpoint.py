@@ -9,8 +9,8 @@ from __future__ import annotations
 import io
 import json
 import zlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -18,15 +18,36 @@ import numpy as np
 from indent_sim.results.folder import Report, content, write_atomically
 
 CHECKPOINT = "checkpoint.h5"
-Points = Sequence[tuple[float, float, Sequence[np.ndarray]]]  # depth, time, and the vectors that make the state there
+Point = tuple[float, float, Sequence[np.ndarray]]  # depth, time, and the vectors that make the state there
+Points = Sequence[Point]
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Points of the load path, oldest first, in the solver's own units; `step` rows were done then."""
+    """Points of the load path, oldest first, in the solver's own units; `step` rows were done then.
+
+    kept: rows, by their steps, from which the largest pull is searched for at the end.
+    """
 
     step: int = 0
     points: Points = ()
+    kept: Mapping[int, Point] = field(default_factory=dict)
+
+    def arrays(self) -> Iterator[np.ndarray]:
+        """All numbers but the step, in order."""
+        for delta, t, vectors in self.points:
+            yield np.array([delta, t])
+            yield from vectors
+        for step, (delta, t, vectors) in sorted(self.kept.items()):
+            yield np.array([step, delta, t])
+            yield from vectors
+
+    def checksum(self) -> int:
+        """A checksum of `arrays`."""
+        total = 0
+        for values in self.arrays():
+            total = zlib.crc32(np.ascontiguousarray(values).tobytes(), total)
+        return total
 
 
 def write(path: Path, saved: Checkpoint, identity: Report) -> None:
@@ -34,10 +55,12 @@ def write(path: Path, saved: Checkpoint, identity: Report) -> None:
     import h5py
 
     image, owner = io.BytesIO(), json.dumps(identity, sort_keys=True)
+    named = {f"point/{n}": point for n, point in enumerate(saved.points)}
+    named |= {f"kept/{step}": point for step, point in saved.kept.items()}
     with h5py.File(image, "w") as file:
-        file.attrs.update(step=saved.step, identity=owner, checksum=_checksum(saved.points))
-        for n, (depth, t, vectors) in enumerate(saved.points):
-            group = file.create_group(f"point/{n}")
+        file.attrs.update(step=saved.step, identity=owner, checksum=saved.checksum())
+        for name, (depth, t, vectors) in named.items():
+            group = file.create_group(name)
             group.attrs.update(delta=depth, t=t)
             for k, vector in enumerate(vectors):
                 group[str(k)] = vector
@@ -48,24 +71,18 @@ def read(path: Path, identity: Report) -> Checkpoint:
     """What was saved for this mesh and numbering; an empty checkpoint when there is none, or a damaged one."""
     import h5py
 
+    def point(group: h5py.Group) -> Point:
+        vectors = [group[str(k)][()] for k in range(len(group))]
+        return float(group.attrs["delta"]), float(group.attrs["t"]), vectors
+
     try:
         with h5py.File(io.BytesIO(content(path)), "r") as file:
-            groups = [file[f"point/{n}"] for n in range(len(file["point"]))]
-            places = [(float(g.attrs["delta"]), float(g.attrs["t"])) for g in groups]
-            vectors = [[g[str(k)][()] for k in range(len(g))] for g in groups]
-            points = [(*place, own) for place, own in zip(places, vectors, strict=True)]
+            points = [point(file[f"point/{n}"]) for n in range(len(file["point"]))]
+            kept = {int(step): point(group) for step, group in file.get("kept", {}).items()}
+            saved = Checkpoint(int(file.attrs["step"]), points, kept)
             owner = json.dumps(identity, sort_keys=True)
-            intact = int(file.attrs["checksum"]) == _checksum(points) and file.attrs["identity"] == owner
-            parts = (part for *place, vectors in points for part in (*place, *vectors))
-            intact = intact and all(np.isfinite(part).all() for part in parts)
-            return Checkpoint(int(file.attrs["step"]), points) if intact else Checkpoint()
+            is_ours = int(file.attrs["checksum"]) == saved.checksum() and file.attrs["identity"] == owner
+            is_finite = all(np.isfinite(values).all() for values in saved.arrays())
+            return saved if is_ours and is_finite else Checkpoint()
     except Exception:  # HDF5 has an error for every way of being damaged
         return Checkpoint()
-
-
-def _checksum(points: Points) -> int:
-    total = 0
-    for *place, vectors in points:
-        for values in (np.array(place), *vectors):
-            total = zlib.crc32(np.ascontiguousarray(values).tobytes(), total)
-    return total

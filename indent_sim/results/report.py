@@ -214,7 +214,7 @@ def _tension(results: Results) -> list[str]:
 
 
 def _largest_pull(results: Results) -> list[str]:
-    """The largest pull of the rows of a tip that adheres with a range, and what is known of it beforehand."""
+    """The pull-off of a tip that adheres with a range, or the largest pull of its rows; what is known beforehand."""
     known = _part(results.report, "adhesion")
     pulled = known.get("largest_pull")
     if not pulled:
@@ -222,8 +222,14 @@ def _largest_pull(results: Results) -> list[str]:
     labels = {"1": ""} | {kind: f" {_unit(results, kind)}".rstrip() for kind in ("force", "length")}
     symbols = [symbol for symbol in ADHESION_SYMBOLS if known.get(symbol.name) is not None]
     numbers = [f"{symbol.meaning} {known[symbol.name]:.4g}{labels[symbol.dimension]}" for symbol in symbols]
-    place = f"force {pulled['force']:.5g}{labels['force']} at delta {pulled['delta']:.5g}{labels['length']}"
-    return [f"Largest pull: {place}.", f"Beforehand: {', '.join(numbers)}."]
+    beforehand = f"Beforehand: {', '.join(numbers)}."
+    name, found = ("Largest pull", pulled) if known.get("pull_off") is None else ("Pull-off", known["pull_off"])
+    place = f"force {found['force']:.5g}{labels['force']} at delta {found['delta']:.5g}{labels['length']}"
+    if name == "Largest pull":
+        return [f"{name}: {place}.", beforehand]
+    error = found.get("error")
+    bar = "with an unknown error" if error is None else f"within {error:.2g}{labels['force']} on this mesh"
+    return [f"{name}: {place}, searched between rows, {bar}.", beforehand]
 
 
 def _pull_off(results: Results) -> list[str]:

@@ -13,7 +13,7 @@ from typing import Any
 
 from indent_sim.config.schema import Config
 from indent_sim.fe.environment import load_dolfinx
-from indent_sim.model.state import State
+from indent_sim.model.state import PullOff, State
 from indent_sim.process.errors import BackendError, NotConverged, VerificationError
 from indent_sim.process.ranks import on_root
 from indent_sim.process.signals import uninterrupted
@@ -62,6 +62,7 @@ class Simulation:
         if bars is not None and scene.history is None:
             self.states = [bars.judged(state) for state in self.states]
         self._rows = Rows(self.states)
+        self._pull_off: PullOff | None = None
         self._keep_fields = fields_of(config, scene)
         self._kept_steps = frozenset() if scene.history else scene.physics.path.kept
         audit = (earlier.report.get("audit") or {}) if earlier else {}  # of the rows that are there
@@ -97,6 +98,8 @@ class Simulation:
             tuned = {"PETSC_OPTIONS": options} if (options := os.environ.get("PETSC_OPTIONS")) else {}
             record.note(dofs=dofs, mesh={"hash": mesh.hash} | size, versions=versions | {"gmsh": grid.gmsh}, **tuned)
         self._identity = {"mesh": mesh.hash, "dofs": dofs, "dolfinx": versions["dolfinx"], "order": "of the grid"}
+        if scene.physics.seeks_pull_off:  # a checkpoint without them, of an earlier version, is none
+            self._identity["kept"] = "rows around the largest pull"
         earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
         if earlier not in (None, mesh.hash):
             record.warn(f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)")
@@ -124,12 +127,13 @@ class Simulation:
     def _take_up(self) -> None:
         """Stand where the run that is continued stopped."""
         physics, done = self.scene.physics, len(self.states)
-        if done in (0, len(physics.deltas)) or self.scene.history:
+        is_through = done == len(physics.deltas) and not physics.seeks_pull_off
+        if done == 0 or is_through or self.scene.history:
             return
         saved = self.record.read_checkpoint(self._identity)
         if physics.path.times:  # the rows since then are walked again, as they were
             with self.clock.stage("resume"):
-                self._walk.resume(saved.points, [])
+                self._walk.resume(saved.points, [], saved.step, saved.kept)
             self._walked_to = saved.step
             return
         legs = [physics.path.leg(step) for step in range(saved.step + 1, done + 1)]  # with the rows that are there
@@ -137,7 +141,7 @@ class Simulation:
         if physics.path.control != "depth":  # every step is a row
             passed = [(state.delta / physics.scales.depth, 0.0) for state in self.states[saved.step :]]
         with self.clock.stage("resume"):
-            if not self._walk.resume(saved.points, passed):
+            if not self._walk.resume(saved.points, passed, saved.step, saved.kept):
                 depth = f"delta = {self.states[-1].delta:.6g}"
                 raise NotConverged(f"the last row's {depth} was not reached again: {self._walk.failure}")
 
@@ -145,7 +149,8 @@ class Simulation:
         """Keep the last equilibria; the next time after a second, and twenty times as long as this took."""
         began = time.monotonic()
         if self.states and (points := self._walk.points):
-            self.record.save_checkpoint(Checkpoint(len(self.states), points), self._identity)
+            kept = self._walk.kept if self.scene.physics.seeks_pull_off else {}
+            self.record.save_checkpoint(Checkpoint(len(self.states), points, kept), self._identity)
             ended = time.monotonic()
             self._next_checkpoint = ended + max(1.0, 20 * (ended - began))
 
@@ -172,6 +177,9 @@ class Simulation:
                 self._keep(state.in_units(self.scene.physics.scales))
                 if progress is not None:
                     progress(self.states[-1], state.step, self._total)
+            if self.scene.physics.seeks_pull_off:
+                with self.clock.stage("pull-off"):
+                    self._pull_off = self.record.beside("pull-off", self._searched, None)
         except (NotConverged, KeyboardInterrupt) as end:
             # a signal reaches the ranks one by one: only a failure may be known to all of them
             if self.record.comm.size == 1 or (isinstance(end, NotConverged) and self.record.end.all_arrive()):
@@ -182,8 +190,19 @@ class Simulation:
         finally:
             worst = self._worst_audit if self.scene.is_meshed else None
             self._note_time()
-            self.record.note(**summary(self.scene, self.states, self.clock, worst, self.record.alone))
+            pull_off = self._pull_off
+            self.record.note(**summary(self.scene, self.states, self.clock, worst, self.record.alone, pull_off))
         return self.states
+
+    def _searched(self) -> PullOff | None:
+        """The largest pull between the rows, audited, in the user's units; None where no row has neighbours."""
+        found: PullOff | None = self._walk.pull_off()
+        if found is None:
+            return None
+        scales = self.scene.physics.scales
+        state = found.state.in_units(scales)
+        self._audit(state)
+        return PullOff(state, found.error * scales.force, found.equilibria)
 
     def _tried(self, failed: State) -> str:
         """Which remedies were tried for a row that was not found, in words."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from math import inf
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from indent_sim.model.state import State
+from indent_sim.model.state import PullOff, State
 from indent_sim.model.symbols import PULL_OFF
 from indent_sim.model.tips import Sphere
 from indent_sim.process.usage import Clock, peak_memory
@@ -32,7 +32,12 @@ FORMULA_POINTS, OF_THEORY = 50, 20  # of the curves kept for the plot, a formula
 
 
 def summary(
-    scene: Scene, states: list[State], clock: Clock, worst_audit: float | None, beside: Beside
+    scene: Scene,
+    states: list[State],
+    clock: Clock,
+    worst_audit: float | None,
+    beside: Beside,
+    pull_off: PullOff | None = None,
 ) -> dict[str, Any]:
     """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory [MB]."""
     krylov = [state.krylov_iterations for state in states if state.krylov_iterations is not None]
@@ -46,7 +51,7 @@ def summary(
     audit["substeps"] = sum(state.substeps for state in states)
     entries = {"theory": None if in_time else beside("theory", lambda: theory_comparison(scene, states, beside), None)}
     if expected:
-        entries["adhesion"] = beside("adhesion", lambda: adhesion(expected, states), {})
+        entries["adhesion"] = beside("adhesion", lambda: adhesion(expected, states, pull_off), {})
     fitted = None if in_time else beside("Hertz fit", lambda: hertz_fit(scene, states), None)
     entries |= {"hertz": fitted, "audit": audit}
     if states and states[-1].reactions is not None:
@@ -206,11 +211,32 @@ def _formulas(scene: Scene, theory: Theory, state: State) -> list[dict[str, Any]
     return [{"name": formula, name: value, "deviation": value / own - 1} for formula, value in values]
 
 
-def adhesion(expected: ExpectedAdhesion, states: Sequence[State]) -> dict[str, Any]:
-    """What was known of the attraction beforehand, and the row that is pulled most [user's units]."""
+def adhesion(expected: ExpectedAdhesion, states: Sequence[State], pull_off: PullOff | None) -> dict[str, Any]:
+    """What was known of the attraction beforehand, the row that is pulled most, and the largest pull between rows.
+
+    Parameters
+    ----------
+    expected
+        What was known beforehand [user's units].
+    states
+        The rows [user's units].
+    pull_off
+        The largest pull that was found between rows [user's units]; None where none was searched for.
+    """
     pulled = min((state for state in states if state.force < 0), key=lambda state: state.force, default=None)
     row = {"step": pulled.step, "delta": pulled.delta, "force": pulled.force} if pulled else None
-    return dataclasses.asdict(expected) | {"largest_pull": row}
+    return dataclasses.asdict(expected) | {"largest_pull": row, "pull_off": pull_off and _pull_off(pull_off)}
+
+
+def _pull_off(found: PullOff) -> dict[str, Any]:
+    """A pull-off as run.json has it."""
+    return {
+        "delta": found.state.delta,
+        "force": found.state.force,
+        "error": found.error if isfinite(found.error) else None,
+        "equilibria": found.equilibria,
+        "newton_iterations": found.state.newton_iterations,
+    }
 
 
 def _without_range(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:

@@ -232,6 +232,18 @@ class Physics:
         return self.has_friction or self.evolves
 
     @property
+    def seeks_pull_off(self) -> bool:
+        """Whether the largest pull is searched for between rows.
+
+        It is where a tip that attracts over a range is drawn out along prescribed depths.
+        """
+        if not self.contact.reach or self.path.control != "depth":
+            return False
+        rows = range(1, len(self.path.values) + 1)
+        depths = [depth for row in rows for depth, _ in self.path.leg(row)]
+        return any(after < before for before, after in pairwise(depths))
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """Columns of the force table that only some scenes have, in order."""
         fluid = FLUID_COLUMNS if self.permeable else ()

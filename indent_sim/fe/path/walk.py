@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
@@ -14,9 +14,10 @@ from indent_sim.fe.observe import measure
 from indent_sim.fe.path.equilibrium import Equilibrium
 from indent_sim.fe.path.failure import failed_state
 from indent_sim.fe.path.load_control import LoadControl, Pair
+from indent_sim.fe.path.pull_off import WAVES, Pull, WayOut, largest_pull
 from indent_sim.fe.path.steps import Place, StepRule, Way
 from indent_sim.model.loading import LoadPath
-from indent_sim.model.state import State
+from indent_sim.model.state import PullOff, State
 
 PARABOLA_STEP = 0.13  # of the depth: up to this the contact edge moves smoothly enough for a parabola, measured
 # Ranges of an attraction: how far away a tip that adheres sets out (6e-6 of what it feels at first touch); its longest
@@ -45,6 +46,10 @@ class Point:
         return self.place.delta
 
 
+# Depth [length], time, and the arrays of a state, as a checkpoint has them
+Packed = tuple[float, float, Sequence[np.ndarray]]
+
+
 class Walk:
     """Equilibria along the requested depths or forces: predicted, solved, and cut back where a step is too long."""
 
@@ -64,6 +69,7 @@ class Walk:
         self._substeps = self._cuts = 0  # so far
         self._t = 0.0  # at which a force is searched for
         self._rise = 0.0  # of a tip that just touches, in the step before
+        self._way_out: WayOut | None = WayOut() if physics.seeks_pull_off else None
         self._control = LoadControl(self._go, physics.body.height, from_row=self._has_memory)
 
     def _step_rule(self, way: Way | None = None) -> StepRule:
@@ -103,20 +109,42 @@ class Walk:
         packed = [(point.delta, point.place.t, self.equilibrium.pack(point.state)) for point in points]
         return [(delta, t, arrays) for delta, t, arrays in packed if arrays]
 
+    @property
+    def kept(self) -> dict[int, Packed]:
+        """The places from which the largest pull would be searched for, by their numbers, for `resume`."""
+        places = self._way_out.kept if self._way_out else ()
+        return {place.number: (place.delta, place.t, self.equilibrium.pack(place.state.state)) for place in places}
+
     def resume(
-        self, points: Sequence[tuple[float, float, Sequence[np.ndarray]]], passed: Sequence[tuple[float, float]]
+        self,
+        points: Sequence[Packed],
+        passed: Sequence[tuple[float, float]],
+        step: int = 0,
+        kept: Mapping[int, Packed] | None = None,
     ) -> bool:
         """Stand where an earlier walk stood: at its `points` (or at rest), then at the last of the depths and times
         passed since.
         An equilibrium without memory does not depend on the path, so the way is straight to the last three, from
-        which the next one is predicted; or that of the earlier walk where it has to be. False when it is lost."""
+        which the next one is predicted; or that of the earlier walk where it has to be. False when it is lost.
+
+        Parameters
+        ----------
+        points, kept
+            `points` and `kept` of the earlier walk.
+        passed
+            Depth [length] and time of each place since then.
+        step
+            The row that the earlier walk stood at, from 1.
+        """
         unpacked = [(Place(delta, t), self.equilibrium.unpack(delta, arrays, t)) for delta, t, arrays in points]
-        kept = [Point(place, state) for place, state in unpacked if state is not None]
+        found = [Point(place, state) for place, state in unpacked if state is not None]
         places = [Place(*at) for at in passed]
-        self._points = kept if kept and self._range else [*self._points, *kept][-3:]
+        self._points = found if found and self._range else [*self._points, *found][-3:]
         self.return_to_last()
         self._points[-1] = replace(self._last, touches=self._touches)
         self._control.know(*self._pair)
+        if self._way_out is not None and not self._take_up_way_out(kept or {}, step):
+            return False
         start = self._points
         is_there = not self._has_memory and all(self._reach(place) for place in places[-3:])
         if not is_there:
@@ -132,7 +160,70 @@ class Walk:
         before, substeps = self._points, self._reach(place)
         if self.equilibrium.scene.physics.path.control == "force":
             self._points = self._without_tries(before)
+        if substeps:
+            self._note_way_out()
         return substeps
+
+    def _take_up_way_out(self, kept: Mapping[int, Packed], step: int) -> bool:
+        """Take up the places that an earlier walk has kept, and the row that it stood at; False when they are lost."""
+        here = self._points
+        places = []
+        for number, (delta, t, arrays) in sorted(kept.items()):
+            state = self.equilibrium.unpack(delta, arrays, t)
+            if state is None:
+                return False
+            self.equilibrium.restore(state)
+            places.append(self._pull_at(Point(Place(delta, t), state, touches=self._touches), number))
+        self._points = here
+        self.return_to_last()
+        path = self.equilibrium.scene.physics.path
+        passed = sum(len(path.leg(row)) for row in range(1, step + 1))
+        self._way_out = WayOut.of(tuple(places), self._pull_at(self._last, passed) if passed else None)
+        return True
+
+    def _pull_at(self, point: Point, number: int = 0) -> Pull:
+        """The point that the walk stands at, for the search for the largest pull."""
+        return Pull(point.delta, point.place.t, self.equilibrium.force, point.touches, point, number)
+
+    def _note_way_out(self) -> None:
+        """Note the place that the walk stands at, where the largest pull is to be searched for."""
+        if self._way_out is not None:
+            self._way_out = self._way_out.followed_by(self._pull_at(self._last))
+
+    def pull_off(self) -> PullOff | None:
+        """Search for the largest pull between the rows around the one that pulls most on the way out.
+
+        The walk then stands where it stood before. None where there are no such rows. Raises
+        NotConverged where an equilibrium between them is not found again.
+        """
+        bracket = self._way_out.bracket if self._way_out else None
+        if bracket is None:
+            return None
+        body, before = self.equilibrium, self.equilibrium.effort
+        expected = body.scene.plan.adhesion
+        assert expected is not None
+        waves = WAVES / expected.elements  # of the largest pull
+        try:
+            found = largest_pull(*bracket, self._between, waves)
+            body.restore(found.pull.state.state)
+            effort = body.effort - before
+            spent = {"newton_iterations": effort.newton, "wall_s": time.perf_counter() - self.started}
+            numbers = body.numbers() | spent
+            state = State(step=0, delta=found.pull.delta, **numbers)
+        finally:
+            self._points, self._found = self._to_row, None
+            self.return_to_last()
+        return PullOff(state, found.error + waves * abs(state.force), found.equilibria)
+
+    def _between(self, begin: Pull, end: Pull, delta: float) -> Pull:
+        """The equilibrium at a depth between two others, from the first of them."""
+        share = (delta - begin.delta) / (end.delta - begin.delta)
+        place = Place(delta, begin.t + share * (end.t - begin.t))
+        self._points, self._found = [begin.state], None
+        self.return_to_last()
+        if not self._reach(place):
+            return Pull(delta, place.t, inf, touches=False)
+        return self._pull_at(self._last)
 
     def _without_tries(self, before: list[Point]) -> list[Point]:
         """The last equilibria at the force of a row, whose search set out from those `before`: its tries are too close
@@ -162,6 +253,8 @@ class Walk:
         for step, value in enumerate(path.values[done:], start=done + 1):
             before, substeps = body.effort, 0
             for passed, t in path.leg(step):
+                if substeps:  # at a place between rows
+                    self._note_way_out()
                 more = self._reach(Place(passed, t)) if path.control == "depth" else self._press(passed, t, step)
                 substeps = more and substeps + more
                 if not more:
@@ -177,6 +270,7 @@ class Walk:
                 self._points = self._without_tries(self._before)
             dissipated = self._last.dissipated - self._row.dissipated
             self._to_row = self._points
+            self._note_way_out()
             numbers["dissipation"] = dissipated if "dissipation" in body.scene.physics.columns else None
             numbers |= {"newton_iterations": effort.newton, "wall_s": time.perf_counter() - self.started}
             if path.times:

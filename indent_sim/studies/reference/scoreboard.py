@@ -162,18 +162,25 @@ def _row_at(published: Published, results: Results) -> int | None:
 
 
 def _pull_off(results: Results) -> Value | None:
-    """The pull-off force under force control, < 0: of the limit without range, else of the row that pulls most."""
+    """The pull-off force under force control, < 0.
+
+    Of the limit without range; else the one between the rows, or where none was searched for that
+    of the row that pulls most.
+    """
     experiment, adhesion = (results.report.get(name) or {} for name in ("experiment", "adhesion"))
     without_range = ((experiment.get("adhesion") or {}).get(PULL_OFF) or {}).get("force_control")
-    known = without_range or adhesion.get("largest_pull")
+    known = without_range or adhesion.get(PULL_OFF) or adhesion.get("largest_pull")
     if not known:
         return None
-    return Value(float(known["force"]), _pull_off_error(float(known["force"]), known.get("step"), results))
+    force, missed = float(known["force"]), known.get("error", 0.0)
+    row = None if without_range else adhesion["largest_pull"]["step"]
+    error = _pull_off_error(force, row, results)
+    return Value(force, None if error is None or missed is None else error + missed)
 
 
 def _pull_off_error(force: float, step: int | None, results: Results) -> float | None:
-    """The bar of the row that pulls most; without range as large a part of the force as the widest of the elastic
-    curve that it is found from. None without bars."""
+    """What elements cost: as large a part of the force as of the row that pulls most; without range as the widest of
+    the elastic curve that it is found from. None without bars."""
     if "force_error" not in results.table or not len(results):
         return None
     forces, errors = np.abs(results["force"]), results["force_error"]
