@@ -1,0 +1,199 @@
+"""The search for the largest pull between rows, on curves in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import inf, pi, sqrt
+
+import numpy as np
+import pytest
+
+from indent_sim.fe.path.pull_off import MOST_EQUILIBRIA, Found, Pull, WayOut, largest_pull
+from indent_sim.process.errors import NotConverged
+
+Curve = Callable[[float], float | None]  # the force at a depth; None where the tip has come off
+WORK = 1e-4
+JKR_PULL_OFF = -1.5 * pi * WORK  # at R = E* = 1
+JKR_DEPTH = (pi * WORK) ** (2 / 3)
+
+
+def jkr(delta: float) -> float | None:
+    """JKR's force on the branch of wide contacts, by bisection of delta(a); None beyond its fold."""
+
+    def depth(a: float) -> float:
+        return a**2 - sqrt(2 * pi * WORK * a)
+
+    fold = (pi * WORK / 8) ** (1 / 3)  # where d(depth)/da = 0
+    if delta < depth(fold):
+        return None
+    low, high = fold, 1.0
+    for _ in range(100):
+        middle = (low + high) / 2
+        low, high = (middle, high) if depth(middle) < delta else (low, middle)
+    return 4 * low**3 / 3 - sqrt(8 * pi * WORK * low**3)
+
+
+def punch(end: float, curved: float) -> Curve:
+    """A tip that is pulled harder and harder until it lets go of -1 at a depth.
+
+    Next to that depth the force goes as the root of the distance, within `curved` of it.
+    """
+
+    def force(delta: float) -> float | None:
+        distance = delta - end
+        return None if distance < 0 else -1.0 + 1.5 * sqrt(distance**2 + 0.4 * curved * distance)
+
+    return force
+
+
+def at(curve: Curve, delta: float) -> Pull:
+    """The place of a curve at a depth."""
+    force = curve(delta)
+    return Pull(delta, 0.0, force or 0.0, touches=force is not None)
+
+
+def way_out(curve: Curve, depths: Sequence[float]) -> WayOut:
+    """What is kept of rows at some depths."""
+    way = WayOut()
+    for delta in depths:
+        way = way.followed_by(at(curve, float(delta)))
+    return way
+
+
+def searched(curve: Curve, depths: Sequence[float], tolerance: float) -> Found:
+    """The largest pull between rows at some depths."""
+    bracket = way_out(curve, depths).bracket
+    assert bracket is not None
+    return largest_pull(*bracket, lambda begin, end, delta: at(curve, delta), tolerance)
+
+
+@pytest.mark.parametrize(("spacing", "most"), [(1.0, 10), (0.5, 10), (0.07, 2)])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
+def test_jkrs_pull_off_is_found_wherever_the_rows_lie(spacing: float, most: int, tolerance: float) -> None:
+    """-3/2 pi w R, within its own error; rows half a unit apart are up to 9 % off."""
+    off_rows = []
+    for offset in np.linspace(0, 1, 40):
+        depths = (1 + spacing * (offset - np.arange(6 / spacing))) * JKR_DEPTH
+        found = searched(jkr, depths, tolerance)
+        assert -1e-12 < found.pull.force - JKR_PULL_OFF <= found.error
+        assert found.error <= tolerance * abs(JKR_PULL_OFF)
+        assert found.equilibria <= most
+        off_rows.append(min(jkr(delta) or 0.0 for delta in depths) / JKR_PULL_OFF)
+    assert min(off_rows) < 0.999
+
+
+@pytest.mark.parametrize("spacing", [0.3, 0.1])
+@pytest.mark.parametrize("curved", [0.05, 0.2, 1.0])
+def test_a_tip_that_lets_go_while_it_is_pulled_harder(spacing: float, curved: float) -> None:
+    """The pull at the fold is inside the error that is told.
+
+    A square root gives away half of what is missing for every factor of four in depth: the search
+    ends with the number of its equilibria, and says how well it knows.
+    """
+    for end in np.linspace(-0.6, -0.5, 30):
+        found = searched(punch(float(end), curved), 0.1 - spacing * np.arange(1 / spacing + 3), 1e-3)
+        assert 0 <= found.pull.force + 1.0 <= found.error
+        assert found.error < 0.02
+        assert found.equilibria <= MOST_EQUILIBRIA
+
+
+def test_a_minimum_in_front_of_a_fold_is_not_passed_over() -> None:
+    """Rows on both sides of JKR's minimum, the outer one right before the fold, and one beyond it.
+
+    Bisection towards the fold alone would end there, with half of the pull.
+    """
+    fold = -(3 / 4) * JKR_DEPTH
+    depths = np.array([4 * JKR_DEPTH, 3.0 * JKR_DEPTH, fold * 0.999, 3 * fold])
+    assert (jkr(depths[2]) or 0.0) > 0.6 * JKR_PULL_OFF
+    found = searched(jkr, depths, 1e-3)
+    assert found.pull.force == pytest.approx(JKR_PULL_OFF, rel=1e-3)
+
+
+def test_depths_without_equilibrium_further_out_are_as_good_as_a_jump() -> None:
+    curve = punch(-0.55, 0.2)
+
+    def go(begin: Pull, end: Pull, delta: float) -> Pull:
+        found = at(curve, delta)
+        return found if found.touches else Pull(delta, 0.0, inf, touches=False)
+
+    bracket = way_out(curve, [0.1, -0.2, -0.5, -0.8]).bracket
+    assert bracket is not None
+    lost, there = largest_pull(*bracket, go, 1e-3), searched(curve, [0.1, -0.2, -0.5, -0.8], 1e-3)
+    assert (lost.pull.delta, lost.error) == (there.pull.delta, there.error)
+
+
+def test_a_depth_that_is_lost_where_the_tip_has_been_further_out_ends_the_search() -> None:
+    bracket = way_out(lambda delta: (delta + 0.3) ** 2 - 1, [0.4, 0.0, -0.5, -1.0]).bracket
+    assert bracket is not None
+    with pytest.raises(NotConverged, match="passed on its way out"):
+        largest_pull(*bracket, lambda begin, end, delta: Pull(delta, 0.0, inf, False), 1e-3)
+
+
+def test_every_equilibrium_is_found_on_the_way_out() -> None:
+    """From a place that is nearer to the tip's turn, at a time in between, on the side of the bracket."""
+    ways = []
+
+    def go(begin: Pull, end: Pull, delta: float) -> Pull:
+        ways.append((begin.delta, delta, end.delta))
+        return at(jkr, delta)
+
+    bracket = way_out(jkr, np.array([2.0, 1.0, 0.0, -1.0, -2.0]) * JKR_DEPTH).bracket
+    assert bracket is not None
+    largest_pull(*bracket, go, 1e-4)
+    assert ways and all(begin > delta > end for begin, delta, end in ways)
+
+
+# ---- which rows are searched between -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        ([(0.1, 1.0), (0.0, -1.0), (-0.1, -2.0), (-0.2, -0.5)], (0.0, -0.1, -0.2)),
+        ([(-0.2, -3.0), (0.1, 1.0), (0.0, -2.0), (-0.1, 0.0)], (0.1, 0.0, -0.1)),
+        ([(0.1, 1.0), (0.0, -1.0), (-0.1, -2.0)], None),
+        ([(0.1, 1.0), (0.0, -1.0), (-0.1, -2.0), (0.1, 1.0)], None),
+        ([(0.1, 1.0), (-0.1, -2.0), (0.0, -1.0), (-0.2, -0.5)], None),
+        ([(-0.1, -2.0), (-0.2, -0.5), (-0.3, -0.6), (-0.4, -0.1)], None),
+        ([(0.1, 1.0), (0.0, -1.0), (-0.1, 0.0), (0.1, 1.0), (0.0, -2.0), (-0.1, 0.0)], (0.1, 0.0, -0.1)),
+        ([(0.1, 1.0), (0.0, -2.0), (-0.1, 0.0), (0.1, 1.0), (0.0, -1.0), (-0.1, 0.0)], (0.1, 0.0, -0.1)),
+        ([(0.1, 3.0), (0.0, 1.0), (-0.1, 2.0)], None),
+        ([(0.1, 1.0), (0.2, 2.0)], None),
+    ],
+    ids=[
+        "pulls",
+        "snaps in with a larger pull",
+        "ends while it pulls",
+        "turns where it pulls most",
+        "turns there, and goes on later",
+        "has turned there",
+        "second way out",
+        "first way out",
+        "pushes",
+        "goes in",
+    ],
+)
+def test_the_largest_pull_of_the_ways_out_needs_rows_on_both_sides(
+    rows: list[tuple[float, float]], expected: tuple[float, ...] | None
+) -> None:
+    way = WayOut()
+    for delta, force in rows:
+        way = way.followed_by(Pull(delta, 0.0, force, touches=True))
+    bracket = way.bracket
+    assert (bracket and tuple(place.delta for place in bracket)) == expected
+
+
+@pytest.mark.parametrize("stopped", range(1, 7))
+def test_what_is_kept_goes_on_as_before(stopped: int) -> None:
+    """A walk that stops after any row and goes on with what it has kept knows the same bracket."""
+    places = [(-0.1, -0.1), (0.1, 1.0), (0.0, -1.0), (-0.1, -2.0), (-0.2, -0.5), (-0.1, -0.4), (-0.3, 0.0)]
+    pulls = [Pull(delta, 0.0, force, touches=True) for delta, force in places]
+
+    def after(way: WayOut, rows: Sequence[Pull]) -> WayOut:
+        for row in rows:
+            way = way.followed_by(row)
+        return way
+
+    before = after(WayOut(), pulls[:stopped])
+    goes_on = WayOut.of(before.kept, before.last)
+    assert after(goes_on, pulls[stopped:]) == after(WayOut(), pulls)
