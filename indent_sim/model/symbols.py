@@ -275,6 +275,10 @@ maugis_lambda [1] $\lambda$: Maugis' lambda
 maugis_pull_off [force]: pull-off by Maugis-Dugdale on a half-space
 jkr_pull_off [force]: pull-off without range (JKR)
 
+## The largest pull of an attraction over a range
+largest_pull: the row that is pulled most: {step, delta, force}
+pull_off: the largest pull between rows on the way out: {delta, force, error, equilibria, newton_iterations}
+
 ## Studies
 study.base: the scene that is varied: the path of its file, or the scene itself
 set: keys and values that hold for every run

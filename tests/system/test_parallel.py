@@ -313,6 +313,36 @@ for name, mapping in json.loads(sys.argv[1]).items():
 if comm.rank == 0:
     print("RESULT" + json.dumps(found))
 """
+PULLED_OFF = """
+import json, sys
+from mpi4py import MPI
+from indent_sim.config.scene_file import from_mapping
+from indent_sim.fe import solver
+from indent_sim.mesh import gmsh
+from indent_sim.process.ranks import on_root
+from indent_sim.scene.scene import resolve
+
+comm = MPI.COMM_WORLD
+scene = resolve(from_mapping(json.loads(sys.argv[1])))
+part = scene.physics.part
+walk = solver.walk(scene, solver.distribute(on_root(comm, gmsh.build, part, scene.sizes), part, comm))
+rows = [state.force for state in walk.states(scene.physics.path, lambda step: False)]
+found = comm.allgather(walk.pull_off())
+assert all((one.state.force, one.equilibria) == (found[0].state.force, found[0].equilibria) for one in found)
+if comm.rank == 0:
+    print("RESULT" + json.dumps([min(rows), found[0].state.force, found[0].error, found[0].equilibria]))
+"""
+
+
+def test_every_rank_searches_for_the_same_largest_pull(mpirun: Mpirun) -> None:
+    """After the same equilibria, and to 1e-8 the one that one rank finds."""
+    loose = {"contact": {"adhesion": {"work": 1e-2, "range": 5e-2}}, "mesh": {"h_contact": 0.08}}
+    scene = mapping("sticky") | loose | {"material": ELASTIC, "loading": {"deltas": [0.03, -0.01, -0.1]}}
+    two, one = (parsed(mpirun(ranks, "-c", PULLED_OFF, json.dumps(scene))) for ranks in (2, 1))
+    assert two[:2] == pytest.approx(one[:2], rel=1e-8) and two[3] == one[3]
+    assert one[1] < one[0] < 0
+
+
 KEPT = {
     "newton": {"solver": {"method": "newton", "linear": "iterative", "rtol": 1e-11}},
     "uzawa_newton": {},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import json
+import math
 import os
 import re
 import signal
@@ -22,6 +23,7 @@ from test_results import BODY, some_fields
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import load
+from indent_sim.fe.path.pull_off import Pull
 from indent_sim.fe.path.walk import Walk
 from indent_sim.model.loading import LoadPath
 from indent_sim.results import folder
@@ -124,6 +126,37 @@ def same_numbers(out: Path, expected: Path, rtol: float = 1e-8) -> None:
             np.testing.assert_allclose(ours[step][name], values, rtol=1e-5, atol=1e-7)
 
 
+def adhering(material: str, loading: str) -> str:
+    """A scene of a tip that adheres."""
+    method = "augmented_lagrangian, adhesion: {work: 1.0e-2, range: 2.5e-2}"
+    scene = SCENE.format(material=f"model: {material}", method=method, loading=loading)
+    return scene.replace("h_contact: 0.12", "h_contact: 0.08")
+
+
+def same_pull_off(out: Path, expected: Path) -> None:
+    """The same largest pull after the same search: its depth is where forces hardly differ."""
+    found, wanted = (read(place).report["adhesion"]["pull_off"] for place in (out, expected))
+    assert (found is None) == (wanted is None) == (read(expected).report["control"] == "force")
+    if found is not None:
+        assert found["force"] == pytest.approx(wanted["force"], rel=1e-8)
+        assert found["delta"] == pytest.approx(wanted["delta"], rel=1e-4)
+        assert found["equilibria"] == wanted["equilibria"]
+
+
+def stopped_at(equilibrium: int) -> Callable:
+    """`Walk._between` of a search that is stopped at one of its equilibria."""
+    between, tried = Walk._between, 0
+
+    def stop(*args):
+        nonlocal tried
+        tried += 1
+        if tried == equilibrium:
+            raise KeyboardInterrupt
+        return between(*args)
+
+    return stop
+
+
 @pytest.fixture
 def interrupt_and_resume(indent_sim: Resume, undisturbed: Callable[[str], Path], tmp_path: Path) -> Callable[..., None]:
     """Stop a scene after some rows, go on with or without its checkpoint, and hold it to the run nothing stopped."""
@@ -196,16 +229,47 @@ class TestKilled:
         [
             ("neo_hookean", STICKY, 3, False),
             ("neo_hookean", STICKY, 4, True),
-            ("linear_elastic", STICKY, 3, False),
+            ("linear_elastic", STICKY, 5, False),
             ("linear_elastic", "forces: [0, 0.01, -0.02, 0.015]", 2, False),
         ],
     )
-    def test_a_path_with_adhesion(self, interrupt_and_resume, material, loading, rows, forget):
-        """Which of two stable states holds is in the checkpoint, or found again on the same path from far away."""
-        method = "augmented_lagrangian, adhesion: {work: 1.0e-2, range: 2.5e-2}"
-        scene = SCENE.format(material=f"model: {material}", method=method, loading=loading)
-        scene = scene.replace("h_contact: 0.12", "h_contact: 0.08")
+    def test_a_path_with_adhesion(self, interrupt_and_resume, undisturbed, tmp_path, material, loading, rows, forget):
+        """Which of two stable states holds is in the checkpoint, or found again on the same path from far away; and so
+        are the rows between which the largest pull is searched for."""
+        scene = adhering(material, loading)
         interrupt_and_resume(scene, rows, forget)
+        same_pull_off(tmp_path / "out", undisturbed(scene))
+
+    @pytest.mark.parametrize("forget", [False, True])
+    def test_a_search_for_the_largest_pull(self, indent_sim, undisturbed, tmp_path, monkeypatch, forget):
+        """Stopped in the middle of it, when all rows are there, with the checkpoint of an early row or none."""
+        scene = adhering("linear_elastic", STICKY)
+        (tmp_path / "scene.yaml").write_text(scene)
+        interrupt(tmp_path, 3)
+        early = (tmp_path / "out" / "checkpoint.h5").read_bytes()
+        with monkeypatch.context() as patch:
+            patch.setattr(Walk, "_between", stopped_at(2))
+            with pytest.raises(KeyboardInterrupt):
+                chain.simulate(load(tmp_path / "scene.yaml"), MPI.COMM_SELF, directory=tmp_path / "out", resume=True)
+        stopped = read(tmp_path / "out")
+        assert len(stopped) == 6 and stopped.report["status"] == "interrupted"
+        (tmp_path / "out" / "checkpoint.h5").write_bytes(early)
+        if forget:
+            (tmp_path / "out" / "checkpoint.h5").unlink()
+        assert indent_sim("--resume").exit_code == 0
+        same_numbers(tmp_path / "out", undisturbed(scene))
+        same_pull_off(tmp_path / "out", undisturbed(scene))
+
+    def test_a_search_that_fails_leaves_the_rows(self, indent_sim, tmp_path, monkeypatch):
+        """It is told that the pull-off is missing and why, and the row that pulls most stays what is known."""
+        (tmp_path / "scene.yaml").write_text(adhering("linear_elastic", STICKY))
+        monkeypatch.setattr(Walk, "_between", lambda *_: Pull(0.0, 0.0, math.inf, touches=False))
+        done = indent_sim()
+        adhesion = read(tmp_path / "out").report["adhesion"]
+        assert done.exit_code == 0 and adhesion["largest_pull"]["force"] < 0
+        assert adhesion["pull_off"] is None
+        assert "pull-off is missing: no equilibrium was found at a depth that the tip has passed" in done.stderr
+        assert "largest pull: force" in done.stderr
 
     @pytest.mark.parametrize(
         ("material", "rows", "forget"),

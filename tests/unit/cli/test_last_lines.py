@@ -72,3 +72,26 @@ def test_of_a_creep_the_deepest_row_of_the_prescribed_force_is_told() -> None:
     rows = states([0.0, 0.1, 0.2, 0.3], [0.0, 1.0, 1.0, 1.0], np.arange(4.0))
     assert last_lines(rows, control="force")[-1].startswith("step 4: t 3 s")
     assert row_of_interest(rows, is_force_prescribed=False).step == 2
+
+
+ROW_THAT_PULLS = {"step": 1, "delta": -0.1, "force": -1.0}
+
+
+@pytest.mark.parametrize(
+    ("found", "line"),
+    [
+        (None, "largest pull: force -1 at delta -0.1, step 1; pull-off without range (JKR) -0.9"),
+        (
+            {"delta": -0.11, "force": -1.02, "error": 0.0031, "equilibria": 3},
+            "pull-off, searched between rows: force -1.02 ± 0.0031 at delta -0.11; pull-off without range (JKR) -0.9",
+        ),
+        (
+            {"delta": -0.11, "force": -1.02, "error": None, "equilibria": 24},
+            "pull-off, searched between rows: force -1.02 ± an unknown error at delta -0.11;"
+            " pull-off without range (JKR) -0.9",
+        ),
+    ],
+)
+def test_a_tip_that_adheres_ends_with_its_pull_off(found: dict[str, Any] | None, line: str) -> None:
+    adhesion = {"largest_pull": ROW_THAT_PULLS, "pull_off": found, "jkr_pull_off": -0.9}
+    assert line in last_lines(states([-0.1], [-1.0]), adhesion=adhesion)

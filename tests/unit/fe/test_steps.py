@@ -111,6 +111,7 @@ class Spring:
             columns=(),
             contact=SimpleNamespace(reach=0.0),
             evolves=False,
+            seeks_pull_off=False,
             path=LoadPath("depth", (1.0,) * 9),
         )
         self.scene, self.has_memory = SimpleNamespace(physics=physics), memory
