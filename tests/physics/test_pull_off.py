@@ -49,26 +49,27 @@ def assert_agree(found: PullOff, other: PullOff) -> None:
 
 
 @pytest.mark.parametrize(
-    ("contact", "h", "end", "indenter", "missed"),
+    ("contact", "h", "end", "indenter", "few", "missed"),
     [
-        pytest.param(LOOSE, 0.08, -0.25, {}, 0.03, id="smooth"),
-        pytest.param(TIGHT, 0.05, -0.15, {}, 0.02, id="snaps off", marks=pytest.mark.verify),
-        pytest.param(LOOSE, 0.05, -0.12, PUNCH, 0.03, id="punch", marks=pytest.mark.verify),
+        pytest.param(LOOSE, 0.08, -0.25, {}, 6, 0.03, id="smooth"),
+        pytest.param(TIGHT, 0.05, -0.15, {}, 5, 0.02, id="snaps off", marks=pytest.mark.verify),
+        pytest.param(LOOSE, 0.05, -0.12, PUNCH, 5, 0.03, id="punch", marks=pytest.mark.verify),
     ],
 )
 def test_it_does_not_depend_on_the_number_of_rows(
-    contact: dict[str, Any], h: float, end: float, indenter: dict[str, Any], missed: float
+    contact: dict[str, Any], h: float, end: float, indenter: dict[str, Any], few: int, missed: float
 ) -> None:
-    """Six and twelve rows: a row misses up to a few per cent, the search what it says, twice the waves of the mesh at
+    """A few rows and twelve: a row misses up to a few per cent, the search what it says, twice the waves of the mesh at
     most."""
     deep = 0.01 if indenter else 0.05
     given = {"contact": contact, "mesh": {"h_contact": h}} | ({"indenter": indenter} if indenter else {})
-    results = [searched(**given, loading=out(deep, end, rows)) for rows in (6, 12)]
+    results = [searched(**given, loading=out(deep, end, rows)) for rows in (few, 12)]
     best = min(found.state.force for _, found in results if found)
-    elements = scene(WALLED, **given, loading=out(deep, end, 6)).plan.adhesion.elements  # type: ignore[union-attr]
+    in_zone = scene(WALLED, **given, loading=out(deep, end, 6)).plan.adhesion.elements  # type: ignore[union-attr]
     for rows, found in results:
-        assert found and found.state.force <= min(row.force for row in rows)
-        assert found.error <= 2 * WAVES / elements * abs(best)
+        lowest = min(rows, key=lambda row: row.force)
+        assert found and found.state.force <= lowest.force
+        assert found.error <= 2 * WAVES / min(in_zone, lowest.a / h) * abs(best)
         assert found.equilibria <= 8
         assert_agree(found, results[0][1])  # type: ignore[arg-type]
     assert min(min(row.force for row in rows) / best for rows, _ in results) < 1 - missed
@@ -87,8 +88,8 @@ def test_it_is_the_lowest_of_many_rows_around_it() -> None:
 
 @pytest.mark.verify
 def test_waves_of_the_force_are_as_high_as_it_is_told() -> None:
-    """The deviation of sixty rows around pull-off from a polynomial, of the largest pull, on elements of 0.7 to
-    2.8 in the cohesive zone: about WAVES over their number (1.1 times it), and less on finer ones (0.6 with eleven)."""
+    """The deviation of sixty rows around pull-off from a polynomial, of the largest pull: below WAVES over the elements
+    in cohesive zone or contact radius, of 0.7 to 2.8 here, and two thirds of it somewhere."""
     heights = []
     for contact, sizes in ((LOOSE, (0.154, 0.077)), (TIGHT, (0.05,))):
         for h in sizes:
@@ -99,10 +100,11 @@ def test_waves_of_the_force_are_as_high_as_it_is_told() -> None:
             rows = solve(base)[2:]
             depths, forces = np.array([(row.delta, row.force) for row in rows]).T
             smooth = np.polynomial.Polynomial.fit(depths, forces, 6)
-            expected = base.plan.adhesion
-            assert expected
-            heights.append(np.abs(forces - smooth(depths)).max() / -forces.min() * expected.elements / WAVES)
-    assert 0.5 < max(heights) < 1.2
+            lowest = min(rows, key=lambda row: row.force)
+            assert base.plan.adhesion
+            elements = min(base.plan.adhesion.elements, lowest.a / h)
+            heights.append(np.abs(forces - smooth(depths)).max() / -lowest.force * elements / WAVES)
+    assert 2 / 3 < max(heights) < 1
 
 
 @pytest.mark.verify

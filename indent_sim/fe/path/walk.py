@@ -200,10 +200,8 @@ class Walk:
         if bracket is None:
             return None
         body, before = self.equilibrium, self.equilibrium.effort
-        expected = body.scene.plan.adhesion
-        assert expected is not None
-        waves = WAVES / expected.elements  # of the largest pull
         try:
+            waves = self._waves(bracket[1])
             found = largest_pull(*bracket, self._between, waves)
             body.restore(found.pull.state.state)
             effort = body.effort - before
@@ -214,6 +212,17 @@ class Walk:
             self._points, self._found = self._to_row, None
             self.return_to_last()
         return PullOff(state, found.error + waves * abs(state.force), found.equilibria)
+
+    def _waves(self, pulled: Pull) -> float:
+        """How high the waves of the force are on this mesh, relative to the force."""
+        scene = self.equilibrium.scene
+        assert scene.plan.adhesion is not None
+        elements = scene.plan.adhesion.elements
+        if pulled.touches:
+            self.equilibrium.restore(pulled.state.state)
+            in_contact = self.equilibrium.numbers()["a"] / scene.sizes.h_contact
+            elements = min(elements, max(in_contact, 1.0))
+        return WAVES / elements
 
     def _between(self, begin: Pull, end: Pull, delta: float) -> Pull:
         """The equilibrium at a depth between two others, from the first of them."""
