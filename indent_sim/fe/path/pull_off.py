@@ -19,11 +19,12 @@ from typing import Any
 from indent_sim.process.errors import NotConverged
 
 # The force over the depth has waves, as the edge of contact passes from element to element. Their
-# height, relative to the largest pull, times the elements in the cohesive zone or in the contact
-# radius, whichever are fewer: measured as the deviation from a polynomial of degree 6 over 60 rows
-# around pull-off, at Maugis' lambda 0.5, 1 and 2.5 on 0.7 to 11 elements, it is 0.0011 to 0.0056
+# amplitude, relative to the largest pull, is of second order in the elements: times the square of
+# their number in the cohesive zone or in the contact radius, whichever are fewer, it was 0.002 to
+# 0.02 on 0.7 to 11 elements at Maugis' lambda 0.5 to 2.5, and 0.0075 at most. Measured as the
+# largest deviation from a polynomial of degree 6 over 60 rows around pull-off
 # (tests/physics/test_pull_off.py).
-WAVES = 6e-3
+WAVES, HIGHEST_WAVES = 0.02, 0.008
 MOST_EQUILIBRIA = 24  # of a search; a smooth minimum takes one to eight
 # The part of a bracket within which a parabola's minimum is no news of the row that it is next to
 BESIDE = 0.05
@@ -115,6 +116,11 @@ class WayOut:
             return cls(last, lowest=kept[0] if kept else None)
         before, lowest, *after = kept
         return cls(last, before, lowest, after[0] if after else None)
+
+
+def waves(elements: float) -> float:
+    """The amplitude of the waves of the force, relative to it, on so many elements."""
+    return min(WAVES / elements**2, HIGHEST_WAVES)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from indent_sim.fe.observe import measure
 from indent_sim.fe.path.equilibrium import Equilibrium
 from indent_sim.fe.path.failure import failed_state
 from indent_sim.fe.path.load_control import LoadControl, Pair
-from indent_sim.fe.path.pull_off import WAVES, Pull, WayOut, largest_pull
+from indent_sim.fe.path.pull_off import Pull, WayOut, largest_pull, waves
 from indent_sim.fe.path.steps import Place, StepRule, Way
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import PullOff, State
@@ -201,8 +201,8 @@ class Walk:
             return None
         body, before = self.equilibrium, self.equilibrium.effort
         try:
-            waves = self._waves(bracket[1])
-            found = largest_pull(*bracket, self._between, waves)
+            amplitude = waves(self._elements_at(bracket[1]))
+            found = largest_pull(*bracket, self._between, amplitude)
             body.restore(found.pull.state.state)
             effort = body.effort - before
             spent = {"newton_iterations": effort.newton, "wall_s": time.perf_counter() - self.started}
@@ -211,18 +211,19 @@ class Walk:
         finally:
             self._points, self._found = self._to_row, None
             self.return_to_last()
-        return PullOff(state, found.error + waves * abs(state.force), found.equilibria)
+        from_crest_to_trough = 2 * amplitude * abs(state.force)
+        return PullOff(state, found.error + from_crest_to_trough, found.equilibria)
 
-    def _waves(self, pulled: Pull) -> float:
-        """How high the waves of the force are on this mesh, relative to the force."""
+    def _elements_at(self, pulled: Pull) -> float:
+        """The number of elements in the cohesive zone or in the contact radius, whichever are fewer."""
         scene = self.equilibrium.scene
         assert scene.plan.adhesion is not None
-        elements = scene.plan.adhesion.elements
-        if pulled.touches:
-            self.equilibrium.restore(pulled.state.state)
-            in_contact = self.equilibrium.numbers()["a"] / scene.sizes.h_contact
-            elements = min(elements, max(in_contact, 1.0))
-        return WAVES / elements
+        in_zone = scene.plan.adhesion.elements
+        if not pulled.touches:
+            return in_zone
+        self.equilibrium.restore(pulled.state.state)
+        in_contact: float = self.equilibrium.numbers()["a"] / scene.sizes.h_contact
+        return min(in_zone, max(in_contact, 1.0))
 
     def _between(self, begin: Pull, end: Pull, delta: float) -> Pull:
         """The equilibrium at a depth between two others, from the first of them."""
