@@ -265,7 +265,7 @@ def _shape() -> TypeAdapter[Report]:
     """What a run.json looks like; a run that reads none need not work it out."""
     answer: Any = {"name": str, "delta": Number, "force": Number}
     curve: Any = {"delta": list[Number], "force": list[Number]}
-    place = _mapping("_Place", needed=("delta", "force"), delta=Number, force=Number)
+    place = _mapping("_Place", needed=("delta", "force"), delta=Number, force=Number, error=Known)
     half_space = _mapping(**answer, deviation=Known, curve=_mapping(needed=curve, **curve))
     beside = {"half_space": half_space | None, "curve": _mapping(**curve, a=list[Number]), "why": str}
     beside |= {"formulas": GenericAlias(list, _mapping(**answer, deviation=Known))}

@@ -198,6 +198,7 @@ class TestDamaged:
             ("plan", {"auto": [1]}),
             ("adhesion", {"tabor": []}),
             ("experiment", {"adhesion": {"pull_off": {"x": 1}}}),
+            ("adhesion", {"pull_off": {"delta": 0.0, "force": -1.0, "error": "x"}}),
         ],
     )
     def test_an_entry_that_is_something_else_is_named(self, tmp_path, entry, value):
