@@ -161,7 +161,7 @@ class PullOff:
     state
         The equilibrium there, which is no row: its step is 0.
     error
-        By how much the pull between the rows may be larger [force]; infinite where that is not known.
+        By how much the pull between the rows may be larger [force]; infinite where nobody knows.
     equilibria
         How many were sought.
     """

@@ -223,13 +223,16 @@ def _largest_pull(results: Results) -> list[str]:
     symbols = [symbol for symbol in ADHESION_SYMBOLS if known.get(symbol.name) is not None]
     numbers = [f"{symbol.meaning} {known[symbol.name]:.4g}{labels[symbol.dimension]}" for symbol in symbols]
     beforehand = f"Beforehand: {', '.join(numbers)}."
-    name, found = ("Largest pull", pulled) if known.get("pull_off") is None else ("Pull-off", known["pull_off"])
-    place = f"force {found['force']:.5g}{labels['force']} at delta {found['delta']:.5g}{labels['length']}"
-    if name == "Largest pull":
-        return [f"{name}: {place}.", beforehand]
-    error = found.get("error")
-    bar = "with an unknown error" if error is None else f"within {error:.2g}{labels['force']} on this mesh"
-    return [f"{name}: {place}, searched between rows, {bar}.", beforehand]
+    searched = known.get("pull_off")
+    found = searched or pulled
+    place = f"force {found['force']:.5g}{labels['force']}"
+    place += f" at delta {found['delta']:.5g}{labels['length']}"
+    if not searched:
+        return [f"Largest pull: {place}.", beforehand]
+    bar = "with an unknown error"
+    if (error := searched.get("error")) is not None:
+        bar = f"within {error:.2g}{labels['force']} on this mesh"
+    return [f"Pull-off: {place}, searched between rows, {bar}.", beforehand]
 
 
 def _pull_off(results: Results) -> list[str]:

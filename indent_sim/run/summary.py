@@ -212,7 +212,7 @@ def _formulas(scene: Scene, theory: Theory, state: State) -> list[dict[str, Any]
 
 
 def adhesion(expected: ExpectedAdhesion, states: Sequence[State], pull_off: PullOff | None) -> dict[str, Any]:
-    """What was known of the attraction beforehand, the row that is pulled most, and the largest pull between rows.
+    """What was known of the attraction beforehand, the largest pull of a row and that between rows.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def adhesion(expected: ExpectedAdhesion, states: Sequence[State], pull_off: Pull
     states
         The rows [user's units].
     pull_off
-        The largest pull that was found between rows [user's units]; None where none was searched for.
+        The largest pull between rows [user's units]; None where none was searched for.
     """
     pulled = min((state for state in states if state.force < 0), key=lambda state: state.force, default=None)
     row = {"step": pulled.step, "delta": pulled.delta, "force": pulled.force} if pulled else None

@@ -263,7 +263,7 @@ class TestKilled:
     def test_a_search_that_fails_leaves_the_rows(self, indent_sim, tmp_path, monkeypatch):
         """It is told that the pull-off is missing and why, and the row that pulls most stays what is known."""
         (tmp_path / "scene.yaml").write_text(adhering("linear_elastic", STICKY))
-        monkeypatch.setattr(Walk, "_between", lambda *_: Pull(0.0, 0.0, math.inf, touches=False))
+        monkeypatch.setattr(Walk, "_between", lambda *_: Pull(0.0, 0.0, math.inf, a=0.0))
         done = indent_sim()
         adhesion = read(tmp_path / "out").report["adhesion"]
         assert done.exit_code == 0 and adhesion["largest_pull"]["force"] < 0

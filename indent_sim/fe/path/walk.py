@@ -14,7 +14,7 @@ from indent_sim.fe.observe import measure
 from indent_sim.fe.path.equilibrium import Equilibrium
 from indent_sim.fe.path.failure import failed_state
 from indent_sim.fe.path.load_control import LoadControl, Pair
-from indent_sim.fe.path.pull_off import Pull, WayOut, largest_pull, waves
+from indent_sim.fe.path.pull_off import FINEST, Pull, WayOut, largest_pull, waves
 from indent_sim.fe.path.steps import Place, StepRule, Way
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import PullOff, State
@@ -111,9 +111,11 @@ class Walk:
 
     @property
     def kept(self) -> dict[int, Packed]:
-        """The places from which the largest pull would be searched for, by their numbers, for `resume`."""
-        places = self._way_out.kept if self._way_out else ()
-        return {place.number: (place.delta, place.t, self.equilibrium.pack(place.state.state)) for place in places}
+        """The places from which the largest pull is searched for, by number, for `resume`."""
+        pack, found = self.equilibrium.pack, dict[int, Packed]()
+        for place in self._way_out.kept if self._way_out else ():
+            found[place.number] = place.delta, place.t, pack(place.state.state)
+        return found
 
     def resume(
         self,
@@ -165,7 +167,7 @@ class Walk:
         return substeps
 
     def _take_up_way_out(self, kept: Mapping[int, Packed], step: int) -> bool:
-        """Take up the places that an earlier walk has kept, and the row that it stood at; False when they are lost."""
+        """Take up the places that an earlier walk has kept, and its row; False if they are lost."""
         here = self._points
         places = []
         for number, (delta, t, arrays) in sorted(kept.items()):
@@ -173,17 +175,20 @@ class Walk:
             if state is None:
                 return False
             self.equilibrium.restore(state)
-            places.append(self._pull_at(Point(Place(delta, t), state, touches=self._touches), number))
+            point = Point(Place(delta, t), state, touches=self._touches)
+            places.append(self._pull_at(point, number))
         self._points = here
         self.return_to_last()
         path = self.equilibrium.scene.physics.path
         passed = sum(len(path.leg(row)) for row in range(1, step + 1))
-        self._way_out = WayOut.of(tuple(places), self._pull_at(self._last, passed) if passed else None)
+        last = self._pull_at(self._last, passed) if passed else None
+        self._way_out = WayOut.of(tuple(places), last)
         return True
 
     def _pull_at(self, point: Point, number: int = 0) -> Pull:
         """The point that the walk stands at, for the search for the largest pull."""
-        return Pull(point.delta, point.place.t, self.equilibrium.force, point.touches, point, number)
+        a = float(self.equilibrium.numbers()["a"])
+        return Pull(point.delta, point.place.t, self.equilibrium.force, a, point, number)
 
     def _note_way_out(self) -> None:
         """Note the place that the walk stands at, where the largest pull is to be searched for."""
@@ -191,7 +196,7 @@ class Walk:
             self._way_out = self._way_out.followed_by(self._pull_at(self._last))
 
     def pull_off(self) -> PullOff | None:
-        """Search for the largest pull between the rows around the one that pulls most on the way out.
+        """Search for the largest pull between the rows around the largest one on the way out.
 
         The walk then stands where it stood before. None where there are no such rows. Raises
         NotConverged where an equilibrium between them is not found again.
@@ -201,29 +206,29 @@ class Walk:
             return None
         body, before = self.equilibrium, self.equilibrium.effort
         try:
-            amplitude = waves(self._elements_at(bracket[1]))
-            found = largest_pull(*bracket, self._between, amplitude)
+            found = largest_pull(*bracket, self._between, self._tolerance)
             body.restore(found.pull.state.state)
             effort = body.effort - before
-            spent = {"newton_iterations": effort.newton, "wall_s": time.perf_counter() - self.started}
-            numbers = body.numbers() | spent
+            numbers = body.numbers() | {"newton_iterations": effort.newton}
+            numbers["wall_s"] = time.perf_counter() - self.started
             state = State(step=0, delta=found.pull.delta, **numbers)
         finally:
             self._points, self._found = self._to_row, None
             self.return_to_last()
-        from_crest_to_trough = 2 * amplitude * abs(state.force)
+        from_crest_to_trough = 2 * self._waves(found.pull) * abs(state.force)
         return PullOff(state, found.error + from_crest_to_trough, found.equilibria)
 
-    def _elements_at(self, pulled: Pull) -> float:
-        """The number of elements in the cohesive zone or in the contact radius, whichever are fewer."""
+    def _tolerance(self, pulled: Pull) -> float:
+        """The error at which a search for the largest pull ends, relative to the force."""
+        return max(self._waves(pulled), FINEST)
+
+    def _waves(self, pulled: Pull) -> float:
+        """The amplitude of the waves of the force on this mesh, relative to it."""
         scene = self.equilibrium.scene
         assert scene.plan.adhesion is not None
         in_zone = scene.plan.adhesion.elements
-        if not pulled.touches:
-            return in_zone
-        self.equilibrium.restore(pulled.state.state)
-        in_contact: float = self.equilibrium.numbers()["a"] / scene.sizes.h_contact
-        return min(in_zone, max(in_contact, 1.0))
+        in_contact = max(pulled.a / scene.sizes.h_contact, 1.0)
+        return waves(min(in_zone, in_contact) if pulled.touches else in_zone)
 
     def _between(self, begin: Pull, end: Pull, delta: float) -> Pull:
         """The equilibrium at a depth between two others, from the first of them."""
@@ -232,7 +237,7 @@ class Walk:
         self._points, self._found = [begin.state], None
         self.return_to_last()
         if not self._reach(place):
-            return Pull(delta, place.t, inf, touches=False)
+            return Pull(delta, place.t, inf, a=0.0)
         return self._pull_at(self._last)
 
     def _without_tries(self, before: list[Point]) -> list[Point]:

@@ -49,7 +49,7 @@ def punch(end: float, curved: float) -> Curve:
 def at(curve: Curve, delta: float) -> Pull:
     """The place of a curve at a depth."""
     force = curve(delta)
-    return Pull(delta, 0.0, force or 0.0, touches=force is not None)
+    return Pull(delta, 0.0, force or 0.0, a=0.0 if force is None else 1.0)
 
 
 def way_out(curve: Curve, depths: Sequence[float]) -> WayOut:
@@ -64,7 +64,7 @@ def searched(curve: Curve, depths: Sequence[float], tolerance: float) -> Found:
     """The largest pull between rows at some depths."""
     bracket = way_out(curve, depths).bracket
     assert bracket is not None
-    return largest_pull(*bracket, lambda begin, end, delta: at(curve, delta), tolerance)
+    return largest_pull(*bracket, lambda begin, end, delta: at(curve, delta), lambda pull: tolerance)
 
 
 @pytest.mark.parametrize(("spacing", "most"), [(1.0, 10), (0.5, 10), (0.07, 2)])
@@ -114,11 +114,11 @@ def test_depths_without_equilibrium_further_out_are_as_good_as_a_jump() -> None:
 
     def go(begin: Pull, end: Pull, delta: float) -> Pull:
         found = at(curve, delta)
-        return found if found.touches else Pull(delta, 0.0, inf, touches=False)
+        return found if found.touches else Pull(delta, 0.0, inf, a=0.0)
 
     bracket = way_out(curve, [0.1, -0.2, -0.5, -0.8]).bracket
     assert bracket is not None
-    lost, there = largest_pull(*bracket, go, 1e-3), searched(curve, [0.1, -0.2, -0.5, -0.8], 1e-3)
+    lost, there = largest_pull(*bracket, go, lambda pull: 1e-3), searched(curve, [0.1, -0.2, -0.5, -0.8], 1e-3)
     assert (lost.pull.delta, lost.error) == (there.pull.delta, there.error)
 
 
@@ -126,7 +126,7 @@ def test_a_depth_that_is_lost_where_the_tip_has_been_further_out_ends_the_search
     bracket = way_out(lambda delta: (delta + 0.3) ** 2 - 1, [0.4, 0.0, -0.5, -1.0]).bracket
     assert bracket is not None
     with pytest.raises(NotConverged, match="passed on its way out"):
-        largest_pull(*bracket, lambda begin, end, delta: Pull(delta, 0.0, inf, False), 1e-3)
+        largest_pull(*bracket, lambda begin, end, delta: Pull(delta, 0.0, inf, a=0.0), lambda pull: 1e-3)
 
 
 def test_every_equilibrium_is_found_on_the_way_out() -> None:
@@ -139,7 +139,7 @@ def test_every_equilibrium_is_found_on_the_way_out() -> None:
 
     bracket = way_out(jkr, np.array([2.0, 1.0, 0.0, -1.0, -2.0]) * JKR_DEPTH).bracket
     assert bracket is not None
-    largest_pull(*bracket, go, 1e-4)
+    largest_pull(*bracket, go, lambda pull: 1e-4)
     assert ways and all(begin > delta > end for begin, delta, end in ways)
 
 
@@ -178,7 +178,7 @@ def test_the_largest_pull_of_the_ways_out_needs_rows_on_both_sides(
 ) -> None:
     way = WayOut()
     for delta, force in rows:
-        way = way.followed_by(Pull(delta, 0.0, force, touches=True))
+        way = way.followed_by(Pull(delta, 0.0, force, a=1.0))
     bracket = way.bracket
     assert (bracket and tuple(place.delta for place in bracket)) == expected
 
@@ -187,7 +187,7 @@ def test_the_largest_pull_of_the_ways_out_needs_rows_on_both_sides(
 def test_what_is_kept_goes_on_as_before(stopped: int) -> None:
     """A walk that stops after any row and goes on with what it has kept knows the same bracket."""
     places = [(-0.1, -0.1), (0.1, 1.0), (0.0, -1.0), (-0.1, -2.0), (-0.2, -0.5), (-0.1, -0.4), (-0.3, 0.0)]
-    pulls = [Pull(delta, 0.0, force, touches=True) for delta, force in places]
+    pulls = [Pull(delta, 0.0, force, a=1.0) for delta, force in places]
 
     def after(way: WayOut, rows: Sequence[Pull]) -> WayOut:
         for row in rows:
