@@ -26,7 +26,7 @@ from indent_sim.process.errors import NotConverged
 # (tests/physics/test_pull_off.py).
 WAVES, HIGHEST_WAVES = 0.02, 0.008
 # A search need not be finer, relative to the largest pull: on 11 elements in the cohesive zone the
-# force is known to 5e-4 (docs/verification.md)
+# force is known to 2e-4 (docs/verification.md)
 FINEST = 1e-4
 MOST_EQUILIBRIA = 24  # of a search; a smooth minimum takes one to eight
 # The part of a bracket within which a parabola's minimum is no news of the row that it is next to
