@@ -234,7 +234,8 @@ class Drawn:
 
     def relaxing_contact(self) -> EarlyScene:
         """A ball on an incompressible layer: by correspondence F(t) = int psi(t - s) dF_el(delta(s)), since the contact
-        grows (Lee & Radok 1960), and so its pressure at the axis."""
+        grows (Lee & Radok 1960), and so its pressure at each radius. What was pressed last has relaxed least: where
+        the ball goes in as slowly as shear relaxes the pressure is largest near the rim of contact."""
         E, R, a = self.spread(0.1, 10.0), self.spread(0.3, 3.0), self.spread(0.1, 0.4)
         law, integral = self.relaxation()
         depth, T = a * a / R, self.spread(1e-3, 10.0)
@@ -248,7 +249,11 @@ class Drawn:
         }
         shares = np.linspace(0.0, 1.0, PARTS + 1)[1:]
         curve = {"loading": {"deltas": [float(depth * share) for share in shares]}, "solver": {"method": "theory"}}
-        elastic = _rows(mapping | curve | {"material": material})
+        elastic_scene = mapping | curve | {"material": material}
+        del elastic_scene["output"]
+        elastic = list(states(elastic_scene))
+        surfaces = [row.surface for row in elastic]
+        pressures = np.array([surface.pressure for surface in surfaces if surface])
 
         def relaxed(values: list[float], t: float) -> float:
             """The integral over straight pieces of the elastic value."""
@@ -258,7 +263,7 @@ class Drawn:
 
         times = mapping["loading"]["times"]
         right = [relaxed([row.force for row in elastic], t) for t in times]
-        peaks = [relaxed([row.p_max for row in elastic], t) for t in times]
+        peaks = [max(relaxed(list(at_radius), t) for at_radius in pressures.T) for t in times]
         return EarlyScene("relaxing contact", mapping, right, right, [(p, p) for p in peaks])
 
     def contact(self) -> EarlyScene:

@@ -150,12 +150,34 @@ def compile_kernels(
 ) -> Any:
     """FFCx's own compilation, after which others may have the entry; BackendError when the compiler fails."""
     try:
-        done = _compiled(declaration, objects, names, module, options, cache, *more, **named)
+        with _without_compiler_lines():
+            done = _compiled(declaration, objects, names, module, options, cache, *more, **named)
     except (VerificationError, OSError) as error:
         reason = " ".join(str(error).split())
         raise BackendError(f"kernels cannot be compiled: {reason}; `indent-sim doctor` says what is missing") from error
     _let_go(_claimed.pop(Path(cache) / f"{module}.c", None))
     return done
+
+
+@contextmanager
+def _without_compiler_lines() -> Iterator[None]:
+    """Keep the command lines of the compiler out of the log of whoever calls.
+
+    Setuptools writes them to the root logger, whose level it lowers, and the first line to a logger
+    without a handler gives it one that prints everything on stderr from then on.
+    """
+    root = logging.getLogger()
+    level = root.level
+    disabled = root.manager.disable
+    silent = logging.NullHandler()
+    root.addHandler(silent)
+    logging.disable(max(disabled, logging.INFO))
+    try:
+        yield
+    finally:
+        logging.disable(disabled)
+        root.removeHandler(silent)
+        root.setLevel(level)
 
 
 def _is_good(entry: Path) -> bool:

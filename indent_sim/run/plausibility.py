@@ -190,7 +190,7 @@ def rough(scene: Scene, states: Sequence[State]) -> list[str]:
         rows = f"{len(found)} rows from step {found[0].step} on: the pressure alternates from node to node"
         least = min(state.roughness for state in found)
         rows = f"{rows}, by {100 * least:.2g} to {size}, most in step {worst.step}"
-    return [f"{rows}; p_max and `pressure` of the surface are as uncertain, the force is not; {_smoother(scene)}"]
+    return [f"{rows}; p_max and `pressure` of the surface are as uncertain, the force far less; {_smoother(scene)}"]
 
 
 def long_steps(scene: Scene, states: Sequence[State]) -> list[str]:

@@ -600,6 +600,11 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
         physics = replace(physics, part=_relaxing(physics, given.history))
         physics = replace(physics, bath_ramp=bath_ramp(given, physics))
         path = given.history.in_steps(first_step(given, physics, h_contact), given.per_doubling)
+        if is_locked(physics) and not _lets_fluid_out(physics):
+            problem = "the tip covers the top, every other side is closed, and the pores are full: nothing gives way"
+            raise ConfigError(
+                "drainage", problem, "drain the tip, the base or the sides, or give the pores some storage"
+            )
         if path.jumps and is_locked(physics):
             path = _without_sudden(path, "loading.force_history" if path.control == "force" else "loading.history")
     tip, height = given.relative, physics.body.height
@@ -633,6 +638,12 @@ def is_locked(physics: Physics) -> bool:
     )
     is_full = all(one.material.flow and not one.material.flow.storage for one in physics.part.regions)
     return bool(physics.is_compressed and is_closed and is_full)
+
+
+def _lets_fluid_out(physics: Physics) -> bool:
+    """Whether fluid leaves a body whose top the tip covers."""
+    drainage = physics.drainage
+    return drainage.tip != "sealed" or drainage.base != "sealed" or bool(physics.drained_walls)
 
 
 def _without_sudden(path: LoadPath, key: str) -> LoadPath:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import os
 import signal
@@ -246,3 +247,22 @@ def test_six_cold_runs_at_once(tmp_path):
     told = [run.communicate(timeout=900)[1] for run in runs]
     assert [run.returncode for run in runs] == [0] * 6, told
     assert not any("Traceback" in text for text in told)
+
+
+def test_a_caller_without_logging_sees_no_compiler(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A notebook or script: setuptools lowers the level of the root logger and writes each command line to it."""
+    root = logging.getLogger()
+    monkeypatch.setattr(root, "handlers", [])
+    monkeypatch.setattr(root, "level", logging.WARNING)
+
+    def compiled(*asked: Any) -> str:
+        root.setLevel(logging.INFO)
+        logging.info("gcc -shared")
+        return "done"
+
+    monkeypatch.setattr(kernels, "_compiled", compiled, raising=False)
+    assert kernels.compile_kernels("", [], [], "module", {}, tmp_path) == "done"
+    assert capfd.readouterr().err == ""
+    assert (root.handlers, root.level) == ([], logging.WARNING)

@@ -95,6 +95,7 @@ class BodyEquilibrium:
         """Take the present equilibrium as the one that the next step sets out from; what was lost in this [energy]."""
         lost = self.problem.dissipation()
         self.problem.accept()
+        self.newton.accept()
         return lost
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:

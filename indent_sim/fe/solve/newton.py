@@ -181,9 +181,14 @@ class Newton:
         converged = reason == CONVERGED and np.isfinite(self._residual)
         self.failure = "" if converged else self._why_not()
         self.problem.body.set_solution(guess if converged else start)
-        if converged:
-            self._largest_reaction = max(self._largest_reaction, self._reaction)
         return converged
+
+    def accept(self) -> None:
+        """Take the present equilibrium as one that the body went through: its reactions measure round-off from now on.
+
+        One that was only tried may be of any size, as that of a closed body full of fluid before the tip lets it out.
+        """
+        self._largest_reaction = max(self._largest_reaction, self._reaction)
 
     def _runs(self, guess: PETSc.Vec) -> bool:
         """Let SNES go to its end; False where the factorisation itself breaks down, as it may on a wild iterate."""

@@ -76,6 +76,21 @@ def test_a_saw_tooth_on_triangles_is_seen() -> None:
     assert found(X, hertz(X) + tooth * (hertz(X) > 0)) > 0.05
 
 
+def test_a_contact_that_opens_over_an_element_inside_is_rough() -> None:
+    """A hole of two facets; one as wide as the ring of contact beside it is another contact, with rims of its own."""
+    X = section(40)
+    r = X[..., 0]
+    pressure = hertz(X)
+    assert found(X, np.where((r > 0.5) & (r < 0.5 + 2.1 * 0.03), 0.0, pressure)) > 0.1
+    assert found(X, np.where((r > 0.3) & (r < 0.6), 0.0, pressure)) < 0.03
+
+
+def test_a_hole_in_triangles_is_rough() -> None:
+    X = triangles(24)
+    r = np.hypot(X[..., 0], X[..., 1])
+    assert found(X, np.where(r < 0.08, 0.0, hertz(X))) > 0.1
+
+
 def test_creases_of_a_tip_are_left_out() -> None:
     """A pressure with a kink where a punch begins to be round."""
     X, punch = section(40), FlatPunch(radius=1.0, edge_radius=0.5)
