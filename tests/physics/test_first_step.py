@@ -174,16 +174,16 @@ def compared(big: State, fine: State, stated: float) -> Verdict:
 
 @pytest.mark.stress
 @pytest.mark.parametrize("part", range(2))
-def test_twenty_first_steps(part: int) -> None:
+def test_ten_first_steps(part: int) -> None:
     """None wrong; and refusing is no way out: at least two of three are right or covered."""
     found = dict[str, Verdict]()
-    for name, config in islice(scenes(400), 100 + part, 400, 15):
+    for name, config in islice(scenes(400), 100 + part, 400, 30):
         found[name] = verdict = judged(config)
         print(f"{verdict.outcome:12s}{name}  {verdict.words}", flush=True)
     counts = Counter(verdict.outcome for verdict in found.values())
     print(dict(counts))
     assert not [name for name, verdict in found.items() if verdict.outcome in ("WRONG", "FALSE ALARM")]
-    assert counts["right"] + counts["covered"] >= 13
+    assert counts["right"] + counts["covered"] >= 7
 
 
 @pytest.mark.parametrize("number", [47, 77, *(pytest.param(k, marks=pytest.mark.verify) for k in (5, 15))])

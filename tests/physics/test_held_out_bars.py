@@ -215,7 +215,7 @@ def forces_of(scene: dict[str, Any]) -> list[float]:
 def test_mesh_files_drawn_at_random(tmp_path: Path) -> None:
     """Sections and blocks: as many rows inside their bars as is promised of a class of scenes."""
     tally = Tally()
-    for k, scene in enumerate(file_scenes(9, 2)):
+    for k, scene in enumerate(file_scenes(5, 1)):
         folder = tmp_path / str(k)
         folder.mkdir()
         write_part(folder / "part.msh", scene["kinematics"], scene["width"], scene["sizes"])

@@ -120,11 +120,11 @@ def test_rows_drawn_at_random_are_inside_their_bars(tmp_path: Path) -> None:
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("mapping", time_scenes(5, 31, KINDS[:5]), ids=KINDS[:5])
+@pytest.mark.parametrize("mapping", time_scenes(5, 31, KINDS[:5])[::2][:2], ids=["draining", "relaxing"])
 def test_an_accuracy_is_met_in_time(mapping: dict[str, Any], tmp_path: Path) -> None:
     """3 % asked for: of every row the force is right to that, or the depth where forces are given.
 
-    1 % is asked of draining bodies in test_early_times; here it would cost ten minutes of CPU for the same claim.
+    1 % is asked of draining and relaxing bodies in test_early_times; that of rubber would cost five minutes of CPU.
     """
     name = "delta" if "force_history" in mapping["loading"] else "force"
     given = {name: part for name, part in mapping.items() if name != "mesh"} | {"accuracy": 0.03}
@@ -137,7 +137,7 @@ def test_an_accuracy_is_met_in_time(mapping: dict[str, Any], tmp_path: Path) -> 
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("part", [0, 3, 7])
+@pytest.mark.parametrize("part", [0, 3])
 def test_every_scene_drawn_at_random_ends(part: int, tmp_path: Path) -> None:
     """All rows, or an end that says why; a force falls in a hold, to what the solver leaves."""
     lost = []

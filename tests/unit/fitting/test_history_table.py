@@ -98,10 +98,10 @@ def test_a_curve_is_followed_along_its_own_way():
 
 @pytest.mark.verify
 def test_intervals_of_curves_that_are_followed():
-    """Of three intervals of 95 % fewer than two hold the truth once in 140."""
-    stated = [followed(2, seed) for seed in range(3)]
+    """Of two intervals of 95 % neither holds the truth once in 400."""
+    stated = [followed(2, seed) for seed in range(2)]
     for key, value in ((E, 1.0), (D, 0.1)):
-        assert sum(one[key]["low"] < value < one[key]["high"] for one in stated) >= 2, [one[key] for one in stated]
+        assert sum(one[key]["low"] < value < one[key]["high"] for one in stated) >= 1, [one[key] for one in stated]
 
 
 @pytest.mark.verify
