@@ -48,7 +48,9 @@ from indent_sim.scene.theories import (
     covers_top,
     half_space_force,
     relative_tip,
+    relaxed,
     theory_of,
+    undrained,
 )
 from indent_sim.scene.truncation import Truncation, expected_depth, truncate
 from indent_sim.theory.half_space import section_depth
@@ -430,9 +432,29 @@ def on_finite_body(config: Config, given: Given) -> Given:
         deepest = max(deepest, 2 * float(given.physics.indenter.height(given.a, 0.0)))
     if given.attraction:  # or as far as it is felt
         deepest = max(deepest, 2 * ATTRACTION_REACH * (given.attraction.range or 0.0))
-    layers, length = _layers(config), given.physics.scales.length
-    found = truncate(config.body, config.indenter, layers, deepest * length, wider_for_tension(given))
+    limits = _elastic_limits(config, _layers(config))
+    depth = deepest * given.physics.scales.length
+    found = truncate(config.body, config.indenter, limits, depth, wider_for_tension(given))
     return _given(config, found.body, found.layers, found, None)
+
+
+def _elastic_limits(config: Config, layers: Layers) -> list[Layers]:
+    """Return the layers of the elastic bodies between which a body changes with time.
+
+    The drained and unrelaxed one comes first. The undrained one, and that whose shear has relaxed most, are less
+    compressible: on a slippery base they are felt from far farther away.
+    """
+    limits = [layers]
+    if any(layer.material and layer.material.flow for layer in layers):
+        limits.append(tuple(replace(layer, material=layer.material and undrained(layer.material)) for layer in layers))
+    shares = [_least_share(config, layer.material) if layer.material else 1.0 for layer in layers]
+    if min(shares) < 1:
+        softened = [
+            replace(layer, material=layer.material and relaxed(layer.material, share))
+            for layer, share in zip(layers, shares, strict=True)
+        ]
+        limits.append(tuple(softened))
+    return limits
 
 
 def wider_for_tension(given: Given) -> float:

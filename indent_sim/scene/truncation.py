@@ -48,15 +48,38 @@ class Truncation:
         return f"stands for the {self.stands_for}: {self.ratio:.3g} contact radii {size}, {stiff}"
 
 
-def truncate(body: Endless, tip: Indenter, layers: Sequence[Layer], delta: float, wider: float = 1.0) -> Truncation:
-    """The smallest body whose force at `delta` [length] is within SHARE ACCURACY of that of the body without end.
-    wider: times as wide, and a half-space as high, for what theory without a surface tension does not know."""
-    found = _truncated_half_space if isinstance(body, HalfSpace) else _truncated_layer
-    truncation = _widened(found(body, tip, layers, delta), layers, float(f"{wider:.6g}"))  # type: ignore[arg-type]
+def truncate(
+    body: Endless, tip: Indenter, limits: Sequence[Sequence[Layer]], delta: float, wider: float = 1.0
+) -> Truncation:
+    """Return the smallest body whose force at a depth is within SHARE ACCURACY of that of the body without end.
+
+    Parameters
+    ----------
+    body, tip
+        The body without end, and what is pressed in.
+    limits
+        Its layers from the top. A body that drains or relaxes has those of every elastic body between which it
+        changes; the first are its own. The finite body is large enough for all of them.
+    delta
+        The depth [length].
+    wider
+        Times as wide, and a half-space as high, for what theory without a surface tension does not know.
+    """
+    search = _truncated_half_space if isinstance(body, HalfSpace) else _truncated_layer
+    found = [search(body, tip, layers, delta) for layers in limits]  # type: ignore[arg-type]
+    largest = max(found, key=lambda one: _width(one.body))
+    own = [replace(layer, material=first.material) for layer, first in zip(largest.layers, limits[0], strict=True)]
+    largest = replace(largest, layers=tuple(own))
+    truncation = _widened(largest, largest.layers, float(f"{wider:.6g}"))
     shift = (*truncation.body.center, 0.0)  # to where the finite body has its axis
     places = [tuple(x + s for x, s in zip(one.center, shift, strict=True)) for one in body.inclusions or ()]
     placed = tuple(replace(one, center=at) for one, at in zip(body.inclusions or (), places, strict=True))
     return replace(truncation, body=replace(truncation.body, inclusions=placed or None))
+
+
+def _width(body: Cylinder | Box) -> float:
+    """The width of a finite body [length]."""
+    return 2 * body.radius if isinstance(body, Cylinder) else body.size[0]
 
 
 def _widened(found: Truncation, layers: Sequence[Layer], times: float) -> Truncation:

@@ -154,7 +154,8 @@ def test_a_sudden_force_on_a_closed_column_comes_with_the_first_step() -> None:
     sudden = {"force_history": [[0, 0.1], [1, 0.1]]}
 
     def first(**sections: Any) -> float:
-        given = SCENE | {"indenter": punch, "loading": sudden, "mesh": {"h_contact": 0.2}} | sections
+        given = SCENE | {"indenter": punch, "loading": sudden, "mesh": {"h_contact": 0.2}}
+        given |= {"drainage": {"tip": "drained"}} | sections
         return resolve(from_mapping(given)).physics.path.times[0]
 
     assert first() > 0

@@ -207,8 +207,28 @@ def test_a_tip_without_theory_has_a_wall_too() -> None:
             "indenter": {"shape": "flat_punch", "radius": 1.0},
         }
     )
-    wide = truncate(config.body, config.indenter, config.layers, 1e-4)  # type: ignore[arg-type]
+    wide = truncate(config.body, config.indenter, [config.layers], 1e-4)  # type: ignore[arg-type]
     assert wide.body.rim_distance((0.0, 0.0)) > 1.0 and wide.error < 1e-3
+
+
+@pytest.mark.parametrize("shape", ["layer", "half_space"])
+def test_a_body_that_changes_with_time_is_wide_enough_for_all_it_becomes(shape: str) -> None:
+    """Undrained, or with its shear relaxed, it is incompressible: on a slippery base felt eight times as far away."""
+    body = {"shape": shape} | ({"height": 1.0, "base": "roller"} if shape == "layer" else {})
+    common = {"indenter": {"shape": "paraboloid", "R": 1.0}}
+    drained = ELASTIC | {"nu": 0.05}
+    held = {"loading": {"history": [[0, 0], [1, 0.05], [9, 0.05]]}}
+
+    def width(material: dict[str, Any], loading: dict[str, Any]) -> float:
+        return scene(body, "solver.method=newton", material=material, **common, **loading).physics.part.extent[0][1]
+
+    once = {"loading": {"delta": 0.05}}
+    stiff, soft = width(drained | {"nu": 0.5}, once), width(drained, once)
+    porous = width(drained | {"flow": {"diffusivity": 1.0}}, held)
+    relaxing = width(drained | {"relaxation": {"prony": [[0.9999, 0.1]], "of": "shear"}}, held)
+    assert porous == pytest.approx(max(stiff, soft), rel=1e-5)
+    assert relaxing == pytest.approx(max(stiff, soft), rel=0.1)  # all but 0.4999 at the end
+    assert shape == "half_space" or stiff > 4 * soft
 
 
 def test_a_film_far_thinner_than_its_contact_is_cut_off_with_what_lies_below() -> None:
