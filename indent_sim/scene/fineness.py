@@ -24,11 +24,11 @@ FEWEST_ELEMENTS = {2: 5.0, 3: 4.6}  # elements in the contact radius, by dim: me
 MOST_ELEMENTS = 1000.0
 GRADING_FACTOR = {2: 1.0, 3: 0.6}  # grading times n^EASING, by dim
 EASING = RATE / 4  # growth^4 is its error of the energy
-FLOW_EASING = RATE / 2  # where fluid flows: its pressure is linear in an element, and costs growth^2
+COLUMN_EASING = RATE / 2  # in a column that drains: the fluid's pressure is linear in an element, and costs growth^2
 # What growth^2 costs of the force of a column that drains, relative, and how much of the error it may take. Measured on
 # a column of height 1 and radius 0.1 at t = 0.1 height^2/D: 7.4e-4 at a growth of 0.2, 4.2e-4 at 0.167, 1.3e-4 where
 # sizes end at 0.03
-FLOW_GROWTH = 0.02
+COLUMN_GROWTH = 0.02
 GROWTH_SHARE = 0.5
 STEEPEST_GRADING = 0.5
 FAR_SIZE = {2: 2.0, 3: 1.25}  # h_far n over the larger of height and width, by dim
@@ -71,7 +71,7 @@ class Fineness:
     dim: int
     stiffness_given: bool = False  # the user's penalty stiffness, whose error no mesh can make smaller
     refinements: int = 0  # of a mesh from a file, which knows no sizes between
-    flows: bool = False  # whether fluid flows in the body
+    is_column: bool = False  # whether fluid flows in a body whose top the tip covers
 
     @property
     def error(self) -> float:
@@ -99,8 +99,8 @@ class Fineness:
         h_edge = min(edge * EDGE_SIZE[self.dim] * n**-RATE / keenness, fine) if edge is not None else None
         far = max(fine, min(FAR_SIZE[self.dim] / n * max(height, width), (round_radius or float("inf")) / n))
         grading = min(STEEPEST_GRADING, GRADING_FACTOR[self.dim] * n**-EASING)
-        if self.flows:
-            grading = min(grading, (GROWTH_SHARE * self.error / FLOW_GROWTH) ** 0.5)
+        if self.is_column:
+            grading = min(grading, (GROWTH_SHARE * self.error / COLUMN_GROWTH) ** 0.5)
         return SettledSizes(h_contact=fine, h_axis=h_axis, h_edge=h_edge, h_far=far, grading=grading)
 
 
@@ -137,7 +137,7 @@ def fineness_of(target: float, n: float, contacts: Sequence[tuple[float, float, 
     return Fineness(target, n, smallest, largest, compliance, dim)
 
 
-def coarser(sizes: Sizes, ratio: float, height: float, *, flows: bool = False) -> Sizes:
+def coarser(sizes: Sizes, ratio: float, height: float, *, is_column: bool = False) -> Sizes:
     """Return element sizes that are larger by a ratio, near and far alike; smaller for a ratio below 1.
 
     Each size changes by the power of the ratio with which all errors fall alike.
@@ -150,10 +150,10 @@ def coarser(sizes: Sizes, ratio: float, height: float, *, flows: bool = False) -
         Of the size in the contact to that of `sizes`.
     height
         Of the body [length]; no element is larger.
-    flows
-        Whether fluid flows in the body.
+    is_column
+        Whether fluid flows in a body whose top the tip covers.
     """
-    easing = FLOW_EASING if flows else EASING
+    easing = COLUMN_EASING if is_column else EASING
     fine = min(ratio * sizes.h_contact, height)
     skins = tuple((one, min(ratio * h, max(one.thickness, h))) for one, h in sizes.skins)
     films = tuple(replace(film, h=min(ratio ** (RATE / FILM_POWER) * film.h, fine)) for film in sizes.films)

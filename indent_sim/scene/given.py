@@ -179,6 +179,11 @@ class Physics:
         """The regions in whose pores fluid flows."""
         return tuple(region for region in self.part.regions if region.material.flow)
 
+    @property
+    def is_consolidated(self) -> bool:
+        """Whether fluid flows in a body whose top the tip covers: no distance from a contact lets its pressure fade."""
+        return self.is_compressed and bool(self.permeable)
+
     def bath_pressure(self, region: Region, t: float) -> float:
         """p_b [pressure] of the bath that a permeable region sees, at a time since rest; 0 until then."""
         if t <= 0:
