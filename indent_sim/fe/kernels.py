@@ -163,21 +163,25 @@ def compile_kernels(
 def _without_compiler_lines() -> Iterator[None]:
     """Keep the command lines of the compiler out of the log of whoever calls.
 
-    Setuptools writes them to the root logger, whose level it lowers, and the first line to a logger
-    without a handler gives it one that prints everything on stderr from then on.
+    Setuptools writes them to the root logger, whose level it lowers. Without a handler the root
+    logger gets one with the first line, which prints everything on stderr from then on.
     """
     root = logging.getLogger()
     level = root.level
-    disabled = root.manager.disable
     silent = logging.NullHandler()
     root.addHandler(silent)
-    logging.disable(max(disabled, logging.INFO))
+    root.addFilter(_is_warning)
     try:
         yield
     finally:
-        logging.disable(disabled)
+        root.removeFilter(_is_warning)
         root.removeHandler(silent)
         root.setLevel(level)
+
+
+def _is_warning(record: logging.LogRecord) -> bool:
+    """Whether a log record is more than information."""
+    return record.levelno > logging.INFO
 
 
 def _is_good(entry: Path) -> bool:
