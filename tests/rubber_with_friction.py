@@ -1,12 +1,12 @@
-"""Random scenes with friction at finite strain, and how rough their contact pressure is by a second measure.
+"""Random scenes with friction at finite strain, and how rough their contact pressure is.
 
-A pressure that alternates from node to node of the elements is the error of the elements alone: `p_max` and the
-pressures of the surface are as uncertain. A run warns of it by `State.roughness`, which takes a quadratic away from
-the nodes of neighbouring facets. The second measure, `alternation`, knows nothing of facets: it compares the pressure
-at each node of a section with what a cubic through two nodes on either side says there.
+A pressure that oscillates from node to node is an error of the elements: `p_max` and the pressures
+of the surface are as uncertain. A run warns of it by `State.roughness`, the deviation from a
+quadratic over neighbouring facets. A second measure, `alternation`, does not use facets: it compares
+the pressure at each node of a section with a cubic through two nodes on either side.
 
-`python tests/rubber_with_friction.py --seed 1 --count 60` solves as many scenes and prints a line for each: both
-measures, whether a run would warn, and what it took.
+`python tests/rubber_with_friction.py --seed 1 --count 60` solves as many scenes and prints a line
+for each: both measures, whether a run would warn, and what it took.
 """
 
 from __future__ import annotations
@@ -26,11 +26,12 @@ from indent_sim.run import chain
 from indent_sim.run.plausibility import ROUGH, rough
 from indent_sim.scene.scene import Scene, resolve
 
-# Where a pressure need not be smooth: so many nodes beside the rim of contact and beside a crease of the tip. Three
-# facets, the two that a run leaves out and the one that it looks at, have six nodes more than their vertices
+# Where a pressure need not be smooth: so many nodes beside the rim of contact and beside a crease
+# of the tip. Three facets, the two that a run leaves out and the one that it looks at, have six
+# nodes more than their vertices
 MARGIN = 6
-# What alternates from node to node by +A and -A differs from the cubic through its neighbours by
-# A (1 + 2 4/6 + 2/6) = 8 A/3, as the weights are -1/6, 4/6, 4/6 and -1/6 where nodes are equally far apart
+# A pressure of +A and -A in turn differs from the cubic through its neighbours by 8/3 A: the cubic
+# has the weights -1/6, 4/6, 4/6 and -1/6 where nodes are equally far apart, and 1 + 8/6 + 2/6 = 8/3
 OF_AMPLITUDE = 8 / 3
 
 
@@ -103,10 +104,11 @@ def _rubber(draw: Random) -> dict[str, Any]:
 
 
 def alternation(scene: Scene, state: State) -> float:
-    """Return the amplitude of what alternates in the pressure of a section from node to node, over `p_max`.
+    """Return the amplitude of the node-to-node oscillation of a section's pressure, over `p_max`.
 
-    It is 0 where the contact has too few nodes away from its rim and from creases of the tip. Nodes at which elements
-    change their size are judged too: a smooth pressure differs from the cubic there by the fourth power of the size.
+    It is 0 where the contact has too few nodes away from its rim and from creases of the tip. Nodes
+    at which elements change their size are judged too: a smooth pressure differs from the cubic
+    there by the fourth power of the size.
     """
     surface = state.surface
     assert surface is not None

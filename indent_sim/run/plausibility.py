@@ -45,8 +45,9 @@ PILLAR_HEIGHT = 10.0  # ways to the rim: a thicker body is a pillar, whose own s
 SHALLOW = 0.1  # of the contact radius: up to this depth no law stiffens by a factor
 THEORY_FORCE_ERROR = 1e-4  # of theory's force: its own error
 
-# A contact pressure that oscillates from node to node by more than this fraction of p_max is warned of. In scenes with
-# a smooth pressure the fraction is 0.002 to 0.02, in a saw-tooth 0.09 to 0.5 (measured in docs/decisions/0053).
+# A contact pressure that oscillates from node to node by more than this fraction of p_max is warned
+# of. In scenes with a smooth pressure the fraction is 0.002 to 0.02, in a saw-tooth 0.09 to 0.5
+# (measured in docs/decisions/0053).
 ROUGH = 0.03
 # A stick radius or a dissipation that a long step may have wrong by more than this is warned of. Measured with 1, 2, 5,
 # 10 and 40 even steps under a paraboloid (thick layer, nu 0): with friction 0.3 the stick radius is 0.24, 0.45, 0.50,
@@ -166,7 +167,7 @@ def unresolved(scene: Scene, states: Sequence[State]) -> list[str]:
 
 
 def rough(scene: Scene, states: Sequence[State]) -> list[str]:
-    """Warn of rows whose contact pressure oscillates from node to node of the elements (a saw-tooth).
+    """Warn of rows whose contact pressure oscillates from node to node (a saw-tooth).
 
     Parameters
     ----------

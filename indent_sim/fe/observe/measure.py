@@ -49,7 +49,10 @@ class Observed(Protocol):
 LEAST_PRESSURE = 1e-8  # of E*, a pressure that is not round-off
 SAME_NODE, OF_ELEMENT = 1e-10, 1e-3  # of the body's height, of the smallest element: closer nodes are the same
 SMEARED, STEEP = 0.3, 11.0  # of the step of the pressure that ends a tensed contact; how it grows with gamma/(E* a)
-BESIDE = 1.5  # of the largest distance of contact from the axis: facets to there are looked at for the roughness
+# The roughness is read off the facets up to this multiple of the largest distance of contact from
+# the tip's axis: what surrounds the contact has to be among them, so that it is told from a hole
+# inside
+BESIDE = 1.5
 LIFTED = 0.01  # of the depth: twice what was seen beside the edge of a punch, gamma/(E* a) from 1e-4 to 20, nu 0 to 0.5
 UNDER = 0.5  # of the radius at which a tip ends: no tip is steep there, and a ball has its stem above (tips.STEM)
 # Of E*/h, h the size of the facet, by formulation. Measured on 60 random layers between frictionless walls, two to

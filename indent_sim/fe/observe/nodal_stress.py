@@ -61,7 +61,9 @@ class NodalStress:
         return found
 
     def gather_averages(self, points: int) -> np.ndarray | None:
-        """Return the volume-weighted nodal stress (points, 3, 3) [pressure] on rank 0, None elsewhere (collective).
+        """Return the volume-weighted nodal stress (points, 3, 3) [pressure]; None but on rank 0.
+
+        Collective.
 
         Parameters
         ----------

@@ -1,10 +1,11 @@
 """Roughness of the contact pressure: how far it alternates from node to node of the elements.
 
-A smooth pressure is nearly quadratic on a facet and those beside it. What alternates between vertices and midpoints, or
-from one facet to the next, is not: it is what remains at a facet's nodes when the quadratic polynomial is taken away
-that fits the nodes of the facet and of its neighbours best, by least squares. A contact that opens over an element or
-two inside counts as rough, too. Where a pressure need not be smooth nothing is said: at the rim of contact, and where
-the slope or the curvature of the tip jumps.
+A smooth pressure is nearly quadratic on a facet and those beside it. What alternates between
+vertices and midpoints, or from one facet to the next, is not: it is what remains at a facet's nodes
+when the quadratic polynomial is taken away that fits the nodes of the facet and of its neighbours
+best, by least squares. A contact that opens over an element or two inside counts as rough, too.
+Where a pressure need not be smooth nothing is said: at the rim of contact, and where the slope or
+the curvature of the tip jumps.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ SAME = 1e-9  # of the extent of the surface: nodes closer to each other are one
 # part of its patch. A ball on a cube (three elements in the contact radius, no friction) is 0.08 rough with two of
 # them, where the elements that the rim crosses smear the pressure
 RINGS = {3: 2, 6: 3}
-# Facets of a hole inside the contact that counts as an oscillation, by the nodes of a facet: under a rounded punch with
-# friction two elements in a row opened (depth 0.24 thicknesses, nu 0.49, two steps), and the force was 1.6 % too small
+# Facets of a hole inside the contact that counts as an oscillation, by the nodes of a facet: under
+# a rounded punch with friction two elements in a row opened (depth 0.24 thicknesses, nu 0.49, two
+# steps), and the force was 1.6 % too small
 HOLE = {3: 4, 6: 12}
 
 
@@ -113,9 +115,10 @@ def _quadratics(patch: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 def roughness(
     patches: Patches, pressure: np.ndarray, touches: np.ndarray, distance: np.ndarray, tip: Indenter
 ) -> float:
-    """Return the amplitude [pressure] of the oscillation of the contact pressure from node to node of the elements.
+    """Return the amplitude [pressure] of the contact pressure's oscillation from node to node.
 
-    It is 0 where the contact is too small for a facet away from its rim and from creases of the tip.
+    It is 0 where the contact is too small for a facet away from its rim and from creases of the
+    tip.
 
     Parameters
     ----------
@@ -149,16 +152,29 @@ def roughness(
 
 
 def _without_holes(is_inner: np.ndarray, distance: np.ndarray, members: np.ndarray, most: int) -> np.ndarray:
-    """Return which facets are in contact, with those of holes in it of at most so many facets (facets,).
+    """Return which facets are in contact or in a small hole of it (facets,).
 
-    A contact that opens over so few elements inside oscillates as one whose pressure alternates. A hole is a connected
-    set of facets that are not in contact; what surrounds the contact is a larger one.
+    A hole is a connected set of facets without contact that does not reach the farthest facet. A
+    contact that opens over so few elements inside oscillates as one whose pressure alternates from
+    node to node.
+
+    Parameters
+    ----------
+    is_inner
+        Which facets are in contact at all of their nodes (facets,).
+    distance
+        How far their nodes are from the tip's axis (facets, nodes) [length].
+    members
+        See `Patches`.
+    most
+        Number of facets of the largest hole that is filled.
     """
     is_open = ~is_inner
     nearest = distance.min(axis=1)
     if not (nearest[is_open] < nearest[is_inner].max(initial=0.0)).any():
         return is_inner
-    from scipy.sparse import coo_array  # rarely needed: few contacts are no full circle
+    # Imported here, as few contacts are no full circle
+    from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     pairs = np.stack([np.repeat(members[:, 0], members.shape[1] - 1), members[:, 1:].ravel()])
@@ -167,7 +183,8 @@ def _without_holes(is_inner: np.ndarray, distance: np.ndarray, members: np.ndarr
     graph = coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(count, count))
     _, labels = connected_components(graph, directed=False)
     sizes = np.bincount(labels[is_open], minlength=count)
-    return is_inner | (sizes[labels] <= most)
+    is_outside = labels == labels[nearest.argmax()]
+    return is_inner | ((sizes[labels] <= most) & ~is_outside)
 
 
 def _is_creased(distance: np.ndarray, tip: Any) -> np.ndarray:
