@@ -233,9 +233,10 @@ class Drawn:
         return EarlyScene("relaxing column", mapping, right, right, [(p, p) for p in pressures])
 
     def relaxing_contact(self) -> EarlyScene:
-        """A ball on an incompressible layer: by correspondence F(t) = int psi(t - s) dF_el(delta(s)), since the contact
-        grows (Lee & Radok 1960), and so its pressure at each radius. What was pressed last has relaxed least: where
-        the ball goes in as slowly as shear relaxes the pressure is largest near the rim of contact."""
+        """A ball on an incompressible layer: by correspondence F(t) = int psi(t - s)
+        dF_el(delta(s)), since the contact grows (Lee & Radok 1960), and so its pressure at each
+        radius. What was pressed last has relaxed least: where the ball goes in as slowly as shear
+        relaxes the pressure is largest near the rim of contact."""
         E, R, a = self.spread(0.1, 10.0), self.spread(0.3, 3.0), self.spread(0.1, 0.4)
         law, integral = self.relaxation()
         depth, T = a * a / R, self.spread(1e-3, 10.0)

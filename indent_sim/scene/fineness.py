@@ -24,10 +24,12 @@ FEWEST_ELEMENTS = {2: 5.0, 3: 4.6}  # elements in the contact radius, by dim: me
 MOST_ELEMENTS = 1000.0
 GRADING_FACTOR = {2: 1.0, 3: 0.6}  # grading times n^EASING, by dim
 EASING = RATE / 4  # growth^4 is its error of the energy
-COLUMN_EASING = RATE / 2  # in a column that drains: the fluid's pressure is linear in an element, and costs growth^2
-# What growth^2 costs of the force of a column that drains, relative, and how much of the error it may take. Measured on
-# a column of height 1 and radius 0.1 at t = 0.1 height^2/D: 7.4e-4 at a growth of 0.2, 4.2e-4 at 0.167, 1.3e-4 where
-# sizes end at 0.03
+# In a column that drains no contact lets the pressure of the fluid fade with the depth. That
+# pressure is linear in an element, so that grading costs COLUMN_GROWTH grading^2 of the force, of
+# which an accuracy allows GROWTH_SHARE of its target. Measured on "Biot, confined ramp" of
+# configs/studies/verification/published.yaml (height 1, radius 0.1, at t = 0.1 height^2/D): 7.4e-4
+# with a grading of 0.2 and 4.2e-4 with 0.167, 1.2e-5 with elements of 0.01 everywhere
+COLUMN_EASING = RATE / 2
 COLUMN_GROWTH = 0.02
 GROWTH_SHARE = 0.5
 STEEPEST_GRADING = 0.5
@@ -138,7 +140,7 @@ def fineness_of(target: float, n: float, contacts: Sequence[tuple[float, float, 
 
 
 def coarser(sizes: Sizes, ratio: float, height: float, *, is_column: bool = False) -> Sizes:
-    """Return element sizes that are larger by a ratio, near and far alike; smaller for a ratio below 1.
+    """Return element sizes that are larger by a ratio, near and far alike, or smaller below 1.
 
     Each size changes by the power of the ratio with which all errors fall alike.
 

@@ -180,8 +180,8 @@ class Physics:
         return tuple(region for region in self.part.regions if region.material.flow)
 
     @property
-    def is_consolidated(self) -> bool:
-        """Whether fluid flows in a body whose top the tip covers: no distance from a contact lets its pressure fade."""
+    def is_porous_column(self) -> bool:
+        """Whether fluid flows in a body whose top the tip covers, as in Terzaghi's consolidation."""
         return self.is_compressed and bool(self.permeable)
 
     def bath_pressure(self, region: Region, t: float) -> float:
@@ -437,29 +437,31 @@ def on_finite_body(config: Config, given: Given) -> Given:
         deepest = max(deepest, 2 * float(given.physics.indenter.height(given.a, 0.0)))
     if given.attraction:  # or as far as it is felt
         deepest = max(deepest, 2 * ATTRACTION_REACH * (given.attraction.range or 0.0))
-    limits = _elastic_limits(config, _layers(config))
+    states = _layers_in_extreme_states(config)
     depth = deepest * given.physics.scales.length
-    found = truncate(config.body, config.indenter, limits, depth, wider_for_tension(given))
+    found = truncate(config.body, config.indenter, states, depth, wider_for_tension(given))
     return _given(config, found.body, found.layers, found, None)
 
 
-def _elastic_limits(config: Config, layers: Layers) -> list[Layers]:
-    """Return the layers of the elastic bodies between which a body changes with time.
+def _layers_in_extreme_states(config: Config) -> list[Layers]:
+    """Return the layers in the elastic states between which their materials change with time.
 
-    The drained and unrelaxed one comes first. The undrained one, and that whose shear has relaxed most, are less
-    compressible: on a slippery base they are felt from far farther away.
+    The drained and unrelaxed state is the first. The undrained state, and that of the shear modulus
+    which has relaxed most, are less compressible: on a frictionless base a wall is felt from much
+    farther away.
     """
-    limits = [layers]
+    layers = _layers(config)
+    states = [layers]
     if any(layer.material and layer.material.flow for layer in layers):
-        limits.append(tuple(replace(layer, material=layer.material and undrained(layer.material)) for layer in layers))
+        states.append(tuple(replace(layer, material=layer.material and undrained(layer.material)) for layer in layers))
     shares = [_least_share(config, layer.material) if layer.material else 1.0 for layer in layers]
     if min(shares) < 1:
         softened = [
             replace(layer, material=layer.material and relaxed(layer.material, share))
             for layer, share in zip(layers, shares, strict=True)
         ]
-        limits.append(tuple(softened))
-    return limits
+        states.append(tuple(softened))
+    return states
 
 
 def wider_for_tension(given: Given) -> float:
@@ -628,10 +630,9 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
         physics = replace(physics, bath_ramp=bath_ramp(given, physics))
         path = given.history.in_steps(first_step(given, physics, h_contact), given.per_doubling)
         if is_locked(physics) and not _lets_fluid_out(physics):
-            problem = "the tip covers the top, every other side is closed, and the pores are full: nothing gives way"
-            raise ConfigError(
-                "drainage", problem, "drain the tip, the base or the sides, or give the pores some storage"
-            )
+            problem = "no fluid leaves the pores, and the tip covers the top of a body that is held on all other sides"
+            remedy = "drain the tip, the base or the sides, free the sides, or give the material some flow.storage"
+            raise ConfigError("drainage", f"{problem}: it cannot be compressed", remedy)
         if path.jumps and is_locked(physics):
             path = _without_sudden(path, "loading.force_history" if path.control == "force" else "loading.history")
     tip, height = given.relative, physics.body.height
@@ -643,11 +644,12 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
 
 
 def bath_ramp(given: Given, physics: Physics) -> float:
-    """Return the time [time] over which the bath of a gel ramps up linearly to its full chemical potential.
+    """Return the time [time] over which the chemical potential of a gel's bath ramps up linearly.
 
-    It is 0 for a body that no bath swells or shrinks, and for a sudden bath. The key `drainage.bath_ramp` gives it; for
-    `auto` at finite strain it is BATH_RAMP L^2/D, where D is the largest diffusivity and L the smaller of the expected
-    contact radius and the body's height. The ramp does not depend on the mesh.
+    It is 0 for a body that no bath swells or shrinks, and for a sudden bath. The key
+    `drainage.bath_ramp` gives it; for `auto` at finite strain it is BATH_RAMP L^2/D, where D is the
+    largest diffusivity and L the smaller of the expected contact radius and the body's height. The
+    ramp does not depend on the mesh.
     """
     if not physics.swells:
         return 0.0

@@ -97,7 +97,7 @@ def fineness(config: Config, given: Given, per_radius: float | None) -> Fineness
         n = per_radius or elements_for(target, physics.part.dim, is_confined, steepness(physics.material.decay))
     stiffness_given = getattr(config.contact, "epsilon_n", "auto") != "auto"
     found = fineness_of(target, n, contacts, physics.part.dim)
-    is_column = physics.is_consolidated
+    is_column = physics.is_porous_column
     return replace(found, stiffness_given=stiffness_given, refinements=refinements, is_column=is_column)
 
 

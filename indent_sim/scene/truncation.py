@@ -49,26 +49,29 @@ class Truncation:
 
 
 def truncate(
-    body: Endless, tip: Indenter, limits: Sequence[Sequence[Layer]], delta: float, wider: float = 1.0
+    body: Endless, tip: Indenter, states: Sequence[Sequence[Layer]], delta: float, wider: float = 1.0
 ) -> Truncation:
-    """Return the smallest body whose force at a depth is within SHARE ACCURACY of that of the body without end.
+    """Return the smallest finite body that stands for a half-space or an infinitely wide layer.
+
+    Its force at the depth differs from that of the body without end by SHARE ACCURACY at most.
 
     Parameters
     ----------
     body, tip
         The body without end, and what is pressed in.
-    limits
-        Its layers from the top. A body that drains or relaxes has those of every elastic body between which it
-        changes; the first are its own. The finite body is large enough for all of them.
+    states
+        The layers of the body from the top, in each of the elastic states between which it changes
+        with time; the first are those that the finite body gets. It is large enough for all states.
     delta
         The depth [length].
     wider
-        Times as wide, and a half-space as high, for what theory without a surface tension does not know.
+        Times as wide, and a half-space as high, for what theory without a surface tension does not
+        know.
     """
     search = _truncated_half_space if isinstance(body, HalfSpace) else _truncated_layer
-    found = [search(body, tip, layers, delta) for layers in limits]  # type: ignore[arg-type]
+    found = [search(body, tip, layers, delta) for layers in states]  # type: ignore[arg-type]
     largest = max(found, key=lambda one: _width(one.body))
-    own = [replace(layer, material=first.material) for layer, first in zip(largest.layers, limits[0], strict=True)]
+    own = [replace(layer, material=first.material) for layer, first in zip(largest.layers, states[0], strict=True)]
     largest = replace(largest, layers=tuple(own))
     truncation = _widened(largest, largest.layers, float(f"{wider:.6g}"))
     shift = (*truncation.body.center, 0.0)  # to where the finite body has its axis

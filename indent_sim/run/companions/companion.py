@@ -42,7 +42,7 @@ def curve_of(states: States) -> Curve:
 def coarser(scene: Scene, ratio: float) -> Scene:
     """The same scene on a mesh whose sizes are that much larger, near and far alike."""
     physics = scene.physics
-    sizes = fineness.coarser(scene.sizes, ratio, physics.part.height, is_column=physics.is_consolidated)
+    sizes = fineness.coarser(scene.sizes, ratio, physics.part.height, is_column=physics.is_porous_column)
     return replace(scene.with_physics(wall_stiffness=scene.physics.wall_stiffness / ratio), sizes=sizes)
 
 

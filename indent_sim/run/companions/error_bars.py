@@ -101,7 +101,8 @@ def grid_convergence(difference: float, ratio: float, rate: float) -> float:
 
 
 def ridge_pressure(turn: float, refinements: int) -> float:
-    """Return the largest excess pressure over E* at the ridges of a faceted mesh that stands for a curved surface.
+    """Return the largest excess pressure over E* at the ridges of a faceted mesh that stands for a
+    curved surface.
 
     Two facets that meet at the angle theta are a cone of the slope theta/2 to a tip that is flat there, whose pressure
     grows as E* theta/4 arccosh(l/r) towards the ridge (Sneddon 1965, Int. J. Eng. Sci. 3, 47; Johnson, Contact
