@@ -24,26 +24,34 @@ Points = Sequence[Point]
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Points of the load path, oldest first, in the solver's own units; `step` rows were done then.
+    """What a run needs to go on, in the solver's own units.
 
-    kept: rows, by their steps, from which the largest pull is searched for at the end.
+    Attributes
+    ----------
+    step
+        Number of rows that were done.
+    points
+        Equilibria of the load path, oldest first.
+    pull_off_points
+        Equilibria around the row that pulls most, by their numbers, between which the pull-off is
+        searched for.
     """
 
     step: int = 0
     points: Points = ()
-    kept: Mapping[int, Point] = field(default_factory=dict)
+    pull_off_points: Mapping[int, Point] = field(default_factory=dict)
 
     def arrays(self) -> Iterator[np.ndarray]:
-        """All numbers but the step, in order."""
+        """Yield all arrays of the checkpoint, in one order: depths, times and unknowns."""
         for delta, t, vectors in self.points:
             yield np.array([delta, t])
             yield from vectors
-        for step, (delta, t, vectors) in sorted(self.kept.items()):
-            yield np.array([step, delta, t])
+        for number, (delta, t, vectors) in sorted(self.pull_off_points.items()):
+            yield np.array([number, delta, t])
             yield from vectors
 
     def checksum(self) -> int:
-        """A checksum of `arrays`."""
+        """Return the CRC-32 of all depths, times and unknowns, by which a damaged file is recognised."""
         total = 0
         for values in self.arrays():
             total = zlib.crc32(np.ascontiguousarray(values).tobytes(), total)
@@ -56,7 +64,7 @@ def write(path: Path, saved: Checkpoint, identity: Report) -> None:
 
     image, owner = io.BytesIO(), json.dumps(identity, sort_keys=True)
     named = {f"point/{n}": point for n, point in enumerate(saved.points)}
-    named |= {f"kept/{step}": point for step, point in saved.kept.items()}
+    named |= {f"pull_off/{number}": point for number, point in saved.pull_off_points.items()}
     with h5py.File(image, "w") as file:
         file.attrs.update(step=saved.step, identity=owner, checksum=saved.checksum())
         for name, (depth, t, vectors) in named.items():
@@ -78,8 +86,8 @@ def read(path: Path, identity: Report) -> Checkpoint:
     try:
         with h5py.File(io.BytesIO(content(path)), "r") as file:
             points = [point(file[f"point/{n}"]) for n in range(len(file["point"]))]
-            kept = {int(step): point(group) for step, group in file.get("kept", {}).items()}
-            saved = Checkpoint(int(file.attrs["step"]), points, kept)
+            pulls = {int(number): point(group) for number, group in file.get("pull_off", {}).items()}
+            saved = Checkpoint(int(file.attrs["step"]), points, pulls)
             owner = json.dumps(identity, sort_keys=True)
             is_ours = int(file.attrs["checksum"]) == saved.checksum() and file.attrs["identity"] == owner
             is_finite = all(np.isfinite(values).all() for values in saved.arrays())

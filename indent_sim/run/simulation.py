@@ -99,7 +99,7 @@ class Simulation:
             record.note(dofs=dofs, mesh={"hash": mesh.hash} | size, versions=versions | {"gmsh": grid.gmsh}, **tuned)
         self._identity = {"mesh": mesh.hash, "dofs": dofs, "dolfinx": versions["dolfinx"], "order": "of the grid"}
         if scene.physics.seeks_pull_off:  # a checkpoint without them, of an earlier version, is none
-            self._identity["kept"] = "rows around the largest pull"
+            self._identity["pull_off"] = "rows around the largest pull"
         earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
         if earlier not in (None, mesh.hash):
             record.warn(f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)")
@@ -133,7 +133,7 @@ class Simulation:
         saved = self.record.read_checkpoint(self._identity)
         if physics.path.times:  # the rows since then are walked again, as they were
             with self.clock.stage("resume"):
-                self._walk.resume(saved.points, [], saved.step, saved.kept)
+                self._walk.resume(saved.points, [], saved.step, saved.pull_off_points)
             self._walked_to = saved.step
             return
         legs = [physics.path.leg(step) for step in range(saved.step + 1, done + 1)]  # with the rows that are there
@@ -141,7 +141,7 @@ class Simulation:
         if physics.path.control != "depth":  # every step is a row
             passed = [(state.delta / physics.scales.depth, 0.0) for state in self.states[saved.step :]]
         with self.clock.stage("resume"):
-            if not self._walk.resume(saved.points, passed, saved.step, saved.kept):
+            if not self._walk.resume(saved.points, passed, saved.step, saved.pull_off_points):
                 depth = f"delta = {self.states[-1].delta:.6g}"
                 raise NotConverged(f"the last row's {depth} was not reached again: {self._walk.failure}")
 
@@ -149,8 +149,8 @@ class Simulation:
         """Keep the last equilibria; the next time after a second, and twenty times as long as this took."""
         began = time.monotonic()
         if self.states and (points := self._walk.points):
-            kept = self._walk.kept if self.scene.physics.seeks_pull_off else {}
-            self.record.save_checkpoint(Checkpoint(len(self.states), points, kept), self._identity)
+            pulls = self._walk.pull_off_points if self.scene.physics.seeks_pull_off else {}
+            self.record.save_checkpoint(Checkpoint(len(self.states), points, pulls), self._identity)
             ended = time.monotonic()
             self._next_checkpoint = ended + max(1.0, 20 * (ended - began))
 
@@ -179,7 +179,7 @@ class Simulation:
                     progress(self.states[-1], state.step, self._total)
             if self.scene.physics.seeks_pull_off:
                 with self.clock.stage("pull-off"):
-                    self._pull_off = self.record.beside("pull-off", self._searched, None)
+                    self._pull_off = self.record.beside("pull-off", self._find_pull_off, None)
         except (NotConverged, KeyboardInterrupt) as end:
             # a signal reaches the ranks one by one: only a failure may be known to all of them
             if self.record.comm.size == 1 or (isinstance(end, NotConverged) and self.record.end.all_arrive()):
@@ -194,9 +194,9 @@ class Simulation:
             self.record.note(**summary(self.scene, self.states, self.clock, worst, self.record.alone, pull_off))
         return self.states
 
-    def _searched(self) -> PullOff | None:
-        """The largest pull between the rows, audited, in the user's units; None where no row has neighbours."""
-        found: PullOff | None = self._walk.pull_off()
+    def _find_pull_off(self) -> PullOff | None:
+        """Search for the largest pull between the rows; audited, in the user's units, None where there is none."""
+        found: PullOff | None = self._walk.find_pull_off()
         if found is None:
             return None
         scales = self.scene.physics.scales

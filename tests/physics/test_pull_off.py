@@ -10,7 +10,7 @@ import pytest
 from scenes import E_STAR, WALLED, meshed, scene, solve
 
 from indent_sim.fe import solver
-from indent_sim.fe.path.pull_off import waves
+from indent_sim.fe.path.pull_off import force_ripple
 from indent_sim.model.state import PullOff, State
 from indent_sim.theory.surface.adhesion import LAMBDA_PER_TABOR
 
@@ -33,7 +33,7 @@ def searched(**sections: Any) -> tuple[list[State], PullOff | None]:
     rows = list(walk.states(base.physics.path, lambda step: False))
     assert all(row.converged for row in rows)
     kept, force = walk.points, walk.equilibrium.force
-    found = walk.pull_off()
+    found = walk.find_pull_off()
     for before, after in zip(kept, walk.points, strict=True):
         assert before[:2] == after[:2]
         assert all(np.array_equal(one, other) for one, other in zip(before[2], after[2], strict=True))
@@ -59,8 +59,8 @@ def assert_agree(found: PullOff, other: PullOff) -> None:
 def test_it_does_not_depend_on_the_number_of_rows(
     contact: dict[str, Any], h: float, end: float, indenter: dict[str, Any], few: int, missed: float
 ) -> None:
-    """A few rows and twelve: a row misses up to a few per cent, the search what it says: three amplitudes of the waves
-    that the force has on this mesh, at most."""
+    """A few rows and twelve: a row misses up to a few per cent, the search what it says: three
+    amplitudes of the waves that the force has on this mesh, at most."""
     deep = 0.01 if indenter else 0.05
     given = {"contact": contact, "mesh": {"h_contact": h}} | ({"indenter": indenter} if indenter else {})
     results = [searched(**given, loading=out(deep, end, rows)) for rows in (few, 12)]
@@ -69,7 +69,7 @@ def test_it_does_not_depend_on_the_number_of_rows(
     for rows, found in results:
         lowest = min(rows, key=lambda row: row.force)
         assert found and found.state.force <= lowest.force
-        assert found.error <= 3 * waves(min(in_zone, lowest.a / h)) * abs(best)
+        assert found.error <= 3 * force_ripple(min(in_zone, lowest.a / h)) * abs(best)
         assert found.equilibria <= 8
         assert_agree(found, results[0][1])  # type: ignore[arg-type]
     assert min(min(row.force for row in rows) / best for rows, _ in results) < 1 - missed
@@ -88,8 +88,9 @@ def test_it_is_the_lowest_of_many_rows_around_it() -> None:
 
 @pytest.mark.verify
 def test_waves_of_the_force_are_as_high_as_it_is_told() -> None:
-    """The deviation of sixty rows around pull-off from a polynomial, of the largest pull, on 0.7 to 5.6 elements in the
-    cohesive zone: below what is told of it, and two thirds of that somewhere."""
+    """The deviation of sixty rows around pull-off from a polynomial, of the largest pull, on 0.7 to
+    5.6 elements in the cohesive zone: below what is told of it, and two thirds of that
+    somewhere."""
     heights = []
     for contact, sizes in ((LOOSE, (0.077, 0.0385)), (TIGHT, (0.05,))):
         for h in sizes:
@@ -103,14 +104,15 @@ def test_waves_of_the_force_are_as_high_as_it_is_told() -> None:
             lowest = min(rows, key=lambda row: row.force)
             assert base.plan.adhesion
             elements = min(base.plan.adhesion.elements, lowest.a / h)
-            heights.append(np.abs(forces - smooth(depths)).max() / -lowest.force / waves(elements))
+            heights.append(np.abs(forces - smooth(depths)).max() / -lowest.force / force_ripple(elements))
     assert 2 / 3 < max(heights) < 1
 
 
 @pytest.mark.verify
 def test_the_pull_off_of_rings_from_few_rows() -> None:
-    """Maugis' lambda 2 from five rows: -1.5872 pi work R, which `on_rings` in test_adhesion.py finds on a half-space,
-    inside the error of the search and 0.1 % of the finite body. It is within 6 % of JKR's, -1.5."""
+    """Maugis' lambda 2 from five rows: -1.5872 pi work R, which `on_rings` in test_adhesion.py
+    finds on a half-space, inside the error of the search and 0.1 % of the finite body. It is within
+    6 % of JKR's, -1.5."""
     work, pull = 1e-4, -1.5872
     depth = (pi * work / E_STAR) ** (2 / 3)
     reach = (work**2 / (E_STAR**2 * (2.0 / LAMBDA_PER_TABOR) ** 3)) ** (1 / 3)
@@ -151,7 +153,7 @@ def test_nothing_is_kept_and_searched_where_the_scene_does_not_ask(
     walk = solver.walk(base, meshed(base))
     assert all(row.converged for row in walk.states(base.physics.path, lambda step: False))
     spent = walk.equilibrium.effort
-    assert walk.pull_off() is None and not walk.kept and walk.equilibrium.effort == spent
+    assert walk.find_pull_off() is None and not walk.pull_off_points and walk.equilibrium.effort == spent
 
 
 def test_a_row_at_which_the_path_ends_is_not_searched_from() -> None:
@@ -159,4 +161,4 @@ def test_a_row_at_which_the_path_ends_is_not_searched_from() -> None:
     walk = solver.walk(base, meshed(base))
     forces = [row.force for row in walk.states(base.physics.path, lambda step: False)]
     assert forces[-1] == min(forces) < 0
-    assert base.physics.seeks_pull_off and walk.pull_off() is None
+    assert base.physics.seeks_pull_off and walk.find_pull_off() is None

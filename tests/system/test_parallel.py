@@ -326,7 +326,7 @@ scene = resolve(from_mapping(json.loads(sys.argv[1])))
 part = scene.physics.part
 walk = solver.walk(scene, solver.distribute(on_root(comm, gmsh.build, part, scene.sizes), part, comm))
 rows = [state.force for state in walk.states(scene.physics.path, lambda step: False)]
-found = comm.allgather(walk.pull_off())
+found = comm.allgather(walk.find_pull_off())
 assert all((one.state.force, one.equilibria) == (found[0].state.force, found[0].equilibria) for one in found)
 if comm.rank == 0:
     print("RESULT" + json.dumps([min(rows), found[0].state.force, found[0].error, found[0].equilibria]))

@@ -23,7 +23,7 @@ from test_results import BODY, some_fields
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import load
-from indent_sim.fe.path.pull_off import Pull
+from indent_sim.fe.path.pull_off import PullPoint
 from indent_sim.fe.path.walk import Walk
 from indent_sim.model.loading import LoadPath
 from indent_sim.results import folder
@@ -144,8 +144,8 @@ def same_pull_off(out: Path, expected: Path) -> None:
 
 
 def stopped_at(equilibrium: int) -> Callable:
-    """`Walk._between` of a search that is stopped at one of its equilibria."""
-    between, tried = Walk._between, 0
+    """`Walk._equilibrium_between` of a search that is stopped at one of its equilibria."""
+    between, tried = Walk._equilibrium_between, 0
 
     def stop(*args):
         nonlocal tried
@@ -234,8 +234,8 @@ class TestKilled:
         ],
     )
     def test_a_path_with_adhesion(self, interrupt_and_resume, undisturbed, tmp_path, material, loading, rows, forget):
-        """Which of two stable states holds is in the checkpoint, or found again on the same path from far away; and so
-        are the rows between which the largest pull is searched for."""
+        """Which of two stable states holds is in the checkpoint, or found again on the same path
+        from far away; and so are the rows between which the largest pull is searched for."""
         scene = adhering(material, loading)
         interrupt_and_resume(scene, rows, forget)
         same_pull_off(tmp_path / "out", undisturbed(scene))
@@ -248,7 +248,7 @@ class TestKilled:
         interrupt(tmp_path, 3)
         early = (tmp_path / "out" / "checkpoint.h5").read_bytes()
         with monkeypatch.context() as patch:
-            patch.setattr(Walk, "_between", stopped_at(2))
+            patch.setattr(Walk, "_equilibrium_between", stopped_at(2))
             with pytest.raises(KeyboardInterrupt):
                 chain.simulate(load(tmp_path / "scene.yaml"), MPI.COMM_SELF, directory=tmp_path / "out", resume=True)
         stopped = read(tmp_path / "out")
@@ -263,7 +263,9 @@ class TestKilled:
     def test_a_search_that_fails_leaves_the_rows(self, indent_sim, tmp_path, monkeypatch):
         """It is told that the pull-off is missing and why, and the row that pulls most stays what is known."""
         (tmp_path / "scene.yaml").write_text(adhering("linear_elastic", STICKY))
-        monkeypatch.setattr(Walk, "_between", lambda *_: Pull(0.0, 0.0, math.inf, a=0.0))
+        monkeypatch.setattr(
+            Walk, "_equilibrium_between", lambda walk, begin, end, delta: PullPoint(delta, 0.0, math.inf, a=0.0)
+        )
         done = indent_sim()
         adhesion = read(tmp_path / "out").report["adhesion"]
         assert done.exit_code == 0 and adhesion["largest_pull"]["force"] < 0

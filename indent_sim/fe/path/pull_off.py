@@ -1,12 +1,12 @@
-"""Pull-off: the largest pull of a tip that adheres, between the rows around the largest one.
+"""Search for the pull-off: the smallest force on an adhesive tip during unloading.
 
-On the way out the force on the tip falls to its smallest value. Under a prescribed depth it then
-either rises smoothly, as JKR's does, or the tip comes off before and the force jumps towards zero.
-Both are bracketed by three rows, of which the middle one has the smallest force.
+During unloading the force on the tip falls to a minimum. At a prescribed depth it then either rises
+smoothly, as in JKR's theory, or the tip snaps off before and the force jumps towards zero. Both are
+bracketed by three load points, of which the middle one has the smallest force.
 
 A smooth minimum is found by successive parabolic interpolation (Brent 1973, Algorithms for
-Minimization without Derivatives, chapter 5), a jump by bisection: it is a fold of the equilibrium
-path, near which the force goes as the square root of the distance from it.
+Minimization without Derivatives, chapter 5), a snap-off by bisection: it is a fold of the
+equilibrium path, near which the force goes as the square root of the distance from it.
 """
 
 from __future__ import annotations
@@ -18,41 +18,44 @@ from typing import Any
 
 from indent_sim.process.errors import NotConverged
 
-# The force over the depth has waves, as the edge of contact passes from element to element. Their
-# amplitude, relative to the largest pull, is of second order in the elements: times the square of
-# their number in the cohesive zone or in the contact radius, whichever are fewer, it was 0.002 to
-# 0.02 on 0.7 to 11 elements at Maugis' lambda 0.5 to 2.5, and 0.0075 at most. Measured as the
-# largest deviation from a polynomial of degree 6 over 60 rows around pull-off
-# (tests/physics/test_pull_off.py).
-WAVES, HIGHEST_WAVES = 0.02, 0.008
-# A search need not be finer, relative to the largest pull: on 11 elements in the cohesive zone the
-# force is known to 2e-4 (docs/verification.md)
-FINEST = 1e-4
+# The force as a function of the depth has a ripple, as the edge of contact passes from element to
+# element. Its amplitude over the largest pull is RIPPLE_FACTOR over the square of the number of
+# elements in the cohesive zone or in the contact radius, whichever is smaller, and at most
+# LARGEST_RIPPLE. Measured as the largest deviation from a polynomial of degree 6 over 60 rows
+# around pull-off: factors of 0.002 to 0.02 with 0.7 to 11 elements at Maugis' lambda 0.5 to 2.5
+# (tests/physics/test_pull_off.py)
+RIPPLE_FACTOR = 0.02
+LARGEST_RIPPLE = 0.008
+# The search need not be finer than this, relative to the largest pull: with 11 elements in the
+# cohesive zone the force is known to 2e-4 (docs/verification.md)
+FINEST_TOLERANCE = 1e-4
 MOST_EQUILIBRIA = 24  # of a search; a smooth minimum takes one to eight
-# The part of a bracket within which a parabola's minimum is no news of the row that it is next to
-BESIDE = 0.05
-GOLDEN = (3 - sqrt(5)) / 2
-# Next to a fold two in three equilibria are tried beyond `best`, and one to see whether the force
-# has had a minimum before: with 1 a search takes a third more of them, with 8 a twentieth less
-MUCH_LONGER = 4.0
+# Where the minimum of the parabola lies within this fraction of the bracket from the best point, an
+# equilibrium there tells nothing new, and the golden section is tried
+NEARBY_FRACTION = 0.05
+GOLDEN_SECTION = (3 - sqrt(5)) / 2
+# Next to a fold the part of the bracket before the best point is divided only where it is so many
+# times as long as the part beyond. With 1 a search takes a third more equilibria, with 8 a
+# twentieth fewer, on the curves with a fold of tests/unit/fe/test_pull_off.py
+FOLD_LENGTH_RATIO = 4.0
 
 
 @dataclass(frozen=True)
-class Pull:
-    """An equilibrium of a tip at a depth, with what the path needs to go on from it.
+class PullPoint:
+    """An equilibrium of an adhesive tip at a prescribed depth.
 
     Attributes
     ----------
     delta, t
-        Depth [length] and time.
+        Depth [length] and time [time].
     force
         Force on the tip [force], < 0 where it pulls; infinite where no equilibrium is found.
     a
         Contact radius [length]; 0 where the tip does not touch the body.
     state
-        The equilibrium itself.
+        The load point of the path from which it can go on.
     number
-        Its number among the places that the path asks for, from 1; 0 of any other.
+        Its number among the load points of the path, from 1; 0 for an equilibrium between them.
     """
 
     delta: float
@@ -63,247 +66,274 @@ class Pull:
     number: int = 0
 
     @property
-    def touches(self) -> bool:
+    def is_touching(self) -> bool:
         """Whether the tip touches the body."""
         return self.a > 0
 
 
 @dataclass(frozen=True)
-class WayOut:
-    """The places around the one that pulls most, among those that a path asks for on its ways out.
-
-    Those are its rows, and the places that it passes between rows at given times.
+class UnloadingBranch:
+    """The load point with the smallest force during unloading, and its two neighbours.
 
     Attributes
     ----------
     last
-        The last place.
+        The last load point of the path so far.
     before, lowest, after
-        The place with the smallest force and its neighbours. `before` is missing where the tip has
-        turned there, `after` where it turns or the path ends.
+        The load point with the smallest force and its neighbours. `before` is None where unloading
+        begins at the lowest point, `after` where unloading ends there.
     """
 
-    last: Pull | None = None
-    before: Pull | None = None
-    lowest: Pull | None = None
-    after: Pull | None = None
+    last: PullPoint | None = None
+    before: PullPoint | None = None
+    lowest: PullPoint | None = None
+    after: PullPoint | None = None
 
-    def followed_by(self, place: Pull) -> WayOut:
-        """The same with one more place."""
+    def with_point(self, point: PullPoint) -> UnloadingBranch:
+        """Return the branch after one more load point of the path."""
         last = self.last
-        place = replace(place, number=last.number + 1 if last else 1)
-        if last is None or place.delta >= last.delta:
-            return replace(self, last=place)
+        point = replace(point, number=last.number + 1 if last else 1)
+        if last is None or point.delta >= last.delta:
+            return replace(self, last=point)
         before, lowest, after = self.before, self.lowest, self.after
-        if lowest is None or last.force < lowest.force:  # the tip has turned there
+        if lowest is None or last.force < lowest.force:  # unloading begins at the last point
             before, lowest, after = None, last, None
-        if place.force < lowest.force:
-            before, lowest, after = last, place, None
+        if point.force < lowest.force:
+            before, lowest, after = last, point, None
         elif before is not None and lowest.number == last.number:
-            after = place
-        return WayOut(place, before, lowest, after)
+            after = point
+        return UnloadingBranch(point, before, lowest, after)
 
     @property
-    def bracket(self) -> tuple[Pull, Pull, Pull] | None:
-        """The places between which the tip pulls most, outwards; None where there are none."""
+    def bracket(self) -> tuple[PullPoint, PullPoint, PullPoint] | None:
+        """Three points in the order of the path that bracket the smallest force; None without any."""
         before, lowest, after = self.before, self.lowest, self.after
         if before is None or lowest is None or after is None or lowest.force >= 0:
             return None
         return before, lowest, after
 
     @property
-    def kept(self) -> tuple[Pull, ...]:
-        """The places that a search would set out from, or whose force a smaller one has to beat."""
-        places = (self.before, self.lowest, self.after)
-        return tuple(place for place in places if place is not None)
+    def search_points(self) -> tuple[PullPoint, ...]:
+        """The points that are known of `before`, `lowest` and `after`, for a checkpoint."""
+        points = (self.before, self.lowest, self.after)
+        return tuple(point for point in points if point is not None)
 
     @classmethod
-    def of(cls, kept: tuple[Pull, ...], last: Pull | None) -> WayOut:
-        """What has these places as `kept`."""
-        if len(kept) < 2:
-            return cls(last, lowest=kept[0] if kept else None)
-        before, lowest, *after = kept
+    def from_search_points(cls, points: tuple[PullPoint, ...], last: PullPoint | None) -> UnloadingBranch:
+        """Return the branch that has these `search_points`."""
+        if len(points) < 2:
+            return cls(last, lowest=points[0] if points else None)
+        before, lowest, *after = points
         return cls(last, before, lowest, after[0] if after else None)
 
 
-def waves(elements: float) -> float:
-    """The amplitude of the waves of the force, relative to it, on so many elements."""
-    return min(WAVES / elements**2, HIGHEST_WAVES)
+def force_ripple(elements: float) -> float:
+    """Return the amplitude of the ripple of the force, relative to the largest pull.
+
+    Parameters
+    ----------
+    elements
+        Number of elements in the cohesive zone or in the contact radius, whichever is smaller.
+    """
+    return min(RIPPLE_FACTOR / elements**2, LARGEST_RIPPLE)
 
 
 @dataclass(frozen=True)
-class Found:
-    """The largest pull that was found.
+class LargestPull:
+    """Result of a search.
 
     Attributes
     ----------
-    pull
-        The equilibrium that pulls most.
+    point
+        The equilibrium with the smallest force that was found.
     error
-        By how much a smaller force may have been missed [force]; infinite where that is not known.
+        Bound of how much smaller the smallest force may be [force]; infinite where there is no
+        estimate.
     equilibria
-        How many were sought.
+        Number of equilibria that were solved.
     """
 
-    pull: Pull
+    point: PullPoint
     error: float
     equilibria: int
 
 
-Go = Callable[[Pull, Pull, float], Pull]
+# Solves the equilibrium at a depth between two others, starting from the first of them
+SolveBetween = Callable[[PullPoint, PullPoint, float], PullPoint]
 
 
-def largest_pull(
-    before: Pull,
-    lowest: Pull,
-    after: Pull,
-    go: Go,
-    tolerance: Callable[[Pull], float],
-) -> Found:
-    """Find the smallest force between two equilibria on the way out.
+def find_largest_pull(
+    before: PullPoint,
+    lowest: PullPoint,
+    after: PullPoint,
+    solve_between: SolveBetween,
+    tolerance: Callable[[PullPoint], float],
+) -> LargestPull:
+    """Find the smallest force between load points during unloading.
 
     Parameters
     ----------
     before, lowest, after
-        Three equilibria in turn, outwards, the force of the middle one being the smallest.
-    go
-        Finds an equilibrium from the first of two others, at a depth on the way to the second.
+        Three equilibria in the order of the path, the force of the middle one being the smallest.
+    solve_between
+        Solves the equilibrium at a depth between two others, starting from the first of them.
     tolerance
-        The error at which the search ends, relative to the force of an equilibrium.
+        Returns the error at which the search ends, relative to the force at an equilibrium.
 
     Raises
     ------
     NotConverged
-        Where there is no equilibrium at a depth from which the tip has been further out.
+        If there is no equilibrium at a depth that the tip has already passed.
     """
-    search = _Search(before, lowest, after)
-    error, equilibria, widths = inf, 0, [inf, inf]
+    search = _Bracket(before, lowest, after)
+    error = inf
+    equilibria = 0
+    widths = [inf, inf]
     while equilibria < MOST_EQUILIBRIA and error > tolerance(search.best) * abs(search.best.force):
-        expected = search.parabola
+        parabola = search.parabola
         is_slow = search.width > widths[-2] / 2
         widths = [widths[-1], search.width]
-        delta = search.halfway if expected is None or is_slow else search.place(expected)
+        delta = search.midpoint if parabola is None or is_slow else search.next_depth(parabola)
         if delta in (search.inner.delta, search.best.delta, search.outer.delta):
-            return Found(search.best, 0.0, equilibria)  # no number lies between
+            return LargestPull(search.best, 0.0, equilibria)  # no floating-point number lies between
         is_inside = delta > search.best.delta
-        way = (search.inner, search.best) if is_inside else (search.best, search.outer)
-        tried = go(*way, delta)
+        interval = (search.inner, search.best) if is_inside else (search.best, search.outer)
+        point = solve_between(*interval, delta)
         equilibria += 1
-        if is_inside and not isfinite(tried.force):
-            passed = "at a depth that the tip has passed on its way out"
-            raise NotConverged(f"no equilibrium was found {passed}")
-        search = search.with_one_more(tried, is_inside)
-        error = search.missed(tried, expected)
-    return Found(search.best, error, equilibria)
+        if is_inside and not isfinite(point.force):
+            raise NotConverged("no equilibrium was found at a depth that the tip has passed during unloading")
+        search = search.narrowed(point)
+        error = search.error_bound(point, parabola)
+    return LargestPull(search.best, error, equilibria)
 
 
 @dataclass(frozen=True)
-class _Search:
-    """A bracket of the smallest force, that of `best`: three equilibria in turn, outwards.
+class _Bracket:
+    """Three equilibria in the order of the path, `best` with the smallest force, between which the
+    minimum lies.
 
-    `earlier` is the equilibrium next to `inner`, further in, as far as one was found.
+    `earlier` is the equilibrium before `inner`; None where none was solved.
     """
 
-    inner: Pull
-    best: Pull
-    outer: Pull
-    earlier: Pull | None = None
+    inner: PullPoint
+    best: PullPoint
+    outer: PullPoint
+    earlier: PullPoint | None = None
 
     @property
     def width(self) -> float:
-        """The length of the bracket [length]."""
+        """Length of the bracket [length]."""
         return self.inner.delta - self.outer.delta
 
     @property
-    def may_jump(self) -> bool:
-        """Whether the tip has come off between `best` and `outer`, where the force may jump."""
-        comes_off = self.best.touches and not self.outer.touches
-        return comes_off or not isfinite(self.outer.force)
+    def has_fold(self) -> bool:
+        """Whether the tip snaps off between `best` and `outer`, so that the force may jump there."""
+        snaps_off = self.best.is_touching and not self.outer.is_touching
+        return snaps_off or not isfinite(self.outer.force)
 
     @property
-    def _longer_end(self) -> float:
-        """The end of the part of the bracket that is divided next [length]: of the longer one.
+    def _end_of_longer_part(self) -> float:
+        """Depth of the end of the part of the bracket that is divided next [length].
 
-        Where the tip has come off the inner one is not before it is much longer.
+        It is the longer part; next to a fold the inner part must be FOLD_LENGTH_RATIO times as
+        long.
         """
         inner, best, outer = self.inner.delta, self.best.delta, self.outer.delta
-        ratio = MUCH_LONGER if self.may_jump else 1.0
+        ratio = FOLD_LENGTH_RATIO if self.has_fold else 1.0
         return inner if inner - best > ratio * (best - outer) else outer
 
     @property
-    def halfway(self) -> float:
-        """The middle of the longer part of the bracket [length]."""
-        return (self.best.delta + self._longer_end) / 2
+    def midpoint(self) -> float:
+        """Middle of the longer part of the bracket [length]."""
+        return (self.best.delta + self._end_of_longer_part) / 2
 
     @property
     def parabola(self) -> _Parabola | None:
-        """The parabola through the three; None where the force may jump."""
-        return None if self.may_jump else _Parabola.through(self.inner, self.best, self.outer)
+        """The parabola through the three points; None where the force may jump between them."""
+        return None if self.has_fold else _Parabola.through(self.inner, self.best, self.outer)
 
-    def place(self, expected: _Parabola) -> float:
-        """The depth to try next where the force is expected on a parabola [length]."""
-        if abs(expected.delta - self.best.delta) < BESIDE * self.width:
-            return self.best.delta + GOLDEN * (self._longer_end - self.best.delta)
-        return expected.delta
+    def next_depth(self, parabola: _Parabola) -> float:
+        """Return the depth [length] of the next equilibrium of parabolic interpolation."""
+        if abs(parabola.delta - self.best.delta) < NEARBY_FRACTION * self.width:
+            return self.best.delta + GOLDEN_SECTION * (self._end_of_longer_part - self.best.delta)
+        return parabola.delta
 
-    def with_one_more(self, tried: Pull, is_inside: bool) -> _Search:
-        """The bracket with one more equilibrium, between `inner` and `best` or beyond `best`."""
-        is_lower = tried.force < self.best.force
+    def narrowed(self, point: PullPoint) -> _Bracket:
+        """Return the smaller bracket that an equilibrium within this one leaves."""
+        is_inside = point.delta > self.best.delta
+        is_lower = point.force < self.best.force
         if is_inside and is_lower:
-            return replace(self, best=tried, outer=self.best)
+            return replace(self, best=point, outer=self.best)
         if is_inside:
-            return replace(self, inner=tried, earlier=self.inner)
+            return replace(self, inner=point, earlier=self.inner)
         if is_lower:
-            return replace(self, inner=self.best, best=tried, earlier=self.inner)
-        return replace(self, outer=tried)
+            return replace(self, inner=self.best, best=point, earlier=self.inner)
+        return replace(self, outer=point)
 
-    def missed(self, tried: Pull, expected: _Parabola | None) -> float:
-        """By how much the force may be smaller than that of `best` [force].
+    def error_bound(self, point: PullPoint, predicted: _Parabola | None) -> float:
+        """Return a bound of how much smaller than that of `best` the smallest force may be [force].
 
-        On a smooth curve as much as the parabola through the three expects, and as the one before
-        was wrong at the last equilibrium.
+        For a smooth force it is what the parabola through the three points lies below `best`, plus
+        the error of the previous parabola at the equilibrium that was solved last.
+
+        Parameters
+        ----------
+        point
+            The equilibrium that was solved last.
+        predicted
+            The parabola through the bracket before; None where there was none.
         """
-        if self.may_jump:
-            return self._before_a_fold
-        following = self.parabola
-        if expected is None or following is None:
+        if self.has_fold:
+            return self._fold_error_bound
+        parabola = self.parabola
+        if predicted is None or parabola is None:
             return inf
-        return abs(tried.force - expected.at(tried.delta)) + self.best.force - following.force
+        return abs(point.force - predicted.force_at(point.delta)) + self.best.force - parabola.force
 
     @property
-    def _before_a_fold(self) -> float:
-        """By how much the force may fall further until the tip comes off [force].
+    def _fold_error_bound(self) -> float:
+        """Bound of how much further the force may fall until the tip snaps off [force].
 
-        As much as a square root would that has fallen to `best` on the way from `inner`, and ends
-        at `outer` at the latest. It has fallen from `earlier` instead, which is more: `inner` and
-        `best` may lie on both sides of a smooth minimum, with forces that are equal by chance.
+        The force falls as a square root on the way from `inner` to `best` and on to the fold, which
+        is at `outer` at the latest. The fall is taken from `earlier`, which makes the bound larger:
+        `inner` and `best` may lie on both sides of a smooth minimum, with forces that are equal by
+        chance.
         """
         if self.earlier is None:
             return inf
-        passed = self.inner.delta - self.best.delta
-        left = self.best.delta - self.outer.delta
-        return (self.earlier.force - self.best.force) / (sqrt(1 + passed / left) - 1)
+        inner_length = self.inner.delta - self.best.delta
+        outer_length = self.best.delta - self.outer.delta
+        return (self.earlier.force - self.best.force) / (sqrt(1 + inner_length / outer_length) - 1)
 
 
 @dataclass(frozen=True)
 class _Parabola:
-    """A force that goes as force + curvature (x - delta)^2 with the depth x, curvature > 0."""
+    """A parabola of the force over the depth x, force + curvature (x - delta)^2, with a minimum at
+    x = delta.
+
+    Attributes
+    ----------
+    delta, force
+        Depth [length] and force [force] of the minimum.
+    curvature
+        Half the second derivative [force/length^2], > 0.
+    """
 
     delta: float
     force: float
     curvature: float
 
-    def at(self, x: float) -> float:
-        """The force at a depth x."""
-        return self.force + self.curvature * (x - self.delta) ** 2
+    def force_at(self, depth: float) -> float:
+        """Return the force of the parabola at a depth."""
+        return self.force + self.curvature * (depth - self.delta) ** 2
 
     @classmethod
-    def through(cls, inner: Pull, best: Pull, outer: Pull) -> _Parabola | None:
-        """The parabola through three equilibria in turn; None where they are on a straight line."""
-        rise_in = (inner.force - best.force) / (inner.delta - best.delta)
-        rise_out = (best.force - outer.force) / (best.delta - outer.delta)
-        curvature = (rise_in - rise_out) / (inner.delta - outer.delta)
+    def through(cls, inner: PullPoint, best: PullPoint, outer: PullPoint) -> _Parabola | None:
+        """Return the parabola through three equilibria; None where it has no minimum."""
+        inner_slope = (inner.force - best.force) / (inner.delta - best.delta)
+        outer_slope = (best.force - outer.force) / (best.delta - outer.delta)
+        curvature = (inner_slope - outer_slope) / (inner.delta - outer.delta)
         if not curvature > 0:
             return None
-        delta = (inner.delta + best.delta) / 2 - rise_in / (2 * curvature)
+        delta = (inner.delta + best.delta) / 2 - inner_slope / (2 * curvature)
         return cls(delta, best.force - curvature * (best.delta - delta) ** 2, curvature)

@@ -14,7 +14,13 @@ from indent_sim.fe.observe import measure
 from indent_sim.fe.path.equilibrium import Equilibrium
 from indent_sim.fe.path.failure import failed_state
 from indent_sim.fe.path.load_control import LoadControl, Pair
-from indent_sim.fe.path.pull_off import FINEST, Pull, WayOut, largest_pull, waves
+from indent_sim.fe.path.pull_off import (
+    FINEST_TOLERANCE,
+    PullPoint,
+    UnloadingBranch,
+    find_largest_pull,
+    force_ripple,
+)
 from indent_sim.fe.path.steps import Place, StepRule, Way
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import PullOff, State
@@ -47,7 +53,7 @@ class Point:
 
 
 # Depth [length], time, and the arrays of a state, as a checkpoint has them
-Packed = tuple[float, float, Sequence[np.ndarray]]
+PackedState = tuple[float, float, Sequence[np.ndarray]]
 
 
 class Walk:
@@ -69,7 +75,7 @@ class Walk:
         self._substeps = self._cuts = 0  # so far
         self._t = 0.0  # at which a force is searched for
         self._rise = 0.0  # of a tip that just touches, in the step before
-        self._way_out: WayOut | None = WayOut() if physics.seeks_pull_off else None
+        self._unloading: UnloadingBranch | None = UnloadingBranch() if physics.seeks_pull_off else None
         self._control = LoadControl(self._go, physics.body.height, from_row=self._has_memory)
 
     def _step_rule(self, way: Way | None = None) -> StepRule:
@@ -110,29 +116,29 @@ class Walk:
         return [(delta, t, arrays) for delta, t, arrays in packed if arrays]
 
     @property
-    def kept(self) -> dict[int, Packed]:
-        """The places from which the largest pull is searched for, by number, for `resume`."""
-        pack, found = self.equilibrium.pack, dict[int, Packed]()
-        for place in self._way_out.kept if self._way_out else ():
-            found[place.number] = place.delta, place.t, pack(place.state.state)
-        return found
+    def pull_off_points(self) -> dict[int, PackedState]:
+        """The load points from which the largest pull is searched for, by their numbers, for `resume`."""
+        packed: dict[int, PackedState] = {}
+        for point in self._unloading.search_points if self._unloading else ():
+            packed[point.number] = point.delta, point.t, self.equilibrium.pack(point.state.state)
+        return packed
 
     def resume(
         self,
-        points: Sequence[Packed],
+        points: Sequence[PackedState],
         passed: Sequence[tuple[float, float]],
         step: int = 0,
-        kept: Mapping[int, Packed] | None = None,
+        pull_off_points: Mapping[int, PackedState] | None = None,
     ) -> bool:
-        """Stand where an earlier walk stood: at its `points` (or at rest), then at the last of the depths and times
-        passed since.
-        An equilibrium without memory does not depend on the path, so the way is straight to the last three, from
-        which the next one is predicted; or that of the earlier walk where it has to be. False when it is lost.
+        """Stand where an earlier walk stood: at its `points` (or at rest), then at the last of the
+        depths and times passed since. An equilibrium without memory does not depend on the path, so
+        the way is straight to the last three, from which the next one is predicted; or that of the
+        earlier walk where it has to be. False when it is lost.
 
         Parameters
         ----------
-        points, kept
-            `points` and `kept` of the earlier walk.
+        points, pull_off_points
+            Those of the earlier walk.
         passed
             Depth [length] and time of each place since then.
         step
@@ -145,7 +151,7 @@ class Walk:
         self.return_to_last()
         self._points[-1] = replace(self._last, touches=self._touches)
         self._control.know(*self._pair)
-        if self._way_out is not None and not self._take_up_way_out(kept or {}, step):
+        if self._unloading is not None and not self._resume_unloading(pull_off_points or {}, step):
             return False
         start = self._points
         is_there = not self._has_memory and all(self._reach(place) for place in places[-3:])
@@ -163,82 +169,104 @@ class Walk:
         if self.equilibrium.scene.physics.path.control == "force":
             self._points = self._without_tries(before)
         if substeps:
-            self._note_way_out()
+            self._record_unloading_point()
         return substeps
 
-    def _take_up_way_out(self, kept: Mapping[int, Packed], step: int) -> bool:
-        """Take up the places that an earlier walk has kept, and its row; False if they are lost."""
-        here = self._points
-        places = []
-        for number, (delta, t, arrays) in sorted(kept.items()):
+    def _resume_unloading(self, packed: Mapping[int, PackedState], step: int) -> bool:
+        """Restore what an earlier walk knew of the smallest force during unloading.
+
+        Parameters
+        ----------
+        packed
+            `pull_off_points` of the earlier walk.
+        step
+            The row that it stood at, from 1.
+
+        Returns
+        -------
+        bool
+            False where the states are none of this body.
+        """
+        pulls = []
+        for number, (delta, t, arrays) in sorted(packed.items()):
             state = self.equilibrium.unpack(delta, arrays, t)
             if state is None:
                 return False
             self.equilibrium.restore(state)
             point = Point(Place(delta, t), state, touches=self._touches)
-            places.append(self._pull_at(point, number))
-        self._points = here
+            pulls.append(self._pull_point(point, number))
         self.return_to_last()
         path = self.equilibrium.scene.physics.path
-        passed = sum(len(path.leg(row)) for row in range(1, step + 1))
-        last = self._pull_at(self._last, passed) if passed else None
-        self._way_out = WayOut.of(tuple(places), last)
+        point_count = sum(len(path.leg(row)) for row in range(1, step + 1))
+        last = self._pull_point(self._last, point_count) if point_count else None
+        self._unloading = UnloadingBranch.from_search_points(tuple(pulls), last)
         return True
 
-    def _pull_at(self, point: Point, number: int = 0) -> Pull:
-        """The point that the walk stands at, for the search for the largest pull."""
+    def _pull_point(self, point: Point, number: int = 0) -> PullPoint:
+        """Return the present equilibrium, which is that of a load point, for the search for the largest pull."""
         a = float(self.equilibrium.numbers()["a"])
-        return Pull(point.delta, point.place.t, self.equilibrium.force, a, point, number)
+        return PullPoint(point.delta, point.place.t, self.equilibrium.force, a, point, number)
 
-    def _note_way_out(self) -> None:
-        """Note the place that the walk stands at, where the largest pull is to be searched for."""
-        if self._way_out is not None:
-            self._way_out = self._way_out.followed_by(self._pull_at(self._last))
+    def _record_unloading_point(self) -> None:
+        """Record the present load point where the largest pull is to be searched for."""
+        if self._unloading is not None:
+            self._unloading = self._unloading.with_point(self._pull_point(self._last))
 
-    def pull_off(self) -> PullOff | None:
-        """Search for the largest pull between the rows around the largest one on the way out.
+    def find_pull_off(self) -> PullOff | None:
+        """Search for the smallest force during unloading, between the rows around the lowest one.
 
-        The walk then stands where it stood before. None where there are no such rows. Raises
-        NotConverged where an equilibrium between them is not found again.
+        The walk stands at its last load point again afterwards.
+
+        Returns
+        -------
+        PullOff or None
+            In the solver's units; None where no row that pulls has rows on both sides during
+            unloading.
+
+        Raises
+        ------
+        NotConverged
+            If an equilibrium between these rows is not found again.
         """
-        bracket = self._way_out.bracket if self._way_out else None
+        bracket = self._unloading.bracket if self._unloading else None
         if bracket is None:
             return None
-        body, before = self.equilibrium, self.equilibrium.effort
+        body = self.equilibrium
+        effort_before = body.effort
         try:
-            found = largest_pull(*bracket, self._between, self._tolerance)
-            body.restore(found.pull.state.state)
-            effort = body.effort - before
+            largest = find_largest_pull(*bracket, self._equilibrium_between, self._pull_off_tolerance)
+            body.restore(largest.point.state.state)
+            effort = body.effort - effort_before
             numbers = body.numbers() | {"newton_iterations": effort.newton}
             numbers["wall_s"] = time.perf_counter() - self.started
-            state = State(step=0, delta=found.pull.delta, **numbers)
+            state = State(step=0, delta=largest.point.delta, **numbers)
         finally:
             self._points, self._found = self._to_row, None
             self.return_to_last()
-        from_crest_to_trough = 2 * self._waves(found.pull) * abs(state.force)
-        return PullOff(state, found.error + from_crest_to_trough, found.equilibria)
+        from_crest_to_trough = 2 * self._force_ripple(largest.point) * abs(state.force)
+        return PullOff(state, largest.error + from_crest_to_trough, largest.equilibria)
 
-    def _tolerance(self, pulled: Pull) -> float:
-        """The error at which a search for the largest pull ends, relative to the force."""
-        return max(self._waves(pulled), FINEST)
+    def _pull_off_tolerance(self, point: PullPoint) -> float:
+        """Return the error at which a search for the largest pull ends, relative to the force."""
+        return max(self._force_ripple(point), FINEST_TOLERANCE)
 
-    def _waves(self, pulled: Pull) -> float:
-        """The amplitude of the waves of the force on this mesh, relative to it."""
+    def _force_ripple(self, point: PullPoint) -> float:
+        """Return the amplitude of the ripple of the force on this mesh, relative to the force."""
         scene = self.equilibrium.scene
         assert scene.plan.adhesion is not None
         in_zone = scene.plan.adhesion.elements
-        in_contact = max(pulled.a / scene.sizes.h_contact, 1.0)
-        return waves(min(in_zone, in_contact) if pulled.touches else in_zone)
+        in_contact = max(point.a / scene.sizes.h_contact, 1.0)
+        return force_ripple(min(in_zone, in_contact) if point.is_touching else in_zone)
 
-    def _between(self, begin: Pull, end: Pull, delta: float) -> Pull:
-        """The equilibrium at a depth between two others, from the first of them."""
-        share = (delta - begin.delta) / (end.delta - begin.delta)
-        place = Place(delta, begin.t + share * (end.t - begin.t))
+    def _equilibrium_between(self, begin: PullPoint, end: PullPoint, delta: float) -> PullPoint:
+        """Solve the equilibrium at a depth between two others, starting from the first of them."""
+        fraction = (delta - begin.delta) / (end.delta - begin.delta)
+        place = Place(delta, begin.t + fraction * (end.t - begin.t))
         self._points, self._found = [begin.state], None
         self.return_to_last()
         if not self._reach(place):
-            return Pull(delta, place.t, inf, a=0.0)
-        return self._pull_at(self._last)
+            return PullPoint(delta, place.t, inf, a=0.0)
+        return self._pull_point(self._last)
 
     def _without_tries(self, before: list[Point]) -> list[Point]:
         """The last equilibria at the force of a row, whose search set out from those `before`: its tries are too close
@@ -269,7 +297,7 @@ class Walk:
             before, substeps = body.effort, 0
             for passed, t in path.leg(step):
                 if substeps:  # at a place between rows
-                    self._note_way_out()
+                    self._record_unloading_point()
                 more = self._reach(Place(passed, t)) if path.control == "depth" else self._press(passed, t, step)
                 substeps = more and substeps + more
                 if not more:
@@ -285,7 +313,7 @@ class Walk:
                 self._points = self._without_tries(self._before)
             dissipated = self._last.dissipated - self._row.dissipated
             self._to_row = self._points
-            self._note_way_out()
+            self._record_unloading_point()
             numbers["dissipation"] = dissipated if "dissipation" in body.scene.physics.columns else None
             numbers |= {"newton_iterations": effort.newton, "wall_s": time.perf_counter() - self.started}
             if path.times:

@@ -8,7 +8,7 @@ from math import inf, pi, sqrt
 import numpy as np
 import pytest
 
-from indent_sim.fe.path.pull_off import MOST_EQUILIBRIA, Found, Pull, WayOut, largest_pull
+from indent_sim.fe.path.pull_off import MOST_EQUILIBRIA, LargestPull, PullPoint, UnloadingBranch, find_largest_pull
 from indent_sim.process.errors import NotConverged
 
 Curve = Callable[[float], float | None]  # the force at a depth; None where the tip has come off
@@ -46,25 +46,25 @@ def punch(end: float, curved: float) -> Curve:
     return force
 
 
-def at(curve: Curve, delta: float) -> Pull:
+def at(curve: Curve, delta: float) -> PullPoint:
     """The place of a curve at a depth."""
     force = curve(delta)
-    return Pull(delta, 0.0, force or 0.0, a=0.0 if force is None else 1.0)
+    return PullPoint(delta, 0.0, force or 0.0, a=0.0 if force is None else 1.0)
 
 
-def way_out(curve: Curve, depths: Sequence[float]) -> WayOut:
+def way_out(curve: Curve, depths: Sequence[float]) -> UnloadingBranch:
     """What is kept of rows at some depths."""
-    way = WayOut()
+    way = UnloadingBranch()
     for delta in depths:
-        way = way.followed_by(at(curve, float(delta)))
+        way = way.with_point(at(curve, float(delta)))
     return way
 
 
-def searched(curve: Curve, depths: Sequence[float], tolerance: float) -> Found:
+def searched(curve: Curve, depths: Sequence[float], tolerance: float) -> LargestPull:
     """The largest pull between rows at some depths."""
     bracket = way_out(curve, depths).bracket
     assert bracket is not None
-    return largest_pull(*bracket, lambda begin, end, delta: at(curve, delta), lambda pull: tolerance)
+    return find_largest_pull(*bracket, lambda begin, end, delta: at(curve, delta), lambda pull: tolerance)
 
 
 @pytest.mark.parametrize(("spacing", "most"), [(1.0, 10), (0.5, 10), (0.07, 2)])
@@ -75,7 +75,7 @@ def test_jkrs_pull_off_is_found_wherever_the_rows_lie(spacing: float, most: int,
     for offset in np.linspace(0, 1, 40):
         depths = (1 + spacing * (offset - np.arange(6 / spacing))) * JKR_DEPTH
         found = searched(jkr, depths, tolerance)
-        assert -1e-12 < found.pull.force - JKR_PULL_OFF <= found.error
+        assert -1e-12 < found.point.force - JKR_PULL_OFF <= found.error
         assert found.error <= tolerance * abs(JKR_PULL_OFF)
         assert found.equilibria <= most
         off_rows.append(min(jkr(delta) or 0.0 for delta in depths) / JKR_PULL_OFF)
@@ -92,7 +92,7 @@ def test_a_tip_that_lets_go_while_it_is_pulled_harder(spacing: float, curved: fl
     """
     for end in np.linspace(-0.6, -0.5, 30):
         found = searched(punch(float(end), curved), 0.1 - spacing * np.arange(1 / spacing + 3), 1e-3)
-        assert 0 <= found.pull.force + 1.0 <= found.error
+        assert 0 <= found.point.force + 1.0 <= found.error
         assert found.error < 0.02
         assert found.equilibria <= MOST_EQUILIBRIA
 
@@ -106,44 +106,45 @@ def test_a_minimum_in_front_of_a_fold_is_not_passed_over() -> None:
     depths = np.array([4 * JKR_DEPTH, 3.0 * JKR_DEPTH, fold * 0.999, 3 * fold])
     assert (jkr(depths[2]) or 0.0) > 0.6 * JKR_PULL_OFF
     found = searched(jkr, depths, 1e-3)
-    assert found.pull.force == pytest.approx(JKR_PULL_OFF, rel=1e-3)
+    assert found.point.force == pytest.approx(JKR_PULL_OFF, rel=1e-3)
 
 
 def test_depths_without_equilibrium_further_out_are_as_good_as_a_jump() -> None:
     curve = punch(-0.55, 0.2)
 
-    def go(begin: Pull, end: Pull, delta: float) -> Pull:
+    def go(begin: PullPoint, end: PullPoint, delta: float) -> PullPoint:
         found = at(curve, delta)
-        return found if found.touches else Pull(delta, 0.0, inf, a=0.0)
+        return found if found.is_touching else PullPoint(delta, 0.0, inf, a=0.0)
 
     bracket = way_out(curve, [0.1, -0.2, -0.5, -0.8]).bracket
     assert bracket is not None
-    lost, there = largest_pull(*bracket, go, lambda pull: 1e-3), searched(curve, [0.1, -0.2, -0.5, -0.8], 1e-3)
-    assert (lost.pull.delta, lost.error) == (there.pull.delta, there.error)
+    lost, there = find_largest_pull(*bracket, go, lambda pull: 1e-3), searched(curve, [0.1, -0.2, -0.5, -0.8], 1e-3)
+    assert (lost.point.delta, lost.error) == (there.point.delta, there.error)
 
 
 def test_a_depth_that_is_lost_where_the_tip_has_been_further_out_ends_the_search() -> None:
     bracket = way_out(lambda delta: (delta + 0.3) ** 2 - 1, [0.4, 0.0, -0.5, -1.0]).bracket
     assert bracket is not None
-    with pytest.raises(NotConverged, match="passed on its way out"):
-        largest_pull(*bracket, lambda begin, end, delta: Pull(delta, 0.0, inf, a=0.0), lambda pull: 1e-3)
+    with pytest.raises(NotConverged, match="has passed during unloading"):
+        find_largest_pull(*bracket, lambda begin, end, delta: PullPoint(delta, 0.0, inf, a=0.0), lambda pull: 1e-3)
 
 
 def test_every_equilibrium_is_found_on_the_way_out() -> None:
     """From a place that is nearer to the tip's turn, at a time in between, on the side of the bracket."""
     ways = []
 
-    def go(begin: Pull, end: Pull, delta: float) -> Pull:
+    def go(begin: PullPoint, end: PullPoint, delta: float) -> PullPoint:
         ways.append((begin.delta, delta, end.delta))
         return at(jkr, delta)
 
     bracket = way_out(jkr, np.array([2.0, 1.0, 0.0, -1.0, -2.0]) * JKR_DEPTH).bracket
     assert bracket is not None
-    largest_pull(*bracket, go, lambda pull: 1e-4)
+    find_largest_pull(*bracket, go, lambda pull: 1e-4)
     assert ways and all(begin > delta > end for begin, delta, end in ways)
 
 
-# ---- which rows are searched between -------------------------------------------------------------------------------
+# ---- which rows are searched between
+# -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -176,9 +177,9 @@ def test_every_equilibrium_is_found_on_the_way_out() -> None:
 def test_the_largest_pull_of_the_ways_out_needs_rows_on_both_sides(
     rows: list[tuple[float, float]], expected: tuple[float, ...] | None
 ) -> None:
-    way = WayOut()
+    way = UnloadingBranch()
     for delta, force in rows:
-        way = way.followed_by(Pull(delta, 0.0, force, a=1.0))
+        way = way.with_point(PullPoint(delta, 0.0, force, a=1.0))
     bracket = way.bracket
     assert (bracket and tuple(place.delta for place in bracket)) == expected
 
@@ -187,13 +188,13 @@ def test_the_largest_pull_of_the_ways_out_needs_rows_on_both_sides(
 def test_what_is_kept_goes_on_as_before(stopped: int) -> None:
     """A walk that stops after any row and goes on with what it has kept knows the same bracket."""
     places = [(-0.1, -0.1), (0.1, 1.0), (0.0, -1.0), (-0.1, -2.0), (-0.2, -0.5), (-0.1, -0.4), (-0.3, 0.0)]
-    pulls = [Pull(delta, 0.0, force, a=1.0) for delta, force in places]
+    pulls = [PullPoint(delta, 0.0, force, a=1.0) for delta, force in places]
 
-    def after(way: WayOut, rows: Sequence[Pull]) -> WayOut:
+    def after(way: UnloadingBranch, rows: Sequence[PullPoint]) -> UnloadingBranch:
         for row in rows:
-            way = way.followed_by(row)
+            way = way.with_point(row)
         return way
 
-    before = after(WayOut(), pulls[:stopped])
-    goes_on = WayOut.of(before.kept, before.last)
-    assert after(goes_on, pulls[stopped:]) == after(WayOut(), pulls)
+    before = after(UnloadingBranch(), pulls[:stopped])
+    goes_on = UnloadingBranch.from_search_points(before.search_points, before.last)
+    assert after(goes_on, pulls[stopped:]) == after(UnloadingBranch(), pulls)
