@@ -454,10 +454,11 @@ def lost_files(folder: Path, surface: Keep, fields: Keep) -> list[str]:
 
 
 def _with_present_keys(path: Path) -> str:
-    """Return the config of a result with all keys of the present version, new ones at their defaults.
+    """Return the config of a result with all keys of the present version, new ones at their
+    defaults.
 
-    A config that the present version cannot read is returned as it stands. Raises UnicodeDecodeError where the file is
-    no text.
+    A config that the present version cannot read is returned as it stands. Raises
+    UnicodeDecodeError where the file is no text.
     """
     text = content(path).decode("utf-8")
     try:

@@ -124,7 +124,8 @@ def test_rows_drawn_at_random_are_inside_their_bars(tmp_path: Path) -> None:
 def test_an_accuracy_is_met_in_time(mapping: dict[str, Any], tmp_path: Path) -> None:
     """3 % asked for: of every row the force is right to that, or the depth where forces are given.
 
-    1 % is asked of draining and relaxing bodies in test_early_times; that of rubber would cost five minutes of CPU.
+    1 % is asked of draining and relaxing bodies in test_early_times; that of rubber would cost five
+    minutes of CPU.
     """
     name = "delta" if "force_history" in mapping["loading"] else "force"
     given = {name: part for name, part in mapping.items() if name != "mesh"} | {"accuracy": 0.03}

@@ -26,7 +26,7 @@ def test_shear_along_the_surface_leaves_no_saw_tooth() -> None:
         )
     )
     assert 0 < state.roughness < 0.03
-    # With mesh h_contact 0.05 and h_edge 0.01 and 0.0025, a half and twice as fine at the edge as here, p_max is 59.38
-    # and 58.895: of second order its limit is 58.86, from which 0.3 % remain here. On elements of 0.02 to 0.06 along
-    # the rounded edge it was 4 to 6 % too large.
+    # With mesh h_contact 0.05 and h_edge 0.01 and 0.0025, a half and twice as fine at the edge as
+    # here, p_max is 59.38 and 58.895: of second order its limit is 58.86, from which 0.3 % remain
+    # here. On elements of 0.02 to 0.06 along the rounded edge it was 4 to 6 % too large.
     assert state.p_max == pytest.approx(58.86, rel=0.01)

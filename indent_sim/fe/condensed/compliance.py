@@ -121,20 +121,21 @@ class Condenser:
         """The surfaces that supports bear on, and for each what unit displacements add to its reaction."""
         rows = {of: self._row_sum(matrix, dofs, shares) for of, (dofs, shares) in self.body.bearing.items()}
         for wall in walls:
-            rows |= {of: self._for_solver(row) for of, row in wall.rows().items()}
+            rows |= {of: self._values_for_solver(row) for of, row in wall.rows().items()}
         return tuple(rows), list(rows.values())
 
     def _row_sum(self, matrix: PETSc.Mat, rows: np.ndarray, shares: np.ndarray | float = 1.0) -> np.ndarray:
-        """Sum rows of the symmetric stiffness matrix, each weighted by its share: the reaction to unit displacements.
+        """Sum rows of the symmetric stiffness matrix, each weighted by its share: the reaction to
+        unit displacements.
 
         The entries of the sum are those of the degrees of freedom that this rank solves for.
         """
         marks, total = matrix.createVecs()
         marks.array[rows[rows >= 0]] = shares
         matrix.mult(marks, total)
-        return self._for_solver(total.array.copy())
+        return self._values_for_solver(total.array.copy())
 
-    def _for_solver(self, row: np.ndarray) -> np.ndarray:
+    def _values_for_solver(self, row: np.ndarray) -> np.ndarray:
         """Values at this rank's own degrees of freedom; at those of all ranks where each rank solves the whole body."""
         return np.concatenate(self.body.comm.allgather(row)) if self._is_whole else row
 
@@ -235,7 +236,7 @@ class Condenser:
             dofs, shares = self.body.bearing[surface]
             share = np.zeros(self.body.unknowns.owned)
             share[dofs] = shares
-            found[row, columns] = -up[columns] * self._for_solver(share)[places]
+            found[row, columns] = -up[columns] * self._values_for_solver(share)[places]
         return _summed(self._comm, found)
 
     def _solved(self, places: np.ndarray, axes: Sequence[int]) -> tuple[Own, np.ndarray, np.ndarray]:

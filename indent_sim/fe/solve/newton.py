@@ -184,9 +184,11 @@ class Newton:
         return converged
 
     def accept(self) -> None:
-        """Take the present equilibrium as one that the body went through: its reactions measure round-off from now on.
+        """Take the present equilibrium as one that the body went through: its reactions measure
+        round-off from now on.
 
-        One that was only tried may be of any size, as that of a closed body full of fluid before the tip lets it out.
+        One that was only tried may be of any size, as that of a closed body full of fluid before
+        the tip lets it out.
         """
         self._largest_reaction = max(self._largest_reaction, self._reaction)
 

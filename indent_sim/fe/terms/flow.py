@@ -37,12 +37,13 @@ NAME = "pore"
 # Conductance of an open vertex in that of its own cells: p is 1e-8 of what it would be there. Forces are equal to 1e-7
 # from 1e6 on, and to 1e10 no digit is lost.
 OPEN = 1e8
-# What passes a vertex in a step in which the tip closes it, over what has passed it in the first stage of that step: it
-# is taken to drain for half of the step. With the 1 + sqrt 2 of an open vertex the pore pressure had a spike of half
-# the modulus in that row, and forces of a gel that swells against a sphere were up to 3 % too large, in steps a fourth
-# of which leave 0.1 %. With half of the step they are within 1.4 % at all times: late rows are nearer (3 -> 0.9 %,
-# 1 -> 0.2 %), the early ones farther (0.4 -> 0.8 and 1.4 %). Measured on one scene alone, configs/swelling_gel.yaml,
-# per_doubling 4 beside 16.
+# What passes a vertex in a step in which the tip closes it, over what has passed it in the first
+# stage of that step: it is taken to drain for half of the step. With the 1 + sqrt 2 of an open
+# vertex the pore pressure had a spike of half the modulus in that row, and forces of a gel that
+# swells against a sphere were up to 3 % too large, in steps a fourth of which leave 0.1 %. With
+# half of the step they are within 1.4 % at all times: late rows are nearer (3 -> 0.9 %, 1 -> 0.2
+# %), the early ones farther (0.4 -> 0.8 and 1.4 %). Measured on one scene alone,
+# configs/swelling_gel.yaml, per_doubling 4 beside 16.
 CLOSED_SHARE = 1 / (2 * GAMMA)
 
 

@@ -179,8 +179,8 @@ def _pull_off(results: Results) -> Value | None:
 
 
 def _pull_off_error(force: float, step: int | None, results: Results) -> float | None:
-    """What elements cost: as large a part of the force as of the row that pulls most; without range as the widest of
-    the elastic curve that it is found from. None without bars."""
+    """What elements cost: as large a part of the force as of the row that pulls most; without range
+    as the widest of the elastic curve that it is found from. None without bars."""
     if "force_error" not in results.table or not len(results):
         return None
     forces, errors = np.abs(results["force"]), results["force_error"]

@@ -58,8 +58,8 @@ def test_a_table_is_the_run_of_other_numbers():
     np.testing.assert_allclose(found, other, atol=6e-3 * other.max())
     assert found[1] > 1.3 * found[-1]  # it has drained
     missed = forces.missed(theta, np.minimum(DEPTH * times / RAMP, DEPTH), times)[1:]
-    # Of steps half as long: of two a doubling, on four elements in the contact. It was 1.4e-3 and 0.8e-3 on bodies
-    # of two widths
+    # Of steps half as long: of two a doubling, on four elements in the contact. It was 1.4e-3 and
+    # 0.8e-3 on bodies of two widths
     assert 3e-4 < np.abs(missed).max() / other.max() < 1e-2
 
 

@@ -144,8 +144,8 @@ ROW_THAT_PULLS = {"step": 2, "delta": 0.01, "force": -3.9}
     ids=["without range", "of a row", "between rows", "between rows, not known how well"],
 )
 def test_a_pull_off_has_the_bar_of_what_it_is_found_from(report: dict, bar: float | None, tmp_path: Path) -> None:
-    """Without range the widest of the elastic curve, relative: 2 % of row 1; of a row that pulls its own, and between
-    rows that and what the search leaves."""
+    """Without range the widest of the elastic curve, relative: 2 % of row 1; of a row that pulls
+    its own, and between rows that and what the search leaves."""
     study_of = study(tmp_path, "{quantity: pull_off, value: -4.0, claims: fit, source: nobody}")
     asked = cases.asked_for(study_of)[0]
     row = report.get("adhesion", {}).get("largest_pull", {"force": -4.0})
