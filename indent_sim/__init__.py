@@ -1,8 +1,10 @@
-"""indent-sim: rigid, analytic indenters pressed into elastic bodies, with a known error on every number.
+"""indent-sim: rigid, analytic indenters pressed into elastic bodies, with a known error on every
+number.
 
-The names of a notebook: `load` a scene from a file or a dictionary, `resolve` it to a Scene, walk its `states` or
-`condense` its body, `simulate` it into a result folder, `read` one; `plan`, `require`, `study`, `compare`, `plot` and
-`fit` are the commands of these names; `sensitivities` are derivatives of the force.
+The names of a notebook: `load` a scene from a file or a dictionary, `resolve` it to a Scene, walk
+its `states` or `condense` its body, `simulate` it into a result folder, `read` one; `plan`,
+`require`, `study`, `compare`, `plot` and `fit` are the commands of these names; `sensitivities` are
+derivatives of the force.
 """
 
 from __future__ import annotations

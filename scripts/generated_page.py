@@ -26,8 +26,12 @@ def measured_at(root: Path = ROOT) -> str:
     commit = _git(root, "rev-parse", "--short=8", "HEAD")
     if commit is None:
         return "Measured from sources without a repository."
-    changed = _git(root, "status", "--porcelain", "--", ".", ":(exclude)docs")  # pages made before are there
-    return f"Measured at commit {commit}{', with changes that are not committed' if changed else ''}."
+    changed = _git(
+        root, "status", "--porcelain", "--", ".", ":(exclude)docs"
+    )  # pages made before are there
+    return (
+        f"Measured at commit {commit}{', with changes that are not committed' if changed else ''}."
+    )
 
 
 def write(page: Path, text: str, root: Path = ROOT) -> None:

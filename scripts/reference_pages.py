@@ -18,7 +18,16 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from indent_sim.config import key_types, schema  # noqa: E402
-from indent_sim.config.key_types import core, describe, field_names, hints, kinds_of, members, tag_of, words_of  # noqa: E402
+from indent_sim.config.key_types import (
+    core,
+    describe,
+    field_names,
+    hints,
+    kinds_of,
+    members,
+    tag_of,
+    words_of,
+)  # noqa: E402
 from indent_sim.config.schema import Config  # noqa: E402
 from indent_sim.model.symbols import GROUPS, lookup  # noqa: E402
 
@@ -49,15 +58,24 @@ def _section_row(name: str) -> list[str]:
         return [f"`{name}`", _shown(field.default), _meaning(name)]
     tag = schema.tags().get(name)
     chosen = f"`{tag}: {getattr(field.default, tag, '')}`" if tag else "as below"
-    default = "**required**" if field.is_required() else chosen if field.default is not None else "none"
+    default = (
+        "**required**" if field.is_required() else chosen if field.default is not None else "none"
+    )
     return [f"[`{name}`](#{name})", UNLESS.get(name, default), _meaning(name)]
 
 
 def _kind_markdown(section: str, kind: type) -> str:
     tag = schema.tags().get(section)
-    rows = [row for name in schema.file_order(kind) if name != tag for row in _key_rows(section, kind, name)]
+    rows = [
+        row
+        for name in schema.file_order(kind)
+        if name != tag
+        for row in _key_rows(section, kind, name)
+    ]
     if section == "indenter":
-        rows.append(["`center`", describe(hints(Config)["center"]), "", "length", _meaning("center")])
+        rows.append(
+            ["`center`", describe(hints(Config)["center"]), "", "length", _meaning("center")]
+        )
     table = _table(["key", "value", "default", "unit", "meaning"], rows)
     text = f"{inspect.cleandoc(kind.__doc__ or '')}\n\n{table}"
     values = {k: value for value, k in kinds_of(hints(Config)[section], tag).items()} if tag else {}
@@ -79,16 +97,29 @@ def _key_rows(section: str, kind: type, name: str, outside: str = "") -> list[li
 
 def _rows_inside(name: str, item: Any, within: str) -> Iterator[list[str]]:
     """The rows of the keys of an item, each once: of all kinds that it may be, after the key that chooses."""
-    tag, kinds = tag_of(item), [core(part) for part in members(item) if dataclasses.is_dataclass(core(part))]
+    tag, kinds = (
+        tag_of(item),
+        [core(part) for part in members(item) if dataclasses.is_dataclass(core(part))],
+    )
     if tag:
-        yield [f"`{within}{tag}`", key_types.listed(list(kinds_of(item, tag))), "**required**", "", _meaning(tag)]
+        yield [
+            f"`{within}{tag}`",
+            key_types.listed(list(kinds_of(item, tag))),
+            "**required**",
+            "",
+            _meaning(tag),
+        ]
     owners = {key: kind for kind in kinds for key in field_names(kind) if key != tag}
     for key, kind in owners.items():
         yield from _key_rows(name, kind, key, within)
 
 
 def _table(head: list[str], rows: Iterable[list[str]]) -> str:
-    lines = [head, ["---"] * len(head), *([cell.replace("|", r"\|") for cell in row] for row in rows)]
+    lines = [
+        head,
+        ["---"] * len(head),
+        *([cell.replace("|", r"\|") for cell in row] for row in rows),
+    ]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
@@ -119,7 +150,10 @@ def symbols_markdown() -> str:
         "One name per thing, in YAML, Python and CSV alike. z is up, the undeformed surface is z = 0.\n",
     ]
     for title, group in GROUPS.items():
-        rows = [f"| `{s.name}` | {f'${s.latex}$' if s.latex else ''} | {s.meaning} | {s.dimension} |" for s in group]
+        rows = [
+            f"| `{s.name}` | {f'${s.latex}$' if s.latex else ''} | {s.meaning} | {s.dimension} |"
+            for s in group
+        ]
         head = ["| name | symbol | meaning | dimension |", "|---|---|---|---|"]
         parts.append("\n".join([f"## {title}\n", *head, *rows]) + "\n")
     return "\n".join(parts)
@@ -132,7 +166,10 @@ def scenes_markdown() -> str:
         "Generated from the first lines of each scene by `scripts/reference_pages.py`. Each answers one question and\n"
         "runs as it is by `indent-sim run`.\n",
     ]
-    for heading, folder in (("Scenes", "configs"), ("Scenes of the contact notes", "configs/notes")):
+    for heading, folder in (
+        ("Scenes", "configs"),
+        ("Scenes of the contact notes", "configs/notes"),
+    ):
         scenes = sorted((ROOT / folder).glob("*.yaml"))
         rows = [[f"`{folder}/{scene.name}`", _head_comment(scene)] for scene in scenes]
         parts += [f"## {heading}\n", _table(["scene", "what it shows"], rows)]
@@ -142,12 +179,18 @@ def scenes_markdown() -> str:
 def _head_comment(scene: Path) -> str:
     """The comment at the head of a scene file, as one paragraph."""
     lines = scene.read_text(encoding="utf-8").splitlines()
-    return " ".join(line.lstrip("# ") for line in itertools.takewhile(lambda line: line.startswith("#"), lines))
+    return " ".join(
+        line.lstrip("# ") for line in itertools.takewhile(lambda line: line.startswith("#"), lines)
+    )
 
 
 def pages() -> dict[str, str]:
     """The pages by their names in docs/."""
-    return {"config.md": config_markdown(), "symbols.md": symbols_markdown(), "scenes.md": scenes_markdown()}
+    return {
+        "config.md": config_markdown(),
+        "symbols.md": symbols_markdown(),
+        "scenes.md": scenes_markdown(),
+    }
 
 
 if __name__ == "__main__":

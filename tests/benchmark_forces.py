@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-# By converged computations with independent programs: of all ten steps, to 1e-8, and of the last one, to 3e-6
+# By converged computations with independent programs: of all ten steps, to 1e-8, and of the last
+# one, to 3e-6
 CYLINDER_STEPS = [
     4.752808e-5,
     1.3588647e-4,

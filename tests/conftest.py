@@ -1,4 +1,6 @@
-"""What all tests share: how dolfinx is loaded, runs that are made once, and a way to start several MPI ranks."""
+"""What all tests share: how dolfinx is loaded, runs that are made once, and a way to start several
+MPI ranks.
+"""
 
 from __future__ import annotations
 
@@ -19,18 +21,22 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
-# A shell that starts the tests in the background has SIGINT ignored, nohup SIGHUP, and children inherit that
+# A shell that starts the tests in the background has SIGINT ignored, nohup SIGHUP, and children
+# inherit that
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-# One BLAS thread, as the program gives itself, before anything loads numpy: two add in another order
+# One BLAS thread, as the program gives itself, before anything loads numpy: two add in another
+# order
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # How fast inputs are drawn, and how long one takes, is the machine's affair
-settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("any machine")
 
 TESTS = Path(__file__).resolve().parent
@@ -43,7 +49,8 @@ MPI_ENVIRONMENT = {
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
     "OMPI_MCA_rmaps_base_oversubscribe": "1",  # more ranks than cores, Open MPI 4
     "OMPI_MCA_mpi_yield_when_idle": "1",  # a waiting rank leaves its core to the others
-    "OMPI_MCA_hwloc_base_binding_policy": "none",  # two ranks bound to two busy cores wait for each other by turns
+    # two ranks bound to two busy cores wait for each other by turns
+    "OMPI_MCA_hwloc_base_binding_policy": "none",
     "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",  # Open MPI 5
     "PRTE_MCA_hwloc_default_binding_policy": "none",
 }
@@ -60,7 +67,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--cpu-times",
         metavar="FILE",
-        help="append to FILE a line for each test: CPU seconds of it and its child processes, a tab, its name",
+        help="append to FILE a line for each test: CPU seconds of it and its child processes, "
+        "a tab, its name",
     )
     parser.addoption(
         "--slice",
@@ -82,14 +90,19 @@ def slice_of_tests(text: str) -> tuple[int, int]:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Keep a slice of the tests. A test's slice comes from its name alone: it neither moves when others come and go,
-    nor does a new test need a place in a list, and slices cost nearly the same as long as no test is dear."""
+    """Keep a slice of the tests.
+
+    A test's slice comes from its name alone: it neither moves when others come and go, nor does a
+    new test need a place in a list, and slices cost nearly the same as long as no test is dear.
+    """
     wanted = config.getoption("--slice")
     if wanted is None:
         return
     slice_, slices = wanted
     mine = [zlib.crc32(item.nodeid.encode()) % slices == slice_ - 1 for item in items]
-    config.hook.pytest_deselected(items=[item for item, is_mine in zip(items, mine, strict=True) if not is_mine])
+    config.hook.pytest_deselected(
+        items=[item for item, is_mine in zip(items, mine, strict=True) if not is_mine]
+    )
     items[:] = [item for item, is_mine in zip(items, mine, strict=True) if is_mine]
 
 
@@ -102,7 +115,9 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
-    """Put the CPU time into the test's last report, the only thing that comes back from a worker of pytest-xdist."""
+    """Put the CPU time into the test's last report, the only thing that comes back from a worker of
+    pytest-xdist.
+    """
     report: Any = yield
     if call.when == "teardown":
         report.user_properties.append((CPU_PROPERTY, cpu_seconds() - item.stash[CPU_BEFORE]))
@@ -139,10 +154,12 @@ def cpu_seconds() -> float:
 
 
 def pytest_collect_file(file_path: Path) -> None:
-    """dolfinx is loaded as the program loads it, for it reads the command line, which is pytest's here.
+    """dolfinx is loaded as the program loads it, for it reads the command line, which is pytest's
+    here.
 
-    Before the first file that solves is imported, and never in the process that only shares tests out to others: MPI
-    would leave its variables to them, and every mpirun they start would take itself for a rank.
+    Before the first file that solves is imported, and never in the process that only shares tests
+    out to others: MPI would leave its variables to them, and every mpirun they start would take
+    itself for a rank.
     """
     if file_path.relative_to(TESTS).parts[0] in FOLDERS_THAT_SOLVE:
         from indent_sim.fe.environment import load_dolfinx
@@ -152,8 +169,10 @@ def pytest_collect_file(file_path: Path) -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def nothing_old_is_searched() -> None:
-    """Every solve ends with a search for garbage: among the libraries and what earlier files keep it takes as long as
-    a small solve. What is there when a file of tests begins is left out of it."""
+    """Every solve ends with a search for garbage: among the libraries and what earlier files keep
+    it takes as long as a small solve. What is there when a file of tests begins is left out of
+    it.
+    """
     gc.collect()
     gc.freeze()
 
@@ -166,8 +185,9 @@ def grids() -> dict[bytes, Any]:
 
 @pytest.fixture(scope="module", autouse=True)
 def grids_are_made_once(request: pytest.FixtureRequest, grids: dict[bytes, Any]) -> Iterator[None]:
-    """Tests of physics share grids, which nobody changes: more than half of them are asked for again. How grids are
-    made is tested elsewhere."""
+    """Tests of physics share grids, which nobody changes: more than half of them are asked for
+    again. How grids are made is tested elsewhere.
+    """
     if request.path.relative_to(TESTS).parts[0] != "physics":
         yield
         return

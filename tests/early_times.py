@@ -1,13 +1,15 @@
-"""Random scenes in time, and what is right for each: bodies that drain, bodies whose shear relaxes, and gels.
+"""Random scenes in time, and what is right for each: bodies that drain, bodies whose shear relaxes,
+and gels.
 
-Fluid leaves through faces of every kind, on ramps of 1e-7 to 10 of the time that it takes through the contact; shear
-relaxes by sums of exponentials and by power laws, also towards an incompressible body. What is right follows from
-series, limits, bounds and the principle of correspondence. Of a gel, and of a contact that drains for long, only a
-finer mesh in shorter steps knows; it is asked with `--finer`, else such rows are counted alone.
+Fluid leaves through faces of every kind, on ramps of 1e-7 to 10 of the time that it takes through
+the contact; shear relaxes by sums of exponentials and by power laws, also towards an incompressible
+body. What is right follows from series, limits, bounds and the principle of correspondence. Of a
+gel, and of a contact that drains for long, only a finer mesh in shorter steps knows; it is asked
+with `--finer`, else such rows are counted alone.
 
-`python tests/early_times.py --seed 1 --count 60` runs as many random scenes and prints a table: how often a force and
-the largest pressure are inside their error bars, how often `accuracy` is met, how wide the bars are, and how many gels
-end with rows.
+`python tests/early_times.py --seed 1 --count 60` runs as many random scenes and prints a table: how
+often a force and the largest pressure are inside their error bars, how often `accuracy` is met, how
+wide the bars are, and how many gels end with rows.
 """
 
 from __future__ import annotations
@@ -40,19 +42,21 @@ from indent_sim.theory.surface.drainage import drained_length
 
 QUIET = {"fields": "none", "surface": "none", "plot": False}
 TERMS = 4000  # of the disc's series: at D t = 5e-8 a^2 the last has fallen by e^-8
-PARTS = (
-    200  # of a ramp: straight pieces of an elastic curve that goes with a power of 3/2 are off by 1e-4 at half of it
-)
+# of a ramp: straight pieces of an elastic curve that goes with a power of 3/2 are off by 1e-4 at
+# half of it
+PARTS = 200
 EARLY = 1e-2  # D t/h^2 of a column, up to which it is a half-space to e^-100
-FIRST_ORDER = 2e-5  # D t/a^2 up to which a contact on a layer has lost what a film takes, to a tenth of that
+FIRST_ORDER = (
+    2e-5  # D t/a^2 up to which a contact on a layer has lost what a film takes, to a tenth of that
+)
 
 
 @dataclass(frozen=True)
 class EarlyScene:
     """A scene, what kind it is, and the least and the largest right force of each row.
 
-    peaks: the least and the largest right `p_max` of each row; None where it is not known. No bounds at all of a scene
-    of which only finer ones know.
+    peaks: the least and the largest right `p_max` of each row; None where it is not known. No
+    bounds at all of a scene of which only finer ones know.
     """
 
     kind: str
@@ -64,7 +68,9 @@ class EarlyScene:
 
 @lru_cache(maxsize=8)
 def _disc_terms(nu: float) -> tuple[np.ndarray, np.ndarray]:
-    """Roots x of (1 - nu) x J0(x) = (1 - 2 nu) J1(x) and the amplitudes A of `exact_time.unconfined_force`."""
+    """Roots x of (1 - nu) x J0(x) = (1 - 2 nu) J1(x) and the amplitudes A of
+    `exact_time.unconfined_force`.
+    """
     ends = [0.0, *jn_zeros(1, TERMS)]
 
     def equation(x: float) -> float:
@@ -75,8 +81,10 @@ def _disc_terms(nu: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def disc_ramp(E: float, nu: float, D: float, a: float, eps: float, T: float, t: float) -> float:
-    """Force on a disc of radius a between sealed frictionless plates, its side drained, whose strain grows evenly to
-    eps in the time T and stays: the integral of Armstrong, Lai & Mow's response to a step."""
+    """Force on a disc of radius a between sealed frictionless plates, its side drained, whose
+    strain grows evenly to eps in the time T and stays: the integral of Armstrong, Lai & Mow's
+    response to a step.
+    """
     x, A = _disc_terms(nu)
     rates = x**2 * D / a**2
 
@@ -89,7 +97,9 @@ def disc_ramp(E: float, nu: float, D: float, a: float, eps: float, T: float, t: 
 
 
 def column_ramp(E: float, nu: float, D: float, h: float, depth: float, T: float, t: float) -> float:
-    """Pressure on the drained top of a confined column whose shortening grows evenly to `depth` in T and stays."""
+    """Pressure on the drained top of a confined column whose shortening grows evenly to `depth` in
+    T and stays.
+    """
     M = confined_modulus(E, nu)
 
     def ramp(s: float) -> float:
@@ -116,7 +126,12 @@ class Drawn:
 
     def material(self) -> dict[str, Any]:
         nu = float(self.draw.uniform(0.0, 0.4))
-        return {"model": "linear_elastic", "E": self.spread(0.1, 10.0), "nu": nu, "flow": {"diffusivity": 1.0}}
+        return {
+            "model": "linear_elastic",
+            "E": self.spread(0.1, 10.0),
+            "nu": nu,
+            "flow": {"diffusivity": 1.0},
+        }
 
     def times(self, T: float) -> list[float]:
         """Two rows on the way and two in the hold after it."""
@@ -130,14 +145,28 @@ class Drawn:
         material, a, h = self.material(), self.spread(0.3, 2.0), 1.0
         T, depth = a * a * self.spread(1e-7, 10.0), 0.01 * h
         mapping = {
-            "body": {"shape": "cylinder", "radius": a, "height": h, "base": "roller", "sides": "free"},
+            "body": {
+                "shape": "cylinder",
+                "radius": a,
+                "height": h,
+                "base": "roller",
+                "sides": "free",
+            },
             "material": material,
             "indenter": {"shape": "flat_punch", "radius": a},
-            "drainage": {"surface": "sealed", "tip": "sealed", "base": "sealed", "sides": "drained"},
+            "drainage": {
+                "surface": "sealed",
+                "tip": "sealed",
+                "base": "sealed",
+                "sides": "drained",
+            },
             "loading": self.history(T, depth),
             "output": QUIET,
         }
-        right = [disc_ramp(material["E"], material["nu"], 1.0, a, depth / h, T, t) for t in mapping["loading"]["times"]]
+        right = [
+            disc_ramp(material["E"], material["nu"], 1.0, a, depth / h, T, t)
+            for t in mapping["loading"]["times"]
+        ]
         return EarlyScene("disc", mapping, right, right)
 
     def column(self) -> EarlyScene:
@@ -146,7 +175,13 @@ class Drawn:
         T, depth = self.spread(1e-4, 10.0), 0.01 * h
         tip, base = self.either(("drained", "sealed"), ("sealed", "drained"))
         mapping = {
-            "body": {"shape": "cylinder", "radius": a, "height": h, "base": "roller", "sides": "roller"},
+            "body": {
+                "shape": "cylinder",
+                "radius": a,
+                "height": h,
+                "base": "roller",
+                "sides": "roller",
+            },
             "material": material,
             "indenter": {"shape": "flat_punch", "radius": a},
             "drainage": {"surface": "sealed", "tip": tip, "base": base, "sides": "sealed"},
@@ -154,32 +189,50 @@ class Drawn:
             "output": QUIET,
         }
         pressures = [
-            column_ramp(material["E"], material["nu"], 1.0, h, depth, T, t) for t in mapping["loading"]["times"]
+            column_ramp(material["E"], material["nu"], 1.0, h, depth, T, t)
+            for t in mapping["loading"]["times"]
         ]
         right = [pi * a * a * p for p in pressures]
         return EarlyScene("column", mapping, right, right, [(p, p) for p in pressures])
 
     def layer(self) -> EarlyScene:
-        """A paraboloid, ball or cone on a layer that drains under and beside it, so quickly that only a film drains:
-        what that takes from the undrained force is known to a third of itself."""
+        """A paraboloid, ball or cone on a layer that drains under and beside it, so quickly that
+        only a film drains: what that takes from the undrained force is known to a third of
+        itself.
+        """
         material, R, h = self.material(), self.spread(0.3, 3.0), 1.0
         shape, a = self.either("paraboloid", "cone"), self.spread(0.1, 0.4)
         angle = 80.0
-        depth = a * a / R if shape == "paraboloid" else pi / 2 * a / float(np.tan(np.radians(angle)))
-        tip = {"shape": shape, "R": R} if shape == "paraboloid" else {"shape": shape, "half_angle": angle}
+        depth = (
+            a * a / R if shape == "paraboloid" else pi / 2 * a / float(np.tan(np.radians(angle)))
+        )
+        tip = (
+            {"shape": shape, "R": R}
+            if shape == "paraboloid"
+            else {"shape": shape, "half_angle": angle}
+        )
         T = a * a * self.spread(1e-7, FIRST_ORDER)
         mapping = {
             "body": {"shape": "layer", "height": h, "base": self.either("fixed", "roller")},
             "material": material,
             "indenter": tip,
-            "drainage": {"surface": "drained", "tip": "drained", "base": "sealed", "sides": "sealed"},
+            "drainage": {
+                "surface": "drained",
+                "tip": "drained",
+                "base": "sealed",
+                "sides": "sealed",
+            },
             "loading": self.history(T, depth),
             "output": QUIET,
         }
         dense = material | {"nu": 0.5, "E": 1.5 * material["E"] / (1 + material["nu"])}
         dense.pop("flow")
         share = (0.5, 1.0, 1.0, 1.0)
-        elastic = {"material": dense, "loading": {"deltas": [0.5 * depth, depth]}, "solver": {"method": "theory"}}
+        elastic = {
+            "material": dense,
+            "loading": {"deltas": [0.5 * depth, depth]},
+            "solver": {"method": "theory"},
+        }
         undrained = _forces(mapping | elastic)
         forces = [undrained[0], undrained[1], undrained[1], undrained[1]]
         growth = log(undrained[1] / undrained[0]) / log(2.0)  # dlnF/dlndelta
@@ -188,7 +241,9 @@ class Drawn:
         for force, part, t in zip(forces, share, mapping["loading"]["times"], strict=True):
             radius = a * (part**0.5 if shape == "paraboloid" else part)
             lost = 9 / 8 * force / (pi * radius**2 * part * depth * M)
-            lost *= float(drained_length(1.0, np.array([t]), np.array([min(t, T)]))[0]) * max(growth - 0.5, 1.0)
+            lost *= float(drained_length(1.0, np.array([t]), np.array([min(t, T)]))[0]) * max(
+                growth - 0.5, 1.0
+            )
             low.append(force * (1 - 1.3 * lost))
             high.append(force * (1 - 0.5 * lost))
         return EarlyScene("layer", mapping, low, high)
@@ -203,12 +258,19 @@ class Drawn:
             law: dict[str, Any] = {"power_law": {"exponent": n, "time": tau}, "of": "shear"}
             return law, lambda t: tau**n * max(t, 0.0) ** (1 - n) / (1 - n)
         rest, share = self.spread(1e-4, 0.3), float(self.draw.uniform(0.2, 1.0))
-        terms = [[share * (1 - rest), self.spread(0.03, 0.3)], [(1 - share) * (1 - rest), self.spread(0.3, 3.0)]]
+        terms = [
+            [share * (1 - rest), self.spread(0.03, 0.3)],
+            [(1 - share) * (1 - rest), self.spread(0.3, 3.0)],
+        ]
         terms = [[g, tau] for g, tau in terms if g > 0]
 
         def integral(t: float) -> float:
             left = 1 - sum(g for g, _ in terms)
-            return left * t - sum(g * tau * float(np.expm1(-t / tau)) for g, tau in terms) if t > 0 else 0.0
+            return (
+                left * t - sum(g * tau * float(np.expm1(-t / tau)) for g, tau in terms)
+                if t > 0
+                else 0.0
+            )
 
         return {"prony": terms, "of": "shear"}, integral
 
@@ -218,7 +280,13 @@ class Drawn:
         law, integral = self.relaxation()
         a, depth, T = self.spread(0.1, 0.5), 0.01, self.spread(1e-3, 10.0)
         mapping = {
-            "body": {"shape": "cylinder", "radius": a, "height": 1.0, "base": "roller", "sides": "roller"},
+            "body": {
+                "shape": "cylinder",
+                "radius": a,
+                "height": 1.0,
+                "base": "roller",
+                "sides": "roller",
+            },
             "material": {"model": "linear_elastic", "E": E, "nu": nu, "relaxation": law},
             "indenter": {"shape": "flat_punch", "radius": a},
             "loading": self.history(T, depth),
@@ -249,7 +317,10 @@ class Drawn:
             "output": QUIET,
         }
         shares = np.linspace(0.0, 1.0, PARTS + 1)[1:]
-        curve = {"loading": {"deltas": [float(depth * share) for share in shares]}, "solver": {"method": "theory"}}
+        curve = {
+            "loading": {"deltas": [float(depth * share) for share in shares]},
+            "solver": {"method": "theory"},
+        }
         elastic_scene = mapping | curve | {"material": material}
         del elastic_scene["output"]
         elastic = list(states(elastic_scene))
@@ -268,15 +339,23 @@ class Drawn:
         return EarlyScene("relaxing contact", mapping, right, right, [(p, p) for p in peaks])
 
     def contact(self) -> EarlyScene:
-        """A ball or a cone on a body that drains through some of its faces, at any speed: only a finer run knows."""
+        """A ball or a cone on a body that drains through some of its faces, at any speed: only a
+        finer run knows.
+        """
         material, R, a = self.material(), self.spread(0.3, 3.0), self.spread(0.1, 0.4)
         shape = self.either("paraboloid", "cone")
         depth = a * a / R if shape == "paraboloid" else pi / 2 * a / float(np.tan(np.radians(80.0)))
         body = {"shape": "cylinder", "radius": float(self.draw.uniform(1.0, 3.0)), "height": 1.0}
         mapping = {
-            "body": body | {"base": self.either("fixed", "roller"), "sides": self.either("roller", "free", "fixed")},
+            "body": body
+            | {
+                "base": self.either("fixed", "roller"),
+                "sides": self.either("roller", "free", "fixed"),
+            },
             "material": material,
-            "indenter": {"shape": shape, "R": R} if shape == "paraboloid" else {"shape": shape, "half_angle": 80.0},
+            "indenter": {"shape": shape, "R": R}
+            if shape == "paraboloid"
+            else {"shape": shape, "half_angle": 80.0},
             "drainage": {
                 "surface": self.either("drained", "sealed"),
                 "tip": self.either("drained", "sealed"),
@@ -289,11 +368,15 @@ class Drawn:
         return EarlyScene("contact", mapping, [], [])
 
     def swelling_law(self) -> dict[str, Any]:
-        """A gel whose skin does not swell so far that its surface creases: that is a third of those drawn, of which
-        rows are lost."""
+        """A gel whose skin does not swell so far that its surface creases: that is a third of those
+        drawn, of which rows are lost.
+        """
         while True:
             law = {"G": self.spread(0.3, 3), "n_omega": self.spread(1e-3, 1e-2)}
-            law |= {"chi": float(self.draw.uniform(0.2, 0.65)), "stretch": float(self.draw.uniform(1.2, 1.7))}
+            law |= {
+                "chi": float(self.draw.uniform(0.2, 0.65)),
+                "stretch": float(self.draw.uniform(1.2, 1.7)),
+            }
             gel = Gel(**law)
             if gel.held_swelling(gel.bath_pressure(0.0)).stretch <= CREASE:
                 return {"model": "gel"} | law
@@ -307,10 +390,21 @@ class Drawn:
             {"shape": "sphere", "R": self.spread(0.5, 2)},
             {"shape": "paraboloid", "R": self.spread(0.5, 2)},
             {"shape": "cone", "half_angle": float(self.draw.uniform(60, 80)), "tip_radius": 0.1},
-            {"shape": "hyperboloid", "R": self.spread(0.3, 1), "half_angle": float(self.draw.uniform(45, 75))},
-            {"shape": "flat_punch", "radius": float(self.draw.uniform(0.3, 0.8)), "edge_radius": 0.05},
+            {
+                "shape": "hyperboloid",
+                "R": self.spread(0.3, 1),
+                "half_angle": float(self.draw.uniform(45, 75)),
+            },
+            {
+                "shape": "flat_punch",
+                "radius": float(self.draw.uniform(0.3, 0.8)),
+                "edge_radius": 0.05,
+            },
         ]
-        depth, ramp = float(self.either(0.0, float(self.draw.uniform(0.02, 0.15)))), self.spread(0.3, 30)
+        depth, ramp = (
+            float(self.either(0.0, float(self.draw.uniform(0.02, 0.15)))),
+            self.spread(0.3, 30),
+        )
         points = [[0, 0], [ramp, depth], [300, depth]] if depth else [[0, 0], [300, 0]]
         mapping = {
             "body": body,
@@ -346,8 +440,10 @@ def early_scenes(seed: int, count: int, kinds: Sequence[str] = KINDS) -> Iterato
 
 @dataclass(frozen=True)
 class Judged:
-    """The rows of a scene: error and bar of each force, relative, and of each p_max that is known; whether the run said
-    that it missed an accuracy; and why it ended before its last row, if it did."""
+    """The rows of a scene: error and bar of each force, relative, and of each p_max that is known;
+    whether the run said that it missed an accuracy; and why it ended before its last row, if it
+    did.
+    """
 
     errors: list[float]
     bars: list[float]
@@ -368,11 +464,16 @@ class Judged:
 
 
 def judged(
-    scene: EarlyScene, accuracy: float | None = None, mesh: dict[str, Any] | None = None, *, finer: bool = False
+    scene: EarlyScene,
+    accuracy: float | None = None,
+    mesh: dict[str, Any] | None = None,
+    *,
+    finer: bool = False,
 ) -> Judged:
     """The scene solved with error bars, or to an accuracy.
 
-    finer: whether scenes without bounds are judged by the rows of a finer one; else they are solved alone.
+    finer: whether scenes without bounds are judged by the rows of a finer one; else they are solved
+    alone.
     """
     more: dict[str, Any] = {"accuracy": accuracy} if accuracy else {}
     more |= {"mesh": mesh} if mesh else {}
@@ -380,7 +481,9 @@ def judged(
     has_bars = bool(scene.low) or finer  # what is not judged needs none
     with tempfile.TemporaryDirectory() as folder:
         try:
-            found = simulate(config, directory=Path(folder) / "o", error_bars=has_bars and not accuracy)
+            found = simulate(
+                config, directory=Path(folder) / "o", error_bars=has_bars and not accuracy
+            )
         except (NotConverged, VerificationError) as end:
             return Judged([], [], False, lost=str(end))
     said = any("accuracy not reached" in one for one in found.report["warnings"])
@@ -391,14 +494,24 @@ def judged(
         right = finer_rows(config)
         low = high = [row.force for row in right]
         peaks = [(row.p_max, row.p_max) for row in right]
-    forces = [(row.force, row.force_error, *ends) for row, *ends in zip(found.states, low, high, strict=True)]
-    maxima = [(row.p_max, row.p_max_error, *ends) for row, ends in zip(found.states, peaks or (), strict=False)]
+    forces = [
+        (row.force, row.force_error, *ends)
+        for row, *ends in zip(found.states, low, high, strict=True)
+    ]
+    maxima = [
+        (row.p_max, row.p_max_error, *ends)
+        for row, ends in zip(found.states, peaks or (), strict=False)
+    ]
     maxima = [one for one in maxima if one[0] == one[0]]
     return Judged(*_errors_and_bars(forces), said, *_errors_and_bars(maxima))
 
 
-def _errors_and_bars(rows: Sequence[tuple[float, float | None, float, float]]) -> tuple[list[float], list[float]]:
-    """Relative error and half-width of each value, from it, its bar, and the least and the largest that are right."""
+def _errors_and_bars(
+    rows: Sequence[tuple[float, float | None, float, float]],
+) -> tuple[list[float], list[float]]:
+    """Relative error and half-width of each value, from it, its bar, and the least and the largest
+    that are right.
+    """
     errors = [max(low - value, value - high, 0.0) / high for value, _, low, high in rows]
     return errors, [(bar or 0.0) / high for _, bar, _, high in rows]
 
@@ -421,36 +534,64 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--accuracy", type=float)
-    parser.add_argument("--mesh", type=float, help="h_contact, over the contact radius: a mesh that is given")
+    parser.add_argument(
+        "--mesh", type=float, help="h_contact, over the contact radius: a mesh that is given"
+    )
     parser.add_argument("--kinds", nargs="*", default=KINDS, choices=KINDS)
     parser.add_argument(
-        "--finer", action="store_true", help="judge scenes without bounds by finer meshes in shorter steps"
+        "--finer",
+        action="store_true",
+        help="judge scenes without bounds by finer meshes in shorter steps",
     )
     asked = parser.parse_args()
     found: dict[str, list[Judged]] = {kind: [] for kind in asked.kinds}
     for k, scene in enumerate(early_scenes(asked.seed, asked.count, asked.kinds)):
-        mesh = {"h_contact": asked.mesh * scene.mapping["body"].get("radius", 0.3)} if asked.mesh else None
+        mesh = (
+            {"h_contact": asked.mesh * scene.mapping["body"].get("radius", 0.3)}
+            if asked.mesh
+            else None
+        )
         one = judged(scene, asked.accuracy, mesh, finer=asked.finer)
         found[scene.kind].append(one)
         T = scene.mapping["loading"]["history"][1][0]
         numbers = " ".join(f"{e:.1e}/{b:.1e}" for e, b in zip(one.errors, one.bars, strict=True))
-        peaks = " ".join(f"{e:.1e}/{b:.1e}" for e, b in zip(one.peak_errors, one.peak_bars, strict=True))
-        print(k, scene.kind, f"T {T:.1e}", numbers, f"p {peaks}", one.lost, "missed" * one.is_missed, flush=True)
+        peaks = " ".join(
+            f"{e:.1e}/{b:.1e}" for e, b in zip(one.peak_errors, one.peak_bars, strict=True)
+        )
+        print(
+            k,
+            scene.kind,
+            f"T {T:.1e}",
+            numbers,
+            f"p {peaks}",
+            one.lost,
+            "missed" * one.is_missed,
+            flush=True,
+        )
     print(table(found, asked.accuracy))
 
 
 def table(found: dict[str, list[Judged]], accuracy: float | None) -> str:
     """A Markdown table of the rates of each kind of scene."""
     lines = [
-        "| scenes | number | with all rows | force inside its bar | median bar/error | p_max inside its bar | met |",
+        "| scenes | number | with all rows | force inside its bar | median bar/error | "
+        "p_max inside its bar | met |",
         "|---|---|---|---|---|---|---|",
     ]
     whole = [one for kind in found.values() for one in kind]
     for name, some in [*found.items(), ("all", whole)]:
         held = [is_held for one in some for is_held in one.held]
         peaks = [is_held for one in some for is_held in one.peaks_held]
-        over = [bar / max(error, 1e-6) for one in some for error, bar in zip(one.errors, one.bars, strict=True)]
-        met = [max(one.errors, default=0.0) <= accuracy or one.is_missed for one in some] if accuracy else []
+        over = [
+            bar / max(error, 1e-6)
+            for one in some
+            for error, bar in zip(one.errors, one.bars, strict=True)
+        ]
+        met = (
+            [max(one.errors, default=0.0) <= accuracy or one.is_missed for one in some]
+            if accuracy
+            else []
+        )
         ended = sum(not one.lost for one in some)
         middle = f"{np.median(over):.2g}" if over else ""
         cells = [name, str(len(some)), str(ended), _rate(held), middle, _rate(peaks), _rate(met)]

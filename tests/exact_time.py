@@ -1,7 +1,7 @@
 """Exact solutions of bodies that drain or relax, as functions of time.
 
-Linear drained constants E, nu; permeability k over viscosity [length^2/(pressure time)]; incompressible grains and
-fluid; D = M_c k. Compression, settlement and fluid pressure are > 0.
+Linear drained constants E, nu; permeability k over viscosity [length^2/(pressure time)];
+incompressible grains and fluid; D = M_c k. Compression, settlement and fluid pressure are > 0.
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ def _decays(rates: np.ndarray, T: float) -> np.ndarray:
 
 
 def confined_ramp(E: float, nu: float, k: float, h: float, V: float, t: float) -> float:
-    """Pressure on the drained top of a layer of height h between rigid walls, pressed in with the speed V."""
+    """Pressure on the drained top of a layer of height h between rigid walls, pressed in with the
+    speed V.
+    """
     M = confined_modulus(E, nu)
     D, n = M * k, np.arange(1, TERMS)
     left = 2 / pi**2 * float(np.sum(_decays(n**2 * pi**2, D * t / h**2) / n**2))
@@ -43,8 +45,9 @@ def terzaghi_settlement(E: float, nu: float, k: float, h: float, sigma: float, t
 
 
 def unconfined_force(E: float, nu: float, k: float, a: float, eps: float, t: float) -> float:
-    """Force on a disc of radius a, suddenly shorter by the strain eps between sealed frictionless plates, its side
-    drained (Armstrong, Lai & Mow 1984)."""
+    """Force on a disc of radius a, suddenly shorter by the strain eps between sealed frictionless
+    plates, its side drained (Armstrong, Lai & Mow 1984).
+    """
     T, x = confined_modulus(E, nu) * k * t / a**2, _unconfined_roots(nu)
     A = (1 - nu) * (1 - 2 * nu) / (1 + nu) / ((1 - nu) ** 2 * x**2 - (1 - 2 * nu))
     return pi * a**2 * E * eps * (1 + float(np.sum(A * _decays(x**2, T))))
@@ -57,12 +60,18 @@ def _unconfined_roots(nu: float) -> np.ndarray:
     def equation(x: float) -> float:
         return float((1 - nu) * x * j0(x) - (1 - 2 * nu) * j1(x))
 
-    return np.array([brentq(equation, low + 1e-9, high, xtol=1e-14) for low, high in pairwise(ends)])
+    return np.array(
+        [brentq(equation, low + 1e-9, high, xtol=1e-14) for low, high in pairwise(ends)]
+    )
 
 
-def mandel(E: float, nu: float, k: float, a: float, x: float, F: float, t: float) -> tuple[float, float]:
-    """Pressure of the fluid at x, and shortening over height, of a strip |x| <= a between sealed frictionless plates
-    that a force 2 F per length suddenly presses, its sides drained (Mandel 1953)."""
+def mandel(
+    E: float, nu: float, k: float, a: float, x: float, F: float, t: float
+) -> tuple[float, float]:
+    """Pressure of the fluid at x, and shortening over height, of a strip |x| <= a between sealed
+    frictionless plates that a force 2 F per length suddenly presses, its sides drained (Mandel
+    1953).
+    """
     G, T = E / (2 * (1 + nu)), confined_modulus(E, nu) * k * t / a**2
     b = np.array([_mandel_root((1 - nu) / (0.5 - nu), n) for n in range(TERMS)])
     s, left = np.sin(b) / (b - np.sin(b) * np.cos(b)), _decays(b**2, T)
@@ -76,11 +85,14 @@ def _mandel_root(slope: float, n: int) -> float:
     return float(brentq(lambda b: sin(b) - slope * b * cos(b), low, high, xtol=1e-15))
 
 
-def relaxing_bar(E: float, nu: float, fractions: Sequence[float], times: Sequence[float], t: float) -> float:
+def relaxing_bar(
+    E: float, nu: float, fractions: Sequence[float], times: Sequence[float], t: float
+) -> float:
     """Stress per strain of a bar, suddenly stretched and held, whose shear modulus alone relaxes.
 
-    The bulk modulus stays kappa, the shear modulus is s G(s) = N/P in Laplace space, a ratio of polynomials; the bar
-    has s E(s) = 9 kappa N/(3 kappa P + N), and E(t) follows by partial fractions.
+    The bulk modulus stays kappa, the shear modulus is s G(s) = N/P in Laplace space, a ratio of
+    polynomials; the bar has s E(s) = 9 kappa N/(3 kappa P + N), and E(t) follows by partial
+    fractions.
     """
     kappa = E / (3 * (1 - 2 * nu))
     N, P = _shear_ratio(E / (2 * (1 + nu)), fractions, times)
@@ -91,7 +103,9 @@ def relaxing_bar(E: float, nu: float, fractions: Sequence[float], times: Sequenc
     return float(rest + np.real(np.sum(residues * np.exp(poles * t))))
 
 
-def _shear_ratio(G: float, fractions: Sequence[float], times: Sequence[float]) -> tuple[Polynomial, Polynomial]:
+def _shear_ratio(
+    G: float, fractions: Sequence[float], times: Sequence[float]
+) -> tuple[Polynomial, Polynomial]:
     """s G(s) = G (1 - sum g/(1 + s tau)) as numerator and denominator."""
     factors = [Polynomial([1.0, tau]) for tau in times]
     P = Polynomial([1.0])
@@ -104,5 +118,7 @@ def _shear_ratio(G: float, fractions: Sequence[float], times: Sequence[float]) -
 
 
 def held_incompressible(fractions: Sequence[float], times: Sequence[float], t: float) -> float:
-    """F(t)/F(0) of an incompressible body of any law and shape, suddenly deformed and held: nothing moves any more."""
+    """F(t)/F(0) of an incompressible body of any law and shape, suddenly deformed and held: nothing
+    moves any more.
+    """
     return 1 - sum(g * (1 - exp(-t / tau)) for g, tau in zip(fractions, times, strict=True))

@@ -1,4 +1,6 @@
-"""Curve files that are broken, absurd, or written in a way of their own, from a seed: what should become of each."""
+"""Curve files that are broken, absurd, or written in a way of their own, from a seed: what should
+become of each.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,9 @@ UNREADABLE = "not a curve: "
 
 @dataclass(frozen=True)
 class Hostile:
-    """A file: its name, its bytes, and the beginning of the reason why it is refused; DONE where it holds a curve, None
-    where either may be right."""
+    """A file: its name, its bytes, and the beginning of the reason why it is refused; DONE where it
+    holds a curve, None where either may be right.
+    """
 
     name: str
     data: bytes
@@ -32,7 +35,12 @@ def curve(draw: np.random.Generator, n: int = 300) -> tuple[np.ndarray, np.ndarr
     return x, force + 0.01 * force.max() * draw.standard_normal(n) + draw.uniform(-0.2, 0.2)
 
 
-def text(columns: tuple[np.ndarray, ...], separator: str = ",", head: str = "delta,force\n", end: str = "\n") -> str:
+def text(
+    columns: tuple[np.ndarray, ...],
+    separator: str = ",",
+    head: str = "delta,force\n",
+    end: str = "\n",
+) -> str:
     """A table of numbers."""
     rows = zip(*(column.tolist() for column in columns), strict=True)
     return head + "".join(separator.join(f"{value:.7g}" for value in row) + end for row in rows)
@@ -70,7 +78,10 @@ def _written_otherwise(draw: np.random.Generator) -> dict[str, tuple[str | bytes
         "long head": ("".join(f"# {k}: {k}\n" for k in range(1000)) + plain, DONE),
         "no line end": (plain.rstrip("\n"), DONE),
         "holes": (plain.replace("\n0", "\n,\n0", 3), DONE),
-        "comments inside": (text((x[:half], F[:half])) + "# pause\n\n" + text((x[half:], F[half:]), head=""), DONE),
+        "comments inside": (
+            text((x[:half], F[:half])) + "# pause\n\n" + text((x[half:], F[half:]), head=""),
+            DONE,
+        ),
         "some nan": (text((np.where(np.arange(len(x)) % 7 == 3, np.nan, x), F)), DONE),
         "there and back": (text((np.r_[x, x[::-1]], np.r_[F, F[::-1]])), DONE),
         "backwards": (text((x[::-1], F[::-1])), DONE),
@@ -88,9 +99,16 @@ def _no_text(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str | No
     with zipfile.ZipFile(archive, "w") as file:
         file.writestr("curve.csv", plain)
     noise = draw.integers(0, 256, 5000, dtype=np.uint8).tobytes()
-    files = {"noise": noise, "packed": gzip.compress(plain), "picture": b"\x89PNG\r\n\x1a\n" + noise}
+    files = {
+        "noise": noise,
+        "packed": gzip.compress(plain),
+        "picture": b"\x89PNG\r\n\x1a\n" + noise,
+    }
     files |= {"zeros": bytes(4000), "archive": archive.getvalue(), "pdf": b"%PDF-1.7\n" + noise}
-    files |= {"utf-32": plain.decode().encode("utf-32"), "utf-16 unmarked": plain.decode().encode("utf-16-le")}
+    files |= {
+        "utf-32": plain.decode().encode("utf-32"),
+        "utf-16 unmarked": plain.decode().encode("utf-16-le"),
+    }
     files |= {"half a letter": b"\xff\xfe1\x00,\x002\x00\n", "numbers": curve(draw)[1].tobytes()}
     return {name: (data, UNREADABLE) for name, data in files.items()}
 
@@ -100,7 +118,10 @@ def _no_numbers(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str |
     x, F = curve(draw)
     plain = text((x, F))
     lines = plain.splitlines()
-    ragged = [",".join([line, *["1"] * int(draw.integers(0, 4))][: int(draw.integers(1, 4))]) for line in lines]
+    ragged = [
+        ",".join([line, *["1"] * int(draw.integers(0, 4))][: int(draw.integers(1, 4))])
+        for line in lines
+    ]
     bad = int(draw.integers(50, 250))
     one_word = "\n".join([*lines[:bad], "0.1,a lot", *lines[bad:]])
     files: dict[str, str] = {
@@ -160,7 +181,12 @@ def _damaged(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str | No
         "cut": lambda: good[: int(draw.integers(1, len(good)))], "spliced": spliced, "sprinkled": sprinkled,
         "begins late": lambda: good[int(draw.integers(1, len(good))) :], "twice": lambda: good + good,
     }  # fmt: skip
-    files: dict[str, tuple[str | bytes, str | None]] = {name: (way(), None) for name, way in ways.items()}
+    files: dict[str, tuple[str | bytes, str | None]] = {
+        name: (way(), None) for name, way in ways.items()
+    }
     for suffix in ("jpk-force", "ibw", "h5", "spm", "zip"):
-        files[f"no instrument's.{suffix}"] = (draw.integers(0, 256, 3000, dtype=np.uint8).tobytes(), UNREADABLE)
+        files[f"no instrument's.{suffix}"] = (
+            draw.integers(0, 256, 3000, dtype=np.uint8).tobytes(),
+            UNREADABLE,
+        )
     return files

@@ -1,7 +1,8 @@
-"""Mesh files that try something, from a seed: valid files of every kind with something else in them, and bombs.
+"""Mesh files that try something, from a seed: valid files of every kind with something else in
+them, and bombs.
 
-Each is at most 10 MB long. Arrays are spoilt before they are written, bytes after that; bombs are small files that ask
-for much time or memory.
+Each is at most 10 MB long. Arrays are spoilt before they are written, bytes after that; bombs are
+small files that ask for much time or memory.
 """
 
 from __future__ import annotations
@@ -49,7 +50,8 @@ NUMBERS = [
 NUMBER = re.compile(rb"-?\d+\.?\d*(?:e[+-]\d+)?")
 Body = dict[str, Any]
 
-# ---- arrays ----------------------------------------------------------------------------------------------------------
+# ---- arrays
+# ----------------------------------------------------------------------------------------------------------
 
 
 def scaled(rng: random.Random, body: Body) -> None:
@@ -57,11 +59,17 @@ def scaled(rng: random.Random, body: Body) -> None:
 
 
 def not_finite(rng: random.Random, body: Body) -> None:
-    body["points"].flat[rng.randrange(body["points"].size)] = rng.choice([np.nan, np.inf, -np.inf, 1e308, 1e25])
+    body["points"].flat[rng.randrange(body["points"].size)] = rng.choice(
+        [np.nan, np.inf, -np.inf, 1e308, 1e25]
+    )
 
 
 def moved(rng: random.Random, body: Body) -> None:
-    body["points"][rng.randrange(len(body["points"]))] += [rng.uniform(-2, 2), rng.uniform(-2, 2), 0.0]
+    body["points"][rng.randrange(len(body["points"]))] += [
+        rng.uniform(-2, 2),
+        rng.uniform(-2, 2),
+        0.0,
+    ]
 
 
 def doubled_points(rng: random.Random, body: Body) -> None:
@@ -76,7 +84,9 @@ def doubled_cells(rng: random.Random, body: Body) -> None:
 
 
 def unused_points(rng: random.Random, body: Body) -> None:
-    body["points"] = np.vstack([body["points"], [[rng.choice([0.0, 1e9, np.nan])] * 3] * rng.choice([1, 100])])
+    body["points"] = np.vstack(
+        [body["points"], [[rng.choice([0.0, 1e9, np.nan])] * 3] * rng.choice([1, 100])]
+    )
 
 
 def flat_cells(rng: random.Random, body: Body) -> None:
@@ -93,7 +103,9 @@ def other_corners(rng: random.Random, body: Body) -> None:
 
 def shuffled(rng: random.Random, body: Body) -> None:
     order = np.array(rng.sample(range(len(body["points"])), len(body["points"])))
-    body["points"] = body["points"][order] if rng.random() < 0.5 else body["points"][np.sort(order)[::-1]]
+    body["points"] = (
+        body["points"][order] if rng.random() < 0.5 else body["points"][np.sort(order)[::-1]]
+    )
 
 
 def few_cells(rng: random.Random, body: Body) -> None:
@@ -104,14 +116,30 @@ def few_cells(rng: random.Random, body: Body) -> None:
 def other_facets(rng: random.Random, body: Body) -> None:
     name = rng.choice([*body["facets"], "lid"])
     facets = body["facets"].get(name, body["cells"][:4, 1:])
-    body["facets"][name] = rng.choice([facets[:0], facets[::-1], facets[:, ::-1], facets + 1, facets[:1], facets * 0])
+    body["facets"][name] = rng.choice(
+        [facets[:0], facets[::-1], facets[:, ::-1], facets + 1, facets[:1], facets * 0]
+    )
 
 
 def other_names(rng: random.Random, body: Body) -> None:
     name = rng.choice(
-        ["", " ", "top", '"', "a\nb", "$EndPhysicalNames", "ä漢🙂", "x" * 1_000_000, "<&>", "../x", "\x1b[2J"]
+        [
+            "",
+            " ",
+            "top",
+            '"',
+            "a\nb",
+            "$EndPhysicalNames",
+            "ä漢🙂",
+            "x" * 1_000_000,
+            "<&>",
+            "../x",
+            "\x1b[2J",
+        ]
     )
-    body["facets"] = {name if key == "wall" else key: facets for key, facets in body["facets"].items()}
+    body["facets"] = {
+        name if key == "wall" else key: facets for key, facets in body["facets"].items()
+    }
 
 
 def alone(rng: random.Random, body: Body) -> None:
@@ -121,7 +149,9 @@ def alone(rng: random.Random, body: Body) -> None:
 
 
 def turned(rng: random.Random, body: Body) -> None:
-    body["points"] = body["points"][:, list(rng.choice([(1, 0, 2), (0, 2, 1), (2, 1, 0), (0, 1, 1)]))]
+    body["points"] = body["points"][
+        :, list(rng.choice([(1, 0, 2), (0, 2, 1), (2, 1, 0), (0, 1, 1)]))
+    ]
 
 
 def as_it_is(rng: random.Random, body: Body) -> None:
@@ -146,7 +176,8 @@ ARRAYS: list[Callable[[random.Random, Body], None]] = [
     as_it_is,
 ]
 
-# ---- bytes -----------------------------------------------------------------------------------------------------------
+# ---- bytes
+# -----------------------------------------------------------------------------------------------------------
 
 
 def cut(rng: random.Random, data: bytes) -> bytes:
@@ -174,7 +205,9 @@ def other_numbers(rng: random.Random, data: bytes) -> bytes:
         return data
     if rng.random() < 0.2:
         return data.replace(rng.choice(found).group(), rng.choice(NUMBERS))
-    for one in sorted(rng.sample(found, min(len(found), rng.choice([1, 1, 3]))), key=lambda one: -one.start()):
+    for one in sorted(
+        rng.sample(found, min(len(found), rng.choice([1, 1, 3]))), key=lambda one: -one.start()
+    ):
         data = data[: one.start()] + rng.choice(NUMBERS) + data[one.end() :]
     return data
 
@@ -254,22 +287,29 @@ def spoilt(rng: random.Random, path: Path) -> Path:
     return path
 
 
-# ---- files -----------------------------------------------------------------------------------------------------------
+# ---- files
+# -----------------------------------------------------------------------------------------------------------
 
 
 def _version_4(binary: bool, path: Path, body: Body) -> None:
     """A file of gmsh 4.1, one entity for each name; meshio writes cells of one kind alone."""
     dim, out = body["cells"].shape[1] - 1, bytearray(f"$MeshFormat\n4.1 {int(binary)} 8\n".encode())
-    parts = [(dim - 1, name, facets) for name, facets in body["facets"].items()] + [(dim, "gel", body["cells"])]
+    parts = [(dim - 1, name, facets) for name, facets in body["facets"].items()] + [
+        (dim, "gel", body["cells"])
+    ]
 
     def put(values: Any, kind: Any) -> None:
         values = np.atleast_1d(np.asarray(values, dtype=kind)).ravel()
-        out.extend(values.tobytes() if binary else (" ".join(map(str, values.tolist())) + "\n").encode())
+        out.extend(
+            values.tobytes() if binary else (" ".join(map(str, values.tolist())) + "\n").encode()
+        )
 
     if binary:
         out.extend(b"\1\0\0\0\n")
     names = "".join(f'{of} {k + 1} "{name}"\n' for k, (of, name, _) in enumerate(parts))
-    out.extend(f"$EndMeshFormat\n$PhysicalNames\n{len(parts)}\n{names}$EndPhysicalNames\n$Entities\n".encode())
+    out.extend(
+        f"$EndMeshFormat\n$PhysicalNames\n{len(parts)}\n{names}$EndPhysicalNames\n$Entities\n".encode()
+    )
     put([sum(of == d for of, _, _ in parts) for d in range(4)], np.uint64)
     for tag, (_, _, _) in sorted(enumerate(parts), key=lambda one: one[1][0]):
         put(tag + 1, np.int32)
@@ -295,7 +335,9 @@ def _version_4(binary: bool, path: Path, body: Body) -> None:
 
 def _version_40(binary: bool, path: Path, body: Body) -> None:
     kind = {3: "triangle", 4: "tetra"}[body["cells"].shape[1]]
-    meshio.gmsh.write(path, meshio.Mesh(body["points"], [(kind, body["cells"])]), fmt_version="4.0", binary=binary)
+    meshio.gmsh.write(
+        path, meshio.Mesh(body["points"], [(kind, body["cells"])]), fmt_version="4.0", binary=binary
+    )
 
 
 KINDS: list[tuple[str, Callable[[Path, Body], Any]]] = [
@@ -323,12 +365,15 @@ def valid(rng: random.Random, folder: Path, body: Body) -> Path:
     suffix, write_as = rng.choice(KINDS)
     path = folder / f"part{suffix}"
     path.write_bytes(b"")
-    with suppress(ValueError, IndexError, OverflowError, KeyError, UnicodeError, TypeError, meshio.WriteError):
+    with suppress(
+        ValueError, IndexError, OverflowError, KeyError, UnicodeError, TypeError, meshio.WriteError
+    ):
         write_as(path, body)  # meshio itself refuses some arrays
     return path
 
 
-# ---- bombs -----------------------------------------------------------------------------------------------------------
+# ---- bombs
+# -----------------------------------------------------------------------------------------------------------
 
 
 def sparse_numbers(rng: random.Random, folder: Path) -> Path:
@@ -397,7 +442,10 @@ def generated_sets(rng: random.Random, folder: Path) -> Path:
             "1.5, 2, 1",
         ]
     )
-    sets = "".join(f"*{kind}, {kind}=s{k}, GENERATE\n{one}\n" for k in range(rng.choice([1, MOST_BYTES // 500])))
+    sets = "".join(
+        f"*{kind}, {kind}=s{k}, GENERATE\n{one}\n"
+        for k in range(rng.choice([1, MOST_BYTES // 500]))
+    )
     path.write_text(path.read_text() + sets)
     return path
 
@@ -405,7 +453,9 @@ def generated_sets(rng: random.Random, folder: Path) -> Path:
 def many_blocks(rng: random.Random, folder: Path) -> Path:
     """A reader that looks through all blocks for each set takes the square of that."""
     path = write(folder / "part.inp", section())
-    blocks = "".join(f"*ELEMENT, TYPE=CPS3\n{k + 10**6}, 1, 2, 11\n" for k in range(MOST_BYTES // 500))
+    blocks = "".join(
+        f"*ELEMENT, TYPE=CPS3\n{k + 10**6}, 1, 2, 11\n" for k in range(MOST_BYTES // 500)
+    )
     sets = "".join(f"*ELSET, ELSET=s{k}\n1, 2, 3\n" for k in range(MOST_BYTES // 500))
     path.write_text(path.read_text() + blocks + sets)
     return path
@@ -419,7 +469,9 @@ def long_lines(rng: random.Random, folder: Path) -> Path:
         ".vtu": "<VTKFile type='",
         ".xdmf": "<Xdmf Version='",
     }[path.suffix]
-    path.write_text((begin + rng.choice(["9", "1 ", "1,", "x", "[", "("]) * MOST_BYTES)[:MOST_BYTES])
+    path.write_text(
+        (begin + rng.choice(["9", "1 ", "1,", "x", "[", "("]) * MOST_BYTES)[:MOST_BYTES]
+    )
     return path
 
 
@@ -428,23 +480,35 @@ def nested(rng: random.Random, folder: Path) -> Path:
     lol = "".join(f"<!ENTITY l{k} '{f'&l{k - 1};' * 10}'>" for k in range(1, 12))
     bomb = f"<?xml version='1.0'?><!DOCTYPE x [<!ENTITY l0 'lol'>{lol}]><VTKFile>&l11;</VTKFile>"
     outside = (
-        "<?xml version='1.0'?><!DOCTYPE x [<!ENTITY e SYSTEM 'file:///etc/passwd'>]><Xdmf Version='3.0'>&e;</Xdmf>"
+        "<?xml version='1.0'?><!DOCTYPE x [<!ENTITY e SYSTEM "
+        "'file:///etc/passwd'>]><Xdmf Version='3.0'>&e;</Xdmf>"
     )
-    path.write_text(rng.choice([bomb, outside, "<a>" * (MOST_BYTES // 3), "<a " + "b='c' " * (MOST_BYTES // 9) + "/>"]))
+    path.write_text(
+        rng.choice(
+            [bomb, outside, "<a>" * (MOST_BYTES // 3), "<a " + "b='c' " * (MOST_BYTES // 9) + "/>"]
+        )
+    )
     return path
 
 
 def packed_zeros(rng: random.Random, folder: Path) -> Path:
-    """A VTU file whose few bytes unfold to gigabytes; as text of base64, with as many blocks as it says."""
+    """A VTU file whose few bytes unfold to gigabytes; as text of base64, with as many blocks as it
+    says.
+    """
     size = rng.choice([10, 100]) * MOST_BYTES
     packed = zlib.compress(b"\0" * size, 9)
     blocks = rng.choice([1, 4])
     header = np.array([blocks, size, size, *[len(packed)] * blocks], dtype=np.uint32).tobytes()
     data = (b64encode(header) + b64encode(packed * blocks)).decode()
-    array = f"<DataArray type='Float64' Name='Points' NumberOfComponents='3' format='binary'>{data}</DataArray>"
+    array = (
+        "<DataArray type='Float64' Name='Points' NumberOfComponents='3' "
+        f"format='binary'>{data}</DataArray>"
+    )
     (folder / "part.vtu").write_text(
-        "<VTKFile type='UnstructuredGrid' version='0.1' byte_order='LittleEndian' compressor='vtkZLibDataCompressor'>"
-        f"<UnstructuredGrid><Piece NumberOfPoints='{blocks * size // 24}' NumberOfCells='0'><Points>{array}</Points>"
+        "<VTKFile type='UnstructuredGrid' version='0.1' byte_order='LittleEndian' "
+        "compressor='vtkZLibDataCompressor'>"
+        f"<UnstructuredGrid><Piece NumberOfPoints='{blocks * size // 24}' "
+        f"NumberOfCells='0'><Points>{array}</Points>"
         "</Piece></UnstructuredGrid></VTKFile>"
     )
     return folder / "part.vtu"
@@ -479,7 +543,9 @@ KEPT: dict[str, Callable[[Any, str, Any, Any], Any]] = {
         name, h5py.ExternalLink("other.h5", f"/{name}")
     ),
     "soft onto external": _soft_onto_external,
-    "soft onto itself": lambda store, name, first, shape: store.__setitem__(name, h5py.SoftLink(f"/{name}")),
+    "soft onto itself": lambda store, name, first, shape: store.__setitem__(
+        name, h5py.SoftLink(f"/{name}")
+    ),
     "virtual": _virtual,
     "external storage": lambda store, name, first, shape: store.create_dataset(
         name, shape, first.dtype, external=[("/etc/passwd", 0, first.nbytes)]
@@ -488,8 +554,12 @@ KEPT: dict[str, Callable[[Any, str, Any, Any], Any]] = {
     "complex": lambda store, name, first, shape: store.__setitem__(name, first.astype(complex)),
     "floats": lambda store, name, first, shape: store.__setitem__(name, first.astype(float) + 0.25),
     "booleans": lambda store, name, first, shape: store.__setitem__(name, first.astype(bool)),
-    "half precision": lambda store, name, first, shape: store.__setitem__(name, first.astype(np.float16)),
-    "six columns": lambda store, name, first, shape: store.__setitem__(name, np.tile(first.reshape(len(first), -1), 2)),
+    "half precision": lambda store, name, first, shape: store.__setitem__(
+        name, first.astype(np.float16)
+    ),
+    "six columns": lambda store, name, first, shape: store.__setitem__(
+        name, np.tile(first.reshape(len(first), -1), 2)
+    ),
     "a scalar": lambda store, name, first, shape: store.__setitem__(name, 1.0),
     "nothing": lambda store, name, first, shape: store.create_dataset(name, data=h5py.Empty("f8")),
     "zeros of 2 GB": lambda store, name, first, shape: store.create_dataset(
@@ -512,7 +582,10 @@ KEPT: dict[str, Callable[[Any, str, Any, Any], Any]] = {
 
 
 def no_mesh(rng: random.Random, folder: Path) -> Path:
-    path = folder / f"part{rng.choice(['.msh', '.vtu', '.xdmf', '.inp', '.vtk', '.bdf', '.h5', '.MSH', ''])}"
+    path = (
+        folder
+        / f"part{rng.choice(['.msh', '.vtu', '.xdmf', '.inp', '.vtk', '.bdf', '.h5', '.MSH', ''])}"
+    )
     path.write_bytes(
         rng.choice(
             [
@@ -566,7 +639,10 @@ def hostile(seed: int, folder: Path) -> Path:
         path = rng.choice(BOMBS)(rng, folder)
     else:
         for spoil in rng.sample(ARRAYS, rng.choice([1, 1, 2])) if what != "bytes" else []:
-            with np.errstate(all="ignore"), suppress(ValueError):  # of cells that another one took away
+            with (
+                np.errstate(all="ignore"),
+                suppress(ValueError),
+            ):  # of cells that another one took away
                 spoil(rng, body)
         path = valid(rng, folder, body)
         path = path if what == "arrays" else spoilt(rng, path)
@@ -575,7 +651,8 @@ def hostile(seed: int, folder: Path) -> Path:
     surfaces = rng.choice(NAMED[:3] if path.suffix in (".msh", ".inp") else NAMED[2:])
     (folder / "scene.yaml").write_text(
         f"body: {{shape: mesh, file: {path.name}, kinematics: {kinematics}, {surfaces}}}\n"
-        "material: {model: linear_elastic, E: 1.0, nu: 0.3}\nindenter: {shape: paraboloid, R: 1.0}\n"
+        "material: {model: linear_elastic, E: 1.0, nu: 0.3}\nindenter: {shape: "
+        "paraboloid, R: 1.0}\n"
         "loading: {delta: 0.02}\n"
     )
     return folder / "scene.yaml"

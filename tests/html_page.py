@@ -21,7 +21,9 @@ class _Outside(HTMLParser):
         if tag in ("script", "link", "iframe", "object", "embed", "base", "form"):
             self.found.append(tag)
         for name, value in attrs:
-            if name in ("src", "href", "xlink:href", "srcset", "data") and not (value or "").startswith(("#", "data:")):
+            if name in ("src", "href", "xlink:href", "srcset", "data") and not (
+                value or ""
+            ).startswith(("#", "data:")):
                 self.found.append(f"{tag} {name}={value}")
 
 
@@ -30,9 +32,13 @@ def check(text: str) -> None:
     html5lib.HTMLParser(strict=True).parse(text)
     outside = _Outside()
     outside.feed(text)
-    told = re.sub(r"<pre>.*?</pre>|base64,[\w+/=\s]*", "", text, flags=re.DOTALL)  # four letters are in any picture
+    told = re.sub(
+        r"<pre>.*?</pre>|base64,[\w+/=\s]*", "", text, flags=re.DOTALL
+    )  # four letters are in any picture
     assert outside.found == [] and "http" not in told
     assert not re.search(r"url\((?!#)", text) and "@import" not in text
     names = re.findall(r'\bid="([^"]*)"', text)
-    assert len(names) == len(set(names)) and {f"#{name}" for name in names} >= set(re.findall(r"url\((#[^)]*)\)", text))
+    assert len(names) == len(set(names)) and {f"#{name}" for name in names} >= set(
+        re.findall(r"url\((#[^)]*)\)", text)
+    )
     assert len(text.encode()) < MOST

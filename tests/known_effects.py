@@ -1,8 +1,8 @@
 """Twenty scenes, and what every effect on them comes to, found by runs that include it.
 
-A reference is the force of the scene with the effect over that without, both solved on meshes finer than automatic
-ones, never by the theory that `require` prefers; adhesion, rate and spring by the scene's experiment on a condensed
-body.
+A reference is the force of the scene with the effect over that without, both solved on meshes finer
+than automatic ones, never by the theory that `require` prefers; adhesion, rate and spring by the
+scene's experiment on a condensed body.
 """
 
 from __future__ import annotations
@@ -39,21 +39,34 @@ PARABOLOID, SPHERE = ({"shape": shape, "R": 1.0} for shape in ("paraboloid", "sp
 CYLINDER = {"shape": "cylinder", "radius": 1.0, "height": 1.0}
 
 
-def scene(body: Document, tip: Document, delta: float, material: Document | None = SOLID, **more: Any) -> Document:
+def scene(
+    body: Document, tip: Document, delta: float, material: Document | None = SOLID, **more: Any
+) -> Document:
     """A scene that goes to a depth in four steps."""
     matter = {"material": material} if material else {}
-    return {"body": body, **matter, "indenter": tip, "loading": {"delta": delta, "steps": 4}, **more}
+    return {
+        "body": body,
+        **matter,
+        "indenter": tip,
+        "loading": {"delta": delta, "steps": 4},
+        **more,
+    }
 
 
 def film(thickness: float, *materials: Document) -> Document:
     """A film on a half-space."""
     top, below = materials
-    return {"shape": "half_space", "layers": [{"thickness": thickness, "material": top}, {"material": below}]}
+    return {
+        "shape": "half_space",
+        "layers": [{"thickness": thickness, "material": top}, {"material": below}],
+    }
 
 
 SCENES: dict[str, Document] = {
     "soft layer": scene({"shape": "layer", "height": 0.3}, PARABOLOID, 0.03, SOLID | {"nu": 0.45}),
-    "thin, nearly incompressible": scene({"shape": "layer", "height": 0.1}, PARABOLOID, 0.01, SOLID | {"nu": 0.49}),
+    "thin, nearly incompressible": scene(
+        {"shape": "layer", "height": 0.1}, PARABOLOID, 0.01, SOLID | {"nu": 0.49}
+    ),
     "free cylinder": scene(CYLINDER, PARABOLOID, 0.1),
     "tight roller walls": scene(CYLINDER | {"radius": 0.5, "sides": "roller"}, PARABOLOID, 0.05),
     "glued walls": scene(CYLINDER | {"radius": 0.6, "height": 0.8, "sides": "fixed"}, SPHERE, 0.04),
@@ -61,11 +74,17 @@ SCENES: dict[str, Document] = {
     "soft film": scene(film(0.2, SOLID, SOLID | {"E": 5.0, "nu": 0.2}), SPHERE, 0.02, None),
     "deep sphere": scene({"shape": "half_space"}, PARABOLOID, 0.4),
     "blunted cone": scene(
-        {"shape": "layer", "height": 1.0}, {"shape": "cone", "half_angle": 70.0, "tip_radius": 0.2}, 0.05
+        {"shape": "layer", "height": 1.0},
+        {"shape": "cone", "half_angle": 70.0, "tip_radius": 0.2},
+        0.05,
     ),
-    "sharp cone": scene({"shape": "layer", "height": 1.0}, {"shape": "cone", "half_angle": 80.0}, 0.05),
+    "sharp cone": scene(
+        {"shape": "layer", "height": 1.0}, {"shape": "cone", "half_angle": 80.0}, 0.05
+    ),
     "rounded punch": scene(
-        {"shape": "layer", "height": 1.0}, {"shape": "flat_punch", "radius": 0.3, "edge_radius": 0.1}, 0.01
+        {"shape": "layer", "height": 1.0},
+        {"shape": "flat_punch", "radius": 0.3, "edge_radius": 0.1},
+        0.01,
     ),
     "sticky (JKR)": scene(
         {"shape": "layer", "height": 0.5},
@@ -79,7 +98,10 @@ SCENES: dict[str, Document] = {
         PARABOLOID,
         0.02,
         SOLID | {"nu": 0.45},
-        experiment={"relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": [[0, 0], [1, 0.02], [2, 0]]},
+        experiment={
+            "relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]},
+            "history": [[0, 0], [1, 0.02], [2, 0]],
+        },
     ),
     "soft cantilever": scene(
         {"shape": "half_space"},
@@ -126,7 +148,10 @@ SCENES: dict[str, Document] = {
         contact={"adhesion": {"work": 1e-3, "range": 0.02}},
     ),
     "block, off centre": scene(
-        {"shape": "box", "size": [2.0, 2.0, 1.0]}, PARABOLOID | {"center": [1.2, 1.1]}, 0.03, mesh={"h_contact": 0.05}
+        {"shape": "box", "size": [2.0, 2.0, 1.0]},
+        PARABOLOID | {"center": [1.2, 1.1]},
+        0.03,
+        mesh={"h_contact": 0.05},
     ),
 }
 
@@ -143,10 +168,14 @@ class Row:
 
     @property
     def is_right(self) -> bool:
-        """Whether the sign is, and the size within the factor where it tells; of a range, whether it holds."""
+        """Whether the sign is, and the size within the factor where it tells; of a range, whether
+        it holds.
+        """
         if self.said is None:
             return (
-                self.low is not None and self.high is not None and (self.low - NOISE <= self.known <= self.high + NOISE)
+                self.low is not None
+                and self.high is not None
+                and (self.low - NOISE <= self.known <= self.high + NOISE)
             )
         if max(abs(self.said), abs(self.known)) <= TELLING:
             return abs(self.said - self.known) <= TELLING
@@ -173,13 +202,23 @@ def beside(document: Document, found: Requirements) -> Iterator[Row]:
         if " = " in effect.needs and effect.percent is None:
             known = reference.at_threshold(effect)
             if known is not None:
-                yield Row(f"{effect.name}: {effect.needs.split(' from ')[1]}", 100 * WITHIN, None, None, abs(known))
+                yield Row(
+                    f"{effect.name}: {effect.needs.split(' from ')[1]}",
+                    100 * WITHIN,
+                    None,
+                    None,
+                    abs(known),
+                )
         elif effect.size > TELLING and (effect.percent or effect.low or effect.high):
-            yield Row(effect.name, effect.percent, effect.low, effect.high, reference.of(effect.name))
+            yield Row(
+                effect.name, effect.percent, effect.low, effect.high, reference.of(effect.name)
+            )
 
 
 def off(name: str) -> float:
-    """By how many per cent the force of the recommended model is off that with all that a model can have."""
+    """By how many per cent the force of the recommended model is off that with all that a model can
+    have.
+    """
     own = SCENES[name]
     whole = own | _finite(own)
     if own["indenter"]["shape"] == "paraboloid":
@@ -202,7 +241,9 @@ class Reference:
     def __init__(self, scene: Document):
         self.scene = scene
         kept = ("body", "indenter", "mesh", "units")
-        self.plain = {key: self.scene[key] for key in kept if key in self.scene} | _linear(self.scene)
+        self.plain = {key: self.scene[key] for key in kept if key in self.scene} | _linear(
+            self.scene
+        )
         self.plain |= {"contact": {"method": "augmented_lagrangian"}}
         self.delta = self._reached(self.scene["loading"]["delta"])
         self.plain |= self._steps(1)
@@ -217,7 +258,9 @@ class Reference:
         return self._change(*getattr(self, f"_{row}")())
 
     def at_threshold(self, effect: Effect) -> float | None:
-        """The effect in per cent where the parameter is as said; None for one that is so by its definition."""
+        """The effect in per cent where the parameter is as said; None for one that is so by its
+        definition.
+        """
         key, value = effect.needs.split(" from ")[1].split(" = ", 1)
         x = float(value.split()[0])
         E_nu = {"E": x, "nu": 0.3}
@@ -225,14 +268,19 @@ class Reference:
             case "work" if self.plain["body"]["shape"] != "box":
                 return self._by_experiment({"adhesion": {"work": x}})
             case "stiffness":
-                return self._by_experiment({"cantilever": {"stiffness": x}, "history": [[0, 0], [1, self.delta]]})
+                return self._by_experiment(
+                    {"cantilever": {"stiffness": x}, "history": [[0, 0], [1, self.delta]]}
+                )
             case "an error of the depth":
                 return self._change({"loading": {"delta": self.delta - x, "steps": 1}})
             case "body.height":
                 return self._change({"body": {"shape": "layer", "height": x}})
             case "a frictionless wall at radius":
                 return self._change(
-                    {"body": self.plain["body"] | {"shape": "cylinder", "radius": x, "sides": "roller"}}
+                    {
+                        "body": self.plain["body"]
+                        | {"shape": "cylinder", "radius": x, "sides": "roller"}
+                    }
                 )
             case "a substrate of E":
                 layers = film(self._layer()["height"], self.plain["material"], SOLID | E_nu)
@@ -243,7 +291,8 @@ class Reference:
                 return self._change({"indenter": self.plain["indenter"] | {"tip_radius": x}})
         return None
 
-    # ---- pairs of scenes, with and without -----------------------------------------------------------------------
+    # ---- pairs of scenes, with and without
+    # -----------------------------------------------------------------------
 
     def _paraboloid(self) -> tuple[Document, ...]:
         tip = self.plain["indenter"]
@@ -263,12 +312,17 @@ class Reference:
         return {}, {"body": {"shape": "half_space"}, "material": top}
 
     def _small_strain(self) -> tuple[Document, ...]:
-        contact = self.plain["contact"] | self.scene.get("contact", {})  # friction and adhesion stay as they are
+        contact = self.plain["contact"] | self.scene.get(
+            "contact", {}
+        )  # friction and adhesion stay as they are
         finite = _finite(self.scene) | {"contact": contact | {"gap": "current"}}
         return finite | self._steps(8), {"contact": contact} | self._steps(8)
 
     def _incompressible(self) -> tuple[Document, ...]:
-        layers = [part | {"material": part["material"] | {"nu": 0.5}} for part in self.plain["body"].get("layers", [])]
+        layers = [
+            part | {"material": part["material"] | {"nu": 0.5}}
+            for part in self.plain["body"].get("layers", [])
+        ]
         body = {"body": self.plain["body"] | {"layers": layers}} if layers else {}
         return (body or {"material": self.plain["material"] | {"nu": 0.5}},)
 
@@ -287,19 +341,27 @@ class Reference:
 
     def _layers(self) -> tuple[Document, ...]:
         first, layers = self.plain["body"]["layers"][0]["material"], self.plain["body"]["layers"]
-        return {}, {"body": self.plain["body"] | {"layers": [layer | {"material": first} for layer in layers]}}
+        return {}, {
+            "body": self.plain["body"]
+            | {"layers": [layer | {"material": first} for layer in layers]}
+        }
 
     def _adhesion(self) -> tuple[Document, ...]:
         return {"contact": self.plain["contact"] | self.scene["contact"]} | self._steps(STEPS), {}
 
-    # ---- how ------------------------------------------------------------------------------------------------------
+    # ---- how
+    # ------------------------------------------------------------------------------------------------------
 
     def _reached(self, way: float) -> float:
-        """The depth that a tip reaches when its base goes that way: F(d)/k less, by a power law through two forces."""
+        """The depth that a tip reaches when its base goes that way: F(d)/k less, by a power law
+        through two forces.
+        """
         k = self.scene.get("experiment", {}).get("cantilever", {}).get("stiffness", inf)
         if k == inf:
             return way
-        whole, less = (force(self.plain | {"loading": {"delta": x * way, "steps": 1}}) for x in (1.0, 0.9))
+        whole, less = (
+            force(self.plain | {"loading": {"delta": x * way, "steps": 1}}) for x in (1.0, 0.9)
+        )
         power = log(less / whole) / log(0.9)
         return way * brentq(lambda x: x * way + whole * x**power / k - way, 0.0, 1.0)
 
@@ -308,7 +370,10 @@ class Reference:
 
     def _layer(self) -> Document:
         body = self.plain["body"]
-        return {"shape": "layer", "height": body["size"][2] if body["shape"] == "box" else body["height"]}
+        return {
+            "shape": "layer",
+            "height": body["size"][2] if body["shape"] == "box" else body["height"],
+        }
 
     def _change(self, with_it: Document, without: Document | None = None) -> float:
         above, below = (self.plain | part for part in (with_it, without or {}))
@@ -317,13 +382,17 @@ class Reference:
     def _power(self, key: str) -> float:
         """d ln F/d ln of a length of the tip."""
         tip = self.plain["indenter"]
-        ends = (force(self.plain | {"indenter": tip | {key: factor * tip[key]}}) for factor in (0.95, 1.05))
+        ends = (
+            force(self.plain | {"indenter": tip | {key: factor * tip[key]}})
+            for factor in (0.95, 1.05)
+        )
         low, high = ends
         return log(high / low) / log(1.05 / 0.95)
 
     def _by_experiment(self, experiment: Document) -> float:
-        """The force at the deepest point of the history, or of the equilibria, over that of the elastic curve at this
-        depth, which with a spring is the way of its base."""
+        """The force at the deepest point of the history, or of the equilibria, over that of the
+        elastic curve at this depth, which with a spring is the way of its base.
+        """
         history = experiment.get("history", [[0, 0], [1, self.delta]])
         given = self.plain | {
             "experiment": {key: part for key, part in experiment.items() if key != "calibration"}
@@ -337,7 +406,9 @@ class Reference:
             base = resolve(from_mapping(placed(given)))
         body = chain.condense(base).equilibrium if base.is_meshed else None
         deepest = next(row for row in conduct(base, body).rows if row.t == t)
-        return 100 * (deepest.force / force(self.plain | {"loading": {"delta": depth, "steps": 1}}) - 1)
+        return 100 * (
+            deepest.force / force(self.plain | {"loading": {"delta": depth, "steps": 1}}) - 1
+        )
 
 
 def force(document: Document, size: float = FINER) -> float:
@@ -358,22 +429,32 @@ def _force(text: str, size: float) -> float:
 
 
 def _runnable(document: Document) -> Document:
-    """The scene without what a changed body has no use for: the place of the tip, the material of layers."""
+    """The scene without what a changed body has no use for: the place of the tip, the material of
+    layers.
+    """
     body = document["body"]
     left_out = {"material"} if body.get("layers") else set()
     if body["shape"] != "box" and "center" in document["indenter"]:
         left_out.add("mesh")
-        document = document | {"indenter": {k: v for k, v in document["indenter"].items() if k != "center"}}
+        document = document | {
+            "indenter": {k: v for k, v in document["indenter"].items() if k != "center"}
+        }
     return {key: part for key, part in document.items() if key not in left_out}
 
 
 def _meshed(document: Document) -> Scene:
     base = resolve(from_mapping(document))
-    return base if base.is_meshed else resolve(from_mapping(document | {"solver": {"method": "condensed"}}))
+    return (
+        base
+        if base.is_meshed
+        else resolve(from_mapping(document | {"solver": {"method": "condensed"}}))
+    )
 
 
 def _material(section: Document, model: str) -> Document:
-    """Linear elastic or neo-Hookean of the same small-strain constants; a law of finite strain is its own."""
+    """Linear elastic or neo-Hookean of the same small-strain constants; a law of finite strain is
+    its own.
+    """
     if model == "neo_hookean" and section["model"] != "linear_elastic":
         return section
     if section["model"] == "mooney_rivlin":  # mu = 2 (C10 + C01)
@@ -395,6 +476,9 @@ def _of_model(document: Document, model: str) -> Document:
     found: Document = {"body": dict(document["body"])}
     if "layers" in found["body"]:
         found["body"]["layers"] = [
-            part | {"material": _material(part["material"], model)} for part in found["body"]["layers"]
+            part | {"material": _material(part["material"], model)}
+            for part in found["body"]["layers"]
         ]
-    return found | ({"material": _material(document["material"], model)} if "material" in document else {})
+    return found | (
+        {"material": _material(document["material"], model)} if "material" in document else {}
+    )

@@ -1,12 +1,14 @@
 """A layered ball between two equal tips, by Legendre series: a reference that has no mesh.
 
-Of every degree n the displacement of a shell is U(r) P_n(cos t) along r and V(r) dP_n/dt along the angle t from the
-axis, with U, V the sum of four powers of r (two in the core). Interfaces and surface join them, which gives the surface
-compliance of the degree. The pressure is sqrt(1 - x) times a polynomial of x = (1 - cos t)/(1 - cos c) up to the edge
-at the angle c; it and the depth that goes with c follow from Galerkin's equations. Traction and gap are vertical, as
-`gap: reference` says, and the plane through the center is a mirror.
+Of every degree n the displacement of a shell is U(r) P_n(cos t) along r and V(r) dP_n/dt along the
+angle t from the axis, with U, V the sum of four powers of r (two in the core). Interfaces and
+surface join them, which gives the surface compliance of the degree. The pressure is sqrt(1 - x)
+times a polynomial of x = (1 - cos t)/(1 - cos c) up to the edge at the angle c; it and the depth
+that goes with c follow from Galerkin's equations. Traction and gap are vertical, as `gap:
+reference` says, and the plane through the center is a mirror.
 
-Source: A. E. H. Love, A Treatise on the Mathematical Theory of Elasticity (1927), sections 172 to 177.
+Source: A. E. H. Love, A Treatise on the Mathematical Theory of Elasticity (1927), sections 172 to
+177.
 """
 
 from __future__ import annotations
@@ -20,13 +22,16 @@ from numpy.polynomial import legendre
 from scipy.optimize import brentq
 
 Layer = tuple[float, tuple[float, float]]  # outer radius, (E, nu)
-WAVES = 200.0  # highest degree times the contact angle; 1e-5 of the force, which converges as its third power
+# highest degree times the contact angle; 1e-5 of the force, which converges as its third power
+WAVES = 200.0
 TERMS = 12  # of the pressure's polynomial
 
 
 @dataclass(frozen=True)
 class Contact:
-    """One of the two contacts: the approach of both tips, force, contact radius, pressure (over x from 0 to 1)."""
+    """One of the two contacts: the approach of both tips, force, contact radius, pressure (over x
+    from 0 to 1).
+    """
 
     delta: float
     force: float
@@ -35,14 +40,20 @@ class Contact:
 
 
 def contact(
-    delta: float, layers: Sequence[Layer], tip: Callable[[np.ndarray], np.ndarray], terms: int = TERMS
+    delta: float,
+    layers: Sequence[Layer],
+    tip: Callable[[np.ndarray], np.ndarray],
+    terms: int = TERMS,
 ) -> Contact:
-    """The contact of a ball of radius 1 at the approach delta. layers: (outer radius, (E, nu)) from the surface
-    inwards, the core last; tip: its height over the distance r from the axis."""
+    """The contact of a ball of radius 1 at the approach delta. layers: (outer radius, (E, nu)) from
+    the surface inwards, the core last; tip: its height over the distance r from the axis.
+    """
     wide = 2 * np.sqrt(delta)
     while of_angle(wide / 2, layers, tip, terms).delta > delta:
         wide /= 2
-    angle = brentq(lambda c: of_angle(c, layers, tip, terms).delta / delta - 1, wide / 2, wide, rtol=1e-7)
+    angle = brentq(
+        lambda c: of_angle(c, layers, tip, terms).delta / delta - 1, wide / 2, wide, rtol=1e-7
+    )
     return of_angle(angle, layers, tip, terms)
 
 
@@ -58,7 +69,9 @@ def of_angle(
     v, weights = _gauss(int(waves) + 4 * terms)
     x = 1 - v**2  # sqrt(1 - x) = v has no singularity
     areas = 4 * np.pi * fall * v * weights  # 2 pi sin t dt
-    shapes = v * legendre.legvander(2 * x - 1, terms).T  # one more than the pressure has: its equation gives the depth
+    shapes = (
+        v * legendre.legvander(2 * x - 1, terms).T
+    )  # one more than the pressure has: its equation gives the depth
     mu = 1 - fall * x
     even = 2 * np.arange(int(waves / c) // 2)
     radial, along = _coefficients(even, mu, shapes * areas / (2 * np.pi))
@@ -76,8 +89,12 @@ def _gauss(n: int) -> tuple[np.ndarray, np.ndarray]:
     return (at + 1) / 2, weights / 2
 
 
-def _coefficients(even: np.ndarray, mu: np.ndarray, loads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of vertical pressures, downwards above and upwards below, the coefficients of P_n and dP_n/dt in the traction."""
+def _coefficients(
+    even: np.ndarray, mu: np.ndarray, loads: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of vertical pressures, downwards above and upwards below, the coefficients of P_n and dP_n/dt
+    in the traction.
+    """
     radial, along = np.zeros((len(even), len(loads))), np.zeros((len(even), len(loads)))
     before, here = np.zeros_like(mu), np.ones_like(mu)  # P_(n-1), P_n
     for k, n in enumerate(even):
@@ -89,7 +106,9 @@ def _coefficients(even: np.ndarray, mu: np.ndarray, loads: np.ndarray) -> tuple[
     return radial, along
 
 
-def _influence(even: np.ndarray, radial: np.ndarray, along: np.ndarray, flex: np.ndarray) -> np.ndarray:
+def _influence(
+    even: np.ndarray, radial: np.ndarray, along: np.ndarray, flex: np.ndarray
+) -> np.ndarray:
     """Works of one pressure on the displacement of another, over one of the two contacts."""
     norm = 2 * np.pi / (2 * even + 1)  # half of the sphere
     traction = np.stack([radial, along])
@@ -99,7 +118,9 @@ def _influence(even: np.ndarray, radial: np.ndarray, along: np.ndarray, flex: np
 
 
 def compliances(degrees: np.ndarray, layers: Sequence[Layer]) -> np.ndarray:
-    """(degrees, 2, 2): U and V at the surface of the tractions P_n along r and dP_n/dt along t. 0 comes first."""
+    """(degrees, 2, 2): U and V at the surface of the tractions P_n along r and dP_n/dt along t. 0
+    comes first.
+    """
     shells = [_solutions(degrees[1:], k, layers) for k in range(len(layers))]
     starts = 4 * np.arange(len(layers) + 1)
     starts[-1] -= 2  # the core has two solutions
@@ -116,21 +137,27 @@ def compliances(degrees: np.ndarray, layers: Sequence[Layer]) -> np.ndarray:
 
 
 def _swelling(layers: Sequence[Layer]) -> float:
-    """Displacement of the surface under the tension 1, from Lame's solution A r + B/r^2 from the core outwards."""
+    """Displacement of the surface under the tension 1, from Lame's solution A r + B/r^2 from the
+    core outwards.
+    """
     stiffness, inner = 0.0, 0.0  # tension over displacement at the inner face
     for outer, (E, nu) in reversed(layers):
         bulk, shear = E / (1 - 2 * nu), 2 * E / (1 + nu)  # 3 K, 4 mu
         A, B = 1.0, 0.0
         if inner:
-            A, B = np.linalg.solve([[inner, inner**-2], [bulk, -shear / inner**3]], [1.0, stiffness])
+            A, B = np.linalg.solve(
+                [[inner, inner**-2], [bulk, -shear / inner**3]], [1.0, stiffness]
+            )
         stiffness = (bulk * A - shear * B / outer**3) / (A * outer + B / outer**2)
         inner = outer
     return 1 / stiffness
 
 
 def _solutions(n: np.ndarray, k: int, layers: Sequence[Layer]) -> tuple[np.ndarray, np.ndarray]:
-    """(degrees, 4, solutions): U, V, s_rr, s_rt at the outer and the inner face of shell k. Each solution is about 1 at
-    the face where it is largest, so that nothing overflows."""
+    """(degrees, 4, solutions): U, V, s_rr, s_rt at the outer and the inner face of shell k.
+
+    Each solution is about 1 at the face where it is largest, so that nothing overflows.
+    """
     (outer, (E, nu)), N = layers[k], n * (n + 1.0)
     inner = layers[k + 1][0] if k + 1 < len(layers) else None
     shear, ratio = E / (2 * (1 + nu)), 2 * (1 - nu) / (1 - 2 * nu)  # mu, (lambda + 2 mu)/mu

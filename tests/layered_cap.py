@@ -1,15 +1,20 @@
-"""A cap or ball with skins under a tip, by finite elements of high degree on a few curved cells of their own.
+"""A cap or ball with skins under a tip, by finite elements of high degree on a few curved cells of
+their own.
 
-The cap stands on z = -H; about the center of its ball, at the distance e = R - H below the base, its surface is the
-sphere of radius R. Columns of cells are at even shares s of the angle from the axis to the base, rows at radii that
-grade towards the surface and end at the skins' faces; below the last sphere cells converge to the middle of the base,
-which is at rest. Columns grade towards the contact's edge, on which a row of nodes stands, and the base's. Within the
-contact u_z is given, beyond it and along the surface nothing pulls: traction and gap are vertical, as `gap: reference`
-says. Of the edge's node the force is 0, which fixes the depth; as the force is stationary there, it is better known.
+The cap stands on z = -H; about the center of its ball, at the distance e = R - H below the base,
+its surface is the sphere of radius R. Columns of cells are at even shares s of the angle from the
+axis to the base, rows at radii that grade towards the surface and end at the skins' faces; below
+the last sphere cells converge to the middle of the base, which is at rest. Columns grade towards
+the contact's edge, on which a row of nodes stands, and the base's. Within the contact u_z is given,
+beyond it and along the surface nothing pulls: traction and gap are vertical, as `gap: reference`
+says. Of the edge's node the force is 0, which fixes the depth; as the force is stationary there, it
+is better known.
 
-A ball (of twice its radius' height) has its cells about its center instead; `fixed` is the lower half of its surface.
+A ball (of twice its radius' height) has its cells about its center instead; `fixed` is the lower
+half of its surface.
 
-Displacements are of degree p on Gauss-Lobatto points, the cells isoparametric, integrals by p + 2 Gauss points.
+Displacements are of degree p on Gauss-Lobatto points, the cells isoparametric, integrals by p + 2
+Gauss points.
 """
 
 from __future__ import annotations
@@ -24,7 +29,9 @@ from numpy.polynomial import legendre
 from scipy.sparse.linalg import splu
 
 Layer = tuple[float, tuple[float, float]]  # thickness (any of the core), (E, nu)
-Nucleus = tuple[tuple[float, float], tuple[float, float]]  # semi-axes across and along the axis, (E, nu)
+Nucleus = tuple[
+    tuple[float, float], tuple[float, float]
+]  # semi-axes across and along the axis, (E, nu)
 GRADED = 0.2  # of one cell to the next towards an edge
 FINEST = 4  # such cells towards the contact's edge
 DEGREE = 7
@@ -49,9 +56,10 @@ def contact(
     degree: int = DEGREE,
     nucleus: Nucleus | None = None,
 ) -> Contact:
-    """The contact of radius a on a cap of a ball of radius R, or on the ball. layers: thickness and (E, nu) from the
-    surface inwards, the core last; tip: its height over the distance from the axis; nucleus: in the middle of a ball,
-    or of half a ball's base."""
+    """The contact of radius a on a cap of a ball of radius R, or on the ball. layers: thickness and
+    (E, nu) from the surface inwards, the core last; tip: its height over the distance from the
+    axis; nucleus: in the middle of a ball, or of half a ball's base.
+    """
     cells = _Cells(a, R, height, [thickness for thickness, _ in layers[:-1]], degree, nucleus)
     K = cells.stiffness([matter for _, matter in layers] + ([nucleus[1]] if nucleus else []))
     x, z = cells.nodes.T
@@ -68,7 +76,9 @@ def contact(
     free, values = ~held.ravel(), given.reshape(2, -1).T
     moved = values.copy()
     moved[free] = splu(K[free][:, free].tocsc()).solve(-(K[free][:, ~free] @ values[~free]))
-    unit, shape = -(K @ moved).reshape(len(x), 2, 2)[touched, 1].T  # forces down on the contact's nodes
+    unit, shape = (
+        -(K @ moved).reshape(len(x), 2, 2)[touched, 1].T
+    )  # forces down on the contact's nodes
     at_edge = np.flatnonzero(touched == edge)[0]
     delta = -shape[at_edge] / unit[at_edge]
     nodal = delta * unit + shape
@@ -79,7 +89,13 @@ class _Cells:
     """Nodes and cells between the surface and the middle of the base."""
 
     def __init__(
-        self, a: float, R: float, height: float, thicknesses: Sequence[float], degree: int, nucleus: Nucleus | None
+        self,
+        a: float,
+        R: float,
+        height: float,
+        thicknesses: Sequence[float],
+        degree: int,
+        nucleus: Nucleus | None,
     ):
         self.degree, e, is_ball = degree, R - height, height == 2 * R
         widest = np.pi if is_ball else np.arccos(e / R)
@@ -98,9 +114,13 @@ class _Cells:
         scales = [a * GRADED**k for k in range(FINEST)]
         depths = sorted({0.0, *faces, deepest, *(d for d in (2 * a, *scales) if d < deepest)})
         depths = [
-            d for d, after in zip(depths, [*depths[1:], np.inf], strict=True) if after - d > 0.02 * after or d in faces
+            d
+            for d, after in zip(depths, [*depths[1:], np.inf], strict=True)
+            if after - d > 0.02 * after or d in faces
         ]
-        self.row_layer = [int(np.searchsorted(faces, d + 1e-12 * R, side="right")) for d in depths[:-1]]
+        self.row_layer = [
+            int(np.searchsorted(faces, d + 1e-12 * R, side="right")) for d in depths[:-1]
+        ]
         below = [0.0, 0.35, 1.0]  # shares of the way from the middle of the base to the last sphere
         xi = _lobatto(degree)
         s = _points(columns, xi)
@@ -112,7 +132,10 @@ class _Cells:
         middle = np.array([0.0, -R if is_ball else -height])
         around, ring, matter = [], upper[-1], len(thicknesses)
         if nucleus:
-            (across, along), way = nucleus[0], (ring - middle) / np.linalg.norm(ring - middle, axis=1)[:, None]
+            (across, along), way = (
+                nucleus[0],
+                (ring - middle) / np.linalg.norm(ring - middle, axis=1)[:, None],
+            )
             face = middle + way / np.hypot(way[:, :1] / across, way[:, 1:] / along)
             shares = _points([0.0, 0.5, 1.0], xi)[1:, None, None]
             around, ring, matter = [(1 - shares) * ring + shares * face], face, matter + 1
@@ -137,13 +160,17 @@ class _Cells:
         at, weights = legendre.leggauss(p + 2)
         N, D = _lagrange(_lobatto(p), at)
         value = np.einsum("ai,bj->abij", N, N).reshape(len(at) ** 2, -1)
-        slope = np.stack([np.einsum("ai,bj->abij", D, N), np.einsum("ai,bj->abij", N, D)]).reshape(2, len(at) ** 2, -1)
+        slope = np.stack([np.einsum("ai,bj->abij", D, N), np.einsum("ai,bj->abij", N, D)]).reshape(
+            2, len(at) ** 2, -1
+        )
         w = np.outer(weights, weights).ravel()
         rows, columns, entries = [], [], []
         for row, layer in enumerate(self.row_layer):
             C = _stiffness(*matters[layer])
             for column in range(self.n_columns):
-                mine = self.numbers[row * p : (row + 1) * p + 1, column * p : (column + 1) * p + 1].ravel()
+                mine = self.numbers[
+                    row * p : (row + 1) * p + 1, column * p : (column + 1) * p + 1
+                ].ravel()
                 X = self.nodes[mine]
                 J = np.einsum("kqi,id->qkd", slope, X)
                 G = np.einsum("qdk,kqi->qdi", np.linalg.inv(J), slope)
@@ -185,7 +212,9 @@ def _lagrange(nodes: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return legendre.legvander(at, len(nodes) - 1) @ V, slopes @ V
 
 
-def _graded(start: float, end: float, count: int, at_start: bool = False, at_end: bool = False) -> list[float]:
+def _graded(
+    start: float, end: float, count: int, at_start: bool = False, at_end: bool = False
+) -> list[float]:
     """Ends of cells from start to end that shrink by GRADED towards one end."""
     shares = [0.0, *(GRADED**k for k in range(count, -1, -1))]
     if at_start:

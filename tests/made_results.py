@@ -30,5 +30,11 @@ def a_result(kind: str = "axisymmetric", steps: int = 5, error: bool = False, **
         "curve": {"delta": delta.tolist(), "force": force.tolist(), "a": a.tolist()},
     }
     units = {"length": "m", "force": "N"}
-    facts = {"title": "A title", "gap": "reference", "method": "penalty", "units": units, "theory": theory}
+    facts = {
+        "title": "A title",
+        "gap": "reference",
+        "method": "penalty",
+        "units": units,
+        "theory": theory,
+    }
     return Results(Path("results/one"), table, facts | {"plan": plan} | report, surface)

@@ -1,5 +1,6 @@
-"""What may not be in a picture: words over words, words beyond the edge, axes without a name, lines that a legend does
-not tell apart, and more names than anybody reads."""
+"""What may not be in a picture: words over words, words beyond the edge, axes without a name, lines
+that a legend does not tell apart, and more names than anybody reads.
+"""
 
 from __future__ import annotations
 
@@ -23,23 +24,38 @@ def faults(figure: Any) -> list[str]:
     unseen = _unseen(figure)
     words = [text for text in figure.findobj(Text) if _is_seen(text) and id(text) not in unseen]
     boxes = [(text.get_text(), text.get_window_extent(renderer)) for text in words]
-    found = [f"{one!r} lies on {other!r}" for (one, a), (other, b) in combinations(boxes, 2) if _overlap(a, b)]
+    found = [
+        f"{one!r} lies on {other!r}"
+        for (one, a), (other, b) in combinations(boxes, 2)
+        if _overlap(a, b)
+    ]
     edge = figure.bbox
     found += [
         f"{one!r} goes beyond the edge"
         for one, box in boxes
-        if box.x0 < edge.x0 - 1 or box.y0 < edge.y0 - 1 or box.x1 > edge.x1 + 1 or box.y1 > edge.y1 + 1
+        if box.x0 < edge.x0 - 1
+        or box.y0 < edge.y0 - 1
+        or box.x1 > edge.x1 + 1
+        or box.y1 > edge.y1 + 1
     ]
     panels = [axes for axes in figure.axes if axes.axison and axes.get_visible()]
     found += [
         f"{text.get_text()!r} lies on the panel of another"
         for text, (_, box) in zip(words, boxes, strict=True)
         for axes in panels
-        if text.axes is not None and text.axes is not axes and _overlap(box, axes.get_window_extent(renderer))
+        if text.axes is not None
+        and text.axes is not axes
+        and _overlap(box, axes.get_window_extent(renderer))
     ]
-    curves = [axes for axes in panels if axes.get_aspect() == "auto"]  # maps of one body are told by their bars
+    curves = [
+        axes for axes in panels if axes.get_aspect() == "auto"
+    ]  # maps of one body are told by their bars
     named = [(axes.get_xlabel(), axes.get_ylabel(), axes.get_title()) for axes in curves]
-    found += [f"two panels of {one}" for one, other in combinations(named, 2) if one == other and all(one[:2])]
+    found += [
+        f"two panels of {one}"
+        for one, other in combinations(named, 2)
+        if one == other and all(one[:2])
+    ]
     for axes in figure.axes:
         for along in (axes.xaxis, axes.yaxis):
             labels = [] if not axes.axison else [tick.label1 for tick in along._update_ticks()]
@@ -54,10 +70,14 @@ def _of_legend(legend: Any) -> list[str]:
     """Names that stand for the same look, and too many of them."""
     names = [text.get_text() for text in legend.get_texts()]
     found = [f"a legend of {len(names)} names"] if len(names) > MOST_NAMES else []
-    handles = legend.legend_handles if hasattr(legend, "legend_handles") else legend.legendHandles  # matplotlib < 3.7
+    handles = (
+        legend.legend_handles if hasattr(legend, "legend_handles") else legend.legendHandles
+    )  # matplotlib < 3.7
     looks = [(_look(handle), name) for handle, name in zip(handles, names, strict=True)]
     return found + [
-        f"{one!r} looks as {other!r}" for (a, one), (b, other) in combinations(looks, 2) if a == b is not None
+        f"{one!r} looks as {other!r}"
+        for (a, one), (b, other) in combinations(looks, 2)
+        if a == b is not None
     ]
 
 
@@ -66,7 +86,12 @@ def _look(handle: Any) -> object:
     if not isinstance(handle, Line2D):
         return None
     dashes = handle._unscaled_dash_pattern if handle.get_linestyle() != "None" else None
-    return to_hex(handle.get_color()), str(handle.get_marker()), str(dashes), str(handle.get_markerfacecolor())
+    return (
+        to_hex(handle.get_color()),
+        str(handle.get_marker()),
+        str(dashes),
+        str(handle.get_markerfacecolor()),
+    )
 
 
 def _is_seen(text: Any) -> bool:
@@ -75,13 +100,20 @@ def _is_seen(text: Any) -> bool:
 
 
 def _unseen(figure: Any) -> set[int]:
-    """What is never drawn: numbers beyond the ends of an axis, and all that stands along axes that are switched off."""
+    """What is never drawn: numbers beyond the ends of an axis, and all that stands along axes that
+    are switched off.
+    """
     found: set[int] = set()
     for axes in figure.findobj(Axes):  # bars of colours inside a panel too
         for along in (axes.xaxis, axes.yaxis):
             ticks = [*along.get_major_ticks(), *along.get_minor_ticks()]
             drawn = along._update_ticks() if axes.axison and axes.get_visible() else []
-            found |= {id(label) for tick in ticks if tick not in drawn for label in (tick.label1, tick.label2)}
+            found |= {
+                id(label)
+                for tick in ticks
+                if tick not in drawn
+                for label in (tick.label1, tick.label2)
+            }
             if not axes.axison:
                 found |= {id(along.label), id(along.offsetText)}
     return found
@@ -89,7 +121,9 @@ def _unseen(figure: Any) -> set[int]:
 
 def _names_itself(numbers: list[Any]) -> bool:
     """Whether what stands along an axis are words."""
-    return any(character.isalpha() for label in numbers for character in label.get_text().replace("e", ""))
+    return any(
+        character.isalpha() for label in numbers for character in label.get_text().replace("e", "")
+    )
 
 
 def _overlap(a: Any, b: Any) -> bool:

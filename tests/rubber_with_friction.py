@@ -2,8 +2,8 @@
 
 A pressure that oscillates from node to node is an error of the elements: `p_max` and the pressures
 of the surface are as uncertain. A run warns of it by `State.roughness`, the deviation from a
-quadratic over neighbouring facets. A second measure, `alternation`, does not use facets: it compares
-the pressure at each node of a section with a cubic through two nodes on either side.
+quadratic over neighbouring facets. A second measure, `alternation`, does not use facets: it
+compares the pressure at each node of a section with a cubic through two nodes on either side.
 
 `python tests/rubber_with_friction.py --seed 1 --count 60` solves as many scenes and prints a line
 for each: both measures, whether a run would warn, and what it took.
@@ -62,12 +62,18 @@ def drawn(seed: int, number: int) -> dict[str, Any]:
 
 
 def _tip(draw: Random, radius: float, height: float) -> tuple[dict[str, Any], float, float]:
-    """A tip, about the radius of its contact, and the depth of that: a tenth to four tenths of the smaller length."""
+    """A tip, about the radius of its contact, and the depth of that: a tenth to four tenths of the
+    smaller length.
+    """
     share = draw.uniform(0.1, 0.4)
     ball = {"shape": draw.choice(["sphere", "paraboloid"]), "R": radius}
     edge = draw.uniform(0.1, 0.5)
     punch = {"shape": "flat_punch", "radius": radius, "edge_radius": edge * radius}
-    cone = {"shape": "cone", "half_angle": draw.uniform(60, 80), "tip_radius": draw.uniform(0.1, 0.5) * radius}
+    cone = {
+        "shape": "cone",
+        "half_angle": draw.uniform(60, 80),
+        "tip_radius": draw.uniform(0.1, 0.5) * radius,
+    }
     depth = share * min(radius, height)
     a_of_ball = (radius * depth) ** 0.5
     return draw.choice(
@@ -164,7 +170,9 @@ def main() -> None:
         mapping = drawn(asked.seed, number)
         started = time.process_time()
         words = f"{mapping['body']['shape']:9s}{mapping['indenter']['shape']:11s}{mapping['material']['model']:14s}"
-        words += f"nu {mapping['material']['nu']:<6g} friction {mapping['contact']['friction']!s:6s}"
+        words += (
+            f"nu {mapping['material']['nu']:<6g} friction {mapping['contact']['friction']!s:6s}"
+        )
         try:
             one = judged(mapping)
         except IndentSimError as error:
@@ -176,7 +184,10 @@ def main() -> None:
         print(f"{number:3d} {words} {sizes} {time.process_time() - started:.1f} s", flush=True)
     silent = sum(one.alternation > ROUGH and not one.warnings for one in found)
     warned = sum(bool(one.warnings) for one in found)
-    print(f"{len(found)} of {asked.count} scenes have rows, {warned} are warned of, {silent} are rough without a word")
+    print(
+        f"{len(found)} of {asked.count} scenes have rows, {warned} are warned of, "
+        f"{silent} are rough without a word"
+    )
 
 
 if __name__ == "__main__":

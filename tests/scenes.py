@@ -28,14 +28,22 @@ PENALTY = {"method": "penalty"}
 
 
 def scene(body: dict[str, Any], *overrides: str, **sections: Any) -> Scene:
-    """ELASTIC under a PARABOLOID pushed in by 0.01 in one step; `sections` replace whole sections of that."""
-    given = {"body": body, "material": ELASTIC, "indenter": PARABOLOID, "loading": ONE_STEP} | sections
+    """ELASTIC under a PARABOLOID pushed in by 0.01 in one step; `sections` replace whole sections
+    of that.
+    """
+    given = {
+        "body": body,
+        "material": ELASTIC,
+        "indenter": PARABOLOID,
+        "loading": ONE_STEP,
+    } | sections
     return resolve(from_mapping(given, overrides))
 
 
 def placed(sections: dict[str, Any]) -> dict[str, Any]:
-    """Sections of a scene with the relaxation and the history that stand in one dict with the instrument, for short,
-    where they belong: in the material and in place of the loading."""
+    """Sections of a scene with the relaxation and the history that stand in one dict with the
+    instrument, for short, where they belong: in the material and in place of the loading.
+    """
     given = dict(sections)
     experiment = dict(given.pop("experiment", {}))
     is_moved = {"relaxation", "history", "force_history"} & {*experiment}
@@ -47,7 +55,11 @@ def placed(sections: dict[str, Any]) -> dict[str, Any]:
         given["body"] = body
         del experiment["relaxation"]
     path = {key: experiment.pop(key) for key in ("history", "force_history") if key in experiment}
-    kept = {"experiment": experiment} if experiment or ("experiment" in sections and not is_moved) else {}
+    kept = (
+        {"experiment": experiment}
+        if experiment or ("experiment" in sections and not is_moved)
+        else {}
+    )
     return given | ({"loading": path} if path else {}) | kept
 
 
@@ -84,8 +96,9 @@ def solve(base: Scene) -> list[State]:
 
 
 def solved(base: Scene) -> list[State]:
-    """What `solve` gives, once for all tests that compare something with this scene: not for those that change how
-    scenes are solved."""
+    """What `solve` gives, once for all tests that compare something with this scene: not for those
+    that change how scenes are solved.
+    """
     identity = pickle.dumps((base.physics, base.sizes, base.solver))
     if identity not in _solved:
         _solved[identity] = solve(base)
@@ -101,9 +114,10 @@ def force(base: Scene) -> float:
 
 
 def assert_audited(state: State, largest: float, pull: float = 0.0) -> None:
-    """What the contact gives, the supports take: 1e-8 of the force is what Newton's tolerance of 1e-10 leaves at
-    most, or of what a tip that adheres pulls with while as much pushes; a body let go of has no force of its own, so
-    there 1e-14 of the largest force met is round-off."""
+    """What the contact gives, the supports take: 1e-8 of the force is what Newton's tolerance of
+    1e-10 leaves at most, or of what a tip that adheres pulls with while as much pushes; a body
+    let go of has no force of its own, so there 1e-14 of the largest force met is round-off.
+    """
     tolerance = 1e-8 * max(abs(state.force), pull) + 1e-14 * largest
     assert abs(state.force - state.reaction) <= tolerance
     assert state.stray_reaction <= tolerance

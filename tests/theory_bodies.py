@@ -12,8 +12,9 @@ from indent_sim.theory.stack import Ply, Stack
 
 Kind = TypeVar("Kind", bound=LayerContact)
 
-# nu and thickness of a layer bonded to its base, and the force [pi work R] at which a paraboloid comes off it under
-# force control (JKR, E = R = 1, work 1e-3): five digits of an independent solution of the integral equation
+# nu and thickness of a layer bonded to its base, and the force [pi work R] at which a paraboloid
+# comes off it under force control (JKR, E = R = 1, work 1e-3): five digits of an independent
+# solution of the integral equation
 BONDED_PULL_OFF = [
     (0.3, 1000, -1.50000),
     (0.3, 1, -1.50246),
@@ -32,9 +33,18 @@ def stack_of(plies: Sequence[Sequence[float]], base: str | None = "fixed") -> St
 
 
 def one_layer(
-    kind: type[Kind], tip: Tip, *, E: float, nu: float, h: float, base: str = "fixed", wall: float | None = None
+    kind: type[Kind],
+    tip: Tip,
+    *,
+    E: float,
+    nu: float,
+    h: float,
+    base: str = "fixed",
+    wall: float | None = None,
 ) -> Kind:
-    """The contact of a tip with one layer of thickness h, between frictionless walls where `wall` is given."""
+    """The contact of a tip with one layer of thickness h, between frictionless walls where `wall`
+    is given.
+    """
     return kind.on(tip, Stack((Ply(h, E, nu),), base), wall)
 
 

@@ -1,4 +1,6 @@
-"""Scenes in time drawn at random: bodies that drain, relax in shear, or swell, under tips that come, stay and go."""
+"""Scenes in time drawn at random: bodies that drain, relax in shear, or swell, under tips that
+come, stay and go.
+"""
 
 from __future__ import annotations
 
@@ -50,11 +52,20 @@ class Drawn:
         return found
 
     def _body(self) -> dict[str, Any]:
-        sides, base = self.either("roller", "free", "fixed"), self.either("fixed", "roller", p=[0.7, 0.3])
-        body: dict[str, Any] = {"shape": "cylinder", "radius": float(self.draw.uniform(1.5, 3)), "height": 1.0}
+        sides, base = (
+            self.either("roller", "free", "fixed"),
+            self.either("fixed", "roller", p=[0.7, 0.3]),
+        )
+        body: dict[str, Any] = {
+            "shape": "cylinder",
+            "radius": float(self.draw.uniform(1.5, 3)),
+            "height": 1.0,
+        }
         body |= {"base": base, "sides": sides}
         if self.draw.random() < 0.15:
-            return self.either({"shape": "half_space"}, {"shape": "layer", "height": 1.0, "base": base})
+            return self.either(
+                {"shape": "half_space"}, {"shape": "layer", "height": 1.0, "base": base}
+            )
         if self.draw.random() < 0.15:
             body = {"shape": "strip", "width": 4.0, "height": 1.0, "base": "fixed", "sides": sides}
         return body
@@ -64,13 +75,18 @@ class Drawn:
         shape = self.either("paraboloid", "sphere", "cone", p=[0.5, 0.3, 0.2])
         if shape == "cone":
             angle = float(self.draw.uniform(70, 85))
-            return {"shape": shape, "half_angle": angle}, 1.57 * a / float(np.tan(np.radians(angle)))
+            return {"shape": shape, "half_angle": angle}, 1.57 * a / float(
+                np.tan(np.radians(angle))
+            )
         R = self.spread(1.5, 5) * a
         return {"shape": shape, "R": R}, a * a / R
 
     def _relaxation(self) -> dict[str, Any]:
         if self.draw.random() < 0.2:
-            return {"power_law": {"exponent": float(self.draw.uniform(0.05, 0.3)), "time": 1.0}, "of": "shear"}
+            return {
+                "power_law": {"exponent": float(self.draw.uniform(0.05, 0.3)), "time": 1.0},
+                "of": "shear",
+            }
         first = float(self.draw.uniform(0.1, 0.6))
         terms = [[first, self.spread(0.03, 1.0)]]
         if self.draw.random() < 0.5:
@@ -83,7 +99,10 @@ class Drawn:
         if kind in ("draining", "both"):
             flow = {"diffusivity": self.spread(0.5, 2.0)}
             if self.draw.random() < 0.3:
-                flow |= {"alpha": float(self.draw.uniform(0.6, 1)), "storage": float(self.draw.uniform(0, 1))}
+                flow |= {
+                    "alpha": float(self.draw.uniform(0.6, 1)),
+                    "storage": float(self.draw.uniform(0, 1)),
+                }
             material["flow"] = flow
         if kind in ("relaxing", "both"):
             material |= {"nu": nu if kind == "both" else float(self.either(nu, 0.49, 0.5))}
@@ -96,13 +115,21 @@ class Drawn:
         material = {"model": "mooney_rivlin", "C10": 0.4 * mu, "C01": 0.1 * mu, "nu": nu}
         if kind == "porous rubber":
             pores = {"phi0": 0.2, "alpha": 2.0, "M": 0.5} if self.draw.random() < 0.4 else None
-            return material | {"flow": {"diffusivity": self.spread(0.5, 2)} | ({"holmes_mow": pores} if pores else {})}
-        return material | {"nu": float(self.either(0.4, 0.49, 0.5)), "relaxation": self._relaxation()}
+            return material | {
+                "flow": {"diffusivity": self.spread(0.5, 2)}
+                | ({"holmes_mow": pores} if pores else {})
+            }
+        return material | {
+            "nu": float(self.either(0.4, 0.49, 0.5)),
+            "relaxation": self._relaxation(),
+        }
 
     def _drainage(self) -> dict[str, Any]:
         return {
             "surface": self.either("drained", "drained", "sealed"),
-            "tip": self.either("sealed", "drained", {"conductance": self.spread(0.1, 10)}, p=[0.5, 0.3, 0.2]),
+            "tip": self.either(
+                "sealed", "drained", {"conductance": self.spread(0.1, 10)}, p=[0.5, 0.3, 0.2]
+            ),
             "base": self.either("sealed", "drained", p=[0.7, 0.3]),
         }
 
@@ -114,7 +141,10 @@ class Drawn:
             points.append([ramp + hold + ramp, float(self.draw.uniform(0.3, 0.8)) * depth])
         end = points[-1][0]
         moments = {*np.linspace(0.3, 1, 4) * ramp, *(ramp + hold * np.geomspace(0.01, 1, 4)), end}
-        found: dict[str, Any] = {"history": points, "times": sorted(float(min(t, end)) for t in moments)}
+        found: dict[str, Any] = {
+            "history": points,
+            "times": sorted(float(min(t, end)) for t in moments),
+        }
         found["times"] = sorted({*found["times"]})
         if self.draw.random() < 0.2:
             force = [[t, value / depth * 0.7 * depth**1.5] for t, value in points]
@@ -139,7 +169,11 @@ class Drawn:
         if kind < 0.4:
             depth = float(self.draw.uniform(0.03, 0.15))
             points = [[0.0, 0.0], [self.spread(0.3, 30), depth], [300.0, depth]]
-        loading = {"history": points, "times": times} if kind < 0.8 else {"force_history": [[0.0, 0.0], [300.0, 0.0]]}
+        loading = (
+            {"history": points, "times": times}
+            if kind < 0.8
+            else {"force_history": [[0.0, 0.0], [300.0, 0.0]]}
+        )
         bath = {"bath": 0.0} if kind > 0.3 else {}
         auto = {} if bath else {"stretch": "auto"}
         if auto:

@@ -27,28 +27,46 @@ from indent_sim.studies.picture import curves_pictured
 if TYPE_CHECKING:
     from indent_sim.results.pictures.canvas import Axes, Figure
 
-PLOT_OPTIONS = ("fields", "steps", "units", "width", "font", "layout", "letters", "limits", "zoom")  # of `plot`
+PLOT_OPTIONS = (
+    "fields",
+    "steps",
+    "units",
+    "width",
+    "font",
+    "layout",
+    "letters",
+    "limits",
+    "zoom",
+)  # of `plot`
 Result = Results | str | Path
 
 
 def read(path: str | Path) -> Results | Study:
-    """A result folder, a force table or a measured curve, columns as arrays; the folder of a study as its table.
+    """A result folder, a force table or a measured curve, columns as arrays; the folder of a study
+    as its table.
 
     UsageError when there is none, or it is damaged.
     """
-    return conduct.read_back(Path(path)) if folder.held(Path(path)) == "study" else reader.read(path)
+    return (
+        conduct.read_back(Path(path)) if folder.held(Path(path)) == "study" else reader.read(path)
+    )
 
 
 def plan(given: Given, *, error_bars: bool = False) -> Report:
-    """What would be modelled, and why; of a study its runs and their cost: the object of `indent-sim plan --json`."""
-    if (isinstance(given, Mapping) and is_study(given)) or (isinstance(given, str | Path) and _holds_study(given)):
+    """What would be modelled, and why; of a study its runs and their cost: the object of
+    `indent-sim plan --json`.
+    """
+    if (isinstance(given, Mapping) and is_study(given)) or (
+        isinstance(given, str | Path) and _holds_study(given)
+    ):
         return plain(plan_study(given, error_bars).as_json())
     return plain(foreseen(config_of(given), error_bars).plan.as_json())
 
 
 def require(given: Given, within: float = 0.01) -> Report:
-    """Which effects matter, in per cent, and the cheapest model within a relative tolerance of the force: the object of
-    `indent-sim require --json`."""
+    """Which effects matter, in per cent, and the cheapest model within a relative tolerance of the
+    force: the object of `indent-sim require --json`.
+    """
     from indent_sim.run.requirements import cheapest
 
     return plain(cheapest.require(config_of(given), within).as_json())
@@ -60,8 +78,9 @@ def compare(
     rtol: comparisons.Tolerances = comparisons.RTOL,
     columns: Sequence[str] | None = None,
 ) -> Report:
-    """Two results or measured curves row by row: the object of `indent-sim compare --json`; `differences` is empty
-    where they agree."""
+    """Two results or measured curves row by row: the object of `indent-sim compare --json`;
+    `differences` is empty where they agree.
+    """
     A, B = (one.path if isinstance(one, Results) else one for one in (first, second))
     return plain(comparisons.compare(A, B, rtol, columns).as_json())
 
@@ -74,12 +93,18 @@ def study(
     resume: bool = False,
     overwrite: bool = False,
 ) -> Study:
-    """Do a study and give its table. Of a dictionary without a directory the runs are kept as long as the result is.
+    """Do a study and give its table. Of a dictionary without a directory the runs are kept as long
+    as the result is.
 
-    Finished runs in the directory that the study does not ask for are kept with `resume` and replaced with `overwrite`.
-    UsageError, ConfigError (before any run), NotConverged when no run at all gave a result.
+    Finished runs in the directory that the study does not ask for are kept with `resume` and
+    replaced with `overwrite`. UsageError, ConfigError (before any run), NotConverged when no run at
+    all gave a result.
     """
-    if directory is not None or not isinstance(given, Mapping) or (given.get("output") or {}).get("directory"):
+    if (
+        directory is not None
+        or not isinstance(given, Mapping)
+        or (given.get("output") or {}).get("directory")
+    ):
         place = Path(directory) if directory else None
         return conduct.carry_out(given, output=place, jobs=jobs, resume=resume, overwrite=overwrite)
     place = Path(tempfile.mkdtemp(prefix="indent-sim-"))
@@ -92,8 +117,11 @@ def study(
     return found
 
 
-def plot(shown: Result | Study | Sequence[Result], what: str = "", *, ax: Axes | None = None, **wish: Any) -> Figure:
-    """The figure of results or of a study, which a notebook shows; `figure.savefig(path)` writes it.
+def plot(
+    shown: Result | Study | Sequence[Result], what: str = "", *, ax: Axes | None = None, **wish: Any
+) -> Figure:
+    """The figure of results or of a study, which a notebook shows; `figure.savefig(path)` writes
+    it.
 
     Parameters
     ----------
@@ -143,15 +171,24 @@ def _listed(wish: Mapping[str, Any]) -> dict[str, Any]:
     if unknown := [name for name in wish if name not in PLOT_OPTIONS]:
         raise UsageError(f"plot has no {unknown[0]}; it has {', '.join(PLOT_OPTIONS)}")
     said = {name: (value,) if isinstance(value, int) else value for name, value in wish.items()}
-    return {name: _words(value) if name in ("fields", "steps") else wish[name] for name, value in said.items()}
+    return {
+        name: _words(value) if name in ("fields", "steps") else wish[name]
+        for name, value in said.items()
+    }
 
 
 def _words(given: str | Sequence[Any]) -> tuple[str, ...]:
-    return tuple(word.strip() for word in given.split(",")) if isinstance(given, str) else tuple(map(str, given))
+    return (
+        tuple(word.strip() for word in given.split(","))
+        if isinstance(given, str)
+        else tuple(map(str, given))
+    )
 
 
 def sensitivities(scene: Given, keys: str | Sequence[str]) -> derivatives.Derivatives:
-    """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}}, see `run.companions.sensitivities`."""
+    """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}}, see
+    `run.companions.sensitivities`.
+    """
     return derivatives.sensitivities(config_of(scene), [keys] if isinstance(keys, str) else keys)
 
 

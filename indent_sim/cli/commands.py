@@ -1,7 +1,7 @@
 """The command line: the only place that ends the process or names COMM_WORLD.
 
-stdout carries the result, everything else goes to stderr; under MPI rank 0 alone speaks and all ranks end
-with the same exit code. Heavy imports wait inside the commands.
+stdout carries the result, everything else goes to stderr; under MPI rank 0 alone speaks and all
+ranks end with the same exit code. Heavy imports wait inside the commands.
 """
 
 from __future__ import annotations
@@ -37,28 +37,38 @@ if TYPE_CHECKING:
 Form = Literal["text", "json"]  # of what stdout gets
 Told = Literal["all", "warnings"]  # on stderr
 LEVELS = {"all": logging.INFO, "warnings": logging.WARNING}  # of our own messages
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
+THREADS = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+)  # more only slow these sizes down
 LISTED = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
 TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
 SCHEMA = "scene.schema.json"  # beside a scene of `init`, whose first line names it
 FEW = 50  # rows of a run, before there is garbage to speak of
-FORM = "indent_sim.form"  # in click's context: json where --json was given, also where the command refuses it
+# in click's context: json where --json was given, also where the command refuses it
+FORM = "indent_sim.form"
 
 
 class Program(click.Group):
     """The commands, with every way to end turned into its message and exit code."""
 
     def main(self, *args: Any, **options: Any) -> Any:
-        """One BLAS thread and no plugins of pydantic, which it searches every package for, unless the user says
-        otherwise; must be said before numpy and pydantic are loaded."""
+        """One BLAS thread and no plugins of pydantic, which it searches every package for, unless
+        the user says otherwise; must be said before numpy and pydantic are loaded.
+        """
         for name in (*THREADS, "PYDANTIC_DISABLE_PLUGINS"):
             os.environ.setdefault(name, "1")
         _open_closed_streams()
         return super().main(*args, **options)
 
-    def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> click.Context:
+    def make_context(
+        self, info_name: str | None, args: list[str], *rest: Any, **extra: Any
+    ) -> click.Context:
         """Read the words before the command."""
-        form: Form = "json" if "--json" in (args[: args.index("--")] if "--" in args else args) else "text"
+        form: Form = (
+            "json" if "--json" in (args[: args.index("--")] if "--" in args else args) else "text"
+        )
         try:
             ctx = super().make_context(info_name, args, *rest, **extra)
         except click.ClickException as error:
@@ -82,7 +92,9 @@ class Program(click.Group):
 
 
 def _open_closed_streams() -> None:
-    """Libraries take stdin, stdout and stderr for granted; one that the shell closed becomes /dev/null."""
+    """Libraries take stdin, stdout and stderr for granted; one that the shell closed becomes
+    /dev/null.
+    """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             null = os.open(os.devnull, os.O_RDWR)
@@ -92,7 +104,9 @@ def _open_closed_streams() -> None:
 
 
 def refuse(error: click.ClickException, form: Form) -> NoReturn:
-    """End as click does after a word or option that is none, with a JSON object where one was asked for."""
+    """End as click does after a word or option that is none, with a JSON object where one was asked
+    for.
+    """
     if form == "json":
         say_failure(error, error.exit_code, UsageError.__name__)
     error.show()
@@ -100,7 +114,9 @@ def refuse(error: click.ClickException, form: Form) -> NoReturn:
 
 
 def explain(error: BaseException) -> int:
-    """Say why the program ends, on stderr and, with --json, in an object on stdout; returns the exit code."""
+    """Say why the program ends, on stderr and, with --json, in an object on stdout; returns the
+    exit code.
+    """
     code = getattr(error, "exit_code", 130 if isinstance(error, KeyboardInterrupt) else 1)
     if isinstance(error, KeyboardInterrupt):
         tell(str(error) or "interrupted")
@@ -130,7 +146,12 @@ def say_done(found: dict[str, Any]) -> None:
 def say_failure(error: BaseException, code: int, kind: str) -> None:
     """The JSON object of a command that failed; what it found before (`beside`) stands in it too."""
     status = "interrupted" if code > 128 else "failed"
-    found = {"status": status, "exit_code": code, "error": described(error, kind), **getattr(error, "beside", {})}
+    found = {
+        "status": status,
+        "exit_code": code,
+        "error": described(error, kind),
+        **getattr(error, "beside", {}),
+    }
     if isinstance(error, errors.ConfigErrors):
         found["errors"] = [described(one, kind) for one in error.errors]
     with suppress(errors.NotConverged):  # a full disk: the exit code tells
@@ -138,17 +159,25 @@ def say_failure(error: BaseException, code: int, kind: str) -> None:
 
 
 def described(error: BaseException, kind: str) -> dict[str, Any]:
-    """An error as JSON: type, message, and for one of config or usage where it is and what would be right, if known."""
+    """An error as JSON: type, message, and for one of config or usage where it is and what would be
+    right, if known.
+    """
     message = error.format_message() if isinstance(error, click.ClickException) else str(error)
     place: dict[str, Any] = dict.fromkeys(("file", "line", "key", "remedy"))
     if isinstance(error, ConfigError | UsageError):
         message = printable(error.problem)
         place = {name: getattr(error, name, None) or None for name in place}
-    return {"type": kind.removesuffix("s") if kind == "ConfigErrors" else kind, "message": message, **place}
+    return {
+        "type": kind.removesuffix("s") if kind == "ConfigErrors" else kind,
+        "message": message,
+        **place,
+    }
 
 
 def say(text: str) -> None:
-    """Print to stdout; that nobody listens any more is no error, that it is lost for lack of space is one."""
+    """Print to stdout; that nobody listens any more is no error, that it is lost for lack of space
+    is one.
+    """
     try:
         with suppress(UnicodeEncodeError):
             return click.echo(text)
@@ -156,7 +185,9 @@ def say(text: str) -> None:
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         if not isinstance(error, BrokenPipeError):
-            raise errors.NotConverged(f"cannot write to stdout: {error.strerror or error}") from error
+            raise errors.NotConverged(
+                f"cannot write to stdout: {error.strerror or error}"
+            ) from error
 
 
 def tell(text: str) -> None:
@@ -173,14 +204,19 @@ def tell(text: str) -> None:
 class Number(click.FloatRange):
     """A number in a range; NaN, which compares with nothing, is in none."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
         """The number of a word."""
         number: float = super().convert(value, param, ctx)
         return number if number == number else self.fail(f"'{value}' is not a number.", param, ctx)
 
 
-PATH, BELOW_ONE = click.Path(path_type=Path), Number(0, 1, min_open=True, max_open=True)
-OVERWRITE_HELP = "Replace what the folder holds: another CONFIG's run, or a finished run of another scene."
+PATH = click.Path(path_type=Path)
+BELOW_ONE = Number(0, 1, min_open=True, max_open=True)
+OVERWRITE_HELP = (
+    "Replace what the folder holds: another CONFIG's run, or a finished run of another scene."
+)
 SET_HELP = "Replace one key, e.g. contact.method=penalty."
 
 
@@ -189,7 +225,12 @@ def _keys(ctx: click.Context, option: click.Parameter, begun: str) -> list[str]:
     from indent_sim.config.schema import file_order, sections
 
     kinds = sections()
-    keys = {f"{section}.{name}=" for section in kinds for kind in kinds[section] for name in file_order(kind)}
+    keys = {
+        f"{section}.{name}="
+        for section in kinds
+        for kind in kinds[section]
+        for name in file_order(kind)
+    }
     return sorted(key for key in keys if key.startswith(begun))
 
 
@@ -201,7 +242,12 @@ def _fields(ctx: click.Context, option: click.Parameter, begun: str) -> list[str
     return [f"{before}{comma}{name}" for name in FIELDS if name.startswith(word)]
 
 
-SET: dict[str, Any] = {"multiple": True, "metavar": "KEY=VALUE", "shell_complete": _keys, "help": SET_HELP}
+SET: dict[str, Any] = {
+    "multiple": True,
+    "metavar": "KEY=VALUE",
+    "shell_complete": _keys,
+    "help": SET_HELP,
+}
 set_option = click.option("--set", "overrides", **SET)
 
 
@@ -226,12 +272,17 @@ def _words(ctx: click.Context, option: click.Parameter, text: str | None) -> tup
 def _pairs(ctx: click.Context, option: click.Parameter, text: str | None) -> dict[str, str]:
     """NAME=VALUE with commas between them."""
     pairs = [word.partition("=") for word in _words(ctx, option, text)]
-    if wrong := next((name for name, equals, value in pairs if not (name.strip() and equals and value.strip())), None):
+    if wrong := next(
+        (name for name, equals, value in pairs if not (name.strip() and equals and value.strip())),
+        None,
+    ):
         raise click.BadParameter(f"'{wrong}' is not NAME=VALUE")
     return {name.strip(): value.strip() for name, _, value in pairs}
 
 
-def _layout(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[int, int] | None:
+def _layout(
+    ctx: click.Context, option: click.Parameter, text: str | None
+) -> tuple[int, int] | None:
     """ROWSxCOLUMNS as two numbers."""
     if text is None:
         return None
@@ -241,7 +292,9 @@ def _layout(ctx: click.Context, option: click.Parameter, text: str | None) -> tu
     return int(rows), int(columns)
 
 
-def _limits(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[float, float] | None:
+def _limits(
+    ctx: click.Context, option: click.Parameter, text: str | None
+) -> tuple[float, float] | None:
     """A:B as two numbers."""
     if text is None:
         return None
@@ -278,23 +331,32 @@ def _tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[
 
 
 WHAT_HELP = (
-    "Panels, with commas: force, time, pressure, pressure_x, pressure_y, profile, fields, film; of a study one of "
+    "Panels, with commas: force, time, pressure, pressure_x, pressure_y, profile, "
+    "fields, film; of a study one of "
     "curves, force, a, p_max, penetration."
 )
 LIMITS_HELP = "Ends of the colours of a field, and of pressures, in the unit shown."
 SEGMENTS = ("approach", "hold", "retract", "all")  # of a measured curve
 SEGMENT_HELP = "Part of the curve; hold: up to its end."
-DESIGN_HELP = "Before a measurement: what a curve of this scene would tell of the keys; needs --noise."
+DESIGN_HELP = (
+    "Before a measurement: what a curve of this scene would tell of the keys; needs --noise."
+)
 NOISE_HELP = "With --design: deviation of a sample's force over the largest force."
 DESIGNED_POINTS = 300
 WITHIN_HELP = "Relative error of the force that is accepted."
 COLUMNS_HELP = "Columns, by title or number from 1."
-columns_option = click.option("--columns", callback=_words, metavar="DEPTH,FORCE[,TIME]", help=COLUMNS_HELP)
+columns_option = click.option(
+    "--columns", callback=_words, metavar="DEPTH,FORCE[,TIME]", help=COLUMNS_HELP
+)
 UNITS_HELP = "Units where a file says none, e.g. length=m,force=N."
 units_option = click.option("--units", callback=_pairs, help=UNITS_HELP)
 QUIET_HELP = "Warnings and errors alone on stderr, no progress."
-quiet_option = click.option("--quiet", "told", flag_value="warnings", default="all", help=QUIET_HELP)
-json_option = click.option("--json", "form", flag_value="json", default="text", help="Print one JSON object.")
+quiet_option = click.option(
+    "--quiet", "told", flag_value="warnings", default="all", help=QUIET_HELP
+)
+json_option = click.option(
+    "--json", "form", flag_value="json", default="text", help="Print one JSON object."
+)
 RTOL_HELP = "Relative tolerance, of all columns or of each, e.g. force=1e-3,a=2e-2."
 TOLERANCE_FORM = "X|COLUMN=X,..."
 
@@ -309,12 +371,25 @@ def program() -> None:
 @click.argument("config", type=PATH)
 @set_option
 @click.option("--output", type=PATH, help="Result folder [results/<CONFIG's stem>].")
-@click.option("--resume", is_flag=True, help="Go on with a run that was stopped; a finished one stays as it is.")
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="Go on with a run that was stopped; a finished one stays as it is.",
+)
 @click.option("--overwrite", is_flag=True, help=OVERWRITE_HELP)
-@click.option("--error-bars", is_flag=True, help="Estimate the error of every force, from a coarser mesh.")
+@click.option(
+    "--error-bars", is_flag=True, help="Estimate the error of every force, from a coarser mesh."
+)
 @quiet_option
 @json_option
-def run(config: Path, overrides: tuple[str, ...], output: Path | None, told: Told, form: Form, **how: bool) -> None:
+def run(
+    config: Path,
+    overrides: tuple[str, ...],
+    output: Path | None,
+    told: Told,
+    form: Form,
+    **how: bool,
+) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     with _without_garbage():
         with stoppable():
@@ -335,9 +410,24 @@ def run(config: Path, overrides: tuple[str, ...], output: Path | None, told: Tol
 @program.command()
 @click.argument("file", metavar="STUDY", type=PATH)
 @click.option("--resume", is_flag=True, help="Keep the runs that have ended, do the others.")
-@click.option("--overwrite", is_flag=True, help="Replace finished runs in the folder that STUDY does not ask for.")
-@click.option("--shard", callback=_shard, metavar="I/N", help="Do only every N-th run, from the I-th on; no table.")
-@click.option("--jobs", type=click.IntRange(1, 1000), default=1, metavar="N", help="Runs at the same time [1].")
+@click.option(
+    "--overwrite",
+    is_flag=True,
+    help="Replace finished runs in the folder that STUDY does not ask for.",
+)
+@click.option(
+    "--shard",
+    callback=_shard,
+    metavar="I/N",
+    help="Do only every N-th run, from the I-th on; no table.",
+)
+@click.option(
+    "--jobs",
+    type=click.IntRange(1, 1000),
+    default=1,
+    metavar="N",
+    help="Runs at the same time [1].",
+)
 @click.option("--output", type=PATH, help="Folder of the study [results/<STUDY's stem>].")
 @quiet_option
 @json_option
@@ -360,10 +450,15 @@ def study(file: Path, told: Told, form: Form, **how: Any) -> None:
 @program.command()
 @click.argument("config", type=PATH)
 @set_option
-@click.option("--error-bars", is_flag=True, help="Count what `run --error-bars` solves beside a scene.")
+@click.option(
+    "--error-bars", is_flag=True, help="Count what `run --error-bars` solves beside a scene."
+)
 @json_option
 def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Form) -> None:
-    """Say what would be modelled, and why; of a study its runs and what they cost. Writes nothing."""
+    """Say what would be modelled, and why; of a study its runs and what they cost.
+
+    Writes nothing.
+    """
     if _is_study(config):
         return _plan_study(config, overrides, error_bars, form)
     from indent_sim.config.scene_file import load
@@ -383,17 +478,25 @@ def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Form)
 @click.argument("config", type=PATH)
 @set_option
 @click.option("--within", type=BELOW_ONE, default=0.01, show_default=True, help=WITHIN_HELP)
-@click.option("--curve", metavar="FILE", type=PATH, help="Measured curve that says depth and modulus.")
+@click.option(
+    "--curve", metavar="FILE", type=PATH, help="Measured curve that says depth and modulus."
+)
 @columns_option
 @units_option
 @json_option
 def require(
-    config: Path, overrides: tuple[str, ...], within: float, curve: Path | None, form: Form, **read: Any
+    config: Path,
+    overrides: tuple[str, ...],
+    within: float,
+    curve: Path | None,
+    form: Form,
+    **read: Any,
 ) -> None:
     """Say what a scene requires: every effect in per cent of the force. Writes nothing.
 
-    Ends with the cheapest model within the tolerance, as a scene that runs as it is. With --curve at the depth of a
-    measurement, with the other models of that curve: which is needed, which is not excluded and what it would give.
+    Ends with the cheapest model within the tolerance, as a scene that runs as it is. With --curve
+    at the depth of a measurement, with the other models of that curve: which is needed, which is
+    not excluded and what it would give.
     """
     _refuse_ranks()
     require_room()
@@ -409,12 +512,16 @@ def require(
     say_done(found.as_json()) if form == "json" else say(terminal.requirements(found, _width()))
 
 
-def _require_of_curve(config: Config, curve: Path, within: float, read: dict[str, Any], form: Form) -> None:
+def _require_of_curve(
+    config: Config, curve: Path, within: float, read: dict[str, Any], form: Form
+) -> None:
     """What a scene requires for a measured curve."""
     from indent_sim.fitting.curve_requirements import require_of_curve
 
     found = require_of_curve(config, curve, within, _reading(**read))
-    say_done(found.as_json()) if form == "json" else say(terminal.curve_requirements(found, _width()))
+    say_done(found.as_json()) if form == "json" else say(
+        terminal.curve_requirements(found, _width())
+    )
 
 
 @program.command()
@@ -423,38 +530,77 @@ def _require_of_curve(config: Config, curve: Path, within: float, read: dict[str
 @click.option("--design", "designed", metavar="SCENE", type=PATH, help=DESIGN_HELP)
 @click.option("--noise", type=Number(0, 1, min_open=True), metavar="X", help=NOISE_HELP)
 @click.option(
-    "--points", type=click.IntRange(30, 100_000), metavar="N", help="With --design: points of the curve [300]."
+    "--points",
+    type=click.IntRange(30, 100_000),
+    metavar="N",
+    help="With --design: points of the curve [300].",
 )
-@click.option("--vary", "keys", required=True, multiple=True, metavar="KEY", help="Key to fit, e.g. material.E.")
+@click.option(
+    "--vary",
+    "keys",
+    required=True,
+    multiple=True,
+    metavar="KEY",
+    help="Key to fit, e.g. material.E.",
+)
 @set_option
 @columns_option
 @units_option
-@click.option("--segment", type=click.Choice(SEGMENTS), default="approach", show_default=True, help=SEGMENT_HELP)
-@click.option("--contact-point", type=Number(), metavar="X", help="Depth of first touch, where it is known.")
-@click.option("--no-slope", "baseline", flag_value="level", default="tilted", help="The baseline is level.")
-@click.option("--models", flag_value="all", default="needed", help="Ask other models of every curve.")
-@click.option("--jobs", type=click.IntRange(1, 1000), default=1, metavar="N", help="Curves at the same time [1].")
+@click.option(
+    "--segment",
+    type=click.Choice(SEGMENTS),
+    default="approach",
+    show_default=True,
+    help=SEGMENT_HELP,
+)
+@click.option(
+    "--contact-point", type=Number(), metavar="X", help="Depth of first touch, where it is known."
+)
+@click.option(
+    "--no-slope", "baseline", flag_value="level", default="tilted", help="The baseline is level."
+)
+@click.option(
+    "--models", flag_value="all", default="needed", help="Ask other models of every curve."
+)
+@click.option(
+    "--jobs",
+    type=click.IntRange(1, 1000),
+    default=1,
+    metavar="N",
+    help="Curves at the same time [1].",
+)
 @click.option("--output", type=PATH, help="Folder of the fit [results/fit-<CURVE's stem>].")
 @quiet_option
 @json_option
-def fit(curves: tuple[Path, ...], told: Told, form: Form, overrides: tuple[str, ...], **how: Any) -> None:
-    """Fit keys of a scene to measured curves: text tables of any kind, AFM files. Prints the folder.
+def fit(
+    curves: tuple[Path, ...], told: Told, form: Form, overrides: tuple[str, ...], **how: Any
+) -> None:
+    """Fit keys of a scene to measured curves: text tables of any kind, AFM files.
 
-    Contact point and baseline are always unknown. A call with the same folder goes on with the curves that lack a row.
-    With --design nothing is measured yet: the intervals that a curve of the scene would give, and what would help.
+    Prints the folder.
+
+    Contact point and baseline are always unknown. A call with the same folder goes on with the
+    curves that lack a row. With --design nothing is measured yet: the intervals that a curve of the
+    scene would give, and what would help.
     """
     _refuse_ranks()
     require_room()
     from indent_sim.config.scene_file import load
 
-    scene, designed, noise, points = (how.pop(name) for name in ("scene", "designed", "noise", "points"))
+    scene, designed, noise, points = (
+        how.pop(name) for name in ("scene", "designed", "noise", "points")
+    )
     _refuse_mixed(curves, scene, designed, noise, points)
     if designed:
         with _quiet_libraries(LEVELS[told]), stoppable():
-            return _design(load(designed, overrides), how["keys"], noise, points or DESIGNED_POINTS, form)
+            return _design(
+                load(designed, overrides), how["keys"], noise, points or DESIGNED_POINTS, form
+            )
     output = how.pop("output") or Path("results") / f"fit-{curves[0].resolve().stem}"
     with _quiet_libraries(LEVELS[told]), stoppable():
-        fits = _fit(curves, load(scene, overrides), output, tell if told == "all" else _silent, **how)
+        fits = _fit(
+            curves, load(scene, overrides), output, tell if told == "all" else _silent, **how
+        )
     if fits.exit_code:
         none = errors.NotConverged(f"no curve was fitted; the first: {fits.entries[0]['reason']}")
         none.beside = fits.as_json()
@@ -463,17 +609,30 @@ def fit(curves: tuple[Path, ...], told: Told, form: Form, overrides: tuple[str, 
 
 
 def _refuse_mixed(
-    curves: tuple[Path, ...], scene: Path | None, designed: Path | None, noise: float | None, points: int | None
+    curves: tuple[Path, ...],
+    scene: Path | None,
+    designed: Path | None,
+    noise: float | None,
+    points: int | None,
 ) -> None:
     """UsageError unless there are curves and a scene, or a design and its noise."""
     if designed and (curves or scene):
-        raise UsageError("--design SCENE takes no curves and no --scene", "fit CURVE --scene SCENE fits curves")
+        raise UsageError(
+            "--design SCENE takes no curves and no --scene", "fit CURVE --scene SCENE fits curves"
+        )
     if designed and noise is None:
-        raise UsageError("--design needs --noise X", "X is the noise of a force over the largest one, e.g. 0.01")
+        raise UsageError(
+            "--design needs --noise X", "X is the noise of a force over the largest one, e.g. 0.01"
+        )
     if not designed and (noise is not None or points is not None):
-        raise UsageError("--noise and --points belong to --design", "a fit finds the noise of a curve")
+        raise UsageError(
+            "--noise and --points belong to --design", "a fit finds the noise of a curve"
+        )
     if not designed and not (curves and scene):
-        raise UsageError("fit needs CURVE_OR_FOLDER... and --scene SCENE", "or --design SCENE before a measurement")
+        raise UsageError(
+            "fit needs CURVE_OR_FOLDER... and --scene SCENE",
+            "or --design SCENE before a measurement",
+        )
 
 
 def _design(config: Config, keys: tuple[str, ...], noise: float, points: int, form: Form) -> None:
@@ -488,7 +647,13 @@ def _silent(line: str) -> None:
     """Say nothing."""
 
 
-def _fit(curves: tuple[Path, ...], config: Config, output: Path, say_line: Callable[[str], None], **how: Any) -> Fits:
+def _fit(
+    curves: tuple[Path, ...],
+    config: Config,
+    output: Path,
+    say_line: Callable[[str], None],
+    **how: Any,
+) -> Fits:
     """The fits of some curves, with the options of the command line."""
     from indent_sim.fitting import fit_folder
     from indent_sim.fitting.curve_fit import Request
@@ -505,7 +670,9 @@ def _reading(columns: tuple[str, ...], units: dict[str, str]) -> Reading:
     from indent_sim.fitting.fit_folder import Reading
 
     if columns and not 2 <= len(columns) <= 3:
-        raise ConfigError("--columns", f"names {len(columns)} columns", "give DEPTH,FORCE or DEPTH,FORCE,TIME")
+        raise ConfigError(
+            "--columns", f"names {len(columns)} columns", "give DEPTH,FORCE or DEPTH,FORCE,TIME"
+        )
     if wrong := [kind for kind in units if kind not in ("length", "force", "time")]:
         raise UsageError(f"--units {wrong[0]}: there are length, force, time")
     return Reading(columns, units)
@@ -514,15 +681,26 @@ def _reading(columns: tuple[str, ...], units: dict[str, str]) -> Reading:
 @program.command()
 @click.argument("first", metavar="A", type=PATH)
 @click.argument("second", metavar="B", type=PATH)
-@click.option("--rtol", callback=_tolerances, metavar=TOLERANCE_FORM, default="1e-6", show_default=True, help=RTOL_HELP)
-@click.option("--columns", callback=_words, help="Columns to compare [delta,force,a and those of --rtol].")
+@click.option(
+    "--rtol",
+    callback=_tolerances,
+    metavar=TOLERANCE_FORM,
+    default="1e-6",
+    show_default=True,
+    help=RTOL_HELP,
+)
+@click.option(
+    "--columns", callback=_words, help="Columns to compare [delta,force,a and those of --rtol]."
+)
 @json_option
-def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[str, ...], form: Form) -> None:
+def compare(
+    first: Path, second: Path, rtol: dict[str, float], columns: tuple[str, ...], form: Form
+) -> None:
     """Compare two results row by row. Exit code 6 when they differ.
 
-    A or B may be a measured curve. Rows are matched by step, or by depth where a table has no steps; where depths
-    differ the curve with more rows is interpolated. Those of an experiment, which of two results are compared as well,
-    are matched by number.
+    A or B may be a measured curve. Rows are matched by step, or by depth where a table has no
+    steps; where depths differ the curve with more rows is interpolated. Those of an experiment,
+    which of two results are compared as well, are matched by number.
     """
     from indent_sim.results import compare
 
@@ -541,29 +719,54 @@ def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[st
 @program.command()
 @click.argument("paths", metavar="RESULT_OR_CURVE...|STUDY", nargs=-1, required=True, type=PATH)
 @click.option("--what", callback=_words, help=WHAT_HELP)
-@click.option("--field", "fields", callback=_words, shell_complete=_fields, help="Fields, with commas [von_mises].")
-@click.option("--steps", callback=_words, help="Steps with commas, last or all [that of the largest force].")
+@click.option(
+    "--field",
+    "fields",
+    callback=_words,
+    shell_complete=_fields,
+    help="Fields, with commas [von_mises].",
+)
+@click.option(
+    "--steps", callback=_words, help="Steps with commas, last or all [that of the largest force]."
+)
 @click.option("--units", callback=_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa.")
 @click.option("--width", type=Number(30, 1000), metavar="MM", help="Width of the picture in mm.")
-@click.option("--layout", callback=_layout, metavar="ROWSxCOLUMNS", help="All panels in rows and columns, e.g. 1x3.")
+@click.option(
+    "--layout",
+    callback=_layout,
+    metavar="ROWSxCOLUMNS",
+    help="All panels in rows and columns, e.g. 1x3.",
+)
 @click.option("--letters", flag_value="a", default="", help="Name the panels (a), (b), ...")
-@click.option("--dpi", type=Number(20, 2400), metavar="N", help="Points to the inch [160; of a PDF 300].")
+@click.option(
+    "--dpi", type=Number(20, 2400), metavar="N", help="Points to the inch [160; of a PDF 300]."
+)
 @click.option("--limits", callback=_limits, metavar="A:B", help=LIMITS_HELP)
-@click.option("--zoom", callback=_zoom, metavar="X|all", help="Contact radii around the tip, or the whole body.")
-@click.option("--font-size", "font", type=Number(4, 40), metavar="PT", help="Font size in points [10].")
-@click.option("--output", type=PATH, help="Picture to write: .png, .svg or .pdf; or the force curve: .tab.")
+@click.option(
+    "--zoom",
+    callback=_zoom,
+    metavar="X|all",
+    help="Contact radii around the tip, or the whole body.",
+)
+@click.option(
+    "--font-size", "font", type=Number(4, 40), metavar="PT", help="Font size in points [10]."
+)
+@click.option(
+    "--output", type=PATH, help="Picture to write: .png, .svg or .pdf; or the force curve: .tab."
+)
 def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
-    """Draw finished results and measured curves over one another, or a study. Prints the picture's path.
+    """Draw finished results and measured curves over one another, or a study.
 
-    \b
-    Without --what: force, contact radius and pressure of one result, force and contact radius of several; of a
-    body followed in time what changes over the time; of a study its curves.
-    pressure_x and pressure_y are the pressure on a line through the tip's axis.
-    Of a study force, a, p_max and penetration are drawn over what varies, over two numbers as a map, the
-    penetration over epsilon_n where that varies.
-    Fields: von_mises, principal_1, principal_2, principal_3, sigma_xx (of a body of revolution rr),
-    sigma_yy, sigma_zz, sigma_xz, J, energy_density, displacement; with fluid pore_pressure, fluid_content;
-    of gels swelling. A film shows states of one side by side, spread over the path.
+    Prints the picture's path.
+
+    \b Without --what: force, contact radius and pressure of one result, force and contact radius of
+    several; of a body followed in time what changes over the time; of a study its curves.
+    pressure_x and pressure_y are the pressure on a line through the tip's axis. Of a study force,
+    a, p_max and penetration are drawn over what varies, over two numbers as a map, the penetration
+    over epsilon_n where that varies. Fields: von_mises, principal_1, principal_2, principal_3,
+    sigma_xx (of a body of revolution rr), sigma_yy, sigma_zz, sigma_xz, J, energy_density,
+    displacement; with fluid pore_pressure, fluid_content; of gels swelling. A film shows states of
+    one side by side, spread over the path.
     """
     from indent_sim.results import reader
     from indent_sim.results.folder import held
@@ -578,7 +781,9 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
         return _write_tab(runs, given, output)
     if output is None:
         first = paths[0] if paths[0].is_dir() else paths[0].parent
-        output = (first if len(paths) == 1 else Path()) / (wanted.name if wanted else canvas.FORCE_PICTURE)
+        output = (first if len(paths) == 1 else Path()) / (
+            wanted.name if wanted else canvas.FORCE_PICTURE
+        )
         canvas.refuse_foreign(output)
     try:
         panels.draw(runs, wanted, output) if wanted else panels.draw_results(runs, output)
@@ -599,8 +804,11 @@ def _plot_study(paths: Sequence[Path], output: Path | None, given: dict[str, Any
     if len(paths) > 1:
         raise UsageError("a study is drawn by itself", "name one study, or folders of runs alone")
     if unheeded := [name for name in given if name not in OF_STUDY]:
-        raise UsageError(f"the picture of a study heeds no {unheeded[0]}", "there are --what, --dpi and --output")
-    folder, (word, *more) = paths[0], given.get("what", ("curves",))
+        raise UsageError(
+            f"the picture of a study heeds no {unheeded[0]}", "there are --what, --dpi and --output"
+        )
+    folder = paths[0]
+    (word, *more) = given.get("what", ("curves",))
     if more or word not in ("curves", *multiples.COLUMNS):
         raise UsageError(f"--what of a study is one of curves, {', '.join(multiples.COLUMNS)}")
     record, rows = study_report.read_study(folder)
@@ -628,7 +836,10 @@ def _write_tab(runs: list[Results], given: dict[str, Any], output: Path) -> None
     from indent_sim.results.measured.tab_file import tab_of
 
     if given or len(runs) > 1:
-        raise UsageError(f"{output}: a .tab file holds the force curve of one result", "leave the other options out")
+        raise UsageError(
+            f"{output}: a .tab file holds the force curve of one result",
+            "leave the other options out",
+        )
     try:
         write_atomically(output, tab_of(runs[0]))
     except OSError as error:
@@ -640,10 +851,16 @@ def _write_tab(runs: list[Results], given: dict[str, Any], output: Path) -> None
 @click.argument("folder", metavar="RESULT|STUDY|FIT", type=PATH)
 @click.option("--output", type=PATH, help="File to write, .html or .htm [report.html in it].")
 @click.option(
-    "--crate", "beside", flag_value="crate", default="", help="Write ro-crate-metadata.json for archives, too."
+    "--crate",
+    "beside",
+    flag_value="crate",
+    default="",
+    help="Write ro-crate-metadata.json for archives, too.",
 )
 def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> None:
-    """Write one HTML file about a result, a study or a fit: scene, pictures, errors, provenance. Prints its path."""
+    """Write one HTML file about a result, a study or a fit: scene, pictures, errors, provenance.
+    Prints its path.
+    """
     from indent_sim.results import report as reports
     from indent_sim.results.folder import is_own_file
 
@@ -652,7 +869,10 @@ def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> N
     if output is None:
         output = folder / reports.NAME
         if os.path.lexists(output) and not is_own_file(output):
-            raise UsageError(f"{output} is there already and no report of indent-sim", "choose another name: --output")
+            raise UsageError(
+                f"{output} is there already and no report of indent-sim",
+                "choose another name: --output",
+            )
     if output.suffix.lower() not in reports.REPORT_FORMATS:
         raise UsageError(f"{output}: a report ends in {', '.join(reports.REPORT_FORMATS)}")
     if beside:
@@ -697,12 +917,15 @@ def _page_of(folder: Path) -> str:
 
 
 @program.command()
-@click.argument("kind", type=click.Choice(TEMPLATES), default=TEMPLATES[0], metavar=f"[{'|'.join(TEMPLATES)}]")
+@click.argument(
+    "kind", type=click.Choice(TEMPLATES), default=TEMPLATES[0], metavar=f"[{'|'.join(TEMPLATES)}]"
+)
 @click.option("--output", type=PATH, help="File to write [KIND.yaml].")
 def init(kind: str, output: Path | None) -> None:
     """Write a commented scene or study to start from. Prints the file's name.
 
-    Beside a scene goes scene.schema.json, by which editors check and complete it, unless there is one.
+    Beside a scene goes scene.schema.json, by which editors check and complete it, unless there is
+    one.
     """
     from importlib.resources import files
 
@@ -712,9 +935,13 @@ def init(kind: str, output: Path | None) -> None:
 
     output = output or Path(f"{kind}.yaml")
     if os.path.lexists(output):
-        raise UsageError(f"{output} is there already and stays as it is; choose another name with --output")
+        raise UsageError(
+            f"{output} is there already and stays as it is; choose another name with --output"
+        )
     try:
-        write_atomically(output, (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_bytes())
+        write_atomically(
+            output, (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_bytes()
+        )
         described = output.parent / SCHEMA
         if kind != "study" and not os.path.lexists(described):
             write_atomically(described, to_json(json_schema()) + "\n")
@@ -762,11 +989,14 @@ def main() -> None:
     program(prog_name="indent-sim")
 
 
-# ---- one run, on all ranks ---------------------------------------------------------------------------------
+# ---- one run, on all ranks
+# ---------------------------------------------------------------------------------
 
 
 def _starts_mesher(read: Callable[[], Config]) -> bool:
-    """Fork the process that meshes on rank 0, before MPI is up, unless theory solves; whether ranks are to be met."""
+    """Fork the process that meshes on rank 0, before MPI is up, unless theory solves; whether ranks
+    are to be met.
+    """
     from indent_sim.process.ranks import is_first, is_one_of_several
     from indent_sim.run.prospect import starts_mesher
 
@@ -775,14 +1005,16 @@ def _starts_mesher(read: Callable[[], Config]) -> bool:
 
 @contextmanager
 def _without_garbage() -> Iterator[None]:
-    """No search for garbage: loading libraries makes a hundred thousand objects, of which none is; a twentieth of a
-    small run. Who makes many ends it."""
+    """No search for garbage: loading libraries makes a hundred thousand objects, of which none is;
+    a twentieth of a small run. Who makes many ends it.
+    """
     gc.unfreeze()  # what an earlier command of this process set aside
     gc.disable()
     try:
         yield
     finally:
-        gc.freeze()  # else what was made in the meantime would be searched at once, and most processes end here
+        # else what was made in the meantime would be searched at once, and most processes end here
+        gc.freeze()
         gc.enable()
 
 
@@ -793,17 +1025,22 @@ def _world() -> Any:
 
 
 def _refuse_ranks() -> None:
-    """A study forks its runs off, which a process that takes part in MPI must not do; so only mpirun is asked."""
+    """A study forks its runs off, which a process that takes part in MPI must not do; so only
+    mpirun is asked.
+    """
     from indent_sim.process.ranks import is_one_of_several
 
     if is_one_of_several():
         with together(_world()):
-            raise UsageError("a study runs on one rank; start it without mpirun, and split it with --shard")
+            raise UsageError(
+                "a study runs on one rank; start it without mpirun, and split it with --shard"
+            )
 
 
 @contextmanager
 def together(comm: Any) -> Iterator[None]:
-    """All ranks leave the block with the same exit code, and one says why: rank 0, or who fails where it does not.
+    """All ranks leave the block with the same exit code, and one says why: rank 0, or who fails
+    where it does not.
 
     A rank that fails where the others do not (a bug, a signal) takes them all down.
     """
@@ -814,7 +1051,9 @@ def together(comm: Any) -> Iterator[None]:
         if comm.size == 1:
             raise
         stopped = isinstance(error, KeyboardInterrupt)  # rank 0 closes its files and ends all
-        code = getattr(error, "exit_code", 1) if comm.rank else explain(error)  # at once: mpirun kills
+        code = (
+            getattr(error, "exit_code", 1) if comm.rank else explain(error)
+        )  # at once: mpirun kills
         if (comm.rank or not stopped) and meeting.all_arrive() and not stopped:
             raise click.exceptions.Exit(code) from error
         comm.Abort(explain(error) if comm.rank else code)
@@ -827,7 +1066,10 @@ def _simulate(settings: Config, comm: Any, directory: Path, told: Told, **how: A
     if comm.rank == 0 and told == "all":
         shown = terminal.progress(tell, settings)
     try:
-        with shown as show, _quiet_libraries(logging.ERROR if comm.rank else LEVELS[told]):  # rank 0 speaks for all
+        with (
+            shown as show,
+            _quiet_libraries(logging.ERROR if comm.rank else LEVELS[told]),
+        ):  # rank 0 speaks for all
 
             def follow(*row: Any) -> None:
                 check()
@@ -838,21 +1080,29 @@ def _simulate(settings: Config, comm: Any, directory: Path, told: Told, **how: A
 
             return simulate(settings, comm, directory=directory, progress=follow, **how)
     except (IndentSimError, KeyboardInterrupt) as end:
-        if comm.rank == 0 and not isinstance(end, UsageError | ConfigError):  # those refuse and compute nothing
+        if comm.rank == 0 and not isinstance(
+            end, UsageError | ConfigError
+        ):  # those refuse and compute nothing
             _name_partial(directory, end)
         raise
 
 
 @contextmanager
 def _quiet_libraries(level: int) -> Iterator[None]:
-    """Our own messages and the warnings of others go to stderr; what compilers and their like say of their work not."""
-    ours, root = logging.getLogger("indent_sim"), logging.getLogger()
-    told, warned = Teller(logging.INFO), Teller(logging.WARNING)
+    """Our own messages and the warnings of others go to stderr; what compilers and their like say
+    of their work not.
+    """
+    ours = logging.getLogger("indent_sim")
+    root = logging.getLogger()
+    told = Teller(logging.INFO)
+    warned = Teller(logging.WARNING)
     before = ours.level, ours.propagate
     ours.setLevel(level)
     ours.propagate = False
     ours.addHandler(told)
-    root.addHandler(warned)  # without one, libraries that call `logging.info` would install theirs, which prints all
+    root.addHandler(
+        warned
+    )  # without one, libraries that call `logging.info` would install theirs, which prints all
     try:
         yield
     finally:
@@ -897,7 +1147,9 @@ def _conclude(outcome: Outcome, form: Form, told: Told) -> None:
 
 
 def _is_study(path: Path) -> bool:
-    """Whether a file holds a study; False for what cannot be read, which is told when it is read as a scene."""
+    """Whether a file holds a study; False for what cannot be read, which is told when it is read as
+    a scene.
+    """
     from indent_sim.config.scene_file import is_study, read_document
 
     with suppress(IndentSimError):

@@ -1,4 +1,6 @@
-"""The health of an installation: which parts are there, in which version, and whether they can be used."""
+"""The health of an installation: which parts are there, in which version, and whether they can be
+used.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +19,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-NEEDED_PACKAGES: tuple[str, ...] = ("numpy", "scipy", "pydantic", "yaml", "click", "rich", "h5py", "mpi4py", "petsc4py")
+NEEDED_PACKAGES: tuple[str, ...] = (
+    "numpy",
+    "scipy",
+    "pydantic",
+    "yaml",
+    "click",
+    "rich",
+    "h5py",
+    "mpi4py",
+    "petsc4py",
+)
 NEEDED_PACKAGES += ("ufl", "dolfinx", "gmsh")
 MISSED = {"matplotlib": "pictures", "pint": "quantities with units in scenes", "jinja2": "reports"}
 OPTIONAL = {name: f"no {lost} without it" for name, lost in MISSED.items()}
-BLAS = {"openblas": "OpenBLAS", "mkl": "MKL", "blis": "BLIS", "atlas": "ATLAS", "accelerate": "Accelerate"}
+BLAS = {
+    "openblas": "OpenBLAS",
+    "mkl": "MKL",
+    "blis": "BLIS",
+    "atlas": "ATLAS",
+    "accelerate": "Accelerate",
+}
 
 
 @dataclass(frozen=True)
@@ -42,7 +60,12 @@ def examine() -> list[Check]:
     """Look at everything a run needs, in the surroundings of a run."""
     surroundings = [_working_directory(), _guarded("JIT cache", _cache)]
     packages = [*map(_package, NEEDED_PACKAGES), *map(_package, OPTIONAL, OPTIONAL.values())]
-    others: dict[str, Callable[[], Check]] = {"MPI": _mpi, "MUMPS": _mumps, "BLAS": _blas, "C compiler": _compiler}
+    others: dict[str, Callable[[], Check]] = {
+        "MPI": _mpi,
+        "MUMPS": _mumps,
+        "BLAS": _blas,
+        "C compiler": _compiler,
+    }
     return [_python(), *packages, *map(_guarded, others, others.values()), *surroundings]
 
 
@@ -58,7 +81,11 @@ def _working_directory() -> Check:
 def _python() -> Check:
     found = f"{platform.python_version()} at {sys.executable}"
     enough = sys.version_info >= (3, 11)
-    return Check("python", found) if enough else Check("python", found, "broken", "3.11 or later is needed")
+    return (
+        Check("python", found)
+        if enough
+        else Check("python", found, "broken", "3.11 or later is needed")
+    )
 
 
 def _package(name: str, remedy: str | None = None) -> Check:
@@ -108,20 +135,33 @@ def _blas() -> Check:
     maps = Path("/proc/self/maps")
     lines = maps.read_text().splitlines() if maps.exists() else []
     libraries = {line.split()[-1] for line in lines if ".so" in line}
-    loaded = [str(Path(path).resolve()).lower() for path in libraries if re.search("blas|mkl|blis|atlas", path)]
+    loaded = [
+        str(Path(path).resolve()).lower()
+        for path in libraries
+        if re.search("blas|mkl|blis|atlas", path)
+    ]
     names = {nice for word, nice in BLAS.items() if any(word in path for path in loaded)}
     threads = os.environ.get("OPENBLAS_NUM_THREADS") or os.environ.get("OMP_NUM_THREADS") or "all"
     if names:
         return Check("BLAS", f"{', '.join(sorted(names))}, {threads} thread(s) per rank")
     if loaded:
-        return Check("BLAS", "reference BLAS", "warning", "3 to 10 times slower: install libopenblas0-pthread")
+        return Check(
+            "BLAS",
+            "reference BLAS",
+            "warning",
+            "3 to 10 times slower: install libopenblas0-pthread",
+        )
     return Check("BLAS", "unknown", "warning")
 
 
 def _compiler() -> Check:
     command = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")[0]
     found = shutil.which(command)
-    return Check("C compiler", found) if found else Check("C compiler", f"no {command}", "broken", "install gcc")
+    return (
+        Check("C compiler", found)
+        if found
+        else Check("C compiler", f"no {command}", "broken", "install gcc")
+    )
 
 
 def _cache() -> Check:
@@ -133,4 +173,9 @@ def _cache() -> Check:
         with tempfile.TemporaryFile(dir=existing):
             return Check("JIT cache", str(folder))
     except OSError as error:
-        return Check("JIT cache", f"{folder}: {error.strerror}", "broken", "name a writable folder as its cache_dir")
+        return Check(
+            "JIT cache",
+            f"{folder}: {error.strerror}",
+            "broken",
+            "name a writable folder as its cache_dir",
+        )

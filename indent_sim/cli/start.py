@@ -1,6 +1,7 @@
 """Where the program starts: Ctrl-C while it loads ends it without a traceback.
 
-Before `main` only what Python has loaded by itself is imported: whatever takes time is loaded once a signal ends it.
+Before `main` only what Python has loaded by itself is imported: whatever takes time is loaded once
+a signal ends it.
 """
 
 from __future__ import annotations
@@ -9,15 +10,20 @@ import gc
 import os
 import signal
 
-FEWEST_NEW = 50_000  # objects until the garbage collector looks for circles: loading makes many, and none to let go
+# objects until the garbage collector looks for circles: loading makes many, and none to let go
+FEWEST_NEW = 50_000
 
 
 def main() -> None:
     """The console script."""
     gc.set_threshold(FEWEST_NEW)
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # for which it reads what is said of every installed package
+    os.environ.setdefault(
+        "PYDANTIC_DISABLE_PLUGINS", "1"
+    )  # for which it reads what is said of every installed package
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is somebody to catch it: `Program.invoke`
+        signal.signal(
+            signal.SIGINT, signal.SIG_DFL
+        )  # until there is somebody to catch it: `Program.invoke`
     from indent_sim.process.quick_dataclasses import quick_dataclasses
 
     try:

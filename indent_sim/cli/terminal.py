@@ -44,7 +44,8 @@ Report = dict[str, Any]  # of a run, or a part of one
 @contextmanager
 def progress(tell: Callable[[str], None], config: Config) -> Iterator[Progress]:
     """A function to call with every state: a bar on a terminal, plain lines in a log (stderr)."""
-    pace, is_flat = Pace(), "plane_strain" in (config.mesh.symmetry, getattr(config.body, "kinematics", ""))
+    pace = Pace()
+    is_flat = "plane_strain" in (config.mesh.symmetry, getattr(config.body, "kinematics", ""))
     units = _units_of_rows(vars(config.units), is_flat or config.body.shape == "strip")
     if not sys.stderr.isatty():
         yield lambda state, step, total: _log(
@@ -58,30 +59,43 @@ def progress(tell: Callable[[str], None], config: Config) -> Iterator[Progress]:
     with bars.Progress(*columns, bars.TimeElapsedColumn(), console=Console(stderr=True)) as bar:
         task = bar.add_task("building the model", total=None)
         yield lambda state, step, total: bar.update(
-            task, completed=step, total=total, description=f"{state.said(units)}  {pace.after(total - step)[1]}"
+            task,
+            completed=step,
+            total=total,
+            description=f"{state.said(units)}  {pace.after(total - step)[1]}",
         )
 
 
 def _units_of_rows(units: Mapping[str, str], is_flat: bool) -> dict[str, str]:
-    """The units of time, depth, force and contact radius, as far as the scene has units; in plane strain forces are per
-    length."""
-    length, force = units.get("length", ""), units.get("force", "")
+    """The units of time, depth, force and contact radius, as far as the scene has units; in plane
+    strain forces are per length.
+    """
+    length = units.get("length", "")
+    force = units.get("force", "")
     line = f"{force}/{length}" if is_flat and force and length else force
     return {"t": "s" if length else "", "delta": length, "a": length, "force": line}
 
 
 def conclusion(outcome: Outcome) -> list[str]:
-    """The last lines of a run: theory beside it, the picture, the warnings, and the row that it was made for."""
-    report, theory = outcome.report, _part(outcome.report, "theory")
+    """The last lines of a run: theory beside it, the picture, the warnings, and the row that it was
+    made for.
+    """
+    report = outcome.report
+    theory = _part(outcome.report, "theory")
     lines = []
-    rows, before = len(outcome.states), outcome.resumed_after
+    rows = len(outcome.states)
+    before = outcome.resumed_after
     if before:
         some = f"resumed: {before} of the {rows} rows were there"
-        lines.append(f"nothing left to compute: all {rows} rows were there" if before == rows else some)
+        lines.append(
+            f"nothing left to compute: all {rows} rows were there" if before == rows else some
+        )
     lines += _error(outcome)
     if theory:
         told = _theory(theory, _asked_in_words(report, theory))
-        lines.append(told if report.get("method") != "theory" else f"solved by theory: {theory['why']}")
+        lines.append(
+            told if report.get("method") != "theory" else f"solved by theory: {theory['why']}"
+        )
     if closed := theory.get("half_space"):
         side = "below" if closed["deviation"] < 0 else "above"
         given, asked = _given_and_asked(theory)
@@ -89,7 +103,10 @@ def conclusion(outcome: Outcome) -> list[str]:
         lines.append(f"{closed['name']}, half-space, at {given} {theory[given]:.6g}: {beside}")
     if theory.get("formulas"):
         given, asked = _given_and_asked(theory)
-        said = (f"{one['name']} {one[asked]:.6g} ({one['deviation']:+.3%})" for one in theory["formulas"])
+        said = (
+            f"{one['name']} {one[asked]:.6g} ({one['deviation']:+.3%})"
+            for one in theory["formulas"]
+        )
         kind = "block" if theory["name"].endswith("compression") else "film"
         lines.append(f"{kind} formulas at {given} {theory[given]:.6g}: {asked} {', '.join(said)}")
     if fit := report.get("hertz"):
@@ -105,10 +122,13 @@ def conclusion(outcome: Outcome) -> list[str]:
 
 
 def _answer(outcome: Outcome) -> list[str]:
-    """What a run was made for: its last row, of a path that goes back or lasts also its loop and its largest force."""
+    """What a run was made for: its last row, of a path that goes back or lasts also its loop and
+    its largest force.
+    """
     from indent_sim.run.summary import loop_of, row_of_interest
 
-    states, report = outcome.states, outcome.report
+    states = outcome.states
+    report = outcome.report
     if not states:
         return []
     units = _units_of_rows(_entries(report.get("units") or {}), _is_flat(report))
@@ -116,7 +136,9 @@ def _answer(outcome: Outcome) -> list[str]:
     top = row_of_interest(states, report.get("control") == "force")
     if top is states[-1]:
         return [last]
-    loses_work = any(state.t is not None or state.dissipation for state in states) or "adhesion" in report
+    loses_work = (
+        any(state.t is not None or state.dissipation for state in states) or "adhesion" in report
+    )
     loop = loop_of(states) if loses_work else None  # an elastic body comes back along the way in
     return [last, *_loop(loop, units), f"largest force, step {top.step}: {top.said(units)}"]
 
@@ -158,13 +180,18 @@ def _words(part: Report) -> list[str]:
 
 
 def _largest_pull(report: Report) -> list[str]:
-    """The pull-off, or where that is not known the largest pull of the rows; and what is known of it beforehand."""
+    """The pull-off, or where that is not known the largest pull of the rows; and what is known of
+    it beforehand.
+    """
     pulled = report.get("largest_pull")
     if pulled is None:
         return []
     from indent_sim.run.summary import known_pulls
 
-    line = f"largest pull: force {pulled['force']:.6g} at delta {pulled['delta']:.6g}, step {pulled['step']}"
+    line = (
+        f"largest pull: force {pulled['force']:.6g} at delta {pulled['delta']:.6g}, step "
+        f"{pulled['step']}"
+    )
     if found := report.get("pull_off"):
         force = f"force {found['force']:.6g} {_within(found['error'])}"
         line = f"pull-off, searched between rows: {force} at delta {found['delta']:.6g}"
@@ -187,8 +214,12 @@ def _experiment(report: Report) -> Iterator[str]:
             said = f"force {found['force']:.6g}, delta {found['delta']:.6g}"
             yield f"{when.replace('_', ' ')} at z {found['z']:.6g}: {said}"
     if "calibration" in report:
-        force, modulus = report["calibration"]["force"], report["calibration"]["modulus"]
-        yield f"calibration: the force is known to {force:.3g} of it, a fitted modulus to {modulus:.3g}"
+        force = report["calibration"]["force"]
+        modulus = report["calibration"]["modulus"]
+        yield (
+            f"calibration: the force is known to {force:.3g} of it, a fitted modulus to "
+            f"{modulus:.3g}"
+        )
 
 
 def plan(prospect: Prospect, width: int = 120) -> str:
@@ -200,7 +231,9 @@ def plan(prospect: Prospect, width: int = 120) -> str:
     title = Text(printable(planned.title)) if planned.title else None
     choices = Table("what", "choice", "why", title=title, title_justify="left", box=None)
     for choice in planned.choices:
-        choices.add_row(*(Text(printable(word)) for word in (choice.key, _shown(choice.value), choice.why)))
+        choices.add_row(
+            *(Text(printable(word)) for word in (choice.key, _shown(choice.value), choice.why))
+        )
     expected = Table("expected", "", box=None)
     for name, value in planned.prediction.items():
         expected.add_row(*(Text(word) for word in (name.replace("_", " "), _shown(value))))
@@ -221,39 +254,55 @@ def requirements(found: Requirements, width: int = 120) -> str:
         if effect.applies:
             words = (effect.name.replace("_", " "), _change(effect), effect.source, effect.needs)
             table.add_row(*(Text(printable(word)) for word in words))
-    rest = ", ".join(effect.name.replace("_", " ") for effect in found.effects if not effect.applies)
+    rest = ", ".join(
+        effect.name.replace("_", " ") for effect in found.effects if not effect.applies
+    )
     absent = f"\nnot in this scene: {rest}" if rest else ""
     return f"{_rendered(width, table)}{absent}\n\n{found.words}\n\n{dump(found.config)}".rstrip()
 
 
 def curve_requirements(found: CurveRequirements, width: int = 120) -> str:
-    """What a curve says of the scene and of other models beside it, and what the scene requires at its depth."""
+    """What a curve says of the scene and of other models beside it, and what the scene requires at
+    its depth.
+    """
     from indent_sim.fitting.curve_fit import ENDS, said
     from indent_sim.fitting.inference.verdict import Interval
 
-    key, config, against = found.key, found.config, " and ".join(found.entry["cause"])
+    key = found.key
+    config = found.config
+    against = " and ".join(found.entry["cause"])
 
-    def row(name: str, verdict: str, one: Mapping[str, Any], added: Mapping[str, float]) -> list[str]:
+    def row(
+        name: str, verdict: str, one: Mapping[str, Any], added: Mapping[str, float]
+    ) -> list[str]:
         stated = Interval(*(one[end] for end in ENDS))
         value, low, high = (said(key, config, one[end], stated) for end in ENDS)
-        beside = ", ".join(f"{other} = {said(other, config, number)}" for other, number in added.items())
+        beside = ", ".join(
+            f"{other} = {said(other, config, number)}" for other, number in added.items()
+        )
         return [name, value, f"{low} to {high}", verdict, beside]
 
     verdict = f"contradicted by {against}" if against else "explains the curve"
     rows = [["model", key, "95 %", "", ""], row("the scene's", verdict, vars(found.modulus), {})]
     rows += [row(one["name"], one["verdict"], one, one["parameters"]) for one in found.models]
-    return "\n\n".join([found.entry["words"], _aligned(rows, "<"), requirements(found.requirements, width)])
+    return "\n\n".join(
+        [found.entry["words"], _aligned(rows, "<"), requirements(found.requirements, width)]
+    )
 
 
 def design(found: Design) -> str:
-    """What a measurement would tell: its intervals as the scene stands and with every change, and what is tied."""
+    """What a measurement would tell: its intervals as the scene stands and with every change, and
+    what is tied.
+    """
     rows = [["", *found.parameters], ["as it stands", *_intervals(found.parameters, found.config)]]
     for one in found.helps:
         change = ", ".join(f"{key} = {_shown(value)}" for key, value in one.change.items())
         told = _intervals(one.parameters, found.config) or [f"cannot be: {one.reason}"]
         rows.append([change, *told, *[""] * (len(found.parameters) - len(told))])
     noise = f"{found.points} points, noise {found.noise:.3g} of a force of {found.force:.4g}"
-    return "\n".join([_aligned(rows, "<"), "", f"{noise} at a depth of {found.depth:.4g}", found.words])
+    return "\n".join(
+        [_aligned(rows, "<"), "", f"{noise} at a depth of {found.depth:.4g}", found.words]
+    )
 
 
 def _intervals(parameters: Mapping[str, Interval], config: Config) -> list[str]:
@@ -286,17 +335,30 @@ def _signed(percent: float) -> str:
 def study_plan(planned: StudyPlan) -> str:
     """The runs of a study, a line each, and what they cost together."""
     names = ["index", *planned.keys, "method", "force", "dofs", "memory_MB", "seconds", "warnings"]
-    counted = [row | {"warnings": len(row["warnings"])} for row in planned.rows]  # --json has their words
+    counted = [
+        row | {"warnings": len(row["warnings"])} for row in planned.rows
+    ]  # --json has their words
     rows = [["" if row[name] is None else _shown(row[name]) for name in names] for row in counted]
-    lines = [_aligned([names, *rows]), "", f"{len(rows)} runs, compared with {planned.compared_with}"]
+    lines = [
+        _aligned([names, *rows]),
+        "",
+        f"{len(rows)} runs, compared with {planned.compared_with}",
+    ]
     if planned.same:
         lines[-1] += f"; {planned.same} points ask for the same as another"
-    lines.append(f"about {planned.seconds:.2g} s of the processor, one after another; --jobs N does N at a time")
-    return "\n".join([*([printable(planned.title)] if planned.title else []), *lines, *planned.refused])
+    lines.append(
+        f"about {planned.seconds:.2g} s of the processor, one after another; --jobs N "
+        "does N at a time"
+    )
+    return "\n".join(
+        [*([printable(planned.title)] if planned.title else []), *lines, *planned.refused]
+    )
 
 
 def scoreboard(rows: Sequence[Report]) -> str:
-    """Published values beside exact ones and ours, a line each, and who is off by more than is claimed."""
+    """Published values beside exact ones and ours, a line each, and who is off by more than is
+    claimed.
+    """
     from indent_sim.studies.reference.scoreboard import in_words
 
     names = ("published", "exact", "ours", "our_error")
@@ -317,7 +379,9 @@ def comparison(found: Comparison) -> str:
         [f"{step:.10g}", *(f"{value:.10g}" for name in names for value in found.pairs[name][i])]
         for i, step in enumerate(found.steps)
     ]
-    beside = [f"{name}, {len(table.steps)} rows: {_worst(table)}" for name, table in found.beside.items()]
+    beside = [
+        f"{name}, {len(table.steps)} rows: {_worst(table)}" for name, table in found.beside.items()
+    ]
     return "\n".join([_aligned([head, *rows]), _worst(found), *_interpolated(found), *beside])
 
 
@@ -329,7 +393,8 @@ def _interpolated(found: Comparison) -> list[str]:
     along = "time" if found.matched_by == "t" else "depth"
     said = [f"{path} interpolated in {along}, to {100 * error:.2g} % of the largest force"]
     if apart := found.residual:
-        largest, rms = apart["percent_largest"], apart["percent_rms"]
+        largest = apart["percent_largest"]
+        rms = apart["percent_rms"]
         said.append(f"forces apart by {largest:.3g} % of the largest at most, {rms:.3g} % rms")
     return said
 
@@ -350,9 +415,12 @@ def listed(section: str) -> str:
     return "\n".join(lines)
 
 
-def _log(tell: Callable[[str], None], row: str, effort: str, step: int, total: int, pace: Pace) -> None:
+def _log(
+    tell: Callable[[str], None], row: str, effort: str, step: int, total: int, pace: Pace
+) -> None:
     """A line with the step's own time, and what is left."""
-    every, (own, left) = -(-total // LINES), pace.after(total - step)
+    every = -(-total // LINES)
+    (own, left) = pace.after(total - step)
     if step % every == 0 or step in (1, total):
         tell(f"step {step}/{total}  {row}  {effort}  {own:.1f} s  {left}".rstrip())
 
@@ -362,7 +430,9 @@ def _error(outcome: Outcome) -> list[str]:
     known = (state for state in outcome.states if state.force_error and state.force)
     bars = [((state.force_error or 0.0) / abs(state.force), state.step) for state in known]
     worst, step = max(bars, default=(0.0, 0))
-    return [f"estimated error of the force: at most {worst:.2g} of it (step {step})"] if bars else []
+    return (
+        [f"estimated error of the force: at most {worst:.2g} of it (step {step})"] if bars else []
+    )
 
 
 def _asked_in_words(report: Report, theory: Report) -> str:
@@ -393,7 +463,10 @@ def _shown(value: Any) -> str:
 
 def _aligned(rows: list[list[str]], side: str = ">") -> str:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = ("  ".join(f"{cell:{side}{width}}" for cell, width in zip(row, widths, strict=True)) for row in rows)
+    lines = (
+        "  ".join(f"{cell:{side}{width}}" for cell, width in zip(row, widths, strict=True))
+        for row in rows
+    )
     return "\n".join(line.rstrip() for line in lines)
 
 
@@ -401,7 +474,9 @@ def _rendered(width: int, *parts: Any) -> str:
     from rich.console import Console
 
     text = io.StringIO()
-    console = Console(file=text, width=width, force_terminal=sys.stdout.isatty(), highlight=False, emoji=False)
+    console = Console(
+        file=text, width=width, force_terminal=sys.stdout.isatty(), highlight=False, emoji=False
+    )
     for part in parts:
         console.print(part)
     return "\n".join(line.rstrip() for line in text.getvalue().rstrip().splitlines())

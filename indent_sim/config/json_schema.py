@@ -1,4 +1,6 @@
-"""The scene file described for editors and other programs: its JSON Schema, from the schema and the glossary."""
+"""The scene file described for editors and other programs: its JSON Schema, from the schema and the
+glossary.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ def json_schema() -> dict[str, Any]:
     center = found["properties"].pop("center")
     for kind in schema.sections()["indenter"]:
         found["$defs"][kind.__name__]["properties"]["center"] = center
-    lists = [{"required": [way], "not": {"required": ["steps"]}} for way in WAYS if way not in STEPPED]
+    lists = [
+        {"required": [way], "not": {"required": ["steps"]}} for way in WAYS if way not in STEPPED
+    ]
     one_of = [{"required": ["delta"]}, {"required": ["force"]}, *lists]
     found["$defs"]["Loading"]["oneOf"] = one_of
     sections = {kind.__name__: section for section, kind in sections_and_kinds()}
@@ -37,7 +41,9 @@ def json_schema() -> dict[str, Any]:
 
 
 def _with_units(value: dict[str, Any]) -> dict[str, Any]:
-    """The schema of a number with a dimension, which may be a quantity with its unit, or of a list of such."""
+    """The schema of a number with a dimension, which may be a quantity with its unit, or of a list
+    of such.
+    """
     if "anyOf" in value:
         return value | {"anyOf": [_with_units(part) for part in value["anyOf"]]}
     if value.get("type") == "array":
@@ -53,7 +59,9 @@ class _Generator(GenerateJsonSchema):
 
     def dataclass_schema(self, schema: Any) -> Any:
         found = super().dataclass_schema(schema)
-        section = next((section for section, kind in sections_and_kinds() if kind is schema["cls"]), "")
+        section = next(
+            (section for section, kind in sections_and_kinds() if kind is schema["cls"]), ""
+        )
         return _described(found, schema["cls"], section)
 
     def model_schema(self, schema: Any) -> Any:
@@ -81,8 +89,9 @@ def _described(found: Any, kind: Any, section: str) -> Any:
 
 
 def alternatives(section: str) -> Iterator[tuple[str, str, list[list[str]]]]:
-    """What may stand in a section: its names, the first lines of their docs, and of each the keys with what they may
-    be, unit and meaning."""
+    """What may stand in a section: its names, the first lines of their docs, and of each the keys
+    with what they may be, unit and meaning.
+    """
     tag = schema.tags()[section]
     for choice, kind in kinds_of(hints(Config)[section], tag).items():
         keys = []
@@ -99,4 +108,6 @@ def sections_and_kinds() -> Iterator[tuple[str, type]]:
     yield from outer
     for _, owner in outer:
         for name, hint in hints(owner).items():
-            yield from ((name, core(part)) for part in members(hint) if dataclasses.is_dataclass(core(part)))
+            yield from (
+                (name, core(part)) for part in members(hint) if dataclasses.is_dataclass(core(part))
+            )

@@ -14,7 +14,9 @@ from indent_sim.model.units import TaggedBy
 
 
 def remedy_of(hint: Any) -> str:
-    """What the message of a refused value says to do: the words that its type is marked with, "" for none."""
+    """What the message of a refused value says to do: the words that its type is marked with, ""
+    for none.
+    """
     marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
     return next((mark for mark in marks if isinstance(mark, str)), "")
 
@@ -48,7 +50,9 @@ def tag_of(hint: Any) -> str | None:
 
 
 def chosen(hint: Any, word: Any) -> type | None:
-    """The dataclass of a section, chosen by its tag's word where there is a choice; None for anything else."""
+    """The dataclass of a section, chosen by its tag's word where there is a choice; None for
+    anything else.
+    """
     if (tag := tag_of(hint)) is not None:
         return kinds_of(hint, tag).get(word) if isinstance(word, str) else None
     kinds = [core(part) for part in members(hint) if dataclasses.is_dataclass(core(part))]
@@ -67,7 +71,9 @@ def default_of(kind: Any, name: str) -> Any:
 @cache
 def members(hint: Any) -> tuple[Any, ...]:
     """The alternatives of a union, None left out; of anything else itself."""
-    if get_origin(hint) is Annotated and any(isinstance(mark, TaggedBy) for mark in hint.__metadata__):
+    if get_origin(hint) is Annotated and any(
+        isinstance(mark, TaggedBy) for mark in hint.__metadata__
+    ):
         hint = hint.__origin__
     if get_origin(hint) in (Union, UnionType):
         return tuple(part for part in get_args(hint) if part is not NoneType)
@@ -76,9 +82,12 @@ def members(hint: Any) -> tuple[Any, ...]:
 
 @cache
 def unnamed_sections(hint: Any) -> tuple[str, ...]:
-    """Names of the classes of a section without a tag that may stand in place of a word, as a conductance in place of
-    `drained`; none for any other type."""
-    parts = [core(part) for part in members(hint)] if hint is not None and tag_of(hint) is None else []
+    """Names of the classes of a section without a tag that may stand in place of a word, as a
+    conductance in place of `drained`; none for any other type.
+    """
+    parts = (
+        [core(part) for part in members(hint)] if hint is not None and tag_of(hint) is None else []
+    )
     kinds = [part for part in parts if isinstance(part, type) and dataclasses.is_dataclass(part)]
     return tuple(kind.__name__ for kind in kinds) if len(parts) > 1 else ()
 
@@ -96,14 +105,20 @@ def core(hint: Any) -> Any:
 def words_of(hint: Any) -> tuple[str, ...]:
     """The words a value may be, also where one word stands for all fields of a dataclass."""
     kinds = [common(core(part)) for part in members(hint)]
-    return tuple(str(word) for kind in kinds if get_origin(kind) is Literal for word in get_args(kind))
+    return tuple(
+        str(word) for kind in kinds if get_origin(kind) is Literal for word in get_args(kind)
+    )
 
 
 def common(kind: Any) -> Any:
-    """The type that all fields of a dataclass share (the walls of a box), so that one value says them all."""
+    """The type that all fields of a dataclass share (the walls of a box), so that one value says
+    them all.
+    """
     if dataclasses.is_dataclass(kind):
         first, *others = hints(kind).values()  # type: ignore[arg-type]
-        are_alike = get_origin(first) is Literal and others and all(other == first for other in others)
+        are_alike = (
+            get_origin(first) is Literal and others and all(other == first for other in others)
+        )
         return first if are_alike else None  # one field is a tag
     return kind
 
@@ -111,7 +126,9 @@ def common(kind: Any) -> Any:
 def describe(hint: Any) -> str:
     """A type and its range in words: "a number > 0 or auto"."""
     parts = members(hint)
-    return listed(list(dict.fromkeys(_phrase(part) for part in parts if not (part is int and float in parts))))
+    return listed(
+        list(dict.fromkeys(_phrase(part) for part in parts if not (part is int and float in parts)))
+    )
 
 
 def listed(words: Sequence[str], last: str = "or") -> str:
@@ -133,7 +150,8 @@ def _phrase(hint: Any) -> str:
     if get_origin(kind) is dict:
         return f"a mapping of names to {describe(get_args(kind)[1])}"
     if dataclasses.is_dataclass(kind):
-        one, names = common(kind), ", ".join(part.name for part in dataclasses.fields(kind))
+        one = common(kind)
+        names = ", ".join(part.name for part in dataclasses.fields(kind))
         return f"{describe(one)} (or one each: {names})" if one else "a section"
     bounds = [_SIGNS[type(mark)] + (mark,) for mark in marks if type(mark) in _SIGNS]
     texts = [text.format(getattr(mark, name)) for text, name, mark in bounds]
@@ -143,7 +161,11 @@ def _phrase(hint: Any) -> str:
 
 def _list_phrase(item: str, marks: Sequence[Any]) -> str:
     items = item.removeprefix("a ")
-    items = items.replace("list", "lists", 1) if items.startswith("list") else items.replace("number", "numbers")
+    items = (
+        items.replace("list", "lists", 1)
+        if items.startswith("list")
+        else items.replace("number", "numbers")
+    )
     items = items.replace("section", "sections")
     size = next((mark for mark in marks if isinstance(mark, Len)), None)
     if size and size.min_length == size.max_length:

@@ -21,21 +21,26 @@ _NO_SECTION = {"dict_type", "dataclass_type", "model_type", "dataclass_exact_typ
 
 
 def in_words(error: ValidationError, document: Mapping[str, Any]) -> ConfigError:
-    """One ConfigError (ConfigErrors when there are several) for what pydantic found in the document."""
+    """One ConfigError (ConfigErrors when there are several) for what pydantic found in the
+    document.
+    """
     groups: dict[KeyPath, list[Any]] = {}
     for found in error.errors(include_url=False, include_input=False)[: 100 * MOST_PROBLEMS]:
         groups.setdefault(document_path(found, document), []).append(found)
     for path in list(_echoes(groups, document)):
         groups.pop(path, None)
-    problems = [_in_words(path, found, document) for path, found in list(groups.items())[:MOST_PROBLEMS]]
+    problems = [
+        _in_words(path, found, document) for path, found in list(groups.items())[:MOST_PROBLEMS]
+    ]
     if len(groups) > MOST_PROBLEMS:
         problems.append(AND_MORE)
     return ConfigErrors.of(problems)
 
 
 def _echoes(groups: dict[KeyPath, list[Any]], document: Mapping[str, Any]) -> Iterator[KeyPath]:
-    """Keys whose error only repeats another: the misspelt key that is missing, the list with wrong items, the section
-    that is no word either."""
+    """Keys whose error only repeats another: the misspelt key that is missing, the list with wrong
+    items, the section that is no word either.
+    """
     for path, (found, *_) in groups.items():
         is_section = key_types.unnamed_sections(schema.spot_at(path, document).type)
         if is_section and any(other[:-1] == path for other in groups):
@@ -50,12 +55,15 @@ def _echoes(groups: dict[KeyPath, list[Any]], document: Mapping[str, Any]) -> It
 
 
 def document_path(found: Any, document: Mapping[str, Any]) -> KeyPath:
-    """The key path in the file of one pydantic error: without union tags and the names of classes that pydantic gives
-    to sections which may stand in place of a word, `center` back in its section."""
+    """The key path in the file of one pydantic error: without union tags and the names of classes
+    that pydantic gives to sections which may stand in place of a word, `center` back in its
+    section.
+    """
     location = found["loc"]
     if location[:1] == ("center",):
         location = ("indenter", "", *location)  # the tag, which pydantic names after every choice
-    spot, is_tag = schema.spot_at((), document), False
+    spot = schema.spot_at((), document)
+    is_tag = False
     for part in location:
         if is_tag:
             is_tag = False
@@ -66,7 +74,8 @@ def document_path(found: Any, document: Mapping[str, Any]) -> KeyPath:
         if inner.value is None and not schema.holds(spot.value, part):
             is_key = found["type"] in _MISSING | _UNKNOWN and isinstance(spot.value, Mapping)
             return inner.path if is_key else spot.path
-        spot, is_tag = inner, inner.tag is not None
+        spot = inner
+        is_tag = inner.tag is not None
     return spot.path
 
 
@@ -111,7 +120,10 @@ def _unknown_key(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
     valid = section.keys()
     if others := _variants_with(str(key), section, valid):
         owners = key_types.listed(others, "and")
-        problem = f"the chosen {section.tag} '{section.choice}' has no parameter '{key}' (it belongs to {owners})"
+        problem = (
+            f"the chosen {section.tag} '{section.choice}' has no parameter '{key}' (it "
+            f"belongs to {owners})"
+        )
         return ConfigError(key_text(path), problem, f"remove it; valid here: {', '.join(valid)}")
     if match := closest(key, valid):
         return ConfigError(key_text(path), f"unknown key, did you mean '{match}'?", meant=match)
@@ -129,14 +141,18 @@ def _missing_key(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
 
 def _wrong_kind(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
     spot = schema.spot_at(path, document)
-    tag, kinds = str(spot.tag), tuple(key_types.kinds_of(spot.type, str(spot.tag)))
-    key, remedy = key_text((*path, tag)), f"choose one of {', '.join(kinds)}"
+    tag = str(spot.tag)
+    kinds = tuple(key_types.kinds_of(spot.type, str(spot.tag)))
+    key = key_text((*path, tag))
+    remedy = f"choose one of {', '.join(kinds)}"
     if spot.choice is None:
         return ConfigError(key, "missing", remedy)
     match = closest(spot.choice, kinds) if isinstance(spot.choice, str) else None
     guess = f", did you mean '{match}'?" if match else ""
     name = next(part for part in reversed(path) if isinstance(part, str))
-    return ConfigError(key, f"there is no {name} {shown(spot.choice)}{guess}", remedy, meant=match or "")
+    return ConfigError(
+        key, f"there is no {name} {shown(spot.choice)}{guess}", remedy, meant=match or ""
+    )
 
 
 def _no_section(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
@@ -144,12 +160,16 @@ def _no_section(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
     if key_types.words_of(spot.type) and spot.value is not None:
         return _wrong_value(spot)
     empty = spot.value is None
-    problem = "this section is empty" if empty else f"must be a section of keys, got {shown(spot.value)}"
+    problem = (
+        "this section is empty" if empty else f"must be a section of keys, got {shown(spot.value)}"
+    )
     return ConfigError(key_text(path), problem, _give(spot))
 
 
 def _wrong_value(spot: schema.Spot) -> ConfigError:
-    path, hint, value = spot.path, spot.type, spot.value
+    path = spot.path
+    hint = spot.type
+    value = spot.value
     allowed = key_types.describe(hint)
     if type(value) in (int, float):
         allowed = allowed.removeprefix("a number ")
@@ -157,7 +177,9 @@ def _wrong_value(spot: schema.Spot) -> ConfigError:
         allowed = allowed.removeprefix("a whole number ")
     match = closest(value, key_types.words_of(hint)) if isinstance(value, str) else None
     remedy = f"did you mean '{match}'?" if match else key_types.remedy_of(hint)
-    return ConfigError(key_text(path), f"must be {allowed}, got {shown(value)}", remedy, meant=match or "")
+    return ConfigError(
+        key_text(path), f"must be {allowed}, got {shown(value)}", remedy, meant=match or ""
+    )
 
 
 def _give(spot: schema.Spot) -> str:

@@ -1,7 +1,7 @@
 """Quantities with units of their own, "2.5 um" or "1 kPa", converted to the units of the scene.
 
-The arithmetic is decimal, exact but for radians, and rounded once: a scene in mixed units has the digits of one in its
-own.
+The arithmetic is decimal, exact but for radians, and rounded once: a scene in mixed units has the
+digits of one in its own.
 """
 
 from __future__ import annotations
@@ -35,7 +35,9 @@ from indent_sim.model.units import (
 from indent_sim.process.errors import ConfigError, ConfigErrors
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
-QUANTITY_PATTERN = re.compile(rf"\s*(?P<number>{NUMBER})\s*(?P<unit>[^\W\d_]\S*(?: [*/·] ?\S+| s\b\S*)*|[%°])\s*")
+QUANTITY_PATTERN = re.compile(
+    rf"\s*(?P<number>{NUMBER})\s*(?P<unit>[^\W\d_]\S*(?: [*/·] ?\S+| s\b\S*)*|[%°])\s*"
+)
 COMMA = re.compile(r"\s*[-+]?\d+,\d+\D*")
 EXAMPLES = {
     LENGTH: "2.5 um",
@@ -51,10 +53,25 @@ EXAMPLES = {
     Unit("length^2/(pressure time)"): "2 um^2/(kPa s)",
     Unit("pressure time"): "5 Pa s",
 }
-ANGLES = {"deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": 180 / pi, "radian": 180 / pi}  # degrees
-UNIT_EXAMPLES = {"length": "um", "force": "nN"}  # examples of a scene's own units; times are in seconds
+ANGLES = {
+    "deg": 1.0,
+    "degree": 1.0,
+    "degrees": 1.0,
+    "°": 1.0,
+    "rad": 180 / pi,
+    "radian": 180 / pi,
+}  # degrees
+UNIT_EXAMPLES = {
+    "length": "um",
+    "force": "nN",
+}  # examples of a scene's own units; times are in seconds
 KNOWN = "pm nm um mm cm m pN nN uN mN N kN Pa kPa MPa GPa N/m mN/m deg rad s ms J/m^2 mJ/m^2"
-BASIS = {"length": {"length": 1}, "force": {"force": 1}, "pressure": {"force": 1, "length": -2}, "time": {"time": 1}}
+BASIS = {
+    "length": {"length": 1},
+    "force": {"force": 1},
+    "pressure": {"force": 1, "length": -2},
+    "time": {"time": 1},
+}
 KIND_EXPONENTS = BASIS | {
     "force per length": {"force": 1, "length": -1},
     "energy": {"force": 1, "length": 1},
@@ -67,9 +84,11 @@ Given = dict[KeyPath, tuple[str, float]]  # quantities as they were given, and a
 
 
 def converted(document: Mapping[str, Any]) -> tuple[dict[str, Any], Given]:
-    """The document with every quantity as a number in the scene's units, and the quantities as they were given.
+    """The document with every quantity as a number in the scene's units, and the quantities as they
+    were given.
 
-    ConfigErrors (one: ConfigError) for units that are unknown, of the wrong kind, or that the scene's own do not cover.
+    ConfigErrors (one: ConfigError) for units that are unknown, of the wrong kind, or that the
+    scene's own do not cover.
     """
     convert = Conversion(document)
     changed = convert.changed(schema.spot_at((), document))
@@ -88,7 +107,9 @@ def size_of(unit: str, kind: str) -> float:
 
 
 class Conversion:
-    """Turns the quantities of a document into numbers in its units; `found` and `errors` are what it met."""
+    """Turns the quantities of a document into numbers in its units; `found` and `errors` are what
+    it met.
+    """
 
     def __init__(self, document: Mapping[str, Any]):
         self.found: Given = {}
@@ -96,11 +117,15 @@ class Conversion:
         units = document.get("units")
         self._units = units if isinstance(units, Mapping) else {}
         body = body if isinstance(body := document.get("body"), Mapping) else {}
-        is_flat = body.get("shape") == "strip" or body.get("kinematics") == "plane_strain"  # forces are per length
+        is_flat = (
+            body.get("shape") == "strip" or body.get("kinematics") == "plane_strain"
+        )  # forces are per length
         self._force = KIND_EXPONENTS["force per length" if is_flat else "force"]
 
     def changed(self, spot: schema.Spot, above: Unit | UnitRow | None = None) -> Any:
-        """The value of a place with its quantities converted; `above`: the unit of the list that it stands in."""
+        """The value of a place with its quantities converted; `above`: the unit of the list that it
+        stands in.
+        """
         if isinstance(spot.value, dict):
             return {part.path[-1]: self.changed(part) for part in spot.parts()}
         unit = unit_of(spot.type) or above
@@ -135,11 +160,16 @@ class Conversion:
             raise ConfigError(key, f"has no unit, got '{text}'", f"write {match['number']}")
         if unit == ANGLE:
             if match["unit"] not in ANGLES:
-                raise ConfigError(key, f"'{text}' is no angle", "give degrees, or for example 70 deg or 1.2 rad")
+                raise ConfigError(
+                    key, f"'{text}' is no angle", "give degrees, or for example 70 deg or 1.2 rad"
+                )
             return float(match["number"]) * ANGLES[match["unit"]]
-        (factor, exponents), wanted = _factor(key, match["unit"]), _exponents(unit, self._force)
+        (factor, exponents) = _factor(key, match["unit"])
+        wanted = _exponents(unit, self._force)
         if exponents != wanted:
-            example = next((text for one, text in EXAMPLES.items() if _exponents(one) == wanted), "a number")
+            example = next(
+                (text for one, text in EXAMPLES.items() if _exponents(one) == wanted), "a number"
+            )
             problem = f"'{text}' is {_in_words(exponents)}, not {_in_words(wanted)}"
             raise ConfigError(key, problem, f"for example {example}")
         return float(Decimal(match["number"]) * factor / self._own(key, wanted))
@@ -150,7 +180,11 @@ class Conversion:
         for kind, power in wanted.items():
             label = "s" if kind == "time" else self._units.get(kind)
             if not isinstance(label, str) or not label:
-                remedy = "add units: {length: um, force: nN}, to which quantities are converted, or give plain numbers"
+                remedy = (
+                    "add units: {length: um, force: nN}, to which "
+                    "quantities are converted, or give "
+                    "plain numbers"
+                )
                 raise ConfigError(key, f"a quantity, and units say no {kind}", remedy)
             factor, exponents = _factor(f"units.{kind}", label)
             if exponents != {kind: 1}:
@@ -164,16 +198,21 @@ def _exponents(unit: Unit, force: Exponents = BASIS["force"]) -> Exponents:
     """Exponents of length, force and time of a dimension; `force`: those of what is called a force."""
     total: Counter[str] = Counter()
     for word, power in unit.powers.items():
-        total.update({name: count * power for name, count in (BASIS | {"force": force})[word].items()})
+        total.update(
+            {name: count * power for name, count in (BASIS | {"force": force})[word].items()}
+        )
     return {name: power for name, power in total.items() if power}
 
 
 @cache
 def _factor(key: str, unit: str) -> Factor:
-    """How many SI units a unit is, and its exponents of length, force and time; ConfigError when there is none."""
+    """How many SI units a unit is, and its exponents of length, force and time; ConfigError when
+    there is none.
+    """
     if unit in ANGLES:
         return Decimal(1), {"angle": 1}
-    total, exponents = Decimal(1), Counter({"length": 0, "mass": 0, "time": 0})
+    total = Decimal(1)
+    exponents = Counter({"length": 0, "mass": 0, "time": 0})
     try:
         names = factors(unit)
     except ValueError:
@@ -196,7 +235,9 @@ def _known(key: str, name: str, unit: str) -> tuple[Decimal, Exponents]:
     except (pint.errors.PintError, AttributeError, ValueError, TypeError):
         raise _unknown(key, unit) from None
     words = {"[length]": "length", "[mass]": "mass", "[time]": "time"}
-    return Decimal(size.magnitude), {words.get(str(d), str(d)): int(p) for d, p in size.dimensionality.items()}
+    return Decimal(size.magnitude), {
+        words.get(str(d), str(d)): int(p) for d, p in size.dimensionality.items()
+    }
 
 
 @cache
@@ -228,7 +269,9 @@ def kind_at(path: KeyPath, document: Mapping[str, Any]) -> str | None:
 
 
 def pressures(config: schema.Config) -> list[str]:
-    """The keys of all numbers with a pressure in their unit: where there is one, the force is proportional to it."""
+    """The keys of all numbers with a pressure in their unit: where there is one, the force is
+    proportional to it.
+    """
     parts: list[tuple[str, Any]] = [*config.materials(), ("contact", config.contact)]
     parts += [(f"{key}.flow", law.flow) for key, law in config.materials() if law.flow]
     return [f"{name}.{key}" for name, part in parts if is_dataclass(part) for key in _moduli(part)]
@@ -237,9 +280,13 @@ def pressures(config: schema.Config) -> list[str]:
 def _moduli(part: Any) -> list[str]:
     kind: type = type(part)
     units = field_units(kind)
-    named = [(one.name, units[one.name]) for one in fields(part) if _is_number(getattr(part, one.name))]
+    named = [
+        (one.name, units[one.name]) for one in fields(part) if _is_number(getattr(part, one.name))
+    ]
     return [
-        name for name, unit in named if isinstance(unit, Unit) and unit.powers.get("pressure") and getattr(part, name)
+        name
+        for name, unit in named
+        if isinstance(unit, Unit) and unit.powers.get("pressure") and getattr(part, name)
     ]
 
 

@@ -72,8 +72,9 @@ def load_older(path: str | os.PathLike[str]) -> Config:
 
 
 def _move(document: Document, key: str, value: Any) -> None:
-    """Put what stood in `experiment` where it has moved to: a history in place of the loading, a relaxation to every
-    material."""
+    """Put what stood in `experiment` where it has moved to: a history in place of the loading, a
+    relaxation to every material.
+    """
     if schema.MOVED[key] == "loading":
         document["loading"] = {key: value}
     else:
@@ -98,7 +99,9 @@ def is_study(document: Mapping[str, Any]) -> bool:
 
 
 def read_document(path: str | os.PathLike[str]) -> tuple[Document, Source]:
-    """A YAML file of sections as it stands, unchecked, and where every key stands; errors as of `load`."""
+    """A YAML file of sections as it stands, unchecked, and where every key stands; errors as of
+    `load`.
+    """
     name = os.fspath(path)
     content = _content(name)
     try:
@@ -111,13 +114,17 @@ def read_document(path: str | os.PathLike[str]) -> tuple[Document, Source]:
 def _document(text: str, name: str) -> tuple[Document, Source]:
     document, lines = strict_yaml.parse(text, name)
     if not isinstance(document, dict):
-        problem = "the file is empty" if document is None else "a scene is made of sections (key: value)"
+        problem = (
+            "the file is empty" if document is None else "a scene is made of sections (key: value)"
+        )
         raise ConfigError("", problem, "see docs/config.md", name, lines.get((), 1))
     return document, Source(name, {path: (name, line) for path, line in lines.items()})
 
 
 def from_mapping(data: Mapping[str, Any], overrides: Changes = ()) -> Config:
-    """The config of nested mappings, lists, numbers (numpy's too) and dataclasses, shaped like the file."""
+    """The config of nested mappings, lists, numbers (numpy's too) and dataclasses, shaped like the
+    file.
+    """
     return _overridden(plain(data), Source(), overrides)
 
 
@@ -129,21 +136,29 @@ def plain(data: Mapping[str, Any]) -> Document:
     return document
 
 
-def varied(document: Mapping[str, Any], source: Source, settings: Iterable[tuple[str, Any, Place]]) -> Config:
-    """The config of a document in which some keys are replaced: (dotted key, value, where that was written).
+def varied(
+    document: Mapping[str, Any], source: Source, settings: Iterable[tuple[str, Any, Place]]
+) -> Config:
+    """The config of a document in which some keys are replaced: (dotted key, value, where that was
+    written).
 
     The document and its source stay as they are; a key given twice takes the last value.
     """
-    changed, where = copy.deepcopy(dict(document)), dataclasses.replace(source, places=dict(source.places))
+    changed = copy.deepcopy(dict(document))
+    where = dataclasses.replace(source, places=dict(source.places))
     for key, value, place in settings:
         _replace(changed, where, key_path(key), copy.deepcopy(value), place)
     return _validated(changed, where)
 
 
-def quantities_of(document: Mapping[str, Any], settings: Iterable[tuple[str, Any, Place]]) -> Quantities:
-    """The quantities of a document in which some keys are replaced, as they are given and as numbers in its units;
-    ConfigError for one that is none."""
-    changed, where = copy.deepcopy(dict(document)), Source()
+def quantities_of(
+    document: Mapping[str, Any], settings: Iterable[tuple[str, Any, Place]]
+) -> Quantities:
+    """The quantities of a document in which some keys are replaced, as they are given and as
+    numbers in its units; ConfigError for one that is none.
+    """
+    changed = copy.deepcopy(dict(document))
+    where = Source()
     for key, value, place in settings:
         _replace(changed, where, key_path(key), copy.deepcopy(value), place)
     return converted(changed)[1]
@@ -162,7 +177,9 @@ def located(where: Config | Source, error: ConfigError) -> ConfigError:
 
 
 def to_yaml(config: Config) -> str:
-    """The whole config, defaults included, as YAML that loads to an equal config, to the last digit."""
+    """The whole config, defaults included, as YAML that loads to an equal config, to the last
+    digit.
+    """
     return strict_yaml.dump(to_mapping(config))
 
 
@@ -179,8 +196,13 @@ def _section(item: Any) -> Document:
     """A dataclass as the section of a file; what is not given is left out."""
     unused: set[str] = set()
     if isinstance(item, Loading):
-        unused = {*([] if {*STEPPED} & {*item.given} else ["steps"]), *([] if item.in_time else ["times"])}
-    values = {name: getattr(item, name) for name in schema.file_order(type(item)) if name not in unused}
+        unused = {
+            *([] if {*STEPPED} & {*item.given} else ["steps"]),
+            *([] if item.in_time else ["times"]),
+        }
+    values = {
+        name: getattr(item, name) for name in schema.file_order(type(item)) if name not in unused
+    }
     return {name: _given(value) for name, value in values.items() if value is not None}
 
 
@@ -192,7 +214,11 @@ def _given(value: Any) -> Any:
     if dataclasses.is_dataclass(value):
         section = _section(value)
         is_walls = bool(key_types.words_of(kind))
-        return section if not is_walls or len(set(section.values())) > 1 else next(iter(section.values()))
+        return (
+            section
+            if not is_walls or len(set(section.values())) > 1
+            else next(iter(section.values()))
+        )
     if isinstance(value, dict):
         return {name: _given(part) for name, part in value.items()}
     return [_given(part) for part in value] if isinstance(value, tuple) else value
@@ -201,7 +227,9 @@ def _given(value: Any) -> Any:
 def _content(name: str) -> bytes:
     try:
         # at once, a pipe too, which would wait for its writer
-        with open(name, "rb", opener=lambda path, flags: os.open(path, flags | os.O_NONBLOCK)) as stream:
+        with open(
+            name, "rb", opener=lambda path, flags: os.open(path, flags | os.O_NONBLOCK)
+        ) as stream:
             if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
                 raise OSError(errno.EINVAL, "not a regular file")
             content = stream.read(MAX_BYTES + 1)
@@ -235,15 +263,24 @@ def _overridden(document: Document, source: Source, overrides: Changes) -> Confi
     return config
 
 
-def told_together(first: ConfigError, config: Config, check: Callable[[Config], object]) -> ConfigError:
+def told_together(
+    first: ConfigError, config: Config, check: Callable[[Config], object]
+) -> ConfigError:
     """A mistake that `check` finds in a config, and those that it finds where this one is left out."""
     again = partial(_checked, source=config.source)
-    return _and_others(first, to_mapping(config), config.source, lambda document: check(again(document)))
+    return _and_others(
+        first, to_mapping(config), config.source, lambda document: check(again(document))
+    )
 
 
-def _and_others(first: ConfigError, document: Document, source: Source, check: Callable[[Any], object]) -> ConfigError:
-    """The first mistake of a document, and those that are left where it is mended or left out, with their places."""
-    document, source = copy.deepcopy(document), dataclasses.replace(source, places=dict(source.places))
+def _and_others(
+    first: ConfigError, document: Document, source: Source, check: Callable[[Any], object]
+) -> ConfigError:
+    """The first mistake of a document, and those that are left where it is mended or left out, with
+    their places.
+    """
+    document = copy.deepcopy(document)
+    source = dataclasses.replace(source, places=dict(source.places))
     found: list[ConfigError] = []
     new = first.errors
     while new and len(found) < MOST_PROBLEMS:
@@ -261,11 +298,18 @@ def _and_others(first: ConfigError, document: Document, source: Source, check: C
 
 
 def _beside(found: Sequence[ConfigError], error: ConfigError) -> list[ConfigError]:
-    """The errors about other keys than those found already, the sections around them and the keys in them; not what
-    asks for one of them, which was there before it was left out."""
-    known = [path[:-1] if path[-1] in schema.TAGS else path for path in (key_path(one.key) for one in found) if path]
+    """The errors about other keys than those found already, the sections around them and the keys
+    in them; not what asks for one of them, which was there before it was left out.
+    """
+    known = [
+        path[:-1] if path[-1] in schema.TAGS else path
+        for path in (key_path(one.key) for one in found)
+        if path
+    ]
     paths = [(one, key_path(one.key)) for one in error.errors if not _asks_for(found, one)]
-    return [one for one, path in paths if not any(path[: len(old)] == old[: len(path)] for old in known)]
+    return [
+        one for one, path in paths if not any(path[: len(old)] == old[: len(path)] for old in known)
+    ]
 
 
 def _asks_for(found: Sequence[ConfigError], error: ConfigError) -> bool:
@@ -274,7 +318,9 @@ def _asks_for(found: Sequence[ConfigError], error: ConfigError) -> bool:
 
 
 def _mended(document: Document, source: Source, error: ConfigError) -> bool:
-    """Put the word that was meant in the place of a wrong one, or take it out; whether that could be done."""
+    """Put the word that was meant in the place of a wrong one, or take it out; whether that could
+    be done.
+    """
     path = key_path(error.key)
     section = schema.spot_at(path[:-1], document).value
     if not path or not isinstance(section, dict) or path[-1] not in section:
@@ -292,7 +338,9 @@ def _mended(document: Document, source: Source, error: ConfigError) -> bool:
 
 def _setting(key: str, value: Any) -> tuple[str, Any, Place]:
     """A value that a notebook gives to a dotted key; ConfigError for a key that is none."""
-    if not (isinstance(key, str) and KEY_PATTERN.fullmatch(key) and len(key_path(key)) <= MAX_DEPTH):
+    if not (
+        isinstance(key, str) and KEY_PATTERN.fullmatch(key) and len(key_path(key)) <= MAX_DEPTH
+    ):
         raise ConfigError("", f"{key!r} is no key", "write it with dots, e.g. contact.method")
     return key, _plain(value, key_path(key)), ("", None)
 
@@ -302,10 +350,14 @@ def _override(document: Document, source: Source, text: str) -> KeyPath:
     label = f"--set {text if len(text) <= MOST_SET_LETTERS else text[:MOST_SET_LETTERS] + '...'}"
     key, equals, value = text.partition("=")
     if not equals or not KEY_PATTERN.fullmatch(key.strip()):
-        raise ConfigError("", "is not key=value", "write for example --set contact.method=penalty", label)
+        raise ConfigError(
+            "", "is not key=value", "write for example --set contact.method=penalty", label
+        )
     path = key_path(key.strip())
     if len(path) > MAX_DEPTH:
-        raise ConfigError(key_text(path[:3]), f"a key of {len(path)} parts", f"{MAX_DEPTH} at most", label)
+        raise ConfigError(
+            key_text(path[:3]), f"a key of {len(path)} parts", f"{MAX_DEPTH} at most", label
+        )
     try:
         parsed, _ = strict_yaml.parse(value, label)
     except ConfigError as error:
@@ -323,16 +375,22 @@ def _replace(document: Document, source: Source, path: KeyPath, value: Any, plac
 
 
 def _section_of(document: Document, source: Source, path: KeyPath, place: Place) -> Any:
-    """The mapping or list that holds the last part of a key path; sections that are missing are made."""
+    """The mapping or list that holds the last part of a key path; sections that are missing are
+    made.
+    """
     section: Any = document
     for depth, part in enumerate(path, start=1):
         if isinstance(part, int) and not (isinstance(section, list) and part < len(section)):
             size = f"has {len(section)} items" if isinstance(section, list) else "is not a list"
-            raise ConfigError(key_text(path), f"{key_text(path[: depth - 1])} {size}", "count from [0]", *place)
+            raise ConfigError(
+                key_text(path), f"{key_text(path[: depth - 1])} {size}", "count from [0]", *place
+            )
         if isinstance(part, str) and not isinstance(section, dict):
             key = key_text(path[: depth - 1])
             rest = f"{key}={{{path[-1]}: ...}}"
-            raise ConfigError(key_text(path), f"{key} is not a section", f"set it whole: {rest}", *place)
+            raise ConfigError(
+                key_text(path), f"{key} is not a section", f"set it whole: {rest}", *place
+            )
         if depth == len(path):
             break
         if isinstance(section, dict) and part not in section:
@@ -344,8 +402,11 @@ def _section_of(document: Document, source: Source, path: KeyPath, place: Place)
 
 def _validated(document: Document, source: Source) -> Config:
     if is_study(document):
-        problem, remedy = "this is a study, not a scene", f"indent-sim study {source.name or 'FILE'}"
-        raise ConfigError("", problem, remedy, *source.place(("vary" if "vary" in document else "cases",)))
+        problem = "this is a study, not a scene"
+        remedy = f"indent-sim study {source.name or 'FILE'}"
+        raise ConfigError(
+            "", problem, remedy, *source.place(("vary" if "vary" in document else "cases",))
+        )
     try:
         return _checked(document, source)
     except ConfigError as error:
@@ -357,11 +418,13 @@ def _checked(document: Document, source: Source) -> Config:
     try:
         document, quantities = converted(document)
         source = dataclasses.replace(source, quantities=quantities)
-        # json, because strict pydantic takes a list for a tuple and a mapping for a dataclass only from there
+        # json, because strict pydantic takes a list for a tuple and a mapping for a dataclass only
+        # from there
         config = Config.model_validate_json(json.dumps(_as_fields(document)))
         if "steps" in document["loading"] and not {*STEPPED} & {*config.loading.given}:
             given = config.loading.given[0]
-            of, are = "force" if "force" in given else "delta", "are" if given.endswith("s") else "is"
+            of = "force" if "force" in given else "delta"
+            are = "are" if given.endswith("s") else "is"
             raise ConfigError(
                 "loading.steps",
                 f"belongs to {of}, and {given} {are} given",
@@ -374,7 +437,9 @@ def _checked(document: Document, source: Source) -> Config:
 
 
 def _as_fields(document: Document) -> Document:
-    """The document in the shape of Config: `center` beside the tip, default tags and walls written out."""
+    """The document in the shape of Config: `center` beside the tip, default tags and walls written
+    out.
+    """
     if "center" in document:
         raise ConfigError("center", "unknown key", "it belongs in indenter")
     fields = _completed(schema.spot_at((), document))
@@ -384,9 +449,16 @@ def _as_fields(document: Document) -> Document:
 
 
 def _completed(spot: schema.Spot) -> Any:
-    """The value of a place with default tags written out, and one word written out for all walls that it stands for."""
+    """The value of a place with default tags written out, and one word written out for all walls
+    that it stands for.
+    """
     value = spot.value
-    if isinstance(value, str) and spot.tag is None and spot.kind is not None and key_types.common(spot.kind):
+    if (
+        isinstance(value, str)
+        and spot.tag is None
+        and spot.kind is not None
+        and key_types.common(spot.kind)
+    ):
         return dict.fromkeys(key_types.field_names(spot.kind), value)
     if isinstance(value, dict):
         value = {part.path[-1]: _completed(part) for part in spot.parts()}

@@ -1,7 +1,8 @@
 """What a scene file may say: the sections, their keys, types, ranges and defaults.
 
-The dataclasses of `model` are the schema of body, material, indenter, contact and loading; the settings below
-are that of the rest. Reader, error messages, JSON Schema and docs/config.md all take it from here.
+The dataclasses of `model` are the schema of body, material, indenter, contact and loading; the
+settings below are that of the rest. Reader, error messages, JSON Schema and docs/config.md all take
+it from here.
 """
 
 from __future__ import annotations
@@ -19,7 +20,16 @@ from annotated_types import Ge, Gt, Le, Len, Lt, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim.config import number_limits
-from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, kinds_of, members, tag_of
+from indent_sim.config.key_types import (
+    chosen,
+    core,
+    default_of,
+    field_names,
+    hints,
+    kinds_of,
+    members,
+    tag_of,
+)
 from indent_sim.config.strict_yaml import KeyPath
 from indent_sim.model import body as bodies
 from indent_sim.model.body import (
@@ -43,23 +53,50 @@ from indent_sim.model.tips import FlatPunch, Indenter, Plate, Profile
 from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt, TaggedBy
 from indent_sim.process.errors import ConfigError, ConfigErrors, printable
 
-LONGEST_NAME, LONGEST_PATH = 200, 1000  # of a folder [bytes]; room for the names beside it
+# of a folder [bytes]; room for the names beside it
+LONGEST_NAME = 200
+LONGEST_PATH = 1000
 
-# Every row's contact force must equal the reactions to 1e-8 (run/simulation.py). A looser residual would save an
-# iteration, and leave a row that fails that audit or an error of the force that nobody could state.
+# Every row's contact force must equal the reactions to 1e-8 (run/simulation.py). A looser residual
+# would save an iteration, and leave a row that fails that audit or an error of the force that
+# nobody could state.
 LOOSEST = 1e-9
 MOST_REFINEMENTS = 6  # of a mesh from a file: 4096 cells for one in two dimensions
-NO_LINEAR = "linear elements are gone: with as many unknowns quadratic ones give a force ten times as accurate"
+NO_LINEAR = (
+    "linear elements are gone: with as many unknowns quadratic ones give a force ten "
+    "times as accurate"
+)
 When = Literal["none", "last", "all"]
 Preset = Literal["fast", "balanced", "accurate"]
-FLATTEST = 1e3  # base radius over height of a cap: beyond it digits of its place on its large ball are lost
-STEEPEST_CAP = 20.0  # height over base radius of a cap: beyond it, 174 degrees, a ball stands on a point
-MESH_SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_film", "h_inclusions", "h_layers", "h_far", "grading")
+# base radius over height of a cap: beyond it digits of its place on its large ball are lost
+FLATTEST = 1e3
+STEEPEST_CAP = (
+    20.0  # height over base radius of a cap: beyond it, 174 degrees, a ball stands on a point
+)
+MESH_SIZES = (
+    "h_contact",
+    "h_axis",
+    "h_edge",
+    "h_corner",
+    "h_film",
+    "h_inclusions",
+    "h_layers",
+    "h_far",
+    "grading",
+)
 MIRROR_PLANE = "the mirror plane"
 PETSC_GONE = "is gone: a scene chooses by linear, method, rtol and max_iterations of solver"
-MOVED = {"relaxation": "material", "history": "loading", "force_history": "loading"}  # from `experiment`
-GONE = {("solver", "petsc"): (PETSC_GONE, "who must tune PETSc sets PETSC_OPTIONS in the environment")}
-GONE |= {("experiment", key): ("has moved", f"write {section}.{key}") for key, section in MOVED.items()}
+MOVED = {
+    "relaxation": "material",
+    "history": "loading",
+    "force_history": "loading",
+}  # from `experiment`
+GONE = {
+    ("solver", "petsc"): (PETSC_GONE, "who must tune PETSc sets PETSC_OPTIONS in the environment")
+}
+GONE |= {
+    ("experiment", key): ("has moved", f"write {section}.{key}") for key, section in MOVED.items()
+}
 LEAST_CORE = 0.02  # of the room for skins of a cap or ball, what must be left of it inside them
 THINNEST_SKIN = 1e-3  # of the radius of its ball: elements as small as its thickness go all around
 SAME_SOLVENT = 1e-6  # of kT over the volume of its molecule
@@ -69,7 +106,9 @@ TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at an
 
 @dataclass(frozen=True)
 class Units:
-    """The units that plain numbers are meant in, by name; quantities with a unit of their own are converted to them."""
+    """The units that plain numbers are meant in, by name; quantities with a unit of their own are
+    converted to them.
+    """
 
     length: str = ""
     force: str = ""
@@ -95,7 +134,9 @@ class MeshSettings:
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """How the equations are solved; PETSc's own options are [the environment's](how_do_i.md#tune-petsc)."""
+    """How the equations are solved; PETSc's own options are [the
+    environment's](how_do_i.md#tune-petsc).
+    """
 
     method: Literal["auto", "theory", "condensed", "newton"] = "auto"
     linear: Literal["auto", "direct", "iterative"] = "auto"
@@ -123,8 +164,12 @@ class Source:
     """
 
     name: str = field(default="", compare=False)
-    places: dict[KeyPath, tuple[str, int | None]] = field(default_factory=dict, compare=False, repr=False)
-    quantities: dict[KeyPath, tuple[str, float]] = field(default_factory=dict, compare=False, repr=False)  # as given
+    places: dict[KeyPath, tuple[str, int | None]] = field(
+        default_factory=dict, compare=False, repr=False
+    )
+    quantities: dict[KeyPath, tuple[str, float]] = field(
+        default_factory=dict, compare=False, repr=False
+    )  # as given
 
     def place(self, path: KeyPath) -> tuple[str, int | None]:
         """File and line of a key, or of the nearest section around it."""
@@ -144,7 +189,9 @@ class Config(BaseModel):
     title: str = ""
     units: Units = Units()
     body: Annotated[bodies.AnyBody, TaggedBy("shape")]
-    material: Annotated[Material | None, TaggedBy("model")] = None  # required unless every layer or region has its own
+    material: Annotated[Material | None, TaggedBy("model")] = (
+        None  # required unless every layer or region has its own
+    )
     indenter: Annotated[Indenter, TaggedBy("shape")]
     center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None  # in the file: indenter.center
     contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
@@ -167,7 +214,11 @@ class Config(BaseModel):
     def first_bath(self) -> float:
         """The bath when the body is at rest."""
         in_time = self.loading.in_time
-        return self.drainage.bath_at(in_time.points[0][0] if in_time else 0.0) if self.drainage else 0.0
+        return (
+            self.drainage.bath_at(in_time.points[0][0] if in_time else 0.0)
+            if self.drainage
+            else 0.0
+        )
 
     @property
     def instrument(self) -> Experiment:
@@ -178,7 +229,9 @@ class Config(BaseModel):
     def layers(self) -> tuple[Layer, ...]:
         """The body's layers from the top, each with its material; a body without layers is one."""
         given = self.body.layers or (Layer(getattr(self.body, "height", None)),)
-        return tuple(dataclasses.replace(layer, material=layer.material or self.material) for layer in given)
+        return tuple(
+            dataclasses.replace(layer, material=layer.material or self.material) for layer in given
+        )
 
     def material_key(self, layer: int) -> str:
         """The key at which the material of a layer stands."""
@@ -188,10 +241,18 @@ class Config(BaseModel):
     def materials(self) -> Iterator[tuple[str, Material]]:
         """Every material that is given, with its key."""
         found = [("material", self.material)]
-        found += [(f"{key_of_layer(k)}.material", layer.material) for k, layer in enumerate(self.body.layers or ())]
-        found += [(f"body.regions.{name}", own) for name, own in (getattr(self.body, "regions", None) or {}).items()]
+        found += [
+            (f"{key_of_layer(k)}.material", layer.material)
+            for k, layer in enumerate(self.body.layers or ())
+        ]
+        found += [
+            (f"body.regions.{name}", own)
+            for name, own in (getattr(self.body, "regions", None) or {}).items()
+        ]
         inclusions = enumerate(self.body.inclusions or ())
-        found += [(f"{key_of_inclusion(k)}.material", inclusion.material) for k, inclusion in inclusions]
+        found += [
+            (f"{key_of_inclusion(k)}.material", inclusion.material) for k, inclusion in inclusions
+        ]
         yield from ((key, material) for key, material in found if material is not None)
 
     @model_validator(mode="after")
@@ -200,7 +261,9 @@ class Config(BaseModel):
         of_tip = _contact, _path, _axis, _tip
         checks = (*of_body, *of_tip, _history, _relaxation, _experiment, _sizes, _file, _directory)
         given = {name: part for name in sections() if (part := getattr(self, name)) is not None}
-        if problems := number_limits.beyond(given) or [problem for check in checks for problem in check(self)]:
+        if problems := number_limits.beyond(given) or [
+            problem for check in checks for problem in check(self)
+        ]:
             raise ConfigErrors.of(problems)
         return self
 
@@ -211,63 +274,99 @@ def _cap(config: Config) -> Iterator[ConfigError]:
     if not isinstance(body, Cap):
         return
     if body.height and body.contact_angle:
-        yield ConfigError("body.contact_angle", "contradicts height: each alone says the cap's shape", "give one")
+        yield ConfigError(
+            "body.contact_angle", "contradicts height: each alone says the cap's shape", "give one"
+        )
     elif not body.height and not body.contact_angle:
         yield ConfigError("body.height", "missing, and so is contact_angle", "give one of the two")
     elif body.thickness < body.base_radius / FLATTEST:
-        problem = f"a cap {body.thickness:.4g} high on a base of radius {body.base_radius:g} is all but flat"
-        yield ConfigError("body", problem, f"height at least base_radius/{FLATTEST:g}, or a cylinder")
+        problem = (
+            f"a cap {body.thickness:.4g} high on a base of radius {body.base_radius:g} is all "
+            "but flat"
+        )
+        yield ConfigError(
+            "body", problem, f"height at least base_radius/{FLATTEST:g}, or a cylinder"
+        )
     elif body.thickness > body.base_radius * STEEPEST_CAP:
-        problem = f"a cap {body.thickness:.4g} high on a base of radius {body.base_radius:g} stands on a point"
-        yield ConfigError("body", problem, f"height at most {STEEPEST_CAP:g} base_radius, or a ball")
+        problem = (
+            f"a cap {body.thickness:.4g} high on a base of radius {body.base_radius:g} stands "
+            "on a point"
+        )
+        yield ConfigError(
+            "body", problem, f"height at most {STEEPEST_CAP:g} base_radius, or a ball"
+        )
 
 
 def _layers(config: Config) -> Iterator[ConfigError]:
-    """What is wrong with the layers: a material that is missing, thicknesses that are not the body's."""
+    """What is wrong with the layers: a material that is missing, thicknesses that are not the
+    body's.
+    """
     layers = config.body.layers or ()
     needed = [k for k, layer in enumerate(layers) if layer.material is None]
     if not layers and not getattr(config.body, "regions", None):
         needed = [0]
     if needed and config.material is None:
-        said = f"this section is missing, and {key_of_layer(needed[0])} has no material of its own" if layers else ""
+        said = (
+            f"this section is missing, and {key_of_layer(needed[0])} has no material of its own"
+            if layers
+            else ""
+        )
         kinds = ", ".join(kinds_of(hints(Config)["material"], "model"))
-        yield ConfigError("material", said or "this section is missing", f"give model: one of {kinds}")
+        yield ConfigError(
+            "material", said or "this section is missing", f"give model: one of {kinds}"
+        )
     without = [k for k, layer in enumerate(layers) if layer.thickness is None]
     if isinstance(config.body, HalfSpace | Cap | Ball):
         without = [k for k in without if k < len(layers) - 1]
         if layers and layers[-1].thickness is not None:
             last = "substrate" if isinstance(config.body, HalfSpace) else "core"
-            problem = f"the last layer of a {config.body.shape} is its {last}, which has no thickness"
+            problem = (
+                f"the last layer of a {config.body.shape} is its {last}, which has no thickness"
+            )
             key = f"{key_of_layer(len(layers) - 1)}.thickness"
             yield ConfigError(key, problem, "leave it out, or add a layer below")
     if isinstance(config.body, Cap | Ball) and not without:
         yield from _skins(config, config.body)
     elif config.mesh.h_layers is not None and not isinstance(config.body, Cap | Ball):
-        yield ConfigError("mesh.h_layers", "is for the layers around the core of a cap or ball", "leave it out")
-    yield from (ConfigError(f"{key_of_layer(k)}.thickness", "missing", "give a number > 0") for k in without)
+        yield ConfigError(
+            "mesh.h_layers", "is for the layers around the core of a cap or ball", "leave it out"
+        )
+    yield from (
+        ConfigError(f"{key_of_layer(k)}.thickness", "missing", "give a number > 0") for k in without
+    )
     if layers and not without and isinstance(config.body, Cylinder | Strip | Box):
-        thick, height = sum(layer.thickness or 0.0 for layer in layers), config.body.height
+        thick = sum(layer.thickness or 0.0 for layer in layers)
+        height = config.body.height
         if not isclose(thick, height, rel_tol=1e-9):
-            problem = f"the layers are {thick:.10g} thick together, and the body is {height:.10g} high"
+            problem = (
+                f"the layers are {thick:.10g} thick together, and the body is {height:.10g} high"
+            )
             yield ConfigError("body.layers", problem, "make their thicknesses add up to the height")
 
 
 def _skins(config: Config, body: Cap | Ball) -> Iterator[ConfigError]:
     """What is wrong with the thicknesses of a body's skins and the sizes of elements in them."""
-    skins, sizes = (body.layers or ())[:-1], config.mesh.h_layers
+    skins = (body.layers or ())[:-1]
+    sizes = config.mesh.h_layers
     if sizes is not None and len(sizes) != len(skins):
         problem = f"has {len(sizes)} sizes, and the body {len(skins)} layers around its core"
         yield ConfigError("mesh.h_layers", problem, "give one for each, or leave it out")
     if isinstance(body, Cap) and bool(body.height) == bool(body.contact_angle):
         return  # it has no shape yet
-    thick, dome = sum(layer.thickness or 0.0 for layer in skins), body.dome
+    thick = sum(layer.thickness or 0.0 for layer in skins)
+    dome = body.dome
     thinnest = min((layer.thickness or inf for layer in skins), default=inf)
     if thick > (1 - LEAST_CORE) * dome.room:
         inside = "no core" if isinstance(body, Ball) else "a core that does not reach the base"
-        problem = f"the layers around the core are {thick:.6g} thick together, which leaves {inside}"
+        problem = (
+            f"the layers around the core are {thick:.6g} thick together, which leaves {inside}"
+        )
         yield ConfigError("body.layers", problem, f"at most {(1 - LEAST_CORE) * dome.room:.6g}")
     elif thinnest < THINNEST_SKIN * dome.radius:
-        problem = f"a layer {thinnest:.4g} thick on a {body.shape} of radius {dome.radius:.4g} is too thin to mesh"
+        problem = (
+            f"a layer {thinnest:.4g} thick on a {body.shape} of radius {dome.radius:.4g} is "
+            "too thin to mesh"
+        )
         yield ConfigError("body.layers", problem, f"at least {THINNEST_SKIN * dome.radius:.3g}")
 
 
@@ -275,43 +374,77 @@ def _tension(config: Config) -> Iterator[ConfigError]:
     """What is not known together with a surface tension."""
     if not config.body.surface_tension:
         return
-    key, remedy = "body.surface_tension", "give one of the two"
+    key = "body.surface_tension"
+    remedy = "give one of the two"
     if config.experiment and config.experiment.adhesion:
-        problem = "is not known together with experiment.adhesion: its limit is that of a surface without tension"
+        problem = (
+            "is not known together with experiment.adhesion: its limit is that of a surface "
+            "without tension"
+        )
         yield ConfigError(key, problem, remedy)
     if config.contact.may_snap:
         yield ConfigError(key, "together with contact.adhesion is not verified", remedy)
     if relaxing := next((where for where, law in config.materials() if law.relaxation), None):
-        problem = f"does not relax, and {relaxing}.relaxation is made of a curve that does so as a whole"
+        problem = (
+            f"does not relax, and {relaxing}.relaxation is made of a curve that does so as a whole"
+        )
         yield ConfigError(key, problem, remedy)
 
 
 def _inclusions(config: Config) -> Iterator[ConfigError]:
-    """What is wrong with inclusions: out of the body or of a layer, too near to a surface or to one another."""
+    """What is wrong with inclusions: out of the body or of a layer, too near to a surface or to one
+    another.
+    """
     inclusions = config.body.inclusions or ()
     if config.mesh.h_inclusions is not None and len(config.mesh.h_inclusions) != len(inclusions):
-        problem = f"has {len(config.mesh.h_inclusions)} sizes, and the body {len(inclusions)} inclusions"
+        problem = (
+            f"has {len(config.mesh.h_inclusions)} sizes, and the body {len(inclusions)} inclusions"
+        )
         yield ConfigError("mesh.h_inclusions", problem, "give one for each, or leave it out")
     faces = _faces(config) if inclusions else []
     for k, inclusion in enumerate(inclusions):
-        near = [m for m in range(k) if inclusion.overlaps(inclusions[m], _apart(inclusion, inclusions[m]))]
-        found = _beside(config.body, inclusion) or _across(faces, inclusion) or _through_skins(config.body, inclusion)
+        near = [
+            m
+            for m in range(k)
+            if inclusion.overlaps(inclusions[m], _apart(inclusion, inclusions[m]))
+        ]
+        found = (
+            _beside(config.body, inclusion)
+            or _across(faces, inclusion)
+            or _through_skins(config.body, inclusion)
+        )
         if foreign := _foreign(config.body, inclusion):
             yield ConfigError(key_of_inclusion(k), *foreign)
         elif found or near:
             problem = found or f"overlaps or touches {key_of_inclusion(near[0])}"
-            remedy = f"move it, or make it smaller: {_apart(inclusion):.3g} must be left between it and any surface"
+            remedy = (
+                f"move it, or make it smaller: {_apart(inclusion):.3g} must be left between it "
+                "and any surface"
+            )
             yield ConfigError(key_of_inclusion(k), problem, remedy)
 
 
 def _foreign(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
     """Why a body of this kind has no such inclusion, and what it may have."""
     if isinstance(body, Strip) and inclusion.center[1]:
-        return f"a strip is the same all along y, and the center is at y = {inclusion.center[1]:g}", "set y to 0"
+        return (
+            f"a strip is the same all along y, and the center is at y = {inclusion.center[1]:g}",
+            "set y to 0",
+        )
     if isinstance(body, Cap | Ball) and not inclusion.is_about((0.0, 0.0)):
-        why = "a box is no body of revolution" if isinstance(inclusion, bodies.BoxInclusion) else "it is off the axis"
-        if isinstance(inclusion, bodies.EllipsoidInclusion) and inclusion.semi_axes[0] != inclusion.semi_axes[1]:
-            why = f"semi-axes of {inclusion.semi_axes[0]:g} along x and {inclusion.semi_axes[1]:g} along y differ"
+        why = (
+            "a box is no body of revolution"
+            if isinstance(inclusion, bodies.BoxInclusion)
+            else "it is off the axis"
+        )
+        if (
+            isinstance(inclusion, bodies.EllipsoidInclusion)
+            and inclusion.semi_axes[0] != inclusion.semi_axes[1]
+        ):
+            why = (
+                f"semi-axes of {inclusion.semi_axes[0]:g} along x and {inclusion.semi_axes[1]:g} "
+                "along y differ"
+            )
         remedy = "use a ball, a cylinder or an ellipsoid as long along x as along y, at x = y = 0"
         return f"a {body.shape} is modelled about its axis: {why}", remedy
     return None
@@ -322,21 +455,34 @@ def _beside(body: bodies.AnyBody, inclusion: Inclusion) -> str:
     room = (body.dome if isinstance(body, Cap | Ball) else body).room_beside(inclusion)  # type: ignore[union-attr]
     if room >= _apart(inclusion):
         return ""
-    return f"leaves the body through its side, by {-room:.4g}" if room < 0 else f"is {room:.3g} from the body's side"
+    return (
+        f"leaves the body through its side, by {-room:.4g}"
+        if room < 0
+        else f"is {room:.3g} from the body's side"
+    )
 
 
 def _across(faces: Sequence[tuple[str, float]], inclusion: Inclusion) -> str:
     """That an inclusion crosses the top, the base, or an interface, or nearly does."""
-    z, half, apart = inclusion.center[2], inclusion.half(2), _apart(inclusion)
+    z = inclusion.center[2]
+    half = inclusion.half(2)
+    apart = _apart(inclusion)
     for name, height in faces:
         if name == MIRROR_PLANE and isclose(z, height, rel_tol=bodies.SAME_PLACE):
             return ""
         if abs(z - height) < half:
-            return f"crosses {name} at z = {height:.6g}: it spans z = {z - half:.6g} to {z + half:.6g}"
+            return (
+                f"crosses {name} at z = {height:.6g}: it spans z = {z - half:.6g} to {z + half:.6g}"
+            )
         if abs(z - height) < half + apart:
             return f"is {abs(z - height) - half:.3g} from {name} at z = {height:.6g}"
-    top, bottom = faces[0][1], faces[-1][1]
-    return "" if bottom < z < top else f"is outside the body, which spans z = {bottom:.6g} to {top:.6g}"
+    top = faces[0][1]
+    bottom = faces[-1][1]
+    return (
+        ""
+        if bottom < z < top
+        else f"is outside the body, which spans z = {bottom:.6g} to {top:.6g}"
+    )
 
 
 def _through_skins(body: bodies.AnyBody, inclusion: Inclusion) -> str:
@@ -344,9 +490,14 @@ def _through_skins(body: bodies.AnyBody, inclusion: Inclusion) -> str:
     if not isinstance(body, Cap | Ball):
         return ""
     radius = body.dome.radius
-    near, far = (float(reach((0.0, 0.0, -radius))) for reach in (inclusion.distance, inclusion.farthest))
-    for k, depth in enumerate(accumulate(layer.thickness or 0.0 for layer in (body.layers or ())[:-1])):
-        face, away = f"the inner face of {key_of_layer(k)}", max(near - (radius - depth), radius - depth - far)
+    near, far = (
+        float(reach((0.0, 0.0, -radius))) for reach in (inclusion.distance, inclusion.farthest)
+    )
+    for k, depth in enumerate(
+        accumulate(layer.thickness or 0.0 for layer in (body.layers or ())[:-1])
+    ):
+        face = f"the inner face of {key_of_layer(k)}"
+        away = max(near - (radius - depth), radius - depth - far)
         if away < 0:
             deep = min(far - (radius - depth), radius - depth - near)
             return f"crosses {face}, {depth:.6g} below the surface, by {deep:.3g}"
@@ -356,7 +507,9 @@ def _through_skins(body: bodies.AnyBody, inclusion: Inclusion) -> str:
 
 
 def _faces(config: Config) -> list[tuple[str, float]]:
-    """Names and heights of the level faces from the top; a mirror plane is none for an inclusion centered on it."""
+    """Names and heights of the level faces from the top; a mirror plane is none for an inclusion
+    centered on it.
+    """
     body = config.body
     depths = list(accumulate(layer.thickness or inf for layer in config.layers))
     if isinstance(body, Cap | Ball):
@@ -367,7 +520,9 @@ def _faces(config: Config) -> list[tuple[str, float]]:
 
 
 def _apart(*inclusions: Inclusion) -> float:
-    """What must be left between inclusions, or one and any surface [length]: elements have to fit in."""
+    """What must be left between inclusions, or one and any surface [length]: elements have to fit
+    in.
+    """
     return LEAST_ROOM * min(inclusion.thinnest for inclusion in inclusions)
 
 
@@ -394,14 +549,25 @@ def _constants(config: Config) -> Iterator[ConfigError]:
 def _flow(config: Config) -> Iterator[ConfigError]:
     """What is wrong with fluid in the pores: what it needs, and what does not go with it."""
     flows = {f"{key}.flow": material for key, material in config.materials() if material.flow}
-    if config.loading.per_doubling is not None and not any(material.evolves for _, material in config.materials()):
-        problem = "is for a body that takes time, and nothing of this one flows, nor relaxes in shear alone"
+    if config.loading.per_doubling is not None and not any(
+        material.evolves for _, material in config.materials()
+    ):
+        problem = (
+            "is for a body that takes time, and nothing of this one flows, nor relaxes in "
+            "shear alone"
+        )
         yield ConfigError("loading.per_doubling", problem, "leave it out")
     if not flows:
-        if config.drainage and not (_has_own_bath(config) and config.drainage == Drainage(bath=config.drainage.bath)):
-            yield ConfigError("drainage", "no material has a flow", "give material.flow, or leave it out")
+        if config.drainage and not (
+            _has_own_bath(config) and config.drainage == Drainage(bath=config.drainage.bath)
+        ):
+            yield ConfigError(
+                "drainage", "no material has a flow", "give material.flow, or leave it out"
+            )
         elif config.drainage and not isinstance(config.drainage.bath, float | int):
-            yield ConfigError("drainage.bath", "changes in time, and no material has a flow", "give material.flow")
+            yield ConfigError(
+                "drainage.bath", "changes in time, and no material has a flow", "give material.flow"
+            )
         yield from _gels(config)
         return
     key = next(iter(flows))
@@ -415,17 +581,28 @@ def _flow(config: Config) -> Iterator[ConfigError]:
         yield ConfigError("contact.method", problem, "use augmented_lagrangian")
     drainage = config.drainage or Drainage()
     if isinstance(config.body, MeshFromFile) and drainage.sides != "sealed":
-        problem = "of a body from a mesh file are not known: a side without a name has no facets of its own"
+        problem = (
+            "of a body from a mesh file are not known: a side without a name has no facets "
+            "of its own"
+        )
         yield ConfigError("drainage.sides", problem, "use sealed")
     times = [t for t, _ in drainage.bath] if isinstance(drainage.bath, tuple) else []
-    back = next((k for k, (one, other) in enumerate(pairwise(times), start=1) if other <= one), None)
+    back = next(
+        (k for k, (one, other) in enumerate(pairwise(times), start=1) if other <= one), None
+    )
     if back is not None:
-        yield ConfigError(f"drainage.bath[{back}]", f"time does not go on from {times[back - 1]:g} to {times[back]:g}")
+        yield ConfigError(
+            f"drainage.bath[{back}]",
+            f"time does not go on from {times[back - 1]:g} to {times[back]:g}",
+        )
 
 
 def _has_own_bath(config: Config) -> bool:
     """Whether the stretch of a gel is that of its bath."""
-    return any(isinstance(material, Gel) and material.stretch == "auto" for _, material in config.materials())
+    return any(
+        isinstance(material, Gel) and material.stretch == "auto"
+        for _, material in config.materials()
+    )
 
 
 def _gels(config: Config) -> Iterator[ConfigError]:
@@ -440,13 +617,18 @@ def _gels(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(f"{key}.relaxation", "of a gel was never verified", "leave it out")
     for key, material in config.materials():
         if gels and material.flow and not isinstance(material, Gel):
-            problem = "of another law than a gel's, and the bath is the solvent's chemical potential"
+            problem = (
+                "of another law than a gel's, and the bath is the solvent's chemical potential"
+            )
             yield ConfigError(f"{key}.flow", problem, "leave it out, or use gels alone")
     ratios = {key: gel.G / gel.n_omega for key, gel in gels.items() if gel.flow}
     first = next(iter(ratios.values()), 0.0)
     for key, ratio in ratios.items():
         if not isclose(ratio, first, rel_tol=SAME_SOLVENT):
-            problem = f"gives G/n_omega = {ratio:g}, and another gel {first:g}: kT over the solvent's molecular volume"
+            problem = (
+                f"gives G/n_omega = {ratio:g}, and another gel {first:g}: kT over the solvent's "
+                "molecular volume"
+            )
             yield ConfigError(f"{key}.n_omega", problem, "one ratio for all gels of one solvent")
 
 
@@ -456,25 +638,41 @@ def _of_flow(key: str, material: Material) -> Iterator[ConfigError]:
     if isinstance(material, Gel):
         if flow.permeability is not None or flow.diffusivity is None:
             name = "permeability" if flow.permeability is not None else "diffusivity"
-            problem = "of a gel follows from its swelling" if flow.permeability is not None else "is missing"
+            problem = (
+                "of a gel follows from its swelling"
+                if flow.permeability is not None
+                else "is missing"
+            )
             yield ConfigError(f"{key}.{name}", problem, "give diffusivity, that of the solvent")
         if flow.holmes_mow:
-            yield ConfigError(f"{key}.holmes_mow", "is for other laws: a gel's pores are its solvent", "leave it out")
+            yield ConfigError(
+                f"{key}.holmes_mow",
+                "is for other laws: a gel's pores are its solvent",
+                "leave it out",
+            )
     if not material.small_strain and (flow.alpha, flow.storage) != (1.0, 0.0):
         name = "alpha" if flow.alpha != 1 else "storage"
         problem = "at finite strain grains and fluid are incompressible"
         yield ConfigError(f"{key}.{name}", problem, "alpha: 1, storage: 0")
     if material.small_strain and flow.holmes_mow:
-        yield ConfigError(f"{key}.holmes_mow", "is for finite strain, and this law has none", "leave it out")
+        yield ConfigError(
+            f"{key}.holmes_mow", "is for finite strain, and this law has none", "leave it out"
+        )
 
 
 def _contact(config: Config) -> Iterator[ConfigError]:
-    """That `epsilon_t` steers friction and nothing else, and that a tip that adheres has a range and slips freely."""
+    """That `epsilon_t` steers friction and nothing else, and that a tip that adheres has a range
+    and slips freely.
+    """
     found = config.contact.adhesion
     if config.contact.epsilon_t != "auto" and config.contact.is_conservative:
-        yield ConfigError("contact.epsilon_t", "there is no friction", "leave it out, or give contact.friction")
+        yield ConfigError(
+            "contact.epsilon_t", "there is no friction", "leave it out, or give contact.friction"
+        )
     if found and not config.contact.is_conservative:
-        yield ConfigError("contact.adhesion", "together with friction is not verified", "leave one of the two out")
+        yield ConfigError(
+            "contact.adhesion", "together with friction is not verified", "leave one of the two out"
+        )
     if found and found.range == 0:
         problem = "is 0, a limit that no mesh resolves"
         remedy = "give a range above 0, or experiment.adhesion: {work: ...} for that limit"
@@ -482,22 +680,30 @@ def _contact(config: Config) -> Iterator[ConfigError]:
 
 
 def _path(config: Config) -> Iterator[ConfigError]:
-    loading, attraction = config.loading, config.contact.adhesion
+    loading = config.loading
+    attraction = config.contact.adhesion
     if not loading.given:
         yield ConfigError("loading", "says no depth and no force", f"give one of {', '.join(WAYS)}")
     elif len(loading.given) > 1:
         first, second = loading.given[:2]
-        yield ConfigError(f"loading.{second}", f"contradicts {first}", f"give one of {', '.join(WAYS)}")
+        yield ConfigError(
+            f"loading.{second}", f"contradicts {first}", f"give one of {', '.join(WAYS)}"
+        )
     elif (forces := loading.forces) and not attraction and min(forces) < 0:
         pulls = next(k for k, force in enumerate(forces) if force < 0)
         problem = f"a force of {forces[pulls]:g} pulls, and nothing holds on to the tip"
-        yield ConfigError(f"loading.forces[{pulls}]", problem, "a force >= 0, or give contact.adhesion")
+        yield ConfigError(
+            f"loading.forces[{pulls}]", problem, "a force >= 0, or give contact.adhesion"
+        )
     elif forces and not attraction and not any(forces):
-        yield ConfigError("loading.forces", "presses nothing: every force is 0", "give at least one above 0")
+        yield ConfigError(
+            "loading.forces", "presses nothing: every force is 0", "give at least one above 0"
+        )
 
 
 def _axis(config: Config) -> Iterator[ConfigError]:
-    center, needed = config.center, len(config.body.center)
+    center = config.center
+    needed = len(config.body.center)
     if isinstance(config.body, Endless | Cap | Ball) and any(center or ()):
         is_dome = isinstance(config.body, Cap | Ball)
         why = "over a {} the tip stands on the axis" if is_dome else "a {} is the same everywhere"
@@ -511,21 +717,47 @@ def _axis(config: Config) -> Iterator[ConfigError]:
 def _tip(config: Config) -> list[ConfigError]:
     tip = config.indenter
     if getattr(config.body, "kinematics", "") == "axisymmetric" and not tip.of_revolution:
-        return [ConfigError("indenter.shape", f"a {tip.shape} is no tip of revolution", "use body.kinematics: 3d")]
+        return [
+            ConfigError(
+                "indenter.shape",
+                f"a {tip.shape} is no tip of revolution",
+                "use body.kinematics: 3d",
+            )
+        ]
     if config.body.dim == 2 and not tip.of_revolution:
-        return [ConfigError("indenter.shape", f"a {tip.shape} over a strip", "use a box, a cylinder or a half_space")]
+        return [
+            ConfigError(
+                "indenter.shape",
+                f"a {tip.shape} over a strip",
+                "use a box, a cylinder or a half_space",
+            )
+        ]
     if isinstance(config.body, Cap | Ball) and not tip.of_revolution:
         problem = f"a {tip.shape} over a {config.body.shape}, which is modelled about its axis"
-        return [ConfigError("indenter.shape", problem, "use a tip of revolution, a cone of equal sections")]
+        return [
+            ConfigError(
+                "indenter.shape", problem, "use a tip of revolution, a cone of equal sections"
+            )
+        ]
     if isinstance(tip, Plate) and isinstance(config.body, Endless):
         problem = f"a plate on a {config.body.shape} touches all of a top without end"
-        return [ConfigError("indenter.shape", problem, "use a cylinder, a strip or a box, or another tip")]
-    if isinstance(tip, Plate) and config.contact.adhesion and isinstance(config.body, Cylinder | Strip | Box):
+        return [
+            ConfigError(
+                "indenter.shape", problem, "use a cylinder, a strip or a box, or another tip"
+            )
+        ]
+    if (
+        isinstance(tip, Plate)
+        and config.contact.adhesion
+        and isinstance(config.body, Cylinder | Strip | Box)
+    ):
         problem = "of a plate that touches all of a flat top is not verified"
         return [ConfigError("contact.adhesion", problem, "leave it out")]
     if isinstance(tip, FlatPunch) and tip.edge_radius > tip.radius:
         problem = "must not be larger than the punch's radius"
-        return [ConfigError("indenter.edge_radius", problem, f"at most {tip.radius:g}, half a ball")]
+        return [
+            ConfigError("indenter.edge_radius", problem, f"at most {tip.radius:g}, half a ball")
+        ]
     try:
         if isinstance(tip, Profile):
             tip.check()
@@ -543,32 +775,51 @@ def _experiment(config: Config) -> Iterator[ConfigError]:
         yield from _jkr_adhesion(config, found.adhesion)
     if found.calibration and found.calibration.stiffness and not found.cantilever:
         problem = "is the uncertainty of a cantilever's stiffness, and there is none"
-        yield ConfigError("experiment.calibration.stiffness", problem, "give experiment.cantilever, or leave it out")
+        yield ConfigError(
+            "experiment.calibration.stiffness",
+            problem,
+            "give experiment.cantilever, or leave it out",
+        )
     if found.calibration and found.calibration.R and not hasattr(config.indenter, "R"):
         problem = f"is the uncertainty of a tip's radius R, and a {config.indenter.shape} has none"
         yield ConfigError("experiment.calibration.R", problem, "leave it out")
     if not any(vars(found).values()):
-        yield ConfigError("experiment", "says nothing", f"its keys are {', '.join(field_names(Experiment))}")
+        yield ConfigError(
+            "experiment", "says nothing", f"its keys are {', '.join(field_names(Experiment))}"
+        )
 
 
 def _history(config: Config) -> Iterator[ConfigError]:
     """What is wrong with a path in time."""
-    found, times = config.loading.in_time, config.loading.times
+    found = config.loading.in_time
+    times = config.loading.times
     if found is None:
         if not isinstance(times, str):
-            yield ConfigError("loading.times", "is for a path in time", "give loading.history, or leave it out")
+            yield ConfigError(
+                "loading.times", "is for a path in time", "give loading.history, or leave it out"
+            )
         return
     key = "loading.history" if config.loading.history else "loading.force_history"
     moments = [t for t, _ in found.points]
-    back = next((k for k, (one, other) in enumerate(pairwise(moments), start=1) if other < one), None)
+    back = next(
+        (k for k, (one, other) in enumerate(pairwise(moments), start=1) if other < one), None
+    )
     if back is not None:
-        yield ConfigError(f"{key}[{back}]", f"time goes back from {moments[back - 1]:g} to {moments[back]:g}")
+        yield ConfigError(
+            f"{key}[{back}]", f"time goes back from {moments[back - 1]:g} to {moments[back]:g}"
+        )
     elif moments[0] == moments[-1]:
         yield ConfigError(key, "lasts no time", "let time go on")
     for k, (before, t) in enumerate(pairwise((-inf, *found.times))):
         if not max(before, moments[0]) <= t <= moments[-1] or t == before:
-            problem = f"{t:g} lies outside the history" if not moments[0] <= t <= moments[-1] else "does not go on"
-            yield ConfigError(f"loading.times[{k}]", problem, f"times from {moments[0]:g} up to {moments[-1]:g}")
+            problem = (
+                f"{t:g} lies outside the history"
+                if not moments[0] <= t <= moments[-1]
+                else "does not go on"
+            )
+            yield ConfigError(
+                f"loading.times[{k}]", problem, f"times from {moments[0]:g} up to {moments[-1]:g}"
+            )
             break
     swells = any(isinstance(material, Gel) and material.flow for _, material in config.materials())
     if found.largest <= 0 and not swells:
@@ -578,19 +829,28 @@ def _history(config: Config) -> Iterator[ConfigError]:
         problem = f"a force of {low:g} pulls, and pulls in time have depths of their own"
         yield ConfigError(key, problem, "give loading.history, of depths, or forces of 0 and more")
     elif low < 0 and not (config.experiment and config.experiment.adhesion):
-        yield ConfigError(key, f"a force of {low:g} pulls, and nothing holds on to the tip", "give experiment.adhesion")
+        yield ConfigError(
+            key,
+            f"a force of {low:g} pulls, and nothing holds on to the tip",
+            "give experiment.adhesion",
+        )
 
 
 def _relaxation(config: Config) -> Iterator[ConfigError]:
     """What is wrong with how the materials relax."""
     laws = dict(config.materials())
-    frequencies, history = config.experiment and config.experiment.frequencies, config.loading.in_time
+    frequencies = config.experiment and config.experiment.frequencies
+    history = config.loading.in_time
     found = {f"{key}.relaxation": law.relaxation for key, law in laws.items() if law.relaxation}
     if not found:
         if frequencies:
-            yield ConfigError("experiment.frequencies", "needs a body that relaxes", "give material.relaxation")
+            yield ConfigError(
+                "experiment.frequencies", "needs a body that relaxes", "give material.relaxation"
+            )
         return
-    yield from (error for key, given in found.items() for error in _of_relaxation(config, key, given))
+    yield from (
+        error for key, given in found.items() for error in _of_relaxation(config, key, given)
+    )
     key, given = next(iter(found.items()))
     if any(law.relaxes_in_shear for law in laws.values()):
         yield from _of_shear(config, laws)
@@ -606,11 +866,20 @@ def _of_shear(config: Config, laws: Mapping[str, Material]) -> Iterator[ConfigEr
     """What a body whose shear alone relaxes, in part of it at least, is not followed with."""
     for key, law in laws.items():
         if law.relaxation and law.relaxation.of == "all":
-            problem = "all: is for a body that relaxes alike everywhere, and elsewhere shear relaxes alone"
+            problem = (
+                "all: is for a body that relaxes alike everywhere, and elsewhere shear relaxes "
+                "alone"
+            )
             yield ConfigError(f"{key}.relaxation.of", problem, "of: shear")
         if law.relaxation and not isinstance(law, Relaxable | Gel):
-            like = "mooney_rivlin with C10 = mu/2" if isinstance(law, NeoHookean) else "linear_elastic"
-            yield ConfigError(f"{key}.relaxation.of", f"{law.model} has no shear apart from its volume", f"use {like}")
+            like = (
+                "mooney_rivlin with C10 = mu/2" if isinstance(law, NeoHookean) else "linear_elastic"
+            )
+            yield ConfigError(
+                f"{key}.relaxation.of",
+                f"{law.model} has no shear apart from its volume",
+                f"use {like}",
+            )
     if config.experiment and config.experiment.frequencies:
         problem = "is made of a curve, and none knows a bulk modulus that stays while shear relaxes"
         yield ConfigError("experiment.frequencies", problem, "of: all")
@@ -628,10 +897,18 @@ def _of_relaxation(config: Config, key: str, given: Relaxation) -> Iterator[Conf
         yield ConfigError(key, "must be one of two laws", "give prony or power_law")
     for k, (fraction, time) in enumerate(given.prony or ()):
         if not (0 <= fraction < 1 and time > 0):
-            problem = f"[{fraction:g}, {time:g}] is no term [fraction of the instantaneous modulus, time]"
-            yield ConfigError(f"{key}.prony[{k}]", problem, "a fraction from 0 to below 1, a time above 0")
+            problem = (
+                f"[{fraction:g}, {time:g}] is no term [fraction of the instantaneous modulus, time]"
+            )
+            yield ConfigError(
+                f"{key}.prony[{k}]", problem, "a fraction from 0 to below 1, a time above 0"
+            )
     if (total := sum(fraction for fraction, _ in given.prony or ())) >= 1:
-        yield ConfigError(f"{key}.prony", f"the fractions sum to {total:g}: nothing would bear in the end", "below 1")
+        yield ConfigError(
+            f"{key}.prony",
+            f"the fractions sum to {total:g}: nothing would bear in the end",
+            "below 1",
+        )
     history = config.loading.in_time
     if given.power_law and history and history.jumps:
         problem = "jumps, and the instantaneous modulus of a power law is infinite"
@@ -640,9 +917,14 @@ def _of_relaxation(config: Config, key: str, given: Relaxation) -> Iterator[Conf
 
 def _jkr_adhesion(config: Config, found: JKRAdhesion) -> Iterator[ConfigError]:
     """That the contact is no disc that grows and shrinks, as Griffith's balance at its edge needs."""
-    body, tip, key = config.body, config.indenter, "experiment.adhesion"
+    body = config.body
+    tip = config.indenter
+    key = "experiment.adhesion"
     if any(material.relaxation for _, material in config.materials()):
-        problem = "is not known together with relaxation: the work that a relaxing body gives to its edge has no limit"
+        problem = (
+            "is not known together with relaxation: the work that a relaxing body gives to "
+            "its edge has no limit"
+        )
         yield ConfigError(key, problem, "give one of the two")
     problem = "the JKR limit is that of a disc, and a {} has none"
     if isinstance(body, Strip | Box):
@@ -664,20 +946,30 @@ def _jkr_adhesion(config: Config, found: JKRAdhesion) -> Iterator[ConfigError]:
 def _sizes(config: Config) -> list[ConfigError]:
     """`accuracy` chooses the sizes itself."""
     given = _given(config.mesh, "refinements") if config.accuracy is not None else []
-    return [ConfigError(key, "contradicts accuracy, which chooses it", "give one of the two") for key in given]
+    return [
+        ConfigError(key, "contradicts accuracy, which chooses it", "give one of the two")
+        for key in given
+    ]
 
 
 def _given(mesh: MeshSettings, other: str) -> list[str]:
     """The keys of sizes, and one other, that a scene gives."""
-    return [f"mesh.{name}" for name in (*MESH_SIZES, other) if getattr(mesh, name) not in (None, "auto")]
+    return [
+        f"mesh.{name}" for name in (*MESH_SIZES, other) if getattr(mesh, name) not in (None, "auto")
+    ]
 
 
 def _file(config: Config) -> Iterator[ConfigError]:
-    """A mesh from a file has its own sizes, and it alone has refinements; the file lies with the scene."""
-    body, mesh = config.body, config.mesh
+    """A mesh from a file has its own sizes, and it alone has refinements; the file lies with the
+    scene.
+    """
+    body = config.body
+    mesh = config.mesh
     if not isinstance(body, MeshFromFile):
         if mesh.refinements is not None:
-            yield ConfigError("mesh.refinements", "is for body.shape: mesh", "leave it out, or give h_contact")
+            yield ConfigError(
+                "mesh.refinements", "is for body.shape: mesh", "leave it out, or give h_contact"
+            )
         return
     why = "is for bodies that are meshed here, and this one has its mesh"
     for key in _given(mesh, "symmetry"):
@@ -695,9 +987,11 @@ def _directory(config: Config) -> Iterator[ConfigError]:
 
 
 def outside(directory: str) -> str:
-    """What is wrong with a result folder that a file names: it must lie below the working directory; "" if nothing.
+    """What is wrong with a result folder that a file names: it must lie below the working
+    directory; "" if nothing.
 
-    Scene and study files come from other people; where else results may go is for the command line to say.
+    Scene and study files come from other people; where else results may go is for the command line
+    to say.
     """
     if problem := _misplaced(directory, "the working directory"):
         return problem
@@ -738,7 +1032,8 @@ def sections() -> dict[str, tuple[type, ...]]:
 
 @dataclass(frozen=True)
 class Spot:
-    """A place in a document, however deep: the type that belongs there, its default, and the value that stands there.
+    """A place in a document, however deep: the type that belongs there, its default, and the value
+    that stands there.
 
     `type` is None where nothing belongs; `value` is None where nothing stands.
     """
@@ -757,17 +1052,28 @@ class Spot:
     def choice(self) -> Any:
         """What the section, or its default, chooses."""
         default = getattr(self.default, self.tag, None) if self.tag else None
-        return self.value.get(self.tag, default) if isinstance(self.value, Mapping) and self.tag else default
+        return (
+            self.value.get(self.tag, default)
+            if isinstance(self.value, Mapping) and self.tag
+            else default
+        )
 
     @cached_property
     def kind(self) -> Any:
         """The dataclass of this section; None for a value, and where none is chosen."""
-        return Config if not self.path else chosen(self.type, self.choice) if self.type is not None else None
+        return (
+            Config
+            if not self.path
+            else chosen(self.type, self.choice)
+            if self.type is not None
+            else None
+        )
 
     def inside(self, part: str | int) -> Spot:
         """The place of a key or of a list's item."""
         value = self.value[part] if holds(self.value, part) else None
-        path, kind = (*self.path, part), self.kind
+        path = (*self.path, part)
+        kind = self.kind
         if path == ("indenter", "center"):
             return Spot(path, hints(Config)["center"], None, value)
         if kind is not None and part in field_names(kind):
@@ -775,8 +1081,12 @@ class Spot:
         if kind is not None:
             return Spot(path, None, None, value)
         kinds = [core(part) for part in members(self.type)]
-        bare = next((found for found in kinds if get_origin(found) in (tuple, dict)), core(self.type))  # or a word
-        item = {tuple: lambda: get_args(bare)[0], dict: lambda: get_args(bare)[1]}.get(get_origin(bare))
+        bare = next(
+            (found for found in kinds if get_origin(found) in (tuple, dict)), core(self.type)
+        )  # or a word
+        item = {tuple: lambda: get_args(bare)[0], dict: lambda: get_args(bare)[1]}.get(
+            get_origin(bare)
+        )
         return Spot(path, item() if item else None, None, value)
 
     def parts(self) -> Iterator[Spot]:

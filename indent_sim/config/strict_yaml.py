@@ -1,7 +1,8 @@
 """YAML 1.2 core, read strictly: mappings, lists, words and finite numbers, with the line of each.
 
-`1e-6` is a number, `on` and `yes` are words, `010` is ten, a second equal key is an error; tags, anchors,
-aliases and further documents are refused, and so is anything too long or too deep, before it costs time.
+`1e-6` is a number, `on` and `yes` are words, `010` is ten, a second equal key is an error; tags,
+anchors, aliases and further documents are refused, and so is anything too long or too deep, before
+it costs time.
 """
 
 from __future__ import annotations
@@ -34,12 +35,16 @@ _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NON_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 _WORDS = re.compile(r"[A-Za-z][A-Za-z0-9_./-]*( [A-Za-z0-9_./-]+)*")
-_TRAPS = re.compile("y|yes|n|no|on|off|true|false|null", re.IGNORECASE)  # a YAML 1.1 reader takes them for others
+_TRAPS = re.compile(
+    "y|yes|n|no|on|off|true|false|null", re.IGNORECASE
+)  # a YAML 1.1 reader takes them for others
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def parse(text: str, name: str = "") -> tuple[Any, Lines]:
-    """The value of a YAML document and the line of every key path; ConfigError when it is not strict YAML."""
+    """The value of a YAML document and the line of every key path; ConfigError when it is not
+    strict YAML.
+    """
     _refuse_bytes(text, name)
     reader = _Reader(name)
     try:
@@ -107,9 +112,13 @@ class _Reader:
         if len(self.lines) > MAX_VALUES:
             raise self.error(event, path[:1], f"more than {MAX_VALUES} values")
         if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
-            raise self.error(event, path, "anchors and aliases (&, *) are not allowed", "write the value out")
+            raise self.error(
+                event, path, "anchors and aliases (&, *) are not allowed", "write the value out"
+            )
         if event.tag is not None:
-            raise self.error(event, path, f"tags ({event.tag}) are not allowed", "write the plain value")
+            raise self.error(
+                event, path, f"tags ({event.tag}) are not allowed", "write the plain value"
+            )
         if isinstance(event, yaml.ScalarEvent):
             return self.scalar(event, path)
         if len(path) >= MAX_DEPTH:
@@ -130,7 +139,9 @@ class _Reader:
             key = self.key(event, path)
             here = (*path, key)
             if key in values:
-                raise self.error(event, here, f"given twice, first in line {self.lines[here]}", "keep one")
+                raise self.error(
+                    event, here, f"given twice, first in line {self.lines[here]}", "keep one"
+                )
             self.lines[here] = event.start_mark.line + 1
             values[key] = self.node(next(events), events, here)
         return values

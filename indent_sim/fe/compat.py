@@ -21,7 +21,16 @@ from petsc4py import PETSc
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.algorithms.map_integrands import map_integrand_dags
-from ufl.classes import ComponentTensor, Expr, FixedIndex, Identity, Index, Indexed, ListTensor, MultiIndex
+from ufl.classes import (
+    ComponentTensor,
+    Expr,
+    FixedIndex,
+    Identity,
+    Index,
+    Indexed,
+    ListTensor,
+    MultiIndex,
+)
 from ufl.constantvalue import IntValue, Zero
 from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
@@ -31,15 +40,17 @@ CELL_NAMES = {2: "triangle", 3: "tetrahedron"}
 FIRST_CONSTANT = 10**9
 # PETSc 3.25 has another name for it, and keeps the number
 _REASONS = PETSc.SNES.ConvergedReason
-SNES_RESIDUAL_NOT_FINITE = getattr(_REASONS, "DIVERGED_FUNCTION_NANORINF", None) or _REASONS.DIVERGED_FNORM_NAN
+SNES_RESIDUAL_NOT_FINITE = (
+    getattr(_REASONS, "DIVERGED_FUNCTION_NANORINF", None) or _REASONS.DIVERGED_FNORM_NAN
+)
 Element = Any  # of basix or of UFL
 
 if DOLFINX_VERSION >= (0, 8):
     import basix.ufl
 
-# UFL orders the constants of a sum or product by the text of their running numbers, and there 10 comes before 9. With
-# as many digits in all of them the order is that of their making, whatever this process has made before: one kernel,
-# compiled once, and the same bits in every run.
+# UFL orders the constants of a sum or product by the text of their running numbers, and there 10
+# comes before 9. With as many digits in all of them the order is that of their making, whatever
+# this process has made before: one kernel, compiled once, and the same bits in every run.
 if hasattr(ufl.Constant, "_globalcount"):
     ufl.Constant._globalcount = FIRST_CONSTANT
 else:
@@ -47,7 +58,9 @@ else:
 
 
 def read_settings() -> Path:
-    """Have dolfinx and FFCx look for their settings files, which each does once; returns the folder of kernels."""
+    """Have dolfinx and FFCx look for their settings files, which each does once; returns the folder
+    of kernels.
+    """
     name = "options" if DOLFINX_VERSION >= (0, 7) else "parameters"
     found = getattr(dolfinx.jit, f"get_{name}")()
     getattr(import_module(f"ffcx.{name}"), f"get_{name}")()
@@ -57,17 +70,25 @@ def read_settings() -> Path:
 def lagrange(dim: int, order: int, components: int = 1) -> Element:
     """Continuous Lagrange element on simplices, scalar or with several `components`."""
     if DOLFINX_VERSION >= (0, 8):
-        return basix.ufl.element("Lagrange", CELL_NAMES[dim], order, shape=(components,) if components > 1 else ())
+        return basix.ufl.element(
+            "Lagrange", CELL_NAMES[dim], order, shape=(components,) if components > 1 else ()
+        )
     if components > 1:
         return ufl.VectorElement("Lagrange", CELL_NAMES[dim], order, dim=components)
     return ufl.FiniteElement("Lagrange", CELL_NAMES[dim], order)
 
 
 def at_quadrature(dim: int, degree: int, components: int) -> Element:
-    """Values at the points of a quadrature rule on simplices, of several `components`, and nowhere else."""
+    """Values at the points of a quadrature rule on simplices, of several `components`, and nowhere
+    else.
+    """
     if DOLFINX_VERSION >= (0, 8):
-        return basix.ufl.quadrature_element(CELL_NAMES[dim], value_shape=(components,), degree=degree)
-    return ufl.VectorElement("Quadrature", CELL_NAMES[dim], degree, dim=components, quad_scheme="default")
+        return basix.ufl.quadrature_element(
+            CELL_NAMES[dim], value_shape=(components,), degree=degree
+        )
+    return ufl.VectorElement(
+        "Quadrature", CELL_NAMES[dim], degree, dim=components, quad_scheme="default"
+    )
 
 
 def in_cells(dim: int, components: int) -> Element:
@@ -79,24 +100,36 @@ def in_cells(dim: int, components: int) -> Element:
 
 def mixed(*elements: Element) -> Element:
     """Several elements side by side."""
-    return basix.ufl.mixed_element(list(elements)) if DOLFINX_VERSION >= (0, 8) else ufl.MixedElement(*elements)
+    return (
+        basix.ufl.mixed_element(list(elements))
+        if DOLFINX_VERSION >= (0, 8)
+        else ufl.MixedElement(*elements)
+    )
 
 
 def function_space(mesh: Mesh, element: Element) -> fem.FunctionSpace:
     """Function space of an element on a mesh."""
-    return fem.functionspace(mesh, element) if DOLFINX_VERSION >= (0, 7) else fem.FunctionSpace(mesh, element)
+    return (
+        fem.functionspace(mesh, element)
+        if DOLFINX_VERSION >= (0, 7)
+        else fem.FunctionSpace(mesh, element)
+    )
 
 
 def _of_coordinates(dim: int, order: int) -> Element:
-    """Of a mesh's points; FFCx before 0.7 would set the variant once it compiles, and name later kernels otherwise."""
+    """Of a mesh's points; FFCx before 0.7 would set the variant once it compiles, and name later
+    kernels otherwise.
+    """
     if DOLFINX_VERSION >= (0, 8):
         return lagrange(dim, order, dim)
     return ufl.VectorElement("Lagrange", CELL_NAMES[dim], order, dim=dim, variant="equispaced")
 
 
 def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int) -> Mesh:
-    """Distribute a simplex mesh, of which each rank has some rows of points and cells, without ghost cells.
-    cells: by their corners, or with the middles of their edges after them, each opposite to a corner in turn."""
+    """Distribute a simplex mesh, of which each rank has some rows of points and cells, without
+    ghost cells. cells: by their corners, or with the middles of their edges after them, each
+    opposite to a corner in turn.
+    """
     domain = ufl.Mesh(_of_coordinates(dim, 1 if cells.shape[1] == dim + 1 else 2))
     ghosts = dolfinx.mesh.GhostMode.none
     if DOLFINX_VERSION < (0, 6):  # an array would be tried first, and refused with its text, 0.02 s
@@ -109,7 +142,10 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int)
 
 def zero(dofs: np.ndarray, space: fem.FunctionSpace) -> fem.DirichletBC:
     """The condition that dofs of a space are zero."""
-    if DOLFINX_VERSION < (0, 6):  # the space would be tried first, and refused with the text of all dofs, 0.01 s
+    if DOLFINX_VERSION < (
+        0,
+        6,
+    ):  # the space would be tried first, and refused with the text of all dofs, 0.01 s
         space = space._cpp_object
     return fem.dirichletbc(PETSc.ScalarType(0), dofs.astype(np.int32), space)
 
@@ -128,16 +164,24 @@ def geometry_dofs(mesh: Mesh) -> np.ndarray:
 
 
 def exterior_facets(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """This rank's boundary facets (n,), ascending, and the points (n, dim) of the grid that are their corners."""
+    """This rank's boundary facets (n,), ascending, and the points (n, dim) of the grid that are
+    their corners.
+    """
     topology = mesh.topology
     dim = topology.dim
     topology.create_connectivity(dim, 0)
     topology.create_connectivity(dim - 1, 0)
     facets = np.asarray(dolfinx.mesh.exterior_facet_indices(topology), dtype=np.int32)
-    vertices = np.array([topology.connectivity(dim - 1, 0).links(facet) for facet in facets]).reshape(-1, dim)
-    node = np.zeros(topology.index_map(0).size_local + topology.index_map(0).num_ghosts, dtype=np.int64)
+    vertices = np.array(
+        [topology.connectivity(dim - 1, 0).links(facet) for facet in facets]
+    ).reshape(-1, dim)
+    node = np.zeros(
+        topology.index_map(0).size_local + topology.index_map(0).num_ghosts, dtype=np.int64
+    )
     node[cell_dofs(topology.connectivity(dim, 0))] = geometry_dofs(mesh)
-    return np.sort(facets), np.asarray(mesh.geometry.input_global_indices)[node[vertices[np.argsort(facets)]]]
+    return np.sort(facets), np.asarray(mesh.geometry.input_global_indices)[
+        node[vertices[np.argsort(facets)]]
+    ]
 
 
 def vector(function: fem.Function) -> PETSc.Vec:
@@ -147,11 +191,15 @@ def vector(function: fem.Function) -> PETSc.Vec:
 
 def evaluate(expression: fem.Expression, mesh: Mesh, cells: np.ndarray) -> np.ndarray:
     """Values of an Expression at its points in each of the cells."""
-    return np.asarray(expression.eval(cells) if DOLFINX_VERSION < (0, 7) else expression.eval(mesh, cells))
+    return np.asarray(
+        expression.eval(cells) if DOLFINX_VERSION < (0, 7) else expression.eval(mesh, cells)
+    )
 
 
 class _Components(MultiFunction):
-    """Components of tensors where it is known which: [a, b, 0][1] is b, and multiples of [a, b, 0][2] vanish."""
+    """Components of tensors where it is known which: [a, b, 0][1] is b, and multiples of [a, b,
+    0][2] vanish.
+    """
 
     expr = MultiFunction.reuse_if_untouched
 
@@ -167,7 +215,11 @@ class _Components(MultiFunction):
             return map_expr_dag(self, chosen)
         if isinstance(tensor, Identity) and all(isinstance(i, FixedIndex) for i in index):
             return IntValue(1) if len({int(i) for i in index}) == 1 else Zero()
-        return Indexed(tensor, index) if expression is None else self.reuse_if_untouched(expression, tensor, index)
+        return (
+            Indexed(tensor, index)
+            if expression is None
+            else self.reuse_if_untouched(expression, tensor, index)
+        )
 
     def conditional(self, expression: Expr, condition: Expr, true: Expr, false: Expr) -> Expr:
         """Zero where both branches are."""
@@ -198,8 +250,9 @@ class _Bound(MultiFunction):
 
 
 def differentiated(form: ufl.Form) -> ufl.Form:
-    """A form with its derivatives carried out, and no terms left that are zero because one field alone is varied. UFL
-    before 2023 keeps them, and FFCx then cannot compile a kernel."""
+    """A form with its derivatives carried out, and no terms left that are zero because one field
+    alone is varied. UFL before 2023 keeps them, and FFCx then cannot compile a kernel.
+    """
     return map_integrand_dags(_Components(), apply_derivatives(apply_algebra_lowering(form)))
 
 
@@ -215,7 +268,11 @@ def interpolation_matrix(coarse: fem.FunctionSpace, fine: fem.FunctionSpace) -> 
 
 def create_vector(form: fem.Form, space: fem.FunctionSpace) -> PETSc.Vec:
     """A ghosted PETSc vector that the form assembles into."""
-    return fem_petsc.create_vector(space) if DOLFINX_VERSION >= (0, 10) else fem_petsc.create_vector(form)
+    return (
+        fem_petsc.create_vector(space)
+        if DOLFINX_VERSION >= (0, 10)
+        else fem_petsc.create_vector(form)
+    )
 
 
 def quadrature(cell: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
@@ -225,8 +282,11 @@ def quadrature(cell: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of the libraries that the numbers of a run depend on, gmsh's apart: it runs in a process of its own."""
-    petsc, mpi = ".".join(map(str, PETSc.Sys.getVersion())), MPI.Get_library_version().split(",")[0].strip()
+    """Versions of the libraries that the numbers of a run depend on, gmsh's apart: it runs in a
+    process of its own.
+    """
+    petsc = ".".join(map(str, PETSc.Sys.getVersion()))
+    mpi = MPI.Get_library_version().split(",")[0].strip()
     modules = {"dolfinx": dolfinx, "petsc4py": petsc4py, "numpy": np}
     ours = {name: module.__version__ for name, module in modules.items()}
     return {"python": platform.python_version(), "petsc": petsc, "mpi": mpi, **ours}

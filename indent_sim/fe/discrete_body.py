@@ -27,9 +27,10 @@ from indent_sim.scene.scene import Scene
 
 HeldDofs = list[tuple[int, np.ndarray]]  # component and local dofs
 ORDER = 2  # of the displacement
-# Of the quadrature of the volume, by dimension. In three dimensions four points a cell, exact for the strain energy of
-# linear bodies; in hyperelastic ones they change the force by a thirtieth of what the mesh does (test_hyperelastic.py),
-# and 14 points cost three times as much. In two the weight r, and u_r/r, ask for more.
+# Of the quadrature of the volume, by dimension. In three dimensions four points a cell, exact for
+# the strain energy of linear bodies; in hyperelastic ones they change the force by a thirtieth of
+# what the mesh does (test_hyperelastic.py), and 14 points cost three times as much. In two the
+# weight r, and u_r/r, ask for more.
 VOLUME_DEGREE = {2: 4, 3: 2}
 
 
@@ -37,9 +38,11 @@ VOLUME_DEGREE = {2: 4, 3: 2}
 class Field:
     """An unknown field: continuous piecewise polynomials of an order.
 
-    along: the axes of its components, none of a scalar; where such a component of the displacement is held, the field's
-    is too. where: the regions, or the surface, that it lives on; all of the body where empty. weight: the factor that
-    turns its rows into forces, by which residuals are measured."""
+    along: the axes of its components, none of a scalar; where such a component of the displacement
+    is held, the field's is too. where: the regions, or the surface, that it lives on; all of the
+    body where empty. weight: the factor that turns its rows into forces, by which residuals are
+    measured.
+    """
 
     name: str
     order: int
@@ -50,8 +53,10 @@ class Field:
 
 @dataclass(frozen=True)
 class Moment:
-    """The unknowns at one time: the function that holds them, its fields as UFL expressions, the tip's depth [length]
-    and the time [time]; test and trial are the variations of the virtual work and of its derivative."""
+    """The unknowns at one time: the function that holds them, its fields as UFL expressions, the
+    tip's depth [length] and the time [time]; test and trial are the variations of the virtual
+    work and of its derivative.
+    """
 
     function: fem.Function
     fields: Mapping[str, Expr]
@@ -62,18 +67,26 @@ class Moment:
 
 
 class Unknowns:
-    """Space, solution and dof numbering of fields, held at zero off what they live on; the first one is u."""
+    """Space, solution and dof numbering of fields, held at zero off what they live on; the first
+    one is u.
+    """
 
     def __init__(self, mesh: dolfinx_mesh.Mesh, fields: Sequence[Field]):
         self.kinds = {field.name: field for field in fields}
-        self.names, self.dim = tuple(self.kinds), mesh.geometry.dim
+        self.names = tuple(self.kinds)
+        self.dim = mesh.geometry.dim
         elements = [compat.lagrange(self.dim, field.order, len(field.along)) for field in fields]
-        self.space = compat.function_space(mesh, elements[0] if len(elements) == 1 else compat.mixed(*elements))
+        self.space = compat.function_space(
+            mesh, elements[0] if len(elements) == 1 else compat.mixed(*elements)
+        )
         self.solution = fem.Function(self.space)
         self.x = compat.vector(self.solution)
-        rows, width = self.space.dofmap.index_map, self.space.dofmap.index_map_bs
-        # number of dofs that this rank owns, which come first in its local array, and of those on all ranks
-        self.owned, self.total = rows.size_local * width, rows.size_global * width
+        rows = self.space.dofmap.index_map
+        width = self.space.dofmap.index_map_bs
+        # number of dofs that this rank owns, which come first in its local array, and of those on
+        # all ranks
+        self.owned = rows.size_local * width
+        self.total = rows.size_global * width
 
     def of(self, function: Expr) -> dict[str, Expr]:
         """The fields of any function of the space, by their names."""
@@ -85,7 +98,9 @@ class Unknowns:
         if len(self.names) == 1:
             return argument
         parts = {field.name: [0.0] * max(len(field.along), 1) for field in self.kinds.values()}
-        parts[name] = [argument[k] for k in range(len(parts[name]))] if argument.ufl_shape else [argument]
+        parts[name] = (
+            [argument[k] for k in range(len(parts[name]))] if argument.ufl_shape else [argument]
+        )
         return ufl.as_vector(list(chain.from_iterable(parts.values())))
 
     def subspace(self, name: str, component: int | None = None) -> fem.FunctionSpace:
@@ -95,7 +110,9 @@ class Unknowns:
 
     @cached_property
     def _collapsed(self) -> dict[str, tuple[fem.FunctionSpace, np.ndarray]]:
-        """For each field a space of its own, and the place of its dofs in the solution's local array."""
+        """For each field a space of its own, and the place of its dofs in the solution's local
+        array.
+        """
         if len(self.names) == 1:
             return {"u": (self.space, np.arange(len(self.solution.x.array)))}
         found = {name: self.subspace(name).collapse() for name in self.names}
@@ -111,17 +128,26 @@ class Unknowns:
 
     def components(self, name: str) -> dict[int | None, np.ndarray]:
         """`places` of each component of the field, None for that of a scalar."""
-        places, size = self.places(name), len(self.kinds[name].along)
+        places = self.places(name)
+        size = len(self.kinds[name].along)
         return {c: places[c::size] for c in range(size)} if size > 1 else {None: places}
 
     def displacement_places(self, nodes: np.ndarray) -> np.ndarray:
-        """Indices (..., dim) into the local array of the displacement components at nodes of u's own space."""
+        """Indices (..., dim) into the local array of the displacement components at nodes of u's
+        own space.
+        """
         return self.places("u")[nodes[..., None] * self.dim + np.arange(self.dim)]
 
-    def dofs_on(self, name: str, component: int | None, dim: int, entities: np.ndarray) -> np.ndarray:
-        """Local dofs of a field on facets, cells or vertices, of whatever rank they are (collective)."""
+    def dofs_on(
+        self, name: str, component: int | None, dim: int, entities: np.ndarray
+    ) -> np.ndarray:
+        """Local dofs of a field on facets, cells or vertices, of whatever rank they are
+        (collective).
+        """
         topology = self.space.mesh.topology
-        topology.create_connectivity(dim, topology.dim)  # newer dolfinx wants it for the cells of a region, too
+        topology.create_connectivity(
+            dim, topology.dim
+        )  # newer dolfinx wants it for the cells of a region, too
         return fem.locate_dofs_topological(self.subspace(name, component), dim, entities)
 
 
@@ -131,10 +157,20 @@ def components(expression: Expr) -> list[Expr]:
 
 
 def held(space: fem.FunctionSpace, body_mesh: BodyMesh) -> tuple[HeldDofs, HeldDofs]:
-    """What supports and pins hold at zero in a space of displacements: component and local dofs (collective)."""
-    part, dim, surfaces = body_mesh.part, body_mesh.dim - 1, body_mesh.surfaces
-    supports = [(c, fem.locate_dofs_topological(space.sub(c), dim, surfaces[side])) for c, side in part.held_sides]
-    pins = [(c, fem.locate_dofs_topological(space.sub(c), 0, body_mesh.vertices_at(point))) for point, c in part.pins]
+    """What supports and pins hold at zero in a space of displacements: component and local dofs
+    (collective).
+    """
+    part = body_mesh.part
+    dim = body_mesh.dim - 1
+    surfaces = body_mesh.surfaces
+    supports = [
+        (c, fem.locate_dofs_topological(space.sub(c), dim, surfaces[side]))
+        for c, side in part.held_sides
+    ]
+    pins = [
+        (c, fem.locate_dofs_topological(space.sub(c), 0, body_mesh.vertices_at(point)))
+        for point, c in part.pins
+    ]
     return supports, pins
 
 
@@ -144,8 +180,9 @@ def zero(space: fem.FunctionSpace, dofs: np.ndarray) -> fem.DirichletBC:
 
 
 def symbolic(item: Any, mesh: dolfinx_mesh.Mesh) -> Any:
-    """The same dataclass with every real number a `Constant`: a changed value never recompiles a kernel. Whole numbers
-    count something (faces of a pyramid) and decide the formula itself."""
+    """The same dataclass with every real number a `Constant`: a changed value never recompiles a
+    kernel. Whole numbers count something (faces of a pyramid) and decide the formula itself.
+    """
 
     def constant(value: Any) -> Any:
         if isinstance(value, tuple):
@@ -154,16 +191,25 @@ def symbolic(item: Any, mesh: dolfinx_mesh.Mesh) -> Any:
             return symbolic(value, mesh)
         return fem.Constant(mesh, value) if isinstance(value, float) else value
 
-    return dataclasses.replace(item, **{f.name: constant(getattr(item, f.name)) for f in dataclasses.fields(item)})
+    return dataclasses.replace(
+        item, **{f.name: constant(getattr(item, f.name)) for f in dataclasses.fields(item)}
+    )
 
 
 class Body:
-    """The unknown fields of a scene's body on a mesh, what is held, and the measures of its volume and surfaces."""
+    """The unknown fields of a scene's body on a mesh, what is held, and the measures of its volume
+    and surfaces.
+    """
 
     def __init__(self, scene: Scene, body_mesh: BodyMesh, beside: Sequence[Field] = ()):
         """beside: the fields that the terms of the virtual work need beside the displacement."""
-        self.scene, self.body_mesh, self.mesh, self.comm = scene, body_mesh, body_mesh.mesh, body_mesh.comm
-        self.unknowns = Unknowns(self.mesh, [Field("u", ORDER, along=tuple(range(body_mesh.dim))), *beside])
+        self.scene = scene
+        self.body_mesh = body_mesh
+        self.mesh = body_mesh.mesh
+        self.comm = body_mesh.comm
+        self.unknowns = Unknowns(
+            self.mesh, [Field("u", ORDER, along=tuple(range(body_mesh.dim))), *beside]
+        )
         self.x = self.unknowns.x
         self.X = ufl.SpatialCoordinate(self.mesh)
         self.weight = scene.physics.part.kinematics.weight(self.X)
@@ -175,7 +221,9 @@ class Body:
         self._constrain()
 
     def _moment(self, function: fem.Function) -> Moment:
-        space, depth, t = self.unknowns.space, fem.Constant(self.mesh, 0.0), fem.Constant(self.mesh, 0.0)
+        space = self.unknowns.space
+        depth = fem.Constant(self.mesh, 0.0)
+        t = fem.Constant(self.mesh, 0.0)
         ways = ufl.TestFunction(space), ufl.TrialFunction(space)
         return Moment(function, self.unknowns.of(function), depth, t, *ways)
 
@@ -187,11 +235,15 @@ class Body:
 
     @property
     def before_depth(self) -> float:
-        """The depth that was accepted last [length]; the present one where no term asks for the state before."""
+        """The depth that was accepted last [length]; the present one where no term asks for the
+        state before.
+        """
         return float((self._before or self.now).delta.value)
 
     def begin(self, stage_dt: float, passed: float) -> None:
-        """Set out on a part of a step: its time, and when it ends after the last accepted state [time]."""
+        """Set out on a part of a step: its time, and when it ends after the last accepted state
+        [time].
+        """
         self.dt.value = stage_dt
         self.now.t.value = float((self._before or self.now).t.value) + passed
 
@@ -199,22 +251,31 @@ class Body:
         """Make the present state the last accepted one."""
         if self._before:
             self._before.function.x.array[:] = self.now.function.x.array
-            self._before.delta.value, self._before.t.value = self.now.delta.value, self.now.t.value
+            self._before.delta.value = self.now.delta.value
+            self._before.t.value = self.now.t.value
 
     def _tag(self) -> None:
         regions = self.body_mesh.regions.astype(np.int32)
         cells = np.arange(len(regions), dtype=np.int32)
         self._cell_tags = dolfinx_mesh.meshtags(self.mesh, self.body_mesh.dim, cells, regions)
-        # tags are in the kernels: 1 and 2 are those of the same surfaces, whatever others a body has
+        # tags are in the kernels: 1 and 2 are those of the same surfaces, whatever others a body
+        # has
         names = dict.fromkeys(["top", "r_max", *sorted(self.body_mesh.surfaces)])
         self._tags = {name: tag for tag, name in enumerate(names, start=1)}
         parts = [self.body_mesh.surfaces.get(name, np.empty(0, dtype=np.int32)) for name in names]
-        facets, order = np.concatenate(parts), np.argsort(np.concatenate(parts))
-        tags = np.repeat(np.arange(1, len(parts) + 1, dtype=np.int32), [len(part) for part in parts])
-        self._facet_tags = dolfinx_mesh.meshtags(self.mesh, self.body_mesh.dim - 1, facets[order], tags[order])
+        facets = np.concatenate(parts)
+        order = np.argsort(np.concatenate(parts))
+        tags = np.repeat(
+            np.arange(1, len(parts) + 1, dtype=np.int32), [len(part) for part in parts]
+        )
+        self._facet_tags = dolfinx_mesh.meshtags(
+            self.mesh, self.body_mesh.dim - 1, facets[order], tags[order]
+        )
 
     def over_region(self, density: Expr, region: Region) -> ufl.Form:
-        """The integral of a density over a region, as a UFL form; without `weight` over its section."""
+        """The integral of a density over a region, as a UFL form; without `weight` over its
+        section.
+        """
         return density * self.weight * self.section(region)
 
     def section(self, region: Region) -> ufl.Measure:
@@ -223,7 +284,12 @@ class Body:
         regions = self.scene.physics.part.regions
         if len(regions) == 1:
             return ufl.dx(domain=self.mesh, metadata=metadata)
-        return ufl.dx(regions.index(region), domain=self.mesh, subdomain_data=self._cell_tags, metadata=metadata)
+        return ufl.dx(
+            regions.index(region),
+            domain=self.mesh,
+            subdomain_data=self._cell_tags,
+            metadata=metadata,
+        )
 
     def over(self, field: Field, density: Expr) -> ufl.Form:
         """The integral of a density over what a field lives on, as a UFL form."""
@@ -238,7 +304,9 @@ class Body:
     def over_surface(self, name: str, integrand: Expr, degree: int = 2 * ORDER) -> ufl.Form:
         """The integral of an expression over a named surface, as a UFL form."""
         metadata = {"quadrature_degree": degree}
-        measure = ufl.ds(self._tags[name], domain=self.mesh, subdomain_data=self._facet_tags, metadata=metadata)
+        measure = ufl.ds(
+            self._tags[name], domain=self.mesh, subdomain_data=self._facet_tags, metadata=metadata
+        )
         return integrand * self.weight * measure
 
     def _trace_of(self, facets: np.ndarray) -> Trace:
@@ -247,14 +315,16 @@ class Body:
         return Trace(nodes, X, self.unknowns.displacement_places(nodes))
 
     def _constrain(self) -> None:
-        unknowns, body_mesh = self.unknowns, self.body_mesh
+        unknowns = self.unknowns
+        body_mesh = self.body_mesh
         displacement = unknowns.subspace("u")
         supported, pins = held(displacement, body_mesh)
         self.bcs = [zero(displacement.sub(c), dofs) for c, dofs in supported + pins]
         self.supports = _owned([dofs for _, dofs in supported + pins], unknowns.owned)
         self.bearing = self._bearing(supported)
         self.pinned = _owned([dofs for _, dofs in pins], unknowns.owned)
-        self.constrained, self.active_dofs = self.supports, unknowns.total
+        self.constrained = self.supports
+        self.active_dofs = unknowns.total
         self._imposed: list[tuple[np.ndarray, float]] = []
         for field in unknowns.kinds.values():
             self._confine(field)
@@ -262,13 +332,15 @@ class Body:
                 self._follow_supports(field)
 
     def _bearing(self, supported: HeldDofs) -> dict[Surface, tuple[np.ndarray, np.ndarray]]:
-        """Own dofs that the support of each surface holds along a component, and its share of what holds each dof.
+        """Own dofs that the support of each surface holds along a component, and its share of what
+        holds each dof.
 
-        Where two supports hold a node along one axis, as at the edge of a fixed base between fixed sides, each has half
-        of its reaction. On a mirror plane, or the axis, everything comes from the image beyond it: a support that
-        reaches it has there none along the normal.
+        Where two supports hold a node along one axis, as at the edge of a fixed base between fixed
+        sides, each has half of its reaction. On a mirror plane, or the axis, everything comes from
+        the image beyond it: a support that reaches it has there none along the normal.
         """
-        part, owned = self.scene.physics.part, self.unknowns.owned
+        part = self.scene.physics.part
+        owned = self.unknowns.owned
         by_symmetry = {"r_min", *part.mirror_planes}
         groups: dict[Surface, np.ndarray] = {}
         supports = np.zeros(owned)  # that hold each dof
@@ -291,21 +363,30 @@ class Body:
         if field.where in ("", self.scene.physics.part.regions):
             return
         if isinstance(field.where, str):
-            dim, home = self.body_mesh.dim - 1, self.body_mesh.surfaces[field.where]
+            dim = self.body_mesh.dim - 1
+            home = self.body_mesh.surfaces[field.where]
         else:
             numbers = [self.scene.physics.part.regions.index(region) for region in field.where]
-            dim, home = self.body_mesh.dim, np.flatnonzero(np.isin(self.body_mesh.regions, numbers)).astype(np.int32)
+            dim = self.body_mesh.dim
+            home = np.flatnonzero(np.isin(self.body_mesh.regions, numbers)).astype(np.int32)
         dofs = self.unknowns.dofs_on(field.name, None, dim, home)
         for component, places in self.unknowns.components(field.name).items():
             self.hold(field.name, component, np.setdiff1d(places, dofs))
 
     def _follow_supports(self, field: Field) -> None:
-        """A field along an axis is zero where that component of u is held: it does no work there, and would be free."""
-        dim, surfaces = self.body_mesh.dim - 1, self.body_mesh.surfaces
+        """A field along an axis is zero where that component of u is held: it does no work there,
+        and would be free.
+        """
+        dim = self.body_mesh.dim - 1
+        surfaces = self.body_mesh.surfaces
         for component, surface in self.body_mesh.part.held_sides:
             if component in field.along:
                 along = component if len(field.along) > 1 else None
-                self.hold(field.name, along, self.unknowns.dofs_on(field.name, along, dim, surfaces[surface]))
+                self.hold(
+                    field.name,
+                    along,
+                    self.unknowns.dofs_on(field.name, along, dim, surfaces[surface]),
+                )
 
     def hold(self, name: str, component: int | None, dofs: np.ndarray, value: float = 0.0) -> None:
         """Hold local dofs of a field, or of one component of it, at a value (collective)."""
@@ -317,7 +398,9 @@ class Body:
             self._imposed.append((dofs, value))
 
     def impose(self) -> None:
-        """Give the dofs that are held at a value other than zero that value; Newton leaves them there."""
+        """Give the dofs that are held at a value other than zero that value; Newton leaves them
+        there.
+        """
         for dofs, value in self._imposed:
             self.local_array()[dofs] = value
 

@@ -1,5 +1,7 @@
-"""dolfinx is loaded here, in surroundings that it can bear: it reads the command line, the home folder and, from the
-working directory, settings that could have PETSc or the compiler run a command."""
+"""dolfinx is loaded here, in surroundings that it can bear: it reads the command line, the home
+folder and, from the working directory, settings that could have PETSc or the compiler run a
+command.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +24,20 @@ logger = logging.getLogger("indent_sim")
 
 
 def load_dolfinx() -> Path:
-    """Import dolfinx, which keeps compiled kernels in the folder that is returned; BackendError when none will do."""
+    """Import dolfinx, which keeps compiled kernels in the folder that is returned; BackendError
+    when none will do.
+    """
     _settle_folders()
-    ours, sys.argv = sys.argv, ["indent-sim"]  # its logger would take options from ours, and no odd file names
+    # its logger would take options from ours, and no odd file names
+    ours = sys.argv
+    sys.argv = ["indent-sim"]
     pipe = signal.getsignal(signal.SIGPIPE)
     try:
         import petsc4py
 
-        petsc4py.init(["indent-sim", "-skip_petscrc", "-no_signal_handler"])  # which would end by exit 59
+        petsc4py.init(
+            ["indent-sim", "-skip_petscrc", "-no_signal_handler"]
+        )  # which would end by exit 59
         with _in_the_root_folder(), _light_versions():
             from indent_sim.fe import compat
 
@@ -42,7 +50,9 @@ def load_dolfinx() -> Path:
 
 @contextmanager
 def _light_versions() -> Iterator[None]:
-    """importlib in place of pkg_resources, a tenth of all imports, of which UFL and FFCx 0.5 ask their versions."""
+    """importlib in place of pkg_resources, a tenth of all imports, of which UFL and FFCx 0.5 ask
+    their versions.
+    """
     if "pkg_resources" in sys.modules:
         yield
         return
@@ -73,16 +83,22 @@ def _in_the_root_folder() -> Iterator[None]:
 
 
 def _settle_folders() -> None:
-    """Say where kernels and settings are when the home folder cannot be used: read-only, missing or no folder."""
+    """Say where kernels and settings are when the home folder cannot be used: read-only, missing or
+    no folder.
+    """
     cache = _named("XDG_CACHE_HOME", ".cache")
     if cache is None or not _is_writable(cache / KERNELS):
         cache = Path(tempfile.gettempdir()) / f"indent-sim-{os.getuid()}"
         if not _is_writable(cache / KERNELS) or cache.stat().st_uid != os.getuid():
-            raise BackendError("no folder for compiled kernels is writable; point XDG_CACHE_HOME to one that is")
+            raise BackendError(
+                "no folder for compiled kernels is writable; point XDG_CACHE_HOME to one that is"
+            )
         logger.info("compiled kernels are kept in %s: the home folder is not writable", cache)
     os.environ["XDG_CACHE_HOME"] = str(cache)
     settings = _named("XDG_CONFIG_HOME", ".config")
-    os.environ["XDG_CONFIG_HOME"] = str(settings if settings and _is_searchable(settings) else cache)
+    os.environ["XDG_CONFIG_HOME"] = str(
+        settings if settings and _is_searchable(settings) else cache
+    )
 
 
 def _named(variable: str, inside_home: str) -> Path | None:

@@ -1,9 +1,11 @@
-"""The cache of compiled kernels: say when it is filled, by whom, and clear what a killed run left half-written in it.
+"""The cache of compiled kernels: say when it is filled, by whom, and clear what a killed run left
+half-written in it.
 
-FFCx claims an entry by creating its .c file and marks it done by a .c.cached file; who finds the first without the
-second waits ten seconds for another process and gives up. Here who looks for an unfinished entry holds a lock on a file
-beside it until it is compiled: the others wait as long as that takes, and the kernel lets go of it when the process
-ends, however it does. An entry of a program that knows no such lock is told by its age, on the clock of who waits.
+FFCx claims an entry by creating its .c file and marks it done by a .c.cached file; who finds the
+first without the second waits ten seconds for another process and gives up. Here who looks for an
+unfinished entry holds a lock on a file beside it until it is compiled: the others wait as long as
+that takes, and the kernel lets go of it when the process ends, however it does. An entry of a
+program that knows no such lock is told by its age, on the clock of who waits.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ from ffcx.codegeneration import jit
 
 from indent_sim.process.errors import BackendError
 
-STALE = 30.0  # s without a change in an unfinished entry that nobody has locked; compiling one takes a few
+# s without a change in an unfinished entry that nobody has locked; compiling one takes a few
+STALE = 30.0
 PAUSE = 0.1  # s between two looks at an entry that is waited for
 logger = logging.getLogger("indent_sim")
 FFCX_FUNCTIONS = {
@@ -36,27 +39,39 @@ FFCX_FUNCTIONS = {
 _found: Callable[..., Any]
 _compiled: Callable[..., Any]
 _told: set[str] = set()
-_loaded: dict[tuple[Any, ...], Any] = {}  # what this process has found: to look again is to list the whole cache
+_loaded: dict[
+    tuple[Any, ...], Any
+] = {}  # what this process has found: to look again is to list the whole cache
 _claimed: dict[Path, int | None] = {}  # entries this process has begun, and their locks
 
 
 def watch_the_cache() -> bool:
-    """Let FFCx go through `lookup` and `compile_kernels`; call before the first form, and more often at will. Both take
-    the place of functions that FFCx does not promise to keep: where one is missing, or has other parameters, that is
-    said and everything is left to FFCx (False)."""
+    """Let FFCx go through `lookup` and `compile_kernels`; call before the first form, and more
+    often at will. Both take the place of functions that FFCx does not promise to keep: where one
+    is missing, or has other parameters, that is said and everything is left to FFCx (False).
+    """
     global _found, _compiled
     if getattr(jit, "get_cached_module", None) is lookup:
         return True
-    if not all(_takes(getattr(jit, name, None), parameters) for name, parameters in FFCX_FUNCTIONS.items()):
-        _tell("FFCx keeps kernels in another way than is known here: runs that compile at once may have to be repeated")
+    if not all(
+        _takes(getattr(jit, name, None), parameters) for name, parameters in FFCX_FUNCTIONS.items()
+    ):
+        _tell(
+            "FFCx keeps kernels in another way than is known here: runs that compile at once "
+            "may have to be repeated"
+        )
         return False
     _found, _compiled = (getattr(jit, name) for name in FFCX_FUNCTIONS)
-    jit.get_cached_module, jit._compile_objects = lookup, compile_kernels
+    jit.get_cached_module = lookup
+    jit._compile_objects = compile_kernels
     return True
 
 
 def _takes(function: Any, parameters: tuple[str, ...]) -> bool:
-    return callable(function) and tuple(inspect.signature(function).parameters)[: len(parameters)] == parameters
+    return (
+        callable(function)
+        and tuple(inspect.signature(function).parameters)[: len(parameters)] == parameters
+    )
 
 
 @contextmanager
@@ -71,9 +86,10 @@ def compiling() -> Iterator[None]:
 
 
 def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) -> Any:
-    """FFCx's own look-up, for unfinished entries by one process at a time, so that it need not wait for any. An entry
-    that nobody works on is removed, and compiled anew, and so is one whose library a full disk or a power failure has
-    cut off: to load it would end the process."""
+    """FFCx's own look-up, for unfinished entries by one process at a time, so that it need not wait
+    for any. An entry that nobody works on is removed, and compiled anew, and so is one whose
+    library a full disk or a power failure has cut off: to load it would end the process.
+    """
     entry = Path(cache_dir) / f"{module_name}.c"
     wanted = entry, *object_names
     if wanted in _loaded:
@@ -82,7 +98,8 @@ def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) ->
         return _loaded.setdefault(wanted, _found(module_name, object_names, cache_dir, timeout))
     _give_claims_back()
     try:
-        was_locked, lock = entry.with_suffix(".lock").exists(), _locked(entry)
+        was_locked = entry.with_suffix(".lock").exists()
+        lock = _locked(entry)
         if lock is None or not was_locked:
             _await_others(entry)
         if not _is_good(entry):
@@ -90,7 +107,9 @@ def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) ->
                 for file in entry.parent.glob(name):
                     file.unlink(missing_ok=True)
     except OSError as error:
-        raise BackendError(f"cannot keep kernels in {entry.parent}: {error.strerror or error}") from error
+        raise BackendError(
+            f"cannot keep kernels in {entry.parent}: {error.strerror or error}"
+        ) from error
     found = _found(module_name, object_names, cache_dir, timeout)
     if found[0] is not None:
         _let_go(lock)
@@ -123,12 +142,17 @@ def _let_go(lock: int | None) -> None:
 
 def _await_others(entry: Path) -> None:
     """Wait until an entry without a lock is finished, gone, or has not changed for STALE seconds."""
-    before, since = _traces(entry), time.monotonic()
+    before = _traces(entry)
+    since = time.monotonic()
     while _is_begun(entry) and time.monotonic() < since + STALE:
-        _tell(f"waiting for another program that compiles {entry}, or left it; for {STALE:g} s after its last change")
+        _tell(
+            f"waiting for another program that compiles {entry}, or left it; for {STALE:g} s "
+            "after its last change"
+        )
         time.sleep(PAUSE)
         if (now := _traces(entry)) != before:
-            before, since = now, time.monotonic()
+            before = now
+            since = time.monotonic()
 
 
 def _traces(entry: Path) -> dict[str, tuple[int, int]]:
@@ -146,15 +170,26 @@ def _tell(what: str) -> None:
 
 
 def compile_kernels(
-    declaration: Any, objects: Any, names: Any, module: str, options: Any, cache: Any, *more: Any, **named: Any
+    declaration: Any,
+    objects: Any,
+    names: Any,
+    module: str,
+    options: Any,
+    cache: Any,
+    *more: Any,
+    **named: Any,
 ) -> Any:
-    """FFCx's own compilation, after which others may have the entry; BackendError when the compiler fails."""
+    """FFCx's own compilation, after which others may have the entry; BackendError when the compiler
+    fails.
+    """
     try:
         with _without_compiler_lines():
             done = _compiled(declaration, objects, names, module, options, cache, *more, **named)
     except (VerificationError, OSError) as error:
         reason = " ".join(str(error).split())
-        raise BackendError(f"kernels cannot be compiled: {reason}; `indent-sim doctor` says what is missing") from error
+        raise BackendError(
+            f"kernels cannot be compiled: {reason}; `indent-sim doctor` says what is missing"
+        ) from error
     _let_go(_claimed.pop(Path(cache) / f"{module}.c", None))
     return done
 
@@ -185,10 +220,14 @@ def _is_warning(record: logging.LogRecord) -> bool:
 
 
 def _is_good(entry: Path) -> bool:
-    """Whether an entry is finished, and its library there and not cut off; before that its linker may be at it."""
+    """Whether an entry is finished, and its library there and not cut off; before that its linker
+    may be at it.
+    """
     if not entry.with_suffix(".c.cached").exists():
         return False
-    libraries = [file for ending in EXTENSION_SUFFIXES if (file := entry.with_suffix(ending)).exists()]
+    libraries = [
+        file for ending in EXTENSION_SUFFIXES if (file := entry.with_suffix(ending)).exists()
+    ]
     return bool(libraries) and all(map(_is_whole, libraries))
 
 
@@ -200,12 +239,16 @@ def _is_whole(library: Path) -> bool:
     """Whether an ELF library is as long as its header says: its table of sections comes last."""
     try:
         with library.open("rb") as file:
-            head, size = file.read(64), file.seek(0, 2)
+            head = file.read(64)
+            size = file.seek(0, 2)
     except OSError:
         return True  # to be told of by who loads it
     if len(head) < 64:
         return False
-    table, entry, entries = *struct.unpack_from("Q", head, 0x28), *struct.unpack_from("HH", head, 0x3A)
+    table, entry, entries = (
+        *struct.unpack_from("Q", head, 0x28),
+        *struct.unpack_from("HH", head, 0x3A),
+    )
     return size >= table + entry * entries
 
 

@@ -18,9 +18,10 @@ from indent_sim.mesh.modelled_part import Part, on_dome
 
 @dataclass(frozen=True)
 class BodyMesh:
-    """The distributed mesh; `surfaces` maps each named surface to its facets on this rank.
-    skin: the boundary facets beside the contact surface, but for those on mirror planes and guided by rollers; regions:
-    the number of the region of each cell on this rank (n,)."""
+    """The distributed mesh; `surfaces` maps each named surface to its facets on this rank. skin:
+    the boundary facets beside the contact surface, but for those on mirror planes and guided by
+    rollers; regions: the number of the region of each cell on this rank (n,).
+    """
 
     mesh: dolfinx.mesh.Mesh
     part: Part
@@ -42,13 +43,17 @@ class BodyMesh:
     def vertices_at(self, point: tuple[float, ...]) -> np.ndarray:
         """Local vertices at a point."""
         target = np.asarray(point)[:, None]  # coordinates are near 1 and rounded to 12 digits
-        return dolfinx.mesh.locate_entities(self.mesh, 0, lambda x: (np.abs(x[: self.dim] - target) < 1e-9).all(axis=0))
+        return dolfinx.mesh.locate_entities(
+            self.mesh, 0, lambda x: (np.abs(x[: self.dim] - target) < 1e-9).all(axis=0)
+        )
 
 
 def distribute(grid: Grid | None, part: Part, comm: MPI.Comm) -> BodyMesh:
-    """Divide the grid of a part, which rank 0 can read, among all ranks; each has its named surfaces (collective).
+    """Divide the grid of a part, which rank 0 can read, among all ranks; each has its named
+    surfaces (collective).
 
-    A rank takes the rows of one slice of points and cells, and from there dolfinx finds who is best to have which cell.
+    A rank takes the rows of one slice of points and cells, and from there dolfinx finds who is best
+    to have which cell.
     """
     dim = part.dim
     fingerprint, named = comm.bcast((grid.hash, grid.surfaces) if grid else None, root=0)
@@ -61,16 +66,22 @@ def distribute(grid: Grid | None, part: Part, comm: MPI.Comm) -> BodyMesh:
     mesh.topology.create_connectivity(0, dim)
     facets, corners = compat.exterior_facets(mesh)
     surfaces = {surface: facets[_among(corners, wanted)] for surface, wanted in named.items()}
-    others = [facets[:0], *(surfaces[name] for name in named if name == "top" or part.supports.get(name) == "roller")]
+    others = [
+        facets[:0],
+        *(surfaces[name] for name in named if name == "top" or part.supports.get(name) == "roller"),
+    ]
     skin = np.setdiff1d(facets, np.concatenate(others))
     return BodyMesh(mesh, part, surfaces, skin, regions, fingerprint)
 
 
 def _curved(grid: Grid, part: Part) -> tuple[np.ndarray, np.ndarray]:
-    """Points and cells of a grid; with a spherical top the middles of edges too, on the sphere where its facets are."""
+    """Points and cells of a grid; with a spherical top the middles of edges too, on the sphere
+    where its facets are.
+    """
     if part.dome is None:
         return grid.points, grid.cells
-    corners, n = grid.cells, len(grid.points)
+    corners = grid.cells
+    n = len(grid.points)
     edges = np.sort(corners[:, [[1, 2], [0, 2], [0, 1]]], axis=2).reshape(-1, 2)
     ends, number = np.unique(edges, axis=0, return_inverse=True)
     middles = grid.points[ends].mean(axis=1)
@@ -83,10 +94,16 @@ def _curved(grid: Grid, part: Part) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([grid.points, middles]), np.hstack([corners, n + number.reshape(-1, 3)])
 
 
-def _faces(grid: Grid, part: Part, number: np.ndarray, count: int) -> Iterator[tuple[float, np.ndarray]]:
-    """z on the axis of each face between layers, and which of so many edges are on it; number: of each cell's three."""
-    regions, layers = np.repeat(grid.regions, 3), len(part.interfaces)
-    outer, inner = np.full(count, layers), np.zeros(count, dtype=int)
+def _faces(
+    grid: Grid, part: Part, number: np.ndarray, count: int
+) -> Iterator[tuple[float, np.ndarray]]:
+    """z on the axis of each face between layers, and which of so many edges are on it; number: of
+    each cell's three.
+    """
+    regions = np.repeat(grid.regions, 3)
+    layers = len(part.interfaces)
+    outer = np.full(count, layers)
+    inner = np.zeros(count, dtype=int)
     np.minimum.at(outer, number, regions)
     np.maximum.at(inner, number, regions)
     for k, z in enumerate(reversed(part.interfaces)):
@@ -97,7 +114,9 @@ def _among(facets: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Which facets (n, dim), by their points in any order, are among the wanted ones."""
     first, *others = np.sort(np.concatenate([wanted, facets]).astype(np.int64), axis=1).T
     number = first
-    for points in others:  # of all points so far: by columns, for whole rows are sorted ten times slower
+    for (
+        points
+    ) in others:  # of all points so far: by columns, for whole rows are sorted ten times slower
         _, number = np.unique(number, return_inverse=True)
         number = number.ravel() * (points.max(initial=0) + 1) + points
     return np.isin(number[len(wanted) :], number[: len(wanted)])

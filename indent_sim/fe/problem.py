@@ -1,9 +1,10 @@
-"""Terms of the virtual work -> their sum, its tangent, and the steps that lead from one state to the next.
+"""Terms of the virtual work -> their sum, its tangent, and the steps that lead from one state to
+the next.
 
     Pi(u, q, lam; delta) = int psi dOmega + int potential(g, lam) dGamma
 
-residual = dPi, tangent = d(dPi), force = dPi/d(delta). Nothing here knows mechanics: the terms do. A term without a
-potential, as friction, adds its virtual work to dPi.
+residual = dPi, tangent = d(dPi), force = dPi/d(delta). Nothing here knows mechanics: the terms do.
+A term without a potential, as friction, adds its virtual work to dPi.
 """
 
 from __future__ import annotations
@@ -29,9 +30,11 @@ from indent_sim.model.units import rounded
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A state: the unknowns, which may be extrapolated and blended, and what the terms remember, which may not.
+    """A state: the unknowns, which may be extrapolated and blended, and what the terms remember,
+    which may not.
 
-    softer: the modulus that the contact was as stiff as, over that of the first moment."""
+    softer: the modulus that the contact was as stiff as, over that of the first moment.
+    """
 
     depth: float
     unknowns: tuple[PETSc.Vec, ...]
@@ -44,14 +47,24 @@ class Problem:
     """The sum of terms of the virtual work of a body."""
 
     def __init__(self, body: Body, terms: Iterable[Term]):
-        self.body, self.terms = body, list(terms)
-        self.scene, self.law, self.mesh, self.comm = body.scene, body.scene.physics.contact, body.mesh, body.comm
-        self.unknowns, self.x, self.delta = body.unknowns, body.x, body.now.delta
+        self.body = body
+        self.terms = list(terms)
+        self.scene = body.scene
+        self.law = body.scene.physics.contact
+        self.mesh = body.mesh
+        self.comm = body.comm
+        self.unknowns = body.unknowns
+        self.x = body.x
+        self.delta = body.now.delta
         self._residual = fem.form(_sum(term.work(*self._step(term)) for term in self.terms))
         self._energy = fem.form(_sum(term.energy for term in self.terms))
         self.b = compat.create_vector(self._residual, body.unknowns.space)
-        self.frozen = [function for term in self.terms for function in term.frozen]  # of the present guess
-        self.histories = [function for term in self.terms for function in term.history]  # what is remembered
+        self.frozen = [
+            function for term in self.terms for function in term.frozen
+        ]  # of the present guess
+        self.histories = [
+            function for term in self.terms for function in term.history
+        ]  # what is remembered
         self._vectors = [self.x, *(compat.vector(function) for function in self.frozen)]
         self.has_symmetric_tangent = all(term.has_symmetric_tangent for term in self.terms)
         self.has_memory = any(term.has_memory for term in self.terms)
@@ -60,8 +73,9 @@ class Problem:
 
     @property
     def keeps_tangent(self) -> bool:
-        """Whether the tangent of a step is that of the next one as long as the contact is: where fluid flows in a
-        linear body without friction."""
+        """Whether the tangent of a step is that of the next one as long as the contact is: where
+        fluid flows in a linear body without friction.
+        """
         return self.flows and self.scene.physics.is_linear and self.law.is_conservative
 
     def _step(self, term: Term) -> tuple[Moment, Moment, fem.Constant]:
@@ -83,7 +97,9 @@ class Problem:
 
     @cached_property
     def row_weights(self) -> np.ndarray:
-        """Factors that turn the rows of each field (force, volume, length) into forces, for measuring residuals."""
+        """Factors that turn the rows of each field (force, volume, length) into forces, for
+        measuring residuals.
+        """
         weights = np.ones(self.unknowns.owned)
         for name, field in self.unknowns.kinds.items():
             places = self.unknowns.places(name)
@@ -92,7 +108,9 @@ class Problem:
 
     @property
     def setting(self) -> tuple[float, ...]:
-        """What the tangent depends on beside the state: where it is the same an old tangent is near."""
+        """What the tangent depends on beside the state: where it is the same an old tangent is
+        near.
+        """
         return rounded(float(self.body.dt.value)), *(term.setting for term in self.terms)
 
     def soften(self, factor: float) -> None:
@@ -106,7 +124,9 @@ class Problem:
         return any(term.can_firm for term in self.terms)
 
     def firm(self, firmness: float) -> None:
-        """Hold the surface of a drop by so much of its tension in its plane, see `terms.surface_tension`."""
+        """Hold the surface of a drop by so much of its tension in its plane, see
+        `terms.surface_tension`.
+        """
         for term in self.terms:
             term.firm(firmness)
 
@@ -166,7 +186,9 @@ class Problem:
         return [vector.copy() for vector in self._vectors]
 
     def take(self, guess: Sequence[PETSc.Vec]) -> None:
-        """Make copies of unknowns, or a combination of such, the present ones; what is remembered stays."""
+        """Make copies of unknowns, or a combination of such, the present ones; what is remembered
+        stays.
+        """
         for vector, values in zip(self._vectors, guess, strict=True):
             values.copy(vector)
             vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
@@ -174,11 +196,14 @@ class Problem:
     def snapshot(self) -> Snapshot:
         """The present state, just accepted."""
         remembered = tuple(function.x.array.copy() for function in self.histories)
-        return Snapshot(self.depth, tuple(self.guess()), remembered, float(self.body.now.t.value), self._softer)
+        return Snapshot(
+            self.depth, tuple(self.guess()), remembered, float(self.body.now.t.value), self._softer
+        )
 
     def restore(self, state: Snapshot) -> None:
         """Make a state the present one, and the one that was accepted last."""
-        self.delta.value, self.body.now.t.value = state.depth, state.t
+        self.delta.value = state.depth
+        self.body.now.t.value = state.t
         self.take(state.unknowns)
         for function, values in zip(self.histories, state.history, strict=True):
             function.x.array[:] = values
@@ -187,8 +212,10 @@ class Problem:
         self.follow(state.softer)
 
     def is_admissible(self) -> bool:
-        """Whether J > 0, and any other limit of the law is kept, at every quadrature point: the energy is a number.
-        Residual and tangent do not show it: the derivative of ln J is as good for J < 0."""
+        """Whether J > 0, and any other limit of the law is kept, at every quadrature point: the
+        energy is a number. Residual and tangent do not show it: the derivative of ln J is as
+        good for J < 0.
+        """
         return self.scene.physics.small_strain or bool(np.isfinite(self.energy()))
 
     def force(self) -> float:
@@ -196,11 +223,15 @@ class Problem:
         return self.whole(sum(term.force() for term in self.terms))
 
     def side_force(self, axis: int) -> float:
-        """Force on the tip along a horizontal axis, of the whole body; across a mirror plane it is the part's."""
+        """Force on the tip along a horizontal axis, of the whole body; across a mirror plane it is
+        the part's.
+        """
         return self.whole(sum(term.side_force(axis) for term in self.terms))
 
     def dissipation(self) -> float:
-        """What is lost on the way to the present state from the last accepted one, in the whole body."""
+        """What is lost on the way to the present state from the last accepted one, in the whole
+        body.
+        """
         return self.whole(sum(term.dissipation() for term in self.terms))
 
     def energy(self) -> float:
@@ -212,10 +243,12 @@ class Problem:
         return float(self.scene.physics.part.copies * self.comm.allreduce(mine, op=MPI.SUM))
 
     def reactions(self) -> tuple[dict[Surface, float], float]:
-        """The force of each support on the modelled part [force], and the largest reaction of the pins that only
-        remove rigid modes, of the whole body (collective)."""
+        """The force of each support on the modelled part [force], and the largest reaction of the
+        pins that only remove rigid modes, of the whole body (collective).
+        """
         self.assemble_residual(self.b)
-        values, body = self.b.array_r, self.body
+        values = self.b.array_r
+        body = self.body
         mine = {of: float(share @ values[dofs]) for of, (dofs, share) in body.bearing.items()}
         for term in self.terms:
             mine |= term.reactions()

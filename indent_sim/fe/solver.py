@@ -37,7 +37,10 @@ def walk(scene: Scene, mesh: BodyMesh, started: float | None = None) -> Walk:
 
 
 def release(mesh: BodyMesh) -> None:
-    """Free what PETSc keeps of objects on this mesh that Python has let go of (collective). They are put aside,
-    matrices with their factors, until all ranks agree to free them; even where there is one rank."""
+    """Free what PETSc keeps of objects on this mesh that Python has let go of (collective).
+
+    They are put aside, matrices with their factors, until all ranks agree to free them; even where
+    there is one rank.
+    """
     gc.collect()
     PETSc.garbage_cleanup(mesh.comm)

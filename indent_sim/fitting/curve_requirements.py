@@ -1,4 +1,6 @@
-"""What a scene requires for one measured curve: its effects at the curve's depth, and other models fitted beside it."""
+"""What a scene requires for one measured curve: its effects at the curve's depth, and other models
+fitted beside it.
+"""
 
 from __future__ import annotations
 
@@ -19,15 +21,17 @@ from indent_sim.results.measured.curve_file import read_measured
 from indent_sim.results.measured.measurement import Measured
 from indent_sim.run.requirements.cheapest import Requirements, require
 
-NEEDED, NOT_EXCLUDED = "needed", "not excluded"
+NEEDED = "needed"
+NOT_EXCLUDED = "not excluded"
 
 
 @dataclass(frozen=True)
 class CurveRequirements:
     """What the scene requires with the modulus and the depth of a curve.
 
-    key: the modulus that was fitted; entry: the curve's, as in fit.json; models: those that were fitted beside the
-    scene's, with the modulus that each would give and whether it is needed or not excluded.
+    key: the modulus that was fitted; entry: the curve's, as in fit.json; models: those that were
+    fitted beside the scene's, with the modulus that each would give and whether it is needed or not
+    excluded.
     """
 
     config: Config
@@ -47,34 +51,49 @@ class CurveRequirements:
         return self.requirements.as_json() | {"curve": self.entry, "models": self.models}
 
 
-def require_of_curve(config: Config, path: Path, within: float, reading: Reading | None = None) -> CurveRequirements:
-    """What a scene requires for a force within a relative tolerance, at the depth and with the modulus of the first
-    curve of a file.
+def require_of_curve(
+    config: Config, path: Path, within: float, reading: Reading | None = None
+) -> CurveRequirements:
+    """What a scene requires for a force within a relative tolerance, at the depth and with the
+    modulus of the first curve of a file.
 
-    The modulus is the scene's first. NotConverged with the reason for a curve that tells nothing of it; ConfigError for
-    a scene without a modulus or that cannot be run; errors of the file as `read_measured` raises them.
+    The modulus is the scene's first. NotConverged with the reason for a curve that tells nothing of
+    it; ConfigError for a scene without a modulus or that cannot be run; errors of the file as
+    `read_measured` raises them.
     """
     reading = reading or Reading()
     key = next(iter(pressures(config)), None)
     if key is None:
-        raise ConfigError("material", "has no modulus that a curve could tell", "give a material with one, such as E")
-    curve = read_measured(path, reading.columns or None, reading.units, newtons_per_metre(config))[0]
+        raise ConfigError(
+            "material",
+            "has no modulus that a curve could tell",
+            "give a material with one, such as E",
+        )
+    curve = read_measured(path, reading.columns or None, reading.units, newtons_per_metre(config))[
+        0
+    ]
     found = fit_curve(curve, Request(config, (key,), models="all"), Tables())
     if not found.is_done:
         raise NotConverged(f"{path}: {found.entry['reason']}")
     value = found.entry["parameters"][key]["value"]
     pressed = with_numbers(config, {key: value, "loading": _loading(config, curve, found.entry)})
-    models = [one | {"verdict": NEEDED if one["p"] < NAMED else NOT_EXCLUDED} for one in found.entry["models"]]
+    models = [
+        one | {"verdict": NEEDED if one["p"] < NAMED else NOT_EXCLUDED}
+        for one in found.entry["models"]
+    ]
     return CurveRequirements(config, key, found.entry, models, require(pressed, within))
 
 
 def _loading(config: Config, curve: Measured, entry: dict[str, Any]) -> dict[str, Any]:
-    """The path of the curve's approach: its depth, or in time the way from first touch on at an even pace."""
+    """The path of the curve's approach: its depth, or in time the way from first touch on at an
+    even pace.
+    """
     if not config.loading.in_time:
         return {"delta": entry["depth"], "steps": config.loading.steps}
     held = config.experiment is not None and config.experiment.compliance > 0
     along = curve.along("z" if held else "delta")
     approach = in_scene_units(curve, config).part("approach")
-    x, c = approach.x(along), entry["contact_point"]["value"]
+    x = approach.x(along)
+    c = entry["contact_point"]["value"]
     t = approach.t[x > c] if approach.t is not None else [0.0, 1.0]
     return {"history": [[0.0, 0.0], [float(t[-1] - t[0]), float(x.max() - c)]]}

@@ -1,4 +1,5 @@
-"""The folder of a fit: measured curves one after another, their entries in fit.json, tables and pictures.
+"""The folder of a fit: measured curves one after another, their entries in fit.json, tables and
+pictures.
 
 A call with the same folder goes on with the curves that lack an entry, or whose file has changed.
 """
@@ -17,7 +18,14 @@ from pathlib import Path
 from typing import Any
 
 from indent_sim.fitting import fit_table
-from indent_sim.fitting.curve_fit import CurveFit, Request, fit_curve, newtons_per_metre, refused, request_words
+from indent_sim.fitting.curve_fit import (
+    CurveFit,
+    Request,
+    fit_curve,
+    newtons_per_metre,
+    refused,
+    request_words,
+)
 from indent_sim.fitting.scene_curve.parameters import number_at
 from indent_sim.fitting.scene_curve.scene_forces import Tables
 from indent_sim.process.errors import BackendError, ConfigError, NotConverged, UsageError
@@ -31,7 +39,10 @@ from indent_sim.results.measured.measurement import Measured, NoCurve
 from indent_sim.results.writer import to_json
 from indent_sim.run.prospect import Prospect
 
-FIT_TABLE, FIT_PICTURE, CURVES_FOLDER, PICTURES = "fit.csv", "fit.png", "curves", "pictures"
+FIT_TABLE = "fit.csv"
+FIT_PICTURE = "fit.png"
+CURVES_FOLDER = "curves"
+PICTURES = "pictures"
 FIT_FILES = (FIT, FIT_TABLE, FIT_PICTURE, CURVES_FOLDER, PICTURES)
 SAVED_EVERY = 2.0  # s between two writings of fit.json while curves are fitted
 Tell = Callable[[str], None]
@@ -40,7 +51,9 @@ Entry = dict[str, Any]
 
 @dataclass(frozen=True)
 class Reading:
-    """How the files of curves are read: columns by title or number, and units where the files say none."""
+    """How the files of curves are read: columns by title or number, and units where the files say
+    none.
+    """
 
     columns: tuple[str, ...] = ()
     units: Mapping[str, str] | None = None
@@ -57,7 +70,11 @@ class Fits:
     @property
     def exit_code(self) -> int:
         """0 where any curve was fitted, else 5."""
-        return 0 if any(entry["status"] == "done" for entry in self.entries) else NotConverged.exit_code
+        return (
+            0
+            if any(entry["status"] == "done" for entry in self.entries)
+            else NotConverged.exit_code
+        )
 
     def as_json(self) -> Entry:
         """What fit.json says of the curves."""
@@ -67,7 +84,9 @@ class Fits:
 
 @dataclass(frozen=True)
 class _Task:
-    """A curve to be fitted, where what is drawn of it goes, and what tells its file from a later one."""
+    """A curve to be fitted, where what is drawn of it goes, and what tells its file from a later
+    one.
+    """
 
     curve: Measured
     directory: Path
@@ -85,9 +104,9 @@ def fit_all(
 ) -> Fits:
     """Fit a scene to every curve of files and folders, `jobs` at a time, into a folder of its own.
 
-    Raises UsageError for a path that is not there, or a folder that holds something else or the fit of another scene;
-    ConfigError for a scene, a key or a column that is wrong; BackendError for AFM files without their package. One
-    broken curve is an entry with its reason.
+    Raises UsageError for a path that is not there, or a folder that holds something else or the fit
+    of another scene; ConfigError for a scene, a key or a column that is wrong; BackendError for AFM
+    files without their package. One broken curve is an entry with its reason.
     """
     reading = reading or Reading()
     files = [file for path in paths for file in curve_files(path)]
@@ -119,7 +138,8 @@ class _Writer:
     """The entries of a fit and its files, written now and then."""
 
     def __init__(self, directory: Path, request: Request, known: list[Entry]):
-        self.directory, self.request = directory, request
+        self.directory = directory
+        self.request = request
         self.known = {str(entry["curve"]): entry for entry in known}
         self.entries: list[Entry] = []
         self._order: dict[str, int] = {}  # of the curves, in which processes do not end
@@ -146,10 +166,14 @@ class _Writer:
         code = fits.exit_code if status == "done" else None
         said = {"program": PROGRAM, "version": VERSION, "status": status, "exit_code": code}
         entries = [*self.entries, *(self.known.values() if status != "done" else ())]
-        text = to_json(said | fits.as_json() | {"curves": entries, "request": request_words(self.request)})
+        text = to_json(
+            said | fits.as_json() | {"curves": entries, "request": request_words(self.request)}
+        )
         try:
             write_atomically(self.directory / FIT, text + "\n")
-            write_atomically(self.directory / FIT_TABLE, fit_table.table_of_fits(self.entries, self.request.keys))
+            write_atomically(
+                self.directory / FIT_TABLE, fit_table.table_of_fits(self.entries, self.request.keys)
+            )
         except OSError as error:
             raise unwritable(self.directory, error) from error
         self._written = time.monotonic()
@@ -162,13 +186,17 @@ class _Writer:
         if self.request.config.output.plot and len(self.entries) > 1:
             from indent_sim.fitting import fit_picture
 
-            fit_picture.draw_many(self.entries, self.request.keys, self.request.config, self.directory / FIT_PICTURE)
+            fit_picture.draw_many(
+                self.entries, self.request.keys, self.request.config, self.directory / FIT_PICTURE
+            )
         return fits
 
 
 @contextmanager
 def _opened(directory: Path, request: Request) -> Iterator[list[Entry]]:
-    """The folder, locked, and the entries of an earlier call of the same request; UsageError where it is another's."""
+    """The folder, locked, and the entries of an earlier call of the same request; UsageError where
+    it is another's.
+    """
     results.refuse_foreign(directory, "fit", (FIT_PICTURE,))
     before = read_report(directory, FIT)
     if before and before.get("request") != _plain(request_words(request)):
@@ -213,12 +241,16 @@ def _plain(found: Mapping[str, Any]) -> Any:
 def _curves(
     files: Sequence[Path], request: Request, reading: Reading, writer: _Writer
 ) -> Iterator[tuple[Measured | CurveFit, Entry]]:
-    """The curves that have no entry yet, in order of the files; a file without any is its own reason."""
+    """The curves that have no entry yet, in order of the files; a file without any is its own
+    reason.
+    """
     taken: set[str] = set()
     for file in files:
         found: Sequence[Measured | CurveFit]
         try:
-            found = read_measured(file, reading.columns or None, reading.units, newtons_per_metre(request.config))
+            found = read_measured(
+                file, reading.columns or None, reading.units, newtons_per_metre(request.config)
+            )
         except NoCurve as error:
             found = [refused(file.stem, error.problem)]
         except UsageError as error:
@@ -231,7 +263,11 @@ def _curves(
 
 
 def _renamed(curve: Measured | CurveFit, name: str) -> Measured | CurveFit:
-    return replace(curve, name=name) if isinstance(curve, Measured) else refused(name, curve.entry["reason"])
+    return (
+        replace(curve, name=name)
+        if isinstance(curve, Measured)
+        else refused(name, curve.entry["reason"])
+    )
 
 
 def _own_name(name: str, file: Path, taken: set[str]) -> str:
@@ -251,15 +287,23 @@ def _source(file: Path) -> Entry:
     return {"file": str(file), "bytes": found.st_size, "modified": found.st_mtime_ns}
 
 
-def _task(curve: Measured | CurveFit, source: Entry, directory: Path, several: bool, drawn: bool) -> Any:
+def _task(
+    curve: Measured | CurveFit, source: Entry, directory: Path, several: bool, drawn: bool
+) -> Any:
     if isinstance(curve, CurveFit):
         return curve.entry | {"source": source}
-    picture = (directory / PICTURES / f"{curve.name}.png" if several else directory / FIT_PICTURE) if drawn else None
+    picture = (
+        (directory / PICTURES / f"{curve.name}.png" if several else directory / FIT_PICTURE)
+        if drawn
+        else None
+    )
     return _Task(curve, directory, picture, source)
 
 
 def _done(tasks: Iterator[Any], request: Request, jobs: int) -> Iterator[Entry]:
-    """The entries of all tasks in their order, those that were refused when they were read among them."""
+    """The entries of all tasks in their order, those that were refused when they were read among
+    them.
+    """
     tables = Tables()
 
     def work(task: _Task) -> Entry:
@@ -272,8 +316,12 @@ def _done(tasks: Iterator[Any], request: Request, jobs: int) -> Iterator[Entry]:
     yield from _in_processes(tasks, work, jobs)
 
 
-def _in_processes(tasks: Iterator[Any], work: Callable[[_Task], Entry], jobs: int) -> Iterator[Entry]:
-    """The entries of tasks that are done so many at a time, each in a process of its own, as they come."""
+def _in_processes(
+    tasks: Iterator[Any], work: Callable[[_Task], Entry], jobs: int
+) -> Iterator[Entry]:
+    """The entries of tasks that are done so many at a time, each in a process of its own, as they
+    come.
+    """
     with ExitStack() as stack:
         idle = [Forked(work, lambda: None, uses_mpi=True) for _ in range(jobs)]
         for process in idle:
@@ -304,7 +352,9 @@ def _answer(answer: Callable[[], Entry], task: _Task) -> Entry:
     try:
         return answer()
     except Crash as crash:
-        return refused(task.curve.name, f"the process of this curve {crash}").entry | {"source": task.source}
+        return refused(task.curve.name, f"the process of this curve {crash}").entry | {
+            "source": task.source
+        }
 
 
 def _carried_out(task: _Task, request: Request, tables: Tables) -> Entry:

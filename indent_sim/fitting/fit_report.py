@@ -1,4 +1,6 @@
-"""Report of a fit: what every curve says of the scene, its pictures and tables, as the page of a result."""
+"""Report of a fit: what every curve says of the scene, its pictures and tables, as the page of a
+result.
+"""
 
 from __future__ import annotations
 
@@ -26,40 +28,67 @@ from indent_sim.results.report import Picture, Table, page, short, table_of
 MOST_PICTURES = 12  # of curves; more are told of in the table
 Entry = Mapping[str, Any]
 OF_RESIDUAL = "p: the probability of that by accident; a correlation is in samples."
-OF_MODELS = "Each is fitted in place of the scene; p: the probability that it is as much better by accident."
+OF_MODELS = (
+    "Each is fitted in place of the scene; p: the probability that it is as much "
+    "better by accident."
+)
 
 
 def of_fit(folder: Path) -> str:
     """The page of a fit's folder; UsageError when it holds none that can be read."""
     record = read_report(folder, FIT)
     try:
-        entries, keys, document = record["curves"], record["vary"], record["request"]["scene"]
+        entries = record["curves"]
+        keys = record["vary"]
+        document = record["request"]["scene"]
         config = from_mapping(document)
         done = [entry for entry in entries if entry["status"] == "done"]
         parts = _parts(folder, config, entries, done, keys)
     except (KeyError, TypeError, ValueError, AttributeError, IndentSimError) as error:
-        raise UsageError(f"{folder} holds no fit that can be read: {type(error).__name__} {error}") from None
+        raise UsageError(
+            f"{folder} holds no fit that can be read: {type(error).__name__} {error}"
+        ) from None
     title = (
-        f"{record['scene']} fitted to {done[0]['curve'] if len(entries) == 1 and done else f'{len(entries)} curves'}"
+        f"{record['scene']} fitted to "
+        f"{done[0]['curve'] if len(entries) == 1 and done else f'{len(entries)} curves'}"
     )
     counted = f"{len(done)} of {len(entries)} curves fitted" if len(entries) > 1 else ""
     words = [f"varied: {', '.join(keys)}", counted, f"{PROGRAM} {record.get('version', VERSION)}"]
-    subtitle, failure = "  ·  ".join(filter(None, words)), "" if done else "no curve was fitted"
+    subtitle = "  ·  ".join(filter(None, words))
+    failure = "" if done else "no curve was fitted"
     return page(title=title, subtitle=subtitle, failure=failure, scene=dump(document), **parts)
 
 
 def _parts(
-    folder: Path, config: Config, entries: Sequence[Entry], done: Sequence[Entry], keys: Sequence[str]
+    folder: Path,
+    config: Config,
+    entries: Sequence[Entry],
+    done: Sequence[Entry],
+    keys: Sequence[str],
 ) -> dict[str, Any]:
     """What stands in the page: numbers, words, pictures, tables, warnings."""
     alone = done[0] if len(entries) == 1 and done else None
-    told = [f"{entry['curve']}: {entry['words']}" for entry in done[:MOST_PICTURES]] if not alone else [alone["words"]]
-    told += [f"{entry['curve']}: refused, {entry['reason']}" for entry in entries if entry["status"] != "done"]
+    told = (
+        [f"{entry['curve']}: {entry['words']}" for entry in done[:MOST_PICTURES]]
+        if not alone
+        else [alone["words"]]
+    )
+    told += [
+        f"{entry['curve']}: refused, {entry['reason']}"
+        for entry in entries
+        if entry["status"] != "done"
+    ]
     pictures = [*_overview(entries, keys, config), *_pictures(folder, done[:MOST_PICTURES], config)]
     tables = [*(_of_one(alone) if alone else []), _rows(folder)]
     warned = list(dict.fromkeys(line for entry in done for line in entry["warnings"]))
     numbers = _numbers(alone, keys, config) if alone else []
-    return {"numbers": numbers, "said": told, "pictures": pictures, "tables": tables, "warnings": warned}
+    return {
+        "numbers": numbers,
+        "said": told,
+        "pictures": pictures,
+        "tables": tables,
+        "warnings": warned,
+    }
 
 
 def _numbers(entry: Entry, keys: Sequence[str], config: Config) -> list[tuple[str, str]]:
@@ -67,7 +96,9 @@ def _numbers(entry: Entry, keys: Sequence[str], config: Config) -> list[tuple[st
     found = []
     for key in keys:
         stated = entry["parameters"][key]
-        value, low, high = (said(key, config, stated[end], Interval(*map(stated.get, ENDS))) for end in ENDS)
+        value, low, high = (
+            said(key, config, stated[end], Interval(*map(stated.get, ENDS))) for end in ENDS
+        )
         found.append((key, f"{value} ({low} to {high})"))
     return found
 
@@ -75,19 +106,26 @@ def _numbers(entry: Entry, keys: Sequence[str], config: Config) -> list[tuple[st
 def _overview(entries: Sequence[Entry], keys: Sequence[str], config: Config) -> Iterator[Picture]:
     if len(entries) > 1 and keys and any(entry["status"] == "done" for entry in entries):
         draw = partial(fit_picture.draw_many, entries, keys, config)
-        yield Picture(canvas.element(draw), "The first key of every curve with its 95 % interval", broad=True)
+        yield Picture(
+            canvas.element(draw), "The first key of every curve with its 95 % interval", broad=True
+        )
 
 
 def _pictures(folder: Path, done: Sequence[Entry], config: Config) -> Iterator[Picture]:
     """A picture of every curve whose table is there."""
     for entry in done:
         try:
-            drawn = curve_of_table(content(folder / CURVES_FOLDER / f"{entry['curve']}.csv").decode("utf-8"))
+            drawn = curve_of_table(
+                content(folder / CURVES_FOLDER / f"{entry['curve']}.csv").decode("utf-8")
+            )
         except (OSError, ValueError):
             continue
-        draw: Callable[[Path], None] = partial(fit_picture.draw_curve, CurveFit(dict(entry), drawn), config)
+        draw: Callable[[Path], None] = partial(
+            fit_picture.draw_curve, CurveFit(dict(entry), drawn), config
+        )
         words = (
-            f"{printable(entry['curve'])}: the curve and the scene, what is left, and the fits to a part of the depth"
+            f"{printable(entry['curve'])}: the curve and the scene, what is left, and the "
+            "fits to a part of the depth"
         )
         yield Picture(canvas.element(draw), words, broad=True)
 
@@ -95,11 +133,16 @@ def _pictures(folder: Path, done: Sequence[Entry], config: Config) -> Iterator[P
 def _of_one(entry: Entry) -> Iterator[Table]:
     """Tables of the only curve: windows, other models, residuals."""
     windows = entry["window"]
-    yield table_of("Fits to a part of the depth", list(windows[0]), [list(one.values()) for one in windows])
+    yield table_of(
+        "Fits to a part of the depth", list(windows[0]), [list(one.values()) for one in windows]
+    )
     rows = [[one["name"], one["p"], *_of_model(one)] for one in entry["models"]]
     if rows:
         yield Table(
-            "Other models", ["model", "p", "value", "95 %", "with"], [list(map(short, row)) for row in rows], OF_MODELS
+            "Other models",
+            ["model", "p", "value", "95 %", "with"],
+            [list(map(short, row)) for row in rows],
+            OF_MODELS,
         )
     left = [[name.replace("_", " "), short(value)] for name, value in entry["residual"].items()]
     yield Table("What the fit leaves", ["what", "value"], left, OF_RESIDUAL)
@@ -117,5 +160,6 @@ def _rows(folder: Path) -> Table:
     try:
         head, *rows = csv.reader(io.StringIO(content(folder / FIT_TABLE).decode("utf-8")))
     except (OSError, ValueError):
-        head, rows = [], []
+        head = []
+        rows = []
     return table_of(f"Rows of {FIT_TABLE}", head, rows)

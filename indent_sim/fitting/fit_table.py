@@ -1,4 +1,6 @@
-"""Tables of a fit: fit.csv, a row for each curve, and the curves themselves with what was fitted to them."""
+"""Tables of a fit: fit.csv, a row for each curve, and the curves themselves with what was fitted to
+them.
+"""
 
 from __future__ import annotations
 
@@ -13,17 +15,33 @@ from indent_sim.fitting.curve_fit import Drawn
 
 FIRST_COLUMNS = ("curve", "status", "reason", "explained", "cause")
 CONTACT_COLUMNS = ("contact_point", "contact_point_low", "contact_point_high")
-LAST_COLUMNS = (*CONTACT_COLUMNS, "force_max", "depth", "rms_percent", "n", "n_effective", "drift_percent", "hertz_E")
-DRAWN_COLUMNS, OF_MODEL = ("delta", "force", "fit", "residual"), "fit_"
+LAST_COLUMNS = (
+    *CONTACT_COLUMNS,
+    "force_max",
+    "depth",
+    "rms_percent",
+    "n",
+    "n_effective",
+    "drift_percent",
+    "hertz_E",
+)
+DRAWN_COLUMNS = ("delta", "force", "fit", "residual")
+OF_MODEL = "fit_"
 Entry = Mapping[str, Any]
 
 
 def table_of_fits(entries: Sequence[Entry], keys: Sequence[str]) -> str:
-    """fit.csv: status, reason and cause in words, each varied key with its interval, and what the residuals leave.
+    """fit.csv: status, reason and cause in words, each varied key with its interval, and what the
+    residuals leave.
 
-    drift_percent: the first key at half the depth over that at the whole, less one. What a curve lacks is empty.
+    drift_percent: the first key at half the depth over that at the whole, less one. What a curve
+    lacks is empty.
     """
-    columns = (*FIRST_COLUMNS, *(f"{key}{end}" for key in keys for end in ("", "_low", "_high")), *LAST_COLUMNS)
+    columns = (
+        *FIRST_COLUMNS,
+        *(f"{key}{end}" for key in keys for end in ("", "_low", "_high")),
+        *LAST_COLUMNS,
+    )
     text = io.StringIO()
     table = csv.DictWriter(text, columns, lineterminator="\n", restval="")
     table.writeheader()
@@ -40,15 +58,30 @@ def _row(entry: Entry, keys: Sequence[str]) -> dict[str, Any]:
     for key in keys:
         stated = entry["parameters"][key]
         row |= {key: stated["value"], f"{key}_low": stated["low"], f"{key}_high": stated["high"]}
-    place, residual = entry["contact_point"], entry["residual"]
-    row |= {"contact_point": place["value"], "contact_point_low": place["low"], "contact_point_high": place["high"]}
-    row |= {"force_max": entry["force_max"], "depth": entry["depth"], "rms_percent": residual["percent"]}
-    row |= {"n": residual["n"], "n_effective": residual["n_effective"], "drift_percent": drift(entry, keys)}
+    place = entry["contact_point"]
+    residual = entry["residual"]
+    row |= {
+        "contact_point": place["value"],
+        "contact_point_low": place["low"],
+        "contact_point_high": place["high"],
+    }
+    row |= {
+        "force_max": entry["force_max"],
+        "depth": entry["depth"],
+        "rms_percent": residual["percent"],
+    }
+    row |= {
+        "n": residual["n"],
+        "n_effective": residual["n_effective"],
+        "drift_percent": drift(entry, keys),
+    }
     return row | {"hertz_E": (entry["hertz"] or {}).get("E", "")}
 
 
 def drift(entry: Entry, keys: Sequence[str]) -> float | str:
-    """By how many per cent the first key is larger at half the depth; empty where there is no such window."""
+    """By how many per cent the first key is larger at half the depth; empty where there is no such
+    window.
+    """
     windows = entry["window"]
     if not keys or windows[0]["upper"] != 0.5 or not windows[-1][keys[0]]:
         return ""
@@ -56,13 +89,20 @@ def drift(entry: Entry, keys: Sequence[str]) -> float | str:
 
 
 def table_of_curve(drawn: Drawn) -> str:
-    """curves/NAME.csv: depth from first touch, force without its baseline, the fit, what it leaves, and in a column
-    `fit_MODEL` each the fits of the models that are better; times `t` from first touch on where the force depends on
-    them."""
+    """curves/NAME.csv: depth from first touch, force without its baseline, the fit, what it leaves,
+    and in a column `fit_MODEL` each the fits of the models that are better; times `t` from first
+    touch on where the force depends on them.
+    """
     columns = [drawn.delta, drawn.force, drawn.fit, drawn.force - drawn.fit, *drawn.named.values()]
     columns += [drawn.t] if drawn.t is not None else []
-    lines = (",".join(f"{float(value):.10g}" for value in row) for row in zip(*columns, strict=True))
-    titles = [*DRAWN_COLUMNS, *(f"{OF_MODEL}{name}" for name in drawn.named), *(["t"] if drawn.t is not None else [])]
+    lines = (
+        ",".join(f"{float(value):.10g}" for value in row) for row in zip(*columns, strict=True)
+    )
+    titles = [
+        *DRAWN_COLUMNS,
+        *(f"{OF_MODEL}{name}" for name in drawn.named),
+        *(["t"] if drawn.t is not None else []),
+    ]
     return "\n".join([",".join(titles), *lines, ""])
 
 
@@ -72,5 +112,9 @@ def curve_of_table(text: str) -> Drawn:
     if tuple(head[: len(DRAWN_COLUMNS)]) != DRAWN_COLUMNS or not rows:
         raise ValueError("not the table of a fitted curve")
     columns = dict(zip(head, np.array(rows, dtype=float).T, strict=True))
-    named = {name.removeprefix(OF_MODEL): one for name, one in columns.items() if name.startswith(OF_MODEL)}
+    named = {
+        name.removeprefix(OF_MODEL): one
+        for name, one in columns.items()
+        if name.startswith(OF_MODEL)
+    }
     return Drawn(columns["delta"], columns["force"], columns["fit"], named, columns.get("t"))

@@ -27,7 +27,9 @@ Curve = str | Path | Measured | tuple[Any, Any]
 
 @dataclass(frozen=True)
 class Fit:
-    """A scene fitted to a curve: parameters by key, each with value, low and high, and the verdict in words."""
+    """A scene fitted to a curve: parameters by key, each with value, low and high, and the verdict
+    in words.
+    """
 
     parameters: dict[str, Interval]
     explained: bool
@@ -57,10 +59,17 @@ def fit(
 ) -> Fit:
     """Fit the keys `vary` of a scene to one measured curve, contact point and baseline unknown.
 
-    curve: a file, the first curve of which is taken, a `Measured`, or arrays (depth, force) in the scene's units.
-    NotConverged with the reason for a curve that tells nothing; ConfigError for a key or scene that is wrong.
+    curve: a file, the first curve of which is taken, a `Measured`, or arrays (depth, force) in the
+    scene's units. NotConverged with the reason for a curve that tells nothing; ConfigError for a
+    key or scene that is wrong.
     """
-    config = scene if isinstance(scene, Config) else from_mapping(scene) if isinstance(scene, Mapping) else load(scene)
+    config = (
+        scene
+        if isinstance(scene, Config)
+        else from_mapping(scene)
+        if isinstance(scene, Mapping)
+        else load(scene)
+    )
     request = Request(config, tuple(vary), segment, Origin(contact_point), models)
     found = fit_curve(_measured(curve, columns, units), request, Tables())
     if not found.is_done:

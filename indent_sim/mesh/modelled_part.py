@@ -1,4 +1,6 @@
-"""The modelled piece of a body: its outline with named surfaces, its regions of matter, and how it is held."""
+"""The modelled piece of a body: its outline with named surfaces, its regions of matter, and how it
+is held.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ Pins = tuple[tuple[Point, int], ...]
 
 @dataclass(frozen=True)
 class Side:
-    """One side of an outline from `start` to `end`; an arc turns anticlockwise about `middle` [length]."""
+    """One side of an outline from `start` to `end`; an arc turns anticlockwise about `middle`
+    [length].
+    """
 
     surface: str
     start: Point
@@ -40,10 +44,13 @@ class Side:
         return float(np.hypot(self.start[0] - self.middle[0], self.start[1] - self.middle[1]))
 
     def inwards(self, x: Places, y: Places) -> np.ndarray:
-        """How far inside [length] of the line or circle, which the side is a part of, points are: on the left of it."""
+        """How far inside [length] of the line or circle, which the side is a part of, points are:
+        on the left of it.
+        """
         if self.middle is not None:
             return self.radius - np.hypot(x - self.middle[0], y - self.middle[1])
-        (x0, y0), (x1, y1) = self.start, self.end
+        (x0, y0) = self.start
+        (x1, y1) = self.end
         return ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0)
 
     def distance(self, x: Places, y: Places) -> np.ndarray:
@@ -59,7 +66,8 @@ class Side:
         """n points (n, 2) on the side, evenly spread, and the length of it that belongs to each."""
         share = ((np.arange(n) + 0.5) / n)[:, None]
         if self.middle is None:
-            start, end = np.array(self.start), np.array(self.end)
+            start = np.array(self.start)
+            end = np.array(self.end)
             return start + share * (end - start), float(np.linalg.norm(end - start)) / n
         angle = self._begin + share * self.turn
         around = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
@@ -69,14 +77,23 @@ class Side:
     def turn(self) -> float:
         """Angle [radians] of an arc."""
         assert self.middle is not None
-        return (atan2(self.end[1] - self.middle[1], self.end[0] - self.middle[0]) - self._begin) % (2 * pi)
+        return (atan2(self.end[1] - self.middle[1], self.end[0] - self.middle[0]) - self._begin) % (
+            2 * pi
+        )
 
     @property
     def swept(self) -> float:
-        """Area that the side sweeps as seen from the origin: of its chord, and of the circle beyond it [length^2]."""
-        (x0, y0), (x1, y1) = self.start, self.end
+        """Area that the side sweeps as seen from the origin: of its chord, and of the circle beyond
+        it [length^2].
+        """
+        (x0, y0) = self.start
+        (x1, y1) = self.end
         chord = (x0 * y1 - x1 * y0) / 2
-        return chord if self.middle is None else chord + self.radius**2 / 2 * (self.turn - sin(self.turn))
+        return (
+            chord
+            if self.middle is None
+            else chord + self.radius**2 / 2 * (self.turn - sin(self.turn))
+        )
 
     @property
     def _begin(self) -> float:
@@ -87,10 +104,12 @@ class Side:
 
 @dataclass(frozen=True)
 class Region:
-    """A layer of the part, or an inclusion: its material, its formulation (displacement, or mixed with a pressure), and
-    how its shear stress relaxes while it is followed in time.
+    """A layer of the part, or an inclusion: its material, its formulation (displacement, or mixed
+    with a pressure), and how its shear stress relaxes while it is followed in time.
 
-    least_share: what is left of its shear modulus when it has relaxed most, on the way that the scene asks for."""
+    least_share: what is left of its shear modulus when it has relaxed most, on the way that the
+    scene asks for.
+    """
 
     name: str
     material: Material
@@ -102,7 +121,9 @@ class Region:
 
     @property
     def softest(self) -> Constants:
-        """Small-strain E [pressure] and nu of its softest state on the way, which is its most incompressible one."""
+        """Small-strain E [pressure] and nu of its softest state on the way, which is its most
+        incompressible one.
+        """
         return self.material.softened(self.least_share)
 
 
@@ -111,14 +132,15 @@ MIRROR_DISTANCE = 1e-12  # distance [length] of a tip to the mirror plane that i
 
 @dataclass(frozen=True)
 class Part:
-    """The modelled piece; `copies` of it are the whole body. Its regions are layers from the top to the base, then
-    inclusions.
+    """The modelled piece; `copies` of it are the whole body.
 
-    outline: its sides, anticlockwise; in two dimensions of the section (r or x, z), in three of the section z = const,
-    which goes from z = -height to z = 0 between the surfaces base and top.
-    supports: free | roller | fixed by surface, free where there is none; symmetry planes are rollers.
-    pins: (point, component) that take the rigid modes left.
-    cuts: the axes, of x and y, that mirror planes are normal to; each is the end x_min or y_min of the part.
+    Its regions are layers from the top to the base, then inclusions.
+
+    outline: its sides, anticlockwise; in two dimensions of the section (r or x, z), in three of the
+    section z = const, which goes from z = -height to z = 0 between the surfaces base and top.
+    supports: free | roller | fixed by surface, free where there is none; symmetry planes are
+    rollers. pins: (point, component) that take the rigid modes left. cuts: the axes, of x and y,
+    that mirror planes are normal to; each is the end x_min or y_min of the part.
     """
 
     kinematics: Kinematics
@@ -138,26 +160,43 @@ class Part:
 
     @property
     def extent(self) -> tuple[tuple[float, float], ...]:
-        """(min, max) along each axis [length]; arcs bulge no further than their ends, being quarters of a turn."""
+        """(min, max) along each axis [length]; arcs bulge no further than their ends, being
+        quarters of a turn.
+        """
         along = [[side.start[axis] for side in self.outline] for axis in (0, 1)]
         plane = tuple((min(values), max(values)) for values in along)
         return plane if self.dim == 2 else (*plane, (-self.height, 0.0))
 
     def level(self, x: Places, z: Places) -> np.ndarray:
-        """z [length] on the axis of the face between layers on which a place would be: z itself under a flat top, and
-        under a spherical one, to which faces are concentric, minus the distance to it."""
+        """z [length] on the axis of the face between layers on which a place would be: z itself
+        under a flat top, and under a spherical one, to which faces are concentric, minus the
+        distance to it.
+        """
         return np.asarray(z) if self.dome is None else np.hypot(x, z + self.dome) - self.dome
 
     def crossings(self, side: Side) -> list[tuple[Point, float]]:
-        """Where faces between layers cross a straight side of a section, from its start on, and z of each."""
-        (x0, z0), (x1, z1) = side.start, side.end
+        """Where faces between layers cross a straight side of a section, from its start on, and z
+        of each.
+        """
+        (x0, z0) = side.start
+        (x1, z1) = side.end
         if self.dome is None:
-            found = [((x0 + (x1 - x0) * (z - z0) / (z1 - z0), z), z) for z in self.interfaces if z0 != z1]
+            found = [
+                ((x0 + (x1 - x0) * (z - z0) / (z1 - z0), z), z) for z in self.interfaces if z0 != z1
+            ]
         elif x0 == x1:
-            found = [((x0, -self.dome + way * (self.dome + z)), z) for z in self.interfaces for way in (1, -1)]
+            found = [
+                ((x0, -self.dome + way * (self.dome + z)), z)
+                for z in self.interfaces
+                for way in (1, -1)
+            ]
         else:
-            found = [(((self.dome + z) ** 2 - (self.dome + z0) ** 2, z0), z) for z in self.interfaces]
-            found = [((square**0.5 if square > 0 else -1.0, level), z) for (square, level), z in found]
+            found = [
+                (((self.dome + z) ** 2 - (self.dome + z0) ** 2, z0), z) for z in self.interfaces
+            ]
+            found = [
+                ((square**0.5 if square > 0 else -1.0, level), z) for (square, level), z in found
+            ]
         inside = [one for one in found if _is_between(one[0], side.start, side.end)]
         return sorted(inside, key=lambda one: abs(one[0][0] - x0) + abs(one[0][1] - z0))
 
@@ -167,11 +206,15 @@ class Part:
         if self.dome is None:
             return ()
         radii = [self.dome, *(self.dome + z for z in reversed(self.interfaces))]
-        return tuple(Shell((0.0, 0.0, -self.dome), inner, outer) for outer, inner in pairwise(radii))
+        return tuple(
+            Shell((0.0, 0.0, -self.dome), inner, outer) for outer, inner in pairwise(radii)
+        )
 
     @property
     def interfaces(self) -> tuple[float, ...]:
-        """z on the axis of the faces between layers [length], from below; under a spherical top they are concentric."""
+        """z on the axis of the faces between layers [length], from below; under a spherical top
+        they are concentric.
+        """
         layers = [region for region in self.regions if region.inclusion is None]
         return tuple(region.bottom for region in reversed(layers[:-1]))
 
@@ -180,10 +223,14 @@ class Part:
         """Those that are in the piece, wholly or in part: not those beyond a mirror plane."""
 
         def is_inside(one: Inclusion) -> bool:
-            return all(low - one.half(k) < one.center[k] < high + one.half(k) for k, (low, high) in across)
+            return all(
+                low - one.half(k) < one.center[k] < high + one.half(k) for k, (low, high) in across
+            )
 
         across = list(enumerate(self.extent[:-1]))
-        return tuple(filter(is_inside, (region.inclusion for region in self.regions if region.inclusion)))
+        return tuple(
+            filter(is_inside, (region.inclusion for region in self.regions if region.inclusion))
+        )
 
     @property
     def longest(self) -> float:
@@ -209,18 +256,26 @@ class Part:
     @property
     def dome(self) -> float | None:
         """Radius of a spherical top, whose apex is the origin [length]; None: the top is flat."""
-        radii = [side.radius for side in self.outline if side.surface == "top" and side.middle is not None]
+        radii = [
+            side.radius
+            for side in self.outline
+            if side.surface == "top" and side.middle is not None
+        ]
         return radii[0] if radii else None
 
     def distances(self, center: Point) -> dict[str, float]:
-        """The distance [length] from a tip's axis to each wall, along the surface; 0: a mirror plane."""
+        """The distance [length] from a tip's axis to each wall, along the surface; 0: a mirror
+        plane.
+        """
         x, y = (*center, 0.0)[:2]
         walls = [side for side in self.outline if side.surface not in ("top", "base")]
         return {side.surface: float(side.inwards(x, y)) for side in walls}
 
     def mirrors(self, center: Point) -> set[str]:
         """The walls that are mirror planes: rollers right under the tip's axis."""
-        under = {wall for wall, distance in self.distances(center).items() if distance <= MIRROR_DISTANCE}
+        under = {
+            wall for wall, distance in self.distances(center).items() if distance <= MIRROR_DISTANCE
+        }
         return {wall for wall in under if self.supports.get(wall) == "roller"}
 
     @property
@@ -241,15 +296,22 @@ class Part:
 
     @property
     def has_curved_roller(self) -> bool:
-        """Whether a curved wall in three dimensions is a roller, which has no one normal and is guided weakly."""
+        """Whether a curved wall in three dimensions is a roller, which has no one normal and is
+        guided weakly.
+        """
         return self.bend is not None and self.supports.get("r_max") == "roller"
 
     def seen_by(self, center: Point) -> int:
-        """How many times the whole body the tip sees, mirrored at rollers through its axis: 1, 2, or 4 at a corner.
+        """How many times the whole body the tip sees, mirrored at rollers through its axis: 1, 2,
+        or 4 at a corner.
 
         Its force is that share of the force on the body which it sees.
         """
-        return 1 if self.kinematics.name == "axisymmetric" else int(2 ** len(self.mirrors(center)) // self.copies)
+        return (
+            1
+            if self.kinematics.name == "axisymmetric"
+            else int(2 ** len(self.mirrors(center)) // self.copies)
+        )
 
     @property
     def file_hash(self) -> str:
@@ -257,8 +319,10 @@ class Part:
         return ""
 
     def sag(self, center: Point, radius: float, refinements: int = 0) -> float:
-        """How far contact facets within a radius of the tip's axis are inside the surface that they stand for [length]:
-        not at all where it is meshed here, whose surfaces are flat, or whose cells are curved."""
+        """How far contact facets within a radius of the tip's axis are inside the surface that they
+        stand for [length]: not at all where it is meshed here, whose surfaces are flat, or whose
+        cells are curved.
+        """
         return 0.0
 
     def turn(self, center: Point, radius: float, refinements: int = 0) -> float:
@@ -266,7 +330,9 @@ class Part:
         return 0.0
 
     def normal(self, surface: str) -> int | None:
-        """The component of u that a roller holds on a surface; None where no one axis is normal to it."""
+        """The component of u that a roller holds on a surface; None where no one axis is normal to
+        it.
+        """
         if surface in ("top", "base"):
             return self.dim - 1
         return next(side.normal for side in self.outline if side.surface == surface)
@@ -280,13 +346,17 @@ def _is_between(point: Point, start: Point, end: Point) -> bool:
 def polygon(surfaces: tuple[str, ...], corners: tuple[Point, ...]) -> tuple[Side, ...]:
     """The straight sides between corners; the last goes back to the first."""
     ends = pairwise((*corners, corners[0]))
-    return tuple(Side(surface, start, end) for surface, (start, end) in zip(surfaces, ends, strict=True))
+    return tuple(
+        Side(surface, start, end) for surface, (start, end) in zip(surfaces, ends, strict=True)
+    )
 
 
 def on_dome(radius: float, r: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The point of a spherical top nearest to a point (r, z) of its mesh, whose facets are chords [length].
+    """The point of a spherical top nearest to a point (r, z) of its mesh, whose facets are chords
+    [length].
 
-    The distance d from the center (0, -radius) by d^2 - radius^2 = r^2 + z (z + 2 radius), to all digits near the apex.
+    The distance d from the center (0, -radius) by d^2 - radius^2 = r^2 + z (z + 2 radius), to all
+    digits near the apex.
     """
     beyond = r * r + z * (z + 2 * radius)
     d = np.sqrt(beyond + radius * radius)

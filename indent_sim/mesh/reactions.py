@@ -1,7 +1,7 @@
 """Reactions of the supports of a whole body, from what the supports of its modelled part bear.
 
-Sign: a reaction is the force of a support on the body. In equilibrium the reactions of all supports add up to the force
-of the body on the tip: their z components to `force`, > 0 where the tip pushes.
+Sign: a reaction is the force of a support on the body. In equilibrium the reactions of all supports
+add up to the force of the body on the tip: their z components to `force`, > 0 where the tip pushes.
 """
 
 from __future__ import annotations
@@ -12,13 +12,16 @@ from itertools import product
 from indent_sim.mesh.modelled_part import Part
 from indent_sim.model.state import REACTION, REACTION_COLUMNS
 
-Surface = tuple[str, int]  # name of a surface of the modelled part, and a component of the force on it
+Surface = tuple[
+    str, int
+]  # name of a surface of the modelled part, and a component of the force on it
 
 
 def bearing_surfaces(part: Part) -> list[Surface]:
     """The surfaces of the modelled part whose supports bear something, with each component of it.
 
-    A curved roller wall in three dimensions holds no component of its own but the one along its normal.
+    A curved roller wall in three dimensions holds no component of its own but the one along its
+    normal.
     """
     found = [(surface, component) for component, surface in part.held_sides]
     if part.has_curved_roller:
@@ -29,9 +32,9 @@ def bearing_surfaces(part: Part) -> list[Surface]:
 def reactions_of_whole_body(part: Part, borne: Mapping[Surface, float]) -> dict[str, float]:
     """Reactions of the supports of the whole body, and the forces through its mirror planes.
 
-    An image of the modelled part in the mirror plane x = c bears the same forces, with x components of the other sign.
-    Components that cancel between the images are left out, and so is the axis of an axisymmetric body: what crosses it
-    is no force.
+    An image of the modelled part in the mirror plane x = c bears the same forces, with x components
+    of the other sign. Components that cancel between the images are left out, and so is the axis of
+    an axisymmetric body: what crosses it is no force.
 
     Parameters
     ----------
@@ -65,7 +68,9 @@ def reactions_of_whole_body(part: Part, borne: Mapping[Surface, float]) -> dict[
 
 
 def _images(part: Part, surface: str, axis: str) -> Iterable[tuple[str, int]]:
-    """The name of a support on each image of the modelled part, and the sign of its force along an axis there."""
+    """The name of a support on each image of the modelled part, and the sign of its force along an
+    axis there.
+    """
     for is_image in product((False, True), repeat=len(part.cuts)):
         mirrored = {cut for cut, one in zip(part.cuts, is_image, strict=True) if one}
         name = "sides" if surface == "r_max" or surface.startswith("sides") else surface

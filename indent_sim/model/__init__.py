@@ -1,1 +1,3 @@
-"""What is simulated: bodies, materials, tips, contact laws and loading, as frozen dataclasses and formulas."""
+"""What is simulated: bodies, materials, tips, contact laws and loading, as frozen dataclasses and
+formulas.
+"""

@@ -1,6 +1,7 @@
 """The few functions a tip's formula needs, working alike on UFL expressions and on numpy arrays.
 
-A tip is written once; the solver differentiates it symbolically and the results evaluate it in numpy.
+A tip is written once; the solver differentiates it symbolically and the results evaluate it in
+numpy.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-Expr = Any  # a number, an array or a UFL expression (which knows no types): formulas are written once for all
+# a number, an array or a UFL expression (which knows no types): formulas are written once for all
+Expr = Any
 
 
 class _Ufl:
@@ -33,7 +35,9 @@ def is_symbolic(*values: Expr) -> bool:
 
 def _of(name: str, x: Expr) -> Expr:
     """A function of both libraries by numpy's name for it."""
-    return getattr(ufl, "ln" if name == "log" else name)(x) if is_symbolic(x) else getattr(np, name)(x)
+    return (
+        getattr(ufl, "ln" if name == "log" else name)(x) if is_symbolic(x) else getattr(np, name)(x)
+    )
 
 
 def _of_angle(name: str, degrees: Expr) -> Expr:
@@ -43,8 +47,14 @@ def _of_angle(name: str, degrees: Expr) -> Expr:
 sqrt, log, exp = (partial(_of, name) for name in ("sqrt", "log", "exp"))  # log: the natural one
 sin, cos, tan = (partial(_of_angle, name) for name in ("sin", "cos", "tan"))  # of angles in degrees
 
-SERIES = 0.03  # up to here ln(1 + x) and its derivatives come from a series, which keeps the digits of a small x
-ODD = (1 / 3, 1 / 5, 1 / 7, 1 / 9)  # ln(1 + x) = 2 z (1 + z^2/3 + z^4/5 + ...), z = x / (2 + x); the next is 1e-19
+# up to here ln(1 + x) and its derivatives come from a series, which keeps the digits of a small x
+SERIES = 0.03
+ODD = (
+    1 / 3,
+    1 / 5,
+    1 / 7,
+    1 / 9,
+)  # ln(1 + x) = 2 z (1 + z^2/3 + z^4/5 + ...), z = x / (2 + x); the next is 1e-19
 
 
 def log1p(x: Expr) -> Expr:
@@ -59,7 +69,8 @@ def log1p_remainder(x: Expr) -> Expr:
     return _where_small(x, 2 * z * z / (1 - z) - 2 * z**3 * _odd(z), x - log(1 + x))
 
 
-TAYLOR = 10  # e^x - 1 - x up to x^10/10!: its second derivative is good to 2e-17, the next x^9/9! of SERIES
+# e^x - 1 - x up to x^10/10!: its second derivative is good to 2e-17, the next x^9/9! of SERIES
+TAYLOR = 10
 
 
 def expm1_remainder(x: Expr) -> Expr:
@@ -71,7 +82,8 @@ def expm1_remainder(x: Expr) -> Expr:
 
 
 def _odd(z: Expr) -> Expr:
-    square, total = z * z, 0.0
+    square = z * z
+    total = 0.0
     for factor in reversed(ODD):
         total = factor + square * total
     return total
@@ -103,24 +115,29 @@ def macaulay(x: Expr) -> Expr:
     return where_less(0.0, x, x, 0.0 * x)
 
 
-# A principal stretch has no derivative where two of them meet, yet a function symmetric in the stretches has. Where all
-# three meet the root stays away from zero by SPLIT, and a function has to be written in another way (`power_sum`)
+# A principal stretch has no derivative where two of them meet, yet a function symmetric in the
+# stretches has. Where all three meet the root stays away from zero by SPLIT, and a function has to
+# be written in another way (`power_sum`)
 SPLIT = 1e-6
-# Up to this squared relative difference a pair of stretches is summed by its series, whose next term is 1e-13 of the
-# sum for exponents up to 30
-PAIR, PAIR_TERMS = 1e-3, 6
+# Up to this squared relative difference a pair of stretches is summed by its series, whose next
+# term is 1e-13 of the sum for exponents up to 30
+PAIR = 1e-3
+PAIR_TERMS = 6
 NEWTON = 4  # steps to a root known to 0.3 %: two for its value, one more for each derivative
 SMALL_DEVIATOR = 3e-3  # up to here, of a deviator's norm, sums of powers come from their series
 SERIES_TERMS = 7  # terms of it: the next is 1e-17 of one, 1e-12 of the sum
 
 
 def power_sum(exponent: Expr, square: Expr, cube: Expr) -> Expr:
-    """sum (1 + t_i)^exponent - 3 of three t_i whose sum is zero, by the binomial series; square = sum t_i^2/6, cube =
-    their product.
+    """sum (1 + t_i)^exponent - 3 of three t_i whose sum is zero, by the binomial series; square =
+    sum t_i^2/6, cube = their product.
 
-    The sums of the k-th powers are p_k = 3 square p_(k-2) + cube p_(k-3) (Newton's identities), with p_0 = 3, p_1 = 0.
+    The sums of the k-th powers are p_k = 3 square p_(k-2) + cube p_(k-3) (Newton's identities),
+    with p_0 = 3, p_1 = 0.
     """
-    sums, binomial, total = [3.0, 0.0, 6 * square], exponent, 0.0 * square
+    sums = [3.0, 0.0, 6 * square]
+    binomial = exponent
+    total = 0.0 * square
     for k in range(2, SERIES_TERMS + 1):
         binomial = binomial * (exponent - (k - 1)) / k
         total = total + binomial * sums[-1]
@@ -129,13 +146,15 @@ def power_sum(exponent: Expr, square: Expr, cube: Expr) -> Expr:
 
 
 def unimodular_stretches(mean: Expr, square: Expr, cube: Expr) -> tuple[Expr, Expr, Expr]:
-    """The principal stretches of an F with det F = 1 (UFL or floats): the one that stands apart, the mean m of the
-    other two, and the square of their half difference over m, ((l2 - l3)/(l2 + l3))^2.
+    """The principal stretches of an F with det F = 1 (UFL or floats): the one that stands apart,
+    the mean m of the other two, and the square of their half difference over m, ((l2 - l3)/(l2 +
+    l3))^2.
 
-    Of C = F^T F: mean = tr C/3, square = dev C : dev C/6, cube = det dev C. The squared stretch that stands apart from
-    the others is mean + 2 sqrt(square) y with 4 y^3 - 3 y = cosine (Cardano), which Newton's method solves without
-    the arc cosine's singular point; the other two follow from the trace, the product and (1 - y^2). All three are
-    smooth where two stretches are equal, as they are in all of a bar under uniaxial stress, and the difference is not.
+    Of C = F^T F: mean = tr C/3, square = dev C : dev C/6, cube = det dev C. The squared stretch
+    that stands apart from the others is mean + 2 sqrt(square) y with 4 y^3 - 3 y = cosine
+    (Cardano), which Newton's method solves without the arc cosine's singular point; the other two
+    follow from the trace, the product and (1 - y^2). All three are smooth where two stretches are
+    equal, as they are in all of a bar under uniaxial stress, and the difference is not.
     """
     size = sqrt(square + SPLIT**2)
     cosine = cube / (2 * size**3)
@@ -145,20 +164,27 @@ def unimodular_stretches(mean: Expr, square: Expr, cube: Expr) -> tuple[Expr, Ex
     for _ in range(NEWTON):
         y = (8 * y**3 + cosine) / (12 * y * y - 3)
     apart = sqrt(mean + 2 * side * size * y)
-    product = sqrt(1 - 3 * mean * SPLIT**2) / apart  # of the other two: all three are roots of one cubic
+    product = (
+        sqrt(1 - 3 * mean * SPLIT**2) / apart
+    )  # of the other two: all three are roots of one cubic
     middle = sqrt(3 * mean - apart * apart + 2 * product) / 2
     return apart, middle, size * size * 3 * (1 - y * y) / (4 * middle**4)
 
 
 def pair_power_sum(exponent: Expr, middle: Expr, spread: Expr) -> Expr:
-    """l2^exponent + l3^exponent of two stretches by their mean and `spread`, see `unimodular_stretches`.
+    """l2^exponent + l3^exponent of two stretches by their mean and `spread`, see
+    `unimodular_stretches`.
 
-    Near the place where they are equal by the binomial series 2 m^a sum_k C(a, 2 k) spread^k: through the root of
-    the spread the second derivatives would lose all digits there.
+    Near the place where they are equal by the binomial series 2 m^a sum_k C(a, 2 k) spread^k:
+    through the root of the spread the second derivatives would lose all digits there.
     """
-    terms, binomial, power = 1.0 + 0.0 * spread, 1.0, 1.0 + 0.0 * spread
+    terms = 1.0 + 0.0 * spread
+    binomial = 1.0
+    power = 1.0 + 0.0 * spread
     for k in range(1, PAIR_TERMS + 1):
-        binomial = binomial * (exponent - 2 * k + 2) * (exponent - 2 * k + 1) / ((2 * k - 1) * (2 * k))
+        binomial = (
+            binomial * (exponent - 2 * k + 2) * (exponent - 2 * k + 1) / ((2 * k - 1) * (2 * k))
+        )
         power = power * spread
         terms = terms + binomial * power
     root = sqrt(maximum(spread, PAIR))

@@ -1,4 +1,6 @@
-"""The soft bodies and how they are held. z is up, the undeformed top surface is z = 0, the body lies below."""
+"""The soft bodies and how they are held. z is up, the undeformed top surface is z = 0, the body
+lies below.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +15,25 @@ from annotated_types import Gt, Len, Lt
 
 from indent_sim.model.algebra import Expr
 from indent_sim.model.materials import Material
-from indent_sim.model.units import ANGLE, LENGTH, PRESSURE, TIME, Auto, Length, SurfaceTension, TaggedBy, Unit, UnitRow
+from indent_sim.model.units import (
+    ANGLE,
+    LENGTH,
+    PRESSURE,
+    TIME,
+    Auto,
+    Length,
+    SurfaceTension,
+    TaggedBy,
+    Unit,
+    UnitRow,
+)
 
 Support = Literal["free", "roller", "fixed"]
 BaseSupport = Literal["fixed", "roller"]
 Points = tuple[np.ndarray, np.ndarray]  # x and y [length]
-POINTS_PER_AXIS = 400  # along each axis; midpoints, so that the mean of a paraboloid is good to 1e-5
+POINTS_PER_AXIS = (
+    400  # along each axis; midpoints, so that the mean of a paraboloid is good to 1e-5
+)
 MIDDLES = (np.arange(POINTS_PER_AXIS) + 0.5) / POINTS_PER_AXIS
 SHARES = np.linspace(0, 1, POINTS_PER_AXIS + 1)
 TOUCHING = 1e-9  # of a facet: so far outside a point still counts as on it
@@ -31,16 +46,20 @@ UNIT_BALLS = {1: 2.0, 2: pi, 3: 4 * pi / 3}  # their measures, by dimension
 ALL = (0, 1, 2)  # axes
 MOST_POINTS = 10_000  # of a bath
 SAME_PLACE = 2e-11  # of a body: places to 12 digits
-PROJECTIONS, CLOSER = 1000, 1e-9  # of two convex bodies on one another, until they come no closer than by this share
+# of two convex bodies on one another, until they come no closer than by this share
+PROJECTIONS = 1000
+CLOSER = 1e-9
 ROOT_STEPS = 40  # of Newton's method: ellipsoids a thousand times as long as thick need 20
 TINY_SHARE = 1e-12  # of a semi-axis: so far from a plane of symmetry nothing is on two sides
 
 
 @dataclass(frozen=True)
 class Layer:
-    """One layer of a body, bonded to its neighbours; of the body's material where it has none of its own.
+    """One layer of a body, bonded to its neighbours; of the body's material where it has none of
+    its own.
 
-    The last one of a half-space has no thickness, nor has that of a cap or ball, whose others are skins around it.
+    The last one of a half-space has no thickness, nor has that of a cap or ball, whose others are
+    skins around it.
     """
 
     thickness: Length | None = None
@@ -52,7 +71,9 @@ Layers = Annotated[tuple[Layer, ...], Len(1, 50)]
 
 @dataclass(frozen=True)
 class Shell:
-    """The points whose distance from `center` is between two radii [length]: a skin of a cap or a ball."""
+    """The points whose distance from `center` is between two radii [length]: a skin of a cap or a
+    ball.
+    """
 
     center: Place
     inner: float
@@ -65,7 +86,9 @@ class Shell:
 
 
 class _Inclusion(ABC):
-    """Other matter inside one layer, convex and mirrored by the three planes through `center` normal to the axes."""
+    """Other matter inside one layer, convex and mirrored by the three planes through `center`
+    normal to the axes.
+    """
 
     center: Place
 
@@ -88,7 +111,9 @@ class _Inclusion(ABC):
 
     @abstractmethod
     def swollen(self, by: Expr, dim: int) -> Expr:
-        """About the area of its section, or the volume, of what is no farther from it than `by` [length]."""
+        """About the area of its section, or the volume, of what is no farther from it than `by`
+        [length].
+        """
 
     @abstractmethod
     def nearest(self, point: Sequence[Expr]) -> list[Expr]:
@@ -112,12 +137,16 @@ class _Inclusion(ABC):
         return _norm([there - here for there, here in zip(self.nearest(point), point, strict=True)])
 
     def overlaps(self, other: _Inclusion, apart: float) -> bool:
-        """Whether the two are nearer than a distance [length]: by projections on the one and on the other in turn."""
-        here, between = list(self.center), inf
+        """Whether the two are nearer than a distance [length]: by projections on the one and on the
+        other in turn.
+        """
+        here = list(self.center)
+        between = inf
         for _ in range(PROJECTIONS):
             there = other.nearest(here)
             here = self.nearest(there)
-            before, between = between, float(_norm([a - b for a, b in zip(here, there, strict=True)]))
+            before = between
+            between = float(_norm([a - b for a, b in zip(here, there, strict=True)]))
             if between < apart or between > (1 - CLOSER) * before:
                 break
         return between < apart
@@ -169,7 +198,9 @@ class _Spanned(_Inclusion):
     def swollen(self, by: Expr, dim: int) -> Expr:
         """As `_Inclusion`, corners sharp."""
         spans = self.spans if dim == 3 else [((axis,), self.half(axis)) for axis in (0, 2)]
-        return np.prod([UNIT_BALLS[len(axes)] * (half + by) ** len(axes) for axes, half in spans], axis=0)
+        return np.prod(
+            [UNIT_BALLS[len(axes)] * (half + by) ** len(axes) for axes, half in spans], axis=0
+        )
 
     def holds(self, point: Sequence[Expr]) -> Expr:
         """As `_Inclusion`."""
@@ -224,7 +255,9 @@ class CylinderInclusion(_Spanned):
 
 @dataclass(frozen=True)
 class BoxInclusion(_Spanned):
-    """A box with edges along the axes whose middle is `center`; in a strip it goes on without end along y."""
+    """A box with edges along the axes whose middle is `center`; in a strip it goes on without end
+    along y.
+    """
 
     center: Place
     size: PositiveSize
@@ -239,7 +272,9 @@ class BoxInclusion(_Spanned):
 
 @dataclass(frozen=True)
 class EllipsoidInclusion(_Inclusion):
-    """An ellipsoid about `center` with semi-axes along x, y and z; in a strip an elliptic rod along y."""
+    """An ellipsoid about `center` with semi-axes along x, y and z; in a strip an elliptic rod along
+    y.
+    """
 
     center: Place
     semi_axes: PositiveSize
@@ -271,22 +306,38 @@ class EllipsoidInclusion(_Inclusion):
 
     def holds(self, point: Sequence[Expr]) -> Expr:
         """As `_Inclusion`."""
-        return sum(((p - c) / s) ** 2 for p, c, s in zip(point, self.center, self.semi_axes, strict=True)) <= 1
+        return (
+            sum(
+                ((p - c) / s) ** 2
+                for p, c, s in zip(point, self.center, self.semi_axes, strict=True)
+            )
+            <= 1
+        )
 
     def nearest(self, point: Sequence[Expr]) -> list[Expr]:
-        """As `_Inclusion`: center + s^2 v/(t + s^2) of points center + v, t > 0 where that is on the surface."""
-        off = np.array(np.broadcast_arrays(*(p - c for p, c in zip(point, self.center, strict=True))), dtype=float)
+        """As `_Inclusion`: center + s^2 v/(t + s^2) of points center + v, t > 0 where that is on
+        the surface.
+        """
+        off = np.array(
+            np.broadcast_arrays(*(p - c for p, c in zip(point, self.center, strict=True))),
+            dtype=float,
+        )
         s = np.reshape(self.semi_axes, (3,) + (1,) * (off.ndim - 1))
         t = _multiplier(off, s, np.maximum(np.max(s * np.abs(off) - s * s, axis=0), 0.0))
         moved = np.where(((off / s) ** 2).sum(axis=0) > 1, off * s * s / (t + s * s), off)
         return [c + along for c, along in zip(self.center, moved, strict=True)]
 
     def farthest(self, point: Sequence[float], axes: Sequence[int] = ALL) -> float:
-        """As `_Inclusion`: likewise with the largest -t, longest^2 + beyond, where all of it is on this side of it."""
+        """As `_Inclusion`: likewise with the largest -t, longest^2 + beyond, where all of it is on
+        this side of it.
+        """
         s = np.array([self.semi_axes[axis] for axis in axes])
-        off = np.array([abs(point[axis] - self.center[axis]) for axis in axes]) + TINY_SHARE * s  # on one side of it
+        off = (
+            np.array([abs(point[axis] - self.center[axis]) for axis in axes]) + TINY_SHARE * s
+        )  # on one side of it
         shorter = (s.max() - s) * (s.max() + s)
-        low, high = 0.0, float(s.max() * np.sqrt(len(s)) * np.max(off))
+        low = 0.0
+        high = float(s.max() * np.sqrt(len(s)) * np.max(off))
         while low < (middle := (low + high) / 2) < high:
             is_too_far = ((s * off / (middle + shorter)) ** 2).sum() < 1
             low, high = (low, middle) if is_too_far else (middle, high)
@@ -294,7 +345,9 @@ class EllipsoidInclusion(_Inclusion):
 
 
 def _multiplier(off: np.ndarray, s: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """The root t of sum (s off/(t + s^2))^2 = 1 by Newton's method from below, where the sum is convex and falls."""
+    """The root t of sum (s off/(t + s^2))^2 = 1 by Newton's method from below, where the sum is
+    convex and falls.
+    """
     t = start
     for _ in range(ROOT_STEPS):
         part = (s * off / (t + s * s)) ** 2
@@ -340,7 +393,9 @@ class _OnAxis:
 
 
 class _Round(_OnAxis):
-    """What bodies of revolution have in common: their outline, as seen from above, is a circle about the origin."""
+    """What bodies of revolution have in common: their outline, as seen from above, is a circle
+    about the origin.
+    """
 
     radius: float
 
@@ -359,7 +414,8 @@ class _Round(_OnAxis):
 
     def top(self) -> Points:
         """Points as seen from above, each standing for an equal area there."""
-        r, angle = self.widest * np.sqrt(MIDDLES)[:, None], 2 * np.pi * MIDDLES[None, :]
+        r = self.widest * np.sqrt(MIDDLES)[:, None]
+        angle = 2 * np.pi * MIDDLES[None, :]
         return r * np.cos(angle), r * np.sin(angle)
 
 
@@ -392,7 +448,9 @@ class Cylinder(_Round):
 
 
 class _Walled(ABC):
-    """What bodies between vertical walls have in common: each horizontal axis goes from 0 to a width."""
+    """What bodies between vertical walls have in common: each horizontal axis goes from 0 to a
+    width.
+    """
 
     sides: StripSides
 
@@ -407,17 +465,23 @@ class _Walled(ABC):
         return tuple(width / 2 for width in self.widths)
 
     def rim_distance(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the nearest edge of the top, beyond which nothing goes on.
+        """Distance [length] from `center` to the nearest edge of the top, beyond which nothing goes
+        on.
 
-        A roller wall right under the tip's axis is a mirror plane: the tip sees the body go on behind it.
+        A roller wall right under the tip's axis is a mirror plane: the tip sees the body go on
+        behind it.
         """
         distances: dict[str, float] = {}
         for axis, place, width in zip("xy", center, self.widths, strict=False):
             distances |= {f"{axis}_min": place, f"{axis}_max": width - place}
-        return min(distance for wall, distance in distances.items() if not self._is_mirror(distance, wall))
+        return min(
+            distance for wall, distance in distances.items() if not self._is_mirror(distance, wall)
+        )
 
     def _is_mirror(self, distance: float, wall: str) -> bool:
-        return abs(distance) <= SAME_PLACE * max(self.widths) and getattr(self.sides, wall) == "roller"
+        return (
+            abs(distance) <= SAME_PLACE * max(self.widths) and getattr(self.sides, wall) == "roller"
+        )
 
     def reach(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the farthest corner of the top."""
@@ -427,7 +491,9 @@ class _Walled(ABC):
     def room_beside(self, inclusion: Inclusion) -> float:
         """Distance [length] from an inclusion to the nearest wall; negative where it is outside."""
         places = enumerate(zip(inclusion.center, self.widths, strict=False))
-        return min(min(place, width - place) - inclusion.half(axis) for axis, (place, width) in places)
+        return min(
+            min(place, width - place) - inclusion.half(axis) for axis, (place, width) in places
+        )
 
     @property
     def is_held(self) -> bool:
@@ -497,15 +563,24 @@ class Box(_Walled):
     def fixed_ends(self) -> Points:
         """Points along the top of all fixed sides."""
         lx, ly = self.widths
-        x, y, zero = lx * SHARES, ly * SHARES, 0 * SHARES
-        lines = {"x_min": (zero, y), "x_max": (zero + lx, y), "y_min": (x, zero), "y_max": (x, zero + ly)}
+        x = lx * SHARES
+        y = ly * SHARES
+        zero = 0 * SHARES
+        lines = {
+            "x_min": (zero, y),
+            "x_max": (zero + lx, y),
+            "y_min": (x, zero),
+            "y_max": (x, zero + ly),
+        }
         fixed = [lines[side] for side, support in vars(self.sides).items() if support == "fixed"]
         along = np.hstack([np.empty((2, 0)), *map(np.array, fixed)])
         return along[0], along[1]
 
 
 class _Endless(_OnAxis):
-    """What bodies without sides have in common: every place is equal, and there is room beside any contact."""
+    """What bodies without sides have in common: every place is equal, and there is room beside any
+    contact.
+    """
 
     def rim_distance(self, center: tuple[float, ...]) -> float:
         """There is no edge of the top surface."""
@@ -538,7 +613,9 @@ class HalfSpace(_Endless):
 
 @dataclass(frozen=True)
 class InfiniteLayer(_Endless):
-    """-height <= z <= 0 [length], infinitely wide: solved by theory, or on a finite body that is large enough."""
+    """-height <= z <= 0 [length], infinitely wide: solved by theory, or on a finite body that is
+    large enough.
+    """
 
     height: Length
     shape: Literal["layer"] = "layer"
@@ -550,7 +627,8 @@ class InfiniteLayer(_Endless):
 
 @dataclass(frozen=True)
 class Dome(_Round):
-    """The piece of a ball below its apex at z = 0, down to the plane z = -height [length]; its base is there.
+    """The piece of a ball below its apex at z = 0, down to the plane z = -height [length]; its base
+    is there.
 
     A whole ball (height = 2 radius) is held below its equator instead. pieces: see `Scales`.
     """
@@ -564,8 +642,14 @@ class Dome(_Round):
 
     @property
     def room(self) -> float:
-        """How thick skins may be together [length], all but: beyond it the core would not reach the base."""
-        return self.radius if self.height == 2 * self.radius else min(self.height, 2 * self.radius - self.height)
+        """How thick skins may be together [length], all but: beyond it the core would not reach the
+        base.
+        """
+        return (
+            self.radius
+            if self.height == 2 * self.radius
+            else min(self.height, 2 * self.radius - self.height)
+        )
 
     @property
     def foot(self) -> tuple[float, float]:
@@ -585,10 +669,11 @@ class Dome(_Round):
 
 @dataclass(frozen=True)
 class MeshSurfaces:
-    """Names that the file gives to the surface which the tip may touch, to the base and to the sides.
+    """Names that the file gives to the surface which the tip may touch, to the base and to the
+    sides.
 
-    Without them the contact surface is what faces up, the base what faces down and is level, and sides that are held
-    what is upright.
+    Without them the contact surface is what faces up, the base what faces down and is level, and
+    sides that are held what is upright.
     """
 
     contact: str | None = None
@@ -598,12 +683,14 @@ class MeshSurfaces:
 
 @dataclass(frozen=True)
 class MeshFromFile:
-    """A body meshed elsewhere, z up; a file in two dimensions has (r, z) or (x, z) in its (x, y), the axis is r = 0.
+    """A body meshed elsewhere, z up; a file in two dimensions has (r, z) or (x, z) in its (x, y),
+    the axis is r = 0.
 
-    The tip's axis is at x = 0, y = 0 of the file unless `indenter.center` says otherwise. What is none of `surfaces` is
-    free; a surface without a name is known by where it faces, or the file is refused. `regions` gives each named region
-    its material; cells of no region are of the scene's. sides auto: free, but asked for where a face lies in a plane
-    through the tip's axis, which is a mirror (roller) of half a body, or an end (free) of a whole one.
+    The tip's axis is at x = 0, y = 0 of the file unless `indenter.center` says otherwise. What is
+    none of `surfaces` is free; a surface without a name is known by where it faces, or the file is
+    refused. `regions` gives each named region its material; cells of no region are of the scene's.
+    sides auto: free, but asked for where a face lies in a plane through the tip's axis, which is a
+    mirror (roller) of half a body, or an end (free) of a whole one.
     """
 
     file: str
@@ -622,7 +709,8 @@ class MeshFromFile:
     @property
     def named(self) -> MeshSurfaces:
         """The names of all surfaces that it has, those for a copy of the file among them."""
-        own, sides = self.surfaces, "sides" if self.sides in ("roller", "fixed") else None
+        own = self.surfaces
+        sides = "sides" if self.sides in ("roller", "fixed") else None
         return MeshSurfaces(own.contact or "contact", own.base or "base", own.sides or sides)
 
     @property
@@ -638,10 +726,11 @@ class MeshFromFile:
 
 @dataclass(frozen=True)
 class Meshed:
-    """A body as its mesh has it: what is known of its contact surface. z = 0 where the tip first touches.
+    """A body as its mesh has it: what is known of its contact surface. z = 0 where the tip first
+    touches.
 
-    facets (k, n, n): corners of the contact surface's facets; rim (m, n - 1, n): the edges around it, in two dimensions
-    its ends; clamped (j, n): those of its points that are held too [length].
+    facets (k, n, n): corners of the contact surface's facets; rim (m, n - 1, n): the edges around
+    it, in two dimensions its ends; clamped (j, n): those of its points that are held too [length].
     """
 
     height: Length
@@ -659,13 +748,20 @@ class Meshed:
     inclusions: ClassVar[None] = None
 
     def rim_distance(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the nearest edge of the contact surface; negative outside of it."""
+        """Distance [length] from `center` to the nearest edge of the contact surface; negative
+        outside of it.
+        """
         at = self._in_plan(center)
-        start, along = self.rim[:, 0, :-1], self.rim[:, -1, :-1] - self.rim[:, 0, :-1]
+        start = self.rim[:, 0, :-1]
+        along = self.rim[:, -1, :-1] - self.rim[:, 0, :-1]
         share = ((at - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), TINY_SQUARE)
         beside = start + np.clip(share, 0.0, 1.0)[:, None] * along
         distance = float(np.linalg.norm(beside - at, axis=1).min(initial=np.inf))
-        return distance if (shares_of(self.facets, center) >= -TOUCHING).all(axis=1).any() else -distance
+        return (
+            distance
+            if (shares_of(self.facets, center) >= -TOUCHING).all(axis=1).any()
+            else -distance
+        )
 
     def reach(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the farthest point of the contact surface."""
@@ -693,17 +789,21 @@ def shares_of(facets: np.ndarray, center: tuple[float, ...]) -> np.ndarray:
     """The barycentric coordinates (k, n) of a point in facets (k, n, n), seen from above."""
     plan = facets[..., :-1]
     edges = np.swapaxes(plan[:, 1:] - plan[:, :1], 1, 2)
-    others = np.linalg.solve(edges, (np.asarray(center[: plan.shape[2]]) - plan[:, 0])[..., None])[..., 0]
+    others = np.linalg.solve(edges, (np.asarray(center[: plan.shape[2]]) - plan[:, 0])[..., None])[
+        ..., 0
+    ]
     return np.column_stack([1 - others.sum(axis=1), others])
 
 
 @dataclass(frozen=True)
 class Cap(_OnAxis):
-    """The part of a ball above the plane z = -height, on which it stands with `base_radius` [length].
+    """The part of a ball above the plane z = -height, on which it stands with `base_radius`
+    [length].
 
-    Either `height` or `contact_angle` [degrees], between base and surface inside the body: height = base_radius
-    tan(contact_angle/2). Beyond 90 degrees the body is wider than its base. Layers are skins of constant thickness,
-    concentric, from the curved surface inwards; the last one, the core, has no thickness.
+    Either `height` or `contact_angle` [degrees], between base and surface inside the body: height =
+    base_radius tan(contact_angle/2). Beyond 90 degrees the body is wider than its base. Layers are
+    skins of constant thickness, concentric, from the curved surface inwards; the last one, the
+    core, has no thickness.
     """
 
     base_radius: Length
@@ -732,10 +832,10 @@ class Cap(_OnAxis):
 class Ball(_OnAxis):
     """A ball whose highest point is the origin: -2 radius <= z <= 0 [length].
 
-    base roller: the plane through its center is a mirror plane, below which the same tip pushes up: `delta` is the
-    approach of the two, and an inclusion is above that plane, and mirrored, or centered on it. fixed: the lower half of
-    its surface is bonded to something rigid. Layers are concentric skins from the surface inwards; the last one, the
-    core, has no thickness.
+    base roller: the plane through its center is a mirror plane, below which the same tip pushes up:
+    `delta` is the approach of the two, and an inclusion is above that plane, and mirrored, or
+    centered on it. fixed: the lower half of its surface is bonded to something rigid. Layers are
+    concentric skins from the surface inwards; the last one, the core, has no thickness.
     """
 
     radius: Length
@@ -755,7 +855,9 @@ class Ball(_OnAxis):
 
 @dataclass(frozen=True)
 class Conductance:
-    """A surface that lets out the flux `conductance` p [length/time] at the pressure p above the bath's."""
+    """A surface that lets out the flux `conductance` p [length/time] at the pressure p above the
+    bath's.
+    """
 
     conductance: Annotated[float, Gt(0), Unit("length/(pressure time)")]
 
@@ -766,15 +868,18 @@ BathPoint = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, PRESSURE))]
 
 @dataclass(frozen=True)
 class Drainage:
-    """Where a body with fluid in its pores lets it out, into a bath of the pressure `bath` [pressure].
+    """Where a body with fluid in its pores lets it out, into a bath of the pressure `bath`
+    [pressure].
 
-    surface: what the tip may touch, where it does not; tip: where it does; sides auto: drained where they are free.
-    Mirror planes are sealed. bath: a number, or [t, value] points, straight between them; at rest there is none. Of a
-    gel it is the solvent's chemical potential [kT], and at rest that of free swelling.
+    surface: what the tip may touch, where it does not; tip: where it does; sides auto: drained
+    where they are free. Mirror planes are sealed. bath: a number, or [t, value] points, straight
+    between them; at rest there is none. Of a gel it is the solvent's chemical potential [kT], and
+    at rest that of free swelling.
 
-    bath_ramp: the time that a sudden bath takes to come. No step of Newton's method finds the thin layer that swells at
-    once, so that a sudden bath at finite strain comes evenly within it; auto: a seventy-fifth of the time that fluid
-    takes through the contact, whatever the mesh. At small strain auto is 0, at once.
+    bath_ramp: the time that a sudden bath takes to come. No step of Newton's method finds the thin
+    layer that swells at once, so that a sudden bath at finite strain comes evenly within it; auto:
+    a seventy-fifth of the time that fluid takes through the contact, whatever the mesh. At small
+    strain auto is 0, at once.
     """
 
     surface: Drain = "drained"
@@ -797,7 +902,11 @@ class Drainage:
     @property
     def baths(self) -> tuple[float, ...]:
         """Values of the bath, between which all others lie."""
-        return (float(self.bath),) if isinstance(self.bath, float | int) else tuple(value for _, value in self.bath)
+        return (
+            (float(self.bath),)
+            if isinstance(self.bath, float | int)
+            else tuple(value for _, value in self.bath)
+        )
 
     def bath_at(self, t: float) -> float:
         """The bath at a time; before the first point, and after the last, as there."""

@@ -7,8 +7,9 @@ With p_hat = lam - epsilon_n g the contact term of the potential is
 its derivative is the traction <p_hat> along the tip's normal, and <p_hat> >= 0 is the pressure
 (signs: gap g >= 0 open, lam >= 0 a pressure, so lam = -lambda of the notes).
 
-A tip that adheres adds gamma(g) = -work exp(-g/range) for g > 0, continued straight for g < 0: the traction is then
-<p_hat> - sigma with sigma = dgamma/dg >= 0 [pressure], and lam is the pressure of contact alone, on top of -sigma.
+A tip that adheres adds gamma(g) = -work exp(-g/range) for g > 0, continued straight for g < 0: the
+traction is then <p_hat> - sigma with sigma = dgamma/dg >= 0 [pressure], and lam is the pressure of
+contact alone, on top of -sigma.
 """
 
 from __future__ import annotations
@@ -26,16 +27,21 @@ from indent_sim.model.units import ADHESION, Auto, ContactStiffness, LengthOrZer
 Vector = Expr  # its components: a sequence, or an array whose first axis it is
 Gap = Literal["auto", "reference", "current"]
 Multiplier = Literal["none", "unknown", "frozen", "stress", "nodal"]
-Friction = Annotated[float, Ge(0), Le(5)] | Literal["stick"]  # Coulomb's coefficient; stick: no slip at all
-# Where a point that comes into contact during a step is taken to have touched the tip: at its place at the step's
-# beginning (too stiff), nowhere before the end (too soft), or on the way between, which the other two enclose.
+Friction = (
+    Annotated[float, Ge(0), Le(5)] | Literal["stick"]
+)  # Coulomb's coefficient; stick: no slip at all
+# Where a point that comes into contact during a step is taken to have touched the tip: at its place
+# at the step's beginning (too stiff), nowhere before the end (too soft), or on the way between,
+# which the other two enclose.
 Anchor = Literal["implicit", "glue", "mid"]
 
 
 @dataclass(frozen=True)
 class Adhesion:
-    """An attraction across the gap g: sigma = (work/range) exp(-g/range) [pressure], whose integral is `work`. Without
-    a range the smallest is named that the mesh resolves; 0 is the limit of `experiment.adhesion`."""
+    """An attraction across the gap g: sigma = (work/range) exp(-g/range) [pressure], whose integral
+    is `work`. Without a range the smallest is named that the mesh resolves; 0 is the limit of
+    `experiment.adhesion`.
+    """
 
     work: Annotated[float, Gt(0), ADHESION]
     range: LengthOrZero | None = None
@@ -45,16 +51,23 @@ class Adhesion:
         return self.range
 
     def energy(self, g: Expr) -> Expr:
-        """gamma(g) = -work exp(-<g>/range) - (work/range) <-g> per area [pressure length], negative."""
-        opened, reach = macaulay(g), self._reach
+        """gamma(g) = -work exp(-<g>/range) - (work/range) <-g> per area [pressure length],
+        negative.
+        """
+        opened = macaulay(g)
+        reach = self._reach
         return self.work * ((g - opened) / reach - exp(-opened / reach))
 
     def pull(self, g: Expr) -> Expr:
-        """sigma(g) = (work/range) exp(-<g>/range) [pressure], >= 0, constant where the gap is closed."""
+        """sigma(g) = (work/range) exp(-<g>/range) [pressure], >= 0, constant where the gap is
+        closed.
+        """
         return self.work / self._reach * exp(-macaulay(g) / self._reach)
 
     def zone(self, E_star: float) -> float:
-        """l = (pi/4) E* range^2/work [length]: how far the attraction reaches beside the edge of a contact."""
+        """l = (pi/4) E* range^2/work [length]: how far the attraction reaches beside the edge of a
+        contact.
+        """
         return float(pi / 4 * E_star * self._reach**2 / self.work)
 
     def resolved_by(self, zone: float, E_star: float) -> float:
@@ -62,23 +75,28 @@ class Adhesion:
         return (4 / pi * self.work * zone / E_star) ** 0.5
 
 
-# ---- friction at a point -------------------------------------------------------------------------------------------
+# ---- friction at a point
+# -------------------------------------------------------------------------------------------
 
 UNBOUNDED = 1e30  # [pressure] no traction that sticks is as large
 TRACTION_FLOOR = 1e-30  # [pressure^2] added to |t|^2, whose root has no slope at zero
-AT_ONCE = 1e-6  # of a step's depth: a gap this small at its beginning is closed from then on, as under a flat punch
-# A point that comes into contact while a gap `widest` closes has gone CLOSED_SHARE (gap/widest)^CLOSING of its way
-# through the step when it touches, as if it were smooth. In self-similar contact of a paraboloid without slip the share
-# rises from 0 at the old edge of contact to about 2/3 at the new one; these two leave the least error of the force over
-# half-spaces and layers, stick and Coulomb's law.
-CLOSED_SHARE, CLOSING = 0.63, 1 / 3
+# of a step's depth: a gap this small at its beginning is closed from then on, as under a flat punch
+AT_ONCE = 1e-6
+# A point that comes into contact while a gap `widest` closes has gone CLOSED_SHARE
+# (gap/widest)^CLOSING of its way through the step when it touches, as if it were smooth. In
+# self-similar contact of a paraboloid without slip the share rises from 0 at the old edge of
+# contact to about 2/3 at the new one; these two leave the least error of the force over half-spaces
+# and layers, stick and Coulomb's law.
+CLOSED_SHARE = 0.63
+CLOSING = 1 / 3
 
 
 @dataclass(frozen=True)
 class CoulombPoint:
-    """Coulomb's law at a point: t = t_hat where |t_hat| <= friction p (stick), else friction p t_hat/|t_hat| (slip).
-    friction: the coefficient, or `stick`; p: the pressure, >= 0 [pressure]; t_hat: the trial traction, a component for
-    each axis [pressure]."""
+    """Coulomb's law at a point: t = t_hat where |t_hat| <= friction p (stick), else friction p
+    t_hat/|t_hat| (slip). friction: the coefficient, or `stick`; p: the pressure, >= 0
+    [pressure]; t_hat: the trial traction, a component for each axis [pressure].
+    """
 
     friction: Expr
     p: Expr
@@ -102,12 +120,18 @@ class CoulombPoint:
     @cached_property
     def share(self) -> Expr:
         """t/t_hat: 1 at a point that sticks."""
-        return 1.0 if isinstance(self.friction, str) else where_less(self.room, 0.0, self.bound / self.size, 1.0)
+        return (
+            1.0
+            if isinstance(self.friction, str)
+            else where_less(self.room, 0.0, self.bound / self.size, 1.0)
+        )
 
     def heat(self, t: Vector, slid: Vector, before: Expr) -> Expr:
-        """What slip turns into heat in a step [pressure length], >= 0: t . slid, 0 at a point that sticks. With
-        friction (p + before)/2 in place of friction p, `before` the pressure at the step's beginning: the bound grows
-        on the way, and with that of the step's end alone the sum is only of first order in the steps."""
+        """What slip turns into heat in a step [pressure length], >= 0: t . slid, 0 at a point that
+        sticks. With friction (p + before)/2 in place of friction p, `before` the pressure at the
+        step's beginning: the bound grows on the way, and with that of the step's end alone the
+        sum is only of first order in the steps.
+        """
         mean = (self.p + before) / (2 * maximum(self.p, TRACTION_FLOOR))
         return where_less(self.room, 0.0, mean, 0.0) * macaulay(dot(t, slid))
 
@@ -118,23 +142,31 @@ def friction_bound(friction: Expr, p: Expr) -> Expr:
 
 
 def heat_of_leaving(friction: Expr, before: Expr, moved: Vector, way: Expr) -> Expr:
-    """The heat of a point that slips until it leaves, with less and less pressure than `before` [pressure length]."""
+    """The heat of a point that slips until it leaves, with less and less pressure than `before`
+    [pressure length].
+    """
     return friction_bound(friction, before) / 2 * (1 - way) * length(moved)
 
 
 def is_new_contact(opening: Expr, sunk: Expr) -> Expr:
-    """1 where a gap [length] was open at the beginning of a step of depth `sunk`, else 0; below zero is in contact."""
+    """1 where a gap [length] was open at the beginning of a step of depth `sunk`, else 0; below
+    zero is in contact.
+    """
     return where_less(AT_ONCE * abs(sunk), opening, 1.0, 0.0)
 
 
 def passed_gap(opening: Expr, is_new: Expr, p_hat: Expr, stiffness: Expr) -> Expr:
-    """The gap [length] that closed, or opened, during a step at a point that came into contact, or left; else 0."""
+    """The gap [length] that closed, or opened, during a step at a point that came into contact, or
+    left; else 0.
+    """
     opened = where_less(opening, 0.0, -p_hat / stiffness, 0.0)
     return where_less(0.0, p_hat, is_new * opening, opened)
 
 
 def way_gone(passed: Expr, widest: Expr) -> Expr:
-    """How much of its way through the step a new point had gone when it touched, one that left had yet to go."""
+    """How much of its way through the step a new point had gone when it touched, one that left had
+    yet to go.
+    """
     return CLOSED_SHARE * maximum(0.0, minimum(passed / widest, 1.0)) ** CLOSING
 
 
@@ -148,7 +180,8 @@ def length(t: Vector) -> Expr:
     return sqrt(dot(t, t) + TRACTION_FLOOR)
 
 
-# ---- laws ----------------------------------------------------------------------------------------------------------
+# ---- laws
+# ----------------------------------------------------------------------------------------------------------
 
 
 NO_CURVE = "friction, or adhesion over a range: no curve determines it"
@@ -185,7 +218,10 @@ class _Law:
     def remedies(self) -> tuple[str, ...]:
         """Other keys of it that may help where no equilibrium is found."""
         is_steered = not self.is_conservative and self.epsilon_t != getattr(self, "stiffness", None)
-        return (*(["contact.epsilon_t: auto"] * is_steered), *(["contact.friction: 5"] * self.is_bonded))
+        return (
+            *(["contact.epsilon_t: auto"] * is_steered),
+            *(["contact.friction: 5"] * self.is_bonded),
+        )
 
     @property
     def slips(self) -> bool:
@@ -194,13 +230,17 @@ class _Law:
 
     @property
     def path_key(self) -> str:
-        """The key that makes it depend on the path: friction | adhesion, which are not given both; "" for none."""
+        """The key that makes it depend on the path: friction | adhesion, which are not given both;
+        "" for none.
+        """
         return next((name for name in ("friction", "adhesion") if getattr(self, name)), "")
 
     @property
     def beyond_theory(self) -> str:
         """What it has that no theory knows, in words; "" for nothing."""
-        return {"friction": "friction", "adhesion": "attraction with a range"}.get(self.path_key, "")
+        return {"friction": "friction", "adhesion": "attraction with a range"}.get(
+            self.path_key, ""
+        )
 
     @property
     def beyond_curve(self) -> str:
@@ -209,8 +249,13 @@ class _Law:
 
     @property
     def unsymmetric(self) -> str:
-        """Why its tangent is not symmetric and definite; "" where it is, or its multiplier alone is why."""
-        spoils = {"friction": "has a tangent that is not symmetric", "adhesion": "has a tangent that may be indefinite"}
+        """Why its tangent is not symmetric and definite; "" where it is, or its multiplier alone is
+        why.
+        """
+        spoils = {
+            "friction": "has a tangent that is not symmetric",
+            "adhesion": "has a tangent that may be indefinite",
+        }
         return f"{self.path_key} {spoils[self.path_key]}" if self.path_key else ""
 
     @property
@@ -241,13 +286,17 @@ class _StiffnessLaw(_Law):
         return lam - self.stiffness * g
 
     def potential(self, g: Expr, lam: Expr) -> Expr:
-        """( <p_hat>^2 - lam^2 ) / (2 stiffness), and gamma(g) of a tip that adheres, per area [pressure length]."""
+        """( <p_hat>^2 - lam^2 ) / (2 stiffness), and gamma(g) of a tip that adheres, per area
+        [pressure length].
+        """
         pushed = (macaulay(self.trial_pressure(g, lam)) ** 2 - lam * lam) / (2 * self.stiffness)
         return pushed + self.adhesion.energy(g) if self.adhesion else pushed
 
     @property
     def uncondensed(self) -> str:
-        """Why a condensed body, which has this potential written out, cannot have the law; "" where it can."""
+        """Why a condensed body, which has this potential written out, cannot have the law; "" where
+        it can.
+        """
         if self.may_snap:
             return "a tip that adheres is solved on the whole body"
         is_other = type(self).potential is not _StiffnessLaw.potential
@@ -265,7 +314,9 @@ class _NormalStiffness(_StiffnessLaw):
 
 @dataclass(frozen=True)
 class Penalty(_NormalStiffness):
-    """p = epsilon_n <-g>: energy epsilon_n/2 <-g>^2 (notes 3.3-3.5); the tip penetrates by p/epsilon_n."""
+    """p = epsilon_n <-g>: energy epsilon_n/2 <-g>^2 (notes 3.3-3.5); the tip penetrates by
+    p/epsilon_n.
+    """
 
     method: Literal["penalty"] = "penalty"
     epsilon_n: ContactStiffness | Auto = "auto"
@@ -275,7 +326,9 @@ class Penalty(_NormalStiffness):
 
     multiplier: ClassVar[Multiplier] = "none"
     auto_multiple: ClassVar[float] = 100.0  # of E*/h_contact, at least: 0.1 % of the force on HERTZ
-    smallest_tangential: ClassVar[float] = 0.1  # of E*/h_contact: below, four fifths of what friction adds are lost
+    smallest_tangential: ClassVar[float] = (
+        0.1  # of E*/h_contact: below, four fifths of what friction adds are lost
+    )
 
     @property
     def uncondensed(self) -> str:
@@ -286,9 +339,10 @@ class Penalty(_NormalStiffness):
 
 @dataclass(frozen=True)
 class AugmentedLagrangian(_NormalStiffness):
-    """Displacement and multiplier together in one semismooth Newton (notes 3.6-3.7); epsilon_n only steers it, and so
-    does epsilon_t what slides; where the surface sticks, what it adds to the force moves by 0.35 h_contact/a of itself
-    per decade."""
+    """Displacement and multiplier together in one semismooth Newton (notes 3.6-3.7); epsilon_n only
+    steers it, and so does epsilon_t what slides; where the surface sticks, what it adds to the
+    force moves by 0.35 h_contact/a of itself per decade.
+    """
 
     method: Literal["augmented_lagrangian"] = "augmented_lagrangian"
     epsilon_n: ContactStiffness | Auto = "auto"
@@ -299,7 +353,8 @@ class AugmentedLagrangian(_NormalStiffness):
 
     multiplier: ClassVar[Multiplier] = "unknown"
     auto_multiple: ClassVar[float] = 1.0  # of E*/h_contact: the most accurate, measured
-    # Below, steps fail or end in forces without friction: from 1e-4 on with Coulomb's law; cut back from 1e-3 on
+    # Below, steps fail or end in forces without friction: from 1e-4 on with Coulomb's law; cut back
+    # from 1e-3 on
     smallest_tangential: ClassVar[float] = 0.01
 
 
@@ -312,24 +367,30 @@ class Uzawa(_NormalStiffness):
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "frozen"
-    auto_multiple: ClassVar[float] = 100.0  # of E*/h_contact: few loops; softer ones fail in deep bodies of nu = 0.5
+    auto_multiple: ClassVar[float] = (
+        100.0  # of E*/h_contact: few loops; softer ones fail in deep bodies of nu = 0.5
+    )
 
 
 @dataclass(frozen=True)
 class Nitsche(_StiffnessLaw):
-    """The multiplier is the body's own contact stress, p = <-sigma_n(u) - gamma g>; no extra unknown. The variation of
-    sigma_n is dropped (theta = 0)."""
+    """The multiplier is the body's own contact stress, p = <-sigma_n(u) - gamma g>; no extra
+    unknown. The variation of sigma_n is dropped (theta = 0).
+    """
 
     method: Literal["nitsche"] = "nitsche"
     gamma: ContactStiffness | Auto = "auto"
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "stress"
-    auto_multiple: ClassVar[float] = 10.0  # of E*/h_contact: far enough above the smallest that works
-    # Without the variation of sigma_n nothing holds the tip back below about E*/h_contact. Measured against the active
-    # set on the same mesh (HERTZ axisymmetric, strip and cube; nu 0.3, 0.48, and 0.4999 mixed; 4 to 20 elements in a):
-    # from 1 on the force is within 0.2 %, at 0.3 it is up to 1.3 % too high, at 0.1 up to 9 %, at 0.01 up to 37 %;
-    # each of them converges as willingly as the right one. With 2 elements in a: 3 % at 1, 8 % at 0.3.
+    auto_multiple: ClassVar[float] = (
+        10.0  # of E*/h_contact: far enough above the smallest that works
+    )
+    # Without the variation of sigma_n nothing holds the tip back below about E*/h_contact. Measured
+    # against the active set on the same mesh (HERTZ axisymmetric, strip and cube; nu 0.3, 0.48, and
+    # 0.4999 mixed; 4 to 20 elements in a): from 1 on the force is within 0.2 %, at 0.3 it is up to
+    # 1.3 % too high, at 0.1 up to 9 %, at 0.01 up to 37 %; each of them converges as willingly as
+    # the right one. With 2 elements in a: 3 % at 1, 8 % at 0.3.
     smallest_multiple: ClassVar[float] = 1.0
 
     uncondensed: ClassVar[str] = "Nitsche's method needs the stress inside the body"  # type: ignore[misc]
@@ -342,7 +403,9 @@ class Nitsche(_StiffnessLaw):
 
 @dataclass(frozen=True)
 class ActiveSet(_Law):
-    """Primal-dual active set on nodal pressures and weighted gaps: exact complementarity, no parameter."""
+    """Primal-dual active set on nodal pressures and weighted gaps: exact complementarity, no
+    parameter.
+    """
 
     method: Literal["active_set"] = "active_set"
     gap: Gap = "auto"

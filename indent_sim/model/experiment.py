@@ -1,4 +1,6 @@
-"""How an indentation is measured: adhesion without range, the instrument, its oscillations and its uncertainty."""
+"""How an indentation is measured: adhesion without range, the instrument, its oscillations and its
+uncertainty.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ Compliance = Annotated[float, Ge(0), Unit("length/force")]
 
 @dataclass(frozen=True)
 class JKRAdhesion:
-    """The JKR limit of an attraction with this work; `range` for its Tabor and Maugis numbers alone."""
+    """The JKR limit of an attraction with this work; `range` for its Tabor and Maugis numbers
+    alone.
+    """
 
     work: Work
     range: Length | None = None
@@ -52,8 +56,8 @@ class Calibration:
 class Experiment:
     """What the frictionless curve of a linear body is measured with, each part optional.
 
-    `frequencies` [cycles per time]: of small oscillations about the end of the history, or about the deepest point of
-    `loading`.
+    `frequencies` [cycles per time]: of small oscillations about the end of the history, or about
+    the deepest point of `loading`.
     """
 
     adhesion: JKRAdhesion | None = None

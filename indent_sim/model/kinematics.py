@@ -10,7 +10,9 @@ from indent_sim.model.algebra import Expr, ufl
 
 
 class _Kinematics:
-    """What holds where nothing else is said: a round contact, a section in (r or x, z), and no weight."""
+    """What holds where nothing else is said: a round contact, a section in (r or x, z), and no
+    weight.
+    """
 
     def in_plane(self, v: Expr) -> Expr:
         """The components of a 3-vector along the model's own axes."""
@@ -40,7 +42,9 @@ class Axisymmetric(_Kinematics):
     name: Literal["axisymmetric"] = "axisymmetric"
     dim: int = 2
     axes: tuple[str, ...] = ("r", "z")
-    why: ClassVar[str] = "body and tip turn about one axis: (r, z) says it all, a point stands for a ring"
+    why: ClassVar[str] = (
+        "body and tip turn about one axis: (r, z) says it all, a point stands for a ring"
+    )
 
     def gradient(self, u: Expr, x: Expr) -> Expr:
         """Displacement gradient H (3x3) in the basis (r, theta, z)."""
@@ -48,7 +52,9 @@ class Axisymmetric(_Kinematics):
         return ufl.as_tensor([[h[0, 0], 0, h[0, 1]], [0, u[0] / x[0], 0], [h[1, 0], 0, h[1, 1]]])
 
     def horizontal(self, point: Expr, center: Expr) -> tuple[Expr, Expr]:
-        """Horizontal position (r, 0) relative to the tip's axis, which is the axis of symmetry [length]."""
+        """Horizontal position (r, 0) relative to the tip's axis, which is the axis of symmetry
+        [length].
+        """
         return point[0], 0.0
 
     def weight(self, x: Expr) -> Expr:

@@ -13,7 +13,8 @@ from annotated_types import Ge, Gt, Le, Len
 
 from indent_sim.model.units import FORCE, LENGTH, TIME, Auto, Coordinate, Length, UnitRow
 
-MOST_STEPS, MOST_POINTS = 100_000, 10_000
+MOST_STEPS = 100_000
+MOST_POINTS = 10_000
 HISTORY_ROWS = 200  # of a history on the elastic curve at least, and at most as many more
 SHORTEST = 1e-9  # of a piece: a last step shorter than that is none
 PIECE_ROWS = 20  # of each piece of a history on the whole body
@@ -21,18 +22,29 @@ PER_PIECE = 5  # times the steps of each length, the least of a piece that moves
 Force = Annotated[float, Gt(0), FORCE]
 Way = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, LENGTH))]
 Pull = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, FORCE))]
-WAYS = ("delta", "deltas", "force", "forces", "history", "force_history")  # to say the path, one of them
-PER_DOUBLING, MOST_PER_DOUBLING = 4, 1000
+WAYS = (
+    "delta",
+    "deltas",
+    "force",
+    "forces",
+    "history",
+    "force_history",
+)  # to say the path, one of them
+PER_DOUBLING = 4
+MOST_PER_DOUBLING = 1000
 STEPPED = ("delta", "force")  # those that have steps
 Control = Literal["depth", "force"]
 
 
 @dataclass(frozen=True)
 class LoadPath:
-    """What is prescribed, and its values in order: depths [length], or forces of the whole body [force]; in time, the
-    time and the branch of each too, and the values that the tip passes before it, where it turns between two rows.
+    """What is prescribed, and its values in order: depths [length], or forces of the whole body
+    [force]; in time, the time and the branch of each too, and the values that the tip passes
+    before it, where it turns between two rows.
 
-    begin: when a body that takes time sets out [time], None of any other; `passed`: the times of its turns."""
+    begin: when a body that takes time sets out [time], None of any other; `passed`: the times of
+    its turns.
+    """
 
     control: Control
     values: tuple[float, ...]
@@ -43,12 +55,16 @@ class LoadPath:
     begin: float | None = None
 
     def halved(self) -> LoadPath:
-        """The same in steps half as long: between each two values the mean of them, two rows for each."""
+        """The same in steps half as long: between each two values the mean of them, two rows for
+        each.
+        """
         rows: list[tuple[float, float]] = []
         turns: list[tuple[tuple[float, float], ...]] = []
         last = (0.0, 0.0)
         for step in range(1, len(self.values) + 1):
-            fine = [part for a, b in pairwise((last, *self.leg(step))) for part in (_middle(a, b), b)]
+            fine = [
+                part for a, b in pairwise((last, *self.leg(step))) for part in (_middle(a, b), b)
+            ]
             rows += fine[-2:]
             turns += [tuple(fine[:-2]), ()]
             last = fine[-1]
@@ -75,7 +91,10 @@ class LoadPath:
     @property
     def still(self) -> int:
         """How many steps there are in which the value stays what it is."""
-        values = [0.0, *(value for step in range(1, len(self.values) + 1) for value, _ in self.leg(step))]
+        values = [
+            0.0,
+            *(value for step in range(1, len(self.values) + 1) for value, _ in self.leg(step)),
+        ]
         return sum(a == b for a, b in pairwise(values))
 
     @property
@@ -95,13 +114,19 @@ class LoadPath:
         return [a[1] == b[1] and a[0] != b[0] for a, b in pairwise((before, *self.leg(step)))]
 
     def without_sudden(self) -> LoadPath:
-        """The same path without the places that it reaches in no time: the step after a jump begins before the jump.
-        Rows among them are left out, and what is passed on the way to them is passed on the way to the next row."""
+        """The same path without the places that it reaches in no time: the step after a jump begins
+        before the jump. Rows among them are left out, and what is passed on the way to them is
+        passed on the way to the next row.
+        """
         rows: list[int] = []
         legs: list[list[tuple[float, float]]] = []
         waiting: list[tuple[float, float]] = []
         for step in range(1, len(self.values) + 1):
-            kept = [place for place, sudden in zip(self.leg(step), self._is_sudden(step), strict=True) if not sudden]
+            kept = [
+                place
+                for place, sudden in zip(self.leg(step), self._is_sudden(step), strict=True)
+                if not sudden
+            ]
             waiting += kept
             if self._is_sudden(step)[-1]:
                 continue
@@ -120,8 +145,9 @@ class LoadPath:
         )
 
     def leg(self, step: int) -> tuple[tuple[float, float], ...]:
-        """The values on the way to a step [from 1], its own the last, each with the time since the path's begin; no
-        time passes for a body that takes none."""
+        """The values on the way to a step [from 1], its own the last, each with the time since the
+        path's begin; no time passes for a body that takes none.
+        """
         values = (*(self.turns[step - 1] if self.turns else ()), self.values[step - 1])
         if self.begin is None:
             return tuple((value, 0.0) for value in values)
@@ -135,9 +161,12 @@ class LoadPath:
 
     @property
     def kept(self) -> frozenset[int]:
-        """The steps whose states are worth keeping, from 1: the last, and those from which the tip goes back after it
-        was nowhere deeper (or, where forces are prescribed, pressed no harder)."""
-        steps, deepest = {len(self.values)}, float("-inf")
+        """The steps whose states are worth keeping, from 1: the last, and those from which the tip
+        goes back after it was nowhere deeper (or, where forces are prescribed, pressed no
+        harder).
+        """
+        steps = {len(self.values)}
+        deepest = float("-inf")
         for step, (value, following) in enumerate(pairwise(self.values), start=1):
             deepest = max(deepest, value)
             if following < value == deepest:
@@ -147,8 +176,9 @@ class LoadPath:
 
 @dataclass(frozen=True)
 class Instant:
-    """A row of a history: the time [time], what is prescribed there, and whether the tip approaches, holds or
-    retracts."""
+    """A row of a history: the time [time], what is prescribed there, and whether the tip
+    approaches, holds or retracts.
+    """
 
     t: float
     value: float
@@ -157,9 +187,10 @@ class Instant:
 
 @dataclass(frozen=True)
 class History:
-    """Depths, ways of a base [length] or forces [force] in time: `points` (t, value), straight between them; two equal
-    times are a jump. Before the first point the body is at rest. `times`: of the rows; none: every point and, between
-    them, enough for a curve."""
+    """Depths, ways of a base [length] or forces [force] in time: `points` (t, value), straight
+    between them; two equal times are a jump. Before the first point the body is at rest.
+    `times`: of the rows; none: every point and, between them, enough for a curve.
+    """
 
     control: Control
     points: tuple[tuple[float, float], ...]
@@ -193,7 +224,9 @@ class History:
     @property
     def shortest_piece(self) -> float:
         """The shortest time between two points that is none [time]."""
-        return min(after - before for (before, _), (after, _) in pairwise(self.points) if after > before)
+        return min(
+            after - before for (before, _), (after, _) in pairwise(self.points) if after > before
+        )
 
     @property
     def comes_back(self) -> bool:
@@ -205,7 +238,9 @@ class History:
     @property
     def jumps(self) -> bool:
         """Whether a value changes at once, from rest too."""
-        return self.points[0][1] > 0 or any(a[0] == b[0] and a[1] != b[1] for a, b in pairwise(self.points))
+        return self.points[0][1] > 0 or any(
+            a[0] == b[0] and a[1] != b[1] for a, b in pairwise(self.points)
+        )
 
     @property
     def from_rest(self) -> tuple[tuple[float, float], ...]:
@@ -215,17 +250,21 @@ class History:
 
     @property
     def pieces(self) -> tuple[int, ...]:
-        """Rows of each piece of `from_rest`: its share of the time, or of the pieces if that is more; a jump: 1."""
+        """Rows of each piece of `from_rest`: its share of the time, or of the pieces if that is
+        more; a jump: 1.
+        """
         spans = [after - before for (before, _), (after, _) in pairwise(self.from_rest)]
         shares = [max(span / self.span, 1.0 / len(spans)) for span in spans]
         return tuple(
-            max(1, round(HISTORY_ROWS * share)) if span > 0 else 1 for share, span in zip(shares, spans, strict=True)
+            max(1, round(HISTORY_ROWS * share)) if span > 0 else 1
+            for share, span in zip(shares, spans, strict=True)
         )
 
     @property
     def through_its_times(self) -> History:
         """The same with its `times` as points, and a row at every point and between."""
-        known, points = [t for t, _ in self.points], list(self.points)
+        known = [t for t, _ in self.points]
+        points = list(self.points)
         for t in sorted({*self.times} - {*known}):
             after = bisect_right(known, t)
             (t0, v0), (t1, v1) = self.points[after - 1 : after + 1]
@@ -236,23 +275,34 @@ class History:
     def instants(self) -> tuple[Instant, ...]:
         """Every point and those between, and at a jump the state before and after it."""
         points = self.from_rest
-        found = [] if len(points) > len(self.points) else [Instant(*points[0], branch_of(points[0][1], points[1][1]))]
+        found = (
+            []
+            if len(points) > len(self.points)
+            else [Instant(*points[0], branch_of(points[0][1], points[1][1]))]
+        )
         for ((t0, v0), (t1, v1)), rows in zip(pairwise(points), self.pieces, strict=True):
             branch = branch_of(v0, v1)
-            found += [Instant(t0 + (t1 - t0) * k / rows, v0 + (v1 - v0) * k / rows, branch) for k in range(1, rows)]
+            found += [
+                Instant(t0 + (t1 - t0) * k / rows, v0 + (v1 - v0) * k / rows, branch)
+                for k in range(1, rows)
+            ]
             found.append(Instant(t1, v1, branch))
         return tuple(found)
 
     @property
     def path(self) -> LoadPath:
-        """Its rows as a path of the whole body: PIECE_ROWS in each piece that moves, the end of a hold, the state after
-        a jump; or those at its `times`, and where it turns between them."""
-        return self._followed(lambda span, moves: [k / PIECE_ROWS for k in range(1, PIECE_ROWS)] if moves else [])
+        """Its rows as a path of the whole body: PIECE_ROWS in each piece that moves, the end of a
+        hold, the state after a jump; or those at its `times`, and where it turns between them.
+        """
+        return self._followed(
+            lambda span, moves: [k / PIECE_ROWS for k in range(1, PIECE_ROWS)] if moves else []
+        )
 
     def in_steps(self, first: float, per_doubling: int) -> LoadPath:
-        """The path of a body that takes time, every step a row: in each piece `per_doubling` steps of each length,
-        `first` [time] and twice the one before, and PER_PIECE times as many at least where it moves; or rows as
-        `path`."""
+        """The path of a body that takes time, every step a row: in each piece `per_doubling` steps
+        of each length, `first` [time] and twice the one before, and PER_PIECE times as many at
+        least where it moves; or rows as `path`.
+        """
 
         def parts(span: float, moves: bool) -> list[float]:
             longest = span / (PER_PIECE * per_doubling) if moves else inf
@@ -261,26 +311,42 @@ class History:
         return replace(self._followed(parts), begin=self.points[0][0])
 
     def _followed(self, parts: Callable[[float, bool], Sequence[float]]) -> LoadPath:
-        """Its rows at shares of each piece in time, by its span and whether it moves, and at its end."""
-        rows = [] if len(self.from_rest) > len(self.points) else [Instant(*self.points[0], "approach")]
+        """Its rows at shares of each piece in time, by its span and whether it moves, and at its
+        end.
+        """
+        rows = (
+            [] if len(self.from_rest) > len(self.points) else [Instant(*self.points[0], "approach")]
+        )
         for (t0, v0), (t1, v1) in pairwise(self.from_rest):
-            shares, branch = (parts(t1 - t0, v1 != v0) if t1 > t0 else ()), branch_of(v0, v1)
-            rows += [Instant(t0 + (t1 - t0) * share, v0 + (v1 - v0) * share, branch) for share in shares]
+            shares = parts(t1 - t0, v1 != v0) if t1 > t0 else ()
+            branch = branch_of(v0, v1)
+            rows += [
+                Instant(t0 + (t1 - t0) * share, v0 + (v1 - v0) * share, branch) for share in shares
+            ]
             rows.append(Instant(t1, v1, branch))
         if self.times:
             return self._picked(rows)
-        values, times, branches = zip(*((row.value, row.t, row.branch) for row in rows), strict=True)
+        values, times, branches = zip(
+            *((row.value, row.t, row.branch) for row in rows), strict=True
+        )
         return LoadPath(self.control, values, times, branches)
 
     def _picked(self, rows: Sequence[Instant]) -> LoadPath:
-        """The rows at its `times`, at a jump the one after it; the others stay, as steps on the way to them."""
-        at, known, legs = dict(self.through_its_times.points), [row.t for row in rows], []
+        """The rows at its `times`, at a jump the one after it; the others stay, as steps on the way
+        to them.
+        """
+        at = dict(self.through_its_times.points)
+        known = [row.t for row in rows]
+        legs = []
         ends = [bisect_right(known, t) for t in self.times]
         for begin, end, t in zip((0, *ends), ends, self.times, strict=False):
             passed = rows[begin:end]
             legs.append(passed[:-1] if passed and known[end - 1] == t else passed)
-        owners = (end - 1 if known[end - 1] == t else end for end, t in zip(ends, self.times, strict=True))
-        values, branches = tuple(at[t] for t in self.times), tuple(rows[owner].branch for owner in owners)
+        owners = (
+            end - 1 if known[end - 1] == t else end for end, t in zip(ends, self.times, strict=True)
+        )
+        values = tuple(at[t] for t in self.times)
+        branches = tuple(rows[owner].branch for owner in owners)
         turns = tuple(tuple(row.value for row in leg) for leg in legs)
         moments = tuple(tuple(row.t for row in leg) for leg in legs)
         return LoadPath(self.control, values, self.times, branches, turns, moments)
@@ -291,9 +357,12 @@ class History:
 
 
 def ladder(span: float, first: float, per_doubling: int, longest: float = inf) -> list[float]:
-    """Times from 0 to a span, without both: as many steps of each length as `per_doubling`, `first` and then twice the
-    one before, but no longer than `longest` [time]."""
-    found, t, dt = list[float](), 0.0, min(first, longest)
+    """Times from 0 to a span, without both: as many steps of each length as `per_doubling`, `first`
+    and then twice the one before, but no longer than `longest` [time].
+    """
+    found = list[float]()
+    t = 0.0
+    dt = min(first, longest)
     while True:
         for _ in range(per_doubling):
             t += dt
@@ -314,15 +383,18 @@ def branch_of(before: float, after: float) -> str:
 
 @dataclass(frozen=True)
 class Loading:
-    """One of: a final depth `delta` or force `force` reached in `steps` equal steps, the depths `deltas` or the
-    forces `forces` one by one, or in time `history`, [t, delta] (with a cantilever or a frame [t, z]), or
-    `force_history`, [t, force]: straight between the points, two equal times are a jump, before the first point the
-    body is at rest. `times`: auto: every point and, between them, enough for a curve | the times of the rows. A body
-    that drains, or whose shear relaxes, takes `per_doubling` steps of each length before that doubles, in every piece.
+    """One of: a final depth `delta` or force `force` reached in `steps` equal steps, the depths
+    `deltas` or the forces `forces` one by one, or in time `history`, [t, delta] (with a
+    cantilever or a frame [t, z]), or `force_history`, [t, force]: straight between the points,
+    two equal times are a jump, before the first point the body is at rest. `times`: auto: every
+    point and, between them, enough for a curve | the times of the rows. A body that drains, or
+    whose shear relaxes, takes `per_doubling` steps of each length before that doubles, in every
+    piece.
 
-    delta > 0 pushes in; negative values in `deltas` hold the tip clear of the body [length]. Forces are of the whole
-    body (per unit length in plane strain); negative ones only under a tip that adheres, and no harder than it pulls
-    where it first touches. Without adhesion a force of 0 is where the tip just touches, delta = 0.
+    delta > 0 pushes in; negative values in `deltas` hold the tip clear of the body [length]. Forces
+    are of the whole body (per unit length in plane strain); negative ones only under a tip that
+    adheres, and no harder than it pulls where it first touches. Without adhesion a force of 0 is
+    where the tip just touches, delta = 0.
     """
 
     delta: Length | None = None
@@ -356,5 +428,9 @@ class Loading:
         """The requested depths or forces in order, of a loading without time."""
         (way,) = self.given
         last = getattr(self, way)
-        values = last if way in ("deltas", "forces") else tuple(last * n / self.steps for n in range(1, self.steps + 1))
+        values = (
+            last
+            if way in ("deltas", "forces")
+            else tuple(last * n / self.steps for n in range(1, self.steps + 1))
+        )
         return LoadPath("depth" if way in ("delta", "deltas") else "force", values)

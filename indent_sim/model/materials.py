@@ -1,9 +1,9 @@
 """Elastic laws as strain-energy densities; UFL differentiates them to stress and tangent.
 
-A material is a frozen dataclass with its constants, an `energy` of the displacement gradient H (3x3) and, of the same
-`parts`, a `mixed_energy` in which a pressure-like field q replaces the volumetric stiffness (q = lame_lambda tr eps, or
-lambda ln J, or kappa ln J - k (I1 - 3) at the solution), so that nu = 0.5 is legal. Its numbers may be floats or UFL
-constants.
+A material is a frozen dataclass with its constants, an `energy` of the displacement gradient H
+(3x3) and, of the same `parts`, a `mixed_energy` in which a pressure-like field q replaces the
+volumetric stiffness (q = lame_lambda tr eps, or lambda ln J, or kappa ln J - k (I1 - 3) at the
+solution), so that nu = 0.5 is legal. Its numbers may be floats or UFL constants.
 """
 
 from __future__ import annotations
@@ -17,8 +17,25 @@ from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 from annotated_types import Ge, Gt, Le, Len, Lt
 
 from indent_sim.model import algebra
-from indent_sim.model.algebra import Expr, exp, expm1_remainder, log1p, log1p_remainder, power_sum, ufl
-from indent_sim.model.units import PRESSURE, TIME, AnyModulus, Auto, Modulus, PoissonRatio, Unit, UnitRow
+from indent_sim.model.algebra import (
+    Expr,
+    exp,
+    expm1_remainder,
+    log1p,
+    log1p_remainder,
+    power_sum,
+    ufl,
+)
+from indent_sim.model.units import (
+    PRESSURE,
+    TIME,
+    AnyModulus,
+    Auto,
+    Modulus,
+    PoissonRatio,
+    Unit,
+    UnitRow,
+)
 
 Formulation = Literal["auto", "displacement", "mixed"]
 LOCKING = 0.45  # Poisson's ratio from which displacement elements lock: see `docs/theory.md`
@@ -43,9 +60,10 @@ class PowerLaw:
 
 @dataclass(frozen=True)
 class Relaxation:
-    """G(t) of a law whose own constants are the instantaneous ones: `prony` terms [fraction, time], whose fractions sum
-    below 1, or a power law. `of`: all moduli fall alike, nu stays what it is | shear: the bulk modulus stays what it
-    is, and at finite strain too."""
+    """G(t) of a law whose own constants are the instantaneous ones: `prony` terms [fraction, time],
+    whose fractions sum below 1, or a power law. `of`: all moduli fall alike, nu stays what it is
+    | shear: the bulk modulus stays what it is, and at finite strain too.
+    """
 
     prony: Annotated[tuple[RelaxationTerm, ...], Len(1, MOST_TERMS)] | None = None
     power_law: PowerLaw | None = None
@@ -53,7 +71,9 @@ class Relaxation:
 
 
 class Exponentials(NamedTuple):
-    """G(t) = rest + sum fraction exp(-t/time) of a modulus, over that of the law's constants; times [time] > 0."""
+    """G(t) = rest + sum fraction exp(-t/time) of a modulus, over that of the law's constants; times
+    [time] > 0.
+    """
 
     rest: float
     fractions: tuple[float, ...]
@@ -62,8 +82,9 @@ class Exponentials(NamedTuple):
 
 @dataclass(frozen=True)
 class HolmesMow:
-    """Pores that close: permeability ((J - phi0)/(1 - phi0))^alpha exp(M (J^2 - 1)/2), with the solid's share phi0
-    of the volume at rest (Holmes & Mow 1990, J. Biomech. 23, 1145)."""
+    """Pores that close: permeability ((J - phi0)/(1 - phi0))^alpha exp(M (J^2 - 1)/2), with the
+    solid's share phi0 of the volume at rest (Holmes & Mow 1990, J. Biomech. 23, 1145).
+    """
 
     phi0: Annotated[float, Ge(0), Lt(1)]
     alpha: Annotated[float, Ge(0)] = 0.0
@@ -78,10 +99,11 @@ class HolmesMow:
 class Flow:
     """Fluid in the pores of a law whose own constants are those of the drained body (Biot 1941).
 
-    Fluid content per volume zeta = alpha tr eps + storage p, zeta' = div(permeability grad p). `permeability`: that of
-    the pores over the viscosity [length^2/(pressure time)]; or `diffusivity` [length^2/time], with which pressure
-    evens out while the body is confined, permeability/(storage + alpha^2/M_c). alpha [1]: 1 where grains do not
-    change their volume; storage [1/pressure]: 0 where, besides, the fluid does not. holmes_mow: how the permeability
+    Fluid content per volume zeta = alpha tr eps + storage p, zeta' = div(permeability grad p).
+    `permeability`: that of the pores over the viscosity [length^2/(pressure time)]; or
+    `diffusivity` [length^2/time], with which pressure evens out while the body is confined,
+    permeability/(storage + alpha^2/M_c). alpha [1]: 1 where grains do not change their volume;
+    storage [1/pressure]: 0 where, besides, the fluid does not. holmes_mow: how the permeability
     changes at finite strain; without it that of the deformed body stays what it is.
     """
 
@@ -92,8 +114,9 @@ class Flow:
     holmes_mow: HolmesMow | None = None
 
     def canonical(self, confined_modulus: float) -> Self:
-        """The same said by the permeability; ValueError when not exactly one way of saying it is used.
-        confined_modulus: M_c of the drained body [pressure]."""
+        """The same said by the permeability; ValueError when not exactly one way of saying it is
+        used. confined_modulus: M_c of the drained body [pressure].
+        """
         if (self.permeability is None) == (self.diffusivity is None):
             raise ValueError("flow needs exactly one of permeability, diffusivity")
         if not math.isfinite(confined_modulus):
@@ -117,12 +140,18 @@ class Constants(NamedTuple):
 
 
 class _Law(ABC):
-    """What follows from the small-strain constants E and nu of any law, and from psi = rest + stiffness theta^2/2."""
+    """What follows from the small-strain constants E and nu of any law, and from psi = rest +
+    stiffness theta^2/2.
+    """
 
     small_strain: ClassVar[bool] = False
     is_isotropic: ClassVar[bool] = True
-    is_conservative: ClassVar[bool] = True  # the stress is the slope of an energy: strains that come back cost no work
-    has_memory: ClassVar[bool] = False  # the stress depends on the strains before as well as on the present one
+    is_conservative: ClassVar[bool] = (
+        True  # the stress is the slope of an energy: strains that come back cost no work
+    )
+    has_memory: ClassVar[bool] = (
+        False  # the stress depends on the strains before as well as on the present one
+    )
     relaxation: Relaxation | None
     flow: Flow | None
 
@@ -143,7 +172,9 @@ class _Law(ABC):
 
     @property
     def decay(self) -> tuple[float, float]:
-        """How fast the two waves exp(-k s z) of a surface pressure of wavenumber k fade, the slower first: Re s."""
+        """How fast the two waves exp(-k s z) of a surface pressure of wavenumber k fade, the slower
+        first: Re s.
+        """
         return 1.0, 1.0
 
     @property
@@ -152,7 +183,8 @@ class _Law(ABC):
         return self.constants.E_star
 
     def softened(self, share: float) -> Constants:
-        """Small-strain constants of which a share of the shear modulus is left, and all of the bulk modulus.
+        """Small-strain constants of which a share of the shear modulus is left, and all of the bulk
+        modulus.
 
         Parameters
         ----------
@@ -175,25 +207,33 @@ class _Law(ABC):
 
     @property
     def confined_modulus(self) -> float:
-        """Small-strain M_c = E (1 - nu)/((1 + nu)(1 - 2 nu)) [pressure] of a bar between rigid walls."""
+        """Small-strain M_c = E (1 - nu)/((1 + nu)(1 - 2 nu)) [pressure] of a bar between rigid
+        walls.
+        """
         E, nu = self.constants
         return E * (1 - nu) / ((1 + nu) * (1 - 2 * nu)) if nu < 0.5 else math.inf
 
     def bar_modulus(self, held: int) -> float:
-        """Small-strain modulus [pressure] of a bar along z that `held` of the two directions across it cannot leave:
-        E, E/(1 - nu^2) or M_c."""
+        """Small-strain modulus [pressure] of a bar along z that `held` of the two directions across
+        it cannot leave: E, E/(1 - nu^2) or M_c.
+        """
         return (self.constants.E, self.E_star, self.confined_modulus)[held]
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
-        """psi [pressure] of principal stretches (floats) at finite strain; of an incompressible law their product is
-        one. TypeError for a law of small strain."""
+        """psi [pressure] of principal stretches (floats) at finite strain; of an incompressible law
+        their product is one. TypeError for a law of small strain.
+        """
         raise TypeError(f"{type(self).__name__} knows no stretches")
 
     @property
     def diffusivity(self) -> float:
-        """Small-strain D = permeability/(storage + alpha^2/M_c) [length^2/time] of its flow, said by permeability."""
+        """Small-strain D = permeability/(storage + alpha^2/M_c) [length^2/time] of its flow, said
+        by permeability.
+        """
         assert self.flow and self.flow.permeability
-        return self.flow.permeability / (self.flow.storage + self.flow.alpha**2 / self.confined_modulus)
+        return self.flow.permeability / (
+            self.flow.storage + self.flow.alpha**2 / self.confined_modulus
+        )
 
     @property
     def flow_by_permeability(self) -> Flow | None:
@@ -201,11 +241,15 @@ class _Law(ABC):
         return self.flow and self.flow.canonical(self.confined_modulus)
 
     def growth(self, H: Expr) -> Expr:
-        """Growth e of the volume, per undeformed volume: tr eps at small strain, else J - 1, to all digits."""
+        """Growth e of the volume, per undeformed volume: tr eps at small strain, else J - 1, to all
+        digits.
+        """
         return ufl.tr(H) if self.small_strain else ufl.tr(H) + _curved_growth(H)
 
     def content(self, H: Expr, p: Expr) -> Expr:
-        """zeta = alpha e + storage p of the fluid per undeformed volume; p [pressure] from that at rest."""
+        """zeta = alpha e + storage p of the fluid per undeformed volume; p [pressure] from that at
+        rest.
+        """
         assert self.flow
         return self.flow.alpha * self.growth(H) + self.flow.storage * p
 
@@ -214,12 +258,14 @@ class _Law(ABC):
         return J
 
     def mobility(self, H: Expr) -> Expr:
-        """m (3 x 3) [length^2/(pressure time)] of the nominal flux -m grad p: the permeability at small strain, else
-        J k(J) F^-1 F^-T with that of the deformed body, k(J)."""
+        """m (3 x 3) [length^2/(pressure time)] of the nominal flux -m grad p: the permeability at
+        small strain, else J k(J) F^-1 F^-T with that of the deformed body, k(J).
+        """
         assert self.flow
         if self.small_strain:
             return self.flow.permeability * ufl.Identity(3)
-        J, inverse = 1 + self.growth(H), ufl.inv(ufl.Identity(3) + H)
+        J = 1 + self.growth(H)
+        inverse = ufl.inv(ufl.Identity(3) + H)
         return J * self.opening(J) * self.flow.permeability * inverse * inverse.T
 
     def opening(self, J: Expr) -> Expr:
@@ -237,7 +283,9 @@ class _Law(ABC):
 
     @abstractmethod
     def parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """The energy without its volumetric part [pressure], and the volume-like strain theta: tr eps, or ln J."""
+        """The energy without its volumetric part [pressure], and the volume-like strain theta: tr
+        eps, or ln J.
+        """
 
     def energy(self, H: Expr) -> Expr:
         """psi [pressure] of the displacement gradient H (3 x 3)."""
@@ -264,8 +312,14 @@ class _TwoConstants(_Law):
     flow: Flow | None = None
 
     def canonical(self) -> Self:
-        """The same material said by E and nu; ValueError when it is not said by exactly two constants."""
-        given = {name: getattr(self, name) for name in ISOTROPIC_CONSTANTS if getattr(self, name) is not None}
+        """The same material said by E and nu; ValueError when it is not said by exactly two
+        constants.
+        """
+        given = {
+            name: getattr(self, name)
+            for name in ISOTROPIC_CONSTANTS
+            if getattr(self, name) is not None
+        }
         E, nu = young_and_poisson(given)
         said = replace(self, E=E, nu=nu, mu=None, kappa=None, lame_lambda=None)
         return replace(said, flow=said.flow_by_permeability)
@@ -289,7 +343,8 @@ class _TwoConstants(_Law):
 
 @dataclass(frozen=True)
 class LinearElastic(_TwoConstants):
-    """Isotropic Hooke's law at small strain, psi = mu eps:eps + lame_lambda/2 (tr eps)^2 (notes 2.1-2.4).
+    """Isotropic Hooke's law at small strain, psi = mu eps:eps + lame_lambda/2 (tr eps)^2 (notes
+    2.1-2.4).
 
     Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure] say it.
     """
@@ -309,7 +364,9 @@ class LinearElastic(_TwoConstants):
         return self.shear_modulus * ufl.inner(deviator, deviator), ufl.tr(H)
 
     def mixed_volume(self, H: Expr, theta: Expr, q: Expr, share: Expr = 1.0) -> Expr:
-        """q theta - q^2/(2 kappa) [pressure], whatever share of the shear modulus is left; q is the mean stress."""
+        """q theta - q^2/(2 kappa) [pressure], whatever share of the shear modulus is left; q is the
+        mean stress.
+        """
         return q * theta - q * q * self.inverse_bulk_modulus / 2
 
     @property
@@ -320,13 +377,15 @@ class LinearElastic(_TwoConstants):
 
 @dataclass(frozen=True, kw_only=True)
 class TransverselyIsotropic(_Law):
-    """Hooke's law with the axis z: E, nu in the plane across it, nu_z = -eps_plane/eps_z under sigma_z, shear G_z.
+    """Hooke's law with the axis z: E, nu in the plane across it, nu_z = -eps_plane/eps_z under
+    sigma_z, shear G_z.
 
-    With D = 1 - nu - 2 nu_z^2 E/E_z >= 0, d = D/(1 + nu), G = E/(2 (1 + nu)), alpha = 2 nu_z + d and the volume-like
-    strain theta = eps_x + eps_y + alpha eps_z, psi = G (eps_x^2 + eps_y^2 + 2 eps_xy^2) + 2 G_z (eps_xz^2 + eps_yz^2)
-    + G (alpha - 1)(eps_x + eps_y) eps_z + [E_z + G (alpha^2 - 4 nu_z - d)] eps_z^2/2 + stiffness theta^2/2 with
-    stiffness = E (1 - d)/(2 D). All but the last is finite at D = 0; where it is isotropic theta is tr eps and the
-    stiffness lame_lambda. Lekhnitskii (1963), Theory of Elasticity of an Anisotropic Elastic Body.
+    With D = 1 - nu - 2 nu_z^2 E/E_z >= 0, d = D/(1 + nu), G = E/(2 (1 + nu)), alpha = 2 nu_z + d
+    and the volume-like strain theta = eps_x + eps_y + alpha eps_z, psi = G (eps_x^2 + eps_y^2 + 2
+    eps_xy^2) + 2 G_z (eps_xz^2 + eps_yz^2) + G (alpha - 1)(eps_x + eps_y) eps_z + [E_z + G (alpha^2
+    - 4 nu_z - d)] eps_z^2/2 + stiffness theta^2/2 with stiffness = E (1 - d)/(2 D). All but the
+    last is finite at D = 0; where it is isotropic theta is tr eps and the stiffness lame_lambda.
+    Lekhnitskii (1963), Theory of Elasticity of an Anisotropic Elastic Body.
     """
 
     E: Modulus
@@ -352,8 +411,9 @@ class TransverselyIsotropic(_Law):
 
     @property
     def constants(self) -> Constants:
-        """E [pressure] and nu of the isotropic material that stands for it: of the same indentation modulus, and as
-        compressible, nu = (1 - d)/2."""
+        """E [pressure] and nu of the isotropic material that stands for it: of the same indentation
+        modulus, and as compressible, nu = (1 - d)/2.
+        """
         nu = min(max((1 - self._d) / 2, MOST_AUXETIC), 0.5)
         return Constants(self._indentation_modulus * (1 - nu * nu), nu)
 
@@ -373,10 +433,18 @@ class TransverselyIsotropic(_Law):
 
     @property
     def decay(self) -> tuple[float, float]:
-        """The roots of C33 C44 s^4 - (C11 C33 - C13^2 - 2 C13 C44) s^2 + C11 C44 = 0, multiplied by D."""
-        E, E_z, nu_z, G_z = self.E, self.E_z, self.nu_z, self.G_z
-        C11, C33, C13 = E * (1 - nu_z**2 * E / E_z) / (1 + self.nu), E_z * (1 - self.nu), E * nu_z
-        product, mean = math.sqrt(C11 / C33), (C11 * self._plane - 2 * C13 * G_z) / (2 * C33 * G_z)
+        """The roots of C33 C44 s^4 - (C11 C33 - C13^2 - 2 C13 C44) s^2 + C11 C44 = 0, multiplied by
+        D.
+        """
+        E = self.E
+        E_z = self.E_z
+        nu_z = self.nu_z
+        G_z = self.G_z
+        C11 = E * (1 - nu_z**2 * E / E_z) / (1 + self.nu)
+        C33 = E_z * (1 - self.nu)
+        C13 = E * nu_z
+        product = math.sqrt(C11 / C33)
+        mean = (C11 * self._plane - 2 * C13 * G_z) / (2 * C33 * G_z)
         half = math.sqrt(max(mean + product, ENERGY_ROUNDING * product) / 2)
         apart = math.sqrt(max(mean - product, 0.0) / 2)
         return product / (half + apart) if apart else half, half + apart
@@ -388,9 +456,16 @@ class TransverselyIsotropic(_Law):
 
     @property
     def _indentation_modulus(self) -> float:
-        """M [pressure], finite for D = 0: 2 sqrt((C11 C33 - C13^2)/C11/(1/C44 + 2/(sqrt(C11 C33) + C13)))."""
-        # Elliott (1949), Proc. Camb. Phil. Soc. 45, 621; Delafargue & Ulm (2004), Int. J. Solids Struct. 41, 7351
-        E, E_z, nu, nu_z, D = self.E, self.E_z, self.nu, self.nu_z, max(self._D, 0.0)
+        """M [pressure], finite for D = 0: 2 sqrt((C11 C33 - C13^2)/C11/(1/C44 + 2/(sqrt(C11 C33) +
+        C13))).
+        """
+        # Elliott (1949), Proc. Camb. Phil. Soc. 45, 621; Delafargue & Ulm (2004), Int. J. Solids
+        # Struct. 41, 7351
+        E = self.E
+        E_z = self.E_z
+        nu = self.nu
+        nu_z = self.nu_z
+        D = max(self._D, 0.0)
         mean = math.sqrt(0.5 * E * E_z * (1 - nu) * (1 + D / (1 + nu)))  # D sqrt(C11 C33)
         return 2 * math.sqrt(self._plane / (1 / self.G_z + 2 * D / (mean + nu_z * E)))
 
@@ -401,12 +476,18 @@ class TransverselyIsotropic(_Law):
 
     def parts(self, H: Expr) -> tuple[Expr, Expr]:
         """The energy without theta, and theta."""
-        eps, G, d = ufl.sym(H), self.E / (2 * (1 + self.nu)), self._d
+        eps = ufl.sym(H)
+        G = self.E / (2 * (1 + self.nu))
+        d = self._d
         alpha = 2 * self.nu_z + d
-        across, along = eps[0, 0] + eps[1, 1], eps[2, 2]
+        across = eps[0, 0] + eps[1, 1]
+        along = eps[2, 2]
         in_plane = G * (eps[0, 0] ** 2 + eps[1, 1] ** 2 + 2 * eps[0, 1] ** 2)
         sheared = 2 * self.G_z * (eps[0, 2] ** 2 + eps[1, 2] ** 2)
-        upright = G * (alpha - 1) * across * along + (self.E_z + G * (alpha**2 - 4 * self.nu_z - d)) * along**2 / 2
+        upright = (
+            G * (alpha - 1) * across * along
+            + (self.E_z + G * (alpha**2 - 4 * self.nu_z - d)) * along**2 / 2
+        )
         return in_plane + sheared + upright, across + alpha * along
 
 
@@ -434,7 +515,9 @@ class NeoHookean(_TwoConstants):
 
 
 def _excess_and_log_J(H: Expr) -> tuple[Expr, Expr]:
-    """(I1 - 3)/2 - ln J and ln J of F = 1 + H, with all digits of them and of their derivatives where H is small."""
+    """(I1 - 3)/2 - ln J and ln J of F = 1 + H, with all digits of them and of their derivatives
+    where H is small.
+    """
     excess, growth = _excess_and_growth(H)
     return excess, log1p(growth)
 
@@ -469,21 +552,27 @@ class _Isochoric(_Law):
     @property
     @abstractmethod
     def poynting_coefficient(self) -> Expr:
-        """k [pressure]: simple shear by gamma at constant volume gives the plane that it shears along a normal stress
-        less than the mean stress by k gamma^2, to leading order (Poynting effect).
+        """k [pressure]: simple shear by gamma at constant volume gives the plane that it shears
+        along a normal stress less than the mean stress by k gamma^2, to leading order (Poynting
+        effect).
 
-        In the logarithms h_i of stretches whose product is one, the energy of any isotropic law begins with
-        mu (h_1^2 + h_2^2 + h_3^2) + c h_1 h_2 h_3. In simple shear they are gamma/2, -gamma/2 and 0, and the principal
-        axes lie gamma/4 beside those at 45 degrees, from which k = mu/2 - c/12 follows.
+        In the logarithms h_i of stretches whose product is one, the energy of any isotropic law
+        begins with mu (h_1^2 + h_2^2 + h_3^2) + c h_1 h_2 h_3. In simple shear they are gamma/2,
+        -gamma/2 and 0, and the principal axes lie gamma/4 beside those at 45 degrees, from which k
+        = mu/2 - c/12 follows.
         """
 
     @abstractmethod
     def isochoric(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
-        """Isochoric energy [pressure] of excess = tr C/3 - 1, square = dev C : dev C/6, cube = det dev C; det C = 1."""
+        """Isochoric energy [pressure] of excess = tr C/3 - 1, square = dev C : dev C/6, cube = det
+        dev C; det C = 1.
+        """
 
     @abstractmethod
     def energy_of_stretches(self, l1: Expr, l2: Expr, l3: Expr) -> Expr:
-        """Isochoric energy [pressure] of principal stretches whose product is one (floats or arrays)."""
+        """Isochoric energy [pressure] of principal stretches whose product is one (floats or
+        arrays).
+        """
 
     def canonical(self) -> Self:
         """The same material said with nu; ValueError when not exactly one of nu and kappa is given."""
@@ -496,7 +585,9 @@ class _Isochoric(_Law):
             return replace(self, flow=self.flow_by_permeability)
         nu = (3 * self.kappa - 2 * mu) / (2 * (3 * self.kappa + mu))
         if not nu > -1:
-            raise ValueError(f"kappa = {self.kappa:g} is lost beside mu = {mu:g}: nu is -1 to all digits")
+            raise ValueError(
+                f"kappa = {self.kappa:g} is lost beside mu = {mu:g}: nu is -1 to all digits"
+            )
         said = replace(self, nu=nu, kappa=None)
         return replace(said, flow=said.flow_by_permeability)
 
@@ -512,11 +603,16 @@ class _Isochoric(_Law):
         return 3 * (1 - 2 * self.nu) / (2 * self.small_strain_mu * (1 + self.nu))  # type: ignore[operator]
 
     def parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """The isochoric energy and ln J by way of a few scalar variables, through which all derivatives can pass."""
-        w, log_J = map(ufl.variable, _excess_and_log_J(H))  # tr C/3 = 1 + 2/3 ln J + 2/3 w: no digit is lost at rest
+        """The isochoric energy and ln J by way of a few scalar variables, through which all
+        derivatives can pass.
+        """
+        w, log_J = map(
+            ufl.variable, _excess_and_log_J(H)
+        )  # tr C/3 = 1 + 2/3 ln J + 2/3 w: no digit is lost at rest
         strain = H + H.T + H.T * H
         deviator = strain - ufl.tr(strain) / 3 * ufl.Identity(3)
-        square, cube = ufl.variable(ufl.inner(deviator, deviator) / 6), ufl.variable(ufl.det(deviator))
+        square = ufl.variable(ufl.inner(deviator, deviator) / 6)
+        cube = ufl.variable(ufl.det(deviator))
         shrink = exp(-2 * log_J / 3)
         excess = shrink * (2 * w / 3 - expm1_remainder(2 * log_J / 3))
         return self.isochoric(excess, shrink**2 * square, shrink**3 * cube), log_J
@@ -527,13 +623,15 @@ class _Isochoric(_Law):
         return rest + self.mixed_volume(H, log_J, q)
 
     def mixed_volume(self, H: Expr, log_J: Expr, q: Expr, share: Expr = 1.0) -> Expr:
-        """Energy of the volume with a field q that is the normal stress on a sheared surface, not the mean stress.
+        """Energy of the volume with a field q that is the normal stress on a sheared surface, not
+        the mean stress.
 
-        The mean stress in sheared material is q + k (I1 - 3), with k the `poynting_coefficient`, or 0 where that is
-        below 0; to leading order I1 - 3 is gamma^2. Contact holds the normal stress of a surface, and the shear gamma
-        along it jumps between elements. A continuous mean stress cannot follow, and the pressure became a saw-tooth
-        under friction. The stationary point is that of the displacement law whatever k is, also where the law is
-        incompressible (docs/decisions/0048-a-mixed-pressure-that-shear-leaves-alone.md).
+        The mean stress in sheared material is q + k (I1 - 3), with k the `poynting_coefficient`, or
+        0 where that is below 0; to leading order I1 - 3 is gamma^2. Contact holds the normal stress
+        of a surface, and the shear gamma along it jumps between elements. A continuous mean stress
+        cannot follow, and the pressure became a saw-tooth under friction. The stationary point is
+        that of the displacement law whatever k is, also where the law is incompressible
+        (docs/decisions/0048-a-mixed-pressure-that-shear-leaves-alone.md).
 
         Parameters
         ----------
@@ -551,9 +649,13 @@ class _Isochoric(_Law):
         Expr
             p ln J - p^2/(2 kappa) [pressure] with the mean stress p = q + share k (I1 - 3).
         """
-        # not scaled by J^(-2/3): that is concave in ln J, and Newton's method then failed in uniform shear
-        elongation = ufl.variable(2 * ufl.tr(H) + ufl.inner(H, H))  # I1 - 3, with its digits where H is small
-        # with k < 0, as of Ogden's law with alpha = 9, Newton's method did not converge (under a ball, depth 0.4 R)
+        # not scaled by J^(-2/3): that is concave in ln J, and Newton's method then failed in
+        # uniform shear
+        elongation = ufl.variable(
+            2 * ufl.tr(H) + ufl.inner(H, H)
+        )  # I1 - 3, with its digits where H is small
+        # with k < 0, as of Ogden's law with alpha = 9, Newton's method did not converge (under a
+        # ball, depth 0.4 R)
         k = algebra.maximum(self.poynting_coefficient, 0.0)
         mean = q + share * k * elongation
         return mean * log_J - mean * mean * self.inverse_stiffness / 2
@@ -595,7 +697,9 @@ class _OfInvariants(_Isochoric):
 
     def energy_of_stretches(self, l1: Expr, l2: Expr, l3: Expr) -> Expr:
         """As `_Isochoric`: I1 and I2 are sums of the squares and of their products."""
-        a, b, c = l1 * l1, l2 * l2, l3 * l3
+        a = l1 * l1
+        b = l2 * l2
+        c = l3 * l3
         return self.energy_of_invariants(a + b + c - 3, a * b + b * c + c * a - 3)
 
 
@@ -652,7 +756,9 @@ class Ogden(_Isochoric):
     def canonical(self) -> Self:
         """As `_Isochoric`; ValueError too when mu and alpha differ in length or an alpha is zero."""
         if len(self.mu) != len(self.alpha):
-            raise ValueError(f"mu has {len(self.mu)} entries and alpha {len(self.alpha)}; they belong in pairs")
+            raise ValueError(
+                f"mu has {len(self.mu)} entries and alpha {len(self.alpha)}; they belong in pairs"
+            )
         if 0 in self.alpha:
             raise ValueError("an alpha of zero has no meaning")
         return super().canonical()
@@ -669,27 +775,45 @@ class Ogden(_Isochoric):
         return sum(mu * alpha * (6 - alpha) for mu, alpha in pairs) / 24
 
     def isochoric(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
-        """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); near rest, where stretches lose digits, by a series."""
+        """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); near rest, where stretches lose digits,
+        by a series.
+        """
         apart, middle, spread = algebra.unimodular_stretches(1 + excess, square, cube)
         far = 0.0 * excess
         for mu, alpha in zip(self.mu, self.alpha, strict=True):
-            far = far + mu / alpha * (apart**alpha + algebra.pair_power_sum(alpha, middle, spread) - 3)
-        return algebra.where_less(square, algebra.SMALL_DEVIATOR**2 / 6, self._near_rest(excess, square, cube), far)
+            far = far + mu / alpha * (
+                apart**alpha + algebra.pair_power_sum(alpha, middle, spread) - 3
+            )
+        return algebra.where_less(
+            square, algebra.SMALL_DEVIATOR**2 / 6, self._near_rest(excess, square, cube), far
+        )
 
     def _near_rest(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
-        """The squared stretches are mean (1 + t_i) with mean = 1 + excess and the t_i of a traceless tensor."""
-        mean, total = 1 + excess, 0.0 * excess
+        """The squared stretches are mean (1 + t_i) with mean = 1 + excess and the t_i of a
+        traceless tensor.
+        """
+        mean = 1 + excess
+        total = 0.0 * excess
         for mu, alpha in zip(self.mu, self.alpha, strict=True):
             growth = alpha / 2 * log1p(excess)
             growth += expm1_remainder(growth)  # mean^(alpha/2) - 1
-            total += mu / alpha * (3 * growth + (1 + growth) * power_sum(alpha / 2, square / mean**2, cube / mean**3))
+            total += (
+                mu
+                / alpha
+                * (
+                    3 * growth
+                    + (1 + growth) * power_sum(alpha / 2, square / mean**2, cube / mean**3)
+                )
+            )
         return total
 
     def energy_of_stretches(self, l1: Expr, l2: Expr, l3: Expr) -> Expr:
         """sum mu_i/alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3)."""
         stretches = (l1, l2, l3)
         terms = zip(self.mu, self.alpha, strict=True)
-        return sum(mu / alpha * (sum(stretch**alpha for stretch in stretches) - 3) for mu, alpha in terms)
+        return sum(
+            mu / alpha * (sum(stretch**alpha for stretch in stretches) - 3) for mu, alpha in terms
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -712,7 +836,9 @@ class Gent(_OfInvariants):
 
 @dataclass(frozen=True, kw_only=True)
 class Fung(_OfInvariants):
-    """mu/(2 b) (exp(b (I1 - 3)) - 1): tissue, which stiffens exponentially; b -> 0 is mooney_rivlin with C10 = mu/2."""
+    """mu/(2 b) (exp(b (I1 - 3)) - 1): tissue, which stiffens exponentially; b -> 0 is mooney_rivlin
+    with C10 = mu/2.
+    """
 
     mu: Modulus
     b: Annotated[float, Gt(0)]
@@ -728,7 +854,8 @@ class Fung(_OfInvariants):
         return self.mu / (2 * self.b) * (self.b * i1 + expm1_remainder(self.b * i1))
 
 
-# Series of the inverse Langevin function (Arruda & Boyce 1993): psi = mu sum c_i lambda_m^(2-2i) (I1^i - 3^i)
+# Series of the inverse Langevin function (Arruda & Boyce 1993): psi = mu sum c_i lambda_m^(2-2i)
+# (I1^i - 3^i)
 ARRUDA_BOYCE = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 
 
@@ -742,21 +869,32 @@ class ArrudaBoyce(_OfInvariants):
 
     @property
     def small_strain_mu(self) -> Expr:
-        """mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...), twice the derivative of psi at I1 = 3."""
-        terms = (i * c * 3 ** (i - 1) * self.lambda_m ** (2 - 2 * i) for i, c in enumerate(ARRUDA_BOYCE, start=1))
+        """mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...), twice the derivative of psi at I1
+        = 3.
+        """
+        terms = (
+            i * c * 3 ** (i - 1) * self.lambda_m ** (2 - 2 * i)
+            for i, c in enumerate(ARRUDA_BOYCE, start=1)
+        )
         return 2 * self.mu * sum(terms)
 
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
-        """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i), I1^i - 3^i = i1 (I1^(i-1) + 3 I1^(i-2) + ... + 3^(i-1))."""
-        I1, slope, power = 3 + i1, 0.0, 1.0
+        """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i), I1^i - 3^i = i1 (I1^(i-1) + 3 I1^(i-2) + ... +
+        3^(i-1)).
+        """
+        I1 = 3 + i1
+        slope = 0.0
+        power = 1.0
         for i, c in enumerate(ARRUDA_BOYCE, start=1):
-            slope, power = slope + c * self.lambda_m ** (2 - 2 * i) * power, I1 * power + 3.0**i
+            slope = slope + c * self.lambda_m ** (2 - 2 * i) * power
+            power = I1 * power + 3.0**i
         return self.mu * i1 * slope
 
 
 class HeldSwelling(NamedTuple):
-    """What a gel that is held sideways does in a bath, from its reference: stretch along its free axis, and nominal
-    stress across [pressure], < 0 where it pushes."""
+    """What a gel that is held sideways does in a bath, from its reference: stretch along its free
+    axis, and nominal stress across [pressure], < 0 where it pushes.
+    """
 
     stretch: float
     lateral_stress: float
@@ -764,20 +902,23 @@ class HeldSwelling(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Gel(_Law):
-    """A polymer network swollen by a solvent (Flory & Rehner 1943); its reference has swollen freely by `stretch` l.
+    """A polymer network swollen by a solvent (Flory & Rehner 1943); its reference has swollen
+    freely by `stretch` l.
 
-    G = N kT [pressure] is the modulus of the dry network of N chains per volume, n_omega = n = N Omega [1], Omega the
-    volume of a solvent molecule, chi [1] Flory's parameter. With J0 = l^3, a = J0/(J0 - 1), e = J - 1 and r(x) = x -
-    ln(1 + x), J and I1 of the deformation from the reference, per volume of which
+    G = N kT [pressure] is the modulus of the dry network of N chains per volume, n_omega = n = N
+    Omega [1], Omega the volume of a solvent molecule, chi [1] Flory's parameter. With J0 = l^3, a =
+    J0/(J0 - 1), e = J - 1 and r(x) = x - ln(1 + x), J and I1 of the deformation from the reference,
+    per volume of which
 
         psi = (G/l)((I1 - 3)/2 - ln J) - G (1/l - 1/J0) r(e)
               + G/(n J0) {(J0 - 1)[r(e) - r(a e) + a e (ln(1 + a e) - ln(1 + e))] - (chi/J0) e^2/(1 + e)}.
 
-    It is the energy of the drained body: its stress lacks -p J F^-T, p [pressure] the solvent's chemical potential [kT]
-    over that of free swelling, times G/n. At J <= 1/J0 no solvent is left, and psi is not a number. stretch: auto: that
-    of free swelling in the first bath. flow.diffusivity [length^2/time] is that of the solvent; without flow the gel
-    is always in equilibrium with the bath in which it swelled freely.
-    Source: Hong, Zhao, Zhou & Suo (2008), J. Mech. Phys. Solids 56, 1779.
+    It is the energy of the drained body: its stress lacks -p J F^-T, p [pressure] the solvent's
+    chemical potential [kT] over that of free swelling, times G/n. At J <= 1/J0 no solvent is left,
+    and psi is not a number. stretch: auto: that of free swelling in the first bath.
+    flow.diffusivity [length^2/time] is that of the solvent; without flow the gel is always in
+    equilibrium with the bath in which it swelled freely. Source: Hong, Zhao, Zhou & Suo (2008), J.
+    Mech. Phys. Solids 56, 1779.
     """
 
     G: Modulus
@@ -790,13 +931,15 @@ class Gel(_Law):
     model: Literal["gel"] = "gel"
 
     def canonical(self) -> Self:
-        """The same with its flow said by the permeability at rest; ValueError where the free swelling is not stable. A
-        stretch that is still "auto" is that of a bath: `swollen_in`."""
+        """The same with its flow said by the permeability at rest; ValueError where the free
+        swelling is not stable. A stretch that is still "auto" is that of a bath: `swollen_in`.
+        """
         if self.stretch == "auto":
             return self
         if not (self.stretch > 1 and 3 * self._stiffness_of_swelling > self.n_omega):
             raise ValueError(
-                f"a gel of chi = {self.chi:g} that has swollen freely by {self.stretch:g} would shrink by itself;"
+                f"a gel of chi = {self.chi:g} that has swollen freely by {self.stretch:g} would "
+                "shrink by itself;"
                 " a smaller stretch, or chi"
             )
         if not (self.flow and self.flow.diffusivity):
@@ -805,31 +948,41 @@ class Gel(_Law):
         return replace(self, flow=replace(self.flow, diffusivity=None, permeability=at_rest))
 
     def swollen_in(self, bath: float) -> Self:
-        """The same with the stretch of free swelling in a bath of this chemical potential [kT], where it is "auto"."""
+        """The same with the stretch of free swelling in a bath of this chemical potential [kT],
+        where it is "auto".
+        """
         return replace(self, stretch=self.free_stretch(bath)) if self.stretch == "auto" else self
 
     def free_potential(self, stretch: Expr) -> Expr:
-        """mu(l) = n (1/l - 1/J0) + ln(1 - 1/J0) + 1/J0 + chi/J0^2 [kT] of a bath in which it swells freely by l."""
+        """mu(l) = n (1/l - 1/J0) + ln(1 - 1/J0) + 1/J0 + chi/J0^2 [kT] of a bath in which it swells
+        freely by l.
+        """
         J0 = stretch**3
         network = self.n_omega * (1 / stretch - 1 / J0)
         return network + log1p(-1 / J0) + 1 / J0 + self.chi / J0**2
 
     def free_stretch(self, bath: float) -> float:
-        """The least l > 1 of free swelling in a bath of this chemical potential [kT]; ValueError where none is."""
+        """The least l > 1 of free swelling in a bath of this chemical potential [kT]; ValueError
+        where none is.
+        """
         found = _first_root(lambda growth: float(self.free_potential(1 + growth)) - bath, GROWTHS)
         if found is None:
-            raise ValueError(f"no free swelling has a bath potential of {bath:g}; a bath below 0, or another chi")
+            raise ValueError(
+                f"no free swelling has a bath potential of {bath:g}; a bath below 0, or another chi"
+            )
         return 1 + found
 
     def bath_pressure(self, bath: float) -> float:
-        """p_b = (G/n)(mu_bath - mu(l)) [pressure] of a bath of this chemical potential [kT]; > 0 where it swells, and 0
-        in the bath in which it has swollen freely."""
+        """p_b = (G/n)(mu_bath - mu(l)) [pressure] of a bath of this chemical potential [kT]; > 0
+        where it swells, and 0 in the bath in which it has swollen freely.
+        """
         above = bath - self.free_potential(self._l)
         return float(self.G / self.n_omega * above) if abs(above) > SWELLING_ROUNDING else 0.0
 
     def held_swelling(self, bath_pressure: float) -> HeldSwelling:
-        """At rest in a bath of this p_b [pressure] between walls as far apart as it is wide, free along one axis;
-        ValueError where there is no such state."""
+        """At rest in a bath of this p_b [pressure] between walls as far apart as it is wide, free
+        along one axis; ValueError where there is no such state.
+        """
         if bath_pressure == 0:
             return HeldSwelling(1.0, 0.0)
 
@@ -838,13 +991,17 @@ class Gel(_Law):
             return float(sheared + self.swelling_stress(growth)) - bath_pressure
 
         dry = 1 - 1 / self._J0
-        found = _first_root(pull, GROWTHS if bath_pressure > 0 else [-dry * t / (1 + t) for t in GROWTHS])
+        found = _first_root(
+            pull, GROWTHS if bath_pressure > 0 else [-dry * t / (1 + t) for t in GROWTHS]
+        )
         if found is None:
             raise ValueError(f"no swelling between walls has a bath pressure of {bath_pressure:g}")
         return HeldSwelling(1 + found, -self.shear_modulus * found * (2 + found))
 
     def permeability(self, J: Expr, diffusivity: Expr) -> Expr:
-        """k = D n (1 - 1/(J0 J))/G [length^2/(pressure time)], D the diffusivity of the solvent [length^2/time]."""
+        """k = D n (1 - 1/(J0 J))/G [length^2/(pressure time)], D the diffusivity of the solvent
+        [length^2/time].
+        """
         return diffusivity * self.n_omega / self.G * (1 - 1 / (self._J0 * J))
 
     def opening(self, J: Expr) -> Expr:
@@ -875,7 +1032,9 @@ class Gel(_Law):
 
     @property
     def constants(self) -> Constants:
-        """Small-strain E [pressure] and nu = 1/2 - (n/2)/(1/(l^2 (J0 - 1)) + n/l^2 - 2 chi/l^5), of the drained gel."""
+        """Small-strain E [pressure] and nu = 1/2 - (n/2)/(1/(l^2 (J0 - 1)) + n/l^2 - 2 chi/l^5), of
+        the drained gel.
+        """
         nu = 0.5 - self.n_omega / (2 * self._stiffness_of_swelling)
         return Constants(2 * self.shear_modulus * (1 + nu), nu)
 
@@ -903,33 +1062,43 @@ class Gel(_Law):
 
     def _energy_of_swelling(self, e: Expr) -> Expr:
         """psi without its first term."""
-        J0, a = self._J0, self._J0 / (self._J0 - 1)
+        J0 = self._J0
+        a = self._J0 / (self._J0 - 1)
         mixing = log1p_remainder(e) - log1p_remainder(a * e) + a * e * (log1p(a * e) - log1p(e))
         solvent = (J0 - 1) * mixing - self.chi / J0 * e * e / (1 + e)
-        return self.G / (self.n_omega * J0) * solvent - self.G * (1 / self._l - 1 / J0) * log1p_remainder(e)
+        return self.G / (self.n_omega * J0) * solvent - self.G * (
+            1 / self._l - 1 / J0
+        ) * log1p_remainder(e)
 
     def swelling_stress(self, e: Expr) -> Expr:
-        """Its derivative [pressure] along e = J - 1: the Cauchy stress of network and mixing but for the shear's."""
-        J0, a = self._J0, self._J0 / (self._J0 - 1)
+        """Its derivative [pressure] along e = J - 1: the Cauchy stress of network and mixing but
+        for the shear's.
+        """
+        J0 = self._J0
+        a = self._J0 / (self._J0 - 1)
         shrunk = e / (1 + e)
-        mixing = log1p(a * e) - log1p(e) - shrunk / J0 - self.chi / J0**2 * shrunk * (2 + e) / (1 + e)
+        mixing = (
+            log1p(a * e) - log1p(e) - shrunk / J0 - self.chi / J0**2 * shrunk * (2 + e) / (1 + e)
+        )
         return self.G / self.n_omega * mixing - self.G * (1 / self._l - 1 / J0) * shrunk
 
 
-# [kT] Between two chemical potentials that are the same: that of a free stretch found for a bath is off by 3e-16
-# (300 random gels of chi 0 to 0.7, n_omega 1e-4 to 0.03, baths 0 and -1e-6 to -0.1)
+# [kT] Between two chemical potentials that are the same: that of a free stretch found for a bath is
+# off by 3e-16 (300 random gels of chi 0 to 0.7, n_omega 1e-4 to 0.03, baths 0 and -1e-6 to -0.1)
 SWELLING_ROUNDING = 1e-14
 GROWTHS = tuple(10 ** (k / 20) for k in range(-240, 241))  # where a stretch less 1 is looked for
 
 
 def _first_root(function: Callable[[float], float], places: Iterable[float]) -> float | None:
     """The first change of sign from 0 outwards, to all digits; None where there is none."""
-    before, begin = 0.0, None
+    before = 0.0
+    begin = None
     for place in places:
         value = function(place)
         if begin is not None and (value >= 0) != (begin >= 0):
             return _bisected(function, before, place)
-        before, begin = place, value
+        before = place
+        begin = value
     return None
 
 
@@ -942,7 +1111,16 @@ def _bisected(function: Callable[[float], float], low: float, high: float) -> fl
 
 
 Material = (
-    LinearElastic | TransverselyIsotropic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | Fung | ArrudaBoyce | Gel
+    LinearElastic
+    | TransverselyIsotropic
+    | NeoHookean
+    | MooneyRivlin
+    | Yeoh
+    | Ogden
+    | Gent
+    | Fung
+    | ArrudaBoyce
+    | Gel
 )
 # Laws that `split`: shear may relax alone
 Relaxable = LinearElastic | MooneyRivlin | Yeoh | Ogden | Gent | Fung | ArrudaBoyce
@@ -953,38 +1131,62 @@ CONSTANTS_NEEDED = {  # of two constants whose numbers do not show what a stable
     frozenset({"nu", "lame_lambda"}): "lame_lambda of the sign of nu, which is not 0",
 }
 
-OF_TWO: dict[tuple[str, ...], Callable[[float, float], tuple[float, float]]] = {  # E and nu, of each two constants
+OF_TWO: dict[
+    tuple[str, ...], Callable[[float, float], tuple[float, float]]
+] = {  # E and nu, of each two constants
     ("E", "nu"): lambda E, nu: (E, nu),
     ("E", "mu"): lambda E, mu: (E, E / (2 * mu) - 1),
     ("E", "kappa"): lambda E, kappa: (E, (3 * kappa - E) / (6 * kappa)),
-    ("E", "lame_lambda"): lambda E, lam: (E, 2 * lam / (E + lam + math.sqrt(E * E + 9 * lam * lam + 2 * E * lam))),
+    ("E", "lame_lambda"): lambda E, lam: (
+        E,
+        2 * lam / (E + lam + math.sqrt(E * E + 9 * lam * lam + 2 * E * lam)),
+    ),
     ("nu", "mu"): lambda nu, mu: (2 * mu * (1 + nu), nu),
     ("nu", "kappa"): lambda nu, kappa: (3 * kappa * (1 - 2 * nu), nu),
-    ("nu", "lame_lambda"): lambda nu, lam: ((lam * (1 + nu) * (1 - 2 * nu) / nu if nu else math.nan), nu),
-    ("mu", "kappa"): lambda mu, K: (9 * K * mu / (3 * K + mu), (3 * K - 2 * mu) / (2 * (3 * K + mu))),
-    ("mu", "lame_lambda"): lambda mu, lam: (mu * (3 * lam + 2 * mu) / (lam + mu), lam / (2 * (lam + mu))),
-    ("kappa", "lame_lambda"): lambda K, lam: (9 * K * (K - lam) / (3 * K - lam), lam / (3 * K - lam)),
+    ("nu", "lame_lambda"): lambda nu, lam: (
+        (lam * (1 + nu) * (1 - 2 * nu) / nu if nu else math.nan),
+        nu,
+    ),
+    ("mu", "kappa"): lambda mu, K: (
+        9 * K * mu / (3 * K + mu),
+        (3 * K - 2 * mu) / (2 * (3 * K + mu)),
+    ),
+    ("mu", "lame_lambda"): lambda mu, lam: (
+        mu * (3 * lam + 2 * mu) / (lam + mu),
+        lam / (2 * (lam + mu)),
+    ),
+    ("kappa", "lame_lambda"): lambda K, lam: (
+        9 * K * (K - lam) / (3 * K - lam),
+        lam / (3 * K - lam),
+    ),
 }
 
 
 def young_and_poisson(given: dict[str, float]) -> tuple[float, float]:
     """E and nu from exactly two isotropic constants.
 
-    Everything passes through E = 9 kappa mu / (3 kappa + mu) and its kin (Slaughter 2002, table 5.1).
-    Raises ValueError when not exactly two are given, or when they belong to no stable material.
+    Everything passes through E = 9 kappa mu / (3 kappa + mu) and its kin (Slaughter 2002, table
+    5.1). Raises ValueError when not exactly two are given, or when they belong to no stable
+    material.
     """
     if len(given) != 2:
-        raise ValueError(f"needs exactly two of {', '.join(ISOTROPIC_CONSTANTS)}; got {', '.join(given) or 'none'}")
+        raise ValueError(
+            f"needs exactly two of {', '.join(ISOTROPIC_CONSTANTS)}; got "
+            f"{', '.join(given) or 'none'}"
+        )
     names = tuple(name for name in ISOTROPIC_CONSTANTS if name in given)
     if names not in OF_TWO:
         raise ValueError(f"unknown isotropic constants {', '.join(given)}")
     try:
         E, nu = OF_TWO[names](*(given[name] for name in names))
     except ZeroDivisionError:
-        E, nu = math.nan, math.nan
+        E = math.nan
+        nu = math.nan
     if not (math.isfinite(E) and E > 0 and -1 < nu <= 0.5):
         found = f"E = {E:g} and nu = {nu:g}" if math.isfinite(E) else "no E"
         needed = CONSTANTS_NEEDED.get(frozenset(given), "")
-        stable = "a stable material has E > 0 and -1 < nu <= 0.5" + (f", and so {needed}" if needed else "")
+        stable = "a stable material has E > 0 and -1 < nu <= 0.5" + (
+            f", and so {needed}" if needed else ""
+        )
         raise ValueError(f"these constants give {found}; {stable}")
     return E, nu

@@ -1,8 +1,8 @@
 """Stability of hyperelastic laws: Drucker's condition along the three classical deformations.
 
-For an incompressible body psi is a function of two principal logarithmic strains (the third is minus their sum), its
-gradient holds differences of Kirchhoff stresses, and d tau : d eps > 0 for every increment (Drucker, Hill) means that
-its second derivative is positive definite.
+For an incompressible body psi is a function of two principal logarithmic strains (the third is
+minus their sum), its gradient holds differences of Kirchhoff stresses, and d tau : d eps > 0 for
+every increment (Drucker, Hill) means that its second derivative is positive definite.
 """
 
 from __future__ import annotations
@@ -13,12 +13,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from indent_sim.model.algebra import Expr
-from indent_sim.model.materials import Fung, Gel, Gent, LinearElastic, Material, NeoHookean, TransverselyIsotropic
+from indent_sim.model.materials import (
+    Fung,
+    Gel,
+    Gent,
+    LinearElastic,
+    Material,
+    NeoHookean,
+    TransverselyIsotropic,
+)
 from indent_sim.model.tips import Indenter
 
 # principal logarithmic strains (e1, e2) at a stretch exp(e)
-MODES: dict[str, tuple[float, float]] = {"uniaxial": (1.0, -0.5), "equibiaxial": (1.0, 1.0), "planar": (1.0, 0.0)}
-DIFFERENCE_STEP = 1e-3  # of the differences; psi is smooth, and 1e-6 of it is far below what decides
+MODES: dict[str, tuple[float, float]] = {
+    "uniaxial": (1.0, -0.5),
+    "equibiaxial": (1.0, 1.0),
+    "planar": (1.0, 0.0),
+}
+DIFFERENCE_STEP = (
+    1e-3  # of the differences; psi is smooth, and 1e-6 of it is far below what decides
+)
 EIGENVALUE_NOISE = 1e-8  # of the sum of both eigenvalues: rounding
 STRAIN_POINTS = 200
 
@@ -36,7 +50,8 @@ class Loss:
 
 
 def losses(psi: Callable[[Expr, Expr, Expr], Expr], strain: float) -> list[Loss]:
-    """Where stability ends first, for each deformation and sense, within stretches exp(-strain) to exp(strain).
+    """Where stability ends first, for each deformation and sense, within stretches exp(-strain) to
+    exp(strain).
 
     psi(l1, l2, l3) is the isochoric energy [pressure] of principal stretches with product one.
     """
@@ -51,8 +66,9 @@ def losses(psi: Callable[[Expr, Expr, Expr], Expr], strain: float) -> list[Loss]
 
 
 def largest_strain(tip: Indenter, a: float, delta: float, height: float) -> float:
-    """Largest logarithmic strain to expect, of its order: the tip's slope at the contact's edge, depth over contact
-    radius, or the body's own compression, whichever is most; at most 2."""
+    """Largest logarithmic strain to expect, of its order: the tip's slope at the contact's edge,
+    depth over contact radius, or the body's own compression, whichever is most; at most 2.
+    """
     inside = 0.99 * a
     slope = float(tip.height(a, 0.0) - tip.height(inside, 0.0)) / (a - inside)
     return float(np.clip(max(slope, delta / a, -np.log1p(-min(delta / height, 0.9))), 0.0, 2.0))
@@ -60,35 +76,48 @@ def largest_strain(tip: Indenter, a: float, delta: float, height: float) -> floa
 
 def instabilities(material: Material, strain: float) -> list[str]:
     """A warning for each deformation within reach in which the law is no longer stable."""
-    # Fung's psi grows with I1 - 3 and bends upwards, as I1 - 3 does in logarithmic strains; a gel's is that of its
-    # free swelling
+    # Fung's psi grows with I1 - 3 and bends upwards, as I1 - 3 does in logarithmic strains; a gel's
+    # is that of its free swelling
     if isinstance(material, LinearElastic | TransverselyIsotropic | Fung | Gel):
         return []
     if isinstance(material, NeoHookean):
         return _of_auxetic(material, strain)
     limit = ": Gent's limit I1 - 3 = Jm, or near it" if isinstance(material, Gent) else ""
-    lost, reached = f"{material.model} loses its stability (Drucker)", _reached(strain)
-    return [f"{lost} in {loss}{limit}; {reached}" for loss in losses(material.energy_of_stretches, strain)]
+    lost = f"{material.model} loses its stability (Drucker)"
+    reached = _reached(strain)
+    return [
+        f"{lost} in {loss}{limit}; {reached}"
+        for loss in losses(material.energy_of_stretches, strain)
+    ]
 
 
 def _of_auxetic(material: NeoHookean, strain: float) -> list[str]:
-    """The neo-Hookean psi is convex in logarithmic strains e while sum exp(-2 e) < (2 nu - 1)/nu, if nu < 0."""
+    """The neo-Hookean psi is convex in logarithmic strains e while sum exp(-2 e) < (2 nu - 1)/nu,
+    if nu < 0.
+    """
     nu = material.constants.nu
     if nu >= 0 or 3 * float(np.exp(2 * strain)) < (2 * nu - 1) / nu:
         return []
     loss = Loss("all-round", float(np.sqrt(3 * nu / (2 * nu - 1))))
-    return [f"{material.model} with nu < 0 loses its stability (Drucker) in {loss}; {_reached(strain)}"]
+    return [
+        f"{material.model} with nu < 0 loses its stability (Drucker) in {loss}; {_reached(strain)}"
+    ]
 
 
 def _reached(strain: float) -> str:
     return f"strains may reach exp(+-{strain:.2g}) here"
 
 
-def _is_stable(psi: Callable[[Expr, Expr, Expr], Expr], e1: np.ndarray, e2: np.ndarray) -> np.ndarray:
-    """Whether psi bends upwards along the direction in which it does so least; not where psi is not a number."""
+def _is_stable(
+    psi: Callable[[Expr, Expr, Expr], Expr], e1: np.ndarray, e2: np.ndarray
+) -> np.ndarray:
+    """Whether psi bends upwards along the direction in which it does so least; not where psi is not
+    a number.
+    """
 
     def at(i: Expr, j: Expr) -> np.ndarray:
-        a, b = e1 + i * DIFFERENCE_STEP, e2 + j * DIFFERENCE_STEP
+        a = e1 + i * DIFFERENCE_STEP
+        b = e2 + j * DIFFERENCE_STEP
         return psi(np.exp(a), np.exp(b), np.exp(-a - b))
 
     def bend(i: Expr, j: Expr) -> np.ndarray:
@@ -98,4 +127,6 @@ def _is_stable(psi: Callable[[Expr, Expr, Expr], Expr], e1: np.ndarray, e2: np.n
         first, second, mixed = bend(1, 0), bend(0, 1), (bend(1, 1) - bend(1, -1)) / 4
         least = np.arctan2(2 * mixed, first - second) / 2 + np.pi / 2
         is_beyond_numbers = np.isposinf(at(1, 0) + at(-1, 0) + at(0, 1) + at(0, -1))
-        return is_beyond_numbers | (bend(np.cos(least), np.sin(least)) > -EIGENVALUE_NOISE * (first + second))
+        return is_beyond_numbers | (
+            bend(np.cos(least), np.sin(least)) > -EIGENVALUE_NOISE * (first + second)
+        )

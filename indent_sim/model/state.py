@@ -15,7 +15,14 @@ READINGS = ("stiffness", "area", "E_hertz")  # more to read at each row; empty w
 # The last where the tip is off centre
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")  # with fluid in the pores
-ERROR_COLUMNS = ("force_error", "a_error", "p_max_error", "delta_error", "stick_radius_error", "dissipation_error")
+ERROR_COLUMNS = (
+    "force_error",
+    "a_error",
+    "p_max_error",
+    "delta_error",
+    "stick_radius_error",
+    "dissipation_error",
+)
 KRYLOV_COLUMNS = ("krylov_iterations",)  # with an iterative linear solver
 TIME_COLUMNS = ("t", "z", "branch", "calibration_error")  # of a history; t stands after step
 SUPPORTS = ("base", "sides", "x_min", "x_max", "y_min", "y_max")
@@ -25,17 +32,28 @@ REACTION_COLUMNS = (
     *(f"{REACTION}{support}_{axis}" for support in SUPPORTS for axis in "rxyz"),
     *(f"{REACTION}mirror_{axis}" for axis in "xy"),
 )
-STATE_COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "newton_iterations", "wall_s")
+STATE_COLUMNS = (
+    "step",
+    "delta",
+    "force",
+    "a",
+    "p_max",
+    "penetration",
+    "energy",
+    "newton_iterations",
+    "wall_s",
+)
 
 
 @dataclass(frozen=True)
 class Surface:
-    """The contact surface at one state: reference coordinates, displacement, gap and pressure, one entry a point.
+    """The contact surface at one state: reference coordinates, displacement, gap and pressure, one
+    entry a point.
 
-    x, y, z [length] (axisymmetric: x = r, y = 0; strip: y = 0; z = 0 on a flat top); u (n, 3) [length]; gap [length]
-    >= 0 open; pressure [pressure] >= 0; shear [pressure] the tangential traction on the body, > 0 along x or the
-    radius, in three dimensions its size; None without friction. pore_pressure [pressure] of the fluid above the bath's;
-    None without.
+    x, y, z [length] (axisymmetric: x = r, y = 0; strip: y = 0; z = 0 on a flat top); u (n, 3)
+    [length]; gap [length] >= 0 open; pressure [pressure] >= 0; shear [pressure] the tangential
+    traction on the body, > 0 along x or the radius, in three dimensions its size; None without
+    friction. pore_pressure [pressure] of the fluid above the bath's; None without.
     """
 
     x: np.ndarray
@@ -50,33 +68,40 @@ class Surface:
     def in_units(self, length: float, pressure: float) -> Surface:
         """The same table with lengths and pressures measured in the user's units."""
         lengths = {name: getattr(self, name) * length for name in ("x", "y", "z", "u", "gap")}
-        given = {name: part for name in ("shear", "pore_pressure") if (part := getattr(self, name)) is not None}
+        given = {
+            name: part
+            for name in ("shear", "pore_pressure")
+            if (part := getattr(self, name)) is not None
+        }
         acting = {name: part * pressure for name, part in given.items()}
         return Surface(pressure=self.pressure * pressure, **acting, **lengths)
 
 
 @dataclass(frozen=True)
 class State:
-    """One converged (or failed) load step of the whole body, in the units of the scene it belongs to.
+    """One converged (or failed) load step of the whole body, in the units of the scene it belongs
+    to.
 
-    force [pressure length^2] > 0 pushing (per unit length in plane strain), a [length] contact radius, p_max
-    [pressure] NaN where no mesh knows it, penetration [length] the largest <-g> over the contact quadrature points,
-    energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, reactions
-    the forces of single supports on the body by support and axis (see `mesh.reactions`), None without a mesh, overlap
-    [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only), intrusion
-    [length] how deep the tip lies inside the surface beside that which it may touch, roughness the part of p_max by
-    which the pressure alternates from node to node. stiffness
-    [pressure length] is dF/ddelta, area [length^2] that of the contact, E_hertz [pressure] the modulus that a
-    half-space fit of this one point returns; NaN where there is none, None where nobody asked. With friction, None
-    without: stick_radius [length] of the region that does not slip, dissipation [pressure length^3] of the step,
-    side_force on the tip [force] across a body that it stands off the middle of. krylov_iterations are those of
-    an iterative linear solver. Errors are half-widths of error bars, None where there are none. With a history t
-    [time], the way z [length] of a base, branch (approach, hold, retract), and what the instrument's calibration leaves
-    unknown of the force; what the curve does not know is NaN. With fluid in the pores: outflow [length^3] since rest,
-    the largest pore pressure above the bath's [pressure], the fluid that has moved, out of the body or from place to
-    place in it, and the fluid that has neither left nor is there [length^3]. drained: of a sudden step, at each vertex
-    of a drained face the height of its elements and p^2 times its area, in the scene's units and of the part that is
-    modelled.
+    force [pressure length^2] > 0 pushing (per unit length in plane strain), a [length] contact
+    radius, p_max [pressure] NaN where no mesh knows it, penetration [length] the largest <-g> over
+    the contact quadrature points, energy [pressure length^3] strain plus penalty energy, reaction
+    the z-reaction of all constrained dofs, reactions the forces of single supports on the body by
+    support and axis (see `mesh.reactions`), None without a mesh, overlap [length] how deep a whole
+    facet of the surface lies inside the tip's own shape (current gap only), intrusion [length] how
+    deep the tip lies inside the surface beside that which it may touch, roughness the part of p_max
+    by which the pressure alternates from node to node. stiffness [pressure length] is dF/ddelta,
+    area [length^2] that of the contact, E_hertz [pressure] the modulus that a half-space fit of
+    this one point returns; NaN where there is none, None where nobody asked. With friction, None
+    without: stick_radius [length] of the region that does not slip, dissipation [pressure length^3]
+    of the step, side_force on the tip [force] across a body that it stands off the middle of.
+    krylov_iterations are those of an iterative linear solver. Errors are half-widths of error bars,
+    None where there are none. With a history t [time], the way z [length] of a base, branch
+    (approach, hold, retract), and what the instrument's calibration leaves unknown of the force;
+    what the curve does not know is NaN. With fluid in the pores: outflow [length^3] since rest, the
+    largest pore pressure above the bath's [pressure], the fluid that has moved, out of the body or
+    from place to place in it, and the fluid that has neither left nor is there [length^3]. drained:
+    of a sudden step, at each vertex of a drained face the height of its elements and p^2 times its
+    area, in the scene's units and of the part that is modelled.
     """
 
     step: int
@@ -127,12 +152,18 @@ class State:
         return self.said({})
 
     def said(self, units: Mapping[str, str]) -> str:
-        """Time, depth, force and contact radius in words, each with its unit where `units` has it, by these names."""
+        """Time, depth, force and contact radius in words, each with its unit where `units` has it,
+        by these names.
+        """
         numbers = {"t": self.t, "delta": self.delta, "force": self.force, "a": self.a}
         known = {
-            name: value for name, value in numbers.items() if value is not None and (name != "t" or value == value)
+            name: value
+            for name, value in numbers.items()
+            if value is not None and (name != "t" or value == value)
         }
-        return "  ".join(f"{name} {value:.6g} {units.get(name, '')}".rstrip() for name, value in known.items())
+        return "  ".join(
+            f"{name} {value:.6g} {units.get(name, '')}".rstrip() for name, value in known.items()
+        )
 
     def column(self, name: str) -> Any:
         """The value of a column of the force table; None where there is none."""
@@ -142,14 +173,19 @@ class State:
 
     def in_units(self, scales: Scales) -> State:
         """The same state measured in the user's units, of which the scales are the scene's."""
-        own, units = vars(self), _units(scales)
+        own = vars(self)
+        units = _units(scales)
         measured: dict[str, Any] = {
             name: value * unit for name, unit in units.items() if (value := own[name]) is not None
         }
         surface = self.surface and self.surface.in_units(scales.length, scales.pressure)
         if self.reactions is not None:
-            measured["reactions"] = {name: force * scales.force for name, force in self.reactions.items()}
-        return State(**own | measured | {"surface": surface})  # `replace` would ask for every field's default
+            measured["reactions"] = {
+                name: force * scales.force for name, force in self.reactions.items()
+            }
+        return State(
+            **own | measured | {"surface": surface}
+        )  # `replace` would ask for every field's default
 
 
 @dataclass(frozen=True)
@@ -174,11 +210,21 @@ class PullOff:
 @cache
 def _units(scales: Scales) -> dict[str, float]:
     """The units of a State's fields, of those that have one."""
-    L, P, F, depth, energy = scales.length, scales.pressure, scales.force, scales.depth, scales.energy
-    units = dict.fromkeys(("force", "reaction", "stray_reaction", "side_force_x", "side_force_y"), F)
+    L = scales.length
+    P = scales.pressure
+    F = scales.force
+    depth = scales.depth
+    energy = scales.energy
+    units = dict.fromkeys(
+        ("force", "reaction", "stray_reaction", "side_force_x", "side_force_y"), F
+    )
     units |= dict.fromkeys(("a", "penetration", "overlap", "intrusion", "stick_radius"), L)
     units |= dict.fromkeys(("energy", "dissipation"), energy)
     units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)
     units |= dict.fromkeys(("p_max", "E_hertz", "pore_pressure_max"), P)
     depths = {"delta": depth, "z": depth}
-    return units | depths | {"calibration_error": F, "stiffness": F / depth, "area": L ** (scales.dim - 1)}
+    return (
+        units
+        | depths
+        | {"calibration_error": F, "stiffness": F / depth, "area": L ** (scales.dim - 1)}
+    )

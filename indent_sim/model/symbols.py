@@ -1,4 +1,5 @@
-"""The glossary: one name per thing, in YAML, Python and CSV alike, with its sign, meaning and dimension.
+"""The glossary: one name per thing, in YAML, Python and CSV alike, with its sign, meaning and
+dimension.
 
 A word that means something else in one section has an entry under `section.word` as well.
 """
@@ -21,7 +22,8 @@ class Symbol:
     latex: str = ""
 
 
-# Under the heading of each group its entries, `name [dimension] $latex$: meaning`; what goes on is indented
+# Under the heading of each group its entries, `name [dimension] $latex$: meaning`; what goes on is
+# indented
 GLOSSARY = r"""
 ## Scene
 title: what the scene is about; printed on pictures
@@ -377,7 +379,9 @@ v [length] $v$: virtual displacement
 n [1] $n$: outward normal
 """
 
-_ENTRY = re.compile(r"(?P<name>\S+?)( \[(?P<dimension>[^]]+)\])?( \$(?P<latex>[^$]+)\$)?: (?P<meaning>.+)")
+_ENTRY = re.compile(
+    r"(?P<name>\S+?)( \[(?P<dimension>[^]]+)\])?( \$(?P<latex>[^$]+)\$)?: (?P<meaning>.+)"
+)
 
 
 def _entry(text: str) -> Symbol:

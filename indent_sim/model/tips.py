@@ -1,9 +1,11 @@
-"""Rigid tips as formulas. A tip stands on its axis with the apex at the origin, z up; nothing is meshed.
+"""Rigid tips as formulas.
 
-`height(x, y)` is the tip's surface z = f above the apex level at the horizontal position (x, y) from the axis.
-`gap_reference` (small strain) tests it at the undeformed point with pressure along z; `gap_current` tests the
-deformed point with pressure along the tip's normal. Both return g [length], >= 0 open; formulas take
-floats, numpy arrays or UFL expressions.
+A tip stands on its axis with the apex at the origin, z up; nothing is meshed.
+
+`height(x, y)` is the tip's surface z = f above the apex level at the horizontal position (x, y)
+from the axis. `gap_reference` (small strain) tests it at the undeformed point with pressure along
+z; `gap_current` tests the deformed point with pressure along the tip's normal. Both return g
+[length], >= 0 open; formulas take floats, numpy arrays or UFL expressions.
 """
 
 from __future__ import annotations
@@ -20,8 +22,8 @@ from annotated_types import Ge, Le, Len
 from indent_sim.model.algebra import Expr, cos, maximum, minimum, sin, sqrt, tan, where_less
 from indent_sim.model.units import ANGLE, LENGTH, HalfAngle, Length, LengthOrZero
 
-# A tip that ends (sphere beyond R, punch beyond its radius) is this many of its own radii up there: above every body
-# (a scene whose body is higher is refused), and a number whose square is finite.
+# A tip that ends (sphere beyond R, punch beyond its radius) is this many of its own radii up there:
+# above every body (a scene whose body is higher is refused), and a number whose square is finite.
 ENDED_TIP_HEIGHT = 1e15
 # A ball is held from above: beside the cone of this half-angle [degrees] about its axis it is whole
 STEM = 30.0
@@ -39,7 +41,9 @@ class _Tip:
     of_revolution: ClassVar[bool] = True
 
     def creases(self) -> list[tuple[float, float]]:
-        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which
+        it is rounded.
+        """
         return []
 
 
@@ -78,7 +82,8 @@ class Paraboloid(_Tip):
 class Sphere(_Tip):
     """The exact ball, f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond.
 
-    With a gap at the deformed point it is the whole ball, its upper side too, but for a stem that holds it.
+    With a gap at the deformed point it is the whole ball, its upper side too, but for a stem that
+    holds it.
     """
 
     R: Length
@@ -86,19 +91,22 @@ class Sphere(_Tip):
 
     def height(self, x: Expr, y: Expr) -> Expr:
         """f(x, y) [length], in the form that keeps its digits for r << R."""
-        square, R2 = x * x + y * y, self.R * self.R
+        square = x * x + y * y
+        R2 = self.R * self.R
         # both branches of a conditional are differentiated, so the root's argument stays positive
         inside = minimum(square, (1 - 1e-12) * R2)
         cap = inside / (self.R + sqrt(R2 - inside))
         return where_less(square, R2, cap, ENDED_TIP_HEIGHT * self.R)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """|v| - R - 2 <cos(phi) - cos(STEM)>^2 |v| / (1 - cos(STEM))^2, v = X + u - c from the ball's center c.
+        """|v| - R - 2 <cos(phi) - cos(STEM)>^2 |v| / (1 - cos(STEM))^2, v = X + u - c from the
+        ball's center c.
 
-        phi is the angle between v and the upward axis. On the axis above the center the gap is -|v| - R: a body that
-        the tip has passed does not come free of it above.
+        phi is the angle between v and the upward axis. On the axis above the center the gap is -|v|
+        - R: a body that the tip has passed does not come free of it above.
         """
-        R2, c = self.R * self.R, cos(STEM)
+        R2 = self.R * self.R
+        c = cos(STEM)
         # |v|^2 - R^2 = x^2 + y^2 + depth (depth - 2 R) keeps its digits when shallow
         difference = x * x + y * y + depth * (depth - 2 * self.R)
         distance = sqrt(difference + R2 * (1 + 1e-15))  # its derivative is finite at the center
@@ -113,7 +121,9 @@ class Sphere(_Tip):
 
 @dataclass(frozen=True)
 class Cone(_Pointed):
-    """f = r cot(half_angle); with tip_radius > 0 the apex is a spherical cap that meets the flank smoothly."""
+    """f = r cot(half_angle); with tip_radius > 0 the apex is a spherical cap that meets the flank
+    smoothly.
+    """
 
     half_angle: HalfAngle
     tip_radius: LengthOrZero = 0.0
@@ -122,7 +132,8 @@ class Cone(_Pointed):
     def height(self, x: Expr, y: Expr) -> Expr:
         """f(x, y) [length]."""
         r = sqrt(x * x + y * y)
-        rho, slope = self.tip_radius, 1 / tan(self.half_angle)
+        rho = self.tip_radius
+        slope = 1 / tan(self.half_angle)
         # cap and flank meet where the cap's slope is the flank's: r = rho cos(half_angle)
         s = minimum(r, rho * slope / sqrt(1 + slope * slope))
         cap = s * s / (rho + sqrt(rho * rho - s * s) + 1e-300)
@@ -130,7 +141,9 @@ class Cone(_Pointed):
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
         """(f - depth) sin(half_angle) on the flank, the ball's distance on the cap."""
-        rho, slope, square = self.tip_radius, 1 / tan(self.half_angle), x * x + y * y
+        rho = self.tip_radius
+        slope = 1 / tan(self.half_angle)
+        square = x * x + y * y
         r = sqrt(square + 1e-24 * rho * rho)  # the root's derivative at r = 0 stays finite
         secant = sqrt(1 + slope * slope)
         flank = (slope * r - rho * (secant - 1) - depth) / secant
@@ -149,7 +162,8 @@ class Cone(_Pointed):
 
 @dataclass(frozen=True)
 class Hyperboloid(_Tip):
-    """f = R cot^2(half_angle) (sqrt(1 + (r tan(half_angle)/R)^2) - 1): round at the apex, towards a cone far from it.
+    """f = R cot^2(half_angle) (sqrt(1 + (r tan(half_angle)/R)^2) - 1): round at the apex, towards a
+    cone far from it.
 
     Written r^2/(R (1 + sqrt(1 + (r tan(half_angle)/R)^2))), which keeps its digits for r << R.
     """
@@ -178,7 +192,9 @@ class Hyperboloid(_Tip):
         return sqrt(1 + square * t * t)
 
     def creases(self) -> list[tuple[float, float]]:
-        """The apex alone, rounded over the radius R cot(half_angle) at which the paraboloid goes over into the cone."""
+        """The apex alone, rounded over the radius R cot(half_angle) at which the paraboloid goes
+        over into the cone.
+        """
         return [(0.0, self.R / float(tan(self.half_angle)))]
 
     def radius_at(self, depth: float) -> float:
@@ -200,21 +216,26 @@ class FlatPunch(_Tip):
 
     def height(self, x: Expr, y: Expr) -> Expr:
         """f(x, y) [length]."""
-        r, e = sqrt(x * x + y * y), self.edge_radius
+        r = sqrt(x * x + y * y)
+        e = self.edge_radius
         beyond = minimum(maximum(r - (self.radius - e), 0.0 * r), e)
         edge = beyond * beyond / (e + sqrt(e * e - beyond * beyond) + 1e-300)
         return where_less(self.radius * (1 + 1e-12), r, ENDED_TIP_HEIGHT * self.radius, edge)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Distance to the rounded punch: -depth under the flat, to the torus at the edge, to the side wall above.
+        """Distance to the rounded punch: -depth under the flat, to the torus at the edge, to the
+        side wall above.
 
-        Deep inside the edge it goes on with the depth, linearly: so it falls everywhere with the depth, without a jump.
+        Deep inside the edge it goes on with the depth, linearly: so it falls everywhere with the
+        depth, without a jump.
         """
         e = self.edge_radius
         r = sqrt(x * x + y * y + 1e-24 * e * e)
         outward = maximum(r - (self.radius - e), 0.0 * r)
         downward = e - depth
-        linear_from = 0.5 * e * maximum(1 - 2 * outward / e, 0.0 * r) ** 2  # any length that is 0 near the wall
+        linear_from = (
+            0.5 * e * maximum(1 - 2 * outward / e, 0.0 * r) ** 2
+        )  # any length that is 0 near the wall
         near = maximum(downward, linear_from)
         distance = sqrt(outward * outward + near * near)
         return distance - e - (near - downward) * near / distance
@@ -224,7 +245,9 @@ class FlatPunch(_Tip):
         return self.radius
 
     def creases(self) -> list[tuple[float, float]]:
-        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which
+        it is rounded.
+        """
         return [(self.radius - self.edge_radius, self.edge_radius)]
 
 
@@ -250,8 +273,9 @@ class Plate(_Tip):
 class RegularPyramid(_Pointed):
     """f = cot(half_angle) max over the faces of x . n, regular; half_angle between axis and face.
 
-    The normal of one face points along x, turned by `rotation` degrees about z. With tip_radius > 0 the pyramid is
-    what a ball of that radius can reach from within: apex a spherical cap, edges cylinders, all meeting smoothly.
+    The normal of one face points along x, turned by `rotation` degrees about z. With tip_radius > 0
+    the pyramid is what a ball of that radius can reach from within: apex a spherical cap, edges
+    cylinders, all meeting smoothly.
     """
 
     faces: Expr
@@ -260,7 +284,9 @@ class RegularPyramid(_Pointed):
 
     def height(self, x: Expr, y: Expr) -> Expr:
         """f(x, y) [length]."""
-        rho, slope, square = self.tip_radius, 1 / tan(self.half_angle), x * x + y * y
+        rho = self.tip_radius
+        slope = 1 / tan(self.half_angle)
+        square = x * x + y * y
         s, t, p, q = self._sector(x, y)
         face = slope * s - rho * (1 / sin(self.half_angle) - 1)
         # the edge is a line that rises with the slope m, the ball's center runs along it
@@ -271,11 +297,16 @@ class RegularPyramid(_Pointed):
         inside = minimum(square, rho * rho)
         cap = inside / (rho + sqrt(rho * rho - inside) + 1e-300)
         rounded = where_less(secant * p, m * chord, cap, edge)
-        return where_less((s - rho * cos(self.half_angle)) * tan(180 / self.faces), t, rounded, face)
+        return where_less(
+            (s - rho * cos(self.half_angle)) * tan(180 / self.faces), t, rounded, face
+        )
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Distance to the ball's centers (face, edge or apex of a sharp pyramid rho higher) less rho."""
-        rho, slope = self.tip_radius, 1 / tan(self.half_angle)
+        """Distance to the ball's centers (face, edge or apex of a sharp pyramid rho higher) less
+        rho.
+        """
+        rho = self.tip_radius
+        slope = 1 / tan(self.half_angle)
         s, t, p, q = self._sector(x, y)
         z = depth - rho
         face = s * cos(self.half_angle) - z * sin(self.half_angle)
@@ -289,15 +320,22 @@ class RegularPyramid(_Pointed):
         return where_less(foot * tan(180 / self.faces), t, rounded, face) - rho
 
     def _sector(self, x: Expr, y: Expr) -> tuple[Expr, Expr, Expr, Expr]:
-        """(s, t) along and across the nearest face's normal, (p, q) along and across the nearest edge [length]."""
+        """(s, t) along and across the nearest face's normal, (p, q) along and across the nearest
+        edge [length].
+        """
         turn = 360 / self.faces
-        turns = [[self.rotation + turn * (k + shift) for k in range(self.faces)] for shift in (0, 0.5)]
+        turns = [
+            [self.rotation + turn * (k + shift) for k in range(self.faces)] for shift in (0, 0.5)
+        ]
         s, p = (_largest([x * cos(angle) + y * sin(angle) for angle in angles]) for angles in turns)
-        c, d = cos(turn / 2), sin(turn / 2)
+        c = cos(turn / 2)
+        d = sin(turn / 2)
         return s, (p - s * c) / d, p, (s - p * c) / d
 
     def radius_at(self, depth: float) -> float:
-        """Radius of the circle as large as the tip's section `depth` above its apex (edges sharp) [length]."""
+        """Radius of the circle as large as the tip's section `depth` above its apex (edges sharp)
+        [length].
+        """
         blunt = Cone(self.half_angle, self.tip_radius)
         is_on_cap = depth < self.tip_radius * (1 - sin(self.half_angle))
         return blunt.radius_at(depth) * (1.0 if is_on_cap else self.roundness)
@@ -308,7 +346,9 @@ class RegularPyramid(_Pointed):
         return float(sqrt(self.faces * tan(180 / self.faces) / pi))
 
     def is_mirrored(self, degrees: float) -> bool:
-        """Whether the vertical plane through the axis at this angle from x mirrors the pyramid onto itself."""
+        """Whether the vertical plane through the axis at this angle from x mirrors the pyramid onto
+        itself.
+        """
         step = 180 / self.faces
         off = (degrees - self.rotation) % step
         return bool(min(off, step - off) < 1e-9)
@@ -316,7 +356,9 @@ class RegularPyramid(_Pointed):
 
 @dataclass(frozen=True)
 class Pyramid(RegularPyramid):
-    """A regular pyramid, f = cot(half_angle) max over the faces of x . n; half_angle between axis and face."""
+    """A regular pyramid, f = cot(half_angle) max over the faces of x . n; half_angle between axis
+    and face.
+    """
 
     half_angle: HalfAngle
     faces: Faces = 4
@@ -327,7 +369,9 @@ class Pyramid(RegularPyramid):
 
 @dataclass(frozen=True)
 class Berkovich(RegularPyramid):
-    """Three faces at 65.27 degrees from the axis: as much area at a depth as a Vickers tip (ISO 14577-2)."""
+    """Three faces at 65.27 degrees from the axis: as much area at a depth as a Vickers tip (ISO
+    14577-2).
+    """
 
     rotation: Angle = 0.0
     tip_radius: LengthOrZero = 0.0
@@ -351,7 +395,9 @@ class Vickers(RegularPyramid):
 
 @dataclass(frozen=True)
 class CubeCorner(RegularPyramid):
-    """Three faces at right angles to one another, arctan(1/sqrt(2)) = 35.26 degrees from the axis (ISO 14577-2)."""
+    """Three faces at right angles to one another, arctan(1/sqrt(2)) = 35.26 degrees from the axis
+    (ISO 14577-2).
+    """
 
     rotation: Angle = 0.0
     tip_radius: LengthOrZero = 0.0
@@ -365,7 +411,8 @@ class CubeCorner(RegularPyramid):
 class Profile(_Tip):
     """f straight between the points (r, z): convex, of revolution, ending at the last point.
 
-    With tip_radius > 0 apex and corners are parabolic arcs of that radius of curvature, tangent to both sides.
+    With tip_radius > 0 apex and corners are parabolic arcs of that radius of curvature, tangent to
+    both sides.
     """
 
     points: Points
@@ -393,14 +440,18 @@ class Profile(_Tip):
 
     def corners(self) -> list[tuple[Expr, Expr, Expr]]:
         """Middle [length], half width [length] and change of slope of every arc."""
-        rho, jumps = self.tip_radius, self._jumps()
+        rho = self.tip_radius
+        jumps = self._jumps()
         middles = [rho * jumps[0] / 2, *(r for r, _ in self.points[1:-1])]
         return [(middle, rho * jump / 2, jump) for middle, jump in zip(middles, jumps, strict=True)]
 
     def slope(self, r: Expr) -> Expr:
         """f'(r)."""
-        arcs, rho = ((r - c, w, jump) for c, w, jump in self.corners()), self.tip_radius + TINY
-        return sum(where_less(x, -w, 0.0, where_less(x, w, (x + w) / rho, jump)) for x, w, jump in arcs)
+        arcs = ((r - c, w, jump) for c, w, jump in self.corners())
+        rho = self.tip_radius + TINY
+        return sum(
+            where_less(x, -w, 0.0, where_less(x, w, (x + w) / rho, jump)) for x, w, jump in arcs
+        )
 
     def _rise(self, r: Expr) -> Expr:
         total: Expr = 0.0
@@ -412,13 +463,15 @@ class Profile(_Tip):
 
     def height(self, x: Expr, y: Expr) -> Expr:
         """f(x, y) [length]."""
-        r, end = sqrt(x * x + y * y), self.points[-1][0]
+        r = sqrt(x * x + y * y)
+        end = self.points[-1][0]
         return where_less(end * (1 + 1e-12), r, ENDED_TIP_HEIGHT * end, self._rise(r))
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
         """(f - depth) / |grad(f - z)| at the deformed point."""
         r = sqrt(x * x + y * y + 1e-24 * self.tip_radius * self.tip_radius)
-        end, steep = self.points[-1][0], self.slope(r)
+        end = self.points[-1][0]
+        steep = self.slope(r)
         distance = (self._rise(r) - depth) / sqrt(1 + steep * steep)
         return where_less(end * (1 + 1e-12), r, ENDED_TIP_HEIGHT * end, distance)
 
@@ -430,7 +483,9 @@ class Profile(_Tip):
         return self.points[-1][0]
 
     def creases(self) -> list[tuple[float, float]]:
-        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which
+        it is rounded.
+        """
         corners = [(c - w, 2 * w) for c, w, jump in self.corners() if jump > 1e-9]
         return [*corners, (self.points[-1][0], 0.0)]  # the tip ends in an edge
 
@@ -443,7 +498,17 @@ def _largest(values: Sequence[Expr]) -> Expr:
 
 
 Indenter = (
-    Paraboloid | Sphere | Cone | Hyperboloid | FlatPunch | Plate | Pyramid | Berkovich | Vickers | CubeCorner | Profile
+    Paraboloid
+    | Sphere
+    | Cone
+    | Hyperboloid
+    | FlatPunch
+    | Plate
+    | Pyramid
+    | Berkovich
+    | Vickers
+    | CubeCorner
+    | Profile
 )
 
 
@@ -470,20 +535,28 @@ def flat_radius(tip: Indenter) -> float:
 
 
 def below(tip: Indenter, gap: Expr) -> Expr:
-    """Gaps [length] as they are written: not a number beside a tip that ends, where `height` is only very large."""
+    """Gaps [length] as they are written: not a number beside a tip that ends, where `height` is
+    only very large.
+    """
     return where_less(gap, ENDED_TIP_HEIGHT / 1e3 * reach(tip), gap, nan)
 
 
 def deepest_inside(tip: Indenter) -> float:
-    """The penetration [length] beyond which a point may come out at the tip's other side: half the radius of a ball."""
+    """The penetration [length] beyond which a point may come out at the tip's other side: half the
+    radius of a ball.
+    """
     return tip.R / 2 if isinstance(tip, Sphere) else inf
 
 
 def gap_reference(tip: Indenter, x: Expr, y: Expr, z: Expr, delta: Expr) -> Expr:
-    """g = f(X, Y) - delta - z over the undeformed point (X, Y), z = Z + u_z its height now [length], >= 0 open."""
+    """g = f(X, Y) - delta - z over the undeformed point (X, Y), z = Z + u_z its height now
+    [length], >= 0 open.
+    """
     return tip.height(x, y) - delta - z
 
 
 def gap_current(tip: Indenter, x: Expr, y: Expr, z: Expr, delta: Expr) -> Expr:
-    """Distance of the deformed point (x, y, z) from the tip whose apex is at z = -delta [length], >= 0 open."""
+    """Distance of the deformed point (x, y, z) from the tip whose apex is at z = -delta [length],
+    >= 0 open.
+    """
     return tip.gap_current(x, y, z + delta)

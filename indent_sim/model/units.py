@@ -1,7 +1,8 @@
-"""Marks on the types of fields: dimension, range and, of a section that may be several things, the key that chooses.
+"""Marks on the types of fields: dimension, range and, of a section that may be several things, the
+key that chooses.
 
-Numbers know their dimension, so that one function can scale a whole scene and one convert quantities to its units;
-validation, the JSON schema and the generated docs read the marks too.
+Numbers know their dimension, so that one function can scale a whole scene and one convert
+quantities to its units; validation, the JSON schema and the generated docs read the marks too.
 """
 
 from __future__ import annotations
@@ -17,16 +18,21 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_ori
 
 from annotated_types import Ge, Gt, Le, Lt
 
-_FACTOR = re.compile(r"(?P<sign>[*/·]?)\s*(?P<name>[^\W\d_]+|[%°])(?:(?:\^|\*\*)?(?P<power>-?\d|[²³]))?\s*")
+_FACTOR = re.compile(
+    r"(?P<sign>[*/·]?)\s*(?P<name>[^\W\d_]+|[%°])(?:(?:\^|\*\*)?(?P<power>-?\d|[²³]))?\s*"
+)
 _DIVISOR = re.compile(r"/\s*\(\s*([^()]*?)\s*\)")
 _SUPERSCRIPTS = {"²": 2, "³": 3}
 ENERGY_POWERS = {"length": 3, "pressure": 1}
 
 
 def factors(text: str) -> list[tuple[str, int]]:
-    """Names and powers of a product such as mN/m or length^2/(pressure time); ValueError when it is none."""
+    """Names and powers of a product such as mN/m or length^2/(pressure time); ValueError when it is
+    none.
+    """
     spread = _DIVISOR.sub(lambda match: "/" + re.sub(r"\s*[*·]\s*|\s+", "/", match[1]), text)
-    found, end = [], 0
+    found = []
+    end = 0
     for match in _FACTOR.finditer(spread):
         if match.start() != end:
             break
@@ -40,7 +46,8 @@ def factors(text: str) -> list[tuple[str, int]]:
 
 @dataclass(frozen=True)
 class Unit:
-    """The dimension of a number in words: a product of length, pressure, force, energy, time and degrees.
+    """The dimension of a number in words: a product of length, pressure, force, energy, time and
+    degrees.
 
     A force is that of the whole body, in plane strain per length.
     """
@@ -59,7 +66,9 @@ class Unit:
 
 @dataclass(frozen=True)
 class UnitRow:
-    """Marks a row of numbers with a dimension each, None for a pure number; a number instead of rows has the last."""
+    """Marks a row of numbers with a dimension each, None for a pure number; a number instead of
+    rows has the last.
+    """
 
     units: tuple[Unit | None, ...]
 
@@ -71,7 +80,9 @@ class UnitRow:
 
 LENGTH, PRESSURE, FORCE, TIME, ANGLE = map(Unit, ("length", "pressure", "force", "time", "degrees"))
 STIFFNESS = Unit("pressure/length")  # epsilon_n, gamma
-ADHESION = Unit("energy/length^2")  # work of adhesion; in plane strain too, where a force is per length
+ADHESION = Unit(
+    "energy/length^2"
+)  # work of adhesion; in plane strain too, where a force is per length
 
 SurfaceTension = Annotated[float, Ge(0), ADHESION]
 Coordinate = Annotated[float, LENGTH]
@@ -90,7 +101,9 @@ D = TypeVar("D")
 
 @dataclass(frozen=True)
 class TaggedBy:
-    """Marks a section whose dataclass one key chooses; unlike pydantic's mark it knows a union of one, and None."""
+    """Marks a section whose dataclass one key chooses; unlike pydantic's mark it knows a union of
+    one, and None.
+    """
 
     tag: str
 
@@ -98,14 +111,18 @@ class TaggedBy:
         from pydantic_core import core_schema
 
         parts = get_args(union) or (union,)
-        kinds = {getattr(kind, self.tag): kind for kind in parts if kind is not NoneType}  # its default: its one word
+        kinds = {
+            getattr(kind, self.tag): kind for kind in parts if kind is not NoneType
+        }  # its default: its one word
         choices = {word: handler.generate_schema(kind) for word, kind in kinds.items()}
         schema = core_schema.tagged_union_schema(choices, discriminator=self.tag)
         return core_schema.nullable_schema(schema) if NoneType in parts else schema
 
 
 def unit_of(hint: Any) -> Unit | UnitRow | None:
-    """The `Unit` or `UnitRow` annotated anywhere inside a type hint, or None for a pure number or a word."""
+    """The `Unit` or `UnitRow` annotated anywhere inside a type hint, or None for a pure number or a
+    word.
+    """
     if get_origin(hint) is Annotated:
         marks = [mark for mark in hint.__metadata__ if isinstance(mark, Unit | UnitRow)]
         return marks[0] if marks else unit_of(hint.__origin__)
@@ -121,15 +138,19 @@ def field_units(kind: type) -> dict[str, Unit | UnitRow | None]:
 
 @dataclass(frozen=True)
 class Scales:
-    """One length, one pressure and one time of the scene; the solver and gmsh see everything divided by them.
+    """One length, one pressure and one time of the scene; the solver and gmsh see everything
+    divided by them.
 
-    force [pressure length^2] and energy [pressure length^3] follow, one power of length less in plane strain.
+    force [pressure length^2] and energy [pressure length^3] follow, one power of length less in
+    plane strain.
     """
 
     length: float
     pressure: float
     dim: int = 3  # 2 in plane strain, where forces are per unit length
-    pieces: int = 1  # equal ones on top of each other, of which one is modelled: approach and energy are those of all
+    # equal ones on top of each other, of which one is modelled: approach and energy are those of
+    # all
+    pieces: int = 1
     time: float = 1.0
     degrees: ClassVar[float] = 1.0
 
@@ -158,15 +179,22 @@ class Scales:
         return self.depth if control == "depth" else self.force
 
     def scaled(self, item: D) -> D:
-        """A dataclass of the user's numbers in these units: every number is divided by the size of its unit."""
+        """A dataclass of the user's numbers in these units: every number is divided by the size of
+        its unit.
+        """
         units = field_units(type(item))  # type: ignore[arg-type]
         fields = dataclasses.fields(item)  # type: ignore[arg-type]
-        values = {field.name: self._scaled(getattr(item, field.name), units[field.name]) for field in fields}
+        values = {
+            field.name: self._scaled(getattr(item, field.name), units[field.name])
+            for field in fields
+        }
         return dataclasses.replace(item, **values)  # type: ignore[type-var]
 
     def unscaled(self, item: D) -> D:
         """A dataclass in these units as the user's numbers."""
-        inverse = dataclasses.replace(self, length=1 / self.length, pressure=1 / self.pressure, time=1 / self.time)
+        inverse = dataclasses.replace(
+            self, length=1 / self.length, pressure=1 / self.pressure, time=1 / self.time
+        )
         return inverse.scaled(item)
 
     def _scaled(self, value: Any, unit: Unit | UnitRow | None) -> Any:

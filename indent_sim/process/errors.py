@@ -10,21 +10,30 @@ from typing import Any
 
 
 def printable(text: str, line_breaks: bool = False) -> str:
-    """Text of a stranger as a terminal or a picture may show it, on one line unless line breaks are kept.
+    """Text of a stranger as a terminal or a picture may show it, on one line unless line breaks are
+    kept.
 
     Characters that control a terminal or turn the direction of text become their escapes, as \\x1b.
     """
     if not line_breaks and any(sign in text for sign in "\n\r\t\v\f\x85\u2028\u2029"):
         text = " ".join(text.split())
-    unsafe = {sign for sign in set(text) - set("\n\t\u200c\u200d") if unicodedata.category(sign) in ("Cc", "Cf", "Cs")}
-    return "".join(sign.encode("unicode_escape").decode() if sign in unsafe else sign for sign in text)
+    unsafe = {
+        sign
+        for sign in set(text) - set("\n\t\u200c\u200d")
+        if unicodedata.category(sign) in ("Cc", "Cf", "Cs")
+    }
+    return "".join(
+        sign.encode("unicode_escape").decode() if sign in unsafe else sign for sign in text
+    )
 
 
 class IndentSimError(Exception):
     """Base of all expected failures; `exit_code` is what the shell sees."""
 
     exit_code = 1
-    beside: Mapping[str, Any] = MappingProxyType({})  # what the command found all the same, for its JSON object
+    beside: Mapping[str, Any] = MappingProxyType(
+        {}
+    )  # what the command found all the same, for its JSON object
 
 
 class UsageError(IndentSimError):
@@ -37,7 +46,9 @@ class UsageError(IndentSimError):
 
     def __init__(self, problem: str, remedy: str = "", file: str = ""):
         super().__init__(problem, remedy, file)
-        self.problem, self.remedy, self.file = problem, remedy, file
+        self.problem = problem
+        self.remedy = remedy
+        self.file = file
 
     def __str__(self) -> str:
         return f"{self.problem}; {self.remedy}" if self.remedy else self.problem
@@ -47,8 +58,8 @@ class UsageError(IndentSimError):
 class ConfigError(IndentSimError):
     """A scene that is wrong or cannot exist: which key, what is wrong, what would be right.
 
-    `key` is the dotted path (`indenter.R`); `file` and `line` are filled in by whoever knows them. meant: the word that
-    was probably meant, in place of the last one of the key, or of its value.
+    `key` is the dotted path (`indenter.R`); `file` and `line` are filled in by whoever knows them.
+    meant: the word that was probably meant, in place of the last one of the key, or of its value.
     """
 
     key: str

@@ -1,4 +1,6 @@
-"""A function called in a forked process: an abort of its libraries ends that process and is an exception here."""
+"""A function called in a forked process: an abort of its libraries ends that process and is an
+exception here.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +19,16 @@ from typing import Any, TypeVar
 from indent_sim.process import parcel, usage
 from indent_sim.process.signals import die_with
 
-MOST_WORDS = 4096  # bytes at the end of what the process printed in which its last error is looked for
+MOST_WORDS = (
+    4096  # bytes at the end of what the process printed in which its last error is looked for
+)
 SIGNAL_NAMES = {int(known): known.name for known in signal.Signals}
 T = TypeVar("T")
 
 
 class Crash(Exception):
-    """The forked process ended before its answer; the message says how, and what its last error message was.
+    """The forked process ended before its answer; the message says how, and what its last error
+    message was.
 
     exit_code: as a shell says it, 128 + n for signal n.
     """
@@ -34,28 +39,45 @@ class Crash(Exception):
 
 
 class Forked:
-    """Calls `function` in a forked process, which runs `prepare` first and then serves one call after another.
+    """Calls `function` in a forked process, which runs `prepare` first and then serves one call
+    after another.
 
-    Argument, answer and exception travel as a `parcel`; what the process prints is kept for `Crash`. The process leaves
-    SIGINT, SIGTERM and SIGHUP to this one, is killed with it, and is forked anew where it has ended.
-    It keeps the open files of this one only where it uses MPI, which waits for ever on those that it had here.
+    Argument, answer and exception travel as a `parcel`; what the process prints is kept for
+    `Crash`. The process leaves SIGINT, SIGTERM and SIGHUP to this one, is killed with it, and is
+    forked anew where it has ended. It keeps the open files of this one only where it uses MPI,
+    which waits for ever on those that it had here.
     """
 
-    def __init__(self, function: Callable[[Any], Any], prepare: Callable[[], object], *, uses_mpi: bool = False):
-        self._function, self._prepare, self._uses_mpi = function, prepare, uses_mpi
+    def __init__(
+        self,
+        function: Callable[[Any], Any],
+        prepare: Callable[[], object],
+        *,
+        uses_mpi: bool = False,
+    ):
+        self._function = function
+        self._prepare = prepare
+        self._uses_mpi = uses_mpi
         self._child: _Child | None = None
 
     @property
     def is_up(self) -> bool:
-        """Whether there is a process to ask. One that was itself forked from its owner has none of its own."""
+        """Whether there is a process to ask.
+
+        One that was itself forked from its owner has none of its own.
+        """
         return self._child is not None and self._child.is_ours and self._child.status is None
 
     def start(self) -> None:
-        """Fork the process, unless it is there and idle. OSError when the system has no room for it."""
+        """Fork the process, unless it is there and idle. OSError when the system has no room for
+        it.
+        """
         if self.is_up and self._child is not None and not self._child.is_asked:
             return
         self.stop()
-        (here, there), parent, printed = Pipe(), os.getpid(), os.memfd_create("printed")
+        (here, there) = Pipe()
+        parent = os.getpid()
+        printed = os.memfd_create("printed")
         try:
             pid = os.fork()
         except OSError:
@@ -66,16 +88,21 @@ class Forked:
         there.close()
         self._child = _Child(parent, pid, here, printed)
         atexit.unregister(self.stop)
-        atexit.register(self.stop)  # waits for the process: its CPU time is counted with that of this one
+        atexit.register(
+            self.stop
+        )  # waits for the process: its CPU time is counted with that of this one
 
     def ask(self, argument: Any, mapped: bool = False) -> Callable[[], Any]:
-        """Begin a call; what is returned gives its answer once: returns or raises what the function did, or Crash.
+        """Begin a call; what is returned gives its answer once: returns or raises what the function
+        did, or Crash.
 
-        With `mapped` the arrays of argument and answer lie in temporary files; OSError where these have no room.
+        With `mapped` the arrays of argument and answer lie in temporary files; OSError where these
+        have no room.
         """
         self.start()
         assert self._child is not None
-        child, self._child.is_asked = self._child, True
+        child = self._child
+        self._child.is_asked = True
         with suppress(ConnectionError):  # it has just crashed: the answer will say so
             parcel.send(child.pipe, (argument, mapped), mapped)
         return lambda: self._answer(child)
@@ -110,8 +137,13 @@ class Forked:
         return answer
 
     def _serve(self, pipe: Connection, printed: int, parent: int) -> None:
-        """The life of the forked process: calls until the pipe ends. It never returns into what was forked."""
-        gc.freeze()  # the owner's garbage is not ours: to destroy its meshes and matrices would be a call of its MPI
+        """The life of the forked process: calls until the pipe ends.
+
+        It never returns into what was forked.
+        """
+        # the owner's garbage is not ours: to destroy its meshes and matrices would be a call of its
+        # MPI
+        gc.freeze()
         try:
             shared = usage.memory()
             _detach(printed, parent)
@@ -128,9 +160,13 @@ class Forked:
             os.kill(os.getpid(), signal.SIGKILL)
 
     def _serve_one(self, pipe: Connection, shared: float) -> None:
-        """Send the answer or exception of one call, its CPU time [s], and its memory beyond what is shared [MB]."""
+        """Send the answer or exception of one call, its CPU time [s], and its memory beyond what is
+        shared [MB].
+        """
         argument, mapped = parcel.receive(pipe)
-        began, answer, failure = time.process_time(), None, None
+        began = time.process_time()
+        answer = None
+        failure = None
         try:
             answer = self._function(argument)
         except Exception as error:
@@ -145,7 +181,9 @@ class Forked:
 
 
 def once(call: Callable[[], T], prepare: Callable[[], object], mapped: bool = False) -> T:
-    """What a call returns or raises in a process forked for it alone, or Crash; see `Forked` and its `ask`."""
+    """What a call returns or raises in a process forked for it alone, or Crash; see `Forked` and
+    its `ask`.
+    """
     process = Forked(lambda call: call(), prepare)
     try:
         return process.ask(call, mapped)()
@@ -155,7 +193,9 @@ def once(call: Callable[[], T], prepare: Callable[[], object], mapped: bool = Fa
 
 @dataclass
 class _Child:
-    """A forked process as its parent `owner` knows it; `printed` is an open file of what it printed."""
+    """A forked process as its parent `owner` knows it; `printed` is an open file of what it
+    printed.
+    """
 
     owner: int
     pid: int
@@ -187,8 +227,14 @@ class _Child:
         code = os.waitstatus_to_exitcode(self.ended or 0)
         name = SIGNAL_NAMES.get(-code, f"signal {-code}")
         how = f"died of {name}" if code < 0 else f"ended with exit code {code}" if code else "ended"
-        printed = os.pread(self.printed, MOST_WORDS, max(0, os.fstat(self.printed).st_size - MOST_WORDS))
-        errors = [line for line in printed.decode("utf-8", "replace").splitlines() if line.startswith("Error")]
+        printed = os.pread(
+            self.printed, MOST_WORDS, max(0, os.fstat(self.printed).st_size - MOST_WORDS)
+        )
+        errors = [
+            line
+            for line in printed.decode("utf-8", "replace").splitlines()
+            if line.startswith("Error")
+        ]
         words = f"{how} ({errors[-1].partition(':')[2].strip()})" if errors else how
         return Crash(words, 128 - code if code < 0 else code or 1)
 
@@ -197,7 +243,8 @@ class _Child:
             try:
                 pid, status = os.waitpid(self.pid, how)
             except ChildProcessError:  # somebody else waited for it
-                pid, status = self.pid, 0
+                pid = self.pid
+                status = 0
             self.ended = status if pid else None
 
 

@@ -1,7 +1,7 @@
 """Limits of a process: memory, open files, room for temporary files.
 
-MPI, gmsh and PETSc end or hang without a word where they get too little of it, so a run asks before it loads them; what
-runs out later is told as an expected failure.
+MPI, gmsh and PETSc end or hang without a word where they get too little of it, so a run asks before
+it loads them; what runs out later is told as an expected failure.
 """
 
 from __future__ import annotations
@@ -19,19 +19,27 @@ from indent_sim.process.errors import BackendError, IndentSimError, NotConverged
 from indent_sim.process.usage import address_space
 
 OPEN_FILES = 48  # open at a time; a small run was seen to need up to 32
-TASKS = 20  # processes and threads beside this one; Open MPI and the linear algebra were seen to need 15
+# processes and threads beside this one; Open MPI and the linear algebra were seen to need 15
+TASKS = 20
 ADDRESS_SPACE = 800e6  # bytes of address space; the libraries alone were seen to need 700 MB
-NO_MEMORY = ("error code 55\n", "PetscMalloc", "INFOG(1)=-13")  # PETSc and MUMPS in the messages of petsc4py
+NO_MEMORY = (
+    "error code 55\n",
+    "PetscMalloc",
+    "INFOG(1)=-13",
+)  # PETSc and MUMPS in the messages of petsc4py
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def require_room() -> None:
-    """BackendError or NotConverged where the limits of this process are too narrow for any run, UsageError where it has
-    no working directory."""
+    """BackendError or NotConverged where the limits of this process are too narrow for any run,
+    UsageError where it has no working directory.
+    """
     try:
         os.getcwd()
     except OSError as error:
-        raise UsageError("the working directory is gone", "change to a folder that is there") from error
+        raise UsageError(
+            "the working directory is gone", "change to a folder that is there"
+        ) from error
     _require("open files", "ulimit -n", resource.RLIMIT_NOFILE, OPEN_FILES)
     _require("MB of memory", "ulimit -v", resource.RLIMIT_AS, ADDRESS_SPACE / 1e6, 1e6)
     _require_tasks()
@@ -46,27 +54,40 @@ def require_room() -> None:
             file.flush()
     except OSError as error:
         kind = NotConverged if error.errno in FULL else BackendError
-        raise kind(f"cannot keep temporary files in {folder}: {error.strerror}; TMPDIR names another folder") from error
+        raise kind(
+            f"cannot keep temporary files in {folder}: {error.strerror}; TMPDIR names another "
+            "folder"
+        ) from error
 
 
 def _require(what: str, limit: str, number: int, least: float, unit: float = 1.0) -> None:
     allowed, _ = resource.getrlimit(number)
     if allowed != resource.RLIM_INFINITY and allowed / unit < least:
-        raise BackendError(f"{allowed / unit:.0f} {what} are allowed ({limit}); a run needs at least {least:.0f}")
+        raise BackendError(
+            f"{allowed / unit:.0f} {what} are allowed ({limit}); a run needs at least {least:.0f}"
+        )
 
 
 def confine(seconds: float, memory: float) -> None:
     """Allow this process so much CPU time in all [s] and so much memory beyond what it has [bytes].
 
-    SIGXCPU ends it after that time; without memory it meets MemoryError, or dies of what a library makes of that.
+    SIGXCPU ends it after that time; without memory it meets MemoryError, or dies of what a library
+    makes of that.
     """
-    for number, most in ((resource.RLIMIT_CPU, math.ceil(seconds)), (resource.RLIMIT_AS, address_space() + memory)):
+    for number, most in (
+        (resource.RLIMIT_CPU, math.ceil(seconds)),
+        (resource.RLIMIT_AS, address_space() + memory),
+    ):
         _, hard = resource.getrlimit(number)
-        resource.setrlimit(number, (int(most) if hard == resource.RLIM_INFINITY else min(int(most), hard), hard))
+        resource.setrlimit(
+            number, (int(most) if hard == resource.RLIM_INFINITY else min(int(most), hard), hard)
+        )
 
 
 def _require_tasks() -> None:
-    """BackendError where no more processes and threads can be started; others of the user count too, so it is tried."""
+    """BackendError where no more processes and threads can be started; others of the user count
+    too, so it is tried.
+    """
     end = threading.Event()
     started: list[threading.Thread] = []
     try:
@@ -75,7 +96,10 @@ def _require_tasks() -> None:
             thread.start()
             started.append(thread)
     except RuntimeError as error:
-        told = f"{len(started)} more processes and threads can be started (ulimit -u); a run needs {TASKS}"
+        told = (
+            f"{len(started)} more processes and threads can be started (ulimit -u); a run "
+            f"needs {TASKS}"
+        )
         raise BackendError(told) from error
     finally:
         end.set()
@@ -84,15 +108,18 @@ def _require_tasks() -> None:
 
 
 def unwritable(what: object, error: OSError) -> IndentSimError:
-    """What to raise where something cannot be written: NotConverged on a full disk, else UsageError."""
+    """What to raise where something cannot be written: NotConverged on a full disk, else
+    UsageError.
+    """
     kind = NotConverged if error.errno in FULL else UsageError
     return kind(f"cannot write {what}: {error.strerror or error}")
 
 
 @contextmanager
 def spent() -> Iterator[None]:
-    """Memory, files or a disk that run out inside the block, and PETSc that refuses what the environment says, as the
-    expected failures that they are."""
+    """Memory, files or a disk that run out inside the block, and PETSc that refuses what the
+    environment says, as the expected failures that they are.
+    """
     try:
         yield
     except (MemoryError, OSError, RuntimeError) as error:
@@ -107,13 +134,19 @@ def _known(error: BaseException) -> IndentSimError | None:
     place = f" {name}" if (name := getattr(error, "filename", None)) else ""
     match number:
         case errno.ENOMEM:
-            return NotConverged("the memory that this process may have is used up; a coarser mesh needs less")
+            return NotConverged(
+                "the memory that this process may have is used up; a coarser mesh needs less"
+            )
         case errno.EMFILE | errno.ENFILE:
             return BackendError(f"too many open files{place} (ulimit -n)")
         case errno.ENOSPC | errno.EDQUOT:
             return NotConverged(f"cannot write{place}: {os.strerror(number)}")
     options = os.environ.get("PETSC_OPTIONS")
-    if options and "PETSc" in type(error).__module__ + str(error):  # without it that is a bug of this program
+    if options and "PETSc" in type(error).__module__ + str(
+        error
+    ):  # without it that is a bug of this program
         why = str(error).strip().splitlines()[-1].removeprefix("[0] ")
-        return BackendError(f"PETSc stopped with PETSC_OPTIONS={options!r} in the environment: {why}; try without")
+        return BackendError(
+            f"PETSc stopped with PETSC_OPTIONS={options!r} in the environment: {why}; try without"
+        )
     return None

@@ -1,8 +1,9 @@
-"""An object on its way from one process to another through a pipe; large arrays by a temporary file, which the other
-maps.
+"""An object on its way from one process to another through a pipe; large arrays by a temporary
+file, which the other maps.
 
-What is mapped lies in the file until it is looked at, and its pages go back when the memory is wanted: an array may be
-larger than what a process has room for. The file has no name, so nothing is left of it whenever a process is killed.
+What is mapped lies in the file until it is looked at, and its pages go back when the memory is
+wanted: an array may be larger than what a process has room for. The file has no name, so nothing is
+left of it whenever a process is killed.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ ALIGNED = 64  # bytes from one array's begin to the next are a multiple of these
 
 
 def send(pipe: Connection, value: Any, mapped: bool = False) -> None:
-    """Send an object, its arrays by a file in TMPDIR where they are `mapped`; OSError where that has no room."""
+    """Send an object, its arrays by a file in TMPDIR where they are `mapped`; OSError where that
+    has no room.
+    """
     buffers: list[pickle.PickleBuffer] = []
     head = pickle.dumps(value, protocol=5, buffer_callback=buffers.append if mapped else None)
     sizes = [buffer.raw().nbytes for buffer in buffers]
@@ -42,8 +45,12 @@ def send(pipe: Connection, value: Any, mapped: bool = False) -> None:
 
 
 def receive(pipe: Connection) -> Any:
-    """The object that was sent; arrays that are mapped cannot be written to. EOFError where the other end closed."""
-    sizes, head = pipe.recv(), pipe.recv_bytes()
+    """The object that was sent; arrays that are mapped cannot be written to.
+
+    EOFError where the other end closed.
+    """
+    sizes = pipe.recv()
+    head = pipe.recv_bytes()
     return pickle.loads(head, buffers=_mapped(recv_handle(pipe), sizes) if any(sizes) else sizes)
 
 
@@ -53,4 +60,7 @@ def _mapped(file: int, sizes: list[int]) -> list[memoryview]:
     finally:
         os.close(file)
     begins = accumulate((size + -size % ALIGNED for size in sizes), initial=0)
-    return [whole[begin : begin + size] for (begin, _), size in zip(pairwise(begins), sizes, strict=True)]
+    return [
+        whole[begin : begin + size]
+        for (begin, _), size in zip(pairwise(begins), sizes, strict=True)
+    ]

@@ -1,7 +1,7 @@
 """Dataclasses made quickly: Python 3.11 compiles six methods of each, a twentieth of a small run.
 
-Those that do not depend on the fields but for their names are functions here; `__init__` stays compiled. Later versions
-of Python compile all methods of a class at once, and are left as they are.
+Those that do not depend on the fields but for their names are functions here; `__init__` stays
+compiled. Later versions of Python compile all methods of a class at once, and are left as they are.
 """
 
 from __future__ import annotations
@@ -22,7 +22,12 @@ Method = Callable[..., Any]
 @contextmanager
 def quick_dataclasses() -> Iterator[None]:
     """Classes that the block makes dataclasses of get their methods without a compiler."""
-    quick = {"_frozen_get_del_attr": _frozen, "_repr_fn": _repr, "_hash_fn": _hash, "_cmp_fn": _compare}
+    quick = {
+        "_frozen_get_del_attr": _frozen,
+        "_repr_fn": _repr,
+        "_hash_fn": _hash,
+        "_cmp_fn": _compare,
+    }
     if sys.version_info[:2] != (3, 11):
         quick = {}
     before = {name: getattr(dataclasses, name) for name in quick}
@@ -80,7 +85,9 @@ def _compare(method: str, operator: str, own: str, other: str, globals: Any) -> 
     values = _values_of([word.removeprefix("self.") for word in own.strip("()").split(",") if word])
 
     def __eq__(self: Any, other: object) -> Any:
-        return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
+        return (
+            values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
+        )
 
     return __eq__
 

@@ -19,7 +19,8 @@ T = TypeVar("T")
 class Alone:
     """The communicator of a process without others: what needs no MPI does not load it."""
 
-    rank, size = 0, 1
+    rank = 0
+    size = 1
 
     def bcast(self, value: Any, root: int = 0) -> Any:
         """The value itself."""
@@ -31,8 +32,9 @@ class Alone:
 
 
 class Meeting:
-    """Where ranks find out which of them failed (collective): on a communicator of its own, which what the others wait
-    for does not disturb."""
+    """Where ranks find out which of them failed (collective): on a communicator of its own, which
+    what the others wait for does not disturb.
+    """
 
     def __init__(self, comm: Any):
         self._comm = comm.Dup() if comm.size > 1 else None
@@ -44,12 +46,15 @@ class Meeting:
     def failures(self, own: int) -> int | None:
         """How many ranks get here having failed (`own`: 1 of this one, or 0), once all do.
 
-        None where this one has and others do not come before its patience ends: they wait for it elsewhere, for ever.
+        None where this one has and others do not come before its patience ends: they wait for it
+        elsewhere, for ever.
         """
-        mine, total = array("i", [own]), array("i", [own])
+        mine = array("i", [own])
+        total = array("i", [own])
         if self._comm is None:
             return total[0]
-        request, deadline = self._comm.Iallreduce(mine, total), time.monotonic() + (RANK_TIMEOUT if own else inf)
+        request = self._comm.Iallreduce(mine, total)
+        deadline = time.monotonic() + (RANK_TIMEOUT if own else inf)
         while not request.Test():
             if time.monotonic() > deadline:
                 return None
@@ -73,8 +78,11 @@ def is_first() -> bool:
 
 
 def on_root(comm: Any, action: Callable[..., T], *args: Any) -> T | None:
-    """Do something on rank 0 alone; its exception is raised on every rank, its result stays on rank 0."""
-    result, failure = None, None
+    """Do something on rank 0 alone; its exception is raised on every rank, its result stays on rank
+    0.
+    """
+    result = None
+    failure = None
     if comm.rank == 0:
         try:
             result = action(*args)

@@ -9,13 +9,17 @@ from typing import Any
 
 from indent_sim.process.errors import printable
 
-MOST_LINES, MOST_LETTERS = 20, 60  # of a table, and of one of its cells
+# of a table, and of one of its cells
+MOST_LINES = 20
+MOST_LETTERS = 60
 LEFT_OUT = "…"
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A heading, a table below it, of whose rows the first and the last are shown, and what stands below."""
+    """A heading, a table below it, of whose rows the first and the last are shown, and what stands
+    below.
+    """
 
     title: str
     head: Sequence[str]
@@ -27,7 +31,10 @@ class Shown:
         """As plain text, its columns aligned."""
         cells = [list(self.head), *self._cells()]
         widths = [max(map(len, column)) for column in zip(*cells, strict=True)] if self.rows else []
-        lines = ["  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)) for row in cells]
+        lines = [
+            "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True))
+            for row in cells
+        ]
         told = [self.title, *(lines if widths else []), self.below]
         return "\n".join(line.rstrip() for line in told if line)
 
@@ -38,7 +45,9 @@ class Shown:
         rows = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self._cells()]
         body = "".join(f"<tr>{row}</tr>" for row in rows)
         below = f"<p>{escape(self.below)}</p>" if self.below else ""
-        table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>" if rows else ""
+        table = (
+            f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>" if rows else ""
+        )
         return f"<p><b>{escape(printable(self.title))}</b></p>{table}{below}"
 
     def _cells(self) -> list[list[str]]:
@@ -52,7 +61,9 @@ class Shown:
 
 
 def cell(value: Any) -> str:
-    """A value in a cell: numbers to six digits, nothing for what is not known, long words shortened."""
+    """A value in a cell: numbers to six digits, nothing for what is not known, long words
+    shortened.
+    """
     if value is None or value != value:
         return ""
     said = f"{value:.6g}" if isinstance(value, float) else printable(str(value))

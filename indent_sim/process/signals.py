@@ -1,4 +1,6 @@
-"""SIGINT, SIGTERM and SIGHUP as an exception, so that a run keeps what it has and says how it ended."""
+"""SIGINT, SIGTERM and SIGHUP as an exception, so that a run keeps what it has and says how it
+ended.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ class Stopped(KeyboardInterrupt):
 
     def __init__(self, number: int):
         super().__init__(f"stopped by {signal.Signals(number).name}")
-        self.number, self.exit_code = number, 128 + number
+        self.number = number
+        self.exit_code = 128 + number
 
     def __reduce__(self) -> tuple[type[Stopped], tuple[int]]:
         return Stopped, (self.number,)  # other ranks learn of it
@@ -33,14 +36,18 @@ _stoppable: list[int] = []  # and the ranks of the blocks in which they raise it
 
 
 def check() -> None:
-    """Raise Stopped when a signal has arrived whose exception somebody swallowed; to be called now and then."""
+    """Raise Stopped when a signal has arrived whose exception somebody swallowed; to be called now
+    and then.
+    """
     if _arrived:
         raise Stopped(_arrived[0])
 
 
 @contextmanager
 def unmasked() -> Iterator[None]:
-    """Stopped again, where a library turned what was raised in its callbacks into an error of its own."""
+    """Stopped again, where a library turned what was raised in its callbacks into an error of its
+    own.
+    """
     try:
         yield
     except Exception:
@@ -70,9 +77,15 @@ def stoppable(rank: int = 0) -> Iterator[None]:
             tell_lost(raised)
 
     _arrived.clear()
-    tell_lost, sys.unraisablehook = sys.unraisablehook, lost  # of what is raised while a process forks, or in a __del__
+    # of what is raised while a process forks, or in a __del__
+    tell_lost = sys.unraisablehook
+    sys.unraisablehook = lost
     handler: Any = stop if rank == 0 else signal.SIG_IGN
-    wanted = [number for number in SIGNALS if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN]
+    wanted = [
+        number
+        for number in SIGNALS
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
+    ]
     before = {number: signal.signal(number, handler) for number in wanted}
     _stoppable.append(rank)
     try:
@@ -88,7 +101,9 @@ def stoppable(rank: int = 0) -> Iterator[None]:
 
 
 def die_with(parent: int) -> None:
-    """Ask Linux to kill this forked process when its parent is killed: nobody would read what it computes."""
+    """Ask Linux to kill this forked process when its parent is killed: nobody would read what it
+    computes.
+    """
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
     if os.getppid() != parent:
@@ -97,14 +112,22 @@ def die_with(parent: int) -> None:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Hold back the signals that stop a run until the block is done, so that no file is left half written."""
+    """Hold back the signals that stop a run until the block is done, so that no file is left half
+    written.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     arrived: list[int] = []
-    knows = _stoppable and not _arrived  # then what handles them holds them back itself: thousands of rows are quick
-    signals = [] if knows else [s for s in SIGNALS if signal.getsignal(s) not in (None, signal.SIG_IGN)]
-    before = {number: signal.signal(number, lambda got, frame: arrived.append(got)) for number in signals}
+    knows = (
+        _stoppable and not _arrived
+    )  # then what handles them holds them back itself: thousands of rows are quick
+    signals = (
+        [] if knows else [s for s in SIGNALS if signal.getsignal(s) not in (None, signal.SIG_IGN)]
+    )
+    before = {
+        number: signal.signal(number, lambda got, frame: arrived.append(got)) for number in signals
+    }
     _held.append(arrived)
     try:
         yield

@@ -14,7 +14,9 @@ from pathlib import Path
 
 @dataclass
 class Elsewhere:
-    """What forked processes used for this one: CPU time [s], and their largest memory beyond what they share [MB]."""
+    """What forked processes used for this one: CPU time [s], and their largest memory beyond what
+    they share [MB].
+    """
 
     cpu: float = 0.0
     memory: float = 0.0
@@ -79,30 +81,45 @@ def machine_memory() -> float:
 
 def duration(seconds: float) -> str:
     """A time in words, in the unit that fits."""
-    minutes, hours = seconds / 60, seconds / 3600
-    return f"{seconds:.0f} s" if minutes < 2 else f"{minutes:.0f} min" if hours < 2 else f"{hours:.1f} h"
+    minutes = seconds / 60
+    hours = seconds / 3600
+    return (
+        f"{seconds:.0f} s"
+        if minutes < 2
+        else f"{minutes:.0f} min"
+        if hours < 2
+        else f"{hours:.1f} h"
+    )
 
 
 @dataclass
 class Pace:
-    """How long each of several steps takes, and how long the others will; the first step seen begins the count."""
+    """How long each of several steps takes, and how long the others will; the first step seen
+    begins the count.
+    """
 
     seen: int = 0
     first: float = 0.0
     last: float = field(default_factory=time.monotonic)
 
     def after(self, left: int) -> tuple[float, str]:
-        """Seconds of the step that has just ended, and in words how long so many more take; nothing after one step."""
+        """Seconds of the step that has just ended, and in words how long so many more take; nothing
+        after one step.
+        """
         now = time.monotonic()
-        own, self.last = now - self.last, now
-        self.seen, self.first = self.seen + 1, self.first or now
+        own = now - self.last
+        self.last = now
+        self.seen = self.seen + 1
+        self.first = self.first or now
         each = (now - self.first) / (self.seen - 1) if self.seen > 1 else 0.0
         return own, f"{duration(each * left)} left" if left and each else ""
 
 
 @dataclass
 class Clock:
-    """Seconds spent in each stage of a run: of wall time, and of CPU time, with that of the process that meshes."""
+    """Seconds spent in each stage of a run: of wall time, and of CPU time, with that of the process
+    that meshes.
+    """
 
     started: float = field(default_factory=time.perf_counter)
     stages: dict[str, float] = field(default_factory=dict)
@@ -111,7 +128,8 @@ class Clock:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Add the time of the block to a stage."""
-        begin, cpu = time.perf_counter(), cpu_time()
+        begin = time.perf_counter()
+        cpu = cpu_time()
         try:
             yield
         finally:

@@ -1,7 +1,8 @@
 """The last equilibria of a run in one small file, from which `--resume` goes on.
 
-The file is never needed: without it, or with one that is damaged or of another mesh, the last depth is walked to
-once more from rest. It is made in memory and written in one rename, for the HDF5 library takes a full disk badly.
+The file is never needed: without it, or with one that is damaged or of another mesh, the last depth
+is walked to once more from rest. It is made in memory and written in one rename, for the HDF5
+library takes a full disk badly.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ import numpy as np
 from indent_sim.results.folder import Report, content, write_atomically
 
 CHECKPOINT = "checkpoint.h5"
-Point = tuple[float, float, Sequence[np.ndarray]]  # depth, time, and the vectors that make the state there
+Point = tuple[
+    float, float, Sequence[np.ndarray]
+]  # depth, time, and the vectors that make the state there
 Points = Sequence[Point]
 
 
@@ -51,7 +54,9 @@ class Checkpoint:
             yield from vectors
 
     def checksum(self) -> int:
-        """Return the CRC-32 of all depths, times and unknowns, by which a damaged file is recognised."""
+        """Return the CRC-32 of all depths, times and unknowns, by which a damaged file is
+        recognised.
+        """
         total = 0
         for values in self.arrays():
             total = zlib.crc32(np.ascontiguousarray(values).tobytes(), total)
@@ -59,10 +64,13 @@ class Checkpoint:
 
 
 def write(path: Path, saved: Checkpoint, identity: Report) -> None:
-    """Replace the file; `identity` says to which mesh and numbering the vectors belong. OSError on a full disk."""
+    """Replace the file; `identity` says to which mesh and numbering the vectors belong. OSError on
+    a full disk.
+    """
     import h5py
 
-    image, owner = io.BytesIO(), json.dumps(identity, sort_keys=True)
+    image = io.BytesIO()
+    owner = json.dumps(identity, sort_keys=True)
     named = {f"point/{n}": point for n, point in enumerate(saved.points)}
     named |= {f"pull_off/{number}": point for number, point in saved.pull_off_points.items()}
     with h5py.File(image, "w") as file:
@@ -76,7 +84,9 @@ def write(path: Path, saved: Checkpoint, identity: Report) -> None:
 
 
 def read(path: Path, identity: Report) -> Checkpoint:
-    """What was saved for this mesh and numbering; an empty checkpoint when there is none, or a damaged one."""
+    """What was saved for this mesh and numbering; an empty checkpoint when there is none, or a
+    damaged one.
+    """
     import h5py
 
     def point(group: h5py.Group) -> Point:
@@ -86,10 +96,14 @@ def read(path: Path, identity: Report) -> Checkpoint:
     try:
         with h5py.File(io.BytesIO(content(path)), "r") as file:
             points = [point(file[f"point/{n}"]) for n in range(len(file["point"]))]
-            pulls = {int(number): point(group) for number, group in file.get("pull_off", {}).items()}
+            pulls = {
+                int(number): point(group) for number, group in file.get("pull_off", {}).items()
+            }
             saved = Checkpoint(int(file.attrs["step"]), points, pulls)
             owner = json.dumps(identity, sort_keys=True)
-            is_ours = int(file.attrs["checksum"]) == saved.checksum() and file.attrs["identity"] == owner
+            is_ours = (
+                int(file.attrs["checksum"]) == saved.checksum() and file.attrs["identity"] == owner
+            )
             is_finite = all(np.isfinite(values).all() for values in saved.arrays())
             return saved if is_ours and is_finite else Checkpoint()
     except Exception:  # HDF5 has an error for every way of being damaged

@@ -1,12 +1,12 @@
 """Result folder: the claim to write it, its lock, and how a new one takes the place of an old one.
 
-A run writes into a hidden staging folder beside its target and becomes the target by renaming, so that
-readers see the old folder or the new one, never half of one. `.lock` inside the folder is held while the run
-lives (the kernel lets go of it when the run is killed) and moves with the rename.
+A run writes into a hidden staging folder beside its target and becomes the target by renaming, so
+that readers see the old folder or the new one, never half of one. `.lock` inside the folder is held
+while the run lives (the kernel lets go of it when the run is killed) and moves with the rename.
 
-A folder is this program's when its run.json or its `.lock` says so; whatever says nothing of the kind is never moved,
-written or deleted, wherever it stands and whatever it is called. Links are not followed when writing. What a folder
-holds is asked of `held` alone.
+A folder is this program's when its run.json or its `.lock` says so; whatever says nothing of the
+kind is never moved, written or deleted, wherever it stands and whatever it is called. Links are not
+followed when writing. What a folder holds is asked of `held` alone.
 """
 
 from __future__ import annotations
@@ -29,18 +29,43 @@ from indent_sim.process.limits import unwritable
 PROGRAM = "indent-sim"
 LOCK = ".lock"
 HIDDEN = {LOCK, ".staging", ".old"}
-REPORT, TABLE, CONFIG = "run.json", "force_indentation.csv", "config.yaml"
-STUDY, RUNS = "study.json", "runs"  # in the folder of a study
+REPORT = "run.json"
+TABLE = "force_indentation.csv"
+CONFIG = "config.yaml"
+# in the folder of a study
+STUDY = "study.json"
+RUNS = "runs"
 FIT = "fit.json"  # in the folder of a fit
 CRATE = "ro-crate-metadata.json"  # what an archive of research data reads
 MESH_FILE = "body.msh"  # the mesh of a body that came from a file
-RESULT_FILES = {REPORT, TABLE, CONFIG, MESH_FILE, "surface.csv", "fields.xdmf", "tip.xdmf", "checkpoint.h5"}
-RESULT_FILES |= {"experiment.csv", "dynamic.csv", "force_indentation.png", "experiment.png", "report.html", CRATE}
+RESULT_FILES = {
+    REPORT,
+    TABLE,
+    CONFIG,
+    MESH_FILE,
+    "surface.csv",
+    "fields.xdmf",
+    "tip.xdmf",
+    "checkpoint.h5",
+}
+RESULT_FILES |= {
+    "experiment.csv",
+    "dynamic.csv",
+    "force_indentation.png",
+    "experiment.png",
+    "report.html",
+    CRATE,
+}
 RESULT_FILES |= {"fields.h5"}  # of version 0.1.0
-# What begins a file of ours that anybody might have under that name; nobody else writes the rest of RESULT_FILES there
+# What begins a file of ours that anybody might have under that name; nobody else writes the rest of
+# RESULT_FILES there
 PICTURE_SIGN = b"Software\0indent-sim"
 # Written by runs, in place of what has that name
-WRITTEN = {"force_indentation.png": PICTURE_SIGN, "experiment.png": PICTURE_SIGN, "experiment.csv": b",branch"}
+WRITTEN = {
+    "force_indentation.png": PICTURE_SIGN,
+    "experiment.png": PICTURE_SIGN,
+    "experiment.csv": b",branch",
+}
 CRATE_SIGN = "RO-Crate of indent-sim"
 SIGNS = WRITTEN | {"report.html": b'content="indent-sim ', CRATE: CRATE_SIGN.encode()}
 FIELDS_FOLDER = "fields"  # a folder inside, and what in it is ours, finished or not
@@ -49,12 +74,15 @@ MARK = b"indent-sim\n"  # how a lock begins that this program made
 MOST_RESULT_BYTES = 10**9  # of a file that is read back
 BALLAST = 64 * 1024  # bytes in the lock file, given back on a full disk so that run.json can say so
 Keep = Literal["none", "last", "all"]  # states of which a file keeps something
-Report = dict[str, Any]  # what run.json or study.json says: numbers, words, lists and mappings of them
+Report = dict[
+    str, Any
+]  # what run.json or study.json says: numbers, words, lists and mappings of them
 
 
 def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: bool = True) -> None:
-    """Replace a file by new content, which may come in parts, at once: a reader or a kill sees the old file or the new
-    one."""
+    """Replace a file by new content, which may come in parts, at once: a reader or a kill sees the
+    old file or the new one.
+    """
     parts: Iterable[str | bytes] = [content] if isinstance(content, str | bytes) else content
     temporary = _temporary(path)
     try:
@@ -72,7 +100,9 @@ def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: boo
 
 
 def _created(path: Path) -> int:
-    """A new file opened for writing, in place of one of a write that was killed, or of a link to somewhere else."""
+    """A new file opened for writing, in place of one of a write that was killed, or of a link to
+    somewhere else.
+    """
     for _ in range(2):
         with suppress(FileExistsError):
             return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
@@ -94,7 +124,10 @@ def wait_for_disk(path: Path) -> None:
 
 
 def append_whole(path: Path, data: bytes, sync: bool = True, tail: bytes = b"") -> None:
-    """Append in one write, or not at all: what a full disk cut off is taken back. The file ends in `tail`, still."""
+    """Append in one write, or not at all: what a full disk cut off is taken back.
+
+    The file ends in `tail`, still.
+    """
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     try:
         size = os.fstat(descriptor).st_size
@@ -112,7 +145,9 @@ def append_whole(path: Path, data: bytes, sync: bool = True, tail: bytes = b"") 
 
 
 def content(path: Path) -> bytes:
-    """The bytes of a regular file; OSError when it is something else, which might never end, or longer than 1 GB."""
+    """The bytes of a regular file; OSError when it is something else, which might never end, or
+    longer than 1 GB.
+    """
     with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise OSError(errno.EINVAL, "not a regular file", str(path))
@@ -123,32 +158,42 @@ def content(path: Path) -> bytes:
 
 
 def read_report(folder: Path, name: str = REPORT) -> Report:
-    """The run.json of a folder as it stands; empty when there is none or it is not this program's, UsageError when it
-    may not be read."""
+    """The run.json of a folder as it stands; empty when there is none or it is not this program's,
+    UsageError when it may not be read.
+    """
     try:
         report = json.loads(content(folder / name))
     except PermissionError as error:
-        raise UsageError(f"cannot read {folder / name}: {error.strerror}", file=str(folder / name)) from error
+        raise UsageError(
+            f"cannot read {folder / name}: {error.strerror}", file=str(folder / name)
+        ) from error
     except (OSError, ValueError, RecursionError):
         return {}
     return report if isinstance(report, dict) and report.get("program") == PROGRAM else {}
 
 
 def held(folder: Path) -> Literal["nothing", "run", "study", "fit", "other"]:
-    """What a folder holds; nothing where there is none, or only what a run or a study that was killed at once left.
+    """What a folder holds; nothing where there is none, or only what a run or a study that was
+    killed at once left.
 
     UsageError when it is no folder, or cannot be read.
     """
     if _is_nothing(folder):
         return "nothing"
-    names = contents(folder, (name for name in HIDDEN if is_ours(folder / name) or _is_marked(folder / name)))
+    names = contents(
+        folder, (name for name in HIDDEN if is_ours(folder / name) or _is_marked(folder / name))
+    )
     if read_report(folder):
         return "run"
     if read_report(folder, STUDY):
         return "study"
     if read_report(folder, FIT):
         return "fit"
-    begun = names <= {LOCK, RUNS} and not contents(folder / RUNS, ()) and not (folder / RUNS).is_symlink()
+    begun = (
+        names <= {LOCK, RUNS}
+        and not contents(folder / RUNS, ())
+        and not (folder / RUNS).is_symlink()
+    )
     lock = folder / LOCK  # in which a run killed right then has written nothing; a study never does
     is_empty = not os.path.lexists(lock) or (lock.is_file() and lock.stat().st_size == 0)
     return "nothing" if not names or (begun and is_empty) else "other"
@@ -175,17 +220,27 @@ def is_own_file(path: Path) -> bool:
 
 def is_ours(folder: Path) -> bool:
     """Whether this program made a folder: its lock or its run.json says so."""
-    return folder.is_dir() and not folder.is_symlink() and (_is_marked(folder / LOCK) or bool(read_report(folder)))
+    return (
+        folder.is_dir()
+        and not folder.is_symlink()
+        and (_is_marked(folder / LOCK) or bool(read_report(folder)))
+    )
 
 
 def discard(folder: Path) -> None:
-    """Delete this program's files in a folder of its own, what says so last; the folder too when nothing is left."""
+    """Delete this program's files in a folder of its own, what says so last; the folder too when
+    nothing is left.
+    """
     for name in (".staging", ".old"):
         if is_ours(folder / name):
             discard(folder / name)
     _discard_fields(folder / FIELDS_FOLDER)
     names = sorted(RESULT_FILES, key=lambda name: name == REPORT)
-    for path in [folder / name for name in names] + [_temporary(folder / name) for name in names] + [folder / LOCK]:
+    for path in (
+        [folder / name for name in names]
+        + [_temporary(folder / name) for name in names]
+        + [folder / LOCK]
+    ):
         if path.name not in SIGNS or is_own_file(path):
             _unlink(path)
     with suppress(OSError):
@@ -205,7 +260,9 @@ def field_files(fields: Path) -> list[Path]:
 
 
 def _discard_fields(fields: Path) -> None:
-    """Delete this program's files in a folder of fields, and the folder when nothing else is in it; a link alone."""
+    """Delete this program's files in a folder of fields, and the folder when nothing else is in it;
+    a link alone.
+    """
     for path in [*field_files(fields), *([fields] if fields.is_symlink() else [])]:
         _unlink(path)
     with suppress(OSError):
@@ -213,7 +270,9 @@ def _discard_fields(fields: Path) -> None:
 
 
 def refuse_links(folder: Path) -> None:
-    """UsageError when one of the files that a run would go on writing is a link, or no file: it may be anything."""
+    """UsageError when one of the files that a run would go on writing is a link, or no file: it may
+    be anything.
+    """
     fields = folder / FIELDS_FOLDER
     if os.path.lexists(fields) and (fields.is_symlink() or not fields.is_dir()):
         raise UsageError(f"{fields} is a link, or no folder: nothing is written through it")
@@ -234,18 +293,22 @@ def has_rows(folder: Path) -> bool:
 class Claim:
     """The right to write one result folder: a locked staging folder that becomes the target.
 
-    may_replace: raises UsageError when the run in a folder is not to be replaced; by default each is. Raises
-    UsageError, and leaves nothing behind, when the target is foreign, unwritable, in use, or not to be replaced.
+    may_replace: raises UsageError when the run in a folder is not to be replaced; by default each
+    is. Raises UsageError, and leaves nothing behind, when the target is foreign, unwritable, in
+    use, or not to be replaced.
     """
 
     def __init__(self, target: Path, may_replace: Callable[[Path], None] = lambda folder: None):
-        self._may_replace, self._lock, self.published = may_replace, -1, False
+        self._may_replace = may_replace
+        self._lock = -1
+        self.published = False
         self._parents: list[Path] = []
         try:
             if target.is_symlink() and not target.exists():
                 raise UsageError(f"{target} is a link to nothing")
             self.target = Path(os.path.realpath(target))
-            parent, name = self.target.parent, self.target.name
+            parent = self.target.parent
+            name = self.target.name
             beside = not self.target.is_dir() or os.access(parent, os.W_OK | os.X_OK)
             self.path = parent / f".{name}.staging" if beside else self.target / ".staging"
             self._old = parent / f".{name}.old" if beside else self.target / ".old"
@@ -273,16 +336,24 @@ class Claim:
                     path.unlink()
         except OSError as error:
             raise unwritable(self.target, error) from error
-        staging, claimed = self.path, self._lock
-        self.path, self._lock, self.published = self.target, descriptor, True
+        staging = self.path
+        claimed = self._lock
+        self.path = self.target
+        self._lock = descriptor
+        self.published = True
         shutil.rmtree(staging, ignore_errors=True)
         os.close(claimed)
 
     def publish(self) -> None:
-        """Give the staging folder its target's name; an old folder goes, but files that are not ours stay."""
+        """Give the staging folder its target's name; an old folder goes, but files that are not
+        ours stay.
+        """
         self._refuse()
         # renaming a folder under somebody's feet would leave them in a deleted one
-        if self._old.parent != self.target and self.target not in (here := Path.cwd(), *here.parents):
+        if self._old.parent != self.target and self.target not in (
+            here := Path.cwd(),
+            *here.parents,
+        ):
             try:
                 if self.target.is_dir() and any(self.target.iterdir()):
                     os.rename(self.target, self._old)
@@ -290,10 +361,13 @@ class Claim:
             except OSError as error:
                 if error.errno not in (errno.EBUSY, errno.EXDEV, errno.EPERM, errno.EACCES):
                     raise
-                self._rename_entries()  # a mounted folder cannot be renamed, nor one of somebody else in /tmp
+                # a mounted folder cannot be renamed, nor one of somebody else in /tmp
+                self._rename_entries()
         else:
             self._rename_entries()
-        self.path, self.published, self._parents = self.target, True, []
+        self.path = self.target
+        self.published = True
+        self._parents = []
         self._delete_old()
 
     def drop(self) -> None:
@@ -345,7 +419,9 @@ class Claim:
         else:
             raise UsageError(f"{self.target} is in use by another run")
         self._lock = descriptor
-        for entry in [entry for entry in self.path.iterdir() if entry.name != LOCK]:  # of a killed run
+        for entry in [
+            entry for entry in self.path.iterdir() if entry.name != LOCK
+        ]:  # of a killed run
             if entry.is_dir() and not entry.is_symlink():
                 shutil.rmtree(entry, ignore_errors=True)
             else:
@@ -357,7 +433,9 @@ class Claim:
         for path in (self.path, self._old):
             unused = path == self.path and not path.is_symlink() and held(path) == "nothing"
             if os.path.lexists(path) and not (is_ours(path) or unused):
-                raise UsageError(f"{path} is in the way and was not made by {PROGRAM}; choose another --output")
+                raise UsageError(
+                    f"{path} is in the way and was not made by {PROGRAM}; choose another --output"
+                )
 
     def _refuse(self) -> None:
         if not self._old.is_dir():  # else a run was killed while it took the place of an old one
@@ -367,7 +445,9 @@ class Claim:
             os.close(_lock(self.target / LOCK, self.target, 0))
 
     def _recover(self) -> None:
-        """Finish or undo what a run killed amid `publish` left; run.json leaves first and comes last."""
+        """Finish or undo what a run killed amid `publish` left; run.json leaves first and comes
+        last.
+        """
         if not self._old.is_dir():
             return
         if (self.target / REPORT).exists():
@@ -407,14 +487,22 @@ class Claim:
         _discard_fields(self._old / FIELDS_FOLDER)  # what is left of it is not ours
         _move_new(self._old, self.target, guests(self._old))
         if (self._old / FIELDS_FOLDER).is_dir():
-            _move_new(self._old / FIELDS_FOLDER, self.target / FIELDS_FOLDER, contents(self._old / FIELDS_FOLDER, ()))
+            _move_new(
+                self._old / FIELDS_FOLDER,
+                self.target / FIELDS_FOLDER,
+                contents(self._old / FIELDS_FOLDER, ()),
+            )
         discard(self._old)
 
 
 def guests(folder: Path) -> set[str]:
     """The names of what stands in a result folder and is not ours."""
     names = contents(folder, HIDDEN)
-    return {name for name in names if name not in RESULT_FILES or (name in SIGNS and not is_own_file(folder / name))}
+    return {
+        name
+        for name in names
+        if name not in RESULT_FILES or (name in SIGNS and not is_own_file(folder / name))
+    }
 
 
 def _move_new(source: Path, target: Path, names: Iterable[str]) -> None:
@@ -439,21 +527,38 @@ def refuse_foreign(target: Path, kind: str = "run", written: Iterable[str] = WRI
 
 
 def asked_from(file: str, folder: Path) -> dict[str, str]:
-    """How run.json names the config file of a run: by its path, and as seen from the folder; both may move together."""
+    """How run.json names the config file of a run: by its path, and as seen from the folder; both
+    may move together.
+    """
     path = os.path.realpath(file)
-    return {"config": path, "config_from_here": os.path.relpath(path, os.path.realpath(folder))} if file else {}
+    return (
+        {"config": path, "config_from_here": os.path.relpath(path, os.path.realpath(folder))}
+        if file
+        else {}
+    )
 
 
 def is_of_file(theirs: Report, ours: Report, folder: Path) -> bool:
-    """Whether two runs are of one config file, by what their run.json say; a run that names no file is of any."""
-    there, here = theirs.get("asked"), ours.get("asked")
-    if not (isinstance(there, dict) and isinstance(here, dict) and "config" in there and "config" in here):
+    """Whether two runs are of one config file, by what their run.json say; a run that names no file
+    is of any.
+    """
+    there = theirs.get("asked")
+    here = ours.get("asked")
+    if not (
+        isinstance(there, dict)
+        and isinstance(here, dict)
+        and "config" in there
+        and "config" in here
+    ):
         return True
     return any(there.get(name) == path for name, path in asked_from(here["config"], folder).items())
 
 
 def _is_marked(lock: Path) -> bool:
-    with suppress(OSError), open(os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
+    with (
+        suppress(OSError),
+        open(os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file,
+    ):
         return stat.S_ISREG(os.fstat(file.fileno()).st_mode) and file.read(len(MARK)) == MARK
     return False
 
@@ -464,7 +569,9 @@ def _mark(descriptor: int) -> None:
 
 
 def contents(path: Path, apart_from: Iterable[str]) -> set[str]:
-    """Names in a folder, none when there is no folder; UsageError when it is something else or cannot be read."""
+    """Names in a folder, none when there is no folder; UsageError when it is something else or
+    cannot be read.
+    """
     try:
         if not path.exists():
             return set()
@@ -472,7 +579,9 @@ def contents(path: Path, apart_from: Iterable[str]) -> set[str]:
             raise UsageError(f"{path} is not a folder")
         return {entry.name for entry in path.iterdir()} - set(apart_from)
     except OSError as error:
-        raise UsageError(f"cannot read {path}: {error.strerror or error}", file=str(path)) from error
+        raise UsageError(
+            f"cannot read {path}: {error.strerror or error}", file=str(path)
+        ) from error
 
 
 def _lock(path: Path, target: Path, flags: int = os.O_CREAT) -> int:

@@ -9,7 +9,8 @@ import numpy as np
 
 from indent_sim.results.reader import Results
 
-LEAST_ROWS, SHARE_ROUNDING = 4, 1e-12
+LEAST_ROWS = 4
+SHARE_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -26,16 +27,22 @@ class Hold:
 
     @property
     def half_time(self) -> float:
-        """When half of the fall is over [time], an exponential between rows; NaN of a force that does not fall."""
+        """When half of the fall is over [time], an exponential between rows; NaN of a force that
+        does not fall.
+        """
         if not self.force[0] > self.force[-1]:
             return nan
         after = int(np.argmax(self.share <= 0.5))
         near = slice(after - 1, after + 1)
-        return float(np.interp(log(2), -np.log(np.maximum(self.share[near], SHARE_ROUNDING)), self.t[near]))
+        return float(
+            np.interp(log(2), -np.log(np.maximum(self.share[near], SHARE_ROUNDING)), self.t[near])
+        )
 
 
 def first_hold(results: Results) -> Hold | None:
-    """The first hold of a result with a history; None where there is none, or next to nothing of it."""
+    """The first hold of a result with a history; None where there is none, or next to nothing of
+    it.
+    """
     if not {"t", "branch"} <= set(results.table):
         return None
     held = np.flatnonzero(results["branch"] == "hold")

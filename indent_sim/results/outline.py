@@ -18,14 +18,18 @@ from indent_sim.process.errors import IndentSimError
 from indent_sim.results.folder import CONFIG, content
 
 Curve = tuple[np.ndarray, np.ndarray]  # (s, z)
-SECTIONS_PER_TURN, SURFACE_RINGS = 96, 40  # of a surface: sections of a whole turn, and points of each
+# of a surface: sections of a whole turn, and points of each
+SECTIONS_PER_TURN = 96
+SURFACE_RINGS = 40
 
 
 @dataclass(frozen=True)
 class Outline:
-    """A tip as a mesh: points (n, 3) with the apex at first touch, z = 0; cells (m, 2) or (m, 3) of points [length].
+    """A tip as a mesh: points (n, 3) with the apex at first touch, z = 0; cells (m, 2) or (m, 3) of
+    points [length].
 
-    A tip at the depth delta stands delta/pieces lower: of a ball between two tips one half is modelled.
+    A tip at the depth delta stands delta/pieces lower: of a ball between two tips one half is
+    modelled.
     """
 
     points: np.ndarray
@@ -48,7 +52,9 @@ def scene_of(folder: Path) -> Config | None:
 def adheres(folder: Path) -> bool | None:
     """Whether the contact of a result adheres; None where its scene cannot be read."""
     with suppress(OSError):
-        if b"adhesion" not in content(folder / CONFIG):  # as of most, which need not be checked key by key
+        if b"adhesion" not in content(
+            folder / CONFIG
+        ):  # as of most, which need not be checked key by key
             return False
     scene = scene_of(folder)
     return getattr(scene.contact, "adhesion", None) is not None if scene else None
@@ -67,7 +73,8 @@ def pieces(body: AnyBody) -> int:
 
 
 def half_section(tip: Indenter, width: float, degrees: float = 0.0, points: int = 160) -> Curve:
-    """(s, z) [length] of the tip in the half plane at this angle from x, from the apex out to `width`.
+    """(s, z) [length] of the tip in the half plane at this angle from x, from the apex out to
+    `width`.
 
     A sphere is drawn whole where it fits, a tip that ends has a vertical side.
     """
@@ -75,22 +82,30 @@ def half_section(tip: Indenter, width: float, degrees: float = 0.0, points: int 
         angles = np.linspace(0, np.pi if width >= tip.R else np.arcsin(width / tip.R), points)
         return tip.R * np.sin(angles), tip.R * (1 - np.cos(angles))
     end = min(width, reach(tip))
-    corners = [np.linspace(radius, radius + across, points // 4) for radius, across in tip.creases()]  # no chords there
+    corners = [
+        np.linspace(radius, radius + across, points // 4) for radius, across in tip.creases()
+    ]  # no chords there
     s = np.unique(np.concatenate([np.linspace(0, end, points), *corners]))
     s = s[(s >= 0) & (s <= end)]
-    x, y = s * np.cos(np.radians(degrees)), s * np.sin(np.radians(degrees))
+    x = s * np.cos(np.radians(degrees))
+    y = s * np.sin(np.radians(degrees))
     z = np.asarray(tip.height(x, y), dtype=float)
     return (np.append(s, end), np.append(z, z[-1] + width)) if reach(tip) <= width else (s, z)
 
 
 def section(tip: Indenter, width: float, degrees: float = 0.0) -> Curve:
     """(s, z) [length] of the tip in the vertical plane at this angle from x, from left to right."""
-    (left, below), (right, above) = half_section(tip, width, degrees + 180), half_section(tip, width, degrees)
+    (left, below) = half_section(tip, width, degrees + 180)
+    (right, above) = half_section(tip, width, degrees)
     return np.concatenate([-left[:0:-1], right]), np.concatenate([below[:0:-1], above])
 
 
-def outline(tip: Indenter, center: tuple[float, ...], width: float, kinematics: str, pieces: int) -> Outline:
-    """The tip out to `width` [length]: the half (axisymmetric) or whole section, a surface in three dimensions."""
+def outline(
+    tip: Indenter, center: tuple[float, ...], width: float, kinematics: str, pieces: int
+) -> Outline:
+    """The tip out to `width` [length]: the half (axisymmetric) or whole section, a surface in three
+    dimensions.
+    """
     if kinematics == "three_dimensional":
         points, cells = _surface(tip, width)
         return Outline(points + np.array([*center, 0.0]), cells, pieces)
@@ -108,14 +123,20 @@ def _surface(tip: Indenter, width: float) -> tuple[np.ndarray, np.ndarray]:
     sections = [half_section(tip, width, angle, SURFACE_RINGS) for angle in angles]
     rings = len(sections[0][0])
     turned = zip(np.radians(angles), sections, strict=True)
-    points = [np.column_stack([s * np.cos(angle), s * np.sin(angle), z]) for angle, (s, z) in turned]
+    points = [
+        np.column_stack([s * np.cos(angle), s * np.sin(angle), z]) for angle, (s, z) in turned
+    ]
     here = (rings * np.arange(turns)[:, None] + np.arange(rings - 1)[None, :]).ravel()
     there = (here + rings) % (rings * turns)
     triangles = [(here, here + 1, there + 1), (here, there + 1, there)]
-    return np.concatenate(points), np.concatenate([np.column_stack(corners) for corners in triangles])
+    return np.concatenate(points), np.concatenate(
+        [np.column_stack(corners) for corners in triangles]
+    )
 
 
 def drawn_width(tip: Indenter, a: float, delta: float) -> float:
-    """How far out a tip is drawn around a contact of radius a at a depth [length]: beyond both, a small tip whole."""
+    """How far out a tip is drawn around a contact of radius a at a depth [length]: beyond both, a
+    small tip whole.
+    """
     wide = 2.5 * max(a, abs(delta))
     return max(wide, 1.0001 * reach(tip)) if reach(tip) < 2 * wide else wide

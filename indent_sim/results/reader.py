@@ -36,7 +36,17 @@ from indent_sim.process.errors import BackendError, ConfigError, UsageError
 from indent_sim.process.screen import Shown
 from indent_sim.results import folder as result_folder
 from indent_sim.results import tables
-from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, Keep, Report, content, has_rows, read_report
+from indent_sim.results.folder import (
+    CONFIG,
+    PROGRAM,
+    REPORT,
+    TABLE,
+    Keep,
+    Report,
+    content,
+    has_rows,
+    read_report,
+)
 from indent_sim.results.tables import EXPERIMENT, SURFACE, WORD_COLUMNS, state_of
 from indent_sim.results.xdmf import lost_fields
 
@@ -45,7 +55,16 @@ if TYPE_CHECKING:
 
 RUN_ELSEWHERE = "delete the folder and run its scene again, or choose another --output for that"
 RUN_AGAIN = "run its scene again without --resume, or with another --output"
-SHOWN_COLUMNS = ("step", "t", "delta", "force", "force_error", "a", "p_max", "branch")  # in a notebook
+SHOWN_COLUMNS = (
+    "step",
+    "t",
+    "delta",
+    "force",
+    "force_error",
+    "a",
+    "p_max",
+    "branch",
+)  # in a notebook
 COMPARED = ("delta", "force", "a")
 SAME_DEPTH = 1e-9  # relative
 LONGEST_HEADER = 10_000  # bytes
@@ -59,7 +78,8 @@ BEYOND_STATE = (
     *TIME_COLUMNS,
     *REACTION_COLUMNS,
 )  # columns that not every run has
-# Columns of what was found: numbers without their error bars, and not what says which row it is or what it took
+# Columns of what was found: numbers without their error bars, and not what says which row it is or
+# what it took
 FOUND_COLUMNS = tuple(
     name
     for name in (*STATE_COLUMNS, *READINGS, *FRICTION_COLUMNS, *FLUID_COLUMNS, *TIME_COLUMNS)
@@ -69,9 +89,11 @@ FOUND_COLUMNS = tuple(
 
 @dataclass(frozen=True)
 class Results:
-    """A finished (or partial) run read back: the force table by column, its run.json and its surface table.
+    """A finished (or partial) run read back: the force table by column, its run.json and its
+    surface table.
 
-    table: columns of force_indentation.csv; surface: columns of surface.csv, empty when there is none.
+    table: columns of force_indentation.csv; surface: columns of surface.csv, empty when there is
+    none.
     """
 
     path: Path
@@ -98,11 +120,20 @@ class Results:
 
     def _shown(self) -> Shown:
         """What a notebook shows: the columns that tell most, and how the run ended."""
-        names = [name for name in SHOWN_COLUMNS if name in self.table and np.any(self[name] == self[name])]
+        names = [
+            name
+            for name in SHOWN_COLUMNS
+            if name in self.table and np.any(self[name] == self[name])
+        ]
         rows = list(zip(*(self[name].tolist() for name in names), strict=True))
         units = ", ".join(filter(None, (self.report.get("units") or {}).values()))
         said = [self.report.get("title") or str(self.path), self.report.get("status", ""), units]
-        return Shown("  ·  ".join(filter(None, said)), names, rows, "; ".join(self.report.get("warnings", ())))
+        return Shown(
+            "  ·  ".join(filter(None, said)),
+            names,
+            rows,
+            "; ".join(self.report.get("warnings", ())),
+        )
 
     def to_pandas(self) -> pandas.DataFrame:
         """Its force table as a DataFrame; BackendError without pandas."""
@@ -114,16 +145,19 @@ def data_frame(table: Mapping[str, np.ndarray]) -> pandas.DataFrame:
     try:
         import pandas
     except ImportError as error:
-        raise BackendError(f"pandas: {error}; install it beside this program, pip install pandas") from error
+        raise BackendError(
+            f"pandas: {error}; install it beside this program, pip install pandas"
+        ) from error
     return pandas.DataFrame(dict(table))
 
 
 def read(path: Path | str, report: Report | None = None) -> Results:
-    """Read a result folder, a force table or a measured curve; UsageError when there is none or it is damaged.
+    """Read a result folder, a force table or a measured curve; UsageError when there is none or it
+    is damaged.
 
-    report: what its run.json says, where this process has just written it [read and checked].
-    Of a table that is no result's, a measured curve, the rows are numbered, its units are those that it says, and the
-    contact radius is unknown.
+    report: what its run.json says, where this process has just written it [read and checked]. Of a
+    table that is no result's, a measured curve, the rows are numbered, its units are those that it
+    says, and the contact radius is unknown.
     """
     path = Path(path)
     file = force_table(path)
@@ -131,7 +165,9 @@ def read(path: Path | str, report: Report | None = None) -> Results:
         read_table(path, ())  # which says what it is
     if file == path and not _is_result_table(path):
         return _of_curve(path)
-    columns = read_table(file, ("step", "delta", "force"), unknown=("a", "delta"), words=WORD_COLUMNS)
+    columns = read_table(
+        file, ("step", "delta", "force"), unknown=("a", "delta"), words=WORD_COLUMNS
+    )
     if "t" not in columns and not np.isfinite(columns["delta"]).all():
         raise UsageError(f"{file}: column 'delta' holds a cell that is no number", file=str(file))
     steps = columns["step"]
@@ -148,7 +184,9 @@ def read(path: Path | str, report: Report | None = None) -> Results:
 
 
 def report_of(path: Path) -> Report:
-    """The run.json of a result folder; of a force table by itself the units that the run.json beside it says."""
+    """The run.json of a result folder; of a force table by itself the units that the run.json
+    beside it says.
+    """
     if path.is_dir():
         return checked_report(path)
     units = read_report(path.parent).get("units") if path.name == TABLE else None
@@ -172,22 +210,37 @@ def header_of(path: Path) -> list[str]:
 
 
 def _of_curve(path: Path) -> Results:
-    """The first curve of a file of measured ones, as a table; its way stands for a depth that it does not have."""
-    from indent_sim.results.measured.curve_file import read_measured  # with all formats, which no run needs
+    """The first curve of a file of measured ones, as a table; its way stands for a depth that it
+    does not have.
+    """
+    from indent_sim.results.measured.curve_file import (
+        read_measured,
+    )  # with all formats, which no run needs
     from indent_sim.results.measured.measurement import NoCurve
 
     try:
         curve = read_measured(path)[0]
     except NoCurve as error:
         raise UsageError(f"{path} is {error.problem}", error.remedy, str(path)) from None
-    delta, rows = curve.x(curve.along("delta")), len(curve)
-    table = {"step": np.arange(1.0, rows + 1), "a": np.full(rows, np.nan), "delta": delta, "force": curve.force}
+    delta = curve.x(curve.along("delta"))
+    rows = len(curve)
+    table = {
+        "step": np.arange(1.0, rows + 1),
+        "a": np.full(rows, np.nan),
+        "delta": delta,
+        "force": curve.force,
+    }
     table |= {"t": curve.t} if curve.t is not None else {}
-    return Results(path, table, {MEASURED: True, "units": {name: curve.units[name] for name in ("length", "force")}})
+    return Results(
+        path,
+        table,
+        {MEASURED: True, "units": {name: curve.units[name] for name in ("length", "force")}},
+    )
 
 
 def in_common_units(runs: Sequence[Results]) -> list[Results]:
-    """The results, measured curves in the units of the first that is none; ConfigError for units that are none.
+    """The results, measured curves in the units of the first that is none; ConfigError for units
+    that are none.
 
     A curve that says no units has those of the others.
     """
@@ -200,7 +253,9 @@ def in_common_units(runs: Sequence[Results]) -> list[Results]:
 def refuse_other_units(runs: Sequence[Results], remedy: str) -> None:
     """UsageError when two runs measure in different units; one that does not say is taken as it is."""
     for kind in ("length", "force"):
-        known = {unit: run.path for run in runs if (unit := (run.report.get("units") or {}).get(kind))}
+        known = {
+            unit: run.path for run in runs if (unit := (run.report.get("units") or {}).get(kind))
+        }
         if len(known) > 1:
             (one, first), (other, second) = list(known.items())[:2]
             raise UsageError(f"{first} measures {kind} in {one}, {second} in {other}: {remedy}")
@@ -215,24 +270,32 @@ def _in_units(run: Results, units: Mapping[str, str]) -> Results:
 
 
 def force_table(path: Path) -> Path:
-    """The force table of a result folder, and of a file itself; UsageError for a folder without one."""
+    """The force table of a result folder, and of a file itself; UsageError for a folder without
+    one.
+    """
     if not path.is_dir():
         return path
     if os.path.lexists(file := path / TABLE):
         return file
     if result_folder.held(path) == "study":
         remedy = f"name {path / 'runs' / 'NAME'}, the folder of a run"
-        raise UsageError(f"{path} holds a study, which has no {TABLE} of its own", remedy, str(path))
+        raise UsageError(
+            f"{path} holds a study, which has no {TABLE} of its own", remedy, str(path)
+        )
     remedy = RUN_AGAIN if read_report(path) else "name the folder of a result"
     raise UsageError(f"cannot read {file}: there is none", remedy, str(file))
 
 
 def read_run(path: Path) -> Results:
-    """Read a result folder, with an empty table where the run failed before its first row; errors as of `read`."""
+    """Read a result folder, with an empty table where the run failed before its first row; errors
+    as of `read`.
+    """
     report = checked_report(path)
     if report.get("rows"):
         return read(path)
-    return Results(path, {name: np.empty(0) for name in ("step", *COMPARED, "newton_iterations")}, report)
+    return Results(
+        path, {name: np.empty(0) for name in ("step", *COMPARED, "newton_iterations")}, report
+    )
 
 
 def has_reactions(folder: Path) -> bool:
@@ -241,8 +304,14 @@ def has_reactions(folder: Path) -> bool:
 
 
 def rows_of(states: Iterable[State], with_reactions: bool = False) -> list[dict[str, float]]:
-    """The rows of the force table as mappings from column to number; with reactions where they were asked for."""
-    names = [name for name in (*STATE_COLUMNS, *BEYOND_STATE) if with_reactions or name not in REACTION_COLUMNS]
+    """The rows of the force table as mappings from column to number; with reactions where they were
+    asked for.
+    """
+    names = [
+        name
+        for name in (*STATE_COLUMNS, *BEYOND_STATE)
+        if with_reactions or name not in REACTION_COLUMNS
+    ]
     rows = ({name: state.column(name) for name in names} for state in states)
     return [{name: value for name, value in row.items() if value is not None} for row in rows]
 
@@ -267,15 +336,35 @@ def _shape() -> TypeAdapter[Report]:
     curve: Any = {"delta": list[Number], "force": list[Number]}
     place = _mapping("_Place", needed=("delta", "force"), delta=Number, force=Number, error=Known)
     half_space = _mapping(**answer, deviation=Known, curve=_mapping(needed=curve, **curve))
-    beside = {"half_space": half_space | None, "curve": _mapping(**curve, a=list[Number]), "why": str}
+    beside = {
+        "half_space": half_space | None,
+        "curve": _mapping(**curve, a=list[Number]),
+        "why": str,
+    }
     beside |= {"formulas": GenericAlias(list, _mapping(**answer, deviation=Known))}
-    theory = _mapping(needed=answer, **answer, force_deviation=Known, delta_deviation=Known, **beside)
+    theory = _mapping(
+        needed=answer, **answer, force_deviation=Known, delta_deviation=Known, **beside
+    )
     choices = GenericAlias(list, _mapping(key=str))
-    entries: Any = dict.fromkeys(("reason", "version", "started", "finished", "title", "gap", "method", "control"), str)
-    entries |= dict.fromkeys(("timings", "cpu_timings"), dict[str, Number]) | {"versions": dict[str, object]}
-    entries |= dict.fromkeys(("peak_memory_MB", "memory_before_MB"), Known) | dict.fromkeys(("rows", "dofs"), Count)
-    entries |= {"exit_code": int | None, "center": list[Number], "warnings": list[str], "resumed_after": list[Count]}
-    entries |= {"units": _mapping(length=str, force=str), "asked": _mapping(error_bars=bool, accuracy=Known)}
+    entries: Any = dict.fromkeys(
+        ("reason", "version", "started", "finished", "title", "gap", "method", "control"), str
+    )
+    entries |= dict.fromkeys(("timings", "cpu_timings"), dict[str, Number]) | {
+        "versions": dict[str, object]
+    }
+    entries |= dict.fromkeys(("peak_memory_MB", "memory_before_MB"), Known) | dict.fromkeys(
+        ("rows", "dofs"), Count
+    )
+    entries |= {
+        "exit_code": int | None,
+        "center": list[Number],
+        "warnings": list[str],
+        "resumed_after": list[Count],
+    }
+    entries |= {
+        "units": _mapping(length=str, force=str),
+        "asked": _mapping(error_bars=bool, accuracy=Known),
+    }
     report = _mapping(
         **entries,
         status=Literal["running", "done", "failed", "interrupted"],
@@ -290,7 +379,10 @@ def _shape() -> TypeAdapter[Report]:
         accuracy=_mapping(target=Number, elements=Number, tried=list[Number]) | None,
         stick=_mapping(needed=("words",), words=str) | None,
         adhesion=GenericAlias(dict, (str, Known | place)) | None,
-        experiment=_mapping(by=str, adhesion=_mapping(pull_off=GenericAlias(dict, (str, place)) | None) | None) | None,
+        experiment=_mapping(
+            by=str, adhesion=_mapping(pull_off=GenericAlias(dict, (str, place)) | None) | None
+        )
+        | None,
         mesh=_mapping(hash=str) | None,
         time=_mapping(way=str, method=str, why=str, words=str, limits=dict[str, Known]) | None,
     )
@@ -298,7 +390,9 @@ def _shape() -> TypeAdapter[Report]:
 
 
 def checked_report(folder: Path) -> Report:
-    """The run.json of a folder, empty when there is none; UsageError when it is not what the program writes."""
+    """The run.json of a folder, empty when there is none; UsageError when it is not what the
+    program writes.
+    """
     report = read_report(folder)
     if not report and os.path.lexists(folder / REPORT):
         raise _damaged(folder, f"no JSON object that says program: {PROGRAM}")
@@ -307,7 +401,9 @@ def checked_report(folder: Path) -> Report:
         _check_theory(report.get("theory") or {})
     except ValidationError as error:
         found = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        place = ".".join(str(part) for part in found["loc"] if isinstance(part, int) or str(part).isidentifier())
+        place = ".".join(
+            str(part) for part in found["loc"] if isinstance(part, int) or str(part).isidentifier()
+        )
         raise _damaged(folder, f"{place}: {found['msg']}") from None
     except ValueError as error:
         raise _damaged(folder, f"theory: {error}") from None
@@ -333,45 +429,65 @@ def _check_theory(theory: Report) -> None:
 def read_table(
     path: Path, needed: Sequence[str], unknown: Sequence[str] = (), words: Sequence[str] = ()
 ) -> dict[str, np.ndarray]:
-    """The columns of a CSV file with a header; a last line without its newline was torn and is dropped.
+    """The columns of a CSV file with a header; a last line without its newline was torn and is
+    dropped.
 
-    UsageError when it is no such file. Numbers of the `needed` columns are finite, but in those that may be `unknown`;
-    there, and in other columns, an empty cell is NaN. Columns of `words` are text as it stands.
+    UsageError when it is no such file. Numbers of the `needed` columns are finite, but in those
+    that may be `unknown`; there, and in other columns, an empty cell is NaN. Columns of `words` are
+    text as it stands.
     """
     if path.name == EXPERIMENT and not words:
-        problem = f"{path} is the table of an experiment: its picture is experiment.png in the result folder"
+        problem = (
+            f"{path} is the table of an experiment: its picture is experiment.png in the "
+            "result folder"
+        )
         raise UsageError(problem, file=str(path))
     try:
         text = content(path).decode("utf-8")
     except OSError as error:
         raise UsageError(f"cannot read {path}: {error.strerror or error}", file=str(path)) from None
     except ValueError:
-        raise UsageError(f"{path} is not a table of numbers with a header: not UTF-8 text", file=str(path)) from None
+        raise UsageError(
+            f"{path} is not a table of numbers with a header: not UTF-8 text", file=str(path)
+        ) from None
     lines = [line for line in text[: text.rfind("\n") + 1].split("\n") if line.strip()]
     if not lines:
         raise UsageError(f"{path} is empty", file=str(path))
     header = [name.strip() for name in lines[0].split(",")]
     for name in (*needed, *unknown):
         if name not in header:
-            raise UsageError(f"{path} has no column '{name}': not a table of results", file=str(path))
+            raise UsageError(
+                f"{path} has no column '{name}': not a table of results", file=str(path)
+            )
     if len(set(header)) < len(header):
         raise UsageError(f"{path} has two columns of one name", file=str(path))
-    rows = [_row(line, header, words, f"{path}: line {number}") for number, line in enumerate(lines[1:], start=2)]
+    rows = [
+        _row(line, header, words, f"{path}: line {number}")
+        for number, line in enumerate(lines[1:], start=2)
+    ]
     cells = list(zip(*rows, strict=True)) or [()] * len(header)
-    columns = {name: np.array(cells[i], dtype=str if name in words else float) for i, name in enumerate(header)}
+    columns = {
+        name: np.array(cells[i], dtype=str if name in words else float)
+        for i, name in enumerate(header)
+    }
     for name in needed:
         if name not in unknown and not np.isfinite(columns[name]).all():
-            raise UsageError(f"{path}: column '{name}' holds a cell that is no number", file=str(path))
+            raise UsageError(
+                f"{path}: column '{name}' holds a cell that is no number", file=str(path)
+            )
     return columns
 
 
 def read_curve(folder: Path) -> dict[str, np.ndarray]:
-    """The rows of a history, else those of a result's experiment.csv, with t and z; UsageError when the table is
-    damaged, or without rows."""
+    """The rows of a history, else those of a result's experiment.csv, with t and z; UsageError when
+    the table is damaged, or without rows.
+    """
     columns = read(folder).table
     if "t" in columns:
         return columns if "z" in columns else columns | {"z": columns["delta"]}
-    columns = read_table(folder / EXPERIMENT, ("delta", "force"), ("t", "z", "a", *WORD_COLUMNS), WORD_COLUMNS)
+    columns = read_table(
+        folder / EXPERIMENT, ("delta", "force"), ("t", "z", "a", *WORD_COLUMNS), WORD_COLUMNS
+    )
     if not len(columns["delta"]):
         raise UsageError(f"{folder / EXPERIMENT} has no rows", RUN_AGAIN, str(folder / EXPERIMENT))
     return columns
@@ -380,9 +496,14 @@ def read_curve(folder: Path) -> dict[str, np.ndarray]:
 def _row(line: str, header: Sequence[str], words: Sequence[str], place: str) -> list[float | str]:
     cells = line.split(",")
     if len(cells) != len(header):
-        raise UsageError(f"{place} has {len(cells)} cells, the header {len(header)}: no table of numbers")
+        raise UsageError(
+            f"{place} has {len(cells)} cells, the header {len(header)}: no table of numbers"
+        )
     named = enumerate(zip(header, cells, strict=True), start=1)
-    return [cell if name in words else _number(cell, f"{place}, column {n}") for n, (name, cell) in named]
+    return [
+        cell if name in words else _number(cell, f"{place}, column {n}")
+        for n, (name, cell) in named
+    ]
 
 
 def _number(cell: str, place: str) -> float:
@@ -397,7 +518,9 @@ def _number(cell: str, place: str) -> float:
 
 @dataclass(frozen=True)
 class Earlier:
-    """The rows of an earlier run, its table's columns, the length that holds them [bytes], and its run.json."""
+    """The rows of an earlier run, its table's columns, the length that holds them [bytes], and its
+    run.json.
+    """
 
     states: tuple[State, ...]
     columns: tuple[str, ...]
@@ -405,9 +528,15 @@ class Earlier:
     report: Report
 
     def check(self, deltas: Sequence[float] | None, steps: int, folder: Path) -> None:
-        """UsageError when these are not rows of a path of so many steps, to these depths where they are prescribed."""
+        """UsageError when these are not rows of a path of so many steps, to these depths where they
+        are prescribed.
+        """
         table = str(folder / TABLE)
-        wrong = [f" has {len(self.states)} rows, the scene {steps} steps"] if len(self.states) > steps else []
+        wrong = (
+            [f" has {len(self.states)} rows, the scene {steps} steps"]
+            if len(self.states) > steps
+            else []
+        )
         for state, delta in zip(self.states, deltas or (), strict=False):
             if not math.isclose(state.delta, delta, rel_tol=SAME_DEPTH, abs_tol=0):
                 wrong.append(f": row {state.step} is not at the scene's depth")
@@ -416,7 +545,9 @@ class Earlier:
 
 
 def begun_report(folder: Path) -> Report:
-    """The run.json of a run that `--resume` can go on with; empty where there are no rows, and so nothing to keep."""
+    """The run.json of a run that `--resume` can go on with; empty where there are no rows, and so
+    nothing to keep.
+    """
     report = checked_report(folder)
     return report if report and (has_rows(folder) or report.get("rows")) else {}
 
@@ -424,31 +555,43 @@ def begun_report(folder: Path) -> Report:
 def earlier_run(folder: Path, config_yaml: str, report: Report | None = None) -> Earlier | None:
     """The run of this config in a folder; None when the folder holds no row of any.
 
-    report: what this run says of itself. Raises ConfigError when the folder holds a run of another config, UsageError
-    when its rows cannot be understood.
+    report: what this run says of itself. Raises ConfigError when the folder holds a run of another
+    config, UsageError when its rows cannot be understood.
     """
     theirs = begun_report(folder)
     if not theirs:
         return None
     try:
         result_folder.refuse_links(folder)
-        follows = set.intersection(*(set((one.get("plan") or {}).get("auto") or ()) for one in (report or {}, theirs)))
+        follows = set.intersection(
+            *(set((one.get("plan") or {}).get("auto") or ()) for one in (report or {}, theirs))
+        )
         _refuse_other(folder, _with_present_keys(folder / CONFIG), config_yaml, follows)
         unknown = ("energy",) if theirs.get("method") == "theory" else ()
         return Earlier(*_rows(folder / TABLE, unknown), theirs)
     except FileNotFoundError as error:
-        raise UsageError(f"{folder} has {REPORT} but no {Path(error.filename).name}", RUN_AGAIN, str(folder)) from error
+        raise UsageError(
+            f"{folder} has {REPORT} but no {Path(error.filename).name}", RUN_AGAIN, str(folder)
+        ) from error
     except UnicodeDecodeError as error:
-        raise UsageError(f"{folder} holds a {CONFIG} or {TABLE} that is no text", RUN_AGAIN, str(folder)) from error
+        raise UsageError(
+            f"{folder} holds a {CONFIG} or {TABLE} that is no text", RUN_AGAIN, str(folder)
+        ) from error
     except OSError as error:
-        raise UsageError(f"cannot read {folder}: {error.strerror or error}", RUN_AGAIN, str(folder)) from error
+        raise UsageError(
+            f"cannot read {folder}: {error.strerror or error}", RUN_AGAIN, str(folder)
+        ) from error
 
 
 def lost_files(folder: Path, surface: Keep, fields: Keep) -> list[str]:
-    """The files of a finished run that are missing or damaged now; surface, fields: of which states it kept these."""
+    """The files of a finished run that are missing or damaged now; surface, fields: of which states
+    it kept these.
+    """
     lost = lost_fields(folder) if fields != "none" else []
     with suppress(UsageError):
-        if surface == "none" or (found := read(folder))["step"][-1] in found.surface.get("step", ()):
+        if surface == "none" or (found := read(folder))["step"][-1] in found.surface.get(
+            "step", ()
+        ):
             return lost
     return [*lost, SURFACE]
 
@@ -468,7 +611,9 @@ def _with_present_keys(path: Path) -> str:
 
 
 def _refuse_other(folder: Path, theirs: str, ours: str, follows: Collection[str]) -> None:
-    """ConfigError with the first key that differs, one that both left to the program (`follows`) last."""
+    """ConfigError with the first key that differs, one that both left to the program (`follows`)
+    last.
+    """
     if theirs == ours:
         return
     documents = [parse(text, str(folder / CONFIG))[0] for text in (theirs, ours)]
@@ -478,11 +623,21 @@ def _refuse_other(folder: Path, theirs: str, ours: str, follows: Collection[str]
             again = f"leave --resume out to replace it; {remedy}"
             raise ConfigError(key_text(path), f"{problem}; {folder} holds a run with it", again)
     differ = [key for key in {**here, **there} if there.get(key) != here.get(key)]
-    key = min(differ, key=lambda key: key in follows or key.partition("[")[0] in follows, default="")
-    name, sides = key.rpartition(".")[2], ((there, "there"), (here, "here"))
-    told = ", ".join(f"'{name}: {inline(values[key])}' {where}" for values, where in sides if key in values)
-    problem = f"{folder} holds a run of another config ({told or 'the same lines in another order'})"
-    remedy = "give the same scene and --set as then, or another --output, or leave --resume out to replace it"
+    key = min(
+        differ, key=lambda key: key in follows or key.partition("[")[0] in follows, default=""
+    )
+    name = key.rpartition(".")[2]
+    sides = ((there, "there"), (here, "here"))
+    told = ", ".join(
+        f"'{name}: {inline(values[key])}' {where}" for values, where in sides if key in values
+    )
+    problem = (
+        f"{folder} holds a run of another config ({told or 'the same lines in another order'})"
+    )
+    remedy = (
+        "give the same scene and --set as then, or another --output, or leave --resume "
+        "out to replace it"
+    )
     raise ConfigError(key, problem, remedy)
 
 
@@ -492,7 +647,10 @@ def _rows(path: Path, unknown: Sequence[str]) -> tuple[tuple[State, ...], tuple[
         return (), STATE_COLUMNS, 0
     names = tuple(lines[0].decode().split(","))
     own = tuple(name for name in names if name != "t")
-    is_ours = own[: len(STATE_COLUMNS)] == STATE_COLUMNS and set(names) <= {*STATE_COLUMNS, *BEYOND_STATE}
+    is_ours = own[: len(STATE_COLUMNS)] == STATE_COLUMNS and set(names) <= {
+        *STATE_COLUMNS,
+        *BEYOND_STATE,
+    }
     if not is_ours or names != tables.in_order(names):
         raise UsageError(f"{path} has other columns than this version writes", RUN_AGAIN, str(path))
     states: list[State] = []

@@ -1,4 +1,6 @@
-"""What a new run may take the place of: rows of the same config file, a finished run of the same scene alone."""
+"""What a new run may take the place of: rows of the same config file, a finished run of the same
+scene alone.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,11 @@ from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results.folder import CONFIG, Report, content, has_rows, is_of_file, read_report
 
 ENDED = (0, 6)  # exit codes of runs that have all their rows; 6: but not as accurate as asked for
-NO_PART_OF_IT = ("title", "output.directory", "output.plot")  # keys that change neither numbers nor what is kept
+NO_PART_OF_IT = (
+    "title",
+    "output.directory",
+    "output.plot",
+)  # keys that change neither numbers nor what is kept
 MOST_TOLD = 5  # differences that a message names
 NOT_GIVEN = "not given"
 
@@ -47,7 +53,9 @@ def refuse_to_lose(folder: Path, config_yaml: str, report: Report) -> None:
     remedy = f"choose another --output, such as {free_name(folder)}, or replace it with --overwrite"
     if not is_of_file(theirs, report, folder):
         file = theirs["asked"]["config"]
-        raise UsageError(f"{folder} holds the run of another config file, {file}", remedy, str(folder))
+        raise UsageError(
+            f"{folder} holds the run of another config file, {file}", remedy, str(folder)
+        )
     if not is_finished(theirs):
         return
     differ = differences(folder, theirs, config_yaml, report)
@@ -55,14 +63,16 @@ def refuse_to_lose(folder: Path, config_yaml: str, report: Report) -> None:
         told = ", ".join(f"{key} was {old} and is {new}" for key, old, new in differ[:MOST_TOLD])
         more = len(differ) - MOST_TOLD
         told += f", and {more} more" if more > 0 else ""
-        raise UsageError(f"{folder} holds the finished run of another scene: {told}", remedy, str(folder))
+        raise UsageError(
+            f"{folder} holds the finished run of another scene: {told}", remedy, str(folder)
+        )
 
 
 def differences(folder: Path, theirs: Report, config_yaml: str, ours: Report) -> list[Difference]:
     """What the scene of a finished run and that of a new one differ in.
 
-    Keys that both left to the program do not count: what it chose may follow from another key, or from its version.
-    Error bars count where the new run would have none.
+    Keys that both left to the program do not count: what it chose may follow from another key, or
+    from its version. Error bars count where the new run would have none.
 
     Parameters
     ----------
@@ -77,8 +87,10 @@ def differences(folder: Path, theirs: Report, config_yaml: str, ours: Report) ->
     there = dict(leaves(scene))
     here = dict(leaves(parse(config_yaml, "")[0]))
     chosen = _auto(theirs) & _auto(ours)
-    asked_there, asked_here = _asked(theirs), _asked(ours)
-    there["accuracy"], here["accuracy"] = asked_there.get("accuracy"), asked_here.get("accuracy")
+    asked_there = _asked(theirs)
+    asked_here = _asked(ours)
+    there["accuracy"] = asked_there.get("accuracy")
+    here["accuracy"] = asked_here.get("accuracy")
     found = []
     for key in {**there, **here}:
         known = key in chosen or key.partition("[")[0] in chosen or key in NO_PART_OF_IT
@@ -98,10 +110,11 @@ def free_name(folder: Path) -> Path:
 
 
 def _scene_in(folder: Path) -> Mapping[str, Any]:
-    """The scene of a finished run as this version would write it; as it stands where this version cannot read it.
+    """The scene of a finished run as this version would write it; as it stands where this version
+    cannot read it.
 
-    Empty where config.yaml is missing or damaged: nobody can tell what the rows are of, and running the scene again is
-    what mends such a folder.
+    Empty where config.yaml is missing or damaged: nobody can tell what the rows are of, and running
+    the scene again is what mends such a folder.
     """
     try:
         return to_mapping(load_older(folder / CONFIG))

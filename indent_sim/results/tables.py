@@ -1,9 +1,10 @@
-"""Tables of a result folder: rows of the force table and blocks of the surface table, written and read.
+"""Tables of a result folder: rows of the force table and blocks of the surface table, written and
+read.
 
-The force table is appended, one row in one write: rewriting it at every step would cost the square of the
-number of steps. A kill can then at worst tear the last line, and readers drop a last line without a newline.
-Everything else is replaced whole, but for `surface: all`, which is appended too. The row is the commit: what
-other files say of later steps does not count.
+The force table is appended, one row in one write: rewriting it at every step would cost the square
+of the number of steps. A kill can then at worst tear the last line, and readers drop a last line
+without a newline. Everything else is replaced whole, but for `surface: all`, which is appended too.
+The row is the commit: what other files say of later steps does not count.
 """
 
 from __future__ import annotations
@@ -32,12 +33,21 @@ from indent_sim.process.errors import UsageError
 from indent_sim.results.folder import write_atomically
 
 SURFACE = "surface.csv"
-EXPERIMENT, DYNAMIC = "experiment.csv", "dynamic.csv"
+EXPERIMENT = "experiment.csv"
+DYNAMIC = "dynamic.csv"
 WORD_COLUMNS = ("branch",)  # columns of words
 INTEGERS = ("step", "newton_iterations", *KRYLOV_COLUMNS)
-UNKNOWN_IN_TIME = ("delta", "z", "a", "penetration", "energy", "calibration_error")  # what a curve may not know
+UNKNOWN_IN_TIME = (
+    "delta",
+    "z",
+    "a",
+    "penetration",
+    "energy",
+    "calibration_error",
+)  # what a curve may not know
 MAY_BE_EMPTY = {"p_max", *READINGS, *ERROR_COLUMNS}
-# Theory does not say u_x, under a sharp apex or edge p is infinite, and beside the end of a tip there is no gap
+# Theory does not say u_x, under a sharp apex or edge p is infinite, and beside the end of a tip
+# there is no gap
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure", "gap")
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")  # of every version
 SURFACE_HEADER = (*SURFACE_COLUMNS, "z")
@@ -56,14 +66,18 @@ def row(state: State, columns: tuple[str, ...]) -> bytes:
 def _of_columns(
     columns: tuple[str, ...],
 ) -> tuple[Callable[[State], tuple[Any, ...]], tuple[Callable[[Any], str], ...], tuple[str, ...]]:
-    """What says the values of a state in columns, and how each is written; the columns of reactions, which are last."""
+    """What says the values of a state in columns, and how each is written; the columns of
+    reactions, which are last.
+    """
     own = tuple(name for name in columns if name not in REACTION_COLUMNS)
     written = tuple(_integer if name in INTEGERS else _cell for name in own)
     return attrgetter(*own), written, columns[len(own) :]
 
 
 def in_order(columns: Sequence[str]) -> tuple[str, ...]:
-    """Columns of the force table in their order: the time after the step, the reactions of supports at the end."""
+    """Columns of the force table in their order: the time after the step, the reactions of supports
+    at the end.
+    """
     time = [name for name in columns if name == "t"]
     reactions = [name for name in columns if name in REACTION_COLUMNS]
     first, *rest = (name for name in columns if name != "t" and name not in REACTION_COLUMNS)
@@ -71,7 +85,8 @@ def in_order(columns: Sequence[str]) -> tuple[str, ...]:
 
 
 def state_of(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ()) -> State | None:
-    """The state of a line of the force table; None when the line is torn, or holds what no solution is.
+    """The state of a line of the force table; None when the line is torn, or holds what no solution
+    is.
 
     unknown: columns beyond MAY_BE_EMPTY of which this run says nothing.
     """
@@ -85,10 +100,15 @@ def state_of(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ())
     except (ValueError, OverflowError):  # a whole number of hundreds of digits is no float
         return None
     infinite = any(value in (math.inf, -math.inf) for value in values.values())
-    is_result = empty <= MAY_BE_EMPTY.union(unknown, UNKNOWN_IN_TIME if "t" in names else ()) and not infinite
+    is_result = (
+        empty <= MAY_BE_EMPTY.union(unknown, UNKNOWN_IN_TIME if "t" in names else ())
+        and not infinite
+    )
     if not is_result:
         return None
-    reactions = {name.removeprefix(REACTION): values.pop(name) for name in names if name in REACTION_COLUMNS}
+    reactions = {
+        name.removeprefix(REACTION): values.pop(name) for name in names if name in REACTION_COLUMNS
+    }
     return State(**values, reactions=reactions or None)
 
 
@@ -101,7 +121,8 @@ def _value(name: str, cell: str) -> float | str:
 def number(cell: str) -> float:
     """The number in a cell of a table; NaN in an empty one, which says that there is none.
 
-    ValueError for what Python takes for a number, and no other program does: 1_000, digits of other scripts.
+    ValueError for what Python takes for a number, and no other program does: 1_000, digits of other
+    scripts.
     """
     if "_" in cell or not cell.isascii():
         raise ValueError(f"{cell!r} is not a number")
@@ -118,7 +139,9 @@ def whole(cell: str) -> int:
 def surface_block(step: int, surface: Surface) -> bytes:
     """The lines of a state in the surface table; what is not a number is empty."""
     more = [values for name in MORE_OF_SURFACE if (values := getattr(surface, name)) is not None]
-    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure, surface.z, *more])
+    table = np.column_stack(
+        [surface.x, surface.y, surface.u, surface.gap, surface.pressure, surface.z, *more]
+    )
     text = io.BytesIO()
     np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
     return text.getvalue().replace(b"nan", b"")
@@ -131,8 +154,12 @@ def surface_header(surface: Surface) -> bytes:
 
 
 def table_of(items: Sequence[Any]) -> bytes:
-    """A table with a row per dataclass and a column per field; a field that is None everywhere has none."""
-    names = [name for name in vars(items[0]) if any(getattr(item, name) is not None for item in items)]
+    """A table with a row per dataclass and a column per field; a field that is None everywhere has
+    none.
+    """
+    names = [
+        name for name in vars(items[0]) if any(getattr(item, name) is not None for item in items)
+    ]
     rows = ([getattr(item, name) for name in names] for item in items)
     lines = (",".join(map(_cell, values)) for values in rows)
     return ("\n".join([",".join(names), *lines]) + "\n").encode()
@@ -147,7 +174,8 @@ def surface_blocks(path: Path) -> dict[int, bytes]:
 def drop_later_blocks(path: Path, steps: int) -> None:
     """Keep the lines of a surface table that belong to the first `steps` steps, whole lines alone.
 
-    Those of an older version of this program get empty cells for the columns that they lack. UsageError for no table.
+    Those of an older version of this program get empty cells for the columns that they lack.
+    UsageError for no table.
     """
     if not path.exists():
         return
@@ -160,7 +188,10 @@ def drop_later_blocks(path: Path, steps: int) -> None:
         raise UsageError(why, "remove it and leave --resume out", str(path)) from None
     missing = [name for name in SURFACE_HEADER if name not in names]
     lacking = b"," * len(missing)
-    kept = [",".join([*names, *missing]).encode(), *(line + lacking for line in lines if _step(line) <= steps)]
+    kept = [
+        ",".join([*names, *missing]).encode(),
+        *(line + lacking for line in lines if _step(line) <= steps),
+    ]
     if (table := b"".join(line + b"\n" for line in kept)) != data:
         write_atomically(path, table)
 

@@ -46,13 +46,15 @@ OWN_ENTRIES = {"program", "version", "status", "exit_code", "reason", "rows", "s
 class ResultFolder:
     """The files of one run, written as its states come; a context manager, used on rank 0 alone.
 
-    columns: those of the force table beyond `STATE_COLUMNS` that this run has. mesh: the config's mesh file, as text
-    in parts. The folder appears under its name with the first row. `report` becomes run.json. Leaving the block ends
-    the run: status done, failed or interrupted after the exception that passes through. A run that fails
-    before its first row replaces no earlier results; one that ends with exit code 2 or 3 leaves nothing.
-    With `resume` the rows of this config that are there stay (`earlier`), and the run goes on behind them.
-    With `guard` rows of another config file and a finished run of another scene are not replaced (UsageError), and a
-    finished run of the same scene is replaced when this one is done: one that is not leaves it as it was.
+    columns: those of the force table beyond `STATE_COLUMNS` that this run has. mesh: the config's
+    mesh file, as text in parts. The folder appears under its name with the first row. `report`
+    becomes run.json. Leaving the block ends the run: status done, failed or interrupted after the
+    exception that passes through. A run that fails before its first row replaces no earlier
+    results; one that ends with exit code 2 or 3 leaves nothing. With `resume` the rows of this
+    config that are there stay (`earlier`), and the run goes on behind them. With `guard` rows of
+    another config file and a finished run of another scene are not replaced (UsageError), and a
+    finished run of the same scene is replaced when this one is done: one that is not leaves it as
+    it was.
     """
 
     def __init__(
@@ -69,13 +71,20 @@ class ResultFolder:
     ):
         self.report: Report = dict(report or {})
         self.rows = 0
-        self._target, self._config_yaml, self._mesh, self._surface = Path(target), config_yaml, mesh, surface
+        self._target = Path(target)
+        self._config_yaml = config_yaml
+        self._mesh = mesh
+        self._surface = surface
         self._columns = tables.in_order((*STATE_COLUMNS, *READINGS, *columns))
         self.earlier: Earlier | None = None
-        self._resume, self._guard, self._awaits_end = resume, guard and not resume, False
+        self._resume = resume
+        self._guard = guard and not resume
+        self._awaits_end = False
         self._fields: FieldWriter | None = None
         self._deepest = (-math.inf, b"")  # depth, and lines of the surface table
-        self._synced, self._sync = time.monotonic(), False  # when last, and whether the next write waits for the disk
+        # when last, and whether the next write waits for the disk
+        self._synced = time.monotonic()
+        self._sync = False
         self._begun: tuple[str, ...] = ()  # what was given, in files that were not waited for yet
         self._status: Report = {"status": "running", "exit_code": None, "reason": ""}
         self._started = _now()
@@ -88,9 +97,15 @@ class ResultFolder:
     def __enter__(self) -> ResultFolder:
         with uninterrupted():
             self._claim = folder.Claim(self._target, self._refuse_to_lose)
-            self._awaits_end = self._guard and read_report(self._claim.target).get("status") == "done"
+            self._awaits_end = (
+                self._guard and read_report(self._claim.target).get("status") == "done"
+            )
             try:
-                found = earlier_run(self._claim.target, self._config_yaml, self.report) if self._resume else None
+                found = (
+                    earlier_run(self._claim.target, self._config_yaml, self.report)
+                    if self._resume
+                    else None
+                )
                 with self._writing():
                     if found is not None:
                         self._continue(found)
@@ -120,12 +135,15 @@ class ResultFolder:
         self._columns = earlier.columns  # those of an older version of this program may be fewer
         os.truncate(self.path / TABLE, earlier.size)
         tables.drop_later_blocks(self.path / SURFACE, len(earlier.states))
-        self.earlier, self.rows = earlier, len(earlier.states)
+        self.earlier = earlier
+        self.rows = len(earlier.states)
         blocks = tables.surface_blocks(self.path / SURFACE) if self._surface == "last" else {}
         depths = [(earlier.states[step - 1].delta, block) for step, block in blocks.items()]
         self._deepest = max(depths, default=self._deepest)
         kept = {name: value for name, value in earlier.report.items() if name not in OWN_ENTRIES}
-        self.report = kept | {"resumed_after": [*kept.get("resumed_after", []), self.rows]} | self.report
+        self.report = (
+            kept | {"resumed_after": [*kept.get("resumed_after", []), self.rows]} | self.report
+        )
         self._started = earlier.report.get("started", self._started)
 
     def append(self, state: State) -> None:
@@ -134,7 +152,9 @@ class ResultFolder:
         Raises NotConverged when the disk is full; the rows before are kept.
         """
         if not state.converged:
-            raise ValueError(f"step {state.step} has not converged and is no result: {state.reason}")
+            raise ValueError(
+                f"step {state.step} has not converged and is no result: {state.reason}"
+            )
         with uninterrupted(), self._writing():
             self._sync = time.monotonic() - self._synced > 1.0  # s that a power failure may cost
             if state.surface is not None:
@@ -143,16 +163,23 @@ class ResultFolder:
             if self._sync:
                 self._settle()
             self.rows += 1
-            if self._sync or self.rows == 1:  # of thousands of quick steps it would cost more than they do
+            if (
+                self._sync or self.rows == 1
+            ):  # of thousands of quick steps it would cost more than they do
                 self._save_report()
             self._publish()
             if self._sync:
                 self._synced = time.monotonic()
 
     def open_fields(
-        self, *mesh: Any, keep: Keep, more: Sequence[str] = (), told: Mapping[str, str] | None = None
+        self,
+        *mesh: Any,
+        keep: Keep,
+        more: Sequence[str] = (),
+        told: Mapping[str, str] | None = None,
     ) -> None:
-        """Prepare fields.xdmf, tip.xdmf and fields/ for states of a mesh and a tip (see `xdmf.FieldWriter`).
+        """Prepare fields.xdmf, tip.xdmf and fields/ for states of a mesh and a tip (see
+        `xdmf.FieldWriter`).
 
         more: names of fields beyond those of every body. told: what the files say beside the units.
         """
@@ -162,24 +189,38 @@ class ResultFolder:
             done = self.rows if self.earlier else None
             arrays = ARRAYS | {name: MORE_ARRAYS[name] for name in more}
             named = self.report.get("units")
-            units = {f"unit of {kind}": unit for kind in ("length", "force") if (unit := getattr(named, kind, ""))}
+            units = {
+                f"unit of {kind}": unit
+                for kind in ("length", "force")
+                if (unit := getattr(named, kind, ""))
+            }
             self._fields = FieldWriter(
                 self.path, *mesh, keep=keep, done=done, arrays=arrays, told=units | dict(told or {})
             )
             if self.earlier and keep == "all" and not self._fields.continued:
-                lost = f"the fields of steps 1 to {self.rows} were lost: those of the steps after them alone are kept"
+                lost = (
+                    f"the fields of steps 1 to {self.rows} were lost: "
+                    "those of the steps after them "
+                    "alone are kept"
+                )
                 self.report["warnings"] = [*self.report.get("warnings", []), lost]
 
-    def write_fields(self, state: State, fields: Mapping[str, np.ndarray], time: float | None = None) -> None:
-        """Write the fields of a state at a time [its step]; call before its `append`. Nothing happens without
-        `open_fields`."""
+    def write_fields(
+        self, state: State, fields: Mapping[str, np.ndarray], time: float | None = None
+    ) -> None:
+        """Write the fields of a state at a time [its step]; call before its `append`.
+
+        Nothing happens without `open_fields`.
+        """
         if self._fields is None:
             return
         with uninterrupted(), self._writing():
             self._fields.write(state.step, state.delta, fields, time)
 
     def write_experiment(self, rows: Sequence[Any], dynamic: Sequence[Any]) -> None:
-        """Write experiment.csv, and dynamic.csv where there is one; of a run before what is not written now goes."""
+        """Write experiment.csv, and dynamic.csv where there is one; of a run before what is not
+        written now goes.
+        """
         with uninterrupted(), self._writing():
             for name, items in ((EXPERIMENT, rows), (DYNAMIC, dynamic)):
                 if items:
@@ -188,7 +229,9 @@ class ResultFolder:
                     (self.path / name).unlink(missing_ok=True)
 
     def save_checkpoint(self, saved: Checkpoint, identity: Report) -> None:
-        """Keep the last equilibria for `--resume`, which can do without: a full disk is no failure here."""
+        """Keep the last equilibria for `--resume`, which can do without: a full disk is no failure
+        here.
+        """
         with uninterrupted(), suppress(OSError):
             checkpoint.write(self.path / CHECKPOINT, saved, identity)
 
@@ -207,7 +250,9 @@ class ResultFolder:
         with uninterrupted():
             try:
                 is_done = self._status["status"] == "done"
-                worth = is_done if self._awaits_end else self.rows or not self._claim.replaces_results
+                worth = (
+                    is_done if self._awaits_end else self.rows or not self._claim.replaces_results
+                )
                 self._awaits_end = False
                 if not self._claim.published and (self._status["exit_code"] in (2, 3) or not worth):
                     self._claim.drop()
@@ -245,12 +290,15 @@ class ResultFolder:
 
     def _write_surface(self, state: State, surface: Surface) -> None:
         """Every state's surface, or those of the deepest and of the last."""
-        path, block = self.path / SURFACE, tables.surface_block(state.step, surface)
+        path = self.path / SURFACE
+        block = tables.surface_block(state.step, surface)
         if self._surface == "all" and path.exists():
             append_whole(path, block, self._sync)
         elif self._surface != "none":
             depth, deepest = self._deepest
-            shown = tables.surface_header(surface) + (deepest if depth > state.delta else b"") + block
+            shown = (
+                tables.surface_header(surface) + (deepest if depth > state.delta else b"") + block
+            )
             write_atomically(path, shown, self._sync)
             if state.delta >= depth:
                 self._deepest = (state.delta, block)
@@ -261,21 +309,33 @@ class ResultFolder:
         try:
             yield
         except OSError as error:
-            kept = f"{self.rows} rows are kept in {self._claim.target}" if self.rows else "no row is kept"
+            kept = (
+                f"{self.rows} rows are kept in {self._claim.target}"
+                if self.rows
+                else "no row is kept"
+            )
             if self._awaits_end:
                 kept = f"the finished run in {self._claim.target} is as it was"
-            raise NotConverged(f"cannot write results: {error.strerror or error}; {kept}") from error
+            raise NotConverged(
+                f"cannot write results: {error.strerror or error}; {kept}"
+            ) from error
 
 
 def to_json(value: Any, indent: int | None = 2) -> str:
-    """Strict JSON: what is not finite becomes null; dataclasses, paths and numpy numbers become plain."""
+    """Strict JSON: what is not finite becomes null; dataclasses, paths and numpy numbers become
+    plain.
+    """
     shown = plain(value)
     text = ENCODER.encode(shown) if indent is None else _in_lines(shown, "\n", " " * indent)
-    return re.sub("[\ud800-\udfff]", lambda lone: f"\\u{ord(lone.group()):04x}", text)  # of a file name in no encoding
+    return re.sub(
+        "[\ud800-\udfff]", lambda lone: f"\\u{ord(lone.group()):04x}", text
+    )  # of a file name in no encoding
 
 
 def _in_lines(value: Any, line: str, step: str) -> str:
-    """JSON with a line for each entry of a mapping and of a list of such, which json itself writes slowly."""
+    """JSON with a line for each entry of a mapping and of a list of such, which json itself writes
+    slowly.
+    """
     kind = type(value)
     if kind is str:
         return encode_basestring(value)
@@ -283,7 +343,10 @@ def _in_lines(value: Any, line: str, step: str) -> str:
         return repr(value)
     inner = line + step
     if kind is dict and value:
-        parts = [f"{encode_basestring(key)}: {_in_lines(part, inner, step)}" for key, part in value.items()]
+        parts = [
+            f"{encode_basestring(key)}: {_in_lines(part, inner, step)}"
+            for key, part in value.items()
+        ]
         return f"{{{inner}{f',{inner}'.join(parts)}{line}}}"
     if kind is list and any(type(part) in (dict, list) for part in value):
         return f"[{inner}{f',{inner}'.join(_in_lines(part, inner, step) for part in value)}{line}]"

@@ -1,9 +1,10 @@
 """fields.xdmf and fields/ for ParaView, readable after a kill at any moment.
 
-fields/ holds the mesh and every kept state in an HDF5 file each, made in memory and written aside and renamed: the HDF5
-library itself takes a full disk very badly. fields.xdmf names a state once its file is there. Where all states are kept
-each is added to it in one write before the tags that close it, so that the bytes written grow with their number.
-tip.xdmf is the same for the rigid tip, a mesh of its own: its points at first touch, and how far it has come down.
+fields/ holds the mesh and every kept state in an HDF5 file each, made in memory and written aside
+and renamed: the HDF5 library itself takes a full disk very badly. fields.xdmf names a state once
+its file is there. Where all states are kept each is added to it in one write before the tags that
+close it, so that the bytes written grow with their number. tip.xdmf is the same for the rigid tip,
+a mesh of its own: its points at first touch, and how far it has come down.
 """
 
 from __future__ import annotations
@@ -20,10 +21,19 @@ from typing import Any
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import FIELDS_FOLDER, Keep, append_whole, content, field_files, write_atomically
+from indent_sim.results.folder import (
+    FIELDS_FOLDER,
+    Keep,
+    append_whole,
+    content,
+    field_files,
+    write_atomically,
+)
 
 TOPOLOGY_TYPES = {2: "Polyline", 3: "Triangle", 4: "Tetrahedron"}
-Kind = tuple[str, str, tuple[int, ...]]  # where the values of an array are, what each is, and its shape
+Kind = tuple[
+    str, str, tuple[int, ...]
+]  # where the values of an array are, what each is, and its shape
 Kinds = dict[str, Kind]
 OF_TIP: Kinds = {"displacement": ("Node", "Vector", (3,))}
 ARRAYS = OF_TIP | {"pressure": ("Node", "Scalar", ()), "stress": ("Cell", "Tensor", (9,))}
@@ -32,9 +42,15 @@ ARRAYS |= dict.fromkeys(("J", "energy_density"), ("Cell", "Scalar", ()))
 # Where the tip drags on the surface; where there is fluid in the pores; of gels
 MORE_ARRAYS: Kinds = dict.fromkeys(("shear", "pore_pressure"), ("Node", "Scalar", ()))
 MORE_ARRAYS |= dict.fromkeys(("fluid_content", "swelling"), ("Cell", "Scalar", ()))
-MORE_ARRAYS |= {"nodal_stress": ("Node", "Tensor", (9,)), "nodal_von_mises": ("Node", "Scalar", ())}  # on request
+MORE_ARRAYS |= {
+    "nodal_stress": ("Node", "Tensor", (9,)),
+    "nodal_von_mises": ("Node", "Scalar", ()),
+}  # on request
 LASTING_ARRAYS: Kinds = {"region": ("Cell", "Scalar", ())}  # beside the mesh
-XDMF, TIP, MESH, OLD = "fields.xdmf", "tip.xdmf", "mesh.h5", "fields.h5"
+XDMF = "fields.xdmf"
+TIP = "tip.xdmf"
+MESH = "mesh.h5"
+OLD = "fields.h5"
 GRID = re.compile(
     r'<Grid Name="step (?P<step>\d{1,9})".*?<Time Value="(?P<time>[^"]*)".*?'
     r'Name="delta" Value="(?P<delta>[^"]*)".*?</Grid>\n',
@@ -42,7 +58,9 @@ GRID = re.compile(
 )
 XDMF_HEAD = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n<Domain>\n'
 COLLECTION = '<Grid Name="indent-sim" GridType="Collection" CollectionType="Temporal">\n'
-BLANKS = str.maketrans({"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})  # which an attribute would not keep
+BLANKS = str.maketrans(
+    {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
+)  # which an attribute would not keep
 TAIL = "</Grid>\n</Domain>\n</Xdmf>\n"
 
 
@@ -59,11 +77,12 @@ class _Kept:
 class FieldWriter:
     """A growing time series of the fields of `ARRAYS` on one mesh, and of the tip above it.
 
-    body: points (n, 2) or (n, 3) [length], two columns being (x, z), cells (m, 3) or (m, 4) of their numbers, regions
-    (m,), and the tip. All states are kept, or the deepest and the last. The time of a state is its own where time
-    passes, a last digit later where two have one, its depth where depths only grow, else its step. With `done` the
-    states of the first so many steps that are there stay (`continued`), unless the files are missing, damaged or of
-    another mesh: then they begin anew. arrays: what each state has; told: what the files say of all of them, units and
+    body: points (n, 2) or (n, 3) [length], two columns being (x, z), cells (m, 3) or (m, 4) of
+    their numbers, regions (m,), and the tip. All states are kept, or the deepest and the last. The
+    time of a state is its own where time passes, a last digit later where two have one, its depth
+    where depths only grow, else its step. With `done` the states of the first so many steps that
+    are there stay (`continued`), unless the files are missing, damaged or of another mesh: then
+    they begin anew. arrays: what each state has; told: what the files say of all of them, units and
     regions.
     """
 
@@ -77,28 +96,43 @@ class FieldWriter:
         told: Mapping[str, str] | None = None,
     ):
         self.directory = Path(directory)
-        self._keep, self._arrays = keep, arrays
+        self._keep = keep
+        self._arrays = arrays
         # beside the collection: whoever counts what is in it counts its states
         information = "".join(_information(name, value) for name, value in (told or {}).items())
         self._head = XDMF_HEAD + information + COLLECTION
         points, cells, regions, self._tip = body
-        self._mesh = {"points": in_space(points), "cells": np.asarray(cells), "region": np.asarray(regions)}
+        self._mesh = {
+            "points": in_space(points),
+            "cells": np.asarray(cells),
+            "region": np.asarray(regions),
+        }
         self._mesh |= {"tip_points": self._tip.points, "tip_cells": self._tip.cells}
         found = self._found(done) if done is not None else None
-        self.continued, self._kept = found is not None, found or []
+        self.continued = found is not None
+        self._kept = found or []
         self._time = max((state.time for state in self._kept), default=-np.inf)  # of the last state
         if not self.continued:
             self._fields.mkdir(exist_ok=True)
-            kinds = {name: "<f8" if values.dtype.kind == "f" else "<i8" for name, values in self._mesh.items()}
+            kinds = {
+                name: "<f8" if values.dtype.kind == "f" else "<i8"
+                for name, values in self._mesh.items()
+            }
             mesh = {name: values.astype(kinds[name]) for name, values in self._mesh.items()}
             write_atomically(self._fields / MESH, _hdf5(mesh), sync=False)
             (self.directory / OLD).unlink(missing_ok=True)
         self._save()
 
-    def write(self, step: int, delta: float, fields: Mapping[str, np.ndarray], t: float | None = None) -> None:
-        """Add one state: its fields by name, displacement (n, 2 or 3), and its time. OSError on a full disk."""
+    def write(
+        self, step: int, delta: float, fields: Mapping[str, np.ndarray], t: float | None = None
+    ) -> None:
+        """Add one state: its fields by name, displacement (n, 2 or 3), and its time. OSError on a
+        full disk.
+        """
         values = {**fields, "displacement": in_space(fields["displacement"])}
-        arrays = {name: np.reshape(values[name], self._shape(name)).astype("<f8") for name in self._arrays}
+        arrays = {
+            name: np.reshape(values[name], self._shape(name)).astype("<f8") for name in self._arrays
+        }
         arrays["tip_displacement"] = self._tip.at(delta).astype("<f8")
         write_atomically(self._fields / _file(step), _hdf5(arrays), sync=False)
         self._time = float(step) if t is None else max(t, np.nextafter(self._time, np.inf))
@@ -116,16 +150,24 @@ class FieldWriter:
         return self.directory / FIELDS_FOLDER
 
     def _found(self, done: int) -> list[_Kept] | None:
-        """The states up to step `done` in the files of an earlier run; None where they are of no use."""
+        """The states up to step `done` in the files of an earlier run; None where they are of no
+        use.
+        """
         try:
             mesh = _arrays(self._fields / MESH)
             if not all(np.array_equal(mesh[name], values) for name, values in self._mesh.items()):
                 return None
             grids = GRID.finditer(content(self.directory / XDMF).decode("utf-8"))
-            said = ((int(grid["step"]), float(grid["delta"]), float(grid["time"])) for grid in grids)
+            said = (
+                (int(grid["step"]), float(grid["delta"]), float(grid["time"])) for grid in grids
+            )
             kept = [self._state(*one) for one in said if one[0] <= done]
-            files = (_arrays(self._fields / _file(state.step)) for state in kept)  # one in memory at a time
-            are_whole = all(file[name].shape == self._shape(name) for file in files for name in self._arrays)
+            files = (
+                _arrays(self._fields / _file(state.step)) for state in kept
+            )  # one in memory at a time
+            are_whole = all(
+                file[name].shape == self._shape(name) for file in files for name in self._arrays
+            )
             return kept if are_whole else None
         except Exception:  # HDF5 has an error for every way of being damaged
             return None
@@ -136,21 +178,33 @@ class FieldWriter:
 
     def _state(self, step: int, delta: float, time: float) -> _Kept:
         body = self._grid(step, delta, time, "", self._arrays, LASTING_ARRAYS)
-        return _Kept(step, delta, time, {XDMF: body, TIP: self._grid(step, delta, time, "tip_", OF_TIP, {})})
+        return _Kept(
+            step, delta, time, {XDMF: body, TIP: self._grid(step, delta, time, "tip_", OF_TIP, {})}
+        )
 
-    def _grid(self, step: int, delta: float, time: float, prefix: str, arrays: Kinds, lasting: Kinds) -> str:
+    def _grid(
+        self, step: int, delta: float, time: float, prefix: str, arrays: Kinds, lasting: Kinds
+    ) -> str:
         """A state of the mesh whose arrays begin with a prefix."""
         points, cells = (self._mesh[f"{prefix}{name}"] for name in ("points", "cells"))
         counts = {"Node": len(points), "Cell": len(cells)}
-        items = [_attribute(name, kind, counts, _file(step), prefix) for name, kind in arrays.items()]
+        items = [
+            _attribute(name, kind, counts, _file(step), prefix) for name, kind in arrays.items()
+        ]
         items += [_attribute(name, kind, counts, MESH, "", "Int") for name, kind in lasting.items()]
         corners = cells.shape[1]
         many = f' NodesPerElement="{corners}"' if corners == 2 else ""
         head = f'<Grid Name="step {step}" GridType="Uniform">\n<Time Value="{time:.17g}"/>\n'
         head += f'<Information Name="delta" Value="{delta:.17g}"/>\n'
-        topology = f'<Topology TopologyType="{TOPOLOGY_TYPES[corners]}"{many} NumberOfElements="{len(cells)}">'
+        topology = (
+            f'<Topology TopologyType="{TOPOLOGY_TYPES[corners]}"{many} '
+            f'NumberOfElements="{len(cells)}">'
+        )
         topology += f"{_item(MESH, f'{prefix}cells', cells.shape, 'Int')}</Topology>\n"
-        geometry = f'<Geometry GeometryType="XYZ">{_item(MESH, f"{prefix}points", points.shape)}</Geometry>\n'
+        geometry = (
+            "<Geometry "
+            f'GeometryType="XYZ">{_item(MESH, f"{prefix}points", points.shape)}</Geometry>\n'
+        )
         return "".join([head, topology, geometry, *items, "</Grid>\n"])
 
     def _save(self) -> None:
@@ -165,18 +219,26 @@ class FieldWriter:
 
 
 def lost_fields(folder: Path) -> list[str]:
-    """The files of fields that a finished run left in its folder and that are missing or damaged now, by name."""
+    """The files of fields that a finished run left in its folder and that are missing or damaged
+    now, by name.
+    """
     text = _index(folder)
     steps = _named_steps(text)
     if not (steps and text.endswith(TAIL)):
         return [XDMF]
     wanted = {MESH: {"points", "cells"}} | {_file(step): set(ARRAYS) for step in steps}
     fields = folder / FIELDS_FOLDER
-    return [f"{FIELDS_FOLDER}/{name}" for name, arrays in wanted.items() if not arrays <= _names(fields / name)]
+    return [
+        f"{FIELDS_FOLDER}/{name}"
+        for name, arrays in wanted.items()
+        if not arrays <= _names(fields / name)
+    ]
 
 
 def kept_steps(folder: Path, rows: Collection[float]) -> list[int]:
-    """The steps whose fields are in a result folder, of those that have rows: fields are written before their row."""
+    """The steps whose fields are in a result folder, of those that have rows: fields are written
+    before their row.
+    """
     return [step for step in _named_steps(_index(folder)) if step in rows]
 
 
@@ -192,9 +254,13 @@ def _named_steps(index: str) -> list[int]:
 
 
 def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
-    """The mesh (points (n, 3) [length], cells, region) and the fields of a kept step; UsageError when damaged."""
+    """The mesh (points (n, 3) [length], cells, region) and the fields of a kept step; UsageError
+    when damaged.
+    """
     try:
-        found = _arrays(folder / FIELDS_FOLDER / MESH) | _arrays(folder / FIELDS_FOLDER / _file(step))
+        found = _arrays(folder / FIELDS_FOLDER / MESH) | _arrays(
+            folder / FIELDS_FOLDER / _file(step)
+        )
         counts = {"Node": len(found["points"]), "Cell": len(found["cells"])}
         some = {name: kind for name, kind in MORE_ARRAYS.items() if name in found}
         kinds = ARRAYS | LASTING_ARRAYS | some
@@ -226,11 +292,15 @@ def _file(step: int) -> str:
     return f"step-{step}.h5"
 
 
-def _attribute(name: str, kind: Kind, counts: Mapping[str, int], file: str, prefix: str, number: str = "Float") -> str:
+def _attribute(
+    name: str, kind: Kind, counts: Mapping[str, int], file: str, prefix: str, number: str = "Float"
+) -> str:
     """An array of a file, in which its name has a prefix, as the values of a grid."""
     center, rank, components = kind
     head = f'<Attribute Name="{name}" Center="{center}" AttributeType="{rank}">'
-    return f"{head}{_item(file, prefix + name, (counts[center], *components), number)}</Attribute>\n"
+    return (
+        f"{head}{_item(file, prefix + name, (counts[center], *components), number)}</Attribute>\n"
+    )
 
 
 def _item(file: str, path: str, shape: tuple[int, ...], kind: str = "Float") -> str:

@@ -61,7 +61,9 @@ log = logging.getLogger("indent_sim")
 
 @dataclass(frozen=True)
 class Outcome:
-    """A finished run: where it lies, what run.json says (rank 0), and its states in the user's units."""
+    """A finished run: where it lies, what run.json says (rank 0), and its states in the user's
+    units.
+    """
 
     directory: Path
     report: dict[str, Any]
@@ -80,20 +82,24 @@ def simulate(
     error_bars: bool = False,
     overwrite: bool = False,
 ) -> Outcome:
-    """Simulate a scene and write its result folder (collective over `comm` [this process alone], files by rank 0).
+    """Simulate a scene and write its result folder (collective over `comm` [this process alone],
+    files by rank 0).
 
-    given: a config, or the file or dictionary that says one. scene: what the config becomes, where that is known. With
-    `resume` the rows of an earlier run of the same config stay, and the others are computed. With `error_bars`, or
-    `accuracy` in the config, every row has its force_error; `accuracy` refines the mesh until it is small enough.
-    Rows of another config file and a finished run of another scene are replaced with `overwrite` alone; a finished run
-    of the same scene is replaced once this one is done.
-    Raises ConfigError, UsageError, MeshError, NotConverged, VerificationError, BackendError; what was computed
-    before a failure is on disk.
+    given: a config, or the file or dictionary that says one. scene: what the config becomes, where
+    that is known. With `resume` the rows of an earlier run of the same config stay, and the others
+    are computed. With `error_bars`, or `accuracy` in the config, every row has its force_error;
+    `accuracy` refines the mesh until it is small enough. Rows of another config file and a finished
+    run of another scene are replaced with `overwrite` alone; a finished run of the same scene is
+    replaced once this one is done. Raises ConfigError, UsageError, MeshError, NotConverged,
+    VerificationError, BackendError; what was computed before a failure is on disk.
     """
-    comm, config = comm if comm is not None else Alone(), config_of(given)
+    comm = comm if comm is not None else Alone()
+    config = config_of(given)
     target = Path(directory or config.output.directory or "results/run")
     try:
-        outcome = Run(config, scene, comm, target, progress, resume, error_bars, overwrite).outcome()
+        outcome = Run(
+            config, scene, comm, target, progress, resume, error_bars, overwrite
+        ).outcome()
     except ConfigError as error:
         raise all_mistakes(error, config) from None
     if config.output.plot:
@@ -115,9 +121,14 @@ class Run:
         bars: bool,
         overwrite: bool,
     ):
-        self.config, self.comm, self.target, self.progress = config, comm, target, say
+        self.config = config
+        self.comm = comm
+        self.target = target
+        self.progress = say
         self._scene = scene
-        self._resume, self._overwrite, self._clock = resume, overwrite, Clock()
+        self._resume = resume
+        self._overwrite = overwrite
+        self._clock = Clock()
         self._before = comm.bcast(on_root(comm, begun_report, target)) if resume else {}
         before = asked_in(self._before)
         self._asked = Asked(bars or before.error_bars, target_of(config.accuracy))
@@ -138,30 +149,43 @@ class Run:
 
     def _resolved(self, elements: float | None) -> Scene:
         """The scene with that many elements in a contact radius, where `accuracy` leaves it open."""
-        if elements is None and self._scene is not None and self._piece is None:  # a mesh file may have changed since
+        if (
+            elements is None and self._scene is not None and self._piece is None
+        ):  # a mesh file may have changed since
             return self._scene
         with self._clock.stage("resolve"):
             return resolve(self.config, elements, self._piece)
 
     def _outcome(self, attempt: Attempt) -> Outcome:
         """Simulate an attempt, with its error bars, and judge it."""
-        config, scene, decided = self.config, attempt.scene, resolved(self.config, attempt.scene)
+        config = self.config
+        scene = attempt.scene
+        decided = resolved(self.config, attempt.scene)
         self.comm = communicator(self.comm, scene)
         resume = self._resume and attempt.companion is None  # only the first one
         whole = scene if attempt.companion else foreseen(scene, self._asked.error_bars)
-        said, text = self._said(scene, decided, whole.plan.prediction), to_yaml(decided)
+        said = self._said(scene, decided, whole.plan.prediction)
+        text = to_yaml(decided)
         if resume and (outcome := self._finished(text, scene, decided.output, said)):
             return outcome
-        columns, body = (*scene.columns, *self._columns(scene)), config.body
+        columns = (*scene.columns, *self._columns(scene))
+        body = config.body
         mesh = self._piece.text(body) if self._piece and isinstance(body, MeshFromFile) else ()
         folder = {"columns": columns, "guard": not self._overwrite, "resume": resume}
-        opened = Record(self.comm, self.target, text, said, surface=config.output.surface, mesh=mesh, **folder)
+        opened = Record(
+            self.comm, self.target, text, said, surface=config.output.surface, mesh=mesh, **folder
+        )
         with opened as record, unmasked(), spent():
-            plan, self._beside = scene.plan, record.beside
+            plan = scene.plan
+            self._beside = record.beside
             bars = self._bars(attempt) if self._asked.bars else None
             if bars is not None:
-                record.note(error_budget=bars.budgets, accuracy=entry(config, plan.fineness, attempt.tried))
-            simulation = Simulation(config, scene, record, self._clock, bars, partial(self._remedies, scene))
+                record.note(
+                    error_budget=bars.budgets, accuracy=entry(config, plan.fineness, attempt.tried)
+                )
+            simulation = Simulation(
+                config, scene, record, self._clock, bars, partial(self._remedies, scene)
+            )
             states = simulation.follow(self.progress)
             simulation.experiment()
             judged = simulation.judged
@@ -174,26 +198,38 @@ class Run:
                 attempt.judge(self._resolved, judged, bars)
                 if self._asked.error_bars and attempt.following is None:
                     run = Companion(1.0, judged, scene)
-                    stick = self._beside("what no slip would change", lambda: self._stick(run, bars), None)
+                    stick = self._beside(
+                        "what no slip would change", lambda: self._stick(run, bars), None
+                    )
                     record.note(stick=stick, timings=stages(self._clock.stages))
             if attempt.missed:
                 record.fail(VerificationError(attempt.missed))
-        return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
+        return Outcome(
+            self.target, record.report, states, len(record.earlier.states) if record.earlier else 0
+        )
 
     def _remedies(self, scene: Scene, step: int, spent: int) -> str:
-        """What was tried where a path ended early, and how far it came, in words; by one process alone."""
+        """What was tried where a path ended early, and how far it came, in words; by one process
+        alone.
+        """
         if self.comm.size > 1 or not are_tried(scene):
             return ""
         walk = partial(states, with_surface=False)
         return tried(remedies(self.config, scene), step, spent, resolve, walk)
 
-    def _finished(self, text: str, scene: Scene, output: OutputSettings, said: dict[str, Any]) -> Outcome | None:
-        """The outcome of a run that came to its end before, with what its files lack since among its warnings."""
-        comm, target = self.comm, self.target
+    def _finished(
+        self, text: str, scene: Scene, output: OutputSettings, said: dict[str, Any]
+    ) -> Outcome | None:
+        """The outcome of a run that came to its end before, with what its files lack since among
+        its warnings.
+        """
+        comm = self.comm
+        target = self.target
         earlier = comm.bcast(on_root(comm, earlier_run, target, text, said))
         if earlier is None:
             return None
-        physics, steps = scene.physics, len(earlier.states if scene.history else scene.physics.deltas)
+        physics = scene.physics
+        steps = len(earlier.states if scene.history else scene.physics.deltas)
         depths = [delta * physics.scales.depth for delta in physics.deltas]
         is_known = physics.path.control == "depth" and scene.history is None
         earlier.check(depths if is_known else None, steps, target)
@@ -212,18 +248,38 @@ class Run:
 
     def _said(self, scene: Scene, decided: Config, prediction: dict[str, float]) -> dict[str, Any]:
         """What run.json says from the beginning."""
-        physics, plan = scene.physics, scene.plan
+        physics = scene.physics
+        plan = scene.plan
         asked = asdict(self._asked) | asked_from(self.config.source.name, self.target)
-        said = {"asked": asked, "title": plan.title, "units": plan.units, "gap": physics.gap, "method": scene.method}
-        center, auto = [c * physics.scales.length for c in physics.center], left_open(self.config, decided)
-        planned = {"choices": list(plan.choices), "prediction": prediction, "scales": physics.scales, "auto": auto}
+        said = {
+            "asked": asked,
+            "title": plan.title,
+            "units": plan.units,
+            "gap": physics.gap,
+            "method": scene.method,
+        }
+        center = [c * physics.scales.length for c in physics.center]
+        auto = left_open(self.config, decided)
+        planned = {
+            "choices": list(plan.choices),
+            "prediction": prediction,
+            "scales": physics.scales,
+            "auto": auto,
+        }
         if plan.time and physics.path.times:
             said["time"] = plan.time.report
-        said |= {"control": physics.path.control, "center": center, "plan": planned, "warnings": list(plan.warnings)}
+        said |= {
+            "control": physics.path.control,
+            "center": center,
+            "plan": planned,
+            "warnings": list(plan.warnings),
+        }
         return said | {"ranks": self.comm.size, "memory_before_MB": round(memory(), 1)}
 
     def _columns(self, scene: Scene) -> tuple[str, ...]:
-        """Columns that apply to the scene: of its linear solver, and the error bars of what it finds."""
+        """Columns that apply to the scene: of its linear solver, and the error bars of what it
+        finds.
+        """
         effort = KRYLOV_COLUMNS if scene.solver.linear == "iterative" else ()
         given = {"delta"} if scene.physics.path.control == "depth" else set()
         found = BARS.values() if scene.history else (*STATE_COLUMNS, *scene.physics.columns)
@@ -252,21 +308,27 @@ class Run:
             return ErrorBars(attempt.scene, companion, curve, in_halves, film, bath)
 
     def _stick(self, run: Companion, bars: Bars) -> dict[str, Any] | None:
-        """What no slip would change of the deepest force: as the plan knows it, or solved beside the run."""
+        """What no slip would change of the deepest force: as the plan knows it, or solved beside
+        the run.
+        """
         assert run.scene is not None
         with self._clock.stage("companions"):
             known = run.scene.plan.stick
-            changed = sticks(bearer(run, bars.companion), self._curve) if run.scene.is_meshed else known
+            changed = (
+                sticks(bearer(run, bars.companion), self._curve) if run.scene.is_meshed else known
+            )
         return asdict(changed) | {"words": changed.words} if changed else None
 
     def _curve(self, scene: Scene) -> list[State]:
-        """The elastic states of a scene without surface tables; what one failed to reach is missing, all where it
-        ended."""
+        """The elastic states of a scene without surface tables; what one failed to reach is
+        missing, all where it ended.
+        """
         elastic = replace(scene, history=None)
         total = len(elastic.physics.deltas)
 
         def followed() -> list[State]:
-            found, told = [], time.monotonic()
+            found = []
+            told = time.monotonic()
             for state in states(elastic, self.comm, with_surface=False):
                 found.append(state)
                 if (now := time.monotonic()) - told > TOLD_EVERY:
@@ -278,14 +340,19 @@ class Run:
 
 
 def states(
-    given: Scene | Given, comm: Comm = None, *, with_surface: bool = True, mesher: Mesher = Scene.grid
+    given: Scene | Given,
+    comm: Comm = None,
+    *,
+    with_surface: bool = True,
+    mesher: Mesher = Scene.grid,
 ) -> Iterator[State]:
-    """Walk a scene without writing anything: one State per requested depth, in the user's units; on the mesh that
-    `mesher` makes of the scene.
+    """Walk a scene without writing anything: one State per requested depth, in the user's units; on
+    the mesh that `mesher` makes of the scene.
 
-    given: a scene, or the config, file or dictionary that says one.
-    For notebooks and tests; a State that is not converged is the last one. The memory of the solution is given back at
-    the last state, and on one process also where the iterator is closed before, as when a loop over it is left.
+    given: a scene, or the config, file or dictionary that says one. For notebooks and tests; a
+    State that is not converged is the last one. The memory of the solution is given back at the
+    last state, and on one process also where the iterator is closed before, as when a loop over it
+    is left.
     """
     scene = given if isinstance(given, Scene) else resolve(config_of(given))
     comm = communicator(comm if comm is not None else Alone(), scene)
@@ -305,8 +372,8 @@ def states(
         is_through = True
     finally:
         del walk, readings  # what dies after the release stays
-        # Several ranks release together: one that leaves early does not know whether the others do. At the end of the
-        # process PETSc is gone before the last of Python's objects are
+        # Several ranks release together: one that leaves early does not know whether the others do.
+        # At the end of the process PETSc is gone before the last of Python's objects are
         if is_through or (comm.size == 1 and not sys.is_finalizing()):
             beside.meeting.free()
             if fe:
@@ -315,27 +382,37 @@ def states(
 
 @dataclass(frozen=True)
 class CondensedBody:
-    """A linear body condensed to its contact surface: thousands of tips and depths, milliseconds each."""
+    """A linear body condensed to its contact surface: thousands of tips and depths, milliseconds
+    each.
+    """
 
     scene: Scene
     equilibrium: Equilibrium
 
     @property
     def compliance(self) -> Any:
-        """`fe.condensed.compliance.Compliance`: u_z = -C F between nodes of the contact surface, without units."""
+        """`fe.condensed.compliance.Compliance`: u_z = -C F between nodes of the contact surface,
+        without units.
+        """
         return self.equilibrium.contact.compliance
 
     def states(
-        self, indenter: Indenter | None = None, deltas: Floats | None = None, forces: Floats | None = None
+        self,
+        indenter: Indenter | None = None,
+        deltas: Floats | None = None,
+        forces: Floats | None = None,
     ) -> list[State]:
-        """Press another tip, or to other depths or forces, all in the user's units; one State each, without surface
-        tables.
+        """Press another tip, or to other depths or forces, all in the user's units; one State each,
+        without surface tables.
 
-        The mesh stays: it must be fine enough for this contact too. ValueError when both depths and forces are given.
+        The mesh stays: it must be fine enough for this contact too. ValueError when both depths and
+        forces are given.
         """
         if deltas is not None and forces is not None:
             raise ValueError("give depths or forces, not both")
-        scene, physics, scales = self.scene, self.scene.physics, self.scene.physics.scales
+        scene = self.scene
+        physics = self.scene.physics
+        scales = self.scene.physics.scales
         if indenter is not None:
             scene = scene.with_physics(indenter=scales.scaled(indenter))
         if deltas is not None:
@@ -344,9 +421,12 @@ class CondensedBody:
         if forces is not None:
             begin = max(*physics.deltas, 1e-3 * physics.body.height)  # of the search
             values = tuple(force / scales.force for force in forces)
-            scene = scene.with_physics(deltas=(begin,) * len(forces), path=LoadPath("force", values))
+            scene = scene.with_physics(
+                deltas=(begin,) * len(forces), path=LoadPath("force", values)
+            )
         equilibrium = self.equilibrium.under(scene)
-        readings, walk = Readings(scene, equilibrium), backend().Walk(equilibrium)
+        readings = Readings(scene, equilibrium)
+        walk = backend().Walk(equilibrium)
         states = walk.states(scene.physics.path, lambda step: False)
         return [readings.read(state).in_units(scene.physics.scales) for state in states]
 
@@ -357,7 +437,11 @@ def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
     Raises ConfigError when the scene is not one that condenses.
     """
     if scene.solver.method != "condensed":
-        raise ConfigError("solver.method", "this scene does not condense", "linear elastic, reference gap, no Nitsche")
+        raise ConfigError(
+            "solver.method",
+            "this scene does not condense",
+            "linear elastic, reference gap, no Nitsche",
+        )
     fe = backend()
     comm = comm if comm is not None else mpi().COMM_SELF
     while _left:
@@ -369,7 +453,9 @@ def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
     return body
 
 
-_left: list[Any] = []  # meshes of condensed bodies that are gone: what PETSc keeps of them goes with the next one
+_left: list[
+    Any
+] = []  # meshes of condensed bodies that are gone: what PETSc keeps of them goes with the next one
 
 
 def warm_up() -> None:
@@ -386,7 +472,9 @@ def config_of(given: Given) -> Config:
 
 
 def communicator(comm: Comm, scene: Scene) -> Comm:
-    """The communicator that solves a scene: a mesh is one of MPI, on this process alone as elsewhere."""
+    """The communicator that solves a scene: a mesh is one of MPI, on this process alone as
+    elsewhere.
+    """
     return mpi().COMM_SELF if scene.is_meshed and isinstance(comm, Alone) else comm
 
 
@@ -402,7 +490,12 @@ def mpi() -> Any:
 def _plot(directory: Path, report: dict[str, Any]) -> None:
     from indent_sim.results.pictures import canvas, experiment, panels
 
-    draw, picture = amend(directory, report), directory / canvas.FORCE_PICTURE
-    draw(picture.name, lambda: panels.draw_results([read(directory, read_report(directory))], picture), None)
+    draw = amend(directory, report)
+    picture = directory / canvas.FORCE_PICTURE
+    draw(
+        picture.name,
+        lambda: panels.draw_results([read(directory, read_report(directory))], picture),
+        None,
+    )
     if experiment.is_there(directory, report):
         draw(experiment.EXPERIMENT_PICTURE, lambda: experiment.draw(directory), None)

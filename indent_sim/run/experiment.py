@@ -1,4 +1,6 @@
-"""What one elastic curve determines: the rows of a history, with adhesion, relaxing, behind a spring."""
+"""What one elastic curve determines: the rows of a history, with adhesion, relaxing, behind a
+spring.
+"""
 
 from __future__ import annotations
 
@@ -34,19 +36,23 @@ SHALLOWEST = 1e-5  # of the deepest depth: a power law below
 CURVE_SAMPLES = 80  # of an elastic curve
 FEWEST_IN_CONTACT = 2.0  # elements that a contact must have to be one of them
 DEPTH_OVERSHOOT = 1.001  # of what is asked for: the curve is known up to there
-# By so many distances of nodes contact ends beyond where the edge pressure of nodal punches changes its sign: measured
-# against theory on layers of nu = 0 ... 0.5, 0.14 to 0.18 and 0.04 to 0.08
+# By so many distances of nodes contact ends beyond where the edge pressure of nodal punches changes
+# its sign: measured against theory on layers of nu = 0 ... 0.5, 0.14 to 0.18 and 0.04 to 0.08
 EDGE_SHIFT = {"displacement": 0.16, "mixed": 0.06}
 # Of the depth at pull-off by depth: least error of that by force on a mesh, measured: 0.0019
 LEAST_PULL_OFF_ERROR = 0.002
 EXPONENT_VARIATION = 0.05  # of the tip's radius, for the exponent of the force
 IN_UNITS = ("adhesion", "cantilever")  # parts of run.json whose numbers have units
-SHORTEST_TIME = 1e-3  # of a history: shorter times of a power law do not matter where it is stepped through
+SHORTEST_TIME = (
+    1e-3  # of a history: shorter times of a power law do not matter where it is stepped through
+)
 
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a history, or of an equilibrium curve, NaN where there is none; its error is the instrument's."""
+    """One row of a history, or of an equilibrium curve, NaN where there is none; its error is the
+    instrument's.
+    """
 
     t: float
     z: float
@@ -68,8 +74,9 @@ class Dynamic:
 
 @dataclass(frozen=True)
 class Findings:
-    """What a curve determines: the rows, those of dynamic.csv, the parts `experiment` and `time` of run.json, and
-    warnings."""
+    """What a curve determines: the rows, those of dynamic.csv, the parts `experiment` and `time` of
+    run.json, and warnings.
+    """
 
     rows: list[Row]
     dynamic: list[Dynamic] = field(default_factory=list)
@@ -79,19 +86,37 @@ class Findings:
 
     def in_units(self, scales: Scales) -> Findings:
         """The same in the user's units, of which the scales are the scene's."""
-        depth, force = scales.depth, scales.force
-        units = {"z": depth, "delta": depth, "force": force, "a": scales.length, "calibration_error": force}
-        units |= {"delta_error": depth, "maugis_pull_off": force, "storage": force / depth, "loss": force / depth}
+        depth = scales.depth
+        force = scales.force
+        units = {
+            "z": depth,
+            "delta": depth,
+            "force": force,
+            "a": scales.length,
+            "calibration_error": force,
+        }
+        units |= {
+            "delta_error": depth,
+            "maugis_pull_off": force,
+            "storage": force / depth,
+            "loss": force / depth,
+        }
         rows = [Row(**_measured(vars(row), units)) for row in self.rows]
         dynamic = [Dynamic(**_measured(vars(row), units)) for row in self.dynamic]
-        measured = {name: _measured(self.report[name], units) for name in IN_UNITS if name in self.report}
+        measured = {
+            name: _measured(self.report[name], units) for name in IN_UNITS if name in self.report
+        }
         return replace(self, rows=rows, dynamic=dynamic, report=self.report | measured)
 
 
 def _measured(numbers: Mapping[str, Any], units: Mapping[str, float]) -> dict[str, Any]:
     """Numbers by name, or parts with such numbers, times the unit of their name."""
     return {
-        name: _measured(one, units) if isinstance(one, dict) else one * units[name] if one and name in units else one
+        name: _measured(one, units)
+        if isinstance(one, dict)
+        else one * units[name]
+        if one and name in units
+        else one
         for name, one in numbers.items()
     }
 
@@ -101,7 +126,9 @@ def modulus_of(law: Relaxation | None) -> Modulus:
     if law and law.power_law:
         return relaxation.PowerLaw(law.power_law.exponent, law.power_law.time)
     terms = law.prony if law and law.prony else ()
-    return relaxation.Prony(tuple(fraction for fraction, _ in terms), tuple(time for _, time in terms))
+    return relaxation.Prony(
+        tuple(fraction for fraction, _ in terms), tuple(time for _, time in terms)
+    )
 
 
 def conduct(scene: Scene, equilibrium: Equilibrium = None) -> Findings:
@@ -110,9 +137,11 @@ def conduct(scene: Scene, equilibrium: Equilibrium = None) -> Findings:
 
 
 def followed(scene: Scene, equilibrium: Equilibrium = None) -> Findings:
-    """What the elastic curve of a scene determines, without units: the rows of its history, its experiment.
+    """What the elastic curve of a scene determines, without units: the rows of its history, its
+    experiment.
 
-    The body is condensed where it is meshed. NotConverged where the curve that is needed has no such depth.
+    The body is condensed where it is meshed. NotConverged where the curve that is needed has no
+    such depth.
     """
     try:
         return _Evaluation(scene, equilibrium).findings()
@@ -124,13 +153,17 @@ class _Evaluation:
     """One history, experiment or both, without units."""
 
     def __init__(self, scene: Scene, equilibrium: Equilibrium):
-        self.scene, self.experiment = scene, scene.experiment or Experiment()
-        self.history, self._equilibrium = scene.history and scene.history.through_its_times, equilibrium
+        self.scene = scene
+        self.experiment = scene.experiment or Experiment()
+        self.history = scene.history and scene.history.through_its_times
+        self._equilibrium = equilibrium
         self.compliance = self.experiment.compliance
         self.of_force = scene.history is not None and scene.history.control == "force"
         self.deepest = max(scene.physics.deltas)
         self.modulus = modulus_of(scene.relaxation)
-        self.is_stepped = is_stepped(scene.history, scene.relaxation, self.compliance)  # or found to have to be
+        self.is_stepped = is_stepped(
+            scene.history, scene.relaxation, self.compliance
+        )  # or found to have to be
         self.warnings: list[str] = []
         self._curves: dict[float, ElasticCurve] = {}
 
@@ -157,7 +190,9 @@ class _Evaluation:
             assert theory is not None
             solutions = theory.contact.curve(_samples(SHALLOWEST * top, DEPTH_OVERSHOOT * top))
             return _curve([(s.delta, s.force, s.a) for s in solutions])
-        self._press(self._equilibrium, top * DEPTH_OVERSHOOT, top)  # which condenses to as much surface as is needed
+        self._press(
+            self._equilibrium, top * DEPTH_OVERSHOOT, top
+        )  # which condenses to as much surface as is needed
         try:
             radii = _samples(self.punches.smallest, radius_at(self.punches, DEPTH_OVERSHOOT * top))
         except UNSOLVED:
@@ -182,7 +217,10 @@ class _Evaluation:
                 break
             samples.append((delta, numbers["force"], numbers["a"]))
         if len(samples) < LEAST_SAMPLES:
-            few = f"the contact has {FEWEST_IN_CONTACT:g} elements at {len(samples)} of {CURVE_SAMPLES} depths"
+            few = (
+                f"the contact has {FEWEST_IN_CONTACT:g} elements at {len(samples)} of "
+                f"{CURVE_SAMPLES} depths"
+            )
             raise ValueError(f"{few}: give a smaller mesh.h_contact")
         return _curve(samples[::-1])
 
@@ -194,17 +232,23 @@ class _Evaluation:
             return layer_surface(theory.contact, theory.contact.curve([DEPTH_OVERSHOOT * top])[0].a)
         self._press(self._equilibrium, top * DEPTH_OVERSHOOT, top)
         x, heights, areas, A = self._equilibrium.contact.weighted
-        part, copies = self.scene.physics.part, self.scene.physics.part.copies
+        part = self.scene.physics.part
+        copies = self.scene.physics.part.copies
         is_round = part.kinematics.name == "axisymmetric"
         order = np.argsort(x[:, 0]) if is_round else np.arange(len(x))
-        heights, areas, A = copies * heights[order], copies * areas[order], copies * A[np.ix_(order, order)]
+        heights = copies * heights[order]
+        areas = copies * areas[order]
+        A = copies * A[np.ix_(order, order)]
         if not is_round:
             return RelaxingSurface(A, heights, areas, is_plane=self.scene.physics.scales.dim == 2)
-        return RelaxingSurface(A, heights, areas, x[order, 0], EDGE_SHIFT[part.regions[0].formulation])
+        return RelaxingSurface(
+            A, heights, areas, x[order, 0], EDGE_SHIFT[part.regions[0].formulation]
+        )
 
     def findings(self) -> Findings:
         """What the experiment comes to, without units."""
-        rows, given = self._asked(self._rows()), self.experiment
+        rows = self._asked(self._rows())
+        given = self.experiment
         report: dict[str, Any] = {"by": "condensed body" if self.scene.is_meshed else "theory"}
         if self.jkr:
             report |= self._adhesion(self.jkr)
@@ -218,7 +262,13 @@ class _Evaluation:
         """The part `time` of run.json; empty without a history."""
         if self.history is None:
             return {}
-        method = "time steps" if self.is_stepped else "quadrature" if self.scene.relaxation else "equilibria"
+        method = (
+            "time steps"
+            if self.is_stepped
+            else "quadrature"
+            if self.scene.relaxation
+            else "equilibria"
+        )
         why = next(choice.why for choice in self.scene.plan.choices if choice.key == "time")
         return {"way": "curve", "method": "JKR" if self.jkr else method, "why": why}
 
@@ -240,36 +290,57 @@ class _Evaluation:
 
     def _curve(self) -> list[Row]:
         """The elastic curve, without a history."""
-        curve, shares = self.curve_to(self.deepest), (np.arange(1, CURVE_POINTS + 1) / CURVE_POINTS) ** 2
-        return [self._on(curve, nan, depth, "stable") for depth in map(float, self.deepest * shares)]
+        curve = self.curve_to(self.deepest)
+        shares = (np.arange(1, CURVE_POINTS + 1) / CURVE_POINTS) ** 2
+        return [
+            self._on(curve, nan, depth, "stable") for depth in map(float, self.deepest * shares)
+        ]
 
     def _on(self, curve: ElasticCurve, t: float, delta: float, branch: str) -> Row:
-        contact = Contact(float(curve.a(np.array(delta))), delta, float(curve.force(np.array(delta))))
+        contact = Contact(
+            float(curve.a(np.array(delta))), delta, float(curve.force(np.array(delta)))
+        )
         return self._row(t, contact, branch)
 
     def _row(self, t: float, contact: Contact | relaxation.Response, branch: str) -> Row:
-        return Row(t, contact.delta + self.compliance * contact.force, contact.delta, contact.force, contact.a, branch)
+        return Row(
+            t,
+            contact.delta + self.compliance * contact.force,
+            contact.delta,
+            contact.force,
+            contact.a,
+            branch,
+        )
 
     def _elastic(self, history: History) -> list[Row]:
         """Every point an equilibrium of the elastic curve."""
-        curve, rows = self.curve_to(self._deepest_at(history.largest)), []
+        curve = self.curve_to(self._deepest_at(history.largest))
+        rows = []
         for instant in history.instants:
             value = instant.value
-            delta = curve.depth(value) if self.of_force else curve.depth_behind(self.compliance, value)
+            delta = (
+                curve.depth(value) if self.of_force else curve.depth_behind(self.compliance, value)
+            )
             rows.append(self._on(curve, instant.t, delta, instant.branch))
         return rows
 
     def _deepest_at(self, largest: float, softest: float = 1.0) -> float:
-        """The depth that the largest value of a history may lead to, in a body that keeps a share of its modulus."""
+        """The depth that the largest value of a history may lead to, in a body that keeps a share
+        of its modulus.
+        """
         if not self.of_force and not self.compliance:
             return largest
-        top = self.deepest  # to expect: a narrow or round body lets the tip in farther than a half-space
+        top = (
+            self.deepest
+        )  # to expect: a narrow or round body lets the tip in farther than a half-space
         for _ in range(60):
             force = softest * float(self.curve_to(top).force(np.array(top)))
             if (force if self.of_force else top + self.compliance * force) >= largest:
                 return top
             top = 1.3 * top if self.of_force else min(1.3 * top, largest)
-        raise ValueError(f"the force {largest / softest * self.scene.physics.scales.force:g} was not reached")
+        raise ValueError(
+            f"the force {largest / softest * self.scene.physics.scales.force:g} was not reached"
+        )
 
     def _cycle(self, history: History) -> list[Row]:
         """Lee-Radok and Ting; stepping where the contact turns out to grow again."""
@@ -277,23 +348,33 @@ class _Evaluation:
         cycle = OneCycle(self.modulus, times, values, self.curve_to(max(values)))
         wanted = history.instants
         if cycle.regrows([instant.t for instant in wanted]):
-            self.warnings.append("the contact grows again while the tip retracts or is held after it: stepped in time")
+            self.warnings.append(
+                "the contact grows again while the tip retracts or is held after it: stepped in "
+                "time"
+            )
             self.is_stepped = True
             return self._stepped(history)
         rows = []
         for k, instant in enumerate(wanted):
             jumps = k + 1 < len(wanted) and wanted[k + 1].t == instant.t
             response = cycle.at(instant.t, after=not jumps)
-            rows.append(self._row(instant.t, replace(response, delta=instant.value), instant.branch))
+            rows.append(
+                self._row(instant.t, replace(response, delta=instant.value), instant.branch)
+            )
         return rows
 
     def _stepped(self, history: History) -> list[Row]:
         times, values = map(list, zip(*history.from_rest, strict=True))
-        surface = self.surface(self._deepest_at(max(values), remaining(self.scene.relaxation, history)))
+        surface = self.surface(
+            self._deepest_at(max(values), remaining(self.scene.relaxation, history))
+        )
         modulus = self.modulus.prony(SHORTEST_TIME * history.span / len(times), history.span)
         stepper = StepByStep(surface, modulus, self.compliance, self.of_force)
         ways = [branch_of(*pair) for pair in pairwise(values)]
-        branches, point, rows = [ways[0], *ways], 0, []  # of the piece that ends at each point
+        # of the piece that ends at each point
+        branches = [ways[0], *ways]
+        point = 0
+        rows = []
         for response in stepper.responses(times, values, list(history.pieces)):
             rows.append(self._row(response.t, response, branches[point]))
             point += response.t == times[point]
@@ -301,39 +382,62 @@ class _Evaluation:
 
     def _jkr_curve(self, jkr: Jkr) -> list[Row]:
         """The whole equilibrium curve by the contact radius, without a history."""
-        last, deep = jkr.pull_off(self.compliance), jkr.stable(self.deepest)
+        last = jkr.pull_off(self.compliance)
+        deep = jkr.stable(self.deepest)
         assert deep is not None
         low = max(1.001 * self.punches.smallest, 0.02 * last.a)
         radii = low * (deep.a / low) ** np.linspace(0.0, 1.0, CURVE_POINTS)
-        return [self._row(nan, jkr.at(float(a)), "stable" if a >= last.a else "unstable") for a in radii]
+        return [
+            self._row(nan, jkr.at(float(a)), "stable" if a >= last.a else "unstable") for a in radii
+        ]
 
     def _jkr_history(self, jkr: Jkr, history: History) -> list[Row]:
-        """Stable equilibria as the history passes: the tip snaps in at first touch and comes off where it must."""
+        """Stable equilibria as the history passes: the tip snaps in at first touch and comes off
+        where it must.
+        """
         compliance = inf if self.of_force else self.compliance
         last = jkr.pull_off(compliance)
         comes_off = last.force if self.of_force else last.delta + compliance * last.force
-        rows, touches = [], False
+        rows = []
+        touches = False
         stable = jkr.branch(max(instant.value for instant in history.instants), compliance)
         for instant in history.instants:
-            t, value, branch = instant.t, instant.value, instant.branch
+            t = instant.t
+            value = instant.value
+            branch = instant.branch
             touches = value > comes_off if touches else value >= 0.0
             contact = stable(value) if touches else None
-            off = Row(t, nan, nan, value, 0.0, branch) if self.of_force else Row(t, value, value, 0.0, 0.0, branch)
+            off = (
+                Row(t, nan, nan, value, 0.0, branch)
+                if self.of_force
+                else Row(t, value, value, 0.0, 0.0, branch)
+            )
             rows.append(off if contact is None else self._row(t, contact, branch))
         if any(isnan(row.delta) for row in rows):
-            self.warnings.append("the force pulls harder than adhesion holds: while it does there is no depth")
+            self.warnings.append(
+                "the force pulls harder than adhesion holds: while it does there is no depth"
+            )
         return rows
 
     def _adhesion(self, jkr: Jkr) -> dict[str, Any]:
         """The parts `adhesion` and `cantilever` of run.json."""
-        by_force, by_depth = jkr.pull_off(inf), jkr.pull_off(0.0)
+        by_force = jkr.pull_off(inf)
+        by_depth = jkr.pull_off(0.0)
         held = {"force_control": _said(by_force), "depth_control": _said(by_depth)}
-        if isinstance(self.punches, FittedPunches):  # of a mesh, which knows where the force is least up to an error
-            apart = (abs(Jkr(other, jkr.work).pull_off(inf).delta - by_force.delta) for other in self.punches.beside)
-            held["force_control"]["delta_error"] = max(2 * max(apart), LEAST_PULL_OFF_ERROR * abs(by_depth.delta))
+        if isinstance(
+            self.punches, FittedPunches
+        ):  # of a mesh, which knows where the force is least up to an error
+            apart = (
+                abs(Jkr(other, jkr.work).pull_off(inf).delta - by_force.delta)
+                for other in self.punches.beside
+            )
+            held["force_control"]["delta_error"] = max(
+                2 * max(apart), LEAST_PULL_OFF_ERROR * abs(by_depth.delta)
+            )
         report: dict[str, Any] = {"adhesion": {"pull_off": held, **self._range(jkr.work)}}
         if self.experiment.cantilever:
-            snapped, last = jkr.stable(0.0, self.compliance), jkr.pull_off(self.compliance)
+            snapped = jkr.stable(0.0, self.compliance)
+            last = jkr.pull_off(self.compliance)
             assert snapped is not None  # no spring lets go before z < 0
             out = {"z": last.delta + self.compliance * last.force} | _said(last)
             report["cantilever"] = {"jump_in": {"z": 0.0} | _said(snapped), "jump_out": out}
@@ -341,7 +445,8 @@ class _Evaluation:
 
     def _range(self, work: float) -> dict[str, float]:
         """Tabor and Maugis numbers, and the pull-off force that the latter gives on a half-space."""
-        given, physics = self.experiment.adhesion, self.scene.physics
+        given = self.experiment.adhesion
+        physics = self.scene.physics
         if given is None or given.range is None:
             return {}
         R = relative_tip(physics.indenter, physics.body).R  # type: ignore[union-attr]
@@ -351,19 +456,28 @@ class _Evaluation:
         return {"tabor": tabor(*numbers), "maugis_lambda": parameter, "maugis_pull_off": pull_off}
 
     def _uncertain(self, given: Calibration) -> tuple[float, float]:
-        """Relative uncertainties of a force, k times a deflection, and of a modulus fitted to it, E ~ F/F_1(R)."""
+        """Relative uncertainties of a force, k times a deflection, and of a modulus fitted to it, E
+        ~ F/F_1(R).
+        """
         of_R = 0.0
         if given.R:
-            less, more = (self._force(R) for R in (1.0 - EXPONENT_VARIATION, 1.0 + EXPONENT_VARIATION))
+            less, more = (
+                self._force(R) for R in (1.0 - EXPONENT_VARIATION, 1.0 + EXPONENT_VARIATION)
+            )
             of_R = log(more / less) / log((1.0 + EXPONENT_VARIATION) / (1.0 - EXPONENT_VARIATION))
         return given.stiffness, hypot(given.stiffness, of_R * given.R)
 
     def _force(self, share: float) -> float:
         """The elastic force at the deepest depth with the tip's radius times a share."""
-        theory, tip = self.scene.plan.theory, self.scene.physics.indenter
+        theory = self.scene.plan.theory
+        tip = self.scene.physics.indenter
         tip = replace(tip, R=share * tip.R)  # type: ignore[arg-type, call-arg, union-attr]
         contact = theory.contact if theory else None
-        if not self.scene.is_meshed and isinstance(contact, LayerContact) and (shape := shape_of(tip)):
+        if (
+            not self.scene.is_meshed
+            and isinstance(contact, LayerContact)
+            and (shape := shape_of(tip))
+        ):
             return replace(contact, tip=shape).curve([self.deepest])[0].force
         other = self._equilibrium.under(self.scene.with_physics(indenter=tip))
         self._press(other, self.deepest, self.deepest)
@@ -372,14 +486,17 @@ class _Evaluation:
     def _dynamic(self, rows: list[Row]) -> list[Dynamic]:
         """K(a) (G' + i G'') of the contact that the history ends with, or of the deepest one."""
         frequencies = self.experiment.frequencies or ()
-        stiffness, a = 0.0, rows[-1].a
+        stiffness = 0.0
+        a = rows[-1].a
         if frequencies and a > 0:
             curve = self.curve_to(self.deepest)
             depths = np.geomspace(SHALLOWEST, 1.0, 4000) * curve.deepest
             delta = float(np.interp(a, curve.a(depths), depths))
             stiffness = float(curve.stiffness(np.array(delta)))
         complex_stiffness = [stiffness * self.modulus.complex(2 * np.pi * f) for f in frequencies]
-        return [Dynamic(f, K.real, K.imag) for f, K in zip(frequencies, complex_stiffness, strict=True)]
+        return [
+            Dynamic(f, K.real, K.imag) for f, K in zip(frequencies, complex_stiffness, strict=True)
+        ]
 
 
 def _samples(first: float, last: float) -> list[float]:

@@ -1,15 +1,18 @@
 """Plausibility of rows: bounds on an elastic body that hold whatever the mesh and the method.
 
-The tip only pushes, so nothing pulls, and a tip pressed into a flat body touches it. The force grows with the depth
-and is the derivative of the energy Pi, so 0 <= Pi <= force delta. The surface stays below the tip, also where contact
-is not looked for. The force is theory's where theory is exact, and of one order with it where it is nearly so. None of
-this says how accurate a row is; `unresolved` names the rows whose contact is smaller than elements resolve.
-A tip that adheres may pull, and where it lets go or snaps in the force is no derivative: there only the rest is asked.
-Where fluid flows, or shear relaxes, depth and force are of a time: rules that compare them are left out.
-A rough surface gives back less than was put in: its forces are compared while the tip goes in, never on the way back.
+The tip only pushes, so nothing pulls, and a tip pressed into a flat body touches it. The force
+grows with the depth and is the derivative of the energy Pi, so 0 <= Pi <= force delta. The surface
+stays below the tip, also where contact is not looked for. The force is theory's where theory is
+exact, and of one order with it where it is nearly so. None of this says how accurate a row is;
+`unresolved` names the rows whose contact is smaller than elements resolve. A tip that adheres may
+pull, and where it lets go or snaps in the force is no derivative: there only the rest is asked.
+Where fluid flows, or shear relaxes, depth and force are of a time: rules that compare them are left
+out. A rough surface gives back less than was put in: its forces are compared while the tip goes in,
+never on the way back.
 
-Each rule is a function of the scene, a converged state and the states before it (in the user's units) to a sentence, or
-to None where it has nothing against the state. They are wide enough for coarse meshes and soft penalties.
+Each rule is a function of the scene, a converged state and the states before it (in the user's
+units) to a sentence, or to None where it has nothing against the state. They are wide enough for
+coarse meshes and soft penalties.
 """
 
 from __future__ import annotations
@@ -23,24 +26,45 @@ import numpy as np
 from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.model.state import State
 from indent_sim.model.tips import flat_radius
-from indent_sim.scene.doubts import UNRESOLVED, force_doubt, how_to_refine, in_words, penalty_loss, swelling_doubt
+from indent_sim.scene.doubts import (
+    UNRESOLVED,
+    force_doubt,
+    how_to_refine,
+    in_words,
+    penalty_loss,
+    swelling_doubt,
+)
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.theories import relative_tip
 from indent_sim.theory.solution import Solution
 
-FORCE_NOISE = 1e-6  # of the largest force so far: what round-off and the supports' tolerance may leave of none
+# of the largest force so far: what round-off and the supports' tolerance may leave of none
+FORCE_NOISE = 1e-6
 SAME = 1e-6  # of a depth: closer ones may have one solution to the solver's tolerance
-FIRST_TOUCH = 1e-5  # of the path's largest force: a row with less to expect may lie between two points of its mesh
-LINEAR_FALL, FALL = 1e-3, 0.02  # of the force, with greater depth: convex problems solved to 1e-7; kinks of the others
-WORK_SLACK = 0.02  # of force delta: what the contact term of a multiplier adds to the energy on a coarse mesh
-SUNK = 0.1, 0.5  # of the depth, of an element: twice what a contact of one element was seen to sink in
-# Of the depth. A contact group that ends beside the contact costs force: 0.02 % where the tip is 2e-4 inside the next
-# facets, 0.4 % at 8e-3, 4 % at 6e-2, 20 % at 0.2, measured (axisymmetric and plane; both gaps). Where it does not: 0
+# of the path's largest force: a row with less to expect may lie between two points of its mesh
+FIRST_TOUCH = 1e-5
+# of the force, with greater depth: convex problems solved to 1e-7; kinks of the others
+LINEAR_FALL = 1e-3
+FALL = 0.02
+# of force delta: what the contact term of a multiplier adds to the energy on a coarse mesh
+WORK_SLACK = 0.02
+SUNK = (
+    0.1,
+    0.5,
+)  # of the depth, of an element: twice what a contact of one element was seen to sink in
+# Of the depth. A contact group that ends beside the contact costs force: 0.02 % where the tip is
+# 2e-4 inside the next facets, 0.4 % at 8e-3, 4 % at 6e-2, 20 % at 0.2, measured (axisymmetric and
+# plane; both gaps). Where it does not: 0
 INTRUDED = 1e-3
-PENETRATIONS = 2.0  # of a law that lets the tip sink in: between its quadrature points it may be somewhat more
+PENETRATIONS = (
+    2.0  # of a law that lets the tip sink in: between its quadrature points it may be somewhat more
+)
 # Factors from theory: the same problem; a half-space at small strain instead of the body's
-SAME_PROBLEM_FACTOR, HALF_SPACE_FACTOR = 1.5, 10.0
-HALF_SPACE_CONTACT = 0.3  # of the thickness and of the way to the rim: a contact up to this feels little of them
+SAME_PROBLEM_FACTOR = 1.5
+HALF_SPACE_FACTOR = 10.0
+HALF_SPACE_CONTACT = (
+    0.3  # of the thickness and of the way to the rim: a contact up to this feels little of them
+)
 PILLAR_HEIGHT = 10.0  # ways to the rim: a thicker body is a pillar, whose own shortening counts
 SHALLOW = 0.1  # of the contact radius: up to this depth no law stiffens by a factor
 THEORY_FORCE_ERROR = 1e-4  # of theory's force: its own error
@@ -49,27 +73,36 @@ THEORY_FORCE_ERROR = 1e-4  # of theory's force: its own error
 # of. In scenes with a smooth pressure the fraction is 0.002 to 0.02, in a saw-tooth 0.09 to 0.5
 # (measured in docs/decisions/0053).
 ROUGH = 0.03
-# A stick radius or a dissipation that a long step may have wrong by more than this is warned of. Measured with 1, 2, 5,
-# 10 and 40 even steps under a paraboloid (thick layer, nu 0): with friction 0.3 the stick radius is 0.24, 0.45, 0.50,
-# 0.52 and 0.54 of the contact radius and all heat 2.4, 1.5, 1.07, 1.01 times that of 40 steps; with friction 0.6 it is
-# 0.82, 0.82, 0.85, 0.87 and 0.90 of it, and 0.97, 0.60, 0.64, 0.89 times. The last step adds 1, 0.29, 0.11 and 0.05 of
-# the contact radius.
+# A stick radius or a dissipation that a long step may have wrong by more than this is warned of.
+# Measured with 1, 2, 5, 10 and 40 even steps under a paraboloid (thick layer, nu 0): with friction
+# 0.3 the stick radius is 0.24, 0.45, 0.50, 0.52 and 0.54 of the contact radius and all heat 2.4,
+# 1.5, 1.07, 1.01 times that of 40 steps; with friction 0.6 it is 0.82, 0.82, 0.85, 0.87 and 0.90 of
+# it, and 0.97, 0.60, 0.64, 0.89 times. The last step adds 1, 0.29, 0.11 and 0.05 of the contact
+# radius.
 LONG_STEP = 0.25
 
-MAY_HELP = "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
-STAY_ABOVE = "the top alone is a contact surface: stay above that depth, or let the top slide (contact.friction: 0)"
+MAY_HELP = (
+    "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
+)
+STAY_ABOVE = (
+    "the top alone is a contact surface: stay above that depth, or let the top slide "
+    "(contact.friction: 0)"
+)
 
 
 Compared = tuple[float, float, float]  # of a row: depth, force, half its bar's width
 
 
 class Rows:
-    """Rows in the order of their path, with what a new one is compared with: it costs the same after few and many."""
+    """Rows in the order of their path, with what a new one is compared with: it costs the same
+    after few and many.
+    """
 
     def __init__(self, states: Iterable[State] = ()):
         self.last: State | None = None
         self.has_turned = False  # back to a smaller depth
-        self.deepest, self.largest_force = -inf, 0.0
+        self.deepest = -inf
+        self.largest_force = 0.0
         self._strongest: Compared | None = None  # that which surely pushes most
         self._columns: np.ndarray = np.empty((3, 64))  # depth, force and half its bar's width
         self._count = 0
@@ -85,11 +118,14 @@ class Rows:
             self._columns = np.concatenate([self._columns, np.empty_like(self._columns)], axis=1)
         self._columns[:, self._count] = own = _compared(state)
         pushes = own[1] - own[2]
-        if pushes == pushes and (self._strongest is None or pushes > self._strongest[1] - self._strongest[2]):
+        if pushes == pushes and (
+            self._strongest is None or pushes > self._strongest[1] - self._strongest[2]
+        ):
             self._strongest = own
         self._count += 1
         self.has_turned |= self.last is not None and state.delta < self.last.delta
-        self.deepest, self.largest_force = max(self.deepest, state.delta), max(self.largest_force, abs(state.force))
+        self.deepest = max(self.deepest, state.delta)
+        self.largest_force = max(self.largest_force, abs(state.force))
         self.last = state
 
     def strongest_above(self, delta: float) -> Compared | None:
@@ -126,11 +162,14 @@ def foresee(scene: Scene) -> None:
     physics = scene.physics
     if scene.plan.theory and physics.path.control == "depth":
         scale = physics.scales.depth
-        scene.plan.theory.expect([delta * scale / scale for delta in physics.deltas])  # as rows say their depths
+        scene.plan.theory.expect(
+            [delta * scale / scale for delta in physics.deltas]
+        )  # as rows say their depths
 
 
 def contradiction(scene: Scene, state: State, earlier: Rows) -> str | None:
-    """What cannot be true of a converged state after others on its path, None where nothing is known against it.
+    """What cannot be true of a converged state after others on its path, None where nothing is
+    known against it.
 
     The states are in the user's units.
     """
@@ -143,26 +182,38 @@ def contradiction(scene: Scene, state: State, earlier: Rows) -> str | None:
 
 
 def unresolved(scene: Scene, states: Sequence[State]) -> list[str]:
-    """What to say of rows (in the user's units) whose contact has too few elements; nothing where the scene said so
-    beforehand.
+    """What to say of rows (in the user's units) whose contact has too few elements; nothing where
+    the scene said so beforehand.
 
-    Where the contact grows by itself, in time or under a force, its smallest radius is known only now.
+    Where the contact grows by itself, in time or under a force, its smallest radius is known only
+    now.
     """
     foreseen = any(doubt.key == "elements" for doubt in scene.plan.doubts)
     if foreseen or not scene.is_meshed or scene.history or scene.physics.contact.may_snap:
         return []
-    L, sizes = scene.physics.scales.length, scene.sizes
+    L = scene.physics.scales.length
+    sizes = scene.sizes
     least = FORCE_NOISE * max((state.force for state in states), default=0.0)
-    doubts = {state.step: _doubt_of_force(scene, state) for state in states if state.force > least and state.a > 0}
+    doubts = {
+        state.step: _doubt_of_force(scene, state)
+        for state in states
+        if state.force > least and state.a > 0
+    }
     few = [step for step, doubt in doubts.items() if doubt >= UNRESOLVED]
     if not few:
         return []
-    most = max(sizes.elements(scene.physics.whole_radius(state.a / L)) for state in states if state.step in few)
+    most = max(
+        sizes.elements(scene.physics.whole_radius(state.a / L))
+        for state in states
+        if state.step in few
+    )
     rows = f"step {few[0]} has" if len(few) == 1 else f"{len(few)} rows from step {few[0]} on have"
     likely = sorted(doubts[step] for step in few)
     span = " to ".join(dict.fromkeys(in_words(likely[k]) for k in (0, -1)))
     wrong = f"the force there may be wrong by {span}, pressures by more"
-    remedy = how_to_refine(sizes, "give mesh.h_contact and a smaller mesh.h_axis, or ask for an accuracy")
+    remedy = how_to_refine(
+        sizes, "give mesh.h_contact and a smaller mesh.h_axis, or ask for an accuracy"
+    )
     return [f"{rows} at most {most:.2g} elements in the contact radius: {wrong}; {remedy}"]
 
 
@@ -188,19 +239,25 @@ def rough(scene: Scene, states: Sequence[State]) -> list[str]:
     size = f"{100 * worst.roughness:.2g} % of p_max"
     rows = f"step {worst.step}: the pressure alternates from node to node by {size}"
     if len(found) > 1:
-        rows = f"{len(found)} rows from step {found[0].step} on: the pressure alternates from node to node"
+        rows = (
+            f"{len(found)} rows from step {found[0].step} on: the pressure alternates from "
+            "node to node"
+        )
         least = min(state.roughness for state in found)
         rows = f"{rows}, by {100 * least:.2g} to {size}, most in step {worst.step}"
-    return [f"{rows}; p_max and `pressure` of the surface are as uncertain, the force far less; {_smoother(scene)}"]
+    return [
+        f"{rows}; p_max and `pressure` of the surface are as uncertain, the force far "
+        f"less; {_smoother(scene)}"
+    ]
 
 
 def long_steps(scene: Scene, states: Sequence[State]) -> list[str]:
     """Warn of load increments that are too long to resolve where the surface slips on the tip.
 
-    A step that makes the contact radius grow from a_0 to a takes all that is new in contact to have slipped at once.
-    Its stick radius is off by about (a - a_0)/a of itself, its dissipation by half of (a - a_0)/(a - stick radius), and
-    the force hardly at all. Rows of less than half of the largest contact are left out: the first one is a single step
-    from rest in every run.
+    A step that makes the contact radius grow from a_0 to a takes all that is new in contact to have
+    slipped at once. Its stick radius is off by about (a - a_0)/a of itself, its dissipation by half
+    of (a - a_0)/(a - stick radius), and the force hardly at all. Rows of less than half of the
+    largest contact are left out: the first one is a single step from rest in every run.
 
     Parameters
     ----------
@@ -231,8 +288,15 @@ def long_steps(scene: Scene, states: Sequence[State]) -> list[str]:
         return []
     moved, stick, heat = (max(sizes) for sizes in zip(*found.values(), strict=True))
     first = next(iter(found))
-    rows = f"step {first} changes" if len(found) == 1 else f"{len(found)} rows from step {first} on change"
-    wrong = f"stick_radius may be wrong by {_about(stick)} there, dissipation by {_about(heat)}, the force hardly"
+    rows = (
+        f"step {first} changes"
+        if len(found) == 1
+        else f"{len(found)} rows from step {first} on change"
+    )
+    wrong = (
+        f"stick_radius may be wrong by {_about(stick)} there, dissipation by "
+        f"{_about(heat)}, the force hardly"
+    )
     remedy = "use more loading.steps, or --error-bars, which say how much"
     return [f"{rows} the contact radius by up to {100 * moved:.0f} %: {wrong}; {remedy}"]
 
@@ -243,7 +307,9 @@ def _about(error: float) -> str:
 
 
 def _radius_of_first_contact(scene: Scene) -> float:
-    """The contact radius [length] of a tip that just touches: that of its flat face on a flat body, otherwise 0."""
+    """The contact radius [length] of a tip that just touches: that of its flat face on a flat body,
+    otherwise 0.
+    """
     physics = scene.physics
     if physics.is_compressed:
         return physics.body.rim_distance(physics.center)
@@ -251,7 +317,9 @@ def _radius_of_first_contact(scene: Scene) -> float:
 
 
 def _smoother(scene: Scene) -> str:
-    """Name the element size whose reduction makes the contact pressure smoother (measured in docs/decisions/0053)."""
+    """Name the element size whose reduction makes the contact pressure smoother (measured in
+    docs/decisions/0053).
+    """
     if scene.sizes.rubbed:
         return how_to_refine(scene.sizes, "a smaller mesh.h_edge helps")
     return how_to_refine(scene.sizes, "a smaller mesh.h_contact helps")
@@ -259,7 +327,8 @@ def _smoother(scene: Scene) -> str:
 
 def _doubt_of_force(scene: Scene, state: State) -> float:
     """The relative error of the force to fear with the contact radius that was found."""
-    physics, a = scene.physics, scene.physics.whole_radius(state.a / scene.physics.scales.length)
+    physics = scene.physics
+    a = scene.physics.whole_radius(state.a / scene.physics.scales.length)
     if physics.is_closed_by_swelling(state.delta / physics.scales.depth, a):
         return swelling_doubt(scene.sizes, a)
     return force_doubt(scene.sizes, a, physics.largest_nu)
@@ -267,14 +336,25 @@ def _doubt_of_force(scene: Scene, state: State) -> float:
 
 @cache
 def _rules(is_pressed: bool, evolves: bool, snaps: bool) -> Rules:
-    """Those that hold for a row that is more than a first touch, where fluid flows, where a tip may snap."""
+    """Those that hold for a row that is more than a first touch, where fluid flows, where a tip may
+    snap.
+    """
     unknown = {*(OF_TIPS_THAT_PUSH if snaps else ()), *(OF_ELASTIC_BODIES if evolves else ())}
-    return tuple(rule for rule in (ALWAYS + WHEN_PRESSED if is_pressed else ALWAYS) if rule not in unknown)
+    return tuple(
+        rule for rule in (ALWAYS + WHEN_PRESSED if is_pressed else ALWAYS) if rule not in unknown
+    )
 
 
 def _is_no_number(scene: Scene, state: State, earlier: Rows) -> str | None:
-    """Depth, force, contact radius and energy are finite; p_max is infinite in truth under a sharp tip."""
-    names = ("delta", "force", "a", *(("energy",) if scene.is_meshed and not scene.physics.relaxing else ()))
+    """Depth, force, contact radius and energy are finite; p_max is infinite in truth under a sharp
+    tip.
+    """
+    names = (
+        "delta",
+        "force",
+        "a",
+        *(("energy",) if scene.is_meshed and not scene.physics.relaxing else ()),
+    )
     wrong = [name for name in names if not isfinite(getattr(state, name))]
     return f"{', '.join(wrong)} is not a number" if wrong else None
 
@@ -305,7 +385,8 @@ def _touches_nothing(scene: Scene, state: State, earlier: Rows) -> str | None:
 
 def _is_wider_than_tip(scene: Scene, state: State, earlier: Rows) -> str | None:
     """a up to the radius at which the tip ends, and an element to either side."""
-    end, L = scene.physics.indenter.radius_at(scene.physics.body.height), scene.physics.scales.length
+    end = scene.physics.indenter.radius_at(scene.physics.body.height)
+    L = scene.physics.scales.length
     if state.a <= (end + 2 * scene.sizes.h_contact) * L:
         return None
     return f"the contact radius {state.a:.6g} is beyond the tip, which ends at {end * L:.6g}"
@@ -316,14 +397,22 @@ def _stands_on_a_side(scene: Scene, state: State, earlier: Rows) -> str | None:
     end = scene.physics.end_of_sides * scene.physics.scales.depth
     if state.delta <= end * (1 + SAME):
         return None
-    return f"the tip is on the top of a fixed side from {end:.6g} on, and the force there has no bound"
+    return (
+        f"the tip is on the top of a fixed side from {end:.6g} on, and the force there has no bound"
+    )
 
 
 def _stands_still(scene: Scene, state: State, earlier: Rows) -> str | None:
-    """A new depth is another solution: of no iteration, only where the one foretold was right and the force another."""
+    """A new depth is another solution: of no iteration, only where the one foretold was right and
+    the force another.
+    """
     before = earlier.last
     is_new = before is None or abs(state.delta - before.delta) > SAME * abs(state.delta)
-    moved = abs(state.force - before.force) if before and (before.force > 0 or scene.physics.contact.may_snap) else 0.0
+    moved = (
+        abs(state.force - before.force)
+        if before and (before.force > 0 or scene.physics.contact.may_snap)
+        else 0.0
+    )
     is_other = moved > FORCE_NOISE * SAME * abs(state.force)
     if state.newton_iterations > 0 or not is_new or is_other:
         return None
@@ -331,8 +420,12 @@ def _stands_still(scene: Scene, state: State, earlier: Rows) -> str | None:
 
 
 def _overlaps(scene: Scene, state: State, earlier: Rows) -> str | None:
-    """No facet of the deformed surface lies inside the tip, but for what a coarse mesh or a penalty lets it sink in."""
-    allowed = max(SUNK[0] * state.delta, SUNK[1] * scene.sizes.h_contact * scene.physics.scales.length)
+    """No facet of the deformed surface lies inside the tip, but for what a coarse mesh or a penalty
+    lets it sink in.
+    """
+    allowed = max(
+        SUNK[0] * state.delta, SUNK[1] * scene.sizes.h_contact * scene.physics.scales.length
+    )
     if state.overlap <= allowed + _sunk(scene, state):
         return None
     return f"a facet of the surface lies {state.overlap:.3g} inside the tip, which went through it"
@@ -342,10 +435,15 @@ def _is_inside_the_skin(scene: Scene, state: State, earlier: Rows) -> str | None
     """No part of the surface that contact is not looked for on lies inside the tip."""
     if state.intrusion <= INTRUDED * state.delta + _sunk(scene, state):
         return None
-    why = "a side of the body has come to the tip, or the contact group of a mesh file ends too early"
+    why = (
+        "a side of the body has come to the tip, or the contact group of a mesh file ends too early"
+    )
     if scene.physics.is_compressed:
         since = earlier.last.delta if earlier.last and earlier.last.delta < state.delta else 0.0
-        why = f"a side of the body folds up against it from a depth between {since:.6g} and {state.delta:.6g} on"
+        why = (
+            f"a side of the body folds up against it from a depth between {since:.6g} and "
+            f"{state.delta:.6g} on"
+        )
     where = "inside the surface beside the contact surface, where nothing keeps it out"
     return f"the tip is {state.intrusion:.3g} {where}: {why}"
 
@@ -358,7 +456,10 @@ def _energy_is_not_its_work(scene: Scene, state: State, earlier: Rows) -> str | 
         return None
     if scene.physics.has_friction and earlier.deepest > state.delta:
         return None
-    return f"the energy is {state.energy:.6g}, and a force that grew to {state.force:.6g} did {work:.6g} at most"
+    return (
+        f"the energy is {state.energy:.6g}, and a force that grew to {state.force:.6g} "
+        f"did {work:.6g} at most"
+    )
 
 
 def _falls(scene: Scene, state: State, earlier: Rows) -> str | None:
@@ -368,19 +469,27 @@ def _falls(scene: Scene, state: State, earlier: Rows) -> str | None:
         return None  # friction gives less back
     fall = LINEAR_FALL if scene.physics.small_strain and scene.physics.gap == "reference" else FALL
     own = _compared(state)
-    for shallow, deep in ((earlier.strongest_above(state.delta), own), (own, earlier.weakest_below(state.delta))):
+    for shallow, deep in (
+        (earlier.strongest_above(state.delta), own),
+        (own, earlier.weakest_below(state.delta)),
+    ):
         if shallow is None or deep is None:
             continue
         lost = shallow[1] - deep[1] - shallow[2] - deep[2] - fall * abs(shallow[1])
         if lost > 0 and lost > _noise(scene, state, earlier) and not _may_soften(scene):
-            forces = f"{shallow[1]:.6g} at delta = {shallow[0]:.6g} and {deep[1]:.6g} at {deep[0]:.6g}"
+            forces = (
+                f"{shallow[1]:.6g} at delta = {shallow[0]:.6g} and {deep[1]:.6g} at {deep[0]:.6g}"
+            )
             return f"the force is {forces}, where it must be larger"
     return None
 
 
 def _is_not_theorys(scene: Scene, state: State, earlier: Rows) -> str | None:
-    """The force is theory's within the error bar where theory is exact, and within a factor where it is nearly so."""
-    theory, scales = scene.plan.theory, scene.physics.scales
+    """The force is theory's within the error bar where theory is exact, and within a factor where
+    it is nearly so.
+    """
+    theory = scene.plan.theory
+    scales = scene.physics.scales
     solution = theory.at(state.delta / scales.depth) if theory else None
     if theory is None or solution is None or solution.force <= 0:
         return None
@@ -393,19 +502,46 @@ def _is_not_theorys(scene: Scene, state: State, earlier: Rows) -> str | None:
         return None
     if abs(state.force - expected) <= state.force_error + THEORY_FORCE_ERROR * expected:
         return None
-    return f"{said}, exact for this body, {expected:.6g}: the error bar {state.force_error:.3g} does not hold it"
+    return (
+        f"{said}, exact for this body, {expected:.6g}: the error bar "
+        f"{state.force_error:.3g} does not hold it"
+    )
 
 
-ALWAYS: Rules = (_is_no_number, _overlaps, _pulls, _pushes_from_afar, _is_wider_than_tip, _falls, _stands_on_a_side)
-WHEN_PRESSED: Rules = (_touches_nothing, _is_inside_the_skin, _stands_still, _energy_is_not_its_work, _is_not_theorys)
+ALWAYS: Rules = (
+    _is_no_number,
+    _overlaps,
+    _pulls,
+    _pushes_from_afar,
+    _is_wider_than_tip,
+    _falls,
+    _stands_on_a_side,
+)
+WHEN_PRESSED: Rules = (
+    _touches_nothing,
+    _is_inside_the_skin,
+    _stands_still,
+    _energy_is_not_its_work,
+    _is_not_theorys,
+)
 OF_TIPS_THAT_PUSH: Rules = (_pulls, _falls, _energy_is_not_its_work, _is_not_theorys)
-# What takes time lets a force fall in a hold, and what was pressed in may not have come back yet, or swells
-OF_ELASTIC_BODIES: Rules = (_pushes_from_afar, _falls, _touches_nothing, _energy_is_not_its_work, _is_not_theorys)
+# What takes time lets a force fall in a hold, and what was pressed in may not have come back yet,
+# or swells
+OF_ELASTIC_BODIES: Rules = (
+    _pushes_from_afar,
+    _falls,
+    _touches_nothing,
+    _energy_is_not_its_work,
+    _is_not_theorys,
+)
 
 
 def _is_first_touch(scene: Scene, state: State) -> bool:
-    """Whether E* radius_at(depth) depth, of the order of the force, is next to none beside that of the whole path."""
-    depth, deepest = state.delta / scene.physics.scales.depth, scene.physics.deepest
+    """Whether E* radius_at(depth) depth, of the order of the force, is next to none beside that of
+    the whole path.
+    """
+    depth = state.delta / scene.physics.scales.depth
+    deepest = scene.physics.deepest
     if depth <= 0 or deepest <= depth:
         return depth <= 0
     if scene.physics.is_compressed:
@@ -415,15 +551,28 @@ def _is_first_touch(scene: Scene, state: State) -> bool:
 
 
 def _noise(scene: Scene, state: State, earlier: Rows) -> float:
-    """A force that is none [force]: beside those so far, or beside one that presses an element in as deep."""
-    scales, h = scene.physics.scales, scene.sizes.h_contact
-    pressed = scene.physics.material.E_star * h ** (scales.dim - 2) * abs(state.delta) / scales.depth * scales.force
+    """A force that is none [force]: beside those so far, or beside one that presses an element in
+    as deep.
+    """
+    scales = scene.physics.scales
+    h = scene.sizes.h_contact
+    pressed = (
+        scene.physics.material.E_star
+        * h ** (scales.dim - 2)
+        * abs(state.delta)
+        / scales.depth
+        * scales.force
+    )
     return FORCE_NOISE * max(pressed, earlier.largest_force)
 
 
 def _sunk(scene: Scene, state: State) -> float:
     """How far the contact law lets the tip sink in [length]."""
-    return PENETRATIONS * state.penetration if isinstance(scene.physics.contact, Penalty | Nitsche) else 0.0
+    return (
+        PENETRATIONS * state.penetration
+        if isinstance(scene.physics.contact, Penalty | Nitsche)
+        else 0.0
+    )
 
 
 def _bar(state: State) -> float:
@@ -438,12 +587,21 @@ def _may_soften(scene: Scene) -> bool:
 def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
     """Least and largest force over theory's that may be true, mesh and penalty included."""
     coarse = 1 + force_doubt(scene.sizes, theory.a, scene.physics.largest_nu)
-    left = 1 - penalty_loss(scene.physics.contact, scene.physics.material, scene.plan.theory, theory.delta, theory.a)
+    left = 1 - penalty_loss(
+        scene.physics.contact, scene.physics.material, scene.plan.theory, theory.delta, theory.a
+    )
     if scene.exact_theory:
         return left / (SAME_PROBLEM_FACTOR * coarse), SAME_PROBLEM_FACTOR * coarse
-    height, rim = scene.physics.body.height, scene.physics.body.rim_distance(scene.physics.center)
-    feels_a_half_space = theory.a <= HALF_SPACE_CONTACT * min(height, rim) and height <= PILLAR_HEIGHT * rim
-    if scene.physics.body.inclusions or scene.physics.part.skins or not feels_a_half_space:  # skins bend as shells
+    height = scene.physics.body.height
+    rim = scene.physics.body.rim_distance(scene.physics.center)
+    feels_a_half_space = (
+        theory.a <= HALF_SPACE_CONTACT * min(height, rim) and height <= PILLAR_HEIGHT * rim
+    )
+    if (
+        scene.physics.body.inclusions or scene.physics.part.skins or not feels_a_half_space
+    ):  # skins bend as shells
         return 0.0, float("inf")
     may_stiffen = not scene.physics.small_strain and theory.delta > SHALLOW * theory.a
-    return left / (HALF_SPACE_FACTOR * coarse), float("inf") if may_stiffen else HALF_SPACE_FACTOR * coarse
+    return left / (HALF_SPACE_FACTOR * coarse), float(
+        "inf"
+    ) if may_stiffen else HALF_SPACE_FACTOR * coarse

@@ -25,11 +25,15 @@ class Prospect:
 
     @classmethod
     def of(cls, config: Config) -> Self:
-        """The prospect of a config; ConfigError for a scene that cannot exist or that this machine cannot hold."""
+        """The prospect of a config; ConfigError for a scene that cannot exist or that this machine
+        cannot hold.
+        """
         return cls(config, resolve(config))
 
     def whole(self, error_bars: bool = False) -> Self:
-        """The same with seconds and memory of all that is solved for it, for `accuracy` and for error bars."""
+        """The same with seconds and memory of all that is solved for it, for `accuracy` and for
+        error bars.
+        """
         if not (error_bars or self.scene.plan.fineness):  # nothing is solved beside it
             return self
         from indent_sim.run.companions.accuracy import foreseen
@@ -59,7 +63,9 @@ class Prospect:
 
     @property
     def is_of_any_depth(self) -> bool:
-        """Whether forces at any depths are found without a load path to them: by theory, or on a condensed body."""
+        """Whether forces at any depths are found without a load path to them: by theory, or on a
+        condensed body.
+        """
         return not self.scene.is_meshed or self.scene.solver.method == "condensed"
 
     @property
@@ -69,12 +75,18 @@ class Prospect:
 
     @property
     def identity(self) -> str:
-        """A name for physics, discretisation, history and experiment; titles and output have no part in it."""
-        from indent_sim.results.writer import to_json  # with the readers of results, which no plan of one scene needs
+        """A name for physics, discretisation, history and experiment; titles and output have no
+        part in it.
+        """
+        from indent_sim.results.writer import (
+            to_json,
+        )  # with the readers of results, which no plan of one scene needs
 
         scene = self.scene
         parts = [scene.physics, scene.sizes, scene.solver, scene.plan.fineness]
-        parts += [part for part in (scene.experiment, scene.history, scene.relaxation) if part is not None]
+        parts += [
+            part for part in (scene.experiment, scene.history, scene.relaxation) if part is not None
+        ]
         return hashlib.sha256(to_json(parts, indent=None).encode()).hexdigest()[:16]
 
     @property
@@ -94,7 +106,9 @@ class Prospect:
 
 
 def foreseen(config: Config, error_bars: bool = False) -> Prospect:
-    """The prospect of a config, with all that is solved for it; ConfigError with everything that is wrong with it."""
+    """The prospect of a config, with all that is solved for it; ConfigError with everything that is
+    wrong with it.
+    """
     try:
         return Prospect.of(config).whole(error_bars)
     except ConfigError as error:
@@ -102,13 +116,17 @@ def foreseen(config: Config, error_bars: bool = False) -> Prospect:
 
 
 def all_mistakes(first: ConfigError, config: Config) -> ConfigError:
-    """An error of a scene, and those that it has without; a mesh file is read once, so there it stands alone."""
+    """An error of a scene, and those that it has without; a mesh file is read once, so there it
+    stands alone.
+    """
     is_of_file = isinstance(config.body, MeshFromFile)
     return located(config, first) if is_of_file else told_together(first, config, resolve)
 
 
 def starts_mesher(read: Callable[[], Config]) -> bool:
-    """Fork the process that meshes, before MPI is up, unless theory solves what is read; whether it was."""
+    """Fork the process that meshes, before MPI is up, unless theory solves what is read; whether it
+    was.
+    """
     with suppress(IndentSimError):  # what is wrong with the config is said later, by all ranks
         if not needs_mesh(read()):
             return False

@@ -1,4 +1,6 @@
-"""What a row says beside what was solved: stiffness, contact area, and the modulus of a half-space fit."""
+"""What a row says beside what was solved: stiffness, contact area, and the modulus of a half-space
+fit.
+"""
 
 from __future__ import annotations
 
@@ -14,18 +16,24 @@ from indent_sim.scene.theories import half_space_force, relative_tip, shape_of
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.surface.punches import FittedPunches, LayerPunches, Punches, radius_at
 
-Equilibrium = Any  # of fe, which is loaded where a mesh is solved alone: its body that has just found a state
+Equilibrium = (
+    Any  # of fe, which is loaded where a mesh is solved alone: its body that has just found a state
+)
 
 
 class Readings:
-    """Reads a scene's states, without units, one by one; `equilibrium`: the body that has just found it.
+    """Reads a scene's states, without units, one by one; `equilibrium`: the body that has just
+    found it.
 
-    The stiffness is theory's, that of the flat punch in the contact's place (a condensed axisymmetric body: the tangent
-    of a mesh knows which of its points touch, and jumps by a per cent where the next one does), or the tangent's.
+    The stiffness is theory's, that of the flat punch in the contact's place (a condensed
+    axisymmetric body: the tangent of a mesh knows which of its points touch, and jumps by a per
+    cent where the next one does), or the tangent's.
     """
 
     def __init__(self, scene: Scene, equilibrium: Equilibrium = None, beside: Beside | None = None):
-        self.scene, self._equilibrium, self._beside = scene, equilibrium, beside or Beside()
+        self.scene = scene
+        self._equilibrium = equilibrium
+        self._beside = beside or Beside()
         self._condensed_to = -1  # nodes, as many as the punches are made of
         self._punches: Punches | None = None
 
@@ -35,7 +43,9 @@ class Readings:
             return state
         before = self._krylov_iterations
         stiffness = self._beside("stiffness", lambda: self._stiffness(state), nan)
-        area = self._beside("area", lambda: self.scene.physics.part.kinematics.contact_area(state.a), nan)
+        area = self._beside(
+            "area", lambda: self.scene.physics.part.kinematics.contact_area(state.a), nan
+        )
         E_hertz = self._beside("E_hertz", lambda: self._hertz(state), nan)
         found = {"stiffness": stiffness, "area": area, "E_hertz": E_hertz}
         if state.krylov_iterations is not None:
@@ -49,7 +59,9 @@ class Readings:
 
     def _hertz(self, state: State) -> float:
         physics = self.scene.physics
-        if physics.path.control == "force" and physics.path.values[state.step - 1] == 0:  # the force found is rounding
+        if (
+            physics.path.control == "force" and physics.path.values[state.step - 1] == 0
+        ):  # the force found is rounding
             return nan
         (force,) = hertz_forces(self.scene, [state.delta]) if state.force > 0 else [None]
         return physics.material.constants.E * state.force / force if force else nan
@@ -64,22 +76,28 @@ class Readings:
             return 0.0
         if self._equilibrium is None:
             return nan
-        if self.scene.solver.method == "condensed" and physics.part.kinematics.name == "axisymmetric":
+        if (
+            self.scene.solver.method == "condensed"
+            and physics.part.kinematics.name == "axisymmetric"
+        ):
             with suppress(*UNSOLVED):
                 nodes = self._equilibrium.contact.compliance.size
                 if self._punches is None or nodes != self._condensed_to:
-                    self._punches, self._condensed_to = punches_of(self.scene, self._equilibrium), nodes
+                    self._punches = punches_of(self.scene, self._equilibrium)
+                    self._condensed_to = nodes
                 return self._punches.at(radius_at(self._punches, state.delta, state.a)).stiffness
         return float(self._equilibrium.stiffness)
 
 
 def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
-    """The flat punches of every radius on a linear axisymmetric body: theory's, or of the body condensed on a mesh.
+    """The flat punches of every radius on a linear axisymmetric body: theory's, or of the body
+    condensed on a mesh.
 
-    ValueError where there are none: a tip whose contact does not grow, or that theory has no shape of, a contact of a
-    few elements.
+    ValueError where there are none: a tip whose contact does not grow, or that theory has no shape
+    of, a contact of a few elements.
     """
-    theory, physics = scene.plan.theory, scene.physics
+    theory = scene.plan.theory
+    physics = scene.physics
     if not scene.is_meshed and theory is not None:
         return LayerPunches(theory.contact)  # type: ignore[arg-type]
     shape = theory.contact.tip if theory else shape_of(physics.indenter)
@@ -90,34 +108,39 @@ def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
 
 
 def hertz_forces(scene: Scene, deltas: Iterable[float]) -> list[float | None]:
-    """Forces at depths by the half-space formula of the same tip, all without units; None where there is none.
+    """Forces at depths by the half-space formula of the same tip, all without units; None where
+    there is none.
 
     Of a tip over mirror rollers the share of it that is on the body itself.
     """
     physics = scene.physics
     if physics.scales.dim == 2:
         return [None for _ in deltas]
-    tip, E_star = relative_tip(physics.indenter, physics.body), physics.material.E_star
+    tip = relative_tip(physics.indenter, physics.body)
+    E_star = physics.material.E_star
     found = (half_space_force(tip, delta, E_star) for delta in deltas)
     return [closed[1] / physics.seen if closed else None for closed in found]
 
 
 def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
-    """The modulus E in the user's units that a least-squares fit of the half-space formula to a curve reads, and by how
-    many `percent` it is off that of the matter that the tip touches, which `against` names where there are several.
+    """The modulus E in the user's units that a least-squares fit of the half-space formula to a
+    curve reads, and by how many `percent` it is off that of the matter that the tip touches,
+    which `against` names where there are several.
 
     None where there is no formula or no contact, or a tip that adheres.
     """
     if scene.plan.adhesion:
         return None
-    D, F = scene.physics.scales.depth, scene.physics.scales.force
+    D = scene.physics.scales.depth
+    F = scene.physics.scales.force
     known = hertz_forces(scene, (state.delta / D for state in states))
     points = [(state.force / F, force) for state, force in zip(states, known, strict=True) if force]
     total = sum(force**2 for _, force in points)
     if not total:
         return None
     ratio = sum(found * force for found, force in points) / total
-    percent, E = 100 * (ratio - 1), scene.physics.material.constants.E * scene.physics.scales.pressure
+    percent = 100 * (ratio - 1)
+    E = scene.physics.material.constants.E * scene.physics.scales.pressure
     touched, *others = scene.physics.part.regions
     against = f", against E = {E:.4g} of {touched.name}" if others else ""
     return {"E": ratio * E, "percent": percent if abs(percent) >= 1e-6 else 0.0, "against": against}

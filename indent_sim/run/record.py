@@ -1,4 +1,6 @@
-"""The record of a run: its result folder as all ranks see it, its clock, and what is missing beside its rows."""
+"""The record of a run: its result folder as all ranks see it, its clock, and what is missing beside
+its rows.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ Failure = tuple[str, str]  # why something is missing: in words, and the traceba
 
 
 class Beside:
-    """Finds what stands beside the rows of a run: where that fails it is missing, and the run goes on.
+    """Finds what stands beside the rows of a run: where that fails it is missing, and the run goes
+    on.
 
     `say` is told what is missing and why, once for each thing [the log]. Signals pass through.
     """
@@ -41,7 +44,8 @@ class Beside:
     def __call__(self, what: str, find: Callable[[], T], otherwise: Other) -> T | Other:
         """What `find` returns, or `otherwise` on all ranks where it fails on any (collective).
 
-        The error of a rank that the others wait for inside `find` passes through: there all must end.
+        The error of a rank that the others wait for inside `find` passes through: there all must
+        end.
         """
         failure: Failure | None = None
         try:
@@ -64,7 +68,9 @@ class Beside:
 
 
 def _by_root(act: Callable[..., T]) -> Callable[..., T | None]:
-    """A method of a record that does something with the folder on rank 0; its failure is that of all ranks."""
+    """A method of a record that does something with the folder on rank 0; its failure is that of
+    all ranks.
+    """
 
     @wraps(act)
     def call(record: Record, *args: Any, **options: Any) -> T | None:
@@ -76,14 +82,22 @@ def _by_root(act: Callable[..., T]) -> Callable[..., T | None]:
 class Record:
     """The result folder seen from all ranks: rank 0 writes, every rank learns of a failure."""
 
-    def __init__(self, comm: Comm, target: Path, config_yaml: str, report: Mapping[str, Any], **options: Any):
+    def __init__(
+        self, comm: Comm, target: Path, config_yaml: str, report: Mapping[str, Any], **options: Any
+    ):
         self.comm = comm
         self.report = dict(report)
-        self._open = lambda: ResultFolder(target, config_yaml, report=self.report, **options).__enter__()
+        self._open = lambda: ResultFolder(
+            target, config_yaml, report=self.report, **options
+        ).__enter__()
         self._folder: ResultFolder | None = None
         self.earlier: Earlier | None = None
-        self.beside, self.alone = Beside(comm, self._miss), Beside(None, self._miss)  # of all ranks, of this one
-        self.end = Meeting(comm)  # of ranks whose run has failed: others may just then meet in `beside`
+        # of all ranks, of this one
+        self.beside = Beside(comm, self._miss)
+        self.alone = Beside(None, self._miss)
+        self.end = Meeting(
+            comm
+        )  # of ranks whose run has failed: others may just then meet in `beside`
 
     def __enter__(self) -> Record:
         self._folder = on_root(self.comm, self._open)
@@ -112,7 +126,9 @@ class Record:
     _read_checkpoint = _by_root(ResultFolder.read_checkpoint)
 
     def read_checkpoint(self, identity: Mapping[str, Any]) -> Checkpoint:
-        """The last equilibria of the run that is continued, on all ranks; it may have had another number of them."""
+        """The last equilibria of the run that is continued, on all ranks; it may have had another
+        number of them.
+        """
         return self.comm.bcast(self._read_checkpoint(identity)) or Checkpoint()
 
     def note(self, **entries: Any) -> None:
@@ -136,8 +152,9 @@ class Record:
 
 
 def amend(folder: Path, report: dict[str, Any]) -> Beside:
-    """Finds what stands beside the rows of a run that has ended, and says in its run.json, and in `report`, what is
-    missing."""
+    """Finds what stands beside the rows of a run that has ended, and says in its run.json, and in
+    `report`, what is missing.
+    """
 
     def say(what: str, failure: Failure) -> None:
         for entries in (report, written := read_report(folder)):

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from indent_sim.theory.surface.adhesion import Contact  # with scipy's searches
 
 SAME_FORCE = 1e-6  # relative: rows with one force, but for what the solver leaves of it
-FORMULA_POINTS, OF_THEORY = 50, 20  # of the curves kept for the plot, a formula's and theory's
+# of the curves kept for the plot, a formula's and theory's
+FORMULA_POINTS = 50
+OF_THEORY = 20
 
 
 def summary(
@@ -39,17 +41,27 @@ def summary(
     beside: Beside,
     pull_off: PullOff | None = None,
 ) -> dict[str, Any]:
-    """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory [MB]."""
+    """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory
+    [MB].
+    """
     krylov = [state.krylov_iterations for state in states if state.krylov_iterations is not None]
     expected = scene.plan.adhesion
-    in_time = scene.history is not None or scene.physics.evolves  # what is said of equilibria is not of these
-    balance = None if expected or in_time else energy_balance(states)  # what snaps, relaxes or drains loses some
+    in_time = (
+        scene.history is not None or scene.physics.evolves
+    )  # what is said of equilibria is not of these
+    balance = (
+        None if expected or in_time else energy_balance(states)
+    )  # what snaps, relaxes or drains loses some
     audit = {"force_against_reaction": worst_audit, "energy_by_trapezoid": balance}
     audit["newton_iterations"] = sum(state.newton_iterations for state in states)
     if krylov:
         audit["krylov_iterations"] = sum(krylov)
     audit["substeps"] = sum(state.substeps for state in states)
-    entries = {"theory": None if in_time else beside("theory", lambda: theory_comparison(scene, states, beside), None)}
+    entries = {
+        "theory": None
+        if in_time
+        else beside("theory", lambda: theory_comparison(scene, states, beside), None)
+    }
     if expected:
         entries["adhesion"] = beside("adhesion", lambda: adhesion(expected, states, pull_off), {})
     fitted = None if in_time else beside("Hertz fit", lambda: hertz_fit(scene, states), None)
@@ -63,7 +75,9 @@ def summary(
 
 
 def _reactions_by_support(state: State) -> dict[str, Any]:
-    """Return the step of a row, and the force of each support on the body by support and axis [force]."""
+    """Return the step of a row, and the force of each support on the body by support and axis
+    [force].
+    """
     supports: dict[str, Any] = {}
     for name, force in (state.reactions or {}).items():
         support, axis = name.rsplit("_", 1)
@@ -77,12 +91,15 @@ def stages(seconds: Mapping[str, float]) -> dict[str, float]:
 
 
 def energy_balance(states: list[State]) -> float | None:
-    """Relative difference between int F ddelta (trapezoid rule) and the energy with what friction took of it.
+    """Relative difference between int F ddelta (trapezoid rule) and the energy with what friction
+    took of it.
 
-    Reported, not judged: on a coarse path the rule itself is wrong by far more than the solution. None where there is
-    no energy; a tip that adheres loses some where it jumps, between two rows.
+    Reported, not judged: on a coarse path the rule itself is wrong by far more than the solution.
+    None where there is no energy; a tip that adheres loses some where it jumps, between two rows.
     """
-    spent = (states[-1].energy if states else 0.0) + sum(state.dissipation or 0.0 for state in states)
+    spent = (states[-1].energy if states else 0.0) + sum(
+        state.dissipation or 0.0 for state in states
+    )
     if len(states) < 2 or spent == 0 or spent != spent:
         return None
     delta = np.array([0.0, *(state.delta for state in states)])
@@ -92,9 +109,11 @@ def energy_balance(states: list[State]) -> float | None:
 
 
 def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State:
-    """The row that a run was made for: that of the largest force, the last one where no force pushes.
+    """The row that a run was made for: that of the largest force, the last one where no force
+    pushes.
 
-    Of several rows of this force the first, or where forces are prescribed the deepest, as of a creep.
+    Of several rows of this force the first, or where forces are prescribed the deepest, as of a
+    creep.
     """
     top = max(state.force for state in states)
     if not top > 0:
@@ -107,8 +126,9 @@ def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State
 class Loop:
     """The loop of force over depth of a path that comes back.
 
-    area [force length]: between the way in and the way back, the work that the tip is not given back; error: of the
-    straight lines between rows, estimated; way_in: the work of the way in; is_closed: the tip does not push at the end.
+    area [force length]: between the way in and the way back, the work that the tip is not given
+    back; error: of the straight lines between rows, estimated; way_in: the work of the way in;
+    is_closed: the tip does not push at the end.
     """
 
     area: float
@@ -120,8 +140,8 @@ class Loop:
 def loop_of(states: Sequence[State]) -> Loop | None:
     """The loop of a path; None where the tip does not come back.
 
-    The area is that of straight lines through the rows, whose error goes with the square of their distance: a third
-    of what leaving out every second row between turning points changes.
+    The area is that of straight lines through the rows, whose error goes with the square of their
+    distance: a third of what leaving out every second row between turning points changes.
     """
     rows = [(state.delta, state.force) for state in states]
     if rows[0][0] > 0:  # the way in begins at first touch
@@ -144,27 +164,41 @@ def _work(begin: tuple[float, float], end: tuple[float, float]) -> float:
 
 
 def known_pulls(said: Mapping[str, Any]) -> list[tuple[str, float]]:
-    """What is known beforehand of the largest pull, by what a run says of its adhesion: in words, and how much."""
-    return [(symbol.meaning, force) for symbol in PULL_OFF if (force := said.get(symbol.name)) is not None]
+    """What is known beforehand of the largest pull, by what a run says of its adhesion: in words,
+    and how much.
+    """
+    return [
+        (symbol.meaning, force)
+        for symbol in PULL_OFF
+        if (force := said.get(symbol.name)) is not None
+    ]
 
 
-def theory_comparison(scene: Scene, states: list[State], beside: Beside | None = None) -> dict[str, Any] | None:
-    """Small-strain theory beside the deepest state, and its curve over the depths walked; None without theory.
+def theory_comparison(
+    scene: Scene, states: list[State], beside: Beside | None = None
+) -> dict[str, Any] | None:
+    """Small-strain theory beside the deepest state, and its curve over the depths walked; None
+    without theory.
 
-    Theory is asked for what the run found: for the force at its depth, or for the depth at the force prescribed, with
-    the friction of the scene where that is known.
-    `force_deviation` or `delta_deviation` = this run / theory - 1; `exact` when the finite body is the theory's own.
+    Theory is asked for what the run found: for the force at its depth, or for the depth at the
+    force prescribed, with the friction of the scene where that is known. `force_deviation` or
+    `delta_deviation` = this run / theory - 1; `exact` when the finite body is the theory's own.
     Beside a tip that adheres it is that of one without range (JKR), with its stable branch.
     """
     if scene.plan.adhesion:
         return _without_range(scene, states)
     beside = beside or Beside()
-    theory, deepest = scene.plan.theory, max(states, key=lambda state: state.delta, default=None)
+    theory = scene.plan.theory
+    deepest = max(states, key=lambda state: state.delta, default=None)
     if theory is None or deepest is None or deepest.delta <= 0:
         return None
     rubbed = scene.plan.friction
-    rough, unlike, scales = rubbed or FRICTIONLESS, _unlike(scene), scene.physics.scales
-    D, L, F = scales.depth, scales.length * rough.radius, scales.force * rough.force / scene.physics.seen
+    rough = rubbed or FRICTIONLESS
+    unlike = _unlike(scene)
+    scales = scene.physics.scales
+    D = scales.depth
+    L = scales.length * rough.radius
+    F = scales.force * rough.force / scene.physics.seen
     L *= scene.physics.own_radius(1.0)
     depth: float | None = deepest.delta / D
     if scene.physics.path.control == "force":  # theory's at this force, where it is in the body
@@ -173,21 +207,32 @@ def theory_comparison(scene: Scene, states: list[State], beside: Beside | None =
     solution = None if depth is None else theory.at(depth)
     if solution is None:
         return None
-    numbers, name = _numbers(solution, D, F, L), "delta" if scene.physics.path.control == "force" else "force"
-    deviation = {f"{one}_deviation": getattr(deepest, one) / numbers[one] - 1 for one in (name, "a")}
+    numbers = _numbers(solution, D, F, L)
+    name = "delta" if scene.physics.path.control == "force" else "force"
+    deviation = {
+        f"{one}_deviation": getattr(deepest, one) / numbers[one] - 1 for one in (name, "a")
+    }
     curve = theory.contact.up_to(solution, OF_THEORY) if scene.is_meshed else []  # else: the rows
-    knowing = f" {'with' if rubbed else 'without'} friction" if FRICTION_WHY in scene.differences else ""
+    knowing = (
+        f" {'with' if rubbed else 'without'} friction" if FRICTION_WHY in scene.differences else ""
+    )
     why = "; ".join([*unlike, *_of_mirrored(scene)]) or theory.why
     said = {"name": theory.name + knowing, "exact": not unlike, "why": why}
-    others: dict[str, Any] = {"half_space": beside("half-space formula", lambda: _half_space(scene, deepest), None)}
+    others: dict[str, Any] = {
+        "half_space": beside("half-space formula", lambda: _half_space(scene, deepest), None)
+    }
     others["formulas"] = beside("film formulas", lambda: _formulas(scene, theory, deepest), [])
     return said | numbers | deviation | others | {"curve": _columns(curve, D, F, L)}
 
 
 def _of_mirrored(scene: Scene) -> list[str]:
-    """That what stands beside a run is a part of the whole contact, where the tip sees the body mirrored."""
+    """That what stands beside a run is a part of the whole contact, where the tip sees the body
+    mirrored.
+    """
     parts = {2: "half", 4: "a quarter"}
-    return [f"{parts[scene.physics.seen]} of the mirrored contact's"] if scene.physics.seen > 1 else []
+    return (
+        [f"{parts[scene.physics.seen]} of the mirrored contact's"] if scene.physics.seen > 1 else []
+    )
 
 
 def _numbers(contact: Solution | Contact, D: float, F: float, L: float) -> dict[str, float]:
@@ -195,23 +240,34 @@ def _numbers(contact: Solution | Contact, D: float, F: float, L: float) -> dict[
     return {"delta": contact.delta * D, "force": contact.force * F, "a": contact.a * L}
 
 
-def _columns(curve: Sequence[Solution | Contact], D: float, F: float, L: float) -> dict[str, list[float]]:
+def _columns(
+    curve: Sequence[Solution | Contact], D: float, F: float, L: float
+) -> dict[str, list[float]]:
     rows = [_numbers(contact, D, F, L) for contact in curve]
     return {name: [row[name] for row in rows] for name in ("delta", "force", "a")}
 
 
 def _formulas(scene: Scene, theory: Theory, state: State) -> list[dict[str, Any]]:
-    """What the usual formulas for films and thin layers say at the state's depth, or at its force, beside the run."""
-    D, F = scene.physics.scales.depth, scene.physics.scales.force / scene.physics.seen
+    """What the usual formulas for films and thin layers say at the state's depth, or at its force,
+    beside the run.
+    """
+    D = scene.physics.scales.depth
+    F = scene.physics.scales.force / scene.physics.seen
     is_forced = scene.physics.path.control == "force"
     name, unit, force = ("delta", D, state.force / F) if is_forced else ("force", F, None)
     own = getattr(state, name)
-    said = ((formula, theory.formula_at(formula, state.delta / D, force)) for formula in theory.formulas)
+    said = (
+        (formula, theory.formula_at(formula, state.delta / D, force)) for formula in theory.formulas
+    )
     values = [(formula, value * unit) for formula, value in said if value is not None and own != 0]
-    return [{"name": formula, name: value, "deviation": value / own - 1} for formula, value in values]
+    return [
+        {"name": formula, name: value, "deviation": value / own - 1} for formula, value in values
+    ]
 
 
-def adhesion(expected: ExpectedAdhesion, states: Sequence[State], pull_off: PullOff | None) -> dict[str, Any]:
+def adhesion(
+    expected: ExpectedAdhesion, states: Sequence[State], pull_off: PullOff | None
+) -> dict[str, Any]:
     """What was known of the attraction beforehand, the largest pull of a row and that between rows.
 
     Parameters
@@ -223,9 +279,14 @@ def adhesion(expected: ExpectedAdhesion, states: Sequence[State], pull_off: Pull
     pull_off
         The largest pull between rows [user's units]; None where none was searched for.
     """
-    pulled = min((state for state in states if state.force < 0), key=lambda state: state.force, default=None)
+    pulled = min(
+        (state for state in states if state.force < 0), key=lambda state: state.force, default=None
+    )
     row = {"step": pulled.step, "delta": pulled.delta, "force": pulled.force} if pulled else None
-    return dataclasses.asdict(expected) | {"largest_pull": row, "pull_off": pull_off and _pull_off(pull_off)}
+    return dataclasses.asdict(expected) | {
+        "largest_pull": row,
+        "pull_off": pull_off and _pull_off(pull_off),
+    }
 
 
 def _pull_off(found: PullOff) -> dict[str, Any]:
@@ -240,24 +301,41 @@ def _pull_off(found: PullOff) -> dict[str, Any]:
 
 
 def _without_range(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
-    """The JKR limit beside the deepest state, and its stable branch; None where it is not known or has come off."""
-    jkr, scales, is_forced = scene.plan.jkr, scene.physics.scales, scene.physics.path.control == "force"
+    """The JKR limit beside the deepest state, and its stable branch; None where it is not known or
+    has come off.
+    """
+    jkr = scene.plan.jkr
+    scales = scene.physics.scales
+    is_forced = scene.physics.path.control == "force"
     deepest = max(states, key=lambda state: state.delta, default=None)
     if jkr is None or deepest is None:
         return None
-    L, F, D = scales.length * scene.physics.own_radius(1.0), scales.force / scene.physics.seen, scales.depth
+    L = scales.length * scene.physics.own_radius(1.0)
+    F = scales.force / scene.physics.seen
+    D = scales.depth
     asked = (deepest.force / F, inf) if is_forced else (deepest.delta / D, 0.0)
     try:
-        beside, last = jkr.stable(*asked), jkr.pull_off()
+        beside = jkr.stable(*asked)
+        last = jkr.pull_off()
         if beside is None:
             return None
-        contacts = map(jkr.branch(beside.delta), map(float, np.linspace(last.delta, beside.delta, FORMULA_POINTS)))
+        contacts = map(
+            jkr.branch(beside.delta),
+            map(float, np.linspace(last.delta, beside.delta, FORMULA_POINTS)),
+        )
         curve = [contact for contact in contacts if contact]
     except UNSOLVED:
         return None
-    numbers, name = _numbers(beside, D, F, L), "delta" if is_forced else "force"
-    deviation = {f"{name}_deviation": getattr(deepest, name) / numbers[name] - 1} if numbers[name] else {}
-    said = {"name": "JKR", "exact": False, "why": "; ".join([*scene.differences, *_of_mirrored(scene)])}
+    numbers = _numbers(beside, D, F, L)
+    name = "delta" if is_forced else "force"
+    deviation = (
+        {f"{name}_deviation": getattr(deepest, name) / numbers[name] - 1} if numbers[name] else {}
+    )
+    said = {
+        "name": "JKR",
+        "exact": False,
+        "why": "; ".join([*scene.differences, *_of_mirrored(scene)]),
+    }
     deviation |= {"a_deviation": deepest.a / numbers["a"] - 1}
     return said | numbers | deviation | {"curve": _columns(curve, D, F, L)}
 
@@ -265,25 +343,48 @@ def _without_range(scene: Scene, states: Sequence[State]) -> dict[str, Any] | No
 def _unlike(scene: Scene) -> tuple[str, ...]:
     """What the problem has that theory, with friction where that is known, has not."""
     known = FRICTION_WHY if scene.plan.friction else ""
-    is_round = ("its friction is that of a paraboloid",) if known and isinstance(scene.physics.indenter, Sphere) else ()
+    is_round = (
+        ("its friction is that of a paraboloid",)
+        if known and isinstance(scene.physics.indenter, Sphere)
+        else ()
+    )
     return (*(why for why in scene.differences if why != known), *is_round)
 
 
 def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:
-    """The half-space formula's force at the state's depth, or depth at its force, and how that differs from the run."""
+    """The half-space formula's force at the state's depth, or depth at its force, and how that
+    differs from the run.
+    """
     if scene.physics.scales.dim == 2:
         return None
-    D, F = scene.physics.scales.depth, scene.physics.scales.force / scene.physics.seen
+    D = scene.physics.scales.depth
+    F = scene.physics.scales.force / scene.physics.seen
     E_star = scene.physics.material.E_star
     tip = relative_tip(scene.physics.indenter, scene.physics.body)
-    closed, name, unit = half_space_force(tip, state.delta / D, E_star), "force", F
+    closed = half_space_force(tip, state.delta / D, E_star)
+    name = "force"
+    unit = F
     if scene.physics.path.control == "force":
-        closed, name, unit = half_space_depth(tip, state.force / F, E_star), "delta", D
+        closed = half_space_depth(tip, state.force / F, E_star)
+        name = "delta"
+        unit = D
     if closed is None or getattr(state, name) == 0:
         return None
     value = closed[1] * unit
     depths = [state.delta / D * n / FORMULA_POINTS for n in range(1, FORMULA_POINTS + 1)]
-    curve = [(delta, force) for delta, force in zip(depths, hertz_forces(scene, depths), strict=True) if force]
+    curve = [
+        (delta, force)
+        for delta, force in zip(depths, hertz_forces(scene, depths), strict=True)
+        if force
+    ]
     unit_force = scene.physics.scales.force  # `hertz_forces` are of the body itself
-    columns = {"delta": [delta * D for delta, _ in curve], "force": [force * unit_force for _, force in curve]}
-    return {"name": closed[0], name: value, "deviation": value / getattr(state, name) - 1, "curve": columns}
+    columns = {
+        "delta": [delta * D for delta, _ in curve],
+        "force": [force * unit_force for _, force in curve],
+    }
+    return {
+        "name": closed[0],
+        name: value,
+        "deviation": value / getattr(state, name) - 1,
+        "curve": columns,
+    }

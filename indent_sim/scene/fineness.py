@@ -1,9 +1,9 @@
 """Element sizes from the accuracy asked for, how they scale, and the error to expect of them.
 
-One number rules the discretisation: the elements n in the contact radius of every step. All else follows it, so that
-no part dominates the error: sizes grow with the distance from the axis as the contact edge passes there, the far size
-falls as 1/n, their growth outside the contact as n^-EASING, and towards a punch's edge the elements shrink as n^-RATE.
-The force then converges as n^-RATE.
+One number rules the discretisation: the elements n in the contact radius of every step. All else
+follows it, so that no part dominates the error: sizes grow with the distance from the axis as the
+contact edge passes there, the far size falls as 1/n, their growth outside the contact as n^-EASING,
+and towards a punch's edge the elements shrink as n^-RATE. The force then converges as n^-RATE.
 """
 
 from __future__ import annotations
@@ -20,7 +20,10 @@ PRESETS = {"fast": 0.05, "balanced": 0.01, "accurate": 0.001}
 CONSTANT = {2: 0.65, 3: 0.33}
 RATE = 2.5
 BLUNT = 2.0  # with fewer elements than this the error grows no more as n^-RATE
-FEWEST_ELEMENTS = {2: 5.0, 3: 4.6}  # elements in the contact radius, by dim: meshes much coarser say nothing
+FEWEST_ELEMENTS = {
+    2: 5.0,
+    3: 4.6,
+}  # elements in the contact radius, by dim: meshes much coarser say nothing
 MOST_ELEMENTS = 1000.0
 GRADING_FACTOR = {2: 1.0, 3: 0.6}  # grading times n^EASING, by dim
 EASING = RATE / 4  # growth^4 is its error of the energy
@@ -34,15 +37,24 @@ COLUMN_GROWTH = 0.02
 GROWTH_SHARE = 0.5
 STEEPEST_GRADING = 0.5
 FAR_SIZE = {2: 2.0, 3: 1.25}  # h_far n over the larger of height and width, by dim
-CONFINED = 1.6  # times as many elements where a layer that hardly compresses is squeezed: its force scatters more
+# times as many elements where a layer that hardly compresses is squeezed: its force scatters more
+CONFINED = 1.6
 THIN = 4.0  # at most this many thicknesses over n
-# h_edge n^RATE over the punch's radius, by dim; in three dimensions so that the edge alone (`doubts.EDGE` of it) costs
-# no more than CONSTANT n^-RATE: with 3.0 the first mesh missed its target, and the second took longer than this one
+# h_edge n^RATE over the punch's radius, by dim; in three dimensions so that the edge alone
+# (`doubts.EDGE` of it) costs no more than CONSTANT n^-RATE: with 3.0 the first mesh missed its
+# target, and the second took longer than this one
 EDGE_SIZE = {2: 0.3, 3: 1.2}
-LEAST_RESOLVED_RADIUS = {2: 0.01, 3: 0.2}  # contact radius that still gets n elements, of the largest one, by dim
-FILM_POWER = 2.0  # of the size at a drained face, with which what its film costs falls once the film is resolved
-SINKING = 1.5  # per cent of force for a per cent of depth that a penalty of mean pressure / epsilon_n takes
-ENFORCEMENT = 0.2  # share of the error that a penalty may take where its stiffness is left to the program
+LEAST_RESOLVED_RADIUS = {
+    2: 0.01,
+    3: 0.2,
+}  # contact radius that still gets n elements, of the largest one, by dim
+# of the size at a drained face, with which what its film costs falls once the film is resolved
+FILM_POWER = 2.0
+# per cent of force for a per cent of depth that a penalty of mean pressure / epsilon_n takes
+SINKING = 1.5
+ENFORCEMENT = (
+    0.2  # share of the error that a penalty may take where its stiffness is left to the program
+)
 
 
 @dataclass(frozen=True)
@@ -60,9 +72,11 @@ class SettledSizes:
 
 @dataclass(frozen=True)
 class Fineness:
-    """Elements n in every contact radius from `smallest` to `largest` [length], chosen for a relative target.
+    """Elements n in every contact radius from `smallest` to `largest` [length], chosen for a
+    relative target.
 
-    compliance [pressure/length]: a penalty's relative error is compliance / epsilon_n at the worst step.
+    compliance [pressure/length]: a penalty's relative error is compliance / epsilon_n at the worst
+    step.
     """
 
     target: float
@@ -71,7 +85,9 @@ class Fineness:
     largest: float
     compliance: float
     dim: int
-    stiffness_given: bool = False  # the user's penalty stiffness, whose error no mesh can make smaller
+    stiffness_given: bool = (
+        False  # the user's penalty stiffness, whose error no mesh can make smaller
+    )
     refinements: int = 0  # of a mesh from a file, which knows no sizes between
     is_column: bool = False  # whether fluid flows in a body whose top the tip covers
 
@@ -87,23 +103,44 @@ class Fineness:
 
     def why(self, length: float) -> str:
         """The reason in words; `length`: the scene's unit in the user's."""
-        radii = " to ".join(f"{radius * length:.3g}" for radius in sorted({self.smallest, self.largest}))
-        found = f"{self.n:.3g} elements in the contact radius of every step ({radii}), by the measured trade"
+        radii = " to ".join(
+            f"{radius * length:.3g}" for radius in sorted({self.smallest, self.largest})
+        )
+        found = (
+            f"{self.n:.3g} elements in the contact radius of every step ({radii}), by the "
+            "measured trade"
+        )
         return f"{found}; the error is estimated, and the mesh refined until it is met"
 
     def sizes(
-        self, height: float, width: float, edge: float | None, round_radius: float | None, keenness: float
+        self,
+        height: float,
+        width: float,
+        edge: float | None,
+        round_radius: float | None,
+        keenness: float,
     ) -> SettledSizes:
-        """The sizes for a body of this height and width [length] with an edge, or a curved wall, of that radius."""
+        """The sizes for a body of this height and width [length] with an edge, or a curved wall, of
+        that radius.
+        """
         n = self.n
         fine = min(self.largest / n, height * min(1.0, THIN / n))
         h_axis = min(self.smallest / n, fine) if edge is None else None
-        h_edge = min(edge * EDGE_SIZE[self.dim] * n**-RATE / keenness, fine) if edge is not None else None
-        far = max(fine, min(FAR_SIZE[self.dim] / n * max(height, width), (round_radius or float("inf")) / n))
+        h_edge = (
+            min(edge * EDGE_SIZE[self.dim] * n**-RATE / keenness, fine)
+            if edge is not None
+            else None
+        )
+        far = max(
+            fine,
+            min(FAR_SIZE[self.dim] / n * max(height, width), (round_radius or float("inf")) / n),
+        )
         grading = min(STEEPEST_GRADING, GRADING_FACTOR[self.dim] * n**-EASING)
         if self.is_column:
             grading = min(grading, (GROWTH_SHARE * self.error / COLUMN_GROWTH) ** 0.5)
-        return SettledSizes(h_contact=fine, h_axis=h_axis, h_edge=h_edge, h_far=far, grading=grading)
+        return SettledSizes(
+            h_contact=fine, h_axis=h_axis, h_edge=h_edge, h_far=far, grading=grading
+        )
 
 
 def target_of(accuracy: float | str | None) -> float | None:
@@ -112,27 +149,35 @@ def target_of(accuracy: float | str | None) -> float | None:
 
 
 def fading(n: float) -> float:
-    """How the error falls with the elements in the contact radius, up to a factor that is the scene's own."""
+    """How the error falls with the elements in the contact radius, up to a factor that is the
+    scene's own.
+    """
     return float((n**4 + BLUNT**4) ** (-RATE / 4))
 
 
 def elements_for(target: float, dim: int, is_confined: bool = False, steeper: float = 1.0) -> float:
     """Elements in the contact radius of every step whose error bar is expected within the target.
-    is_confined: a contact as wide as a layer that hardly compresses is thick, or wider. steeper: see `steepness`."""
+    is_confined: a contact as wide as a layer that hardly compresses is thick, or wider. steeper:
+    see `steepness`.
+    """
     usual = (CONFINED if is_confined else 1.0) * (CONSTANT[dim] / target) ** (1 / RATE)
     return min(steeper * max(usual, FEWEST_ELEMENTS[dim]), MOST_ELEMENTS)
 
 
 def steepness(decay: tuple[float, float]) -> float:
-    """Times as many elements where the waves of a surface pressure fade so much more slowly or faster with the depth
-    than in an isotropic body: the error is about as many times as large."""
+    """Times as many elements where the waves of a surface pressure fade so much more slowly or
+    faster with the depth than in an isotropic body: the error is about as many times as large.
+    """
     slow, fast = decay
     return float(max(1 / slow, fast, 1.0) ** (1 / RATE))
 
 
-def fineness_of(target: float, n: float, contacts: Sequence[tuple[float, float, float]], dim: int) -> Fineness:
-    """The fineness for a relative target with n elements in the radius.
-    contacts: (depth, expected contact radius, mean pressure) of the shallowest and the deepest step in contact."""
+def fineness_of(
+    target: float, n: float, contacts: Sequence[tuple[float, float, float]], dim: int
+) -> Fineness:
+    """The fineness for a relative target with n elements in the radius. contacts: (depth, expected
+    contact radius, mean pressure) of the shallowest and the deepest step in contact.
+    """
     largest = max(a for _, a, _ in contacts)
     smallest = max(min(a for _, a, _ in contacts), LEAST_RESOLVED_RADIUS[dim] * largest)
     compliance = max(SINKING * pressure / delta for delta, _, pressure in contacts)
@@ -158,7 +203,9 @@ def coarser(sizes: Sizes, ratio: float, height: float, *, is_column: bool = Fals
     easing = COLUMN_EASING if is_column else EASING
     fine = min(ratio * sizes.h_contact, height)
     skins = tuple((one, min(ratio * h, max(one.thickness, h))) for one, h in sizes.skins)
-    films = tuple(replace(film, h=min(ratio ** (RATE / FILM_POWER) * film.h, fine)) for film in sizes.films)
+    films = tuple(
+        replace(film, h=min(ratio ** (RATE / FILM_POWER) * film.h, fine)) for film in sizes.films
+    )
     inside = [(one, min(ratio ** (RATE / 2) * h, one.thinnest)) for one, h in sizes.inclusions]
     return replace(
         sizes,
@@ -179,6 +226,15 @@ def coarser(sizes: Sizes, ratio: float, height: float, *, is_column: bool = Fals
 def refined(sizes: Sizes, refinements: int) -> Sizes:
     """The sizes of the same mesh from a file, refined that often."""
     ratio = 2.0 ** ((sizes.refinements or 0) - refinements)
-    h, edge, patch = ratio * sizes.h_contact, sizes.h_edge, sizes.patch + 2 * (ratio - 1) * sizes.h_contact
+    h = ratio * sizes.h_contact
+    edge = sizes.h_edge
+    patch = sizes.patch + 2 * (ratio - 1) * sizes.h_contact
     h_edge = edge and ratio * edge
-    return replace(sizes, h_contact=h, h_far=ratio * sizes.h_far, h_edge=h_edge, patch=patch, refinements=refinements)
+    return replace(
+        sizes,
+        h_contact=h,
+        h_far=ratio * sizes.h_far,
+        h_edge=h_edge,
+        patch=patch,
+        refinements=refinements,
+    )

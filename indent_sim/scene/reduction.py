@@ -18,13 +18,24 @@ Sides = tuple[Side, ...]
 Supports = Mapping[str, str]
 SYMMETRY = ("full", "half", "quarter")  # by the number of mirror planes
 MIRROR_DECIMALS = 9  # decimals, of the body's height, to which mirror images must agree
-QUARTER_ENDS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))  # the ends of a circle's quarters, anticlockwise
+QUARTER_ENDS = (
+    (1.0, 0.0),
+    (0.0, 1.0),
+    (-1.0, 0.0),
+    (0.0, -1.0),
+)  # the ends of a circle's quarters, anticlockwise
 
 
-def reduce(body: Drawn | Endless, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
-    """Choose the symmetric part to model, and say why; `wanted` is `mesh.symmetry`. Raises ConfigError when the scene
-    does not have the symmetry that is asked for."""
-    if isinstance(body, Endless):  # theory sees a section whose walls are at infinity; nothing meshes it
+def reduce(
+    body: Drawn | Endless, center: Point, wanted: str, tip: Indenter, regions: Regions
+) -> tuple[Part, str]:
+    """Choose the symmetric part to model, and say why; `wanted` is `mesh.symmetry`.
+
+    Raises ConfigError when the scene does not have the symmetry that is asked for.
+    """
+    if isinstance(
+        body, Endless
+    ):  # theory sees a section whose walls are at infinity; nothing meshes it
         part = _section(inf, body.height, regions, {"base": getattr(body, "base", "free")})
         return part, "tip of revolution on a body that is the same everywhere"
     if isinstance(body, Cylinder):
@@ -48,40 +59,60 @@ def _mirrors(tip: Indenter, axis: str) -> bool:
 
 
 def _is_matched(regions: Regions, axis: str, c: float) -> bool:
-    """Whether the inclusions are their own mirror images, together, about the plane normal to `axis` at c."""
+    """Whether the inclusions are their own mirror images, together, about the plane normal to
+    `axis` at c.
+    """
     found = {_placed(region.inclusion) for region in regions if region.inclusion}
     return found == {_placed(inclusion.mirrored("xyz".index(axis), c)) for inclusion in found}
 
 
 def _placed(inclusion: Inclusion) -> Inclusion:
     """The inclusion where it is to so many digits that two places are one."""
-    return replace(inclusion, center=tuple(round(x, MIRROR_DECIMALS) + 0.0 for x in inclusion.center))
+    return replace(
+        inclusion, center=tuple(round(x, MIRROR_DECIMALS) + 0.0 for x in inclusion.center)
+    )
 
 
-def _cylinder(body: Cylinder, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
+def _cylinder(
+    body: Cylinder, center: Point, wanted: str, tip: Indenter, regions: Regions
+) -> tuple[Part, str]:
     on_axis = {axis: abs(c) <= 1e-12 * body.radius for axis, c in zip("xy", center, strict=True)}
     obstacle = "" if all(on_axis.values()) else "the tip stands off the cylinder's axis"
     obstacle = obstacle if tip.of_revolution else f"a {tip.shape} is no tip of revolution"
     if any(region.inclusion and not region.inclusion.is_about(body.center) for region in regions):
         obstacle = obstacle or "an inclusion is no body of revolution about the axis"
     if wanted == "plane_strain" or (wanted == "axisymmetric" and obstacle):
-        raise _refuse(wanted, obstacle or "a cylinder is not infinitely long", "use 'auto', 'half' or 'full'")
+        raise _refuse(
+            wanted, obstacle or "a cylinder is not infinitely long", "use 'auto', 'half' or 'full'"
+        )
     supports = {"base": body.base, "r_max": body.sides}
     if wanted in ("auto", "axisymmetric") and not obstacle:
-        return _section(body.radius, body.height, regions, supports), "tip of revolution on the axis of a cylinder"
-    symmetric = [axis for axis in "xy" if on_axis[axis] and _mirrors(tip, axis) and _is_matched(regions, axis, 0.0)]
+        return _section(
+            body.radius, body.height, regions, supports
+        ), "tip of revolution on the axis of a cylinder"
+    symmetric = [
+        axis
+        for axis in "xy"
+        if on_axis[axis] and _mirrors(tip, axis) and _is_matched(regions, axis, 0.0)
+    ]
     cuts = _cuts(wanted, symmetric)
-    part = _cut(cuts, ThreeDimensional(), _sector(body.radius, cuts), body.height, regions, supports)
+    part = _cut(
+        cuts, ThreeDimensional(), _sector(body.radius, cuts), body.height, regions, supports
+    )
     return part, f"{obstacle or 'three dimensions asked for'}; {_about(cuts)}"
 
 
 def _section(radius: float, height: float, regions: Regions, supports: Supports) -> Part:
     section = _rectangle(("base", "r_max", "top", "r_min"), (0.0, radius), (-height, 0.0))
-    return Part(Axisymmetric(), "axisymmetric", 1, section, height, regions, {**supports, "r_min": "roller"})
+    return Part(
+        Axisymmetric(), "axisymmetric", 1, section, height, regions, {**supports, "r_min": "roller"}
+    )
 
 
 def _sector(radius: float, cuts: list[str]) -> Sides:
-    """The circle, or the half or quarter of it on one side of the mirror planes, from arcs of a quarter turn."""
+    """The circle, or the half or quarter of it on one side of the mirror planes, from arcs of a
+    quarter turn.
+    """
     first = -1 if cuts == ["x"] else 0
     quarters = [QUARTER_ENDS[k % 4] for k in range(first, first + 4 // 2 ** len(cuts) + 1)]
     ends = [(radius * c, radius * s) for c, s in quarters]
@@ -99,7 +130,11 @@ def _strip(body: Strip, center: Point, wanted: str, regions: Regions) -> tuple[P
     symmetric = symmetric and _is_matched(regions, "x", center[0])
     supports = {"base": str(body.base), **vars(body.sides)}
     if wanted == "half" and not symmetric:
-        raise _refuse(wanted, "tip, sides or inclusions are not symmetric about the middle", "use 'auto' or 'full'")
+        raise _refuse(
+            wanted,
+            "tip, sides or inclusions are not symmetric about the middle",
+            "use 'auto' or 'full'",
+        )
     cuts = ["x"] if symmetric and wanted != "full" else []
     across = (center[0] if cuts else 0.0, body.width)
     section = _rectangle(("base", "x_max", "top", "x_min"), across, (-body.height, 0.0))
@@ -108,28 +143,46 @@ def _strip(body: Strip, center: Point, wanted: str, regions: Regions) -> tuple[P
     return part, f"plane strain, {'tip and sides symmetric about the middle' if cuts else whole}"
 
 
-def _box(body: Box, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
+def _box(
+    body: Box, center: Point, wanted: str, tip: Indenter, regions: Regions
+) -> tuple[Part, str]:
     if wanted not in ("auto", "quarter", "half", "full"):
-        raise _refuse(wanted, "a box is modelled in three dimensions", "use 'auto', 'quarter', 'half' or 'full'")
+        raise _refuse(
+            wanted,
+            "a box is modelled in three dimensions",
+            "use 'auto', 'quarter', 'half' or 'full'",
+        )
     sides = body.sides
     mirrored = {
         "x": _middle(center[0], body.size[0]) and sides.x_min == sides.x_max and _mirrors(tip, "x"),
         "y": _middle(center[1], body.size[1]) and sides.y_min == sides.y_max and _mirrors(tip, "y"),
     }
     matched = {axis: _is_matched(regions, axis, c) for axis, c in zip("xy", center, strict=True)}
-    cuts = _cuts(wanted, [axis for axis, symmetric in mirrored.items() if symmetric and matched[axis]])
-    across = [(c if axis in cuts else 0.0, size) for axis, c, size in zip("xy", center, body.size, strict=False)]
-    outline, supports = _rectangle(("y_min", "x_max", "y_max", "x_min"), *across), {"base": body.base, **vars(sides)}
+    cuts = _cuts(
+        wanted, [axis for axis, symmetric in mirrored.items() if symmetric and matched[axis]]
+    )
+    across = [
+        (c if axis in cuts else 0.0, size)
+        for axis, c, size in zip("xy", center, body.size, strict=False)
+    ]
+    outline = _rectangle(("y_min", "x_max", "y_max", "x_min"), *across)
+    supports = {"base": body.base, **vars(sides)}
     part = _cut(cuts, ThreeDimensional(), outline, body.height, regions, supports)
     return part, f"tip and sides: {_about(cuts)}"
 
 
 def _cut(
-    cuts: list[str], kinematics: Kinematics, outline: Sides, height: float, regions: Regions, supports: Supports
+    cuts: list[str],
+    kinematics: Kinematics,
+    outline: Sides,
+    height: float,
+    regions: Regions,
+    supports: Supports,
 ) -> Part:
     """The part of a body that is cut along mirror planes, which are rollers."""
     supports = {**supports, **{f"{axis}_min": "roller" for axis in cuts}}
-    symmetry, copies = SYMMETRY[len(cuts)], 2 ** len(cuts)
+    symmetry = SYMMETRY[len(cuts)]
+    copies = 2 ** len(cuts)
     return Part(kinematics, symmetry, copies, outline, height, regions, supports, cuts=tuple(cuts))
 
 
@@ -138,37 +191,63 @@ def _dome(body: Dome, wanted: str, regions: Regions) -> tuple[Part, str]:
         raise _refuse(wanted, f"a {body.shape} is modelled about its axis", "use 'auto'")
     supports = {"base": body.base, "r_min": "roller"}
     outline = _round_section(body)
-    if body.height == 2 * body.radius and len(regions) > 1:  # from a place in the core, as all sections
-        start, (first, *others, last) = (0.0, -body.radius), outline
-        outline = Side("r_min", start, first.start), first, *others, Side("r_min", last.start, start)
+    if (
+        body.height == 2 * body.radius and len(regions) > 1
+    ):  # from a place in the core, as all sections
+        start = (0.0, -body.radius)
+        (first, *others, last) = outline
+        outline = (
+            Side("r_min", start, first.start),
+            first,
+            *others,
+            Side("r_min", last.start, start),
+        )
     part = Part(Axisymmetric(), "axisymmetric", 1, outline, body.height, regions, supports)
-    mirrored = "; half of the ball, which the plane through its center mirrors, and half of the approach"
-    return part, f"tip of revolution on the axis of a {body.shape}{mirrored if body.pieces == 2 else ''}"
+    mirrored = (
+        "; half of the ball, which the plane through its center mirrors, and half of the approach"
+    )
+    return (
+        part,
+        f"tip of revolution on the axis of a {body.shape}{mirrored if body.pieces == 2 else ''}",
+    )
 
 
 def _round_section(body: Dome) -> Sides:
-    """The base, the curved surface from its edge up to the apex in arcs of a quarter turn at most, and the axis."""
-    R, foot, apex, nadir = body.radius, body.foot, (0.0, 0.0), (0.0, -body.height)
-    middle, is_whole = (0.0, -R), foot[1] > nadir[1]
+    """The base, the curved surface from its edge up to the apex in arcs of a quarter turn at most,
+    and the axis.
+    """
+    R = body.radius
+    foot = body.foot
+    apex = (0.0, 0.0)
+    nadir = (0.0, -body.height)
+    middle = (0.0, -R)
+    is_whole = foot[1] > nadir[1]
     around = [foot, *([(R, -R)] if foot[1] < -R else []), apex]
     base = Side("base", nadir, foot, middle=middle if is_whole else None)
     curved = (Side("top", start, end, middle=middle) for start, end in pairwise(around))
     return base, *curved, Side("r_min", apex, nadir)
 
 
-def _rectangle(surfaces: tuple[str, ...], across: tuple[float, float], up: tuple[float, float]) -> Sides:
-    (x0, x1), (y0, y1) = across, up
+def _rectangle(
+    surfaces: tuple[str, ...], across: tuple[float, float], up: tuple[float, float]
+) -> Sides:
+    (x0, x1) = across
+    (y0, y1) = up
     return polygon(surfaces, ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
 
 
 def _pins(part: Part) -> Pins:
-    """Point constraints (point, component) that take the rigid modes the supports leave, and nothing else."""
+    """Point constraints (point, component) that take the rigid modes the supports leave, and
+    nothing else.
+    """
     if isinstance(part.kinematics, Axisymmetric) or "fixed" in part.supports.values():
         return ()
     if part.bend is not None:
         return _round_pins(part, part.bend)
     corner = tuple(low for low, _ in part.extent)
-    held = {part.normal(surface) for surface, support in part.supports.items() if support == "roller"}
+    held = {
+        part.normal(surface) for surface, support in part.supports.items() if support == "roller"
+    }
     horizontal = range(part.dim - 1)
     pins = [(corner, component) for component in horizontal if component not in held]
     if part.dim == 3 and not held.intersection(horizontal):  # the turn about z is free too
@@ -177,8 +256,11 @@ def _pins(part: Part) -> Pins:
 
 
 def _round_pins(part: Part, radius: float) -> Pins:
-    """Without a mirror plane the turn about z is free, even between rollers; along the planes, the shift."""
-    at_x, at_y = (radius, 0.0, -part.height), (0.0, radius, -part.height)
+    """Without a mirror plane the turn about z is free, even between rollers; along the planes, the
+    shift.
+    """
+    at_x = (radius, 0.0, -part.height)
+    at_y = (0.0, radius, -part.height)
     cut = [axis for axis in "xy" if f"{axis}_min" in part.supports]
     if part.supports["r_max"] == "roller":
         return () if cut else ((at_x, 1),)

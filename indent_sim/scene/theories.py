@@ -1,4 +1,6 @@
-"""Theory of a scene: which layer or half-space theory, for its tip, and what the body has that theory has not."""
+"""Theory of a scene: which layer or half-space theory, for its tip, and what the body has that
+theory has not.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,13 @@ from indent_sim.model import tips
 from indent_sim.model.body import Body, Box, Cylinder, Dome, Endless, HalfSpace, Meshed
 from indent_sim.model.body import Layer as BodyLayer
 from indent_sim.model.body import Strip as BodyStrip
-from indent_sim.model.materials import Gel, LinearElastic, Material, NeoHookean, TransverselyIsotropic
+from indent_sim.model.materials import (
+    Gel,
+    LinearElastic,
+    Material,
+    NeoHookean,
+    TransverselyIsotropic,
+)
 from indent_sim.model.tips import (
     FlatPunch,
     Indenter,
@@ -27,8 +35,19 @@ from indent_sim.model.tips import (
 )
 from indent_sim.model.units import Scales
 from indent_sim.theory import half_space, profiles
-from indent_sim.theory.compression import Bar, Compression, HyperelasticBar, LinearBar, bonded_modulus
-from indent_sim.theory.films import dimitriadis_force, film_force, gao_modulus, perriot_barthel_modulus
+from indent_sim.theory.compression import (
+    Bar,
+    Compression,
+    HyperelasticBar,
+    LinearBar,
+    bonded_modulus,
+)
+from indent_sim.theory.films import (
+    dimitriadis_force,
+    film_force,
+    gao_modulus,
+    perriot_barthel_modulus,
+)
 from indent_sim.theory.half_space import section_depth
 from indent_sim.theory.layer import Layer, sneddon_force
 from indent_sim.theory.march import LayerContact
@@ -41,16 +60,21 @@ from indent_sim.theory.theory import OWN_ERROR, Theory
 
 NO_INCLUSIONS = "theory's body has no inclusions"
 # Between moduli from which theory loses digits, and the power: 2e-6 was measured at 1e5
-INEXACT_CONTRAST, STEEP = 1e4, 2.5
+INEXACT_CONTRAST = 1e4
+STEEP = 2.5
 SAME_RADIUS = 1e-9  # relative: radii that differ by less are one
-NEARLY_INCOMPRESSIBLE = 0.49  # Poisson's ratio from which rubber's formula for bonded blocks is said
+NEARLY_INCOMPRESSIBLE = (
+    0.49  # Poisson's ratio from which rubber's formula for bonded blocks is said
+)
 
 
 @dataclass(frozen=True)
 class KnownTip:
-    """What theory knows of a kind of tip: its shape, and force(delta, size, E_star) of a sharp one on a half-space.
+    """What theory knows of a kind of tip: its shape, and force(delta, size, E_star) of a sharp one
+    on a half-space.
 
-    takes: what the shape takes of the tip, by name; the first is the size. half_space: whose formula the force is.
+    takes: what the shape takes of the tip, by name; the first is the size. half_space: whose
+    formula the force is.
     """
 
     shape: Callable[..., profiles.Tip]
@@ -59,7 +83,9 @@ class KnownTip:
     force: Callable[..., float] | None = None
 
 
-Corners = Callable[[], Sequence[tuple[float, float, float]]]  # of a profile: radius, half of the width, and jump
+Corners = Callable[
+    [], Sequence[tuple[float, float, float]]
+]  # of a profile: radius, half of the width, and jump
 
 
 def _of_points(
@@ -77,7 +103,9 @@ PYRAMID = KnownTip(profiles.equal_sections, ("half_angle", "roundness", "tip_rad
 TIPS: dict[type, KnownTip] = {
     Paraboloid: KnownTip(profiles.paraboloid, ("R",), "Hertz", half_space.paraboloid_force),
     Sphere: KnownTip(profiles.sphere, ("R",), "Sneddon (sphere)", half_space.sphere_force),
-    tips.Cone: KnownTip(profiles.cone, ("half_angle", "tip_radius"), "Sneddon (cone)", half_space.cone_force),
+    tips.Cone: KnownTip(
+        profiles.cone, ("half_angle", "tip_radius"), "Sneddon (cone)", half_space.cone_force
+    ),
     tips.Hyperboloid: KnownTip(profiles.hyperboloid, ("R", "half_angle")),
     FlatPunch: KnownTip(profiles.flat_punch, ("radius", "edge_radius"), *PUNCH),
     Plate: KnownTip(profiles.plane),
@@ -106,13 +134,20 @@ def theory_of(
     center: tuple[float, ...],
     surface_tension: float = 0.0,
 ) -> Theory | None:
-    """The theory of a tip on a body under a surface tension [pressure length], its inclusions left out, or None where
-    there is none."""
-    found = half_space_theory(tip, layers) if isinstance(body, HalfSpace) else layer_theory(body, layers, tip, center)
+    """The theory of a tip on a body under a surface tension [pressure length], its inclusions left
+    out, or None where there is none.
+    """
+    found = (
+        half_space_theory(tip, layers)
+        if isinstance(body, HalfSpace)
+        else layer_theory(body, layers, tip, center)
+    )
     found = _tensed(found, surface_tension) if found and surface_tension else found
     if found is None or not body.inclusions:
         return found
-    return replace(found, exact=False, why=NO_INCLUSIONS if found.exact else f"{found.why}; {NO_INCLUSIONS}")
+    return replace(
+        found, exact=False, why=NO_INCLUSIONS if found.exact else f"{found.why}; {NO_INCLUSIONS}"
+    )
 
 
 def _tensed(plain: Theory, surface_tension: float) -> Theory | None:
@@ -125,14 +160,29 @@ def _tensed(plain: Theory, surface_tension: float) -> Theory | None:
     has_wall = plain.contact.wall < inf
     unlike = first_of(
         (has_wall, "theory's layer is infinitely wide"),
-        (contact.has_kinks, "with a surface tension theory's pressure ripples under a tip with kinks"),
+        (
+            contact.has_kinks,
+            "with a surface tension theory's pressure ripples under a tip with kinks",
+        ),
     )
-    exact, why = plain.exact and not unlike, unlike or plain.why
-    return replace(plain, contact=contact, exact=exact, why=why, error=max(plain.error, contact.error), formulas={})
+    exact = plain.exact and not unlike
+    why = unlike or plain.why
+    return replace(
+        plain,
+        contact=contact,
+        exact=exact,
+        why=why,
+        error=max(plain.error, contact.error),
+        formulas={},
+    )
 
 
-def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
-    """The layer theory of a scene, or None where there is none (nu < 0, a tip that theory does not know)."""
+def layer_theory(
+    body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]
+) -> Theory | None:
+    """The layer theory of a scene, or None where there is none (nu < 0, a tip that theory does not
+    know).
+    """
     if isinstance(body, Meshed):
         return None
     assert not isinstance(body, HalfSpace)
@@ -140,7 +190,8 @@ def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center:
         return _dome_theory(body, layers, tip)
     if isinstance(body, Cylinder | BodyStrip | Box) and covers_top(tip, body, center):
         return _compression_theory(body, layers, flat_radius(tip) / body.reach(center))
-    shape, is_plane = shape_of(tip), body.dim == 2
+    shape = shape_of(tip)
+    is_plane = body.dim == 2
     stack = stack_of(layers, body.base)
     if shape is None or stack is None or (is_plane and shape.f is None):
         return None
@@ -151,8 +202,10 @@ def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center:
 
 
 def covers_top(tip: Indenter, body: Body, center: tuple[float, ...]) -> bool:
-    """Whether the flat face of a tip on the axis `center` covers all of a flat top, which then compresses the body as
-    a plate does, as long as no rim bulges past its edge. Not known of a mesh from a file."""
+    """Whether the flat face of a tip on the axis `center` covers all of a flat top, which then
+    compresses the body as a plate does, as long as no rim bulges past its edge. Not known of a
+    mesh from a file.
+    """
     if not isinstance(body, Cylinder | BodyStrip | Box):
         return False
     return flat_radius(tip) >= body.reach(center) * (1 - SAME_RADIUS)
@@ -162,10 +215,13 @@ def covers_top(tip: Indenter, body: Body, center: tuple[float, ...]) -> bool:
 COMPRESSIONS = ("uniaxial compression", "plane-strain compression", "confined compression")
 
 
-def _compression_theory(body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer], room: float) -> Theory | None:
-    """Theory of a plate on all of a flat top: the body as a bar that slides on the plate and on its base. None where
-    nobody knows it: layers that are no linear ones, a bar that cannot give way.
-    room: the radius of the tip's flat face over that of the top."""
+def _compression_theory(
+    body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer], room: float
+) -> Theory | None:
+    """Theory of a plate on all of a flat top: the body as a bar that slides on the plate and on its
+    base. None where nobody knows it: layers that are no linear ones, a bar that cannot give way.
+    room: the radius of the tip's flat face over that of the top.
+    """
     held = _held_directions(body)
     found = _bar(layers, held)
     if found is None:
@@ -178,13 +234,24 @@ def _compression_theory(body: Cylinder | BodyStrip | Box, layers: Sequence[BodyL
         (body.base == "fixed", "the base is bonded, theory's slides"),
         (len(layers) > 1, "theory's layers slide on one another"),
     )
-    formulas = _bonded_formulas(body, layers) if body.base == "fixed" and held == 2 - dimensions else {}
+    formulas = (
+        _bonded_formulas(body, layers) if body.base == "fixed" and held == 2 - dimensions else {}
+    )
     why_exact = "a block that slides between plates is this very body"
-    return Theory(COMPRESSIONS[held], not why, why or why_exact, contact, formulas=formulas, is_finite=is_finite)
+    return Theory(
+        COMPRESSIONS[held],
+        not why,
+        why or why_exact,
+        contact,
+        formulas=formulas,
+        is_finite=is_finite,
+    )
 
 
 def _held_directions(body: Cylinder | BodyStrip | Box) -> int:
-    """In how many of the two directions across it walls keep the width of a body; in plane strain in y at least."""
+    """In how many of the two directions across it walls keep the width of a body; in plane strain
+    in y at least.
+    """
     if isinstance(body, Cylinder):
         return 0 if body.sides == "free" else 2
     sides = body.sides
@@ -217,7 +284,9 @@ def _area_of_top(body: Cylinder | BodyStrip | Box) -> float:
     return float(np.prod(body.widths))
 
 
-def _bonded_formulas(body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer]) -> dict[str, Curve]:
+def _bonded_formulas(
+    body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer]
+) -> dict[str, Curve]:
     """Gent and Lindley's force of a nearly incompressible disc or strip that is bonded at its base."""
     if isinstance(body, Box) or len(layers) > 1 or layers[0].material is None:
         return {}
@@ -232,9 +301,12 @@ def _bonded_formulas(body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLaye
 
 
 def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theory | None:
-    """Theory of a flat body under the curvatures of tip and dome: a layer as high as a cap, a half-space for a ball."""
+    """Theory of a flat body under the curvatures of tip and dome: a layer as high as a cap, a
+    half-space for a ball.
+    """
     is_cap = body.shape == "cap"
-    shape, stack = shape_of(tip), stack_of(layers, body.base if is_cap else None)
+    shape = shape_of(tip)
+    stack = stack_of(layers, body.base if is_cap else None)
     if shape is None or stack is None:
         return None
     contact = Layer.on(profiles.over_dome(shape, body.radius), stack)
@@ -243,17 +315,24 @@ def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theo
 
 
 def adhesive_radii(
-    theory: Theory | None, tip: Indenter, layers: Sequence[BodyLayer], work: float, depth: float, force: float | None
+    theory: Theory | None,
+    tip: Indenter,
+    layers: Sequence[BodyLayer],
+    work: float,
+    depth: float,
+    force: float | None,
 ) -> tuple[float, float] | tuple[()]:
-    """Contact radii [length] of a tip that adheres without range: where it comes off, and at a depth, or at a force
-    [force] where that is prescribed.
+    """Contact radii [length] of a tip that adheres without range: where it comes off, and at a
+    depth, or at a force [force] where that is prescribed.
 
     By theory, or that of a half-space of the first layer; empty where neither knows them.
     """
     depth = max(depth, 0.0)
     jkr = theory.jkr(work) if theory else None
     if jkr is None:
-        beside = half_space_theory(tip, [replace(layers[0], thickness=None)], tip.radius_at(depth) or 1.0)
+        beside = half_space_theory(
+            tip, [replace(layers[0], thickness=None)], tip.radius_at(depth) or 1.0
+        )
         jkr = beside.jkr(work) if beside else None
     with contextlib.suppress(*UNSOLVED):
         to = (depth,) if force is None else (max(force, 0.0), inf)
@@ -263,8 +342,9 @@ def adhesive_radii(
 
 
 def relative_tip(tip: Indenter, body: Body) -> Indenter:
-    """The tip that leaves the same gap over a flat top: of the curvature 1/R relative to the body's, 1/R + 1/radius. A
-    sharp tip is its own: beside its apex the body is flat."""
+    """The tip that leaves the same gap over a flat top: of the curvature 1/R relative to the
+    body's, 1/R + 1/radius. A sharp tip is its own: beside its apex the body is flat.
+    """
     if not isinstance(body, Dome):
         return tip
     match tip:
@@ -275,19 +355,27 @@ def relative_tip(tip: Indenter, body: Body) -> Indenter:
     return tip
 
 
-def half_space_theory(tip: Indenter, layers: Sequence[BodyLayer], size: float = 1.0) -> Theory | None:
-    """Theory of a tip on a half-space, homogeneous or below layers; `size`: about a contact radius [length]."""
-    shape, stack = shape_of(tip), stack_of(layers, None, size)
+def half_space_theory(
+    tip: Indenter, layers: Sequence[BodyLayer], size: float = 1.0
+) -> Theory | None:
+    """Theory of a tip on a half-space, homogeneous or below layers; `size`: about a contact radius
+    [length].
+    """
+    shape = shape_of(tip)
+    stack = stack_of(layers, None, size)
     if shape is None or stack is None:
         return None
     why = "the half-space itself" if len(layers) == 1 else "the layers on the half-space itself"
-    found = Theory("half-space theory", True, why, Layer.on(shape, stack), formulas=_film_formulas(layers, tip))
+    found = Theory(
+        "half-space theory", True, why, Layer.on(shape, stack), formulas=_film_formulas(layers, tip)
+    )
     return _judged(found, layers, tip)
 
 
 def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -> Stack | None:
-    """The layers as theory knows them, on a rigid base, or the last one a half-space where base is None. None where
-    theory does not know a material (nu < 0)."""
+    """The layers as theory knows them, on a rigid base, or the last one a half-space where base is
+    None. None where theory does not know a material (nu < 0).
+    """
     plies = [_ply(layer) for layer in layers]
     if base is None and len(plies) == 1:
         return Stack.half_space(plies[0].E / (1 - plies[0].nu ** 2), size)
@@ -299,14 +387,21 @@ def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -
 
 
 def _judged(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter) -> Theory:
-    """The theory of a body like its own, with what tip and materials have that it has not, and its error."""
+    """The theory of a body like its own, with what tip and materials have that it has not, and its
+    error.
+    """
     assert isinstance(theory.contact, LayerContact)
     materials = [layer.material for layer in layers if layer.material]
-    is_one_half_space = len(layers) == 1 and theory.contact.scaled.is_bottomless  # of the same indentation modulus
+    is_one_half_space = (
+        len(layers) == 1 and theory.contact.scaled.is_bottomless
+    )  # of the same indentation modulus
     is_isotropic = is_one_half_space or all(material.is_isotropic for material in materials)
     why = first_of(
         (not is_isotropic, "theory's layers are isotropic"),
-        (not all(material.small_strain for material in materials), "theory is that of small strain"),
+        (
+            not all(material.small_strain for material in materials),
+            "theory is that of small strain",
+        ),
         (not tip.of_revolution, "theory's tip is the cone of equal sections"),
     )
     moduli = [material.constants.E for material in materials]
@@ -338,10 +433,14 @@ def _ply(layer: BodyLayer) -> Ply:
 
 
 def _wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, str]:
-    """Radius of the roller wall, if the body has the one that theory knows, and what is different otherwise."""
+    """Radius of the roller wall, if the body has the one that theory knows, and what is different
+    otherwise.
+    """
     if isinstance(body, Endless):
         return None, True, "the infinitely wide layer itself"
-    on_axis = np.allclose(center, body.center, rtol=2e-11, atol=1e-12 * body.height)  # it is rounded to 12 digits
+    on_axis = np.allclose(
+        center, body.center, rtol=2e-11, atol=1e-12 * body.height
+    )  # it is rounded to 12 digits
     match body.shape:
         case "cylinder" if on_axis and body.sides == "roller":
             return body.radius, True, "a layer in a frictionless cylinder is this very body"
@@ -351,7 +450,9 @@ def _wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, st
 
 
 def half_space_depth(tip: Indenter, force: float, E_star: float) -> tuple[str, float] | None:
-    """Name and depth of a tip on a half-space at a force; None for the tips that nobody has a formula for."""
+    """Name and depth of a tip on a half-space at a force; None for the tips that nobody has a
+    formula for.
+    """
     start = section_depth(tip.radius_at, force, E_star)
     name, force_at = _half_space_formula(tip, start, E_star)
     found = depth_of(force_at, force, start) if force_at else None
@@ -359,7 +460,9 @@ def half_space_depth(tip: Indenter, force: float, E_star: float) -> tuple[str, f
 
 
 def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, float] | None:
-    """Name and force of a tip on a half-space (Hertz, Sneddon); None for the tips that nobody has a formula for."""
+    """Name and force of a tip on a half-space (Hertz, Sneddon); None for the tips that nobody has a
+    formula for.
+    """
     name, force_at = _half_space_formula(tip, delta, E_star)
     try:
         return (name, force_at(delta)) if force_at else None
@@ -368,7 +471,9 @@ def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, f
 
 
 def _half_space_formula(tip: Indenter, delta: float, E_star: float) -> tuple[str, Curve | None]:
-    """Name and force of a tip on a half-space near a depth; by quadrature where it has no closed form."""
+    """Name and force of a tip on a half-space near a depth; by quadrature where it has no closed
+    form.
+    """
     if not delta > 0:
         return "", None
     name, force_at = _closed_form(tip, E_star)
@@ -382,23 +487,35 @@ def _half_space_formula(tip: Indenter, delta: float, E_star: float) -> tuple[str
 
 @lru_cache(maxsize=16)  # every row and every point of a curve asks
 def _closed_form(tip: Indenter, E_star: float) -> tuple[str, Curve | None]:
-    """Name and force of a tip on a half-space; no force where it takes a quadrature, no name where nobody knows it."""
+    """Name and force of a tip on a half-space; no force where it takes a quadrature, no name where
+    nobody knows it.
+    """
     known = TIPS.get(type(tip))
-    if known is None or isinstance(tip, Plate) or (isinstance(tip, RegularPyramid) and tip.faces != 4):
+    if (
+        known is None
+        or isinstance(tip, Plate)
+        or (isinstance(tip, RegularPyramid) and tip.faces != 4)
+    ):
         return "", None
-    if known.force is None or getattr(tip, "tip_radius", 0.0) > 0 or getattr(tip, "edge_radius", 0.0) > 0:
+    if (
+        known.force is None
+        or getattr(tip, "tip_radius", 0.0) > 0
+        or getattr(tip, "edge_radius", 0.0) > 0
+    ):
         return "Sneddon (quadrature)", None
     size = {known.takes[0]: getattr(tip, known.takes[0])}
     return known.half_space, partial(known.force, E_star=E_star, **size)
 
 
 def undrained(material: Material) -> Material:
-    """The elastic law of a canonical material from which no fluid leaves; the material itself where none flows.
+    """The elastic law of a canonical material from which no fluid leaves; the material itself where
+    none flows.
 
-    At small strain its bulk modulus is K + alpha^2/storage, at finite strain its volume stays what it is; a gel's
-    network is neo-Hookean then.
+    At small strain its bulk modulus is K + alpha^2/storage, at finite strain its volume stays what
+    it is; a gel's network is neo-Hookean then.
     """
-    flow, law = material.flow, material
+    flow = material.flow
+    law = material
     if flow is None:
         return material
     E, nu = law.constants
@@ -416,18 +533,26 @@ def undrained(material: Material) -> Material:
 def _undrained_across(law: TransverselyIsotropic) -> Material:
     """S_u = S - (S alpha)(S alpha)^T/(alpha S alpha + storage) of the compliance S (Woodbury)."""
     assert law.flow is not None
-    E, E_z, nu, nu_z, alpha = law.E, law.E_z, law.nu, law.nu_z, law.flow.alpha
-    across, along = alpha * ((1 - nu) / E - nu_z / E_z), alpha * (1 - 2 * nu_z) / E_z
+    E = law.E
+    E_z = law.E_z
+    nu = law.nu
+    nu_z = law.nu_z
+    alpha = law.flow.alpha
+    across = alpha * ((1 - nu) / E - nu_z / E_z)
+    along = alpha * (1 - 2 * nu_z) / E_z
     give = alpha * (2 * across + along) + law.flow.storage
-    E_u, E_zu = 1 / (1 / E - across**2 / give), 1 / (1 / E_z - along**2 / give)
+    E_u = 1 / (1 / E - across**2 / give)
+    E_zu = 1 / (1 / E_z - along**2 / give)
     nu_zu = (nu_z / E_z + across * along / give) * E_zu if law.flow.storage else 0.5
     nu_u = (nu / E + across**2 / give) * E_u if law.flow.storage else 1 - E_u / (2 * E_zu)
     return replace(law, E=E_u, E_z=E_zu, nu=nu_u, nu_z=nu_zu, flow=None, formulation="auto")
 
 
 def relaxed(material: Material, left: float) -> Material:
-    """The elastic law of a canonical material of which a share of the shear stress is left, and all of the bulk
-    modulus, or where everything relaxes the same share of it; the material itself where nothing does."""
+    """The elastic law of a canonical material of which a share of the shear stress is left, and all
+    of the bulk modulus, or where everything relaxes the same share of it; the material itself
+    where nothing does.
+    """
     if material.relaxation is None:
         return material
     law = Scales(1.0, 1.0 / left).scaled(replace(material, flow=None))

@@ -1,8 +1,10 @@
-"""Truncation of bodies without end: the finite body that stands for one, and the error of the force.
+"""Truncation of bodies without end: the finite body that stands for one, and the error of the
+force.
 
-For a half-space, a body of width and height n a is too stiff by about 1/n (a: contact radius); for a layer, the error
-of a wall fades with its distance in heights. Layer theory knows both exactly for a cylinder between frictionless walls.
-Sizes that grow with the distance make n in the thousands cheap.
+For a half-space, a body of width and height n a is too stiff by about 1/n (a: contact radius); for
+a layer, the error of a wall fades with its distance in heights. Layer theory knows both exactly for
+a cylinder between frictionless walls. Sizes that grow with the distance make n in the thousands
+cheap.
 """
 
 from __future__ import annotations
@@ -24,14 +26,19 @@ from indent_sim.theory.solution import MAX_SLENDERNESS, Solution
 ACCURACY = 1e-3  # wanted of the force
 SHARE = 0.3  # of it that the truncation may take; the rest is the mesh's
 WALLS = BoxSides("roller", "roller", "roller", "roller")
-NEAREST, FARTHER = 2.0, 1.5  # heights from a layer's contact to the first wall that is tried, and times to the next
+# heights from a layer's contact to the first wall that is tried, and times to the next
+NEAREST = 2.0
+FARTHER = 1.5
 LEAST_STATED_ERROR = 1e-6  # of the force: an error of truncation that is less is stated as this
-TRUNCATION_SAFETY = 1.5  # times theory's error is stated: the mesh leaves noise of 1e-4, and nu < 0 is not in theory
+# times theory's error is stated: the mesh leaves noise of 1e-4, and nu < 0 is not in theory
+TRUNCATION_SAFETY = 1.5
 
 
 @dataclass(frozen=True)
 class Truncation:
-    """The finite body, its size in contact radii, and a bound of the relative error of the force (> 0, too stiff)."""
+    """The finite body, its size in contact radii, and a bound of the relative error of the force (>
+    0, too stiff).
+    """
 
     body: Cylinder | Box
     layers: tuple[Layer, ...]
@@ -49,7 +56,11 @@ class Truncation:
 
 
 def truncate(
-    body: Endless, tip: Indenter, states: Sequence[Sequence[Layer]], delta: float, wider: float = 1.0
+    body: Endless,
+    tip: Indenter,
+    states: Sequence[Sequence[Layer]],
+    delta: float,
+    wider: float = 1.0,
 ) -> Truncation:
     """Return the smallest finite body that stands for a half-space or an infinitely wide layer.
 
@@ -71,12 +82,20 @@ def truncate(
     search = _truncated_half_space if isinstance(body, HalfSpace) else _truncated_layer
     found = [search(body, tip, layers, delta) for layers in states]  # type: ignore[arg-type]
     largest = max(found, key=lambda one: _width(one.body))
-    own = [replace(layer, material=first.material) for layer, first in zip(largest.layers, states[0], strict=True)]
+    own = [
+        replace(layer, material=first.material)
+        for layer, first in zip(largest.layers, states[0], strict=True)
+    ]
     largest = replace(largest, layers=tuple(own))
     truncation = _widened(largest, largest.layers, float(f"{wider:.6g}"))
     shift = (*truncation.body.center, 0.0)  # to where the finite body has its axis
-    places = [tuple(x + s for x, s in zip(one.center, shift, strict=True)) for one in body.inclusions or ()]
-    placed = tuple(replace(one, center=at) for one, at in zip(body.inclusions or (), places, strict=True))
+    places = [
+        tuple(x + s for x, s in zip(one.center, shift, strict=True))
+        for one in body.inclusions or ()
+    ]
+    placed = tuple(
+        replace(one, center=at) for one, at in zip(body.inclusions or (), places, strict=True)
+    )
     return replace(truncation, body=replace(truncation.body, inclusions=placed or None))
 
 
@@ -87,7 +106,8 @@ def _width(body: Cylinder | Box) -> float:
 
 def _widened(found: Truncation, layers: Sequence[Layer], times: float) -> Truncation:
     """The same with a body that many times as wide, and as high where it stands for a half-space."""
-    body, ratio = found.body, times * found.ratio
+    body = found.body
+    ratio = times * found.ratio
     if times == 1.0:
         return found
     is_deep = found.stands_for == "half-space"
@@ -96,18 +116,30 @@ def _widened(found: Truncation, layers: Sequence[Layer], times: float) -> Trunca
         finite: Cylinder | Box = replace(body, radius=times * body.radius, height=height)
     else:
         finite = replace(body, size=(times * body.size[0], times * body.size[1], height))
-    return replace(found, body=finite, layers=_finite(layers, height) if is_deep else found.layers, ratio=ratio)
+    return replace(
+        found, body=finite, layers=_finite(layers, height) if is_deep else found.layers, ratio=ratio
+    )
 
 
 def _reach(body: Endless) -> float:
     """How far from the tip's axis and the surface inclusions reach [length]."""
-    return max((inclusion.farthest((0.0, 0.0, 0.0)) for inclusion in body.inclusions or ()), default=0.0)
+    return max(
+        (inclusion.farthest((0.0, 0.0, 0.0)) for inclusion in body.inclusions or ()), default=0.0
+    )
 
 
-def _truncated_layer(body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
-    """A wall where theory with and without it differ by no more than is allowed, or beside its widest contact."""
-    known, depth, height = shape_of(tip), abs(delta) or body.height, body.height
-    stack = stack_of([replace(layer, material=_compressible(layer.material)) for layer in layers], body.base)
+def _truncated_layer(
+    body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer], delta: float
+) -> Truncation:
+    """A wall where theory with and without it differ by no more than is allowed, or beside its
+    widest contact.
+    """
+    known = shape_of(tip)
+    depth = abs(delta) or body.height
+    height = body.height
+    stack = stack_of(
+        [replace(layer, material=_compressible(layer.material)) for layer in layers], body.base
+    )
     assert stack is not None
     contact = LayerContact.on(known, stack) if known else None
     deepest = _solved(contact, depth) if contact else None
@@ -116,33 +148,43 @@ def _truncated_layer(body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer]
         punch = profiles.flat_punch(min(radius, 0.5 * MAX_SLENDERNESS * stack.h))
         contact = LayerContact.on(punch, stack)
         deepest = contact.curve([depth])[0]
-    beyond, error = NEAREST * height + _reach(body), inf
+    beyond = NEAREST * height + _reach(body)
+    error = inf
     while error > SHARE * ACCURACY:
         beyond *= FARTHER
         walled = _solved(LayerContact.on(contact.tip, stack, deepest.a + beyond), depth)
         error = abs(walled.force / deepest.force - 1) if walled else inf
     # a stiff plane carries it farther
     beyond *= max(1.0, *(layer.material.decay[1] for layer in layers if layer.material))
-    width, error = float(f"{radius + beyond:.6g}"), TRUNCATION_SAFETY * max(error, LEAST_STATED_ERROR)
+    width = float(f"{radius + beyond:.6g}")
+    error = TRUNCATION_SAFETY * max(error, LEAST_STATED_ERROR)
     finite: Cylinder | Box = Cylinder(width, height, base=body.base, sides="roller")
     if not tip.of_revolution:
         finite = Box((2 * width, 2 * width, height), base=body.base, sides=WALLS)
     return Truncation(finite, tuple(layers), "infinitely wide layer", width / radius, error)
 
 
-def _truncated_half_space(body: HalfSpace, tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
-    known, depth = shape_of(tip), abs(delta) or 1.0
+def _truncated_half_space(
+    body: HalfSpace, tip: Indenter, layers: Sequence[Layer], delta: float
+) -> Truncation:
+    known = shape_of(tip)
+    depth = abs(delta) or 1.0
     modelled = [replace(layer, material=_compressible(layer.material)) for layer in layers]
     # what theory does not know, or ends in, is no wider in contact than a punch of its radius
     punch = profiles.flat_punch(tip.radius_at(depth))
-    models = [*([(known, modelled)] if known else []), (punch, modelled), (punch, modelled[-1:])]  # films far too thin
+    models = [
+        *([(known, modelled)] if known else []),
+        (punch, modelled),
+        (punch, modelled[-1:]),
+    ]  # films far too thin
     for shape, modelled in models:
         stack = stack_of(modelled, None, tip.radius_at(depth))
         if stack and (deepest := _solved(LayerContact.on(shape, stack), depth)):
             break
     assert deepest is not None
     above = sum(layer.thickness or 0.0 for layer in layers[:-1])
-    target, ratio = SHARE * ACCURACY, max(100.0, 10 * max(above, _reach(body)) / deepest.a)
+    target = SHARE * ACCURACY
+    ratio = max(100.0, 10 * max(above, _reach(body)) / deepest.a)
     # how much deeper than below isotropic layers the base is felt
     deeper = max(1.0, *(1 / layer.material.decay[0] for layer in layers if layer.material))
 
@@ -150,7 +192,9 @@ def _truncated_half_space(body: HalfSpace, tip: Indenter, layers: Sequence[Layer
         """F(cylinder)/F(half-space) - 1."""
         stack = stack_of(_finite(modelled, size), "fixed")
         assert stack is not None
-        return deeper * (LayerContact.on(shape, stack, size).curve([deepest.delta])[0].force / deepest.force - 1)
+        return deeper * (
+            LayerContact.on(shape, stack, size).curve([deepest.delta])[0].force / deepest.force - 1
+        )
 
     while (error := error_of(ratio * deepest.a)) > target:
         ratio *= 1.01 * error / target  # the error falls a little faster than 1/ratio
@@ -163,8 +207,9 @@ def _truncated_half_space(body: HalfSpace, tip: Indenter, layers: Sequence[Layer
 
 
 def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> float:
-    """The depth at which a half-space pushes back with a force [pressure length^2], 0 for one that does not push; about
-    that for an unknown tip."""
+    """The depth at which a half-space pushes back with a force [pressure length^2], 0 for one that
+    does not push; about that for an unknown tip.
+    """
     if force <= 0:
         return 0.0
     material = layers[0].material

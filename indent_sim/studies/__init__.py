@@ -1,6 +1,7 @@
 """One scene, varied: many runs, one table. A failed run stays a row.
 
-    StudyFile --cases.asked_for--> Case, Case, ... --conduct--> result folders --study_table.rows--> study.csv
+    StudyFile --cases.asked_for--> Case, Case, ... --conduct--> result folders --study_table.rows-->
+    study.csv
 
 `carry_out` walks the whole chain.
 """

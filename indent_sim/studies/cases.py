@@ -1,4 +1,6 @@
-"""Points of the grid -> Cases: every config checked and resolved, and its physics given a name, before any run."""
+"""Points of the grid -> Cases: every config checked and resolved, and its physics given a name,
+before any run.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,11 @@ from indent_sim.run.prospect import Prospect
 from indent_sim.studies.points import Multiple, Point, Setting
 from indent_sim.studies.study_file import StudyFile, Wanted
 
-DISCRETE = ("mesh", "contact", "solver")  # sections that choose how a scene is solved, not which scene it is
+DISCRETE = (
+    "mesh",
+    "contact",
+    "solver",
+)  # sections that choose how a scene is solved, not which scene it is
 MOST_TOLD = 20  # errors of one study
 HOW = ("accuracy", "material.formulation", "loading.steps")  # keys that do
 
@@ -40,14 +46,24 @@ class Case:
 
     @cached_property
     def numbers(self) -> dict[str, Any]:
-        """The varied keys as a table has them: a quantity with a unit as a number in the scene's units."""
+        """The varied keys as a table has them: a quantity with a unit as a number in the scene's
+        units.
+        """
         quantities = self.prospect.config.source.quantities
-        return {key: _in_scene_units(value, key_path(key), quantities) for key, value in self.values.items()}
+        return {
+            key: _in_scene_units(value, key_path(key), quantities)
+            for key, value in self.values.items()
+        }
 
     @cached_property
     def name(self) -> str:
-        """As in E=2_method=penalty-3f2a...: the varied keys, as far as a file name holds them, and the id."""
-        said = {key: re.sub(r"[^A-Za-z0-9=.+-]+", "_", short(value)) for key, value in self.values.items()}
+        """As in E=2_method=penalty-3f2a...: the varied keys, as far as a file name holds them, and
+        the id.
+        """
+        said = {
+            key: re.sub(r"[^A-Za-z0-9=.+-]+", "_", short(value))
+            for key, value in self.values.items()
+        }
         words = "_".join(f"{key.split('.')[-1]}={word.strip('_')}" for key, word in said.items())
         return f"{words[:80].lstrip('.-')}-{self.id}"  # letters
 
@@ -55,8 +71,13 @@ class Case:
     def problem(self) -> str:
         """What is asked for, however it is solved: cases with equal problems have one answer."""
         names = (key for key in self.values if key.split(".")[0] not in DISCRETE and key not in HOW)
-        asked, physics = {key: self.values[key] for key in names}, self.prospect.scene.physics
-        surface = {"gap": physics.gap, "friction": physics.contact.friction, "adhesion": str(physics.contact.adhesion)}
+        asked = {key: self.values[key] for key in names}
+        physics = self.prospect.scene.physics
+        surface = {
+            "gap": physics.gap,
+            "friction": physics.contact.friction,
+            "adhesion": str(physics.contact.adhesion),
+        }
         return inline(asked | surface | {"depth": self.depth, "control": physics.path.control})
 
     @property
@@ -66,19 +87,25 @@ class Case:
 
 
 def _in_scene_units(value: Any, path: KeyPath, quantities: Quantities) -> Any:
-    """A value of a document with every quantity in it as the number that it stands for in the scene."""
+    """A value of a document with every quantity in it as the number that it stands for in the
+    scene.
+    """
     if path in quantities:
         return quantities[path][1]
     if isinstance(value, Mapping):
         return {key: _in_scene_units(part, (*path, key), quantities) for key, part in value.items()}
     if isinstance(value, list):
-        return [_in_scene_units(part, (*path, index), quantities) for index, part in enumerate(value)]
+        return [
+            _in_scene_units(part, (*path, index), quantities) for index, part in enumerate(value)
+        ]
     return value
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """A point that the program refuses before anything is run, and why: a row of a study with a tolerance."""
+    """A point that the program refuses before anything is run, and why: a row of a study with a
+    tolerance.
+    """
 
     index: int
     point: Point
@@ -88,8 +115,13 @@ class Refusal:
 
     @property
     def numbers(self) -> dict[str, Any]:
-        """The varied keys as a table has them: a quantity with a unit as a number in the scene's units."""
-        return {key: _in_scene_units(value, key_path(key), self.quantities) for key, value in self.values.items()}
+        """The varied keys as a table has them: a quantity with a unit as a number in the scene's
+        units.
+        """
+        return {
+            key: _in_scene_units(value, key_path(key), self.quantities)
+            for key, value in self.values.items()
+        }
 
     @property
     def values(self) -> dict[str, Any]:
@@ -99,24 +131,34 @@ class Refusal:
     @property
     def told(self) -> ConfigError:
         """The error, and of which run it is where the place that it names does not say."""
-        words = ", ".join(f"{key} {short(value)}" for key, value in (self.named or self.values).items())
+        words = ", ".join(
+            f"{key} {short(value)}" for key, value in (self.named or self.values).items()
+        )
         known = [] if self.named else [place for *_, place in self.point]
         said = [
-            one if (one.file, one.line) in known else replace(one, problem=f"{one.problem} (in the run of {words})")
+            one
+            if (one.file, one.line) in known
+            else replace(one, problem=f"{one.problem} (in the run of {words})")
             for one in self.error.errors
         ]
         return ConfigErrors.of(said)
 
 
 def asked_for(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
-    """The cases of a study, and with a tolerance those refused; without, ConfigError when any cannot be run."""
+    """The cases of a study, and with a tolerance those refused; without, ConfigError when any
+    cannot be run.
+    """
     cases, refusals = sorted_out(study)
     if refusals and study.tolerance is None:
         told: dict[str, list[Refusal]] = {}
         for refusal in refusals:
             told.setdefault(str(refusal.error), []).append(refusal)
-        of_all = len(cases) + len(refusals)  # what is wrong with every run is wrong with what they share
-        errors = [one[0].error if len(one) == of_all else one[0].told for one in told.values()][:MOST_TOLD]
+        of_all = len(cases) + len(
+            refusals
+        )  # what is wrong with every run is wrong with what they share
+        errors = [one[0].error if len(one) == of_all else one[0].told for one in told.values()][
+            :MOST_TOLD
+        ]
         if cases and not study.members:
             errors[-1] = _with_a_way_out(errors[-1], len(refusals), of_all)
         raise ConfigErrors.of(errors)
@@ -124,9 +166,14 @@ def asked_for(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
 
 
 def _with_a_way_out(error: ConfigError, refused: int, of_all: int) -> ConfigError:
-    """The last of the errors of a study, some of whose runs are possible: what lets it go on without the others."""
+    """The last of the errors of a study, some of whose runs are possible: what lets it go on
+    without the others.
+    """
     *others, last = error.errors
-    way = f"{refused} of {of_all} runs cannot be: with `tolerance` in the study they are rows that failed"
+    way = (
+        f"{refused} of {of_all} runs cannot be: with `tolerance` in the study they are "
+        "rows that failed"
+    )
     remedy = f"{last.remedy}; {way}" if last.remedy else way
     return ConfigErrors.of([*others, replace(last, remedy=remedy)])
 
@@ -140,7 +187,9 @@ def sorted_out(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
         try:
             cases.append(build(index, wanted))
         except ConfigError as error:
-            refusals.append(Refusal(index, wanted.point, wanted.named, error, build.quantities(wanted)))
+            refusals.append(
+                Refusal(index, wanted.point, wanted.named, error, build.quantities(wanted))
+            )
     return cases, refusals
 
 
@@ -152,7 +201,9 @@ class _Builder:
         self._units: dict[str, float] = {}
 
     def __call__(self, index: int, wanted: Wanted) -> Case:
-        point = tuple((key, self._number(value, wanted), place) for key, value, place in wanted.point)
+        point = tuple(
+            (key, self._number(value, wanted), place) for key, value, place in wanted.point
+        )
         config = self._config(wanted, point)
         prospect = _prospect(config, point)
         named = wanted.named or {key: value for key, value, _ in point}
@@ -167,7 +218,11 @@ class _Builder:
 
     def _number(self, value: object, wanted: Wanted) -> object:
         """A value at a point, a multiple of E*/h_contact in the user's units."""
-        return float(f"{value.factor * self._unit(wanted):.15g}") if isinstance(value, Multiple) else value
+        return (
+            float(f"{value.factor * self._unit(wanted):.15g}")
+            if isinstance(value, Multiple)
+            else value
+        )
 
     def _config(self, wanted: Wanted, point: Point) -> Config:
         return varied(wanted.base, wanted.source, (*self._common, *point))
@@ -178,12 +233,16 @@ class _Builder:
         name = inline([[key, value] for key, value, _ in others])
         if name not in self._units:
             auto: Setting = ("contact", {"method": "auto"}, ("", None))
-            self._units[name] = _prospect(self._config(wanted, (*others, auto)), wanted.point).stiffness_unit
+            self._units[name] = _prospect(
+                self._config(wanted, (*others, auto)), wanted.point
+            ).stiffness_unit
         return self._units[name]
 
 
 def _prospect(config: Config, point: Point) -> Prospect:
-    """The prospect of a point; an error about a section says which value varied there, and where that stands."""
+    """The prospect of a point; an error about a section says which value varied there, and where
+    that stands.
+    """
     try:
         return Prospect.of(config)
     except ConfigError as error:

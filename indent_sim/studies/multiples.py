@@ -1,4 +1,6 @@
-"""Pictures of a study of many runs: small multiples of curves, and columns of its table over the keys that vary."""
+"""Pictures of a study of many runs: small multiples of curves, and columns of its table over the
+keys that vary.
+"""
 
 from __future__ import annotations
 
@@ -22,17 +24,23 @@ from indent_sim.studies.study_table import answer_row
 COLUMNS = ("force", "a", "p_max", "penetration")  # of a run, that are drawn over the keys that vary
 STIFFNESS = "contact.epsilon_n"
 MOST_COLOURS = len(canvas.COLOURS)
-MOST_ACROSS, MOST_DOWN = 6, 4  # small multiples side by side and below one another
+# small multiples side by side and below one another
+MOST_ACROSS = 6
+MOST_DOWN = 4
 MOST_NUMBERS = 3  # panels over a varied number
 MOST_GROUPS = 12  # lines that are named
 DASHES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (5, 1.5, 1, 1.5)))  # of lines that share a colour
 LOG_SPAN = 20.0  # ratio of largest to smallest from which a varied number is logarithmic
-# The same of what many runs tell: of numbers over a decade and a half half of the curves would lie on zero
+# The same of what many runs tell: of numbers over a decade and a half half of the curves would lie
+# on zero
 WIDE_SPAN = 30.0
 FEW_VALUES = 3  # values of a key, from which on there is a map over two
-FEW_NUMBERS = 6.0  # ratio of the ends of a logarithmic axis from which on 1, 2 and 5 of a decade are enough numbers
+# ratio of the ends of a logarithmic axis from which on 1, 2 and 5 of a decade are enough numbers
+FEW_NUMBERS = 6.0
 LEVELS = 12  # steps of the colours of a map
-SMALL, PANEL = (2.0, 1.75), (4.2, 3.4)  # inches: width and height of a small multiple, and of another panel
+# inches: width and height of a small multiple, and of another panel
+SMALL = (2.0, 1.75)
+PANEL = (4.2, 3.4)
 HEAD = 0.7  # inches: of title and subtitle
 
 
@@ -40,7 +48,8 @@ HEAD = 0.7  # inches: of title and subtitle
 class Roles:
     """What each varied key does in small multiples: "" where no key does it.
 
-    colour: of the curves; across, down: panels side by side and below one another; dashes: of lines of one colour.
+    colour: of the curves; across, down: panels side by side and below one another; dashes: of lines
+    of one colour.
     """
 
     colour: str
@@ -57,15 +66,17 @@ class Roles:
 def roles(families: Families) -> Roles:
     """Give every key its role by how many values it has.
 
-    The number with the most values is the colour, for a bar tells any number of them apart. Of the other keys the
-    one with the most values goes across, and so on; a key with more values than there are panels gets none while
-    another one can have it.
+    The number with the most values is the colour, for a bar tells any number of them apart. Of the
+    other keys the one with the most values goes across, and so on; a key with more values than
+    there are panels gets none while another one can have it.
     """
     counts = {key: len(_values(families, key)) for key in families.keys}
     numeric = families.numeric()
     few_words = [key for key in families.keys if key not in numeric and counts[key] <= MOST_COLOURS]
     colour = max(numeric or few_words or families.keys, key=counts.__getitem__)
-    rest = sorted((key for key in families.keys if key != colour), key=counts.__getitem__, reverse=True)
+    rest = sorted(
+        (key for key in families.keys if key != colour), key=counts.__getitem__, reverse=True
+    )
     found = {"colour": colour}
     for role, most in (("across", MOST_ACROSS), ("down", MOST_DOWN), ("dashes", len(DASHES))):
         fitting = [key for key in rest if counts[key] <= most]
@@ -81,8 +92,8 @@ def roles(families: Families) -> Roles:
 def pictured(families: Families, title: str) -> Iterator[Figure]:
     """The figure of the curves of many runs of a study with two varied keys or more.
 
-    Above small multiples of force over depth, below what the force of a run is over every varied number, and for two
-    numbers a map over both.
+    Above small multiples of force over depth, below what the force of a run is over every varied
+    number, and for two numbers a map over both.
     """
     chosen = roles(families)
     across, down = (_some(_values(families, key), most) for key, most in _facets(chosen))
@@ -151,10 +162,13 @@ def _draw_multiples(
     looks: Sequence[Look],
     bar: Any,
 ) -> Axes:
-    """Draw force over depth into a panel for every pair of values; returns the one that has the names."""
+    """Draw force over depth into a panel for every pair of values; returns the one that has the
+    names.
+    """
     across, down = facets
     runs = [curve.results for curve in families.curves]
-    depth, force = axis("delta", runs), axis("force", runs)
+    depth = axis("delta", runs)
+    force = axis("force", runs)
     dashed = _values(families, chosen.dashes)
     names = {key: families.names([key]) if key else [""] * len(runs) for key in ("", *chosen.told)}
     looks = [
@@ -164,7 +178,11 @@ def _draw_multiples(
     panels = part.subplots(len(down), len(across), squeeze=False, sharex=True, sharey=True)
     for line, lower in zip(panels, down, strict=True):
         for axes, name in zip(line, across, strict=True):
-            own = [i for i in range(len(runs)) if names[chosen.across][i] == name and names[chosen.down][i] == lower]
+            own = [
+                i
+                for i in range(len(runs))
+                if names[chosen.across][i] == name and names[chosen.down][i] == lower
+            ]
             if own:
                 _draw_curves(axes, [runs[i] for i in own], depth, force, [looks[i] for i in own])
             canvas.title_over(axes, in_picture(", ".join(filter(None, (name, lower)))))
@@ -185,7 +203,9 @@ def _draw_multiples(
     return first
 
 
-def _draw_curves(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis, looks: Sequence[Look]) -> None:
+def _draw_curves(
+    axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis, looks: Sequence[Look]
+) -> None:
     if all(len(run) > 1 and not run.report.get(MEASURED) for run in runs):
         draw_many(axes, runs, depth, force, looks)
         return
@@ -213,7 +233,9 @@ def _scale(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -> Non
 
 
 def looks_by(families: Families, key: str) -> tuple[list[Look], Any]:
-    """The colour of every curve by a varied key, and what a bar of colours is made of; None of words."""
+    """The colour of every curve by a varied key, and what a bar of colours is made of; None of
+    words.
+    """
     if key in families.numeric():
         colours, bar = shades(families.numbers(key))
         return [{"color": colour, "ls": "-"} for colour in colours], bar
@@ -230,8 +252,11 @@ def shades(values: Sequence[float]) -> tuple[list[Colour], Any]:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
 
-    low, high = min(values), max(values)
-    norm = (LogNorm if low > 0 and high > LOG_SPAN * low else Normalize)(low, high if high > low else low + 1)
+    low = min(values)
+    high = max(values)
+    norm = (LogNorm if low > 0 and high > LOG_SPAN * low else Normalize)(
+        low, high if high > low else low + 1
+    )
     seen = colormaps["viridis"]  # without its lightest yellow, which is lost on white
     shown = LinearSegmentedColormap.from_list("shades", seen(np.linspace(0.0, 0.9, 256)))
     colours = [tuple(colour) for colour in seen(0.9 * np.asarray(norm(values))).tolist()]
@@ -263,20 +288,30 @@ def told(families: Families, column: str) -> tuple[list[float], str]:
 def groups_of(families: Families, key: str) -> dict[str, list[int]]:
     """The places of the curves by their other varied keys, in words."""
     groups: dict[str, list[int]] = {}
-    for place, name in enumerate(families.names([other for other in families.keys if other != key])):
+    for place, name in enumerate(
+        families.names([other for other in families.keys if other != key])
+    ):
         groups.setdefault(name, []).append(place)
     return groups
 
 
 def draw_over(
-    axes: Axes, families: Families, key: str, values: Sequence[float], label: str, looks: Sequence[Look]
+    axes: Axes,
+    families: Families,
+    key: str,
+    values: Sequence[float],
+    label: str,
+    looks: Sequence[Look],
 ) -> None:
-    """Draw what the runs tell over a varied number: a line for all runs that differ in this number alone."""
+    """Draw what the runs tell over a varied number: a line for all runs that differ in this number
+    alone.
+    """
     numbers = families.numbers(key)
     for places in groups_of(families, key).values():
         along = sorted(places, key=lambda place: numbers[place])
         colours = [looks[place]["color"] for place in along]
-        x, y = [numbers[place] for place in along], [values[place] for place in along]
+        x = [numbers[place] for place in along]
+        y = [values[place] for place in along]
         line = colours[0] if len(set(map(str, colours))) == 1 else canvas.GREY
         axes.plot(x, y, lw=0.9, color=line, zorder=1)
         axes.scatter(x, y, s=12, color=colours, zorder=2)
@@ -298,14 +333,18 @@ def few_decades(along: Any, ratio: float) -> None:
     from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
     if ratio < 100:
-        along.set_major_locator(LogLocator(subs=(1, 2, 5) if ratio >= FEW_NUMBERS else (1, 1.5, 2, 3, 4, 5, 6, 8)))
+        along.set_major_locator(
+            LogLocator(subs=(1, 2, 5) if ratio >= FEW_NUMBERS else (1, 1.5, 2, 3, 4, 5, 6, 8))
+        )
         along.set_major_formatter(StrMethodFormatter("{x:g}"))
         along.set_minor_locator(NullLocator())
     along.set_minor_formatter(NullFormatter())
 
 
 def is_grid(families: Families, keys: Sequence[str]) -> bool:
-    """Whether two numbers vary, every value of one with every value of the other, at least FEW_VALUES of each."""
+    """Whether two numbers vary, every value of one with every value of the other, at least
+    FEW_VALUES of each.
+    """
     if len(keys) != 2 or tuple(keys) != families.keys:
         return False
     pairs = set(zip(families.numbers(keys[0]), families.numbers(keys[1]), strict=True))
@@ -313,23 +352,34 @@ def is_grid(families: Families, keys: Sequence[str]) -> bool:
     return min(counts) >= FEW_VALUES and len(pairs) == counts[0] * counts[1]
 
 
-def draw_map(axes: Axes, families: Families, keys: Sequence[str], values: Sequence[float], label: str) -> None:
+def draw_map(
+    axes: Axes, families: Families, keys: Sequence[str], values: Sequence[float], label: str
+) -> None:
     """Draw what the runs tell as colours over two varied numbers, between the runs, which are dots."""
     from matplotlib.colors import LogNorm
     from matplotlib.ticker import LogLocator, MaxNLocator
 
     x, y = (families.numbers(key) for key in keys)
-    at = {pair: value for *pair_, value in zip(x, y, values, strict=True) for pair in [tuple(pair_)]}
-    across, up = sorted(set(x)), sorted(set(y))
+    at = {
+        pair: value for *pair_, value in zip(x, y, values, strict=True) for pair in [tuple(pair_)]
+    }
+    across = sorted(set(x))
+    up = sorted(set(y))
     found = np.array([[at[one, other] for one in across] for other in up])
     is_log = span(values) >= WIDE_SPAN
-    low, high = min(values), max(values)
+    low = min(values)
+    high = max(values)
     high = high if high > low else low + 1.0
     levels = np.geomspace(low, high, LEVELS + 1) if is_log else np.linspace(low, high, LEVELS + 1)
     look: Look = {"norm": LogNorm(low, high)} if is_log else {}
-    drawn = axes.contourf(across, up, found, levels=levels, cmap="viridis", extend="neither", **look)
+    drawn = axes.contourf(
+        across, up, found, levels=levels, cmap="viridis", extend="neither", **look
+    )
     axes.plot(x, y, ls="", marker=".", ms=4, color="white", mec=canvas.INK, mew=0.3)
-    for numbers, scale, along in ((across, axes.set_xscale, axes.xaxis), (up, axes.set_yscale, axes.yaxis)):
+    for numbers, scale, along in (
+        (across, axes.set_xscale, axes.xaxis),
+        (up, axes.set_yscale, axes.yaxis),
+    ):
         if span(numbers) >= LOG_SPAN:
             scale("log")
             few_decades(along, span(numbers))
@@ -342,17 +392,22 @@ def draw_map(axes: Axes, families: Families, keys: Sequence[str], values: Sequen
 
 @contextmanager
 def column_pictured(families: Families, column: str, title: str) -> Iterator[Figure]:
-    """The figure of one of COLUMNS over what varies: the penetration over epsilon_n where that varies.
+    """The figure of one of COLUMNS over what varies: the penetration over epsilon_n where that
+    varies.
 
-    Else over two numbers a map, over one or several a panel for each. UsageError where no number varies, or no run
-    has such a column.
+    Else over two numbers a map, over one or several a panel for each. UsageError where no number
+    varies, or no run has such a column.
     """
     numeric = families.numeric()
     if not numeric:
         raise UsageError(f"no number varies in this study: {column} can be drawn over none")
-    if not any(np.isfinite(curve.results.table.get(column, np.nan)).any() for curve in families.curves):
+    if not any(
+        np.isfinite(curve.results.table.get(column, np.nan)).any() for curve in families.curves
+    ):
         raise UsageError(f"no run of this study has {column}")
-    over = (STIFFNESS,) if column == "penetration" and STIFFNESS in numeric else numeric[:MOST_NUMBERS]
+    over = (
+        (STIFFNESS,) if column == "penetration" and STIFFNESS in numeric else numeric[:MOST_NUMBERS]
+    )
     values, label = told(families, column)
     is_map = over == numeric and is_grid(families, over)
     count = 1 if is_map else len(over)
@@ -380,7 +435,9 @@ def _draw_over_each(
     over: Sequence[str],
     shown: tuple[Sequence[float], str],
 ) -> None:
-    """Draw a column over each of some numbers, its lines named by the other keys while they are few."""
+    """Draw a column over each of some numbers, its lines named by the other keys while they are
+    few.
+    """
     others = [key for key in families.keys if key not in over]
     names = families.names(others)
     known = list(dict.fromkeys(names))
@@ -401,7 +458,9 @@ def _draw_over_each(
 
 
 def _draw_pressure_over_stiffness(axes: Axes, families: Families) -> None:
-    """Draw by how much a penalty of stiffness epsilon_n yields under the largest pressure: p_max / epsilon_n."""
+    """Draw by how much a penalty of stiffness epsilon_n yields under the largest pressure: p_max /
+    epsilon_n.
+    """
     runs = [curve.results for curve in families.curves]
     if any(run.report.get("method") != "penalty" for run in runs) or families.unit(STIFFNESS):
         return

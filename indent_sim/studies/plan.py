@@ -1,4 +1,6 @@
-"""What a study would do: its runs, what each costs, and what there would be to compare; nothing is run or written."""
+"""What a study would do: its runs, what each costs, and what there would be to compare; nothing is
+run or written.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ EXPECTED = ("force", "delta", "dofs", "memory_MB", "seconds")
 class StudyPlan:
     """The runs of a study before any is done: a row each, with what is expected of it.
 
-    same: points that ask for the same physics as another and are no run of their own; refused: those with an error.
+    same: points that ask for the same physics as another and are no run of their own; refused:
+    those with an error.
     """
 
     title: str
@@ -33,7 +36,9 @@ class StudyPlan:
 
     @property
     def seconds(self) -> float:
-        """Of the processor, of all runs, one after another, without loading libraries, which happens once."""
+        """Of the processor, of all runs, one after another, without loading libraries, which
+        happens once.
+        """
         return round(sum(row["seconds"] or 0.0 for row in self.rows), 1)
 
     def as_json(self) -> Row:
@@ -43,18 +48,26 @@ class StudyPlan:
 
 
 def plan(given: Path | str | Mapping[str, Any], error_bars: bool = False) -> StudyPlan:
-    """The plan of a study file, each run at its cost with error bars where asked for; errors as of `carry_out` before
-    its first run."""
+    """The plan of a study file, each run at its cost with error bars where asked for; errors as of
+    `carry_out` before its first run.
+    """
     study = study_file.read(given)
     cases, refusals = case_list.asked_for(study)
     scoreboard.check(study.members, cases)
-    against, runs = Truth(study, cases), case_list.unique(cases)
+    against = Truth(study, cases)
+    runs = case_list.unique(cases)
     rows: list[Row] = []
     for case in runs:
         said = case.prospect.whole(error_bars).plan
-        row = {"index": case.index + 1, "run": case.name} | {key: case.values.get(key) for key in study.keys}
-        row |= {"method": case.prospect.scene.method} | {name: said.prediction.get(name) for name in EXPECTED}
+        row = {"index": case.index + 1, "run": case.name} | {
+            key: case.values.get(key) for key in study.keys
+        }
+        row |= {"method": case.prospect.scene.method} | {
+            name: said.prediction.get(name) for name in EXPECTED
+        }
         row["seconds"] = float(f"{case.prospect.seconds_in_study(error_bars):.2g}")
         rows.append(row | {"warnings": list(said.warnings)})
     refused = [str(refusal.error) for refusal in refusals]
-    return StudyPlan(study.title, study.keys, against.name, rows, len(cases) - len(runs), refused, against.notes)
+    return StudyPlan(
+        study.title, study.keys, against.name, rows, len(cases) - len(runs), refused, against.notes
+    )

@@ -57,7 +57,11 @@ def points(block: Block) -> Iterator[Point]:
 
 def read_block(part: Mapping[str, Any], keys: KeyPath, source: Source) -> Block:
     """The grid of one section of `vary`; `zip: true` or `zip: [keys]` says which keys go together."""
-    values = {key: _values(wanted, (*keys, key), key, source) for key, wanted in part.items() if key != "zip"}
+    values = {
+        key: _values(wanted, (*keys, key), key, source)
+        for key, wanted in part.items()
+        if key != "zip"
+    }
     together = _zipped(part.get("zip", False), values, (*keys, "zip"), source)
     axes: list[tuple[Point, ...]] = []
     for key, settings in values.items():
@@ -72,10 +76,17 @@ def _zipped(wanted: Any, values: Mapping[str, Any], keys: KeyPath, source: Sourc
     """The keys that go together, in the order of the block."""
     if isinstance(wanted, bool):
         together = list(values) if wanted else []
-    elif isinstance(wanted, list) and all(key in list(values) for key in wanted):  # whatever they are
+    elif isinstance(wanted, list) and all(
+        key in list(values) for key in wanted
+    ):  # whatever they are
         together = [key for key in values if key in wanted]
     else:
-        raise _error(keys, source, "must be true, or a list of keys varied here", f"these are {', '.join(values)}")
+        raise _error(
+            keys,
+            source,
+            "must be true, or a list of keys varied here",
+            f"these are {', '.join(values)}",
+        )
     lengths = {key: len(values[key]) for key in together}
     if len(set(lengths.values())) > 1:
         told = ", ".join(f"{key} has {count}" for key, count in lengths.items())
@@ -84,7 +95,9 @@ def _zipped(wanted: Any, values: Mapping[str, Any], keys: KeyPath, source: Sourc
 
 
 def _values(wanted: Any, keys: KeyPath, key: str, source: Source) -> list[Setting]:
-    """The settings of one key: each item of a list, the numbers of a range, or a single word or number."""
+    """The settings of one key: each item of a list, the numbers of a range, or a single word or
+    number.
+    """
     if isinstance(wanted, dict) and "from" in wanted:
         return [(key, value, source.place(keys)) for value in _range(wanted, keys, source)]
     if isinstance(wanted, list):
@@ -101,7 +114,9 @@ def _range(wanted: Mapping[str, Any], keys: KeyPath, source: Source) -> list[Any
     if unknown := [key for key in wanted if key not in RANGE]:
         raise _error((*keys, unknown[0]), source, "unknown key", f"a range has {', '.join(RANGE)}")
     first, last = (_number(wanted, end, keys, source) for end in ("from", "to"))
-    count, spacing, unit = wanted.get("count"), wanted.get("spacing", "linear"), wanted.get("unit", 1)
+    count = wanted.get("count")
+    spacing = wanted.get("spacing", "linear")
+    unit = wanted.get("unit", 1)
     if type(count) is not int or not 1 <= count <= MOST_RUNS:
         raise _error((*keys, "count"), source, f"must be a whole number from 1 to {MOST_RUNS}")
     if spacing not in ("linear", "log"):
@@ -110,7 +125,9 @@ def _range(wanted: Mapping[str, Any], keys: KeyPath, source: Source) -> list[Any
         raise _error((*keys, "unit"), source, f"must be {STIFFNESS_UNIT}")
     if spacing == "log" and not (first > 0 and last > 0):
         raise _error((*keys, "from"), source, "must be > 0 for spacing: log")
-    numbers = np.geomspace(first, last, count) if spacing == "log" else np.linspace(first, last, count)
+    numbers = (
+        np.geomspace(first, last, count) if spacing == "log" else np.linspace(first, last, count)
+    )
     values = [float(f"{number:.12g}") for number in numbers]
     if unit == STIFFNESS_UNIT:
         return [Multiple(value) for value in values]
@@ -120,8 +137,14 @@ def _range(wanted: Mapping[str, Any], keys: KeyPath, source: Source) -> list[Any
 
 def _number(wanted: Mapping[str, Any], end: str, keys: KeyPath, source: Source) -> int | float:
     value = wanted.get(end)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or abs(value) > LARGEST_RANGE_END:
-        raise _error((*keys, end), source, f"must be a number of size {LARGEST_RANGE_END:g} at most")
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, (int, float))
+        or abs(value) > LARGEST_RANGE_END
+    ):
+        raise _error(
+            (*keys, end), source, f"must be a number of size {LARGEST_RANGE_END:g} at most"
+        )
     return value
 
 

@@ -1,4 +1,6 @@
-"""STUDY.yaml -> StudyFile: which scene, which keys are varied over which values, what the forces are compared with."""
+"""STUDY.yaml -> StudyFile: which scene, which keys are varied over which values, what the forces
+are compared with.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,28 @@ KEYS = ("title", "base", "set", "vary", "cases", "compare_to", "tolerance", "out
 UNNAMED = "study"  # what stands for the file of a study that has none
 OF_A_CASE = ("name", "scene", "set", "published", "exact")
 CASE = "case"  # column of the names of cases, where a study has them instead of varied keys
-SCENE = {"body", "material", "indenter", "contact", "loading", "mesh", "solver", "accuracy"}  # of a scene alone
-QUIET = {"fields": "none", "surface": "none", "plot": False}  # what runs of a study write unless told otherwise
+SCENE = {
+    "body",
+    "material",
+    "indenter",
+    "contact",
+    "loading",
+    "mesh",
+    "solver",
+    "accuracy",
+}  # of a scene alone
+QUIET = {
+    "fields": "none",
+    "surface": "none",
+    "plot": False,
+}  # what runs of a study write unless told otherwise
 
 
 @dataclass(frozen=True)
 class Member:
-    """A case of a study's `cases`: a scene of its own, and what is published of it; `place`: where it stands."""
+    """A case of a study's `cases`: a scene of its own, and what is published of it; `place`: where
+    it stands.
+    """
 
     name: str
     base: Document
@@ -41,7 +58,8 @@ class Member:
 
 @dataclass(frozen=True)
 class Wanted:
-    """A run that a study asks for: the scene's document, where its keys stand, and the settings that change it.
+    """A run that a study asks for: the scene's document, where its keys stand, and the settings
+    that change it.
 
     named: what the table calls it; None where its settings do.
     """
@@ -56,9 +74,10 @@ class Wanted:
 class StudyFile:
     """A study as its file says it; nothing of it is tried on the scene yet.
 
-    base: the scene's document, and `source` where each of its keys stands; common: settings of every run;
-    compare_to: "theory", "finest", a force, or the path of a result; tolerance: of the force, for a verdict on every
-    row and with rows for what the program refuses to run (None: no verdicts, and everything must be runnable).
+    base: the scene's document, and `source` where each of its keys stands; common: settings of
+    every run; compare_to: "theory", "finest", a force, or the path of a result; tolerance: of the
+    force, for a verdict on every row and with rows for what the program refuses to run (None: no
+    verdicts, and everything must be runnable).
     """
 
     path: Path
@@ -76,28 +95,42 @@ class StudyFile:
     @property
     def keys(self) -> tuple[str, ...]:
         """Every varied key once, in the order of the file."""
-        return (CASE,) if self.members else tuple(dict.fromkeys(key for block in self.blocks for key in block.keys))
+        return (
+            (CASE,)
+            if self.members
+            else tuple(dict.fromkeys(key for block in self.blocks for key in block.keys))
+        )
 
     def wanted(self) -> list[Wanted]:
         """The runs in the order of study.csv."""
         grid = [Wanted(self.base, self.source, point) for point in self.points()]
-        return grid + [Wanted(one.base, one.source, one.point, {CASE: one.name}) for one in self.members]
+        return grid + [
+            Wanted(one.base, one.source, one.point, {CASE: one.name}) for one in self.members
+        ]
 
     def points(self) -> list[Point]:
-        """The grid in the order of study.csv: the last key of a block varies fastest, block after block."""
+        """The grid in the order of study.csv: the last key of a block varies fastest, block after
+        block.
+        """
         return [point for block in self.blocks for point in points(block)]
 
 
 def read(given: Path | str | Mapping[str, Any]) -> StudyFile:
-    """The study of a file, or of mappings shaped like one, whose paths count from the working directory.
+    """The study of a file, or of mappings shaped like one, whose paths count from the working
+    directory.
 
     UsageError when it cannot be read, ConfigError for anything wrong in it.
     """
     path = Path(UNNAMED) if isinstance(given, Mapping) else Path(given)
-    document, source = (plain(given), Source()) if isinstance(given, Mapping) else read_document(path)
+    document, source = (
+        (plain(given), Source()) if isinstance(given, Mapping) else read_document(path)
+    )
     if not (OF_A_STUDY | {"cases"}) & document.keys() and set(document) & SCENE:
-        problem, remedy = "this is a scene, not a study", f"indent-sim run {path}"
-        raise ConfigError("", problem, remedy, *source.place((next(key for key in document if key in SCENE),)))
+        problem = "this is a scene, not a study"
+        remedy = f"indent-sim run {path}"
+        raise ConfigError(
+            "", problem, remedy, *source.place((next(key for key in document if key in SCENE),))
+        )
     if unknown := [key for key in document if key not in KEYS]:
         raise ConfigErrors.of([_unknown(key, source) for key in unknown])
     reader = _StudyReader(path, document, source)
@@ -107,14 +140,21 @@ def read(given: Path | str | Mapping[str, Any]) -> StudyFile:
     if not isinstance(title := document.get("title", ""), str):
         raise reader.error(("title",), "must be a text")
     title = title or str(base.get("title") or path.stem)
-    runs, compared = (reader.common(), reader.blocks()), (reader.compared(), reader.place(("compare_to",)))
-    return StudyFile(path, title, base, where, *runs, *compared, reader.tolerance(), reader.directory())
+    runs = (reader.common(), reader.blocks())
+    compared = (reader.compared(), reader.place(("compare_to",)))
+    return StudyFile(
+        path, title, base, where, *runs, *compared, reader.tolerance(), reader.directory()
+    )
 
 
 def _unknown(key: str, source: Source) -> ConfigError:
     match = closest(key, KEYS)
     problem = f"unknown key, did you mean '{match}'?" if match else "unknown key"
-    remedy = "it belongs in the base scene, or in set" if key in keys_at((), {}) else f"valid here: {', '.join(KEYS)}"
+    remedy = (
+        "it belongs in the base scene, or in set"
+        if key in keys_at((), {})
+        else f"valid here: {', '.join(KEYS)}"
+    )
     file, line = source.place((key,))
     return ConfigError(key, problem, "" if match else remedy, file, line)
 
@@ -123,7 +163,10 @@ class _StudyReader:
     """Reads the keys of one study document; its errors know their lines."""
 
     def __init__(self, path: Path, document: Document, source: Source):
-        self.path, self.document, self.source, self.place = path, document, source, source.place
+        self.path = path
+        self.document = document
+        self.source = source
+        self.place = source.place
 
     def error(self, keys: KeyPath, problem: str, remedy: str = "") -> ConfigError:
         return ConfigError(key_text(keys), problem, remedy, *self.place(keys))
@@ -140,14 +183,22 @@ class _StudyReader:
             problem = "missing" if given is None else "is no scene"
             raise self.error(at, problem, "give the path of a scene file, or the scene itself")
         size = len(at)
-        inside = {keys[size:]: place for keys, place in self.source.places.items() if keys[:size] == at}
+        inside = {
+            keys[size:]: place for keys, place in self.source.places.items() if keys[:size] == at
+        }
         return given, Source(self.source.name, inside)
 
     def scene_of(self, path: Path, at: KeyPath) -> tuple[Document, Source]:
-        """The document of another file; of one that is no scene nothing is told, for studies come from strangers."""
-        no_scene = self.error(at, f"{path} is no scene file", "give the path of a scene, or the scene itself")
+        """The document of another file; of one that is no scene nothing is told, for studies come
+        from strangers.
+        """
+        no_scene = self.error(
+            at, f"{path} is no scene file", "give the path of a scene, or the scene itself"
+        )
         try:
-            if path.suffix not in (".yaml", ".yml", ".json") or (path.exists() and not path.is_file()):
+            if path.suffix not in (".yaml", ".yml", ".json") or (
+                path.exists() and not path.is_file()
+            ):
                 raise no_scene
             document, source = read_document(path)
         except (UsageError, OSError, ValueError) as error:
@@ -162,10 +213,16 @@ class _StudyReader:
         """The study of `cases`, each a scene of its own."""
         for key in ("base", "vary", "compare_to", "tolerance"):
             if key in self.document:
-                raise self.error((key,), "does not go with cases", "a case has its scene, set, published and exact")
+                raise self.error(
+                    (key,),
+                    "does not go with cases",
+                    "a case has its scene, set, published and exact",
+                )
         given = self.document["cases"]
         if not isinstance(given, list) or not given:
-            raise self.error(("cases",), "must be a list of cases", f"each has {', '.join(OF_A_CASE)}")
+            raise self.error(
+                ("cases",), "must be a list of cases", f"each has {', '.join(OF_A_CASE)}"
+            )
         if len(given) > MOST_RUNS:
             raise self.error(("cases",), f"more than {MOST_RUNS} runs")
         members = tuple(self.member(one, ("cases", index)) for index, one in enumerate(given))
@@ -174,7 +231,9 @@ class _StudyReader:
         if not isinstance(title, str):
             raise self.error(("title",), "must be a text")
         compared = ("finest", self.place(("cases",)))
-        return StudyFile(self.path, title, {}, self.source, (), (), *compared, None, self.directory(), members)
+        return StudyFile(
+            self.path, title, {}, self.source, (), (), *compared, None, self.directory(), members
+        )
 
     def member(self, given: Any, at: KeyPath) -> Member:
         """One of the cases."""
@@ -183,18 +242,26 @@ class _StudyReader:
         if unknown := [key for key in given if key not in OF_A_CASE]:
             match = closest(unknown[0], OF_A_CASE)
             problem = f"unknown key, did you mean '{match}'?" if match else "unknown key"
-            raise self.error((*at, unknown[0]), problem, "" if match else f"valid here: {', '.join(OF_A_CASE)}")
+            raise self.error(
+                (*at, unknown[0]), problem, "" if match else f"valid here: {', '.join(OF_A_CASE)}"
+            )
         if not isinstance(name := given.get("name"), str) or not name.strip():
             raise self.error((*at, "name"), "must be a text", "what the table calls the case")
         base, source = self.scene(given.get("scene"), (*at, "scene"))
         point = (*self.common(), *self.settings_of(given.get("set", {}), (*at, "set")))
         try:
-            published = read_published(given["published"], (*at, "published")) if "published" in given else None
+            published = (
+                read_published(given["published"], (*at, "published"))
+                if "published" in given
+                else None
+            )
             exact = read_exact(given["exact"], (*at, "exact")) if "exact" in given else None
         except ConfigError as error:
             raise self.error(key_path(error.key), error.problem, error.remedy) from None
         if exact and not published:
-            raise self.error((*at, "exact"), "belongs to a published value", "add published, or leave it out")
+            raise self.error(
+                (*at, "exact"), "belongs to a published value", "add published, or leave it out"
+            )
         return Member(name, base, source, point, published, exact, self.place((*at, "published")))
 
     def settings_of(self, given: Any, at: KeyPath) -> Point:
@@ -210,7 +277,9 @@ class _StudyReader:
         names = tuple(member.name for member in members)
         for index, member in enumerate(members):
             if member.name in names[:index]:
-                raise self.error(("cases", index, "name"), f"{member.name} is there twice", "give each its own")
+                raise self.error(
+                    ("cases", index, "name"), f"{member.name} is there twice", "give each its own"
+                )
             if member.exact and member.exact.case and member.exact.case not in names:
                 near = closest(member.exact.case, names)
                 hint = f"did you mean '{near}'?" if near else "give the name of a case"
@@ -218,8 +287,14 @@ class _StudyReader:
         self.check_circles(members)
 
     def check_circles(self, members: tuple[Member, ...]) -> None:
-        """ConfigError for a case whose exact value is its own, or comes back to it by way of others."""
-        exact = {member.name: member.exact.case for member in members if member.exact and member.exact.case}
+        """ConfigError for a case whose exact value is its own, or comes back to it by way of
+        others.
+        """
+        exact = {
+            member.name: member.exact.case
+            for member in members
+            if member.exact and member.exact.case
+        }
         for index, member in enumerate(members):
             way = [member.name]
             while (following := exact.get(way[-1])) and following not in way:
@@ -235,12 +310,20 @@ class _StudyReader:
         output = self.section("output")
         here = self.place(("output",))
         quiet = {f"output.{key}": (value, here) for key, value in QUIET.items()}
-        named = {f"output.{k}": (v, self.place(("output", k))) for k, v in output.items() if k != "directory"}
-        chosen = {key: (value, self.place(("set", key))) for key, value in self.section("set").items()}
+        named = {
+            f"output.{k}": (v, self.place(("output", k)))
+            for k, v in output.items()
+            if k != "directory"
+        }
+        chosen = {
+            key: (value, self.place(("set", key))) for key, value in self.section("set").items()
+        }
         for key in chosen:
             self.check_key(("set", key), key)
         self.check_apart(list(chosen), ("set",))
-        return tuple((key, value, place) for key, (value, place) in (quiet | named | chosen).items())
+        return tuple(
+            (key, value, place) for key, (value, place) in (quiet | named | chosen).items()
+        )
 
     def section(self, key: str) -> Document:
         value = self.document.get(key, {})
@@ -252,7 +335,11 @@ class _StudyReader:
         """The grids of `vary`: one, or a list of them that follow one another."""
         vary = self.document.get("vary")
         if not vary:
-            raise self.error(("vary",), "says nothing to vary", "give keys and values, e.g. material.nu: [0.2, 0.3]")
+            raise self.error(
+                ("vary",),
+                "says nothing to vary",
+                "give keys and values, e.g. material.nu: [0.2, 0.3]",
+            )
         listed = isinstance(vary, list)
         parts = list(enumerate(vary)) if isinstance(vary, list) else [(0, vary)]
         blocks = []
@@ -271,7 +358,9 @@ class _StudyReader:
 
     def check_apart(self, given: list[str], keys: KeyPath) -> None:
         """No section beside a key inside it, here or in `set`: one of the two would be lost."""
-        written = {key: ("set", key) for key in self.section("set")} | {key: (*keys, key) for key in given}
+        written = {key: ("set", key) for key in self.section("set")} | {
+            key: (*keys, key) for key in given
+        }
         for whole in given:
             for part in [key for key in written if key.startswith(f"{whole}.")]:
                 problem = f"contradicts {whole}, which is given as a whole"
@@ -281,7 +370,11 @@ class _StudyReader:
         if not key or key != key_text(key_path(key)) or len(key_path(key)) > MAX_DEPTH:
             raise self.error(keys, "is no key", "write it with dots, e.g. mesh.h_far")
         if key.split(".")[0] in ("title", "units", "output"):
-            raise self.error(keys, "does not change the physics", f"a study has one {key.split('.')[0]} of its own")
+            raise self.error(
+                keys,
+                "does not change the physics",
+                f"a study has one {key.split('.')[0]} of its own",
+            )
 
     def compared(self) -> str | float | Path:
         """What the forces are compared with ["finest"]."""
@@ -290,7 +383,9 @@ class _StudyReader:
             return float(wanted)
         if isinstance(wanted, str) and wanted in ("theory", "finest"):
             return wanted
-        if isinstance(wanted, str) and wanted and os.path.exists(self.path.parent / wanted):  # whatever the name
+        if (
+            isinstance(wanted, str) and wanted and os.path.exists(self.path.parent / wanted)
+        ):  # whatever the name
             return self.path.parent / wanted
         problem = f"is neither theory nor finest, nor a force, nor a result: {wanted!r}"
         raise self.error(("compare_to",), problem, "a path counts from the study's folder")
@@ -301,7 +396,9 @@ class _StudyReader:
         if wanted is None:
             return None
         if isinstance(wanted, bool) or not isinstance(wanted, (int, float)) or not 0 < wanted < 1:
-            raise self.error(("tolerance",), "must be a number between 0 and 1", "0.01 is 1 % of the force")
+            raise self.error(
+                ("tolerance",), "must be a number between 0 and 1", "0.01 is 1 % of the force"
+            )
         return float(wanted)
 
     def directory(self) -> Path:
@@ -310,5 +407,7 @@ class _StudyReader:
         if not isinstance(directory, str) or not directory:
             raise self.error(("output", "directory"), "must be the path of a folder")
         if problem := outside(directory):
-            raise self.error(("output", "directory"), problem, "choose any other folder with --output")
+            raise self.error(
+                ("output", "directory"), problem, "choose any other folder with --output"
+            )
         return Path(directory)

@@ -1,7 +1,9 @@
-"""The folder of a study: study.json, one result folder per physics under runs/, and who may write it.
+"""The folder of a study: study.json, one result folder per physics under runs/, and who may write
+it.
 
-Any process may read back a finished run; several shards share the folder, anything else has it alone. study.json says
-that the folder is a study's; in it only result folders that this program made are ever deleted.
+Any process may read back a finished run; several shards share the folder, anything else has it
+alone. study.json says that the folder is a study's; in it only result folders that this program
+made are ever deleted.
 """
 
 from __future__ import annotations
@@ -24,24 +26,41 @@ from indent_sim.results.reader import Results, read_run
 from indent_sim.results.replacing import MOST_TOLD, free_name, is_finished
 from indent_sim.results.writer import to_json
 
-RECORD, STUDY_TABLE, STUDY_PICTURE = results.STUDY, "study.csv", "study.png"
-CURVES, CURVES_PICTURE = "curves.csv", "curves.png"
-SCOREBOARD, SCOREBOARD_PICTURE = "verification.csv", "verification.png"
-STUDY_FILES = (RECORD, STUDY_TABLE, STUDY_PICTURE, CURVES, CURVES_PICTURE, SCOREBOARD, SCOREBOARD_PICTURE, RUNS)
+RECORD = results.STUDY
+STUDY_TABLE = "study.csv"
+STUDY_PICTURE = "study.png"
+CURVES = "curves.csv"
+CURVES_PICTURE = "curves.png"
+SCOREBOARD = "verification.csv"
+SCOREBOARD_PICTURE = "verification.png"
+STUDY_FILES = (
+    RECORD,
+    STUDY_TABLE,
+    STUDY_PICTURE,
+    CURVES,
+    CURVES_PICTURE,
+    SCOREBOARD,
+    SCOREBOARD_PICTURE,
+    RUNS,
+)
 LOCK = ".lock"
 WORKER_TIMEOUT = 5.0  # s to wait for the worker of a killed study to be gone
 SENT = (signal.SIGHUP, signal.SIGINT, signal.SIGBUS, signal.SIGKILL, signal.SIGTERM, signal.SIGXCPU)
 OF_THE_MACHINE = {128 + number for number in SENT}  # exit codes
-LACKING = ("MemoryError", "cannot write results")  # how the reason of a run begins that ran out of memory or disk
+LACKING = (
+    "MemoryError",
+    "cannot write results",
+)  # how the reason of a run begins that ran out of memory or disk
 
 
 class StudyFolder:
     """Where a study lies; a context manager that holds its lock.
 
-    Without `resume` each run of an earlier call is replaced once its new one is done, and those that are not asked for
-    any more go at the end; finished ones among these are refused without `overwrite`.
-    names: of the runs that it is to have. Raises UsageError when the folder, or that of one of them, is foreign,
-    unwritable or in use, or when it holds finished runs that would be lost.
+    Without `resume` each run of an earlier call is replaced once its new one is done, and those
+    that are not asked for any more go at the end; finished ones among these are refused without
+    `overwrite`. names: of the runs that it is to have. Raises UsageError when the folder, or that
+    of one of them, is foreign, unwritable or in use, or when it holds finished runs that would be
+    lost.
     """
 
     def __init__(
@@ -53,17 +72,24 @@ class StudyFolder:
         overwrite: bool = False,
         names: Iterable[str] = (),
     ):
-        self.path, self._runs, self._overwrite = path, path / RUNS, overwrite
+        self.path = path
+        self._runs = path / RUNS
+        self._overwrite = overwrite
         self._physics = {name.rpartition("-")[2] for name in names}
-        self._resume, self._shared = resume or shared, shared
+        self._resume = resume or shared
+        self._shared = shared
         self._lock = -1
         self._ended: dict[str, Results | None] = {}  # runs, by their names
         self._names: dict[str, str] = {}  # of the folders of runs, by the name of their physics
 
     def __enter__(self) -> StudyFolder:
-        results.refuse_foreign(self.path, "study", (STUDY_PICTURE, CURVES_PICTURE, SCOREBOARD_PICTURE))
+        results.refuse_foreign(
+            self.path, "study", (STUDY_PICTURE, CURVES_PICTURE, SCOREBOARD_PICTURE)
+        )
         if self._runs.is_symlink() or (self._runs.exists() and not self._runs.is_dir()):
-            raise UsageError(f"{self._runs} is a link, or no folder: the runs of a study stand in its own folder")
+            raise UsageError(
+                f"{self._runs} is a link, or no folder: the runs of a study stand in its own folder"
+            )
         for run in self._runs.iterdir() if self._runs.exists() else ():
             if run.name.rpartition("-")[2] in self._physics:  # this study writes there
                 results.refuse_foreign(run)
@@ -73,7 +99,9 @@ class StudyFolder:
             self.path.mkdir(parents=True, exist_ok=True)
             self._take_lock()
             self._runs.mkdir(exist_ok=True)
-            self._names = {entry.name.rpartition("-")[2]: entry.name for entry in self._runs.iterdir()}
+            self._names = {
+                entry.name.rpartition("-")[2]: entry.name for entry in self._runs.iterdir()
+            }
         except (OSError, UsageError) as error:
             self._release()
             raise (unwritable(self.path, error) if isinstance(error, OSError) else error) from error
@@ -88,22 +116,29 @@ class StudyFolder:
         return self._resume
 
     def run(self, name: str) -> Path:
-        """The result folder of a run: that of the same physics where there is one, whatever was varied then."""
+        """The result folder of a run: that of the same physics where there is one, whatever was
+        varied then.
+        """
         physics = name.rpartition("-")[2]
         if physics not in self._names:
             self._names[physics] = name
         return self._runs / self._names[physics]
 
     def is_finished(self, name: str) -> bool:
-        """Whether a run has ended and would end so again: the machine did not kill it, and gave it memory and disk."""
+        """Whether a run has ended and would end so again: the machine did not kill it, and gave it
+        memory and disk.
+        """
         if (found := self._read(name)) is None:
             return False
-        code, reason = found.report.get("exit_code"), str(found.report.get("reason"))
+        code = found.report.get("exit_code")
+        reason = str(found.report.get("reason"))
         return code not in OF_THE_MACHINE and not reason.startswith(LACKING)
 
     def ended(self, name: str) -> Results | None:
-        """The result of a run that has ended, well or not, under this version of the program; None of any other, and
-        where it cannot be read. To be asked for when it will not be done again: it is read once."""
+        """The result of a run that has ended, well or not, under this version of the program; None
+        of any other, and where it cannot be read. To be asked for when it will not be done
+        again: it is read once.
+        """
         if name not in self._ended:
             self._ended[name] = self._read(name)
         return self._ended[name]
@@ -128,7 +163,9 @@ class StudyFolder:
         write_atomically(self.run(name) / REPORT, to_json(report | said) + "\n")
 
     def forget_others(self) -> None:
-        """Delete the results of runs that this study does not ask for, unless it is to keep what is there."""
+        """Delete the results of runs that this study does not ask for, unless it is to keep what is
+        there.
+        """
         for run in [] if self._resume else self._others():
             if results.is_ours(run):
                 results.discard(run)
@@ -140,14 +177,20 @@ class StudyFolder:
 
     def _refuse_to_lose(self) -> None:
         """UsageError where finished runs of another study would go."""
-        lost = [run for run in self._others() if results.has_rows(run) and is_finished(read_report(run))]
+        lost = [
+            run for run in self._others() if results.has_rows(run) and is_finished(read_report(run))
+        ]
         if not lost:
             return
-        told = ", ".join(run.name for run in lost[:MOST_TOLD]) + (" and others" if len(lost) > MOST_TOLD else "")
+        told = ", ".join(run.name for run in lost[:MOST_TOLD]) + (
+            " and others" if len(lost) > MOST_TOLD else ""
+        )
         count = "1 finished run" if len(lost) == 1 else f"{len(lost)} finished runs"
         problem = f"{self.path} holds {count} that this study does not ask for: {told}"
         other = f"choose another --output, such as {free_name(self.path)}"
-        raise UsageError(problem, f"--resume keeps them, --overwrite replaces them, or {other}", str(self.path))
+        raise UsageError(
+            problem, f"--resume keeps them, --overwrite replaces them, or {other}", str(self.path)
+        )
 
     def write(self, name: str, content: str) -> None:
         """Replace a file of the study at once."""

@@ -1,4 +1,6 @@
-"""The table of a study: one row per case, what it costs, how far it is off, and which of them to choose."""
+"""The table of a study: one row per case, what it costs, how far it is off, and which of them to
+choose.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +29,12 @@ ERRORS = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
 EFFORT = ("method", "stiffness", "dofs", "newton_iterations", "substeps")
 SAID = ("stated_error", "warnings", "verdict")
 STUDY_COLUMNS = (*OUTCOME, *ERRORS, COMPARED, *EFFORT, *COSTS, *SAID)
-SAME_FORCE = 1e-6  # relative: rows of a history with one force, but for what the solver leaves of it
-SMALLER_ERROR = 0.999  # an error less than this fraction of another is smaller, not the same but for rounding
+SAME_FORCE = (
+    1e-6  # relative: rows of a history with one force, but for what the solver leaves of it
+)
+SMALLER_ERROR = (
+    0.999  # an error less than this fraction of another is smaller, not the same but for rounding
+)
 LENGTHS = ("h_contact", "h_axis", "h_edge", "h_corner", "h_film", "h_far", "grading")
 MESH_KEYS = ("mesh", *(f"mesh.{name}" for name in LENGTHS), "accuracy")
 TARGETS = (0.05, 0.01, 0.001)
@@ -44,21 +50,37 @@ Asked = tuple[Sequence[Case], Sequence[Refusal]]  # as `cases.asked_for` gives t
 
 
 def rows(
-    study: StudyFile, asked: Asked, done: Mapping[str, Results], against: Truth, names: Mapping[str, str]
+    study: StudyFile,
+    asked: Asked,
+    done: Mapping[str, Results],
+    against: Truth,
+    names: Mapping[str, str],
 ) -> list[Row]:
-    """One row per case or refusal, in order: index, run, every varied key, `STUDY_COLUMNS`; what is unknown is None.
+    """One row per case or refusal, in order: index, run, every varied key, `STUDY_COLUMNS`; what is
+    unknown is None.
 
-    done: the results (table and run.json) of every run that has ended, by id; a case without any is "pending".
-    names: of the runs' folders, by id. With a tolerance of the force every row has a verdict.
+    done: the results (table and run.json) of every run that has ended, by id; a case without any is
+    "pending". names: of the runs' folders, by id. With a tolerance of the force every row has a
+    verdict.
     """
-    (cases, refusals), keys = asked, study.keys
-    against.find_finest(cases, {name: found for name, found in done.items() if found.report["status"] == "done"})
-    found = [_row(case, keys, done.get(case.id), against.answer(case), against.reference(case)) for case in cases]
-    found = sorted([*found, *(_refused(refusal, keys) for refusal in refusals)], key=lambda row: row["index"])
+    (cases, refusals) = asked
+    keys = study.keys
+    against.find_finest(
+        cases, {name: found for name, found in done.items() if found.report["status"] == "done"}
+    )
+    found = [
+        _row(case, keys, done.get(case.id), against.answer(case), against.reference(case))
+        for case in cases
+    ]
+    found = sorted(
+        [*found, *(_refused(refusal, keys) for refusal in refusals)], key=lambda row: row["index"]
+    )
     if study.tolerance is not None:
         for row in found:
             row["verdict"] = verdict(row, study.tolerance, against.references)
-    return [row | {name: names.get(row[name], row[name]) for name in ("run", COMPARED)} for row in found]
+    return [
+        row | {name: names.get(row[name], row[name]) for name in ("run", COMPARED)} for row in found
+    ]
 
 
 def write(table: Sequence[Row]) -> str:
@@ -71,17 +93,24 @@ def write(table: Sequence[Row]) -> str:
 
 
 def answer_row(found: Results) -> int:
-    """Index of the row that a run is told by: the last one; of a history that of the largest force, the first of
-    several alike, and of one that pulls all the way that of the largest depth."""
+    """Index of the row that a run is told by: the last one; of a history that of the largest force,
+    the first of several alike, and of one that pulls all the way that of the largest depth.
+    """
     if "t" not in found.table:
         return -1
-    force, top = found["force"], np.nanmax(found["force"], initial=0.0)
-    return int(np.argmax(force >= (1 - SAME_FORCE) * top) if top > 0 else np.nanargmax(found["delta"]))
+    force = found["force"]
+    top = np.nanmax(found["force"], initial=0.0)
+    return int(
+        np.argmax(force >= (1 - SAME_FORCE) * top) if top > 0 else np.nanargmax(found["delta"])
+    )
 
 
 def read(text: str) -> list[Row]:
     """A table back from its CSV text: numbers, words, and None where a cell is empty."""
-    return [{name: _read(value) for name, value in row.items()} for row in csv.DictReader(io.StringIO(text))]
+    return [
+        {name: _read(value) for name, value in row.items()}
+        for row in csv.DictReader(io.StringIO(text))
+    ]
 
 
 def _read(cell: str) -> Any:
@@ -92,7 +121,9 @@ def _read(cell: str) -> Any:
 
 
 def telling(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
-    """The keys that vary, without those that another one decides: of keys that go together the first."""
+    """The keys that vary, without those that another one decides: of keys that go together the
+    first.
+    """
     kept: list[str] = []
     for key in keys:
         values = {other: {short(row[other]) for row in table} for other in (*kept, key)}
@@ -102,7 +133,13 @@ def telling(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
     return kept or list(keys)
 
 
-def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer | None, reference: str | None) -> Row:
+def _row(
+    case: Case,
+    keys: Sequence[str],
+    found: Results | None,
+    answer: Answer | None,
+    reference: str | None,
+) -> Row:
     named = {"index": case.index + 1, "run": case.id} | {key: case.numbers.get(key) for key in keys}
     row: Row = named | dict.fromkeys(STUDY_COLUMNS) | {"status": "pending"}
     row |= {"method": case.prospect.scene.method, "stiffness": case.prospect.stiffness}
@@ -111,29 +148,37 @@ def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer 
     report = found.report
     row |= {name: report.get(name) for name in ("status", "exit_code", "reason", "dofs")}
     row |= {"steps_done": len(found), "substeps": report.get("audit", {}).get("substeps")}
-    row |= {"newton_iterations": int(found["newton_iterations"].sum()) if len(found) else None} | _costs(report)
+    row |= {
+        "newton_iterations": int(found["newton_iterations"].sum()) if len(found) else None
+    } | _costs(report)
     if row["status"] != "done":  # numbers of a lesser depth are no answer
         return row
-    numbers, told = ("force", "a", "p_max", "penetration"), answer_row(found)
+    numbers = ("force", "a", "p_max", "penetration")
+    told = answer_row(found)
     row |= {name: _known(found[name][told]) for name in numbers} | _said(found, told)
     return row | (_errors(found, answer) | {COMPARED: reference} if answer else {})
 
 
 def _refused(refusal: Refusal, keys: Sequence[str]) -> Row:
     values = {key: refusal.numbers.get(key) for key in keys}
-    stiffness = next((value.factor for value in values.values() if isinstance(value, Multiple)), None)
+    stiffness = next(
+        (value.factor for value in values.values() if isinstance(value, Multiple)), None
+    )
     row: Row = {"index": refusal.index + 1, "run": None} | values | dict.fromkeys(STUDY_COLUMNS)
     row |= {"method": values.get("contact.method"), "stiffness": stiffness, "status": "failed"}
     return row | {"exit_code": refusal.error.exit_code, "reason": str(refusal.error)}
 
 
 def _costs(report: Report) -> Row:
-    """CPU seconds per stage and in sum, without loading libraries, and the memory of the run and of its process."""
+    """CPU seconds per stage and in sum, without loading libraries, and the memory of the run and of
+    its process.
+    """
     whole = not report.get("resumed_after")  # else nobody knows the seconds before
     cpu, wall = (report.get(name, {}) if whole else {} for name in ("cpu_timings", "timings"))
     row: Row = {f"cpu_{stage}": cpu.get(stage) for stage in STAGES}
     row["cpu_s"] = _sum(cpu)
-    peak, before = report.get("peak_memory_MB"), report.get("memory_before_MB")
+    peak = report.get("peak_memory_MB")
+    before = report.get("memory_before_MB")
     own = round(peak - before, 1) if peak is not None and before is not None else None
     return row | {"wall_s": _sum(wall), "memory_MB": own, "peak_memory_MB": peak}
 
@@ -143,11 +188,16 @@ def _sum(timings: Mapping[str, float]) -> float | None:
 
 
 def _said(found: Results, told: int) -> Row:
-    """What a run says itself of its error in the row that it is told by: a part of the force, and its warnings."""
+    """What a run says itself of its error in the row that it is told by: a part of the force, and
+    its warnings.
+    """
     expected = found.report.get("plan", {}).get("prediction", {}).get("force_error", 0.0)
     bar = found.table["force_error"][told] if "force_error" in found.table else 0.0
     measured = abs(_relative(found["force"][told] + bar, found["force"][told]) or 0.0)
-    return {"stated_error": max(expected, measured), "warnings": " | ".join(found.report.get("warnings", []))}
+    return {
+        "stated_error": max(expected, measured),
+        "warnings": " | ".join(found.report.get("warnings", [])),
+    }
 
 
 def _errors(found: Results, answer: Answer) -> Row:
@@ -157,7 +207,9 @@ def _errors(found: Results, answer: Answer) -> Row:
         every = np.abs(found["force"] / np.array(steps) - 1)
     force, a, p_max = answer.at(found["delta"][-1])
     known = every[np.isfinite(every)]
-    last, largest = found["force"][-1], float(np.abs(found["force"]).max())  # a force that should be 0: a part of it
+    # a force that should be 0: a part of it
+    last = found["force"][-1]
+    largest = float(np.abs(found["force"]).max())
     error = _relative(last, force) if force else float(last / largest) if largest else 0.0
     worst = float(known.max()) if len(known) else None
     others = _relative(found["a"][-1], a), _relative(found["p_max"][-1], p_max)
@@ -193,13 +245,16 @@ def pareto(table: Iterable[Row]) -> list[Row]:
     """The rows that no other beats in both CPU seconds and force error, the quickest first."""
     front: list[Row] = []
     for row in sorted(measured(table), key=lambda row: (row["cpu_s"], abs(row["force_error_vs"]))):
-        if not front or abs(row["force_error_vs"]) < SMALLER_ERROR * abs(front[-1]["force_error_vs"]):
+        if not front or abs(row["force_error_vs"]) < SMALLER_ERROR * abs(
+            front[-1]["force_error_vs"]
+        ):
             front.append(row)
     return front
 
 
 def recommended(table: Sequence[Row], keys: Sequence[str], target: float) -> Row | None:
-    """The cheapest run within the target, if every finer mesh with the same settings is within it too.
+    """The cheapest run within the target, if every finer mesh with the same settings is within it
+    too.
 
     A coarse mesh may hit the force by luck; what a finer one misses was luck.
     """
@@ -209,7 +264,9 @@ def recommended(table: Sequence[Row], keys: Sequence[str], target: float) -> Row
     def is_within(row: Row) -> bool:
         alike = (one for one in known if all(one[key] == row[key] for key in others))
         return all(
-            abs(finer["force_error_vs"]) <= target for finer in alike if (finer["dofs"] or 0) >= (row["dofs"] or 0)
+            abs(finer["force_error_vs"]) <= target
+            for finer in alike
+            if (finer["dofs"] or 0) >= (row["dofs"] or 0)
         )
 
     return min(filter(is_within, measured(table)), key=lambda row: row["cpu_s"], default=None)
@@ -221,7 +278,8 @@ def recommendations(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
         return []
     lines = []
     for target in TARGETS:
-        choice, row = "none of these", recommended(table, keys, target)
+        choice = "none of these"
+        row = recommended(table, keys, target)
         if row:
             words = ", ".join(f"{key}={short(row[key])}" for key in keys if row[key] is not None)
             choice = f"{words}: {row['cpu_s']:.2g} s, {row['force_error_vs']:+.2%}"
@@ -230,7 +288,9 @@ def recommendations(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
 
 
 def verdict(row: Row, tolerance: float, references: Collection[str] = ()) -> str | None:
-    """One of VERDICTS, or REFERENCE for these runs; None for a row that is pending or compared with nothing."""
+    """One of VERDICTS, or REFERENCE for these runs; None for a row that is pending or compared with
+    nothing.
+    """
     if row["status"] == "failed":
         return "refused" if row["exit_code"] in REFUSALS else "wrong"
     error = row["force_error_vs"]
@@ -249,7 +309,10 @@ def counts(table: Sequence[Row]) -> dict[str, int]:
 
 
 def impossible(table: Sequence[Row]) -> int:
-    """How many rows were refused as scenes that cannot be, before anything was run; a contact method's own limit is
-    none of them."""
-    refused = [row["reason"] for row in table if row["verdict"] == "refused" and row["exit_code"] == 3]
+    """How many rows were refused as scenes that cannot be, before anything was run; a contact
+    method's own limit is none of them.
+    """
+    refused = [
+        row["reason"] for row in table if row["verdict"] == "refused" and row["exit_code"] == 3
+    ]
     return sum("contact." not in reason.partition(": ")[2].partition(": ")[0] for reason in refused)

@@ -1,6 +1,8 @@
-"""One process that does the runs of a study, one after another; when it dies, only the run it was at is lost.
+"""One process that does the runs of a study, one after another; when it dies, only the run it was
+at is lost.
 
-It is forked before any MPI is up, so a run there is a run of its own; where it died another is forked for the next.
+It is forked before any MPI is up, so a run there is a run of its own; where it died another is
+forked for the next.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ from indent_sim.process.forked import Crash, Forked
 from indent_sim.run import chain
 from indent_sim.run.prospect import Prospect
 
-# What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when it is ended
+# What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when
+# it is ended
 OPEN_MPI = tuple(f"OMPI_{part}" for part in ("COMM_", "UNIVERSE_", "MCA_orte_", "MCA_ess"))
 LAUNCHERS = ("SLURM_", "PMI_", "PMIX_", "PRTE_MCA_ess", *OPEN_MPI)
 
@@ -31,7 +34,9 @@ Named = TypeVar("Named", bound=Hashable)
 
 @dataclass(frozen=True)
 class Job:
-    """A run to do: what is run, the folder that it runs into, and whether it goes on from what is there."""
+    """A run to do: what is run, the folder that it runs into, and whether it goes on from what is
+    there.
+    """
 
     prospect: Prospect
     directory: Path
@@ -42,12 +47,15 @@ Jobs = Mapping[Named, Job]  # by their names
 
 
 class Worker(ExitStack, Generic[Named]):
-    """Does jobs in a process of its own, which knows them from this one and calls `load` first, by default for what
-    solves meshes; a context manager."""
+    """Does jobs in a process of its own, which knows them from this one and calls `load` first, by
+    default for what solves meshes; a context manager.
+    """
 
     def __init__(self, jobs: Jobs[Named], load: Load = chain.warm_up) -> None:
         super().__init__()
-        self._process = Forked(lambda name: _ending(jobs[name]), partial(_prepare, load), uses_mpi=True)
+        self._process = Forked(
+            lambda name: _ending(jobs[name]), partial(_prepare, load), uses_mpi=True
+        )
         self.callback(self._process.stop)
         self._answer: Callable[[], Ending] = lambda: (0, "")
         self._done = 0
@@ -60,7 +68,10 @@ class Worker(ExitStack, Generic[Named]):
         self._answer = self._process.ask(name)
 
     def end(self) -> Ending:
-        """How the job that was begun ended: exit code and reason. UsageError and BackendError are raised."""
+        """How the job that was begun ended: exit code and reason.
+
+        UsageError and BackendError are raised.
+        """
         try:
             return self._answer()
         except Crash as crash:
@@ -80,12 +91,15 @@ def _prepare(load: Load) -> None:
 
 
 def _ending(job: Job) -> Ending:
-    """Do a run, or what an earlier call left of it to do; what cannot be gone on with is begun anew.
+    """Do a run, or what an earlier call left of it to do; what cannot be gone on with is begun
+    anew.
 
-    A finished run is of the same physics, as the name of its folder says; where it was written with other words, or
-    with other output, it is replaced all the same.
+    A finished run is of the same physics, as the name of its folder says; where it was written with
+    other words, or with other output, it is replaced all the same.
     """
-    config, scene, directory = job.prospect.config, job.prospect.scene, job.directory
+    config = job.prospect.config
+    scene = job.prospect.scene
+    directory = job.directory
     try:
         if directory.exists():
             with suppress(ConfigError, UsageError):
@@ -109,8 +123,11 @@ class Workers(ExitStack, Generic[Named]):
         self._workers = [self.enter_context(Worker(jobs, load)) for _ in range(count)]
 
     def done(self, names: Iterable[Named]) -> Iterator[tuple[Named, Ending]]:
-        """Do jobs, as many at a time as there are workers; each with its ending as soon as that is known."""
-        waiting, busy = iter(names), dict[Worker[Named], Named]()
+        """Do jobs, as many at a time as there are workers; each with its ending as soon as that is
+        known.
+        """
+        waiting = iter(names)
+        busy = dict[Worker[Named], Named]()
         idle = list(self._workers)
         while True:
             for worker, name in zip(list(idle), waiting, strict=False):

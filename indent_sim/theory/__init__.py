@@ -1,1 +1,3 @@
-"""Closed forms and semi-analytic solutions that the simulation is judged against (numpy and scipy only)."""
+"""Closed forms and semi-analytic solutions that the simulation is judged against (numpy and scipy
+only).
+"""

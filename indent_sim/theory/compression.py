@@ -1,8 +1,9 @@
-"""Homogeneous compression of a prism between two planes that let it slide: the theory of a plate on a flat top.
+"""Homogeneous compression of a prism between two planes that let it slide: the theory of a plate on
+a flat top.
 
-The plate moves down by delta, the base stays, every side is either free or slides along a wall. Then the stretch along
-z is 1 - delta/h everywhere, the sides that are free carry no traction, and the force is the nominal stress times the
-undeformed area. This is exact at any strain.
+The plate moves down by delta, the base stays, every side is either free or slides along a wall.
+Then the stretch along z is 1 - delta/h everywhere, the sides that are free carry no traction, and
+the force is the nominal stress times the undeformed area. This is exact at any strain.
 """
 
 from __future__ import annotations
@@ -19,10 +20,13 @@ from indent_sim.theory.profiles import Tip, flat_punch
 from indent_sim.theory.roots import increasing_root
 from indent_sim.theory.solution import Solution, no_contact
 
-# Step of the differences, in logarithmic strain. The five-point formula errs by STEP^4/30 of the fifth derivative,
-# 3e-14 of a modulus, and by 1e-16/STEP of one in rounding: stresses have ten digits from a strain of 1e-3 on
+# Step of the differences, in logarithmic strain. The five-point formula errs by STEP^4/30 of the
+# fifth derivative, 3e-14 of a modulus, and by 1e-16/STEP of one in rounding: stresses have ten
+# digits from a strain of 1e-3 on
 STEP = 1e-3
-SETTLED, ROUNDS = 1e-13, 50  # logarithmic strain left by Newton's method, and its rounds at most
+# logarithmic strain left by Newton's method, and its rounds at most
+SETTLED = 1e-13
+ROUNDS = 50
 TANGENT_STEP = 1e-4  # of the strain over which the tangent modulus is a difference
 
 # psi(l1, l2, l3) [F/L^2]: the strain energy of the principal stretches, the last one along z
@@ -81,8 +85,9 @@ class HyperelasticBar:
     held
         How many of the two directions across the bar keep their length: 0, 1 or 2.
 
-    Of the Kirchhoff stresses tau_i = d psi/d ln l_i those across a free direction are zero, which determines the
-    stretch there; the nominal stress along the bar is tau_3/l_3 (Holzapfel 2000, Nonlinear Solid Mechanics, 6.2).
+    Of the Kirchhoff stresses tau_i = d psi/d ln l_i those across a free direction are zero, which
+    determines the stretch there; the nominal stress along the bar is tau_3/l_3 (Holzapfel 2000,
+    Nonlinear Solid Mechanics, 6.2).
     """
 
     psi: Energy
@@ -212,7 +217,8 @@ class Compression:
             raise ValueError(f"at the depth {delta:g} the top bulges past the edge of the tip")
         area = self.area * widening
         force = self.area * self.bar.stress(strain)
-        a, p = self._radius(area), force / area
+        a = self._radius(area)
+        p = force / area
         energy = self.area * self.height * self.bar.energy(strain)
         stiffness = self.area / self.height * self.bar.tangent(strain)
         fields = partial(_inside, a, p), partial(_level, -delta)
@@ -249,8 +255,10 @@ def bonded_modulus(E: float, bulk_modulus: float, shape_factor: float, dimension
     dimensions
         2 for a disc, 1 for a long strip.
 
-    Source: Gent & Lindley (1959), Proc. Inst. Mech. Eng. 173, 111; the sum of compliances: Gent & Meinecke (1970),
-    Polym. Eng. Sci. 10, 48.
+    Source: Gent & Lindley (1959), Proc. Inst. Mech. Eng. 173, 111; the sum of compliances: Gent &
+    Meinecke (1970), Polym. Eng. Sci. 10, 48.
     """
-    sheared = E * (1 + 2 * shape_factor**2) if dimensions == 2 else 4 / 3 * E * (1 + shape_factor**2)
+    sheared = (
+        E * (1 + 2 * shape_factor**2) if dimensions == 2 else 4 / 3 * E * (1 + shape_factor**2)
+    )
     return 1 / (1 / sheared + 1 / bulk_modulus) if math.isfinite(bulk_modulus) else sheared

@@ -1,12 +1,13 @@
-"""What the usual formulas say of films and thin layers; `stack` is exact, these stand beside it for comparison.
+"""What the usual formulas say of films and thin layers; `stack` is exact, these stand beside it for
+comparison.
 
-Moduli are E* = E/(1 - nu^2) [F/L^2] of the half-space that would be as stiff under a contact of radius a [L]; a film's
-thickness is t. They interpolate finite elements or first-order perturbations under a flat punch, so that
-with other tips or far contrasts they are off by up to a factor of two.
+Moduli are E* = E/(1 - nu^2) [F/L^2] of the half-space that would be as stiff under a contact of
+radius a [L]; a film's thickness is t. They interpolate finite elements or first-order perturbations
+under a flat punch, so that with other tips or far contrasts they are off by up to a factor of two.
 
-Sources: Gao, Chiu & Lee (1992), Int. J. Solids Struct. 29, 2471, for moduli that differ by less than a factor of two;
-Perriot & Barthel (2004), J. Mater. Res. 19, 600, for ratios of 0.01 to 100; Dimitriadis et al. (2002), Biophys. J. 82,
-2798.
+Sources: Gao, Chiu & Lee (1992), Int. J. Solids Struct. 29, 2471, for moduli that differ by less
+than a factor of two; Perriot & Barthel (2004), J. Mater. Res. 19, 600, for ratios of 0.01 to 100;
+Dimitriadis et al. (2002), Biophys. J. 82, 2798.
 """
 
 from __future__ import annotations
@@ -18,49 +19,64 @@ from indent_sim.theory.half_space import E_star, paraboloid_force
 from indent_sim.theory.solution import Solution, require_positive
 from indent_sim.theory.stack import BASE_SUPPORTS, Ply
 
-Modulus = Callable[[Ply, Ply, float], float]  # E* [F/L^2] of film and substrate under a contact radius [L]
+Modulus = Callable[
+    [Ply, Ply, float], float
+]  # E* [F/L^2] of film and substrate under a contact radius [L]
 Contact = Callable[[float], Solution | None]  # at a depth [L]
 
 
 def gao_modulus(film: Ply, substrate: Ply, a: float) -> float:
     """E* = E*_s + (E*_f - E*_s) I0(t/a) [F/L^2] (Gao et al. 1992).
 
-    I0(x) = 2/pi atan x + [(1 - 2 nu) x ln(1 + 1/x^2) - x/(1 + x^2)]/(2 pi (1 - nu)), nu the composite's.
+    I0(x) = 2/pi atan x + [(1 - 2 nu) x ln(1 + 1/x^2) - x/(1 + x^2)]/(2 pi (1 - nu)), nu the
+    composite's.
     """
     require_positive(a=a, thickness=film.thickness)
     x = film.thickness / a
-    slope, angle = x * math.log1p(1.0 / x**2), 2.0 / math.pi * math.atan(x)
+    slope = x * math.log1p(1.0 / x**2)
+    angle = 2.0 / math.pi * math.atan(x)
     I1 = angle + slope / math.pi
-    rest = (1.0 - film.nu) * (1.0 - substrate.nu) / (1.0 - (1.0 - I1) * film.nu - I1 * substrate.nu)  # 1 - nu
+    rest = (
+        (1.0 - film.nu) * (1.0 - substrate.nu) / (1.0 - (1.0 - I1) * film.nu - I1 * substrate.nu)
+    )  # 1 - nu
     share = angle + ((2.0 * rest - 1.0) * slope - x / (1.0 + x * x)) / (2.0 * math.pi * rest)
     return share * E_star(film.E, film.nu) + (1.0 - share) * E_star(substrate.E, substrate.nu)
 
 
 def perriot_barthel_modulus(film: Ply, substrate: Ply, a: float) -> float:
-    """E* = E*_f + (E*_s - E*_f)/(1 + (x0 t/a)^1.27) [F/L^2] (Perriot & Barthel 2004). log10 x0 = -0.093 + 0.792 l +
-    0.05 l^2, l = log10(E*_s/E*_f)."""
+    """E* = E*_f + (E*_s - E*_f)/(1 + (x0 t/a)^1.27) [F/L^2] (Perriot & Barthel 2004). log10 x0 =
+    -0.093 + 0.792 l + 0.05 l^2, l = log10(E*_s/E*_f).
+    """
     require_positive(a=a, thickness=film.thickness)
-    of_film, of_substrate = E_star(film.E, film.nu), E_star(substrate.E, substrate.nu)
+    of_film = E_star(film.E, film.nu)
+    of_substrate = E_star(substrate.E, substrate.nu)
     ratio = math.log10(of_substrate / of_film)
     x0 = 10.0 ** (-0.093 + 0.792 * ratio + 0.05 * ratio**2)
     return of_film + (of_substrate - of_film) / (1.0 + (x0 * film.thickness / a) ** 1.27)
 
 
 def film_force(delta: float, modulus: Modulus, film: Ply, substrate: Ply, alone: Contact) -> float:
-    """Force [F] on a film by one of the moduli above; `alone`: the contact with a half-space of the film at a depth.
+    """Force [F] on a film by one of the moduli above; `alone`: the contact with a half-space of the
+    film at a depth.
 
-    The moduli are those under a contact radius, which a tip has on a half-space of any modulus. NaN without a contact.
+    The moduli are those under a contact radius, which a tip has on a half-space of any modulus. NaN
+    without a contact.
     """
     found = alone(delta)
-    return found.force * modulus(film, substrate, found.a) / E_star(film.E, film.nu) if found else math.nan
+    return (
+        found.force * modulus(film, substrate, found.a) / E_star(film.E, film.nu)
+        if found
+        else math.nan
+    )
 
 
 def dimitriadis_force(delta: float, R: float, layer: Ply, base: str = "fixed") -> float:
     """Force [F] of a paraboloid on a thin layer, Hertz's times a polynomial in x = sqrt(R delta)/h.
 
-    1 - 2 A x/pi + 4 A^2 x^2/pi^2 - 8 (A^3 + 4 pi^2 B/15) x^3/pi^3 + 16 A (A^3 + 3 pi^2 B/5) x^4/pi^4; base "fixed"
-    or "roller". A fixed incompressible layer has + 0.0975 x^4 in the paper and in programs, where this says - 0.0975.
-    Raises ValueError for another base (Dimitriadis et al. 2002).
+    1 - 2 A x/pi + 4 A^2 x^2/pi^2 - 8 (A^3 + 4 pi^2 B/15) x^3/pi^3 + 16 A (A^3 + 3 pi^2 B/5)
+    x^4/pi^4; base "fixed" or "roller". A fixed incompressible layer has + 0.0975 x^4 in the paper
+    and in programs, where this says - 0.0975. Raises ValueError for another base (Dimitriadis et
+    al. 2002).
     """
     nu = layer.nu
     if base not in BASE_SUPPORTS:
@@ -69,11 +85,14 @@ def dimitriadis_force(delta: float, R: float, layer: Ply, base: str = "fixed") -
         A = -(1.2876 - 1.4678 * nu + 1.3442 * nu**2) / (1.0 - nu)
         B = (0.6387 - 1.0277 * nu + 1.5164 * nu**2) / (1.0 - nu)
     else:
-        A, B = -0.347 * (3.0 - 2.0 * nu) / (1.0 - nu), 0.056 * (5.0 - 2.0 * nu) / (1.0 - nu)
+        A = -0.347 * (3.0 - 2.0 * nu) / (1.0 - nu)
+        B = 0.056 * (5.0 - 2.0 * nu) / (1.0 - nu)
     quartic = 16.0 * A / math.pi**4 * (A**3 + 0.6 * math.pi**2 * B)
     if base == "fixed" and nu == 0.5:
         quartic = 0.0975
     x = math.sqrt(R * max(delta, 0.0)) / layer.thickness
     y = 2.0 * A * x / math.pi
     cubic = (A**3 + 4.0 / 15.0 * math.pi**2 * B) * (2.0 * x / math.pi) ** 3
-    return paraboloid_force(delta, R, E_star(layer.E, nu)) * (1.0 - y + y**2 - cubic + quartic * x**4)
+    return paraboloid_force(delta, R, E_star(layer.E, nu)) * (
+        1.0 - y + y**2 - cubic + quartic * x**4
+    )

@@ -1,7 +1,8 @@
 """Frictionless indentation of an elastic half-space: the force at a depth in closed form.
 
-delta > 0 pushes in, force > 0 pushes, E_star = E/(1-nu^2). Any consistent units; below [L] is a length, [F] a
-force. ValueError: a length or modulus that is not > 0, an angle outside (0, 90) degrees.
+delta > 0 pushes in, force > 0 pushes, E_star = E/(1-nu^2). Any consistent units; below [L] is a
+length, [F] a force. ValueError: a length or modulus that is not > 0, an angle outside (0, 90)
+degrees.
 
 Sources: Hertz (1882); Sneddon (1965), Int. J. Eng. Sci. 3, 47.
 """
@@ -14,7 +15,9 @@ from collections.abc import Callable
 from indent_sim.theory.roots import depth_of
 from indent_sim.theory.solution import require_positive, tangent
 
-SPHERE_SERIES = tuple(1.0 / (2 * n + 1) + 1.0 / (2 * n - 1) for n in range(17, 0, -1))  # of q^(2n + 1), from the last
+SPHERE_SERIES = tuple(
+    1.0 / (2 * n + 1) + 1.0 / (2 * n - 1) for n in range(17, 0, -1)
+)  # of q^(2n + 1), from the last
 PYRAMID_CONSTANT = 0.73762  # +- 2e-5; the often quoted 0.7453 is 1 % high
 
 
@@ -37,7 +40,8 @@ def sphere_force(delta: float, R: float, E_star: float) -> float:
     t = _sphere_angle(delta, R)
     q = math.tanh(t)
     if q < 0.3:  # the three terms cancel to third order, so sum what is left of their series
-        square, bracket = q * q, 0.0
+        square = q * q
+        bracket = 0.0
         for coefficient in SPHERE_SERIES:
             bracket = bracket * square + coefficient
         bracket *= q * square
@@ -52,7 +56,9 @@ def _sphere_angle(delta: float, R: float) -> float:
     d = max(delta, 0.0) / R
     if d == 0.0:
         return 0.0
-    t = math.sqrt(d * (1.0 + d * (1.0 / 3.0 + d * 4.0 / 45.0))) if d < 1.0 else d  # the first terms of its series
+    t = (
+        math.sqrt(d * (1.0 + d * (1.0 / 3.0 + d * 4.0 / 45.0))) if d < 1.0 else d
+    )  # the first terms of its series
     for _ in range(50):
         q = math.tanh(t)
         step = (t * q - d) / (q + t * (1.0 - q * q))
@@ -75,14 +81,17 @@ def flat_punch_force(delta: float, radius: float, E_star: float) -> float:
 
 
 def square_pyramid_force(delta: float, half_angle: float, E_star: float) -> float:
-    """Force F = C E* tan(beta) delta^2 [F], C = 0.73762(2), beta in degrees between axis and face. C is a
-    boundary-element result; the contact is a rounded square, so no closed form exists."""
+    """Force F = C E* tan(beta) delta^2 [F], C = 0.73762(2), beta in degrees between axis and face.
+    C is a boundary-element result; the contact is a rounded square, so no closed form exists.
+    """
     require_positive(E_star=E_star)
     return PYRAMID_CONSTANT * E_star * tangent(half_angle) * max(delta, 0.0) ** 2
 
 
 def section_depth(radius_at: Callable[[float], float], force: float, E_star: float) -> float:
-    """About the depth [L] of a force under any tip, radius_at(depth) its section: force = E* radius_at(depth) depth."""
+    """About the depth [L] of a force under any tip, radius_at(depth) its section: force = E*
+    radius_at(depth) depth.
+    """
     size = max(force, 0.0) / E_star
     start = math.sqrt(size)
     return depth_of(lambda depth: radius_at(depth) * depth, size, start) or start

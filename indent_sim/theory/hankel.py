@@ -1,10 +1,10 @@
 """Smooth kernels made of the surface compliance of a stack, and quadrature over its wavenumbers.
 
-A pressure of wavenumber k displaces the surface by w = (2/E*) L(k)/k p, > 0 into the body; L -> 1 is the
-half-space and M = 1 - L is what lies below the top layer (`stack`). All lengths in this file are in units of the
-top layer's thickness.
-Sources: Lebedev & Ufliand (1958), PMM 22, 442; Sneddon, Mixed Boundary Value Problems (1966), for the Dini sum;
-Abramowitz & Stegun 9.5.12 (McMahon); Gautschi, Orthogonal Polynomials (2004), for the discrete measure.
+A pressure of wavenumber k displaces the surface by w = (2/E*) L(k)/k p, > 0 into the body; L -> 1
+is the half-space and M = 1 - L is what lies below the top layer (`stack`). All lengths in this file
+are in units of the top layer's thickness. Sources: Lebedev & Ufliand (1958), PMM 22, 442; Sneddon,
+Mixed Boundary Value Problems (1966), for the Dini sum; Abramowitz & Stegun 9.5.12 (McMahon);
+Gautschi, Orthogonal Polynomials (2004), for the discrete measure.
 """
 
 from __future__ import annotations
@@ -27,15 +27,23 @@ LONGEST_PHASE = 100.0  # phase on one panel: a rule of many points is an eigenva
 SINGLE_MODES = 32  # modes between walls that are summed one by one
 Nodes = tuple[np.ndarray, np.ndarray]  # and their weights
 AXIS_POINTS = 64  # of an integral of cosh(y x), which has no poles, to x < W
-LEAST_EVEN, LARGEST_EVEN = 2.0**-10, 2.0  # least and largest reach of even polynomials [h]
-MOST_EVEN, EVEN_LEFT = 32, 1e-17  # polynomials; of the largest part of a kernel, what is left out
-BESSEL_BEYOND = 20  # orders beyond the last one from which a recurrence of Bessel functions sets out
+# least and largest reach of even polynomials [h]
+LEAST_EVEN = 2.0**-10
+LARGEST_EVEN = 2.0
+# polynomials; of the largest part of a kernel, what is left out
+MOST_EVEN = 32
+EVEN_LEFT = 1e-17
+BESSEL_BEYOND = (
+    20  # orders beyond the last one from which a recurrence of Bessel functions sets out
+)
 CHANGE = 2.0  # k W at which the wall integral changes from its split to its direct form
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """Smooth symmetric kernel sum_j weight_j b_j(x) b_j(t), b = cos(k x), cosh(y x) exp(-y W) and 1."""
+    """Smooth symmetric kernel sum_j weight_j b_j(x) b_j(t), b = cos(k x), cosh(y x) exp(-y W) and
+    1.
+    """
 
     k: np.ndarray
     y: np.ndarray
@@ -57,8 +65,9 @@ class Kernel:
         return self.weight[:, None] * values
 
     def solved(self, direct: np.ndarray, project: np.ndarray, across: np.ndarray) -> np.ndarray:
-        """m = direct + project across m (..., modes, n), by phi = across m at the points: beside a wall modes are
-        nearly dependent, and a system of theirs loses digits."""
+        """m = direct + project across m (..., modes, n), by phi = across m at the points: beside a
+        wall modes are nearly dependent, and a system of theirs loses digits.
+        """
         inside = np.eye(project.shape[-1]) - across @ project
         return np.asarray(direct + project @ np.linalg.solve(inside, across @ direct))
 
@@ -73,18 +82,24 @@ class Kernel:
         return np.vstack([cosines, hyperbolic, np.zeros((1, x.size))])
 
     def slope_integrals(self, a: np.ndarray) -> np.ndarray:
-        """∫_0^a b_j'(x)/x dx, shape (modes, len(a)): -k Si(k a) of the cosines, the others by quadrature."""
+        """∫_0^a b_j'(x)/x dx, shape (modes, len(a)): -k Si(k a) of the cosines, the others by
+        quadrature.
+        """
         from scipy.special import sici
 
         cosines = -self.k[:, None] * sici(np.multiply.outer(self.k, a))[0]
         if not self.y.size:
             return cosines
         x, w = gauss(0.0, 1.0, AXIS_POINTS)
-        others = self.slope_over_x(np.multiply.outer(a, x).ravel())[self.k.size :].reshape(-1, a.size, x.size)
+        others = self.slope_over_x(np.multiply.outer(a, x).ravel())[self.k.size :].reshape(
+            -1, a.size, x.size
+        )
         return np.vstack([cosines, others @ w * a])
 
     def surface(self, r: np.ndarray) -> np.ndarray:
-        """(2/pi) ∫_0^r b_j(x)/sqrt(r^2 - x^2) dx, shape (modes, len(r)): J0(k r), I0(y r) exp(-y W) and 1."""
+        """(2/pi) ∫_0^r b_j(x)/sqrt(r^2 - x^2) dx, shape (modes, len(r)): J0(k r), I0(y r) exp(-y W)
+        and 1.
+        """
         from scipy.special import i0e, j0
 
         waves = j0(np.multiply.outer(self.k, r))
@@ -96,7 +111,9 @@ class Kernel:
 
 @dataclass(frozen=True)
 class EvenKernel:
-    """The same kernel on [0, reach] as sum_jl matrix_jl b_j(x) b_l(t) of a few even polynomials b_j = T_2j(x/reach)."""
+    """The same kernel on [0, reach] as sum_jl matrix_jl b_j(x) b_l(t) of a few even polynomials b_j
+    = T_2j(x/reach).
+    """
 
     reach: float
     matrix: np.ndarray
@@ -138,7 +155,8 @@ def _slopes(count: int) -> np.ndarray:
 def _chebyshev(x: np.ndarray, count: int) -> np.ndarray:
     """T_0 to T_(count - 1) at places, shape (count, len(x))."""
     values = np.empty((count, x.size))
-    values[0], values[1:2] = 1.0, x
+    values[0] = 1.0
+    values[1:2] = x
     twice = 2.0 * x
     for n in range(2, count):
         np.multiply(twice, values[n - 1], out=values[n])
@@ -149,8 +167,8 @@ def _chebyshev(x: np.ndarray, count: int) -> np.ndarray:
 def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
     """`axisymmetric_kernel` for places up to a, by few functions where that can be.
 
-    Without walls it is analytic 2 h off the axis: polynomials meet it where the contact is smaller, and are cached in
-    powers of the square root of two.
+    Without walls it is analytic 2 h off the axis: polynomials meet it where the contact is smaller,
+    and are cached in powers of the square root of two.
     """
     if math.isinf(wall) and a <= LARGEST_EVEN:
         reach = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(max(a, LEAST_EVEN))))
@@ -161,9 +179,14 @@ def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
 
 @lru_cache(maxsize=64)
 def _even_kernel(reach: float, stack: Stack) -> EvenKernel | None:
-    """By cos(k x) = J_0(k reach) + 2 sum_j (-1)^j J_2j(k reach) T_2j(x/reach); None where that takes many."""
-    kernel, j = axisymmetric_kernel(reach, stack, math.inf), np.arange(MOST_EVEN)
-    waves = np.where(j == 0, 1.0, 2.0 * (-1.0) ** j)[:, None] * _even_bessel(kernel.k * reach, MOST_EVEN)
+    """By cos(k x) = J_0(k reach) + 2 sum_j (-1)^j J_2j(k reach) T_2j(x/reach); None where that
+    takes many.
+    """
+    kernel = axisymmetric_kernel(reach, stack, math.inf)
+    j = np.arange(MOST_EVEN)
+    waves = np.where(j == 0, 1.0, 2.0 * (-1.0) ** j)[:, None] * _even_bessel(
+        kernel.k * reach, MOST_EVEN
+    )
     matrix = waves @ (kernel.weight[:, None] * waves.T)
     sizes = np.abs(matrix).max(axis=0)
     needed = max(1, int(np.count_nonzero(sizes > EVEN_LEFT * sizes.max())))
@@ -173,11 +196,12 @@ def _even_kernel(reach: float, stack: Stack) -> EvenKernel | None:
 def _even_bessel(x: np.ndarray, count: int) -> np.ndarray:
     """J_0, J_2, ... of places 0 < x < 2 count, shape (count, len(x)), each to its own rounding.
 
-    By J_n/J_(n-1) = x/(2 n - x J_(n+1)/J_n) downwards, and J_0 + 2 sum_j J_2j = 1 (Abramowitz & Stegun 9.1.46, 9.1.73);
-    scipy.special is not loaded for it.
+    By J_n/J_(n-1) = x/(2 n - x J_(n+1)/J_n) downwards, and J_0 + 2 sum_j J_2j = 1 (Abramowitz &
+    Stegun 9.1.46, 9.1.73); scipy.special is not loaded for it.
     """
     last = 2 * count + BESSEL_BEYOND
-    ratios, ratio = np.empty((last, x.size)), np.zeros_like(x)
+    ratios = np.empty((last, x.size))
+    ratio = np.zeros_like(x)
     for n in range(last, 0, -1):
         ratio = x / (2.0 * n - x * ratio)
         ratios[n - 1] = ratio
@@ -186,10 +210,12 @@ def _even_bessel(x: np.ndarray, count: int) -> np.ndarray:
 
 
 def axisymmetric_kernel(a: float, stack: Stack, wall: float) -> Kernel:
-    """Kernel K(x, t) of phi(x) - (2/pi) ∫_0^a phi K dt = (E*/pi)(delta - g), good for every radius up to a.
+    """Kernel K(x, t) of phi(x) - (2/pi) ∫_0^a phi K dt = (E*/pi)(delta - g), good for every radius
+    up to a.
 
-    wall = inf: K = ∫_0^inf M(s) cos(sx) cos(st) ds. With a frictionless wall at radius W the integral over L becomes
-    the Dini sum over k_n = j_{1,n}/W. Cached in powers of two, so that neighbouring radii share one kernel.
+    wall = inf: K = ∫_0^inf M(s) cos(sx) cos(st) ds. With a frictionless wall at radius W the
+    integral over L becomes the Dini sum over k_n = j_{1,n}/W. Cached in powers of two, so that
+    neighbouring radii share one kernel.
     """
     reach = 2.0 ** math.ceil(math.log2(max(a, 1.0)))
     if math.isinf(wall):
@@ -206,15 +232,20 @@ def _layer_kernel(reach: float, stack: Stack) -> Kernel:
 
 @lru_cache(maxsize=64)
 def _cylinder_kernel(reach: float, clearance: float, stack: Stack, wall: float) -> Kernel:
-    """Dini sum over L, as the half-space integral + smooth terms: the equation stays of the second kind."""
-    # sum_n w_n cos cos = ∫ cos cos dk + (2/pi) ∫_0^inf [K1(yW)/I1(yW) cosh cosh - 2/(yW)^2] dy,
-    # w_n = 2/(k_n W^2 J0(k_n W)^2); the double pole belongs to the mean pressure of confined compression
+    """Dini sum over L, as the half-space integral + smooth terms: the equation stays of the second
+    kind.
+    """
+    # sum_n w_n cos cos = ∫ cos cos dk + (2/pi) ∫_0^inf [K1(yW)/I1(yW) cosh cosh - 2/(yW)^2] dy, w_n
+    # = 2/(k_n W^2 J0(k_n W)^2); the double pole belongs to the mean pressure of confined
+    # compression
     from scipy.special import j1, y1
 
     number, weight = wall_numbers(reach, wall)
     zeros = bessel_j1_zeros(number)
     k = zeros / wall
-    j0_squared = 4.0 / ((math.pi * zeros) ** 2 * (j1(zeros) ** 2 + y1(zeros) ** 2))  # by the Wronskian; smooth in n
+    j0_squared = 4.0 / (
+        (math.pi * zeros) ** 2 * (j1(zeros) ** 2 + y1(zeros) ** 2)
+    )  # by the Wronskian; smooth in n
     dini = 2.0 * weight * stack.complement(k) / (k * wall**2 * j0_squared)
     z, wall_weight, pole = _wall_modes(clearance)
     weight = np.concatenate([dini, -wall_weight / wall, [-pole / wall - stack.confined / wall**2]])
@@ -223,8 +254,11 @@ def _cylinder_kernel(reach: float, clearance: float, stack: Stack, wall: float) 
 
 @lru_cache(maxsize=64)
 def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Nodes z = yW and weights of (2/pi) ∫_0^inf [K1/I1 cosh cosh - 2/z^2] dz, and the constant left over."""
-    # below CHANGE K1/I1 - ln(z/2) is even and analytic but for the pole 2/z^2; above it decays as pi exp(-2z)
+    """Nodes z = yW and weights of (2/pi) ∫_0^inf [K1/I1 cosh cosh - 2/z^2] dz, and the constant
+    left over.
+    """
+    # below CHANGE K1/I1 - ln(z/2) is even and analytic but for the pole 2/z^2; above it decays as
+    # pi exp(-2z)
     from scipy.special import i1e, k1e
 
     def ratio(z):  # exp(2z) K1/I1; the factor cancels those of the scaled basis
@@ -232,7 +266,8 @@ def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
 
     z0, w0 = gauss(0.0, CHANGE, 32)
     v, wv = gauss(0.0, 1.0, 48)
-    z1, w1 = CHANGE * v**4, CHANGE * 4.0 * v**3 * wv
+    z1 = CHANGE * v**4
+    w1 = CHANGE * 4.0 * v**3 * wv
     parts = [(z0, w0 * (ratio(z0) * np.exp(-2.0 * z0) - np.log(z0 / 2.0)) * np.exp(2.0 * z0))]
     parts.append((z1, w1 * np.log(z1 / 2.0) * np.exp(2.0 * z1)))
     end = max(2.0 * CHANGE, 19.0 / clearance)
@@ -246,7 +281,9 @@ def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def bessel_j1_zeros(number: np.ndarray) -> np.ndarray:
-    """Zeros of J1 by number from 1; between numbers (from SINGLE_MODES on) what McMahon's expansion makes of them."""
+    """Zeros of J1 by number from 1; between numbers (from SINGLE_MODES on) what McMahon's expansion
+    makes of them.
+    """
     from scipy.special import j0, j1
 
     b = (number + 0.25) * math.pi
@@ -259,22 +296,36 @@ def bessel_j1_zeros(number: np.ndarray) -> np.ndarray:
 
 
 def wavenumbers(reach: float, finest: float) -> Nodes:
-    """Nodes s and weights of ∫_0^inf M(s) cos(sx) cos(st) ds for x, t <= reach: panels graded down to `finest`."""
+    """Nodes s and weights of ∫_0^inf M(s) cos(sx) cos(st) ds for x, t <= reach: panels graded down
+    to `finest`.
+    """
     panels = max(1, math.ceil(math.log(S_MAX / finest, 3.0)))
     edges = _split([0.0, *(S_MAX * 3.0 ** np.arange(-panels, 1.0))], LONGEST_PHASE / reach)
-    parts = [gauss(lo, hi, PER_PANEL + math.ceil(PER_PHASE * reach * (hi - lo))) for lo, hi in pairwise(edges)]
+    parts = [
+        gauss(lo, hi, PER_PANEL + math.ceil(PER_PHASE * reach * (hi - lo)))
+        for lo, hi in pairwise(edges)
+    ]
     return joined(parts)
 
 
 def wall_numbers(reach: float, wall: float) -> Nodes:
-    """Nodes n and weights of sum_n M(k_n) cos(k_n x) cos(k_n t) for x, t <= reach, over k_n of about n pi/W. The first
-    SINGLE_MODES one by one; then, in doubling blocks, Gauss's rule for the sum, exact for polynomials in n."""
+    """Nodes n and weights of sum_n M(k_n) cos(k_n x) cos(k_n t) for x, t <= reach, over k_n of
+    about n pi/W. The first SINGLE_MODES one by one; then, in doubling blocks, Gauss's rule for
+    the sum, exact for polynomials in n.
+    """
     last = max(1, math.ceil(S_MAX * wall / math.pi))
     doubling = (n for i in range(64) if (n := (SINGLE_MODES + 1) * 2**i) <= last)
     edges = [*range(1, min(last, SINGLE_MODES) + 1), *doubling, last + 1]
-    blocks = pairwise(round(edge) for edge in _split(edges, max(1.0, LONGEST_PHASE / reach * wall / math.pi)))
+    blocks = pairwise(
+        round(edge) for edge in _split(edges, max(1.0, LONGEST_PHASE / reach * wall / math.pi))
+    )
     per_number = PER_PHASE * reach * math.pi / wall
-    return joined([_gauss_sum(*ends, PER_PANEL + math.ceil(per_number * (ends[1] - ends[0]))) for ends in blocks])
+    return joined(
+        [
+            _gauss_sum(*ends, PER_PANEL + math.ceil(per_number * (ends[1] - ends[0])))
+            for ends in blocks
+        ]
+    )
 
 
 def joined(parts: Sequence[Nodes]) -> Nodes:
@@ -284,12 +335,17 @@ def joined(parts: Sequence[Nodes]) -> Nodes:
 
 def _split(edges: Sequence[float], longest: float) -> list[float]:
     """The edges, and equally many between two of them as make no panel longer."""
-    parts = [np.linspace(lo, hi, math.ceil((hi - lo) / longest), endpoint=False) for lo, hi in pairwise(edges)]
+    parts = [
+        np.linspace(lo, hi, math.ceil((hi - lo) / longest), endpoint=False)
+        for lo, hi in pairwise(edges)
+    ]
     return [*np.concatenate(parts), edges[-1]]
 
 
 def _gauss_sum(first: int, end: int, count: int) -> Nodes:
-    """Nodes and weights of sum_{n=first}^{end-1} f(n), exact below degree 2 count (Gautschi 2004, sect. 1.5.2)."""
+    """Nodes and weights of sum_{n=first}^{end-1} f(n), exact below degree 2 count (Gautschi 2004,
+    sect. 1.5.2).
+    """
     size = end - first
     if size <= count:
         return np.arange(float(first), end), np.ones(size)

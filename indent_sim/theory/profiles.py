@@ -1,8 +1,9 @@
-"""Rigid tips as the layer theories see them: their shape in plane strain, its Abel transform about an axis.
+"""Rigid tips as the layer theories see them: their shape in plane strain, its Abel transform about
+an axis.
 
-A profile f(r) >= 0 [L], f(0) = 0, enters the axisymmetric theory only through
-g(x) = x ∫_0^x f'(r)/sqrt(x^2 - r^2) dr [L] (Sneddon 1965), and the plane one, even in x, as it is. Contact is assumed
-to be one disc or band, so f' must not decrease.
+A profile f(r) >= 0 [L], f(0) = 0, enters the axisymmetric theory only through g(x) = x ∫_0^x
+f'(r)/sqrt(x^2 - r^2) dr [L] (Sneddon 1965), and the plane one, even in x, as it is. Contact is
+assumed to be one disc or band, so f' must not decrease.
 """
 
 from __future__ import annotations
@@ -21,13 +22,14 @@ Shape = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Tip:
-    """One tip: g(x) and f(x) (array in, array out, [L]) and the facts that quadrature must know about it.
+    """One tip: g(x) and f(x) (array in, array out, [L]) and the facts that quadrature must know
+    about it.
 
-    f: None for a tip that plane strain does not know, since its shape is not smooth beside the apex.
-    edge: contact radius that the shape imposes (flat punch), or None if the contact grows with the load [L].
-    reach: radius at which the tip ends; the contact stays below it [L].
-    breaks: increasing radii where f' is not smooth [L].
-    corner: the slope f'(0+); where it is not 0 the pressure at the apex is infinite.
+    f: None for a tip that plane strain does not know, since its shape is not smooth beside the
+    apex. edge: contact radius that the shape imposes (flat punch), or None if the contact grows
+    with the load [L]. reach: radius at which the tip ends; the contact stays below it [L]. breaks:
+    increasing radii where f' is not smooth [L]. corner: the slope f'(0+); where it is not 0 the
+    pressure at the apex is infinite.
     """
 
     g: Shape
@@ -39,13 +41,16 @@ class Tip:
 
 
 def plane() -> Tip:
-    """f = g = 0 without end: a tip for curved bodies, see `over_dome`; on flat ones it is that of `Compression`."""
+    """f = g = 0 without end: a tip for curved bodies, see `over_dome`; on flat ones it is that of
+    `Compression`.
+    """
     return Tip(lambda x: 0.0 * x, lambda x: 0.0 * x)
 
 
 def over_dome(tip: Tip, radius: float) -> Tip:
-    """The tip that leaves over a flat body the gap of this one over a paraboloid r^2/(2 radius): g + x^2/radius. What a
-    flat punch touches then grows with the load, up to its edge."""
+    """The tip that leaves over a flat body the gap of this one over a paraboloid r^2/(2 radius): g
+    + x^2/radius. What a flat punch touches then grows with the load, up to its edge.
+    """
     require_positive(radius=radius)
     reach = min(tip.reach, tip.edge or math.inf)
     return replace(tip, g=lambda x: tip.g(x) + x * x / radius, f=None, edge=None, reach=reach)
@@ -68,8 +73,11 @@ def sphere(R: float) -> Tip:
 
 
 def cone(half_angle: float, tip_radius: float = 0.0) -> Tip:
-    """f = r cot(alpha), g = pi/2 x cot(alpha); alpha in degrees between axis and flank. With tip_radius > 0 a sphere of
-    that radius replaces the apex, tangent to the flank at r = tip_radius cos(alpha)."""
+    """f = r cot(alpha), g = pi/2 x cot(alpha); alpha in degrees between axis and flank.
+
+    With tip_radius > 0 a sphere of that radius replaces the apex, tangent to the flank at r =
+    tip_radius cos(alpha).
+    """
     cot = 1.0 / tangent(half_angle)
     if tip_radius == 0.0:
         return Tip(lambda x: 0.5 * math.pi * cot * x, lambda x: cot * np.abs(x), corner=cot)
@@ -84,11 +92,14 @@ def cone(half_angle: float, tip_radius: float = 0.0) -> Tip:
 
 
 def hyperboloid(R: float, half_angle: float) -> Tip:
-    """f = r^2/(R (1 + sqrt(1 + (r/b)^2))), g = x b/R arctan(x/b), b = R cot(alpha); alpha in degrees between axis and
-    asymptote."""
+    """f = r^2/(R (1 + sqrt(1 + (r/b)^2))), g = x b/R arctan(x/b), b = R cot(alpha); alpha in
+    degrees between axis and asymptote.
+    """
     require_positive(R=R)
     b = R / tangent(half_angle)
-    return Tip(lambda x: x * np.arctan(x / b) * b / R, lambda x: x * x / (R * (1.0 + np.hypot(1.0, x / b))))
+    return Tip(
+        lambda x: x * np.arctan(x / b) * b / R, lambda x: x * x / (R * (1.0 + np.hypot(1.0, x / b)))
+    )
 
 
 def equal_sections(half_angle: float, roundness: float, tip_radius: float = 0.0) -> Tip:
@@ -97,7 +108,9 @@ def equal_sections(half_angle: float, roundness: float, tip_radius: float = 0.0)
 
 
 def flat_punch(radius: float, edge_radius: float = 0.0) -> Tip:
-    """f = 0, g = 0, contact radius fixed; with edge_radius > 0 the rim is a quarter circle of that radius."""
+    """f = 0, g = 0, contact radius fixed; with edge_radius > 0 the rim is a quarter circle of that
+    radius.
+    """
     require_positive(radius=radius)
     if edge_radius == 0.0:
         return Tip(lambda x: 0.0 * x, lambda x: 0.0 * x, edge=radius)
@@ -115,8 +128,9 @@ def flat_punch(radius: float, edge_radius: float = 0.0) -> Tip:
 def piecewise_linear(points: Sequence[Sequence[float]]) -> Tip:
     """f through the points (r, z), z measured up from the apex (0, 0), and straight between them.
 
-    Every jump d of the slope at r_i adds g = d x arccos(r_i/x) for x > r_i. The tip ends at the last point.
-    Raises ValueError unless it starts at (0, 0), r increases and the slope does not decrease (convex).
+    Every jump d of the slope at r_i adds g = d x arccos(r_i/x) for x > r_i. The tip ends at the
+    last point. Raises ValueError unless it starts at (0, 0), r increases and the slope does not
+    decrease (convex).
     """
     r, z = np.array(points, dtype=float).T
     if r.size < 2 or r[0] != 0.0 or z[0] != 0.0 or np.any(np.diff(r) <= 0.0):
@@ -129,15 +143,21 @@ def piecewise_linear(points: Sequence[Sequence[float]]) -> Tip:
     def g(x):
         x = np.asarray(x, dtype=float)
         safe = np.where(x > 0.0, x, 1.0)
-        corners = (d * np.arccos(np.minimum(c / safe, 1.0)) for d, c in zip(jumps, r[:-1], strict=True))
+        corners = (
+            d * np.arccos(np.minimum(c / safe, 1.0)) for d, c in zip(jumps, r[:-1], strict=True)
+        )
         return x * sum(corners)
 
     return Tip(g, reach=float(r[-1]), breaks=tuple(r[1:-1].tolist()), corner=float(slopes[0]))
 
 
-def profile(slope: Shape, *, reach: float = math.inf, breaks: Sequence[float] = (), corner: float = 0.0) -> Tip:
-    """Any tip from its slope f'(r) (array in, array out): g(x) = x ∫_0^{pi/2} f'(x sin q) dq by quadrature.
-    breaks: the radii where f' jumps or kinks; between them the quadrature converges exponentially."""
+def profile(
+    slope: Shape, *, reach: float = math.inf, breaks: Sequence[float] = (), corner: float = 0.0
+) -> Tip:
+    """Any tip from its slope f'(r) (array in, array out): g(x) = x ∫_0^{pi/2} f'(x sin q) dq by
+    quadrature. breaks: the radii where f' jumps or kinks; between them the quadrature converges
+    exponentially.
+    """
     breaks = tuple(float(b) for b in breaks)
     node, weight = np.polynomial.legendre.leggauss(48)
 

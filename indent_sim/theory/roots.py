@@ -11,12 +11,18 @@ import numpy as np
 from indent_sim.theory.solution import UNSOLVED
 
 Curve = Callable[[float], float]  # the force [F] at a depth [L]
-GUESSED = np.geomspace(1e-18, 1.0, 400)  # of the limit, the sizes among which the first guess is sought
-LEAST_END_DISTANCE = 1e-4  # relative distance from a wall or from the end of the tip at which the search gives up
+GUESSED = np.geomspace(
+    1e-18, 1.0, 400
+)  # of the limit, the sizes among which the first guess is sought
+LEAST_END_DISTANCE = (
+    1e-4  # relative distance from a wall or from the end of the tip at which the search gives up
+)
 
 
 def first_guess(profile: Callable[[np.ndarray], np.ndarray], depth: float, limit: float) -> float:
-    """Contact size in (0, limit) at which an increasing profile(x) is about `depth`: where to start."""
+    """Contact size in (0, limit) at which an increasing profile(x) is about `depth`: where to
+    start.
+    """
     grid = limit * (1.0 - 1e-9) * GUESSED
     values = profile(grid)
     if values[-1] <= depth:
@@ -26,7 +32,9 @@ def first_guess(profile: Callable[[np.ndarray], np.ndarray], depth: float, limit
 
 
 def next_guess(known: list[tuple[float, float]], depth: float) -> float | None:
-    """Contact size at `depth` from the last two (depth, size) of a curve, which nearly obey a power law."""
+    """Contact size at `depth` from the last two (depth, size) of a curve, which nearly obey a power
+    law.
+    """
     if not known:
         return None
     last, a = known[-1]
@@ -36,14 +44,18 @@ def next_guess(known: list[tuple[float, float]], depth: float) -> float | None:
     return a * (depth / last) ** min(max(exponent, 0.0), 1.0)
 
 
-def increasing_root(depth: Callable[[float], float], target: float, start: float, limit: float) -> float:
-    """Contact size a in (0, limit) with depth(a) = target > 0, for an increasing depth(a); or any such pair.
+def increasing_root(
+    depth: Callable[[float], float], target: float, start: float, limit: float
+) -> float:
+    """Contact size a in (0, limit) with depth(a) = target > 0, for an increasing depth(a); or any
+    such pair.
 
-    Secant in (log a, log depth), where Hertz is a straight line, kept inside a bracket that bisection
-    halves whenever the secant does not. Raises ValueError if depth stays below target up to 1e-4 from the
-    limit, ArithmeticError if nothing converges.
+    Secant in (log a, log depth), where Hertz is a straight line, kept inside a bracket that
+    bisection halves whenever the secant does not. Raises ValueError if depth stays below target up
+    to 1e-4 from the limit, ArithmeticError if nothing converges.
     """
-    lo, hi = 0.0, limit
+    lo = 0.0
+    hi = limit
     a = min(start, 0.5 * (start + limit) if start < limit else 0.9 * limit)
     previous: tuple[float, float] | None = None
     for iteration in range(200):
@@ -61,18 +73,27 @@ def increasing_root(depth: Callable[[float], float], target: float, start: float
             reason = "a wall, the end of the tip, or too thin a layer"
             raise ValueError(f"the contact would reach {limit:g} thicknesses: {reason}")
         a = step
-    raise ArithmeticError(f"no contact size found for the depth {target:g} (in units of the thickness)")
+    raise ArithmeticError(
+        f"no contact size found for the depth {target:g} (in units of the thickness)"
+    )
 
 
 def depth_of(force_at: Curve, force: float, start: float) -> float | None:
-    """The depth at which an increasing force_at(depth) is `force` > 0, near `start`; None when it is not reached."""
+    """The depth at which an increasing force_at(depth) is `force` > 0, near `start`; None when it
+    is not reached.
+    """
     with contextlib.suppress(*UNSOLVED), np.errstate(all="ignore"):
         return increasing_root(force_at, force, start, 1e15 * start)
     return None
 
 
-def power_law_step(a: float, value: float, target: float, previous: tuple[float, float] | None = None) -> float:
-    """Next a of the log-log secant; the exponent starts at the paraboloid's 2. Not a number where `value` is none."""
+def power_law_step(
+    a: float, value: float, target: float, previous: tuple[float, float] | None = None
+) -> float:
+    """Next a of the log-log secant; the exponent starts at the paraboloid's 2.
+
+    Not a number where `value` is none.
+    """
     if value <= 0.0:
         return math.nan
     exponent = 2.0

@@ -9,21 +9,28 @@ from dataclasses import dataclass
 import numpy as np
 
 # Points of a search for the largest pressure, rounds, and their end
-COARSE, REFINED_POINTS, PEAK_ROUNDS, STILL = 101, 11, 12, 1e-10
-UNSOLVED = (ValueError, ArithmeticError, np.linalg.LinAlgError)  # which in numpy 1.24 is neither of the other two
+COARSE = 101
+REFINED_POINTS = 11
+PEAK_ROUNDS = 12
+STILL = 1e-10
+UNSOLVED = (
+    ValueError,
+    ArithmeticError,
+    np.linalg.LinAlgError,
+)  # which in numpy 1.24 is neither of the other two
 MAX_SLENDERNESS = 100.0  # largest a/h; the dense matrices of the layer theories grow with it
 
 
 @dataclass(frozen=True)
 class Solution:
-    """State of the body at one depth; in plane strain force, energy and stiffness are per unit length.
+    """State of the body at one depth; in plane strain force, energy and stiffness are per unit
+    length.
 
-    delta [L]; force [F]; contact radius or half-width a [L]; contact area [L^2], or width [L]; strain energy [F L];
-    stiffness d force/d delta [F/L];
-    pressure: r -> p [F/L^2], number or array in, same shape out, 0 outside the contact;
-    u_z: r -> displacement of the surface [L], < 0 into the body, likewise; not a number beyond side walls. The gap is
-    f(r) - delta - u_z(r).
-    peak: says the largest pressure [F/L^2], where it need not be sought.
+    delta [L]; force [F]; contact radius or half-width a [L]; contact area [L^2], or width [L];
+    strain energy [F L]; stiffness d force/d delta [F/L]; pressure: r -> p [F/L^2], number or array
+    in, same shape out, 0 outside the contact; u_z: r -> displacement of the surface [L], < 0 into
+    the body, likewise; not a number beyond side walls. The gap is f(r) - delta - u_z(r). peak: says
+    the largest pressure [F/L^2], where it need not be sought.
     """
 
     delta: float
@@ -37,20 +44,23 @@ class Solution:
     peak: Callable[[], float] | None = None
 
     def largest_pressure(self, points: int = COARSE) -> float:
-        """The largest pressure [F/L^2], to 1e-9; NaN where it is infinite, under a sharp apex or edge.
+        """The largest pressure [F/L^2], to 1e-9; NaN where it is infinite, under a sharp apex or
+        edge.
 
-        The surroundings of the largest of some points are looked at closer and closer, unless it is in the middle;
-        towards an infinite pressure it does not stop growing.
+        The surroundings of the largest of some points are looked at closer and closer, unless it is
+        in the middle; towards an infinite pressure it does not stop growing.
         """
         if self.force <= 0.0:
             return 0.0
         if self.peak is not None:
             return self.peak()
-        r, largest = np.linspace(0.0, self.a, points), 0.0
+        r = np.linspace(0.0, self.a, points)
+        largest = 0.0
         for _ in range(PEAK_ROUNDS):
             with np.errstate(all="ignore"):
                 p = np.asarray(self.pressure(r), dtype=float)
-            before, largest = largest, float(p.max())
+            before = largest
+            largest = float(p.max())
             if largest == math.inf:
                 return math.nan
             if before == 0.0 and p[0] == largest and p[1] > p[2]:
@@ -72,11 +82,15 @@ def no_contact(delta: float) -> Solution:
 
 
 def check_contact(delta: float, edge: float | None, h: float, wall: float) -> None:
-    """Raise ValueError if delta is not finite or a fixed edge is wider than the body or the theory allows."""
+    """Raise ValueError if delta is not finite or a fixed edge is wider than the body or the theory
+    allows.
+    """
     if not math.isfinite(delta):
         raise ValueError(f"delta must be finite, got {delta!r}")
     if edge is not None and edge > MAX_SLENDERNESS * h:
-        raise ValueError(f"a punch of radius {edge:g} is wider than {MAX_SLENDERNESS:g} thicknesses")
+        raise ValueError(
+            f"a punch of radius {edge:g} is wider than {MAX_SLENDERNESS:g} thicknesses"
+        )
     if edge is not None and edge >= wall:
         raise ValueError(f"a punch of radius {edge:g} does not fit between walls at {wall:g}")
 

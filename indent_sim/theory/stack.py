@@ -1,16 +1,17 @@
 """Surface compliance of a stack of elastic layers, per wavenumber, to rounding.
 
-A pressure p of wavenumber k displaces the surface by w = (2/E*) L(k)/k p, > 0 into the body, E* of the top layer;
-L -> 1 is its half-space and M = 1 - L is what lies below. L is the same about an axis (J0(kr)) and in plane
-strain (cos kx). With s = kz, the amplitudes v = (U, V, T/(mu k), N/(mu k)) of u_r, u_z, sigma_rz, sigma_zz obey
-v' = A v in each layer, z down; A has the double eigenvalues -1 and +1.
+A pressure p of wavenumber k displaces the surface by w = (2/E*) L(k)/k p, > 0 into the body, E* of
+the top layer; L -> 1 is its half-space and M = 1 - L is what lies below. L is the same about an
+axis (J0(kr)) and in plane strain (cos kx). With s = kz, the amplitudes v = (U, V, T/(mu k), N/(mu
+k)) of u_r, u_z, sigma_rz, sigma_zz obey v' = A v in each layer, z down; A has the double
+eigenvalues -1 and +1.
 
-From the base upwards the compliance of what lies below is carried through one layer after the other: by
-exp(-A s) where a layer is thin (s < THICK), which loses no digit as k -> 0, and otherwise by the waves that
-decay downwards and their reflection, in which nothing grows.
+From the base upwards the compliance of what lies below is carried through one layer after the
+other: by exp(-A s) where a layer is thin (s < THICK), which loses no digit as k -> 0, and otherwise
+by the waves that decay downwards and their reflection, in which nothing grows.
 
-Sources: Thomson (1950), J. Appl. Phys. 21, 89; Kausel & Roesset (1981), Bull. Seismol. Soc. Am. 71, 1743;
-Burmister (1945), J. Appl. Phys. 16, 89, for the layered half-space.
+Sources: Thomson (1950), J. Appl. Phys. 21, 89; Kausel & Roesset (1981), Bull. Seismol. Soc. Am. 71,
+1743; Burmister (1945), J. Appl. Phys. 16, 89, for the layered half-space.
 """
 
 from __future__ import annotations
@@ -26,11 +27,14 @@ from indent_sim.theory.solution import require_positive
 
 BASE_SUPPORTS = ("fixed", "roller")
 FAR_WALL = 1e6  # in heights; a stack that wide is infinite, but for less than 1e-9
-THICK = 1.0  # k h from which a layer is a medium of waves; both ways are good to 1e-15 between 0.3 and 3
+# k h from which a layer is a medium of waves; both ways are good to 1e-15 between 0.3 and 3
+THICK = 1.0
 
 
 class Ply(NamedTuple):
-    """One layer: thickness [L], infinite for an elastic half-space, Young's modulus [F/L^2], Poisson's ratio."""
+    """One layer: thickness [L], infinite for an elastic half-space, Young's modulus [F/L^2],
+    Poisson's ratio.
+    """
 
     thickness: float
     E: float
@@ -41,8 +45,9 @@ class Ply(NamedTuple):
 class Stack:
     """Perfectly bonded layers from the top.
 
-    base: under the last ply "fixed" (bonded to a rigid base) or "roller" (frictionless); None if the last ply is a
-    half-space. Raises ValueError unless moduli are > 0, thicknesses > 0 and all but the last finite, nu in [0, 0.5].
+    base: under the last ply "fixed" (bonded to a rigid base) or "roller" (frictionless); None if
+    the last ply is a half-space. Raises ValueError unless moduli are > 0, thicknesses > 0 and all
+    but the last finite, nu in [0, 0.5].
     """
 
     plies: tuple[Ply, ...]
@@ -64,7 +69,9 @@ class Stack:
 
     @classmethod
     def half_space(cls, E_star: float, unit: float) -> Stack:
-        """A homogeneous half-space, which knows E and nu only as E*; unit [L]: about a contact radius."""
+        """A homogeneous half-space, which knows E and nu only as E*; unit [L]: about a contact
+        radius.
+        """
         return cls((Ply(unit, E_star, 0.0), Ply(math.inf, E_star, 0.0)), None)
 
     @property
@@ -89,24 +96,33 @@ class Stack:
 
     @property
     def confined(self) -> float:
-        """E*/h sum h_i/M_i, M_i the oedometric modulus: compliance under a uniform pressure; 0 if incompressible."""
-        layers = sum(t * (1.0 + nu) * (1.0 - 2.0 * nu) / ((1.0 - nu) * E) for t, E, nu in self.plies)
+        """E*/h sum h_i/M_i, M_i the oedometric modulus: compliance under a uniform pressure; 0 if
+        incompressible.
+        """
+        layers = sum(
+            t * (1.0 + nu) * (1.0 - 2.0 * nu) / ((1.0 - nu) * E) for t, E, nu in self.plies
+        )
         return self.E_star / self.h * layers
 
     @property
     def finest(self) -> float:
-        """Wavenumber [1/h] below which L is a simple power: membrane, bending and substrate meet above it."""
+        """Wavenumber [1/h] below which L is a simple power: membrane, bending and substrate meet
+        above it.
+        """
         moduli = [ply.E for ply in self.plies]
         return min(moduli) / max(moduli) * self.h / self.height
 
     def in_units_of_top(self) -> Stack:
         """The same stack with the thickness and modulus of its top ply as units."""
         top = self.plies[0]
-        return Stack(tuple(Ply(t / top.thickness, E / top.E, nu) for t, E, nu in self.plies), self.base)
+        return Stack(
+            tuple(Ply(t / top.thickness, E / top.E, nu) for t, E, nu in self.plies), self.base
+        )
 
     def wall(self, distance: float | None) -> float:
-        """Distance of side walls in units of the top ply, infinity where there are none; it must be > 0 or None.
-        ValueError too for a half-space between walls, which would sink without end."""
+        """Distance of side walls in units of the top ply, infinity where there are none; it must be
+        > 0 or None. ValueError too for a half-space between walls, which would sink without end.
+        """
         if distance is not None and not distance > 0.0:
             raise ValueError(f"wall must be > 0 or None, got {distance!r}")
         if distance is None or math.isinf(distance):
@@ -129,7 +145,9 @@ class Stack:
         return extra[:, 1, 1] / (1.0 - top.nu)
 
     def _bottom(self) -> np.ndarray:
-        """A basis of the states (rows U, V, T, N) that the base allows, stresses in units of the top's mu k."""
+        """A basis of the states (rows U, V, T, N) that the base allows, stresses in units of the
+        top's mu k.
+        """
         if self.base == "fixed":
             return np.eye(4)[:, 2:]
         if self.base == "roller":
@@ -144,8 +162,11 @@ def _shear_modulus(ply: Ply) -> float:
 
 
 def _through(ply: Ply, s: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Compliance (T, N) -> (U, V) at a layer's top from states at its bottom; also its excess over the half-space's."""
-    total, extra = np.empty((s.size, 2, 2)), np.empty((s.size, 2, 2))
+    """Compliance (T, N) -> (U, V) at a layer's top from states at its bottom; also its excess over
+    the half-space's.
+    """
+    total = np.empty((s.size, 2, 2))
+    extra = np.empty((s.size, 2, 2))
     thin = s < THICK
     half_space, extra[~thin] = _by_reflection(ply.nu, s[~thin], state[~thin])
     total[~thin] = half_space + extra[~thin]
@@ -156,32 +177,49 @@ def _through(ply: Ply, s: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _by_reflection(nu: float, s: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Compliance of the layer's own half-space, and what the reflection of its downward waves adds to it."""
+    """Compliance of the layer's own half-space, and what the reflection of its downward waves adds
+    to it.
+    """
     waves = _waves(nu)
-    down, up = waves[:, :2], waves[:, 2:]
+    down = waves[:, :2]
+    up = waves[:, 2:]
     amplitudes = np.linalg.inv(waves) @ state
     across = np.exp(-s)[:, None, None] * (np.eye(2) + s[:, None, None] * np.eye(2, k=1))
     reflection = across @ amplitudes[:, 2:] @ _inverse(amplitudes[:, :2]) @ across
     half_space = down[:2] @ np.linalg.inv(down[2:])
-    return half_space, (up[:2] - half_space @ up[2:]) @ reflection @ _inverse(down[2:] + up[2:] @ reflection)
+    return half_space, (up[:2] - half_space @ up[2:]) @ reflection @ _inverse(
+        down[2:] + up[2:] @ reflection
+    )
 
 
 def _waves(nu: float) -> np.ndarray:
-    """Columns x1, x2, y1, y2: x1 e^-s and (x2 + s x1) e^-s decay downwards, y1 e^s and (y2 - s y1) e^s upwards."""
-    x1, x2 = np.array([1.0, 1.0, -2.0, -2.0]), np.array([0.0, 3.0 - 4.0 * nu, 4.0 * nu - 2.0, 4.0 * nu - 4.0])
+    """Columns x1, x2, y1, y2: x1 e^-s and (x2 + s x1) e^-s decay downwards, y1 e^s and (y2 - s y1)
+    e^s upwards.
+    """
+    x1 = np.array([1.0, 1.0, -2.0, -2.0])
+    x2 = np.array([0.0, 3.0 - 4.0 * nu, 4.0 * nu - 2.0, 4.0 * nu - 4.0])
     mirror = np.array([1.0, -1.0, -1.0, 1.0])
     return np.column_stack([x1, x2, mirror * x1, mirror * x2])
 
 
 def _transfer(nu: float, s: np.ndarray) -> np.ndarray:
-    """exp(-A s) for s < THICK, shape (len(s), 4, 4), by Hermite's polynomial in A; no entry cancels."""
-    q, c = nu / (1.0 - nu), (1.0 - 2.0 * nu) / (2.0 * (1.0 - nu))
-    e, m = 1.0 + q, 1.0 + 2.0 * q
+    """exp(-A s) for s < THICK, shape (len(s), 4, 4), by Hermite's polynomial in A; no entry
+    cancels.
+    """
+    q = nu / (1.0 - nu)
+    c = (1.0 - 2.0 * nu) / (2.0 * (1.0 - nu))
+    e = 1.0 + q
+    m = 1.0 + 2.0 * q
     A = np.array([[0, 1, 1, 0], [-q, 0, 0, c], [2 * e, 0, 0, q], [0, 0, -1, 0]])
-    A2 = np.array([[2 + q, 0, 0, e / 2], [0, -q, -e / 2, 0], [0, 2 * e, 2 + q, 0], [-2 * e, 0, 0, -q]])
+    A2 = np.array(
+        [[2 + q, 0, 0, e / 2], [0, -q, -e / 2, 0], [0, 2 * e, 2 + q, 0], [-2 * e, 0, 0, -q]]
+    )
     A3 = np.array([[0, 2 + q, 2 - c, 0], [-m, 0, 0, -q], [4 * e, 0, 0, m], [0, -2 * e, -2 - q, 0]])
-    sinh, cosh = np.sinh(s), np.cosh(s)
-    cubic = sum(j * s ** (2 * j + 1) / math.factorial(2 * j + 1) for j in range(1, 10))  # (s cosh s - sinh s)/2
+    sinh = np.sinh(s)
+    cosh = np.cosh(s)
+    cubic = sum(
+        j * s ** (2 * j + 1) / math.factorial(2 * j + 1) for j in range(1, 10)
+    )  # (s cosh s - sinh s)/2
     factors = [cosh - 0.5 * s * sinh, 0.5 * (s * cosh - 3.0 * sinh), 0.5 * s * sinh, -cubic]
     return np.einsum("pk,pij->kij", factors, [np.eye(4), A, A2, A3])
 

@@ -1,4 +1,5 @@
-"""Frictionless indentation of an elastic strip in plane strain, symmetric tip in the middle, per unit length.
+"""Frictionless indentation of an elastic strip in plane strain, symmetric tip in the middle, per
+unit length.
 
 With k_n = n pi/W (frictionless walls at x = +-W) a pressure displaces the surface by
     w(x) = (2/(pi E*)) ∫_-a^a p(t) [-ln|2 sin(pi (x-t)/2W)| - sum_n M(k_n h)/n cos k_n x cos k_n t] dt
@@ -9,8 +10,9 @@ in Chebyshev polynomials: with p dx = y(q) dq/sqrt(1-q^2) and y = sum_m b_m T_2m
 pi ln 2, pi/2m. The remainder is analytic, so collocation converges exponentially, square-root ends included. The
 infinite strip is the same with q = x/a and S = a/2. Lengths are in units of h, the thickness of the top layer.
 
-Small strain, gap at the reference point. delta > 0 pushes in; force, pressure > 0 push. Any consistent units.
-Sources: Johnson, Contact Mechanics (1985), sect. 2.7, 5.8; Meijers (1968), Appl. Sci. Res. 18, 353, for the layer.
+Small strain, gap at the reference point. delta > 0 pushes in; force, pressure > 0 push. Any
+consistent units. Sources: Johnson, Contact Mechanics (1985), sect. 2.7, 5.8; Meijers (1968), Appl.
+Sci. Res. 18, 353, for the layer.
 """
 
 from __future__ import annotations
@@ -31,7 +33,9 @@ from indent_sim.theory.stack import Stack
 
 @dataclass(frozen=True)
 class _Linear:
-    """Chebyshev coefficients of the linear solutions at one half-width, y = delta one - shape, unit pi E*/2."""
+    """Chebyshev coefficients of the linear solutions at one half-width, y = delta one - shape, unit
+    pi E*/2.
+    """
 
     q: np.ndarray
     f: np.ndarray
@@ -48,15 +52,21 @@ class _Linear:
 
 
 class Strip(LayerContact):
-    """A strip in plane strain under a symmetric tip in its middle; force, energy, stiffness per unit length."""
+    """A strip in plane strain under a symmetric tip in its middle; force, energy, stiffness per
+    unit length.
+    """
 
     dimensions: ClassVar[int] = 1
 
     @classmethod
     def on(cls, tip: Tip, stack: Stack, wall: float | None = None) -> Self:
-        """As for every layer; ValueError for a half-space, where only differences of the sinking exist."""
+        """As for every layer; ValueError for a half-space, where only differences of the sinking
+        exist.
+        """
         if stack.is_bottomless:
-            raise ValueError("in plane strain a half-space has no depth to measure the indentation from")
+            raise ValueError(
+                "in plane strain a half-space has no depth to measure the indentation from"
+            )
         return super().on(tip, stack, wall)
 
     def profile(self, x: np.ndarray) -> np.ndarray:
@@ -68,13 +78,17 @@ class Strip(LayerContact):
     def at(self, a: float) -> _Linear:
         """Solve by collocation for unit depth and for the tip's shape at the half-width a [h]."""
         n = self._node_count(a)
-        theta = (np.arange(n) + 0.5) * math.pi / (2 * n)  # the positive half of the 2n Chebyshev points
+        theta = (
+            (np.arange(n) + 0.5) * math.pi / (2 * n)
+        )  # the positive half of the 2n Chebyshev points
         q = np.cos(theta)
         T = np.cos(2.0 * np.outer(theta, np.arange(n)))
         eigenvalue = np.concatenate([[math.pi * math.log(2.0)], math.pi / (2.0 * np.arange(1, n))])
         x, slope = self._position(q, a)
-        f, remainder = self.profile(x), (math.pi / n) * self._remainder(x, x, a) @ T
-        # the kink's own solution under the logarithm is known, so that only a smooth rest is collocated
+        f = self.profile(x)
+        remainder = (math.pi / n) * self._remainder(x, x, a) @ T
+        # the kink's own solution under the logarithm is known, so that only a smooth rest is
+        # collocated
         corner = self.tip.corner * slope
         kink = corner * _kink_coefficients(n) / eigenvalue
         kink_edge = corner * 2.0 / math.pi**2 * (1.0 + 1.0 / math.log(2.0))
@@ -84,8 +98,11 @@ class Strip(LayerContact):
         return _Linear(q, f, b[:, 0], b[:, 1] + kink, kink, shape_edge, corner)
 
     def _node_count(self, a: float) -> int:
-        # exp. convergence: the remainder is analytic 2h off the axis, and singular at a wall or the tip's end
-        near_end = sum(math.sqrt(a / max(end - a, 1e-4 * a)) for end in (self.tip.reach / self.h, self.wall))
+        # exp. convergence: the remainder is analytic 2h off the axis, and singular at a wall or the
+        # tip's end
+        near_end = sum(
+            math.sqrt(a / max(end - a, 1e-4 * a)) for end in (self.tip.reach / self.h, self.wall)
+        )
         fewest = 100 if self.tip.corner else 18  # between walls a corner leaves a |q|^3 behind
         return fewest + math.ceil(6.0 * a + 12.0 * near_end)
 
@@ -97,7 +114,9 @@ class Strip(LayerContact):
         return np.arcsin(math.sin(c * a) * q) / c, math.sin(c * a) / c
 
     def _remainder(self, x: np.ndarray, t: np.ndarray, a: float) -> np.ndarray:
-        """What base, uniform mode and ln 2S take off -ln|q - q'| at x, pressed at t; shape (len(x), len(t))."""
+        """What base, uniform mode and ln 2S take off -ln|q - q'| at x, pressed at t; shape (len(x),
+        len(t)).
+        """
         reach = 2.0 ** math.ceil(math.log2(max(0.5 * float(x.max() + t.max()), 1.0)))
         if math.isinf(self.wall):
             k, weight = _layer_modes(reach, self.scaled)
@@ -105,7 +124,8 @@ class Strip(LayerContact):
             k, weight = _strip_modes(min(reach, self.wall), self.scaled, self.wall)
         smooth = np.cos(np.outer(x, k)) @ (weight[:, None] * np.cos(np.outer(k, t)))
         if math.isinf(self.wall):
-            near, far = np.subtract.outer(x, t), np.add.outer(x, t)
+            near = np.subtract.outer(x, t)
+            far = np.add.outer(x, t)
             return smooth - 0.25 * (np.log(near**2 + 4.0) + np.log(far**2 + 4.0)) + math.log(a)
         uniform = math.pi * self.scaled.confined / (4.0 * self.wall)
         return smooth - uniform + math.log(2.0 * math.sin(math.pi * a / (2.0 * self.wall)))
@@ -122,20 +142,29 @@ class Strip(LayerContact):
 
     def solution(self, delta: float, a: float, found: _Linear | None = None) -> Solution:
         """Turn the linear solutions at the half-width a [h] into physical quantities."""
-        depth, lin = delta / self.h, found or self.at(a)
+        depth = delta / self.h
+        lin = found or self.at(a)
         b = depth * lin.one - lin.shape
         rest = b + lin.kink  # of y without the wedge's 2/pi^2 arcosh(1/q) sin(theta)
         if lin.corner:
-            rest[0] -= np.sum(rest)  # the constant by which the kink's solution differs from the wedge's
+            rest[0] -= np.sum(
+                rest
+            )  # the constant by which the kink's solution differs from the wedge's
         unit = 0.5 * math.pi * self.E_star
-        force, stiffness = unit * self.h * math.pi * float(b[0]), unit * math.pi * float(lin.one[0])
+        force = unit * self.h * math.pi * float(b[0])
+        stiffness = unit * math.pi * float(lin.one[0])
         energy = 0.5 * unit * self.h**2 * _work(lin, rest, depth)
-        pressure, u_z = pointwise(_pressure, self, a, rest, lin.corner), pointwise(_u_z, self, lin, a, depth)
-        return Solution(float(delta), force, float(a * self.h), self.area(a), energy, stiffness, pressure, u_z)
+        pressure = pointwise(_pressure, self, a, rest, lin.corner)
+        u_z = pointwise(_u_z, self, lin, a, depth)
+        return Solution(
+            float(delta), force, float(a * self.h), self.area(a), energy, stiffness, pressure, u_z
+        )
 
 
 def _pressure(strip: Strip, a: float, b: np.ndarray, corner: float, x: np.ndarray) -> np.ndarray:
-    """p(x) = (pi E*/2) y(q)/sin(theta) dq/dx [F/L^2], y(1) = 0 for smooth tips; b: of y without the corner's wedge."""
+    """p(x) = (pi E*/2) y(q)/sin(theta) dq/dx [F/L^2], y(1) = 0 for smooth tips; b: of y without the
+    corner's wedge.
+    """
     inside = x < a
     q, slope, below = _stretched(strip, x[inside], a)
     theta = 2.0 * np.arcsin(np.sqrt(0.5 * below))
@@ -155,7 +184,9 @@ def _pressure(strip: Strip, a: float, b: np.ndarray, corner: float, x: np.ndarra
 
 
 def _u_z(strip: Strip, lin: _Linear, a: float, depth: float, x: np.ndarray) -> np.ndarray:
-    """u_z(x) [L]: f - depth inside the contact, outside what the logarithm and the remainder make of y."""
+    """u_z(x) [L]: f - depth inside the contact, outside what the logarithm and the remainder make
+    of y.
+    """
     value = np.where(x <= strip.wall * (1.0 + 1e-12), depth, math.nan)
     value[x <= a] -= strip.profile(x[x <= a])
     seen = (x > a) & ~np.isnan(value)
@@ -164,20 +195,28 @@ def _u_z(strip: Strip, lin: _Linear, a: float, depth: float, x: np.ndarray) -> n
     return -strip.h * value
 
 
-def _sinking_outside(strip: Strip, lin: _Linear, a: float, depth: float, x: np.ndarray) -> np.ndarray:
+def _sinking_outside(
+    strip: Strip, lin: _Linear, a: float, depth: float, x: np.ndarray
+) -> np.ndarray:
     q = _stretched(strip, x, a)[0]
-    z = 1.0 / (q + np.sqrt(np.maximum(q * q - 1.0, 0.0)))  # the logarithm makes pi/2m z^2m of T_2m, pi ln 2z of T_0
+    z = 1.0 / (
+        q + np.sqrt(np.maximum(q * q - 1.0, 0.0))
+    )  # the logarithm makes pi/2m z^2m of T_2m, pi ln 2z of T_0
     b = depth * lin.one - lin.shape
     n = b.size
     m = np.arange(1, n)
     value = math.pi * np.log(2.0 * z) * b[0]
     value += np.power.outer(z, 2 * m) @ (math.pi / (2.0 * m) * (b + lin.kink)[1:])
-    value -= lin.corner * 2.0 / math.pi * ((z + 1.0 / z) * np.arctan(z) - 1.0)  # of all of the kink but its T_0
+    value -= (
+        lin.corner * 2.0 / math.pi * ((z + 1.0 / z) * np.arctan(z) - 1.0)
+    )  # of all of the kink but its T_0
     T = np.cos(2.0 * np.outer(np.arccos(lin.q), np.arange(n)))
     return value - math.pi / n * strip._remainder(x, strip._position(lin.q, a)[0], a) @ (T @ b)
 
 
-def _stretched(strip: Strip, x: np.ndarray, a: float) -> tuple[np.ndarray, np.ndarray | float, np.ndarray]:
+def _stretched(
+    strip: Strip, x: np.ndarray, a: float
+) -> tuple[np.ndarray, np.ndarray | float, np.ndarray]:
     """q(x), dq/dx and 1 - q (without cancellation at the edge)."""
     if math.isinf(strip.wall):
         return x / a, 1.0 / a, (a - x) / a
@@ -188,7 +227,9 @@ def _stretched(strip: Strip, x: np.ndarray, a: float) -> tuple[np.ndarray, np.nd
 
 
 def _work(lin: _Linear, b: np.ndarray, depth: float) -> float:
-    """∫ y (delta - f) d theta over [0, pi]; products with the corner's |q| and arcosh in closed form."""
+    """∫ y (delta - f) d theta over [0, pi]; products with the corner's |q| and arcosh in closed
+    form.
+    """
     n = b.size
     theta = np.arccos(lin.q)
     y = np.cos(2.0 * np.outer(theta, np.arange(n))) @ b
@@ -197,7 +238,10 @@ def _work(lin: _Linear, b: np.ndarray, depth: float) -> float:
     moments = 0.5 * math.pi * _kink_coefficients(n)
     moments[0] *= 2.0
     by_corner = float(moments @ b) - 2.0 / math.pi * depth + 2.0 / math.pi**2 * lin.corner
-    return math.pi / n * float(y @ (depth - smooth) - lin.corner * wedge @ smooth) - lin.corner * by_corner
+    return (
+        math.pi / n * float(y @ (depth - smooth) - lin.corner * wedge @ smooth)
+        - lin.corner * by_corner
+    )
 
 
 def _kink_coefficients(n: int) -> np.ndarray:
@@ -210,7 +254,9 @@ def _kink_coefficients(n: int) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _strip_modes(reach: float, stack: Stack, wall: float) -> tuple[np.ndarray, np.ndarray]:
-    """k_n = n pi/W [1/h] and M(k_n)/n, to where M is below rounding, good for half-widths up to reach."""
+    """k_n = n pi/W [1/h] and M(k_n)/n, to where M is below rounding, good for half-widths up to
+    reach.
+    """
     n, weight = wall_numbers(reach, wall)
     k = n * math.pi / wall
     return k, weight * stack.complement(k) / n
@@ -218,7 +264,10 @@ def _strip_modes(reach: float, stack: Stack, wall: float) -> tuple[np.ndarray, n
 
 @lru_cache(maxsize=64)
 def _layer_modes(reach: float, stack: Stack) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes s and weights of ∫ (M - exp(-2s))/s cos(sx) cos(st) ds, good for half-widths up to reach."""
-    # compared with ∫_0^inf (1 - exp(-2s))/s cos(us) ds = ln sqrt(1 + 4/u^2), whose ln sqrt(u^2 + 4) is added elsewhere
+    """Nodes s and weights of ∫ (M - exp(-2s))/s cos(sx) cos(st) ds, good for half-widths up to
+    reach.
+    """
+    # compared with ∫_0^inf (1 - exp(-2s))/s cos(us) ds = ln sqrt(1 + 4/u^2), whose ln sqrt(u^2 + 4)
+    # is added elsewhere
     s, w = wavenumbers(reach, stack.finest)
     return s, w * (stack.complement(s) - np.exp(-2.0 * s)) / s

@@ -45,7 +45,11 @@ COMPILED = ("configs/hertz.yaml", "configs/hertz_cube.yaml", "configs/gel.yaml")
 RANKED = (
     ("configs/hertz.yaml",),
     ("configs/hertz_cube.yaml", "mesh.h_contact=0.0125"),
-    ("configs/notes/hyperelastic_augmented_lagrangian.yaml", "loading.delta=0.1", "loading.steps=5"),
+    (
+        "configs/notes/hyperelastic_augmented_lagrangian.yaml",
+        "loading.delta=0.1",
+        "loading.steps=5",
+    ),
 )
 DEEP = {  # a sphere to 0.3 and to 0.7 of its radius
     "a quarter of a box, nu = 0.4999": (
@@ -95,7 +99,10 @@ def of_studies(studies: dict[str, Study]) -> dict[str, str]:
         "sources": sources.sources(by_source),
         "reductions": sweeps.reductions(studies["reductions"].rows),
         "growth": sweeps.growth(studies["growth"].rows),
-        **{name: sweeps.section(studies[name], down, error) for name, (error, *down) in REFINED.items()},
+        **{
+            name: sweeps.section(studies[name], down, error)
+            for name, (error, *down) in REFINED.items()
+        },
     }
 
 
@@ -147,7 +154,9 @@ def throughput(repeat: int) -> str:
 def kernels(repeat: int) -> str:
     """What an empty cache costs."""
     found = processes.kernels(COMPILED, repeat)
-    lines = [[scene, number(cold), number(warm), number(cold - warm, 2)] for scene, cold, warm in found]
+    lines = [
+        [scene, number(cold), number(warm), number(cold - warm, 2)] for scene, cold, warm in found
+    ]
     return table(["scene", "empty", "full", "difference"], lines)
 
 
@@ -156,7 +165,11 @@ def deep(repeat: int) -> str:
     lines = []
     for scene, words in DEEP.items():
         done = processes.measure(*words, repeat=repeat)
-        counts = [str(done.report["dofs"]), str(len(done.force)), str(done.report["audit"]["newton_iterations"])]
+        counts = [
+            str(done.report["dofs"]),
+            str(len(done.force)),
+            str(done.report["audit"]["newton_iterations"]),
+        ]
         lines.append([scene, *counts, number(done.cpu), number(done.memory)])
     return table(["scene", "dofs", "steps", "linear solves", "CPU s of the process", "MB"], lines)
 
@@ -171,7 +184,15 @@ def ranks(repeat: int) -> str:
         seconds = [number(value) for value in (done.wall, work, done.cpu)]
         gains = [number(whole / done.wall, 2), number(part / work, 2)]
         lines.append([" ".join(scene), str(done.report["dofs"]), str(count), *seconds, *gains])
-    names = ["scene", "dofs", "ranks", "wall s", "wall s, assemble and solve", "CPU s, all ranks", "gain"]
+    names = [
+        "scene",
+        "dofs",
+        "ranks",
+        "wall s",
+        "wall s, assemble and solve",
+        "CPU s, all ranks",
+        "gain",
+    ]
     return table([*names, "gain, assemble and solve"], lines)
 
 
@@ -179,7 +200,11 @@ def predictions() -> str:
     """What `plan` says every scene costs, over what it does cost."""
     lines = []
     for scene, pairs in processes.predictions():
-        cells = (cell for value, said in pairs.values() for cell in (number(value), f"{said / value:.2f}x"))
+        cells = (
+            cell
+            for value, said in pairs.values()
+            for cell in (number(value), f"{said / value:.2f}x")
+        )
         lines.append([scene, *cells])
     return table(["scene", "dofs", "plan", "MB", "plan", "CPU s", "plan"], lines)
 

@@ -17,7 +17,12 @@ import getfem
 import gmsh
 import numpy as np
 
-H, NEAR, GRADING, LARGEST = 0.01, 0.15, 0.13, 0.1  # lengths; about the 5231 unknowns of the row in peers.csv
+H, NEAR, GRADING, LARGEST = (
+    0.01,
+    0.15,
+    0.13,
+    0.1,
+)  # lengths; about the 5231 unknowns of the row in peers.csv
 DEPTH, STEPS, E, NU, R = 0.01, 10, 1.0, 0.3, 1.0
 BASE, AXIS, TOP = 101, 102, 103  # boundaries
 ELASTIC = (

@@ -50,7 +50,9 @@ class Measured:
     report: dict[str, Any]
 
 
-def measure(config: str | Path, *overrides: str, repeat: int = 1, ranks: int = 1, **environment: str) -> Measured:
+def measure(
+    config: str | Path, *overrides: str, repeat: int = 1, ranks: int = 1, **environment: str
+) -> Measured:
     """Run a scene `repeat` times. SystemExit when it fails."""
     before = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
     words = [word for setting in (*LEAN, *overrides) for word in ("--set", setting)]
@@ -77,17 +79,32 @@ def timed(command: list[str], folder: str, environment: Mapping[str, str]) -> tu
 
 def steps(repeat: int) -> list[tuple[int, float]]:
     """Load steps of configs/hertz.yaml and the CPU seconds of each run."""
-    return [(n, measure("configs/hertz.yaml", f"loading.steps={n}", repeat=repeat).cpu) for n in STEPS]
+    return [
+        (n, measure("configs/hertz.yaml", f"loading.steps={n}", repeat=repeat).cpu) for n in STEPS
+    ]
 
 
 def throughput(repeat: int) -> list[tuple[int, float, float]]:
     """Runs at a time, wall seconds and CPU seconds of a study of RUNS tips on the body of configs/hertz.yaml."""
     found = []
     with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "tips.yaml").write_text(STUDY.format(scene=ROOT / "configs/hertz.yaml", runs=RUNS), "utf-8")
+        Path(folder, "tips.yaml").write_text(
+            STUDY.format(scene=ROOT / "configs/hertz.yaml", runs=RUNS), "utf-8"
+        )
         for jobs in dict.fromkeys((1, os.cpu_count() or 1)):
-            command = [*PROGRAM, "study", "tips.yaml", "--jobs", str(jobs), "--output", f"of_{jobs}"]
-            times = [timed(command, folder, os.environ | {"PYTHONPATH": str(ROOT)}) for _ in range(repeat)]
+            command = [
+                *PROGRAM,
+                "study",
+                "tips.yaml",
+                "--jobs",
+                str(jobs),
+                "--output",
+                f"of_{jobs}",
+            ]
+            times = [
+                timed(command, folder, os.environ | {"PYTHONPATH": str(ROOT)})
+                for _ in range(repeat)
+            ]
             cpu, wall = map(statistics.median, zip(*times, strict=True))
             found.append((jobs, wall, cpu))
     return found
@@ -112,7 +129,9 @@ def kernels(scenes: tuple[str, ...], repeat: int) -> list[tuple[str, float, floa
     return found
 
 
-def on_ranks(scenes: tuple[tuple[str, ...], ...], repeat: int) -> list[tuple[tuple[str, ...], int, Measured]]:
+def on_ranks(
+    scenes: tuple[tuple[str, ...], ...], repeat: int
+) -> list[tuple[tuple[str, ...], int, Measured]]:
     """Every scene (with its overrides) on 1, 2, 4, ... ranks, as many as there are cores."""
     ranks = [n for n in (1, 2, 4, 8, 16) if n <= (os.cpu_count() or 1)]
     return [(scene, n, measure(*scene, repeat=repeat, ranks=n)) for scene in scenes for n in ranks]
@@ -126,5 +145,7 @@ def predictions() -> list[tuple[str, dict[str, tuple[float, float]]]]:
             continue
         plan, done = scene.plan.prediction, measure(path)
         pairs = {"dofs": done.report["dofs"], "memory_MB": done.memory, "seconds": done.cpu}
-        found.append((str(path.relative_to(ROOT / "configs")), {k: (v, plan[k]) for k, v in pairs.items()}))
+        found.append(
+            (str(path.relative_to(ROOT / "configs")), {k: (v, plan[k]) for k, v in pairs.items()})
+        )
     return found

@@ -17,7 +17,12 @@ from indent_sim.results.pictures import canvas
 PEERS = Path(__file__).with_name("peers.csv")
 PICTURE = IMAGES / "accuracy-programs.png"
 OURS = "indent-sim"
-RUBBER = ("body.radius=2", "body.sides=roller", "indenter={shape: sphere, R: 1.0}", "loading={delta: 0.3, steps: 10}")
+RUBBER = (
+    "body.radius=2",
+    "body.sides=roller",
+    "indenter={shape: sphere, R: 1.0}",
+    "loading={delta: 0.3, steps: 10}",
+)
 
 # Forces of the last step, by converged computations with independent programs, to 1e-6
 RUBBERS = {"0.3": 0.455870, "0.49": 0.619888}
@@ -44,7 +49,9 @@ def ours(repeat: int) -> list[Row]:
     for nu, force in RUBBERS.items():
         material = f"material={{model: neo_hookean, E: 1.0, nu: {nu}}}"
         for h in (0.08, 0.04, 0.02):
-            done = measure("configs/hertz.yaml", *RUBBER, material, f"mesh.h_contact={h}", repeat=repeat)
+            done = measure(
+                "configs/hertz.yaml", *RUBBER, material, f"mesh.h_contact={h}", repeat=repeat
+            )
             rows.append(own_row(f"rubber {nu}", h, done, done.force[-1] / force - 1))
     return rows
 
@@ -52,7 +59,13 @@ def ours(repeat: int) -> list[Row]:
 def own_row(case: str, h: float, done: Measured, last: float, worst: float | None = None) -> Row:
     """A row of this program."""
     report = done.report
-    said = {"case": case, "program": OURS, "method": report["method"].replace("_", " "), "element": "P2", "h": h}
+    said = {
+        "case": case,
+        "program": OURS,
+        "method": report["method"].replace("_", " "),
+        "element": "P2",
+        "h": h,
+    }
     found = {"error_last": last, "error_worst": worst, "cpu_s": done.cpu, "memory_MB": done.memory}
     effort = {"dofs": report["dofs"], "iterations": report["audit"]["newton_iterations"]}
     return said | found | effort | {"gap": report["gap"], "stages": report["cpu_timings"]}
@@ -63,7 +76,10 @@ def peers() -> list[Row]:
     with open(PEERS, newline="", encoding="utf-8") as stream:
         rows: list[Row] = list(csv.DictReader(line for line in stream if not line.startswith("#")))
     for row in rows:
-        row |= {k: float(row[k]) if row[k] else None for k in ("h", "error_last", "error_worst", "cpu_s", "memory_MB")}
+        row |= {
+            k: float(row[k]) if row[k] else None
+            for k in ("h", "error_last", "error_worst", "cpu_s", "memory_MB")
+        }
     return rows
 
 
@@ -94,7 +110,16 @@ def line(row: Row) -> list[str]:
     name = f"**{OURS}**" if row["program"] == OURS else row["program"]
     errors = percent(row["error_last"]), size(row["error_worst"])
     costs = str(row["iterations"]), number(row["cpu_s"]), number(row["memory_MB"])
-    return [name, row["method"], row["element"], number(row["h"]), str(row["dofs"]), *errors, *costs, row["gap"]]
+    return [
+        name,
+        row["method"],
+        row["element"],
+        number(row["h"]),
+        str(row["dofs"]),
+        *errors,
+        *costs,
+        row["gap"],
+    ]
 
 
 def stages(rows: Sequence[Row]) -> str:
@@ -102,7 +127,12 @@ def stages(rows: Sequence[Row]) -> str:
     mine = [row for row in rows if row["program"] == OURS]
     names = list(dict.fromkeys(name for row in mine for name in row["stages"]))
     lines = [
-        [TITLES[row["case"]], f"{row['h']:g}", *(number(row["stages"].get(name), 2) for name in names)] for row in mine
+        [
+            TITLES[row["case"]],
+            f"{row['h']:g}",
+            *(number(row["stages"].get(name), 2) for name in names),
+        ]
+        for row in mine
     ]
     return table(["problem", "h", *names], lines)
 
@@ -117,13 +147,17 @@ def draw(rows: Sequence[Row]) -> None:
             mine = [row for row in rows if row["case"] == case]
             for row in mine:
                 draw_point(axes, row, programs.index(row["program"]))
-            joined = sorted((row for row in mine if row["program"] == OURS), key=lambda row: row["h"])
+            joined = sorted(
+                (row for row in mine if row["program"] == OURS), key=lambda row: row["h"]
+            )
             x, y = [row["cpu_s"] for row in joined], [error(row) for row in joined]
             axes.plot(x, y, color=canvas.INK, lw=1.2, zorder=2)
             front(axes, mine)
             finish(axes, title)
         handles, names = legend(programs)
-        figure.get_layout_engine().set(rect=(0, 0.09, 1, 0.82))  # the programs stand below the panels
+        figure.get_layout_engine().set(
+            rect=(0, 0.09, 1, 0.82)
+        )  # the programs stand below the panels
         figure.legend(handles, names, loc="lower center", ncol=5, fontsize=9)
         canvas.save(figure, PICTURE)
 
@@ -136,7 +170,11 @@ def error(row: Row) -> float:
 def style(i: int) -> dict[str, Any]:
     """How the points of the i-th program look: this one black, the others coloured."""
     colours = (canvas.INK, *canvas.COLOURS[:6], canvas.GREY, canvas.INK)
-    return {"color": colours[i % len(colours)], "marker": ("*", *canvas.MARKERS, "<", ">")[i % 10], "ls": ""}
+    return {
+        "color": colours[i % len(colours)],
+        "marker": ("*", *canvas.MARKERS, "<", ">")[i % 10],
+        "ls": "",
+    }
 
 
 def draw_point(axes: Any, row: Row, i: int) -> None:
@@ -164,7 +202,12 @@ def finish(axes: Any, title: str) -> None:
     """Logarithmic axes, named."""
     from matplotlib.ticker import LogLocator
 
-    axes.set(xscale="log", yscale="log", xlabel="CPU seconds of the process", ylabel="|relative error of the force|")
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel="CPU seconds of the process",
+        ylabel="|relative error of the force|",
+    )
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter("")

@@ -28,12 +28,44 @@ class Source:
 
 
 SOURCES = (
-    Source("near mesh", "mesh", lambda row: plain(row) and row["mesh.h_far"] == 0.05, WORST, ("mesh.h_contact",)),
-    Source("far mesh", "mesh", lambda row: plain(row) and row["mesh.h_contact"] == 0.0025, WORST, ("mesh.h_far",)),
-    Source("enforcement: penalty", "mesh", lambda row: row["contact.method"] == "penalty", WORST, ("stiffness",)),
-    Source("load step, linear", "mesh", lambda row: bool(row["loading.steps"]), LAST, ("loading.steps",)),
-    Source("truncated half-space", "truncation", lambda row: True, LAST, ("body.radius", "body.height")),
-    Source("small for finite strain", "model", lambda row: row["indenter"]["shape"] == "sphere", LAST, ("material",)),
+    Source(
+        "near mesh",
+        "mesh",
+        lambda row: plain(row) and row["mesh.h_far"] == 0.05,
+        WORST,
+        ("mesh.h_contact",),
+    ),
+    Source(
+        "far mesh",
+        "mesh",
+        lambda row: plain(row) and row["mesh.h_contact"] == 0.0025,
+        WORST,
+        ("mesh.h_far",),
+    ),
+    Source(
+        "enforcement: penalty",
+        "mesh",
+        lambda row: row["contact.method"] == "penalty",
+        WORST,
+        ("stiffness",),
+    ),
+    Source(
+        "load step, linear",
+        "mesh",
+        lambda row: bool(row["loading.steps"]),
+        LAST,
+        ("loading.steps",),
+    ),
+    Source(
+        "truncated half-space", "truncation", lambda row: True, LAST, ("body.radius", "body.height")
+    ),
+    Source(
+        "small for finite strain",
+        "model",
+        lambda row: row["indenter"]["shape"] == "sphere",
+        LAST,
+        ("material",),
+    ),
     Source(
         "paraboloid for sphere",
         "model",
@@ -41,7 +73,13 @@ SOURCES = (
         LAST,
         ("indenter",),
     ),
-    Source("load step, finite strain", "model", lambda row: bool(row["loading.steps"]), LAST, ("loading.steps",)),
+    Source(
+        "load step, finite strain",
+        "model",
+        lambda row: bool(row["loading.steps"]),
+        LAST,
+        ("loading.steps",),
+    ),
 )
 
 
@@ -61,10 +99,21 @@ def line(source: Source, rows: Sequence[Row]) -> list[str]:
     found = [row for row in rows if row["status"] == "done" and source.mine(row)]
     largest = max(found, key=lambda row: abs(row[source.error]))
     good = [row for row in found if abs(row[source.error]) < TARGET]
-    best = min(good, key=lambda row: row["cpu_s"]) if good else min(found, key=lambda row: abs(row[source.error]))
+    best = (
+        min(good, key=lambda row: row["cpu_s"])
+        if good
+        else min(found, key=lambda row: abs(row[source.error]))
+    )
     told = label(best, source.keys) if good else f"not reached; {label(best, source.keys)}"
     errors = [size(row[source.error]) for row in (largest, best)]
-    return [source.name, label(largest, source.keys), errors[0], told, errors[1], number(best["cpu_s"], 2)]
+    return [
+        source.name,
+        label(largest, source.keys),
+        errors[0],
+        told,
+        errors[1],
+        number(best["cpu_s"], 2),
+    ]
 
 
 def label(row: Row, keys: Sequence[str]) -> str:
@@ -76,4 +125,8 @@ def spoken(key: str, value: Any) -> str:
     """A key and its value; a section by its kind."""
     if isinstance(value, dict):
         return str(value.get("model") or value.get("shape"))
-    return f"epsilon_n {number(value, 2)} E*/h" if key == "stiffness" else f"{key.split('.')[-1]} {short(value)}"
+    return (
+        f"epsilon_n {number(value, 2)} E*/h"
+        if key == "stiffness"
+        else f"{key.split('.')[-1]} {short(value)}"
+    )

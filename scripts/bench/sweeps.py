@@ -22,7 +22,9 @@ Row = dict[str, Any]
 
 def carry_out(name: str, resume: bool) -> Study:
     """The study of a name."""
-    return studies.carry_out(STUDIES / f"{name}.yaml", output=RESULTS / name, resume=resume, tell=print)
+    return studies.carry_out(
+        STUDIES / f"{name}.yaml", output=RESULTS / name, resume=resume, tell=print
+    )
 
 
 def section(done: Study, down: Sequence[str], error: str) -> str:
@@ -36,10 +38,17 @@ def section(done: Study, down: Sequence[str], error: str) -> str:
 def matrix(rows: Sequence[Row], down: Sequence[str], error: str) -> str:
     """A line for each value of `down`, a column for each mesh: error, CPU seconds; memory of the finest last."""
     meshes = sorted({row["mesh.h_contact"] for row in rows}, reverse=True)
-    head = [*(key.split(".")[-1] for key in down), *(f"h = {h:g}" for h in meshes), "dofs, finest", "MB, finest"]
+    head = [
+        *(key.split(".")[-1] for key in down),
+        *(f"h = {h:g}" for h in meshes),
+        "dofs, finest",
+        "MB, finest",
+    ]
     lines = []
     for values in dict.fromkeys(tuple(row[key] for key in down) for row in rows):
-        mine = {row["mesh.h_contact"]: row for row in rows if tuple(row[key] for key in down) == values}
+        mine = {
+            row["mesh.h_contact"]: row for row in rows if tuple(row[key] for key in down) == values
+        }
         cells = [cell(mine[h], error) if h in mine else "" for h in meshes]
         finest = mine[min(mine)]
         lines.append([*map(str, values), *cells, str(finest["dofs"]), number(finest["memory_MB"])])
@@ -48,7 +57,9 @@ def matrix(rows: Sequence[Row], down: Sequence[str], error: str) -> str:
 
 def cell(row: Row, error: str) -> str:
     """Error and CPU seconds of a run."""
-    return f"{size(row[error])}, {number(row['cpu_s'], 2)} s" if row["status"] == "done" else "failed"
+    return (
+        f"{size(row[error])}, {number(row['cpu_s'], 2)} s" if row["status"] == "done" else "failed"
+    )
 
 
 def asked(done: Study) -> str:
@@ -57,7 +68,9 @@ def asked(done: Study) -> str:
     for row in done.rows:
         found = read(done.directory / "runs" / row["run"])
         bar = (found["force_error"] / found["force"]).max()
-        worst = row["force_error_vs"] if row["force_error_worst"] is None else row["force_error_worst"]
+        worst = (
+            row["force_error_vs"] if row["force_error_worst"] is None else row["force_error_worst"]
+        )
         lines.append(
             [
                 size(row["accuracy"]),
@@ -74,7 +87,16 @@ def asked(done: Study) -> str:
 def reductions(rows: Sequence[Row]) -> str:
     """The same scene as a plane, a quarter, a half and whole, condensed and not."""
     cheapest = min(row["cpu_s"] for row in rows)
-    head = ["modelled", "solver", "dofs", "error of the last step", "iterations", "CPU s", "times the cheapest", "MB"]
+    head = [
+        "modelled",
+        "solver",
+        "dofs",
+        "error of the last step",
+        "iterations",
+        "CPU s",
+        "times the cheapest",
+        "MB",
+    ]
     return table(
         head,
         [
@@ -100,6 +122,9 @@ def growth(rows: Sequence[Row]) -> str:
         mine = [row for row in rows if (row["mesh.symmetry"], row["solver.method"]) == kind]
         ends = mine[0], mine[-1]
         grown = [ends[1][name] / ends[0][name] for name in ("dofs", "cpu_s", "memory_MB")]
-        told = "; ".join(f"{row['dofs']}: {number(row['cpu_s'], 2)} s, {number(row['memory_MB'])} MB" for row in mine)
+        told = "; ".join(
+            f"{row['dofs']}: {number(row['cpu_s'], 2)} s, {number(row['memory_MB'])} MB"
+            for row in mine
+        )
         lines.append([*kind, told, *(f"x {number(value, 2)}" for value in grown)])
     return table(["modelled", "solver", "dofs: CPU s, MB", "dofs", "CPU s", "MB"], lines)

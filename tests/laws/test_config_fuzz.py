@@ -40,7 +40,12 @@ solver: {rtol: 1e-10}
 """
 
 WORDS = sorted(
-    {name for kinds in schema.sections().values() for kind in kinds for name in schema.file_order(kind)}
+    {
+        name
+        for kinds in schema.sections().values()
+        for kind in kinds
+        for name in schema.file_order(kind)
+    }
     | {
         "center",
         "auto",
@@ -59,9 +64,17 @@ WORDS = sorted(
 )
 SIGNS = [*": \n-[]{},#'\"|>%@\t?", "\n  ", ": ", "- ", "0", "-1", "---\n", "\x00", "\ud800"]
 PIECES = st.sampled_from([*WORDS, *SIGNS])
-SCALARS = st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8), st.sampled_from(WORDS))
+SCALARS = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(max_size=8),
+    st.sampled_from(WORDS),
+)
 VALUES = st.recursive(
-    SCALARS, lambda v: st.lists(v, max_size=3) | st.dictionaries(st.sampled_from(WORDS), v, max_size=3)
+    SCALARS,
+    lambda v: st.lists(v, max_size=3) | st.dictionaries(st.sampled_from(WORDS), v, max_size=3),
 )
 POSITIVE = st.floats(1e-7, 1e7)  # lengths of one scene: their ratios are limited
 SIDES = st.floats(1e-2, 1e2)
@@ -131,7 +144,9 @@ def test_a_scene_with_one_other_value(data, value):
 
 
 @BRIEF
-@given(st.sampled_from(["body.sides", "loading", "title", "contact", ""]), st.lists(PIECES, max_size=6))
+@given(
+    st.sampled_from(["body.sides", "loading", "title", "contact", ""]), st.lists(PIECES, max_size=6)
+)
 def test_any_override(key, pieces):
     outcome(SCENE, (f"{key}={''.join(pieces)}",))
 
@@ -155,11 +170,19 @@ def test_numbers_come_back_to_the_last_digit(size, deltas, x, y):
     document["body"]["size"], document["indenter"]["center"] = list(size), [x, y]
     document["loading"] = {"deltas": deltas}
     config = loads(to_yaml(from_mapping(document)))
-    assert config.body.size == size and config.loading.deltas == tuple(deltas) and config.center == (x, y)
-    assert [math.copysign(1, found) for found in config.center] == [math.copysign(1, x), math.copysign(1, y)]
+    assert (
+        config.body.size == size
+        and config.loading.deltas == tuple(deltas)
+        and config.center == (x, y)
+    )
+    assert [math.copysign(1, found) for found in config.center] == [
+        math.copysign(1, x),
+        math.copysign(1, y),
+    ]
 
 
-# ---- documents with several mistakes --------------------------------------------------------------------------------
+# ---- documents with several mistakes
+# --------------------------------------------------------------------------------
 
 SCENES: list[dict[str, Any]] = [
     parse(SCENE)[0],
@@ -183,7 +206,21 @@ experiment: {cantilever: {stiffness: 5}, frequencies: [1]}
 accuracy: 0.01
 """)[0],
 ]
-NUMBERS = [0, -0.0, -1, 1, 0.5, 1e-320, 1e308, -1e308, 10**30, 10**399, 5e-324, 3.0000000000000004, 2**53 + 1]
+NUMBERS = [
+    0,
+    -0.0,
+    -1,
+    1,
+    0.5,
+    1e-320,
+    1e308,
+    -1e308,
+    10**30,
+    10**399,
+    5e-324,
+    3.0000000000000004,
+    2**53 + 1,
+]
 TEXTS = [
     "",
     " ",
@@ -211,13 +248,32 @@ TEXTS = [
     "~",
     "on",
 ]
-PARTS = ["body", "material", "E", "layers", "[0]", "[1]", "[99999999999]", "a", "\u00e9", "vary", "loading", "deltas"]
+PARTS = [
+    "body",
+    "material",
+    "E",
+    "layers",
+    "[0]",
+    "[1]",
+    "[99999999999]",
+    "a",
+    "\u00e9",
+    "vary",
+    "loading",
+    "deltas",
+]
 Path_ = tuple[Any, ...]
 
 
 def places(value: Any, path: Path_ = ()) -> list[Path_]:
     """Every place of a document but the whole."""
-    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    parts = (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list)
+        else ()
+    )
     return [place for key, part in parts for place in ((*path, key), *places(part, (*path, key)))]
 
 
@@ -246,7 +302,9 @@ def misspelt(rng: random.Random, word: Any) -> Any:
     if not isinstance(word, str) or not word:
         return word
     at = rng.randrange(len(word))
-    return rng.choice([word[:at] + word[at + 1 :], word[:at] + word[at] + word[at:], word.swapcase(), f"{word} "])
+    return rng.choice(
+        [word[:at] + word[at + 1 :], word[:at] + word[at] + word[at:], word.swapcase(), f"{word} "]
+    )
 
 
 def mutated(rng: random.Random, document: Any) -> Any:
@@ -276,7 +334,12 @@ def mutated(rng: random.Random, document: Any) -> Any:
 def override(rng: random.Random) -> str:
     """Words for --set: of any depth, of any sense."""
     parts = rng.choices(PARTS, k=rng.choice([1, 2, 3, 4, 21, 5000]))
-    key = rng.choice([".".join(parts).replace(".[", "["), *map(".".join, [("mesh", "h_far"), ("material", "nu")])])
+    key = rng.choice(
+        [
+            ".".join(parts).replace(".[", "["),
+            *map(".".join, [("mesh", "h_far"), ("material", "nu")]),
+        ]
+    )
     return f"{key}{rng.choice(['=', '=', '=', ''])}{dump({'x': junk(rng)})[3:].strip()}"
 
 
@@ -287,7 +350,12 @@ def how_it_ends(seed: int, place: Path) -> int:
     is_study = rng.random() < 0.2
     if is_study:
         varied = {"material.nu": [0.1, 0.2], "indenter.R": {"from": 1, "to": 2, "count": 3}}
-        document = {"base": document, "vary": varied, "set": {"solver.rtol": 1e-9}, "tolerance": 0.1}
+        document = {
+            "base": document,
+            "vary": varied,
+            "set": {"solver.rtol": 1e-9},
+            "tolerance": 0.1,
+        }
     for _ in range(rng.choice([1, 2, 3, 4])):
         document = mutated(rng, document) if places(document) else document
     (place / "scene.yaml").write_text(dump(document), "utf-8", errors="surrogatepass")
@@ -295,7 +363,9 @@ def how_it_ends(seed: int, place: Path) -> int:
         if is_study:
             study_file.read(place / "scene.yaml").points()
         else:
-            config = load(place / "scene.yaml", [override(rng) for _ in range(rng.choice([0, 0, 0, 1, 3]))])
+            config = load(
+                place / "scene.yaml", [override(rng) for _ in range(rng.choice([0, 0, 0, 1, 3]))]
+            )
             same(config)
             if rng.random() < 0.25:  # the dearer half of a plan
                 resolve(config)

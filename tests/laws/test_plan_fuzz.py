@@ -1,4 +1,7 @@
-"""Scenes and studies with any value anywhere: planned, run or refused in words. Never a bug, never a long wait."""
+"""Scenes and studies with any value anywhere: planned, run or refused in words.
+
+Never a bug, never a long wait.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +33,15 @@ WAIT = 20.0  # s of wall time for one plan: the slowest takes 1 s, on a machine 
 
 FUZZ = settings(deadline=None, database=None, suppress_health_check=list(HealthCheck))
 BRIEF = settings(FUZZ, derandomize=True)
-SCENES = [parse(path.read_text("utf-8"))[0] for path in sorted((ROOT / "configs").glob("**/*.yaml"))]
+SCENES = [
+    parse(path.read_text("utf-8"))[0] for path in sorted((ROOT / "configs").glob("**/*.yaml"))
+]
 STUDIES = [document | {"base": SCENES[0]} for document in SCENES if "vary" in document]
 SCENES = [document for document in SCENES if "body" in document]
 
-POWERS = (st.integers(-17, 17) | st.integers(-3, 3) | st.integers(-323, 308)).map(lambda n: float(f"1e{n}"))
+POWERS = (st.integers(-17, 17) | st.integers(-3, 3) | st.integers(-323, 308)).map(
+    lambda n: float(f"1e{n}")
+)
 EDGES = st.sampled_from(
     [
         0,
@@ -56,11 +63,19 @@ EDGES = st.sampled_from(
     ]
 )
 NUMBERS = st.one_of(
-    EDGES, POWERS, POWERS.map(lambda x: -x), st.floats(allow_nan=False, allow_infinity=False), st.floats(1e-3, 1e3)
+    EDGES,
+    POWERS,
+    POWERS.map(lambda x: -x),
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.floats(1e-3, 1e3),
 )
-WORDS = st.sampled_from(["auto", "none", "all", "free", "roller", "fixed", "newton", "", "Ä ß 漢字 🙂", "a" * 10_000])
+WORDS = st.sampled_from(
+    ["auto", "none", "all", "free", "roller", "fixed", "newton", "", "Ä ß 漢字 🙂", "a" * 10_000]
+)
 LISTS = st.lists(NUMBERS, max_size=5) | st.integers(0, 20_000).map(lambda n: [0.01] * n)
-FITTING = st.sampled_from([[[0, 0], [1, 0.5]], [2.0, 2.0, 1.0], [1.0], [1.0, 0.5], "roller", "auto", 0.3, "mixed"])
+FITTING = st.sampled_from(
+    [[[0, 0], [1, 0.5]], [2.0, 2.0, 1.0], [1.0], [1.0, 0.5], "roller", "auto", 0.3, "mixed"]
+)
 MAPPINGS = st.dictionaries(st.text(max_size=4), NUMBERS, max_size=2)
 VALUES = st.one_of(
     NUMBERS,
@@ -75,7 +90,9 @@ VALUES = st.one_of(
     MAPPINGS,
 )
 SPACINGS = {"spacing": st.sampled_from(["log", 3]), "unit": st.just("E*/h_contact")}
-ENDS = st.fixed_dictionaries({"from": NUMBERS, "to": NUMBERS, "count": st.integers(-1, 5) | NUMBERS}, optional=SPACINGS)
+ENDS = st.fixed_dictionaries(
+    {"from": NUMBERS, "to": NUMBERS, "count": st.integers(-1, 5) | NUMBERS}, optional=SPACINGS
+)
 SOME = st.floats(1e-3, 1.0)
 PIECE = {
     "thickness": SOME,
@@ -84,11 +101,27 @@ PIECE = {
     "height": SOME,
     "center": st.tuples(st.sampled_from([0.0, 1.0]), st.just(0.0), st.floats(-1.0, 0.0)).map(list),
     "size": st.lists(SOME, min_size=3, max_size=3),
-    "material": st.sampled_from([{"model": "linear_elastic", "E": 2, "nu": 0.3}, {"model": "gent"}]),
+    "material": st.sampled_from(
+        [{"model": "linear_elastic", "E": 2, "nu": 0.3}, {"model": "gent"}]
+    ),
 }
 KEPT = st.fixed_dictionaries({key: PIECE[key] for key in ("shape", "center", "radius", "material")})
-PIECES = KEPT | st.fixed_dictionaries({}, optional={key: values | VALUES for key, values in PIECE.items()}) | VALUES
-LENGTHS = ("R", "radius", "height", "width", "delta", "h_contact", "h_far", "edge_radius", "tip_radius")
+PIECES = (
+    KEPT
+    | st.fixed_dictionaries({}, optional={key: values | VALUES for key, values in PIECE.items()})
+    | VALUES
+)
+LENGTHS = (
+    "R",
+    "radius",
+    "height",
+    "width",
+    "delta",
+    "h_contact",
+    "h_far",
+    "edge_radius",
+    "tip_radius",
+)
 
 
 @contextmanager
@@ -128,14 +161,19 @@ def put(document: Any, path: tuple, value: Any) -> None:
     get(document, path[:-1])[path[-1]] = value
 
 
-# ---- what is done to a scene ----------------------------------------------------------------------------------
+# ---- what is done to a scene
+# ----------------------------------------------------------------------------------
 
 
 def number(draw: Any, document: dict[str, Any]) -> None:
     """Another number in the place of one, of any size, or some powers of ten off."""
     if paths := sorted(numbers_in(document), key=str):
         path = draw(st.sampled_from(paths))
-        put(document, path, get(document, path) * draw(POWERS) if draw(st.booleans()) else draw(NUMBERS))
+        put(
+            document,
+            path,
+            get(document, path) * draw(POWERS) if draw(st.booleans()) else draw(NUMBERS),
+        )
 
 
 def key(draw: Any, document: dict[str, Any]) -> None:
@@ -155,14 +193,18 @@ def kind(draw: Any, document: dict[str, Any]) -> None:
     document[name] = {}
     for field in dataclasses.fields(kinds[chosen]):
         if field.default is dataclasses.MISSING or draw(st.integers(0, 3)) == 0:
-            document[name][field.name] = draw(st.one_of(st.floats(1e-3, 1e3), POWERS, FITTING, VALUES))
+            document[name][field.name] = draw(
+                st.one_of(st.floats(1e-3, 1e3), POWERS, FITTING, VALUES)
+            )
     document[name][tag] = chosen
 
 
 def pieces(draw: Any, document: dict[str, Any]) -> None:
     """Layers or inclusions, like real ones or with anything under their keys."""
     if isinstance(body := document.setdefault("body", {}), dict):
-        body[draw(st.sampled_from(["layers", "inclusions"]))] = draw(st.lists(PIECES, max_size=4) | VALUES)
+        body[draw(st.sampled_from(["layers", "inclusions"]))] = draw(
+            st.lists(PIECES, max_size=4) | VALUES
+        )
 
 
 def section(draw: Any, document: dict[str, Any]) -> None:
@@ -198,22 +240,33 @@ def studies(draw: Any) -> dict[str, Any]:
     """A shipped study in which a few things are something else."""
     document = copy.deepcopy(draw(st.sampled_from(STUDIES)))
     for _ in range(draw(st.integers(1, 3))):
-        place = draw(st.sampled_from(["vary", "vary", "set", "compare_to", "base", "output", "number"]))
+        place = draw(
+            st.sampled_from(["vary", "vary", "set", "compare_to", "base", "output", "number"])
+        )
         if place == "number":
             number(draw, document)
         elif place == "vary":
-            names = st.sampled_from(["material.nu", "indenter.R", "mesh.order", "contact.epsilon_n", "zip", "contact"])
-            document["vary"] = draw(st.dictionaries(names, ENDS | st.lists(VALUES, max_size=3) | VALUES, max_size=3))
+            names = st.sampled_from(
+                ["material.nu", "indenter.R", "mesh.order", "contact.epsilon_n", "zip", "contact"]
+            )
+            document["vary"] = draw(
+                st.dictionaries(names, ENDS | st.lists(VALUES, max_size=3) | VALUES, max_size=3)
+            )
         else:
             document[place] = draw(VALUES)
     return document
 
 
-# ---- what may come of it --------------------------------------------------------------------------------------
+# ---- what may come of it
+# --------------------------------------------------------------------------------------
 
 
-def ended(verb: str, document: dict[str, Any], *words: str, codes: tuple[int, ...], wait: float) -> Result:
-    """The command in an empty folder: one of these exit codes, words when it is not 0, no trace of a bug."""
+def ended(
+    verb: str, document: dict[str, Any], *words: str, codes: tuple[int, ...], wait: float
+) -> Result:
+    """The command in an empty folder: one of these exit codes, words when it is not 0, no trace of
+    a bug.
+    """
     with tempfile.TemporaryDirectory() as place, within(wait), warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)  # arithmetic gone wrong
         scene = Path(place, "scene.yaml")
@@ -234,7 +287,9 @@ def plan(document: dict[str, Any]) -> None:
 
 
 def read_study(document: dict[str, Any]) -> None:
-    """Points of a grid, or the words of exit code 2 or 3; the scenes themselves are tried elsewhere."""
+    """Points of a grid, or the words of exit code 2 or 3; the scenes themselves are tried
+    elsewhere.
+    """
     with tempfile.TemporaryDirectory() as place, within(WAIT), warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         path = Path(place, "STUDY.yaml")

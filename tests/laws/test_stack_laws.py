@@ -1,4 +1,6 @@
-"""Stacks drawn at random: whatever the layers, the tip and the depth, the laws of linear contact hold."""
+"""Stacks drawn at random: whatever the layers, the tip and the depth, the laws of linear contact
+hold.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +17,17 @@ from indent_sim.theory.layer import Layer
 from indent_sim.theory.strip import Strip
 
 LAWS = settings(
-    deadline=None, database=None, derandomize=True, max_examples=60, suppress_health_check=list(HealthCheck)
+    deadline=None,
+    database=None,
+    derandomize=True,
+    max_examples=60,
+    suppress_health_check=list(HealthCheck),
 )
 MODULI = st.floats(-1.5, 1.5).map(lambda x: 10.0**x)  # contrasts up to 1e3
 RATIOS = st.sampled_from([0.0, 0.3, 0.45, 0.4999, 0.5]) | st.floats(0.0, 0.5)
-PLIES = st.lists(st.tuples(st.floats(-1.7, 0.5).map(lambda x: 10.0**x), MODULI, RATIOS), min_size=1, max_size=5)
+PLIES = st.lists(
+    st.tuples(st.floats(-1.7, 0.5).map(lambda x: 10.0**x), MODULI, RATIOS), min_size=1, max_size=5
+)
 SUBSTRATES = st.tuples(st.just(math.inf), MODULI, RATIOS)
 FINITE = st.builds(stack_of, PLIES, st.sampled_from(["fixed", "roller"]))
 STACKS = FINITE | st.builds(lambda plies, last: stack_of([*plies, last], None), PLIES, SUBSTRATES)
@@ -34,10 +42,14 @@ TIPS = st.sampled_from([*SMOOTH, "punch"])
 
 
 def contact(kind, stack, name, size, wall):
-    """The theory's contact and its three neighbouring depths, so that the contact radius is about `size`."""
+    """The theory's contact and its three neighbouring depths, so that the contact radius is about
+    `size`.
+    """
     a = size * stack.h
     wall = None if wall is None or stack.is_bottomless else wall * a
-    assume(wall is None or wall > 0.2 * stack.height)  # in a deep narrow well the body's own spring is all there is
+    assume(
+        wall is None or wall > 0.2 * stack.height
+    )  # in a deep narrow well the body's own spring is all there is
     tip = profiles.flat_punch(a) if name == "punch" else SMOOTH[name](a)
     theory = kind.on(tip, stack, wall)
     delta = a if name == "punch" else theory.at(size).touch * stack.h
@@ -50,7 +62,8 @@ def test_energy_force_and_stiffness_are_derivatives(stack, name, size, wall):
     theory, depths = contact(Layer, stack, name, size, wall)
     less, s, more = theory.curve(depths)
     step = depths[2] - depths[0]
-    # central differences of step 1e-4: 1e-8 times the third derivative, and 1e-12 of rounding over the step
+    # central differences of step 1e-4: 1e-8 times the third derivative, and 1e-12 of rounding over
+    # the step
     assert (more.energy - less.energy) / step == pytest.approx(s.force, rel=1e-6)
     assert (more.force - less.force) / step == pytest.approx(s.stiffness, rel=1e-6)
     assert s.a == pytest.approx(size * stack.h, rel=1e-8)
@@ -90,7 +103,10 @@ def test_a_stiffer_layer_makes_a_stiffer_stack(stack, factor, which, size):
     h, E, nu = plies[which % len(plies)]
     plies[which % len(plies)] = (h, factor * E, nu)
     tip = profiles.flat_punch(size * stack.h)
-    soft, stiff = (Layer.on(tip, stack_of(layers, stack.base)).curve([1.0])[0] for layers in (stack.plies, plies))
+    soft, stiff = (
+        Layer.on(tip, stack_of(layers, stack.base)).curve([1.0])[0]
+        for layers in (stack.plies, plies)
+    )
     assert soft.force * (1 - 1e-9) <= stiff.force <= factor * soft.force * (1 + 1e-9)
 
 
@@ -104,4 +120,6 @@ def test_a_cut_inside_a_layer_changes_nothing(stack, share, which, size):
     plies[at : at + 1] = [(share * h, E, nu), ((1 - share) * h, E, nu)]
     k = np.geomspace(1e-4, 20.0, 30) / stack.h
     scale = 1.0 + np.abs(stack.complement(k))  # M rounds as 1 or as L does
-    assert np.all(np.abs(stack_of(plies, stack.base).complement(k) - stack.complement(k)) < 3e-13 * scale)
+    assert np.all(
+        np.abs(stack_of(plies, stack.base).complement(k) - stack.complement(k)) < 3e-13 * scale
+    )

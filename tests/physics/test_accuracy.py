@@ -1,5 +1,7 @@
-"""`accuracy` and the error bars on scenes whose exact force is known: layers between frictionless walls, where layer
-theory (Lebedev & Ufliand 1958, Hayes et al. 1972, Dini sum of the wall) solves the very body that is meshed."""
+"""`accuracy` and the error bars on scenes whose exact force is known: layers between frictionless
+walls, where layer theory (Lebedev & Ufliand 1958, Hayes et al. 1972, Dini sum of the wall)
+solves the very body that is meshed.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ WIDE = 2.0  # radius of the wall over height, or over the contact radius where t
 
 @dataclass(frozen=True)
 class Case:
-    """A tip pressed into a layer of height 1 until the contact radius is about `a`, in `steps` equal steps."""
+    """A tip pressed into a layer of height 1 until the contact radius is about `a`, in `steps`
+    equal steps.
+    """
 
     tip: str
     a: float
@@ -44,7 +48,12 @@ class Case:
         sides = {"base": self.base, "sides": "roller", "height": 1.0}
         size = {"radius": wall} if self.shape == "cylinder" else {"width": 2 * wall}
         R = max(1.0, 5 * self.a**2)
-        tip = {"paraboloid": {"R": R}, "sphere": {"R": R}, "cone": {"half_angle": 85}, "flat_punch": {"radius": self.a}}
+        tip = {
+            "paraboloid": {"R": R},
+            "sphere": {"R": R},
+            "cone": {"half_angle": 85},
+            "flat_punch": {"radius": self.a},
+        }
         return {
             "body": {"shape": self.shape} | size | sides,
             "material": {"model": "linear_elastic", "E": 1.0, "nu": self.nu},
@@ -65,7 +74,15 @@ SCENES = [
     Case(tip, a, nu, base)
     for (tip, a), (nu, base) in zip(
         itertools.product(("paraboloid", "sphere", "cone", "flat_punch"), (0.01, 0.1, 1.0, 3.0)),
-        itertools.cycle([(0.0, "fixed"), (0.3, "roller"), (0.45, "fixed"), (0.4999, "fixed"), (0.4999, "roller")]),
+        itertools.cycle(
+            [
+                (0.0, "fixed"),
+                (0.3, "roller"),
+                (0.45, "fixed"),
+                (0.4999, "fixed"),
+                (0.4999, "roller"),
+            ]
+        ),
         strict=False,
     )
 ]
@@ -111,7 +128,9 @@ def judged(case: Case, target: float, folder: Path, **sections: Any) -> Judged:
     outcome = simulate(config, directory=folder)
     exact = exact_forces(config)
     force = np.array([state.force for state in outcome.states])
-    bar = np.array([budget.estimated for budget in outcome.report["error_budget"]])  # without the same theory's word
+    bar = np.array(
+        [budget.estimated for budget in outcome.report["error_budget"]]
+    )  # without the same theory's word
     return Judged(np.abs(force / exact - 1), bar / exact, outcome.report)
 
 
@@ -127,13 +146,19 @@ def statistics(runs: list[Judged]) -> dict[str, float]:
 
 @pytest.mark.verify
 @pytest.mark.parametrize("target", (0.01, 0.001))
-def test_every_scene_is_as_accurate_as_asked_for_and_knows_its_error(target: float, tmp_path: Path) -> None:
-    """All tips, thick and thin layers, compressible or not. The target holds at every step without exception, and the
-    bars as is promised of a class of scenes."""
+def test_every_scene_is_as_accurate_as_asked_for_and_knows_its_error(
+    target: float, tmp_path: Path
+) -> None:
+    """All tips, thick and thin layers, compressible or not.
+
+    The target holds at every step without exception, and the bars as is promised of a class of
+    scenes.
+    """
     runs = [judged(case, target, tmp_path / str(i)) for i, case in enumerate(SCENES)]
     for case, run_ in zip(SCENES, runs, strict=True):
         print(
-            f"{target:g}  {run_.report['accuracy']['elements']:5.2f} elements  worst error {run_.true.max():.1e}  "
+            f"{target:g}  {run_.report['accuracy']['elements']:5.2f} elements  worst error "
+            f"{run_.true.max():.1e}  "
             f"worst bar {run_.bar.max():.1e}  {case}"
         )
     found = statistics(runs)
@@ -175,10 +200,13 @@ def test_scenes_drawn_at_random(target: float, tmp_path: Path) -> None:
     ["paraboloid", pytest.param("sphere", marks=pytest.mark.verify)],
 )
 def test_the_force_converges_with_the_elements_in_the_contact(tip: str) -> None:
-    """Near mesh, far mesh and growth together, as `accuracy` moves them. The error of a step jumps with the elements
-    that happen to touch: taken is the root mean square over five steps on three meshes whose sizes differ by 7 %. The
-    energy of a smooth solution converges as h^4 with quadratic elements; the contact edge, where the pressure ends
-    like a root, leaves less of it."""
+    """Near mesh, far mesh and growth together, as `accuracy` moves them.
+
+    The error of a step jumps with the elements that happen to touch: taken is the root mean square
+    over five steps on three meshes whose sizes differ by 7 %. The energy of a smooth solution
+    converges as h^4 with quadratic elements; the contact edge, where the pressure ends like a root,
+    leaves less of it.
+    """
     config = from_mapping(Case(tip, 0.1, 0.3).mapping() | {"accuracy": 0.01})
     divisions = np.array((5, 8, 13, 20))
     errors = [rms([n * jitter for jitter in (0.93, 1.0, 1.07)], config) for n in divisions]
@@ -208,7 +236,10 @@ OTHERS: dict[str, dict[str, Any]] = {
         "indenter": {"shape": "flat_punch", "radius": 0.5},
         "solver": {"method": "condensed"},
     },
-    "infinitely wide layer": {"body": {"shape": "layer", "height": 0.5}, "solver": {"method": "condensed"}},
+    "infinitely wide layer": {
+        "body": {"shape": "layer", "height": 0.5},
+        "solver": {"method": "condensed"},
+    },
     "penalty": {"contact": {"method": "penalty"}},
     "active set": {"contact": {"method": "active_set"}},
     "Nitsche": {"contact": {"method": "nitsche"}},
@@ -221,7 +252,9 @@ OTHERS: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("target", (0.01, 0.001))
 @pytest.mark.parametrize("name", OTHERS)
 def test_other_bodies_methods_and_paths(name: str, target: float, tmp_path: Path) -> None:
-    """A row or two of six may be outside its bar, by no more than its width: the sets of rows are small."""
+    """A row or two of six may be outside its bar, by no more than its width: the sets of rows are
+    small.
+    """
     found = judged(Case("paraboloid", 0.1, 0.3), target, tmp_path, **OTHERS[name])
     assert np.nanmax(found.true) <= target
     assert np.nansum(found.true > found.bar) <= 2 and not np.any(found.true > 2 * found.bar)
@@ -237,8 +270,9 @@ SPHERE_ON_GEL = {  # force at depth; see test_hyperelastic.py for where they com
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("nu", SPHERE_ON_GEL)
 def test_hyperelastic_bodies(nu: float, target: float, tmp_path: Path) -> None:
-    """A sphere on a neo-Hookean layer, gap at the deformed point, against computations with elements of order 6; the
-    references are good to 1e-5."""
+    """A sphere on a neo-Hookean layer, gap at the deformed point, against computations with
+    elements of order 6; the references are good to 1e-5.
+    """
     exact = np.array(list(SPHERE_ON_GEL[nu].values()))
     config = from_mapping(
         Case("sphere", 0.1, nu).mapping()
@@ -264,8 +298,10 @@ DEPTHS = np.arange(1, 11) * 1e-3
 
 
 def forces_on_a_finite_body(k_0: float, k_2: float) -> np.ndarray:
-    """Hertz' force at DEPTHS on a body (E = 1, nu = 0.3) that sinks F (k_0 - k_2 (r^2 + s^2)) less at r than a
-    half-space does, F at distances s from the axis, s^2 = 2 a^2/5 in the mean: what is far away is smooth."""
+    """Hertz' force at DEPTHS on a body (E = 1, nu = 0.3) that sinks F (k_0 - k_2 (r^2 + s^2)) less
+    at r than a half-space does, F at distances s from the axis, s^2 = 2 a^2/5 in the mean: what
+    is far away is smooth.
+    """
     E_star = 1 / (1 - 0.3**2)
 
     def excess(force: float, depth: float) -> float:
@@ -277,8 +313,11 @@ def forces_on_a_finite_body(k_0: float, k_2: float) -> np.ndarray:
 
 
 def cube_forces() -> np.ndarray:
-    """Of the whole cube at DEPTHS. What the cylinder's independent forces say of k_2, and the cube's last one of k_0
-    (test_hertz.py); half of k_2 more or less would change the first force by 8e-5 of it."""
+    """Of the whole cube at DEPTHS.
+
+    What the cylinder's independent forces say of k_2, and the cube's last one of k_0
+    (test_hertz.py); half of k_2 more or less would change the first force by 8e-5 of it.
+    """
     _, k_2 = least_squares(lambda k: forces_on_a_finite_body(*k) / FORCES - 1, [0.4, 0.2]).x
     k_0 = brentq(lambda k: forces_on_a_finite_body(k, k_2)[-1] / CUBE_FORCE - 1, 0.3, 0.5)
     return forces_on_a_finite_body(k_0, k_2)
@@ -291,14 +330,17 @@ def test_the_forces_on_a_finite_body_are_those_of_independent_computations() -> 
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("target", [target for target in TARGETS if target >= 0.01])  # 0.001 takes minutes
+@pytest.mark.parametrize(
+    "target", [target for target in TARGETS if target >= 0.01]
+)  # 0.001 takes minutes
 def test_a_cube(target: float, tmp_path: Path) -> None:
     """Three dimensions, the quarter of a box: all ten steps keep the target and know their error."""
     outcome = simulate(from_mapping(CUBE | {"accuracy": target}), directory=tmp_path)
     true = np.abs([state.force for state in outcome.states] / cube_forces() - 1)
     bar = np.array([state.force_error for state in outcome.states]) / cube_forces()
     print(
-        f"{target:g}  {outcome.report['accuracy']['elements']:.3g} elements  worst error {true.max():.1e}  "
+        f"{target:g}  {outcome.report['accuracy']['elements']:.3g} elements  worst error "
+        f"{true.max():.1e}  "
         f"worst bar {bar.max():.1e}"
     )
     assert np.all(true <= target)
@@ -308,8 +350,11 @@ def test_a_cube(target: float, tmp_path: Path) -> None:
 @pytest.mark.verify
 @pytest.mark.parametrize(("radius", "nu"), [(0.1, 0.3), (0.25, 0.45), (0.5, 0.3)])
 def test_a_punch_on_a_box(radius: float, nu: float, tmp_path: Path) -> None:
-    """The edge, a circle that straight facets follow, costs most of the mesh. Theory's layer ends at a round wall, or
-    nowhere: this wide a box differs by less than 1e-3. A bar may be half too narrow: few elements share the edge."""
+    """The edge, a circle that straight facets follow, costs most of the mesh.
+
+    Theory's layer ends at a round wall, or nowhere: this wide a box differs by less than 1e-3. A
+    bar may be half too narrow: few elements share the edge.
+    """
     config = from_mapping(
         {
             "body": {"shape": "box", "size": [4.0, 4.0, 1.0], "base": "fixed", "sides": "roller"},
@@ -351,13 +396,25 @@ def profile(*points: tuple[float, float], **rounding: float) -> dict[str, Any]:
 
 
 SHARP: list[tuple[dict[str, Any], dict[str, Any], str]] = [  # tip, depths, method
-    (profile((0, 0), (0.1, 0.005), (1, 0.3)), {"deltas": [0.002, 0.004, 0.006, 0.008, 0.012, 0.02]}, "auto"),
+    (
+        profile((0, 0), (0.1, 0.005), (1, 0.3)),
+        {"deltas": [0.002, 0.004, 0.006, 0.008, 0.012, 0.02]},
+        "auto",
+    ),
     (profile((0, 0), (0.1, 0), (1, 0.2)), {"deltas": [0.0005, 0.001, 0.002, 0.004, 0.01]}, "auto"),
     (profile((0, 0), (0.2, 0.01), (0.4, 0.06), (1, 0.4)), {"delta": 0.04, "steps": 8}, "auto"),
     (profile((0, 0), (0.1, 0.001), (1, 0.9)), {"delta": 0.02, "steps": 8}, "auto"),
     (profile((0, 0), (0.1, 0.005), (1, 0.3), tip_radius=0.02), {"delta": 0.02, "steps": 6}, "auto"),
-    ({"shape": "flat_punch", "radius": 0.3, "edge_radius": 0.03}, {"deltas": [1e-6, 1e-5, 1e-4, 1e-3, 1e-2]}, "auto"),
-    ({"shape": "flat_punch", "radius": 0.3, "edge_radius": 6e-4}, {"deltas": [3e-4, 1e-3, 3e-3, 1e-2]}, "auto"),
+    (
+        {"shape": "flat_punch", "radius": 0.3, "edge_radius": 0.03},
+        {"deltas": [1e-6, 1e-5, 1e-4, 1e-3, 1e-2]},
+        "auto",
+    ),
+    (
+        {"shape": "flat_punch", "radius": 0.3, "edge_radius": 6e-4},
+        {"deltas": [3e-4, 1e-3, 3e-3, 1e-2]},
+        "auto",
+    ),
     ({"shape": "flat_punch", "radius": 0.1}, {"delta": 0.01, "steps": 2}, "nitsche"),
     ({"shape": "flat_punch", "radius": 0.5}, {"delta": 0.01, "steps": 2}, "nitsche"),
 ]
@@ -366,17 +423,24 @@ SHARP: list[tuple[dict[str, Any], dict[str, Any], str]] = [  # tip, depths, meth
 @pytest.mark.verify
 @pytest.mark.parametrize("target", (0.05, 0.01))
 def test_corners_of_a_tip_and_edges(target: float, tmp_path: Path) -> None:
-    """Kinks somewhere in an element, narrow rounded edges, Nitsche's method at a sharp one: judged by what companions
-    say, without the floor that exact theory puts under the bars of these bodies, as is promised of a class."""
+    """Kinks somewhere in an element, narrow rounded edges, Nitsche's method at a sharp one: judged
+    by what companions say, without the floor that exact theory puts under the bars of these
+    bodies, as is promised of a class.
+    """
     runs = []
     for i, ((tip, depths, method), nu) in enumerate(itertools.product(SHARP, (0.3, 0.4999))):
         sections = {"indenter": tip, "loading": depths, "contact": {"method": method}}
-        config = from_mapping(Case("paraboloid", 0.3, nu).mapping() | sections | {"accuracy": target})
+        config = from_mapping(
+            Case("paraboloid", 0.3, nu).mapping() | sections | {"accuracy": target}
+        )
         outcome, exact = simulate(config, directory=tmp_path / str(i)), exact_forces(config)
         true = np.abs(np.array([state.force for state in outcome.states]) / exact - 1)
         bar = np.array([budget.estimated for budget in outcome.report["error_budget"]]) / exact
         runs.append(Judged(true, bar, outcome.report))
-        print(f"{target:g}  error {true.max():.1e}  bar {bar.max():.1e}  outside {np.sum(true > bar)}  {method} {tip}")
+        print(
+            f"{target:g}  error {true.max():.1e}  bar {bar.max():.1e}  outside "
+            f"{np.sum(true > bar)}  {method} {tip}"
+        )
     found = statistics(runs)
     print(target, found)
     assert found["rows"] >= ROWS_OF_A_CLASS

@@ -1,7 +1,9 @@
-"""What `accuracy` costs, on scenes of test_accuracy.py: its unknowns against the fewest of settings by hand that keep
-the error. Unknowns are counted, not seconds, which others who use the machine would change.
+"""What `accuracy` costs, on scenes of test_accuracy.py: its unknowns against the fewest of settings
+by hand that keep the error. Unknowns are counted, not seconds, which others who use the machine
+would change.
 
-Luck does not count: settings are good when they and all finer ones, near and far, keep the target at every step.
+Luck does not count: settings are good when they and all finer ones, near and far, keep the target
+at every step.
 """
 
 from __future__ import annotations
@@ -19,16 +21,31 @@ from indent_sim.config.scene_file import from_mapping
 from indent_sim.run.chain import simulate
 from indent_sim.scene.scene import resolve
 
-PER_RADIUS = (2, 3, 4, 6, 8, 12, 16, 24, 36)  # the contact radius, or two thicknesses, over h_contact
+PER_RADIUS = (
+    2,
+    3,
+    4,
+    6,
+    8,
+    12,
+    16,
+    24,
+    36,
+)  # the contact radius, or two thicknesses, over h_contact
 FINER_FAR = (1, 2, 4)  # `h_far: auto` over h_far
-AT_THE_EDGE = (54, 80)  # also under a punch, whose error ends as h_contact: its edge has a twentieth of that
+AT_THE_EDGE = (
+    54,
+    80,
+)  # also under a punch, whose error ends as h_contact: its edge has a twentieth of that
 TWICE_AS_FINE = 4.0  # times as many unknowns in the plane; 0.7 to 3.0 were found
 IN_SPACE = 2.0  # 1.0 to 1.6 were found
 
 
 @dataclass(frozen=True)
 class Run:
-    """Worst relative error of all steps, unknowns, and how many times as fine as the coarsest the sizes are."""
+    """Worst relative error of all steps, unknowns, and how many times as fine as the coarsest the
+    sizes are.
+    """
 
     error: float
     dofs: float
@@ -36,7 +53,9 @@ class Run:
     far: float = 0.0
 
 
-def run(mapping: dict[str, Any], exact: np.ndarray, folder: Path, near: float = 0.0, far: float = 0.0) -> Run:
+def run(
+    mapping: dict[str, Any], exact: np.ndarray, folder: Path, near: float = 0.0, far: float = 0.0
+) -> Run:
     """A scene beside its exact forces."""
     outcome = simulate(from_mapping(mapping), directory=folder, overwrite=True)
     error = np.abs([state.force for state in outcome.states] / exact - 1).max()
@@ -46,17 +65,28 @@ def run(mapping: dict[str, Any], exact: np.ndarray, folder: Path, near: float = 
 def by_hand(case: Case, exact: np.ndarray, folder: Path) -> list[Run]:
     """All settings of the grid whose far size is not below the near one."""
     scene = resolve(from_mapping(case.mapping()))
-    h_far, widest = scene.sizes.h_far, min(scene.plan.prediction["a"], 2.0)  # the layer's height is 1
+    h_far, widest = (
+        scene.sizes.h_far,
+        min(scene.plan.prediction["a"], 2.0),
+    )  # the layer's height is 1
     divisions = PER_RADIUS + (AT_THE_EDGE if case.tip == "flat_punch" else ())
     grid = [(near, far) for near in divisions for far in FINER_FAR if widest / near <= h_far / far]
     sizes = {(near, far): {"h_contact": widest / near, "h_far": h_far / far} for near, far in grid}
-    return [run(case.mapping() | {"mesh": mesh}, exact, folder, *place) for place, mesh in sizes.items()]
+    return [
+        run(case.mapping() | {"mesh": mesh}, exact, folder, *place) for place, mesh in sizes.items()
+    ]
 
 
 def fewest(runs: Sequence[Run], target: float) -> float:
-    """The fewest unknowns of those that keep the target together with all finer ones; infinite when none does."""
+    """The fewest unknowns of those that keep the target together with all finer ones; infinite when
+    none does.
+    """
     bad = [one for one in runs if one.error > target]
-    good = [one for one in runs if not any(miss.near >= one.near and miss.far >= one.far for miss in bad)]
+    good = [
+        one
+        for one in runs
+        if not any(miss.near >= one.near and miss.far >= one.far for miss in bad)
+    ]
     return min((one.dofs for one in good), default=float("inf"))
 
 

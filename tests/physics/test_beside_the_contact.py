@@ -1,4 +1,6 @@
-"""A tip inside the surface beside the contact surface, where nothing keeps it out, is seen: that row cannot be true."""
+"""A tip inside the surface beside the contact surface, where nothing keeps it out, is seen: that
+row cannot be true.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ BODIES = {
 }
 
 
-def judged(folder: Path, kinematics: str, body: dict[str, Any], *overrides: str) -> tuple[float, str]:
+def judged(
+    folder: Path, kinematics: str, body: dict[str, Any], *overrides: str
+) -> tuple[float, str]:
     """The force of a paraboloid 0.05 deep, and what cannot be true of it."""
     write(folder / "body.msh", body)
     mesh = {
@@ -69,7 +73,9 @@ def test_a_contact_group_that_ends_beside_the_contact(
 ) -> None:
     """The force is too small by more than `loss`, against the whole top, whose row is right."""
     whole, nothing = judged(tmp_path, kinematics, BODIES[kinematics](), f"contact.gap={gap}")
-    force, said = judged(tmp_path, kinematics, narrowed(BODIES[kinematics](), reach), f"contact.gap={gap}")
+    force, said = judged(
+        tmp_path, kinematics, narrowed(BODIES[kinematics](), reach), f"contact.gap={gap}"
+    )
     assert force < (1 - loss) * whole
     assert SAID in said and not nothing
 

@@ -1,5 +1,6 @@
-"""Contact radius, largest pressure and depth of a force with their error bars, where layer theory is exact: on layers
-between frictionless walls (the scenes of test_accuracy.py)."""
+"""Contact radius, largest pressure and depth of a force with their error bars, where layer theory
+is exact: on layers between frictionless walls (the scenes of test_accuracy.py).
+"""
 
 from __future__ import annotations
 
@@ -18,7 +19,9 @@ from indent_sim.results.compare import compare
 from indent_sim.run.chain import simulate, states
 from indent_sim.scene.scene import resolve
 
-RADII = np.append(np.linspace(0, 1, 400, endpoint=False), 1 - np.geomspace(1e-6, 1e-2, 200))  # of a: where peaks are
+RADII = np.append(
+    np.linspace(0, 1, 400, endpoint=False), 1 - np.geomspace(1e-6, 1e-2, 200)
+)  # of a: where peaks are
 
 
 @dataclass(frozen=True)
@@ -55,17 +58,23 @@ def theory(case: Case, mapping: dict[str, Any]) -> dict[str, np.ndarray]:
 
 
 def found(rows: list[State], name: str, exact: np.ndarray) -> Judged:
-    value, bar = (np.array([getattr(state, key) for state in rows]) for key in (name, f"{name}_error"))
+    value, bar = (
+        np.array([getattr(state, key) for state in rows]) for key in (name, f"{name}_error")
+    )
     return Judged(np.abs(value / exact - 1), bar / exact)
 
 
 def judged(case: Case, folder: Path, **sections: Any) -> dict[str, Judged]:
-    """Every number of a scene that theory knows: at prescribed depths, and at the forces that belong to them."""
+    """Every number of a scene that theory knows: at prescribed depths, and at the forces that
+    belong to them.
+    """
     mapping = case.mapping()
     exact = theory(case, mapping)
     bars = {} if "accuracy" in sections else {"error_bars": True}
     pushed = simulate(from_mapping(mapping | sections), directory=folder / "depths", **bars).states
-    names = {"flat_punch": (), "cone": ("a",)}.get(case.tip, ("a", "p_max"))  # a punch's a is given, its edge sharp
+    names = {"flat_punch": (), "cone": ("a",)}.get(
+        case.tip, ("a", "p_max")
+    )  # a punch's a is given, its edge sharp
     numbers = {name: found(pushed, name, exact[name]) for name in names}
     forces = {"forces": exact["force"].tolist()}
     config = from_mapping(mapping | sections | {"loading": forces})
@@ -75,7 +84,9 @@ def judged(case: Case, folder: Path, **sections: Any) -> dict[str, Judged]:
 
 def together(runs: list[dict[str, Judged]], name: str) -> Judged:
     rows = [numbers[name] for numbers in runs if name in numbers]
-    return Judged(np.concatenate([row.true for row in rows]), np.concatenate([row.bar for row in rows]))
+    return Judged(
+        np.concatenate([row.true for row in rows]), np.concatenate([row.bar for row in rows])
+    )
 
 
 def table(runs: list[dict[str, Judged]]) -> dict[str, Judged]:
@@ -84,7 +95,8 @@ def table(runs: list[dict[str, Judged]]) -> dict[str, Judged]:
     for name, all_rows in found.items():
         median, most = np.median(all_rows.true), all_rows.true.max()
         print(
-            f"{name}: {len(all_rows.true)} rows, error {median:.1e} in the median, {most:.1e} at most; "
+            f"{name}: {len(all_rows.true)} rows, error {median:.1e} in the median, {most:.1e} "
+            "at most; "
             f"{all_rows.held:.1%} held, bar over error {all_rows.width:.2g}"
         )
     return found
@@ -92,7 +104,10 @@ def table(runs: list[dict[str, Judged]]) -> dict[str, Judged]:
 
 GROUPS: dict[str, list[dict[str, Any]]] = {
     "sizes": [{}, {"accuracy": 0.05}, {"accuracy": 0.01}, {"accuracy": 0.001}],
-    "methods": [{"accuracy": 0.01, "contact": {"method": method}} for method in ("penalty", "uzawa", "active_set")],
+    "methods": [
+        {"accuracy": 0.01, "contact": {"method": method}}
+        for method in ("penalty", "uzawa", "active_set")
+    ],
 }
 
 
@@ -103,28 +118,37 @@ def test_bars_hold_what_stands_beside_the_force(group: str, tmp_path: Path) -> N
     runs = []
     for sections in GROUPS[group]:
         print(sections)
-        runs += [judged(case, tmp_path / f"{len(runs)}-{i}", **sections) for i, case in enumerate(drawn(6, seed=12))]
+        runs += [
+            judged(case, tmp_path / f"{len(runs)}-{i}", **sections)
+            for i, case in enumerate(drawn(6, seed=12))
+        ]
         table(runs[-6:])
     print("all")
     found = table(runs)
     for rows in found.values():
         assert rows.held >= ROWS_OF_A_CLASS
         assert rows.bar[rows.true < SMALL_ERROR].max(initial=0) <= WIDEST
-    assert found["delta"].width <= BAR_OVER_ERROR  # the force's own; of p_max there are twenty rows of five meshes
+    assert (
+        found["delta"].width <= BAR_OVER_ERROR
+    )  # the force's own; of p_max there are twenty rows of five meshes
 
 
 FEW = [Case("paraboloid", 0.1, 0.3), Case("sphere", 1.0, 0.4999, steps=3)]
 
 
 def test_bars_hold_the_numbers_of_a_few_scenes(tmp_path: Path) -> None:
-    """One row in twenty may be outside its bar: one of eight is let go. A bar says something: at most 2 %."""
+    """One row in twenty may be outside its bar: one of eight is let go.
+
+    A bar says something: at most 2 %.
+    """
     runs = [judged(case, tmp_path / str(i), accuracy=0.05) for i, case in enumerate(FEW)]
     for rows in table(runs).values():
         assert np.sum(rows.true > rows.bar) <= 1
         assert np.all(rows.bar <= 0.02)
 
 
-# ---- what is read off a solution --------------------------------------------------------------------------------
+# ---- what is read off a solution
+# --------------------------------------------------------------------------------
 
 
 def errors(case: Case, **sections: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -132,44 +156,61 @@ def errors(case: Case, **sections: Any) -> tuple[np.ndarray, np.ndarray]:
     mapping = case.mapping() | sections
     exact = theory(case, mapping)
     pushed = list(states(resolve(from_mapping(mapping)), with_surface=False))
-    a, p_max = (np.array([getattr(state, name) for state in pushed]) / exact[name] - 1 for name in ("a", "p_max"))
+    a, p_max = (
+        np.array([getattr(state, name) for state in pushed]) / exact[name] - 1
+        for name in ("a", "p_max")
+    )
     return np.abs(a), np.abs(p_max)
 
 
 @pytest.mark.parametrize("solver", ["condensed", "newton"])
 @pytest.mark.parametrize("multiple", [100, 1000])
 def test_a_stiff_penalty_knows_its_pressure(multiple: float, solver: str) -> None:
-    """<p_hat> at points oscillates: at 1000 E*/h_contact p_max was 126 % too large and a 14 % too small. Its
-    projection, which the nodal forces make, does not. 1 % of a: ten elements, and 0.05 of the last."""
+    """<p_hat> at points oscillates: at 1000 E*/h_contact p_max was 126 % too large and a 14 % too
+    small. Its projection, which the nodal forces make, does not. 1 % of a: ten elements, and
+    0.05 of the last.
+    """
     case = Case("paraboloid", 0.1, 0.3, steps=2)
     sizes = resolve(from_mapping(case.mapping())).sizes
     stiffness = multiple / (1 - 0.3**2) / sizes.h_contact
-    a, p_max = errors(case, contact={"method": "penalty", "epsilon_n": stiffness}, solver={"method": solver})
+    a, p_max = errors(
+        case, contact={"method": "penalty", "epsilon_n": stiffness}, solver={"method": solver}
+    )
     assert a.max() <= 0.01
     assert p_max.max() <= 0.005
 
 
 @pytest.mark.parametrize("nu", [0.4499, 0.45, 0.4899])
 def test_the_pressure_of_a_body_that_hardly_compresses(nu: float) -> None:
-    """Displacement elements lock: p_max is off by 2 % at nu = 0.45 at most, and by 10 % at 0.4899 (a thin layer that is
-    squeezed is the worst); mixed ones keep it within 0.5 % for all nu."""
+    """Displacement elements lock: p_max is off by 2 % at nu = 0.45 at most, and by 10 % at 0.4899
+    (a thin layer that is squeezed is the worst); mixed ones keep it within 0.5 % for all nu.
+    """
     _, p_max = errors(Case("paraboloid", 3.0, nu, "roller", steps=2))
     assert p_max.max() <= (0.02 if nu < 0.45 else 0.005)
 
 
 def test_a_shallow_contact_is_read_as_well_as_a_deep_one() -> None:
-    """Where elements shrink towards the axis the edge is sought with their own size: a tenth of the largest contact has
-    as many elements, and a within 1 %; it was 4 %."""
-    a, _ = errors(Case("sphere", 0.3, 0.3), accuracy=0.01, loading={"deltas": [3e-4, 1e-3, 3e-3, 1e-2, 3e-2]})
+    """Where elements shrink towards the axis the edge is sought with their own size: a tenth of the
+    largest contact has as many elements, and a within 1 %; it was 4 %.
+    """
+    a, _ = errors(
+        Case("sphere", 0.3, 0.3), accuracy=0.01, loading={"deltas": [3e-4, 1e-3, 3e-3, 1e-2, 3e-2]}
+    )
     assert a.max() <= 0.01
 
 
 def test_there_is_no_pressure_outside_the_contact() -> None:
     """A multiplier ripples there."""
-    mapping = Case("paraboloid", 0.1, 0.3, steps=1).mapping() | {"loading": {"delta": 0.01, "steps": 1}}
+    mapping = Case("paraboloid", 0.1, 0.3, steps=1).mapping() | {
+        "loading": {"delta": 0.01, "steps": 1}
+    }
     (state,) = states(resolve(from_mapping(mapping)))
     outside = state.surface.x > state.a * 1.001
-    assert outside.any() and not state.surface.pressure[outside].any() and state.surface.pressure[~outside].any()
+    assert (
+        outside.any()
+        and not state.surface.pressure[outside].any()
+        and state.surface.pressure[~outside].any()
+    )
 
 
 ROUND = {"shape": "cone", "half_angle": 85, "tip_radius": 0.5}
@@ -182,27 +223,45 @@ PEAKLESS: list[tuple[str, dict[str, Any], bool]] = [
     ("rounded punch", {"shape": "flat_punch", "radius": 0.3, "edge_radius": 0.15}, True),
     ("plate on all of the body", {"shape": "flat_punch", "radius": 2.0}, True),
     ("kinked profile", {"shape": "profile", "points": [[0, 0], [0.1, 0], [1, 0.5]]}, False),
-    ("rounded profile", {"shape": "profile", "points": [[0, 0], [0.1, 0.02], [1, 0.5]], "tip_radius": 0.5}, True),
+    (
+        "rounded profile",
+        {"shape": "profile", "points": [[0, 0], [0.1, 0.02], [1, 0.5]], "tip_radius": 0.5},
+        True,
+    ),
     ("pyramid", {"shape": "pyramid", "half_angle": 85}, False),
 ]
 
 
 @pytest.mark.parametrize(("name", "tip", "has_peak"), PEAKLESS, ids=[name for name, *_ in PEAKLESS])
-def test_a_pressure_without_bound_has_no_largest_value(name: str, tip: dict[str, Any], has_peak: bool) -> None:
-    """Under a sharp apex, corner or edge; where an arc is narrower than an element no mesh knows it either. The plan
-    says why; out of contact the pressure is zero."""
-    mapping = Case("paraboloid", 0.3, 0.3).mapping() | {"indenter": tip, "loading": {"delta": 0.02, "steps": 1}}
-    scene = resolve(from_mapping(mapping | {"body": {"shape": "cylinder", "radius": 2.0, "height": 1.0}}))
+def test_a_pressure_without_bound_has_no_largest_value(
+    name: str, tip: dict[str, Any], has_peak: bool
+) -> None:
+    """Under a sharp apex, corner or edge; where an arc is narrower than an element no mesh knows it
+    either. The plan says why; out of contact the pressure is zero.
+    """
+    mapping = Case("paraboloid", 0.3, 0.3).mapping() | {
+        "indenter": tip,
+        "loading": {"delta": 0.02, "steps": 1},
+    }
+    scene = resolve(
+        from_mapping(mapping | {"body": {"shape": "cylinder", "radius": 2.0, "height": 1.0}})
+    )
     assert scene.has_peak(0.3) is has_peak and scene.has_peak(0.0)
-    assert [choice.value for choice in scene.plan.choices if choice.key == "p_max"] == ([] if has_peak else ["empty"])
+    assert [choice.value for choice in scene.plan.choices if choice.key == "p_max"] == (
+        [] if has_peak else ["empty"]
+    )
 
 
 def test_an_unbounded_pressure_is_an_empty_cell(tmp_path: Path) -> None:
     """Above the surface the cone feels nothing, and its pressure is 0."""
-    mapping = Case("cone", 0.3, 0.3).mapping() | {"loading": {"deltas": [-0.01, 0.01]}, "accuracy": 0.05}
+    mapping = Case("cone", 0.3, 0.3).mapping() | {
+        "loading": {"deltas": [-0.01, 0.01]},
+        "accuracy": 0.05,
+    }
     simulate(from_mapping(mapping), directory=tmp_path / "cone")
     header, above, inside = [
-        line.split(",") for line in (tmp_path / "cone" / "force_indentation.csv").read_text().splitlines()
+        line.split(",")
+        for line in (tmp_path / "cone" / "force_indentation.csv").read_text().splitlines()
     ]
     p_max, p_error = header.index("p_max"), header.index("p_max_error")
     assert [above[p_max], inside[p_max], inside[p_error]] == ["0", "", ""]

@@ -1,4 +1,6 @@
-"""Runs that theory solves: against closed forms, against the mesh they replace, and what their folder says."""
+"""Runs that theory solves: against closed forms, against the mesh they replace, and what their
+folder says.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def given(body: dict[str, Any], **sections: Any) -> dict[str, Any]:
     return {"body": body, "output": {"plot": False}} | plain | sections
 
 
-def run(folder: Path, *overrides: str, resume: bool = False, bars: bool = False, **sections: Any) -> chain.Outcome:
+def run(
+    folder: Path, *overrides: str, resume: bool = False, bars: bool = False, **sections: Any
+) -> chain.Outcome:
     config = from_mapping(given(**({"body": LAYER} | sections)), overrides)
     return chain.simulate(config, directory=folder, resume=resume, error_bars=bars)
 
@@ -50,11 +54,14 @@ def by_theory(*args: Any, **sections: Any) -> list[State]:
     return list(chain.states(scene(*args, **sections)))
 
 
-# ---- the numbers -----------------------------------------------------------------------------------------------
+# ---- the numbers
+# -----------------------------------------------------------------------------------------------
 
 
 def test_hertz_and_sneddon_to_eight_digits() -> None:
-    """Closed forms of force, contact radius and peak pressure; 1e-8 is what theory states of itself."""
+    """Closed forms of force, contact radius and peak pressure; 1e-8 is what theory states of
+    itself.
+    """
     (state,) = by_theory(HALF_SPACE)
     E_star = hs.E_star(1.0, 0.3)
     assert state.force == pytest.approx(hs.paraboloid_force(0.01, 1.0, E_star), rel=1e-8)
@@ -67,7 +74,9 @@ def test_hertz_and_sneddon_to_eight_digits() -> None:
 
 @pytest.mark.parametrize("name", BODIES)
 def test_a_mesh_agrees_within_its_error_bars(name: str, tmp_path: Path) -> None:
-    """Without what the bars know of theory themselves: their estimate, or 1e-4, what scatters from mesh to mesh."""
+    """Without what the bars know of theory themselves: their estimate, or 1e-4, what scatters from
+    mesh to mesh.
+    """
     theory = run(tmp_path / "theory", THEORY, body=BODIES[name]).states
     mesh = run(tmp_path / "mesh", CONDENSED, body=BODIES[name], accuracy=0.01)
     for exact, found, budget in zip(theory, mesh.states, mesh.report["error_budget"], strict=True):
@@ -77,7 +86,8 @@ def test_a_mesh_agrees_within_its_error_bars(name: str, tmp_path: Path) -> None:
 
 
 def test_the_surface_is_the_mesh_s(tmp_path: Path) -> None:
-    """u_z, gap and pressure at a mesh's points: 1 % of the depth, 2 % of the peak, by which its nodes scatter.
+    """u_z, gap and pressure at a mesh's points: 1 % of the depth, 2 % of the peak, by which its
+    nodes scatter.
 
     Not within an element of the contact's end, where the root of the pressure is a mesh's worst.
     """
@@ -85,7 +95,9 @@ def test_the_surface_is_the_mesh_s(tmp_path: Path) -> None:
         read(run(tmp_path / name, f"solver.method={name}", body=WALLED, accuracy=0.001).directory)
         for name in ("condensed", "theory")
     )
-    assert set(mesh.surface["step"]) == set(theory.surface["step"]) == {2, 3}  # the deepest and the last
+    assert (
+        set(mesh.surface["step"]) == set(theory.surface["step"]) == {2, 3}
+    )  # the deepest and the last
     for step in (2, 3):
         ours, theirs = (
             {name: column[run.surface["step"] == step] for name, column in run.surface.items()}
@@ -96,11 +108,15 @@ def test_the_surface_is_the_mesh_s(tmp_path: Path) -> None:
         for name, scale in (("u_z", 0.01), ("gap", 0.01), ("pressure", 2 * ours["pressure"].max())):
             between = np.interp(x[seen], ours["x"], ours[name])
             assert between == pytest.approx(theirs[name][seen], abs=0.01 * scale), name
-        assert np.isnan(ours["u_x"]).all() and (ours["u_y"] == 0).all() and not (ours["gap"] < 0).any()
+        assert (
+            np.isnan(ours["u_x"]).all() and (ours["u_y"] == 0).all() and not (ours["gap"] < 0).any()
+        )
 
 
 def test_equilibrium_of_the_surface(tmp_path: Path) -> None:
-    """The written pressure carries the force: trapezoids over 40 points up to a square root, 40^-1.5 = 4e-3."""
+    """The written pressure carries the force: trapezoids over 40 points up to a square root,
+    40^-1.5 = 4e-3.
+    """
     found = read(run(tmp_path / "out", body=LAYER).directory)
     r, p = (found.surface[name][found.surface["step"] == 2] for name in ("x", "pressure"))
     assert trapezoid(2 * np.pi * r * p, r) == pytest.approx(found["force"][1], rel=4e-3)
@@ -117,7 +133,8 @@ def test_out_of_contact_there_is_nothing() -> None:
     assert all(state.a == state.p_max == 0.0 for state in states if state.force == 0)
 
 
-# ---- the folder ------------------------------------------------------------------------------------------------
+# ---- the folder
+# ------------------------------------------------------------------------------------------------
 
 
 def test_what_the_table_says(tmp_path: Path) -> None:
@@ -127,7 +144,10 @@ def test_what_the_table_says(tmp_path: Path) -> None:
     assert (row["penetration"], row["energy"], row["newton_iterations"]) == ("0", "", "0")
     report = json.loads((tmp_path / "out" / "run.json").read_text())
     assert report["method"] == "theory" and "mesh" not in report and "dofs" not in report
-    assert report["audit"]["force_against_reaction"] is None and report["audit"]["energy_by_trapezoid"] is None
+    assert (
+        report["audit"]["force_against_reaction"] is None
+        and report["audit"]["energy_by_trapezoid"] is None
+    )
     assert not (tmp_path / "out" / "fields.xdmf").exists()
     assert all(state.penetration == 0 and state.energy != state.energy for state in done.states)
 
@@ -149,7 +169,9 @@ def test_error_bars_are_theorys_own(tmp_path: Path) -> None:
     found = read(run(tmp_path / "out", bars=True, loading={"forces": [0.001, 0.002]}).directory)
     for name in ("force", "a", "p_max", "delta"):
         assert found[f"{name}_error"] == pytest.approx(1e-8 * found[name], rel=1e-12)
-    assert [part["theory"] for part in found.report["error_budget"]] == pytest.approx(list(found["force_error"]))
+    assert [part["theory"] for part in found.report["error_budget"]] == pytest.approx(
+        list(found["force_error"])
+    )
 
 
 def test_accuracy_is_met_without_a_mesh(tmp_path: Path) -> None:
@@ -177,9 +199,15 @@ def test_a_run_cut_short_goes_on_with_the_same_rows(tmp_path: Path) -> None:
 def test_the_written_config_reproduces_the_run(tmp_path: Path) -> None:
     run(tmp_path / "A", body=LAYER, loading={"forces": [0.001, 0.002]})
     config = load(tmp_path / "A" / "config.yaml")
-    assert (config.solver.method, config.output.fields, config.contact.gap) == ("theory", "none", "reference")
+    assert (config.solver.method, config.output.fields, config.contact.gap) == (
+        "theory",
+        "none",
+        "reference",
+    )
     chain.simulate(config, directory=tmp_path / "B")
-    assert (tmp_path / "B" / "config.yaml").read_text() == (tmp_path / "A" / "config.yaml").read_text()
+    assert (tmp_path / "B" / "config.yaml").read_text() == (
+        tmp_path / "A" / "config.yaml"
+    ).read_text()
     compare(tmp_path / "A", tmp_path / "B", 1e-15).check()
 
 
@@ -196,20 +224,32 @@ def test_the_end_says_what_film_formulas_would_have_said(tmp_path: Path) -> None
         said = {one["name"]: one for one in done.report["theory"]["formulas"]}
         assert set(said) == {"Gao", "Perriot-Barthel"}
         deepest = max(done.states, key=lambda state: state.delta)
-        assert said["Gao"]["deviation"] == pytest.approx(said["Gao"]["force"] / deepest.force - 1, rel=1e-9)
-        (line,) = (line for line in terminal.conclusion(done) if line.startswith("film formulas at delta 0.02"))
+        assert said["Gao"]["deviation"] == pytest.approx(
+            said["Gao"]["force"] / deepest.force - 1, rel=1e-9
+        )
+        (line,) = (
+            line
+            for line in terminal.conclusion(done)
+            if line.startswith("film formulas at delta 0.02")
+        )
         assert f"({said['Gao']['deviation']:+.3%})" in line and "Perriot-Barthel" in line
-        assert read(done.directory).report["theory"]["formulas"] == done.report["theory"]["formulas"]
+        assert (
+            read(done.directory).report["theory"]["formulas"] == done.report["theory"]["formulas"]
+        )
 
 
 def test_200_layers_in_a_row() -> None:
     """No two have a kernel in common; each gives more than the one before it, being thinner."""
-    forces = [by_theory({"shape": "layer", "height": h})[0].force for h in np.geomspace(3.0, 0.03, 200)]
+    forces = [
+        by_theory({"shape": "layer", "height": h})[0].force for h in np.geomspace(3.0, 0.03, 200)
+    ]
     assert all(np.diff(forces) > 0)
 
 
 def test_a_notebook_walks_it_like_any_other() -> None:
-    assert force_of(LAYER) == pytest.approx(force(scene(LAYER, CONDENSED)), rel=3e-3)  # what automatic sizes promise
+    assert force_of(LAYER) == pytest.approx(
+        force(scene(LAYER, CONDENSED)), rel=3e-3
+    )  # what automatic sizes promise
 
 
 def force_of(body: dict[str, Any]) -> float:

@@ -1,7 +1,8 @@
 """p >= 0, g >= 0, p g = 0 at every step, integrated here by other means than the program's.
 
-The surface of an axisymmetric body is a row of quadratic elements: everything is taken from the surface table and the
-multiplier at its nodes, and the contact law is integrated over r with Gauss' rule.
+The surface of an axisymmetric body is a row of quadratic elements: everything is taken from the
+surface table and the multiplier at its nodes, and the contact law is integrated over r with Gauss'
+rule.
 """
 
 from __future__ import annotations
@@ -26,13 +27,17 @@ GAUSS = {n: tuple(np.array(part) for part in np.polynomial.legendre.leggauss(n))
 
 
 def walked(base: Scene) -> Iterator[tuple[Surface, np.ndarray, float, float]]:
-    """Surface table, raw multiplier at its nodes, depth and force of every step; E = 1 and height 1 are the units."""
+    """Surface table, raw multiplier at its nodes, depth and force of every step; E = 1 and height 1
+    are the units.
+    """
     walk = solver.walk(base, meshed(base))
     for state in walk.states(base.physics.path, lambda step: True):
         assert state.converged and state.surface is not None, state.reason
         trace = walk.equilibrium.observed.trace
         r = trace.X[..., 0].ravel()
-        lam = np.broadcast_to(walk.equilibrium.observed.multiplier_at(trace.node_points()), trace.X.shape[:2]).ravel()
+        lam = np.broadcast_to(
+            walk.equilibrium.observed.multiplier_at(trace.node_points()), trace.X.shape[:2]
+        ).ravel()
         places, first = np.unique(np.round(r, 10), return_index=True)
         assert places == pytest.approx(state.surface.x, abs=1e-9)
         yield state.surface, lam[first], state.delta, state.force
@@ -47,15 +52,24 @@ def gauss(a: float, b: float, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 def quadratic(x: np.ndarray, r: np.ndarray) -> np.ndarray:
     """Lagrange functions (points, 3) of three nodes."""
-    return np.column_stack([np.prod([(r - o) / (n - o) for o in np.delete(x, k)], axis=0) for k, n in enumerate(x)])
+    return np.column_stack(
+        [np.prod([(r - o) / (n - o) for o in np.delete(x, k)], axis=0) for k, n in enumerate(x)]
+    )
 
 
 @pytest.mark.parametrize("method", ["condensed", "newton"])
 def test_active_set_is_complementary(method: str) -> None:
-    """Nodal pressures against gaps weighted with the hats of all nodes. A mean gap may be negative by 1e-8 of the
-    depth, and a pressure by as much of E*: hundred times the solver's tolerance."""
+    """Nodal pressures against gaps weighted with the hats of all nodes.
+
+    A mean gap may be negative by 1e-8 of the depth, and a pressure by as much of E*: hundred times
+    the solver's tolerance.
+    """
     base = scene(
-        CYLINDER, contact={"method": "active_set"}, loading=PATH, mesh={"h_contact": H}, solver={"method": method}
+        CYLINDER,
+        contact={"method": "active_set"},
+        loading=PATH,
+        mesh={"h_contact": H},
+        solver={"method": method},
     )
     for surface, p, delta, force in walked(base):
         x, u = surface.x, surface.u[:, 2]
@@ -80,9 +94,11 @@ def test_active_set_is_complementary(method: str) -> None:
 @pytest.mark.parametrize("multiple", [0.1, 1.0, 10.0])
 @pytest.mark.parametrize("method", ["condensed", "newton"])
 def test_augmented_lagrangian_solves_its_own_equations(method: str, multiple: float) -> None:
-    """Equation 3.7: int N (<lam - epsilon_n g> - lam) = 0 for every multiplier, with the eleven points an edge that the
-    program takes (the bracket's kink is seen by them), and the force is the integral of <lam - epsilon_n g> >= 0.
-    1e-9 of the peak pressure is ten times the solver's tolerance."""
+    """Equation 3.7: int N (<lam - epsilon_n g> - lam) = 0 for every multiplier, with the eleven
+    points an edge that the program takes (the bracket's kink is seen by them), and the force is
+    the integral of <lam - epsilon_n g> >= 0. 1e-9 of the peak pressure is ten times the solver's
+    tolerance.
+    """
     epsilon_n = multiple * E_STAR / H
     base = scene(
         CYLINDER,
@@ -107,12 +123,15 @@ def test_augmented_lagrangian_solves_its_own_equations(method: str, multiple: fl
         assert thrust == pytest.approx(force, rel=1e-9, abs=1e-14)
 
 
-# ---- where the set ends -----------------------------------------------------------------------------------------
+# ---- where the set ends
+# -----------------------------------------------------------------------------------------
 
 
 def test_hats_jitter_less_than_conditions_at_the_nodes() -> None:
-    """The textbook's active set, F_i >= 0, g_i >= 0 and F_i g_i = 0 at every node, on the same compliance: as the edge
-    goes from node to node its force is off by 0.11 % in the mean and 0.49 % at most, ours by 0.07 and 0.23 %."""
+    """The textbook's active set, F_i >= 0, g_i >= 0 and F_i g_i = 0 at every node, on the same
+    compliance: as the edge goes from node to node its force is off by 0.11 % in the mean and
+    0.49 % at most, ours by 0.07 and 0.23 %.
+    """
     base = scene(WALLED, contact={"method": "active_set"}, mesh={"h_contact": H})
     deltas = np.linspace(0.0017, DELTA, 200)  # four to ten elements in the radius
     exact = np.array([solution.force for solution in base.plan.theory.curve(tuple(deltas))])
@@ -129,11 +148,14 @@ def test_hats_jitter_less_than_conditions_at_the_nodes() -> None:
     assert ours.std() < 0.8 * theirs.std()
 
 
-# ---- active sets that go round in a circle --------------------------------------------------------------------
+# ---- active sets that go round in a circle
+# --------------------------------------------------------------------
 
 
 def circling() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A symmetric positive definite matrix, gaps and a first set from which active sets come back to themselves."""
+    """A symmetric positive definite matrix, gaps and a first set from which active sets come back
+    to themselves.
+    """
     random = np.random.default_rng(0)
     for _ in range(20000):
         half = random.normal(size=(4, 4))
@@ -164,7 +186,9 @@ def test_circling_sets_are_resolved() -> None:
 
 
 def test_least_squares_finds_the_same_contact(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Forced on a real contact by calling every set a repetition: the same force to 1e-9, another algorithm."""
+    """Forced on a real contact by calling every set a repetition: the same force to 1e-9, another
+    algorithm.
+    """
     base = scene(CYLINDER, contact={"method": "active_set"}, mesh={"h_contact": H})
     expected = solve(base)[-1]
     real = contact.complementary
@@ -181,12 +205,19 @@ def test_least_squares_finds_the_same_contact(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(contact, "complementary", tired)
     found = solve(base)[-1]
     assert found.force == pytest.approx(expected.force, rel=1e-9)
-    assert found.surface.pressure == pytest.approx(expected.surface.pressure, abs=1e-8 * expected.p_max)
+    assert found.surface.pressure == pytest.approx(
+        expected.surface.pressure, abs=1e-8 * expected.p_max
+    )
 
 
 def test_one_node_at_a_time_finds_the_same_contact(monkeypatch: pytest.MonkeyPatch) -> None:
     """Forced on Newton from the first step on: more iterations, the same force to 1e-9."""
-    base = scene(CYLINDER, contact={"method": "active_set"}, solver={"method": "newton"}, mesh={"h_contact": 0.004})
+    base = scene(
+        CYLINDER,
+        contact={"method": "active_set"},
+        solver={"method": "newton"},
+        mesh={"h_contact": 0.004},
+    )
     expected = solve(base)
     monkeypatch.setattr(nodal, "RETURNS", 0)
     found = solve(base)

@@ -1,4 +1,6 @@
-"""A plate on a flat top: homogeneous compression is exact, whatever the body, the law and the contact method."""
+"""A plate on a flat top: homogeneous compression is exact, whatever the body, the law and the
+contact method.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +26,16 @@ BLOCK = BOX | SLIDING | {"size": [1.0, 1.5, 1.0]}
 RUBBER = {"model": "neo_hookean", "E": 10.0, "nu": 0.45}
 DEEP = {"delta": 0.3, "steps": 3}
 SMALL = {"delta": 0.02, "steps": 1}
-# Of the force. Newton's method leaves 1e-10 of the reactions; all else is round-off, since linear functions are exact
+# Of the force. Newton's method leaves 1e-10 of the reactions; all else is round-off, since linear
+# functions are exact
 EXACT = 1e-9
 
 
 def stress(stretch: float, E: float, nu: float, held: int) -> float:
-    """Nominal pressure on a neo-Hookean bar of this stretch along its axis, kept from spreading in `held` of the two
-    directions across it, by bisection of the traction on its free sides: an independent way to the same number."""
+    """Nominal pressure on a neo-Hookean bar of this stretch along its axis, kept from spreading in
+    `held` of the two directions across it, by bisection of the traction on its free sides: an
+    independent way to the same number.
+    """
     mu, lame = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
     free = 2 - held
 
@@ -65,7 +70,9 @@ def confirmed(of: Scene, expected: list[float]) -> None:
     ],
     ids=["disc", "confined disc", "strip", "strip beside one wall", "block"],
 )
-def test_a_linear_block_is_compressed_evenly(body: dict[str, Any], modulus: float, area: float) -> None:
+def test_a_linear_block_is_compressed_evenly(
+    body: dict[str, Any], modulus: float, area: float
+) -> None:
     confirmed(scene(body, indenter=PLATE, loading=SMALL), [modulus * area * 0.02])
 
 
@@ -74,7 +81,9 @@ def test_a_linear_block_is_compressed_evenly(body: dict[str, Any], modulus: floa
     [(DISC, 0, pi), (PLANK, 1, 4.0), (DISC | {"sides": "roller"}, 2, pi)],
     ids=["disc", "strip", "confined disc"],
 )
-def test_rubber_is_compressed_evenly_at_finite_strain(body: dict[str, Any], held: int, area: float) -> None:
+def test_rubber_is_compressed_evenly_at_finite_strain(
+    body: dict[str, Any], held: int, area: float
+) -> None:
     """Its rim bulges past where it was, and stays under the plate."""
     expected = [area * stress(1 - delta, 10.0, 0.45, held) for delta in (0.1, 0.2, 0.3)]
     confirmed(scene(body, material=RUBBER, indenter=PLATE, loading=DEEP), expected)
@@ -85,7 +94,11 @@ def test_rubber_is_compressed_evenly_at_finite_strain(body: dict[str, Any], held
 def test_a_block_of_rubber_is_compressed_evenly(symmetry: str) -> None:
     """Also where only pins hold it sideways: a plane does not push that way."""
     base = scene(
-        BLOCK, material=RUBBER, indenter=PLATE, loading={"delta": 0.2, "steps": 1}, mesh={"symmetry": symmetry}
+        BLOCK,
+        material=RUBBER,
+        indenter=PLATE,
+        loading={"delta": 0.2, "steps": 1},
+        mesh={"symmetry": symmetry},
     )
     confirmed(base, [1.5 * stress(0.8, 10.0, 0.45, 0)])
 
@@ -114,7 +127,9 @@ def test_theory_knows_every_law(law: dict[str, Any]) -> None:
     theory = base.exact_theory
     assert theory is not None
     for state in solve(base):
-        assert state.newton_iterations <= 8  # quadratic: where two stretches are equal Ogden's tangent has its digits
+        assert (
+            state.newton_iterations <= 8
+        )  # quadratic: where two stretches are equal Ogden's tangent has its digits
         solution = theory.at(state.delta)
         assert solution is not None
         scales = base.physics.scales
@@ -124,16 +139,27 @@ def test_theory_knows_every_law(law: dict[str, Any]) -> None:
 
 
 def test_a_force_finds_its_depth() -> None:
-    (state,) = solve(scene(DISC, material=RUBBER, indenter=PLATE, loading={"force": 5.0, "steps": 1}))
+    (state,) = solve(
+        scene(DISC, material=RUBBER, indenter=PLATE, loading={"force": 5.0, "steps": 1})
+    )
     assert pi * stress(1 - state.delta, 10.0, 0.45, 0) == pytest.approx(5.0, rel=1e-8)
 
 
 def test_a_punch_as_wide_as_the_body_is_a_plate() -> None:
-    """Its edge would cut into the rim that bulges. The values are those of a disc between rigid planes."""
-    base = scene(DISC, material=RUBBER, indenter={"shape": "flat_punch", "radius": 1.0}, loading=DEEP)
+    """Its edge would cut into the rim that bulges.
+
+    The values are those of a disc between rigid planes.
+    """
+    base = scene(
+        DISC, material=RUBBER, indenter={"shape": "flat_punch", "radius": 1.0}, loading=DEEP
+    )
     assert isinstance(base.physics.indenter, Plate)
-    assert [choice.value for choice in base.plan.choices if choice.key == "indenter.shape"] == ["plate"]
-    assert [state.force for state in solve(base)] == pytest.approx([3.478148, 7.851774, 13.632588], rel=1e-6)
+    assert [choice.value for choice in base.plan.choices if choice.key == "indenter.shape"] == [
+        "plate"
+    ]
+    assert [state.force for state in solve(base)] == pytest.approx(
+        [3.478148, 7.851774, 13.632588], rel=1e-6
+    )
 
 
 def test_a_wider_punch_is_a_plate_until_the_rim_is_at_its_edge() -> None:
@@ -155,32 +181,50 @@ def test_a_punch_whose_edge_crosses_that_of_a_block_is_refused(radius: float) ->
 
 
 def test_a_bonded_disc_is_stiffer_than_gent_and_lindley_say_by_what_they_leave_out() -> None:
-    """0.0375783 on meshes graded to 1e-7 at the corner (test_corners). The formula takes its sections for parabolas and
-    is 6 % low at this height; the run says that it compares with it, and with no half-space."""
+    """0.0375783 on meshes graded to 1e-7 at the corner (test_corners).
+
+    The formula takes its sections for parabolas and is 6 % low at this height; the run says that it
+    compares with it, and with no half-space.
+    """
     base = scene(CYLINDER, material=ELASTIC | {"nu": 0.4999}, indenter=PLATE)
     found = solve(base)
     said = theory_comparison(base, found)
     assert said is not None
     assert found[-1].force == pytest.approx(0.0375783, rel=3e-3)
     (formula,) = said["formulas"]
-    assert formula["name"] == "Gent-Lindley" and formula["force"] == pytest.approx(pi * 0.01 * 1.125, rel=1e-3)
+    assert formula["name"] == "Gent-Lindley" and formula["force"] == pytest.approx(
+        pi * 0.01 * 1.125, rel=1e-3
+    )
     assert said["why"] == "the base is bonded, theory's slides" and said["half_space"] is None
 
 
 def test_a_side_that_folds_up_against_the_plate_is_found() -> None:
-    """Beside a top that sticks the side turns over its rim: between 0.2 and 0.25 of the height, and it says so."""
+    """Beside a top that sticks the side turns over its rim: between 0.2 and 0.25 of the height, and
+    it says so.
+    """
     loading = {"deltas": [0.1, 0.2, 0.25]}
     stuck = {"friction": "stick"}
-    base = scene(CYLINDER, material=RUBBER, indenter=PLATE, contact=stuck, loading=loading, mesh={"h_contact": 0.15})
+    base = scene(
+        CYLINDER,
+        material=RUBBER,
+        indenter=PLATE,
+        contact=stuck,
+        loading=loading,
+        mesh={"h_contact": 0.15},
+    )
     found = list(states(base))
-    first, second, third = (contradiction(base, one, Rows(found[:k])) for k, one in enumerate(found))
+    first, second, third = (
+        contradiction(base, one, Rows(found[:k])) for k, one in enumerate(found)
+    )
     assert first is None and second is None
     assert third is not None and "folds up against it from a depth between 0.2 and 0.25 on" in third
     assert "let the top slide" in third and "contact.method" not in third
 
 
 def test_a_porous_disc_ends_drained() -> None:
-    """A ramp of 110 times what the fluid takes to the side, R^2/D: within 1 % of drained compression."""
+    """A ramp of 110 times what the fluid takes to the side, R^2/D: within 1 % of drained
+    compression.
+    """
     law = {"model": "neo_hookean", "E": 10.0, "nu": 0.2, "flow": {"permeability": 1.0}}
     base = scene(
         DISC,

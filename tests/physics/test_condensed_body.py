@@ -1,4 +1,6 @@
-"""The condensed body: the numbers of the full Newton, and one factorisation for many tips as a notebook uses it."""
+"""The condensed body: the numbers of the full Newton, and one factorisation for many tips as a
+notebook uses it.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +24,15 @@ from indent_sim.scene.scene import Scene, resolve
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 METHODS = ("augmented_lagrangian", "uzawa", "active_set", "penalty")
 BODIES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
-    "axisymmetric": (CYLINDER, {"mesh": {"h_contact": 0.03}, "loading": {"delta": 0.01, "steps": 3}}),
+    "axisymmetric": (
+        CYLINDER,
+        {"mesh": {"h_contact": 0.03}, "loading": {"delta": 0.01, "steps": 3}},
+    ),
     "plane_strain": (STRIP, {"mesh": {"h_contact": 0.03}, "loading": {"delta": 0.01, "steps": 2}}),
-    "box": (BOX, {"mesh": {"h_contact": 0.15, "h_far": 0.6}, "loading": {"delta": 0.04, "steps": 2}}),
+    "box": (
+        BOX,
+        {"mesh": {"h_contact": 0.15, "h_far": 0.6}, "loading": {"delta": 0.04, "steps": 2}},
+    ),
     "mixed": (WALLED, {"mesh": {"h_contact": 0.04}, "material": ELASTIC | {"nu": 0.5}}),
 }
 
@@ -35,22 +43,29 @@ def solved_by(method: str, base: Scene) -> Scene:
 
 
 def assert_condensed_is_newton(base: Scene) -> None:
-    """Force, radius and, at every node of the surface, the pressure (of the path's largest), at every step to 1e-9.
+    """Force, radius and, at every node of the surface, the pressure (of the path's largest), at
+    every step to 1e-9.
 
-    It is one discrete problem: the difference is what Newton's tolerance of 1e-10 leaves, and usually 1e-12. Uzawa's
-    multiplier stops at 1e-8 of itself on the way of either solver, so its pressures are known to that. What else a
-    row says, to ten times that.
+    It is one discrete problem: the difference is what Newton's tolerance of 1e-10 leaves, and
+    usually 1e-12. Uzawa's multiplier stops at 1e-8 of itself on the way of either solver, so its
+    pressures are known to that. What else a row says, to ten times that.
     """
     pressures = 1e-8 if base.physics.contact.method == "uzawa" else 1e-9
     condensed, newton = (solve(solved_by(solver, base)) for solver in ("condensed", "newton"))
-    p_max = max(state.surface.pressure.max() for state in newton)  # a body let go of has round-off for pressures
+    p_max = max(
+        state.surface.pressure.max() for state in newton
+    )  # a body let go of has round-off for pressures
     for one, other in zip(condensed, newton, strict=True):
         assert one.force == pytest.approx(other.force, rel=1e-9)
         assert one.a == pytest.approx(other.a, rel=1e-9)
         assert np.abs(one.surface.pressure - other.surface.pressure).max() <= pressures * p_max
         for name in ("p_max", "energy", "reaction"):
-            assert getattr(one, name) == pytest.approx(getattr(other, name), rel=10 * pressures, nan_ok=True), name
-        assert one.penetration == pytest.approx(other.penetration, rel=10 * pressures, abs=10 * pressures * one.delta)
+            assert getattr(one, name) == pytest.approx(
+                getattr(other, name), rel=10 * pressures, nan_ok=True
+            ), name
+        assert one.penetration == pytest.approx(
+            other.penetration, rel=10 * pressures, abs=10 * pressures * one.delta
+        )
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -68,10 +83,13 @@ def test_every_linear_config_is_condensed() -> None:
     for path in SHIPPED:
         base = resolve(load(path))
         is_whole = base.is_meshed and base.solver.method != "condensed"
-        assert not is_whole or base.physics.takes_steps or not base.physics.material.small_strain, path
+        assert not is_whole or base.physics.takes_steps or not base.physics.material.small_strain, (
+            path
+        )
 
 
-# Sharp and round tips, plane strain, a quarter and a half in three dimensions, friction, a mesh file, each method
+# Sharp and round tips, plane strain, a quarter and a half in three dimensions, friction, a mesh
+# file, each method
 @pytest.mark.verify
 @pytest.mark.parametrize(
     "name",
@@ -92,21 +110,31 @@ def test_condensed_is_newton_on_shipped_configs(name: str) -> None:
 
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "uzawa", "active_set"])
 def test_no_number_knows_the_candidates(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Four elements around the fine patch, the whole surface, or so few that they must grow: rounding alone differs."""
+    """Four elements around the fine patch, the whole surface, or so few that they must grow:
+    rounding alone differs.
+    """
     base = scene(CYLINDER, contact={"method": method}, mesh={"h_contact": 0.02})
     (expected,) = solve(base)
     for margin in (-5.0, 1000.0):
         monkeypatch.setattr(equilibrium, "CANDIDATE_MARGIN", margin)
         (found,) = solve(base)
         assert found.force == pytest.approx(expected.force, rel=1e-12)
-        assert np.abs(found.surface.pressure - expected.surface.pressure).max() <= 1e-11 * expected.p_max
+        assert (
+            np.abs(found.surface.pressure - expected.surface.pressure).max()
+            <= 1e-11 * expected.p_max
+        )
 
 
 def test_another_tip_on_the_same_compliance_is_a_run_of_its_own():
-    """Same mesh, same equations: only round-off may differ from a scene that was built with the tip."""
+    """Same mesh, same equations: only round-off may differ from a scene that was built with the
+    tip.
+    """
     base = scene(WALLED, "mesh.h_contact=0.02")
     body = condense(base)
-    for tip, section in ((Sphere(1.0), {"shape": "sphere", "R": 1.0}), (Paraboloid(1.0), PARABOLOID)):
+    for tip, section in (
+        (Sphere(1.0), {"shape": "sphere", "R": 1.0}),
+        (Paraboloid(1.0), PARABOLOID),
+    ):
         alone = scene(WALLED, "mesh.h_contact=0.02", indenter=section)
         (expected,) = states(type(alone)(**{**vars(alone), "sizes": base.sizes}))
         (found,) = body.states(tip)
@@ -139,7 +167,9 @@ def test_a_scene_that_does_not_condense_is_refused():
 
 
 def test_a_compliance_that_grows_is_the_one_solved_at_once() -> None:
-    """Only columns of the new nodes are solved for; the rest follows by symmetry, which holds to round-off."""
+    """Only columns of the new nodes are solved for; the rest follows by symmetry, which holds to
+    round-off.
+    """
     condenser = condense(scene(BOX, "mesh.h_contact=0.05")).equilibrium.condenser
     condenser.condense(0.1, (1.0, 1.0), [2])
     grown = condenser.condense(0.3, (1.0, 1.0), [2])
@@ -152,7 +182,9 @@ def test_a_compliance_that_grows_is_the_one_solved_at_once() -> None:
 
 
 def test_memory_does_not_grow_with_the_blocks_solved(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two matrices of one right-hand side, some 60 kB each, for each of 250 nodes: 30 MB if they stayed."""
+    """Two matrices of one right-hand side, some 60 kB each, for each of 250 nodes: 30 MB if they
+    stayed.
+    """
     monkeypatch.setattr(compliance, "BLOCK", 1)
     condenser = condense(scene(WALLED, "mesh.h_contact=0.001")).equilibrium.condenser
     places = condenser._last.places
@@ -166,8 +198,12 @@ def test_memory_does_not_grow_with_the_blocks_solved(monkeypatch: pytest.MonkeyP
 
 @pytest.mark.parametrize("method", ["condensed", "newton"])
 def test_memory_of_a_solution_is_given_back(method: str) -> None:
-    """What dies after its mesh is released stays: 2 MB a run with a compliance, 5 MB with a tangent and its factor."""
-    base = solved_by(method, scene(WALLED, "mesh.h_contact=0.02", loading={"delta": 0.01, "steps": 1}))
+    """What dies after its mesh is released stays: 2 MB a run with a compliance, 5 MB with a tangent
+    and its factor.
+    """
+    base = solved_by(
+        method, scene(WALLED, "mesh.h_contact=0.02", loading={"delta": 0.01, "steps": 1})
+    )
     solve(base), solve(base)
     before, runs = memory_in_use(), 5
     for _ in range(runs):
@@ -176,8 +212,12 @@ def test_memory_of_a_solution_is_given_back(method: str) -> None:
 
 
 def test_memory_of_a_step_is_given_back() -> None:
-    """A step lets go of some twenty vectors of the body, 16 MB over these rows; a third of that is room for states."""
-    base = solved_by("newton", scene(WALLED, "mesh.h_contact=0.01", loading={"delta": 0.01, "steps": 50}))
+    """A step lets go of some twenty vectors of the body, 16 MB over these rows; a third of that is
+    room for states.
+    """
+    base = solved_by(
+        "newton", scene(WALLED, "mesh.h_contact=0.01", loading={"delta": 0.01, "steps": 50})
+    )
     rows = states(base, with_surface=False)
     for _ in range(10):
         next(rows)
@@ -192,7 +232,9 @@ def test_a_walk_that_is_left_early_lets_go_of_its_mesh(taken: int) -> None:
     from indent_sim.fe import solver
 
     released = []
-    rows = states(scene(WALLED, "mesh.h_contact=0.1", loading={"delta": 0.01, "steps": 3}), with_surface=False)
+    rows = states(
+        scene(WALLED, "mesh.h_contact=0.1", loading={"delta": 0.01, "steps": 3}), with_surface=False
+    )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(solver, "release", released.append)
         next(rows)
@@ -208,7 +250,9 @@ def memory_in_use() -> int:
 
 
 def test_a_contact_too_large_to_condense_is_solved_by_newton_and_says_so() -> None:
-    """The plan gives the size as the reason, in nodes and bytes; asked for all the same, it is refused."""
+    """The plan gives the size as the reason, in nodes and bytes; asked for all the same, it is
+    refused.
+    """
     fine = {"mesh": {"h_contact": 0.0015, "h_far": 0.5}}
     assert scene(WALLED, **fine).solver.method == "condensed"
     with pytest.MonkeyPatch.context() as patch:
@@ -221,11 +265,15 @@ def test_a_contact_too_large_to_condense_is_solved_by_newton_and_says_so() -> No
             scene(WALLED, **fine, solver={"method": "condensed"})
 
 
-@pytest.mark.parametrize("loading", [{"deltas": [0.001, 0.01]}, {"forces": [4e-5, 1.6e-3]}], ids=["depths", "forces"])
+@pytest.mark.parametrize(
+    "loading", [{"deltas": [0.001, 0.01]}, {"forces": [4e-5, 1.6e-3]}], ids=["depths", "forces"]
+)
 def test_a_contact_that_outgrows_what_can_be_condensed_is_no_number(
     loading: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its nodes hold the first row and not the second, which says so: no force of a contact that was cut off."""
+    """Its nodes hold the first row and not the second, which says so: no force of a contact that
+    was cut off.
+    """
     monkeypatch.setattr(equilibrium, "CANDIDATE_MARGIN", -7.0)
     base = scene(WALLED, loading=loading, mesh={"h_contact": 0.01})
     monkeypatch.setattr(equilibrium, "MOST_CANDIDATES", 10)
@@ -238,10 +286,14 @@ def test_a_contact_that_outgrows_what_can_be_condensed_is_no_number(
 
 @pytest.mark.verify
 def test_bodies_condensed_before_take_no_memory() -> None:
-    """Twenty of them, after ten that fill the allocator's pools: PETSc's objects alone were 1.5 MB of each, 30 MB."""
+    """Twenty of them, after ten that fill the allocator's pools: PETSc's objects alone were 1.5 MB
+    of each, 30 MB.
+    """
 
     def resident() -> float:
-        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+        return (
+            int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+        )
 
     base = scene(CYLINDER, mesh={"h_contact": 0.02})
     for _ in range(10):

@@ -1,4 +1,6 @@
-"""`accuracy` and the error bars where a bonded corner, a free edge or a wall beside the contact rules the force."""
+"""`accuracy` and the error bars where a bonded corner, a free edge or a wall beside the contact
+rules the force.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +24,12 @@ from indent_sim.theory.solution import Solution
 from indent_sim.theory.strip import Strip
 
 QUIET = {"fields": "none", "surface": "none", "plot": False}
-SHARP, EDGE = 1e-3, 1e-5  # graded elements at corners (of the height, or of the gap beside the contact) and at a
-# punch's edge: a corner then costs 1e-5 of the force, an edge less than 1e-4 where it nearly touches a wall
+SHARP, EDGE = (
+    1e-3,
+    1e-5,
+)  # graded elements at corners (of the height, or of the gap beside the contact) and at a
+# punch's edge: a corner then costs 1e-5 of the force, an edge less than 1e-4 where it nearly
+# touches a wall
 KNOWN = 2e-5  # of the force, what graded meshes know
 TARGETS = (0.05, 0.01, 0.001)
 SEED = 12
@@ -32,8 +38,9 @@ WALLS = {"one": ("fixed", "free")}  # the two sides of a strip, where they diffe
 
 @dataclass(frozen=True)
 class Case:
-    """A tip pressed into a body of height 1 and the half-width `wide`, until contact takes about the share `reach` of
-    that: by the theory of a layer that ends at roller walls."""
+    """A tip pressed into a body of height 1 and the half-width `wide`, until contact takes about
+    the share `reach` of that: by the theory of a layer that ends at roller walls.
+    """
 
     tip: str
     wide: float
@@ -46,7 +53,8 @@ class Case:
 
     def __str__(self) -> str:
         return (
-            f"{self.tip}, {self.shape} {self.wide:.3g} wide, contact {self.reach:.3g} of it, nu {self.nu:g}, "
+            f"{self.tip}, {self.shape} {self.wide:.3g} wide, contact {self.reach:.3g} of it, "
+            f"nu {self.nu:g}, "
             f"{self.base} base, sides {self.sides}, {self.steps} steps"
         )
 
@@ -66,7 +74,10 @@ class Case:
         size = (
             {"radius": self.wide, "sides": walls[0]}
             if self.shape == "cylinder"
-            else {"width": 2 * self.wide, "sides": dict(zip(("x_min", "x_max"), walls, strict=True))}
+            else {
+                "width": 2 * self.wide,
+                "sides": dict(zip(("x_min", "x_max"), walls, strict=True)),
+            }
         )
         return {
             "body": {"shape": self.shape, "height": 1.0, "base": self.base} | size,
@@ -82,7 +93,10 @@ class Case:
             return False
         config = from_mapping(self.mapping())
         delta = config.loading.delta
-        return delta is not None and float(config.indenter.height(np.array(self.wide), np.array(0.0))) <= delta
+        return (
+            delta is not None
+            and float(config.indenter.height(np.array(self.wide), np.array(0.0))) <= delta
+        )
 
     def depth(self) -> float:
         """Where contact ends at `reach`."""
@@ -95,7 +109,9 @@ class Case:
 
         def excess(delta: float) -> float:
             try:
-                found: Solution = indent(theory, tip, delta, E=1.0, nu=self.nu, h=1.0, base=self.base, wall=self.wide)
+                found: Solution = indent(
+                    theory, tip, delta, E=1.0, nu=self.nu, h=1.0, base=self.base, wall=self.wide
+                )
             except ValueError:  # contact meets the wall
                 return self.wide - a
             return found.a - a
@@ -107,8 +123,9 @@ class Case:
 def drawn(count: int, seed: int) -> list[Case]:
     """Scenes drawn at random, a third of them with a contact within 5 % of a side.
 
-    Where a smooth tip is pressed down onto the top of a fixed side, the force has no bound and the program refuses:
-    contact stays away from one, the more in narrow bodies, which are squeezed more than theory says.
+    Where a smooth tip is pressed down onto the top of a fixed side, the force has no bound and the
+    program refuses: contact stays away from one, the more in narrow bodies, which are squeezed more
+    than theory says.
     """
     draw = np.random.default_rng(seed)
     found = []
@@ -117,10 +134,14 @@ def drawn(count: int, seed: int) -> list[Case]:
         sides = str(draw.choice(["roller", "free", "fixed", "one"], p=[0.25, 0.4, 0.2, 0.15]))
         shape = "strip" if sides == "one" else shape
         near = draw.random() < 1 / 3
-        tip = str(draw.choice(["paraboloid", "sphere", "cone", "flat_punch"], p=[0.3, 0.15, 0.15, 0.4]))
+        tip = str(
+            draw.choice(["paraboloid", "sphere", "cone", "flat_punch"], p=[0.3, 0.15, 0.15, 0.4])
+        )
         wide = float(np.exp(draw.uniform(np.log(0.5), np.log(5.0))))
         reach = round(float(draw.uniform(0.95, 0.99) if near else draw.uniform(0.2, 0.95)), 4)
-        most = 1.0 if sides in ("roller", "free") or tip == "flat_punch" else 0.8 if wide < 1 else 0.9
+        most = (
+            1.0 if sides in ("roller", "free") or tip == "flat_punch" else 0.8 if wide < 1 else 0.9
+        )
         case = Case(
             tip=tip,
             wide=wide,
@@ -136,7 +157,9 @@ def drawn(count: int, seed: int) -> list[Case]:
 
 
 def graded(config: Config, n: float = 15.0, grading: float = 0.2) -> Scene:
-    """The scene on a mesh that shrinks to nothing towards every corner and towards the end of every step's contact."""
+    """The scene on a mesh that shrinks to nothing towards every corner and towards the end of every
+    step's contact.
+    """
     base = resolve(config, n)
     (low, high), (bottom, top) = base.physics.part.extent
     ends = {abs(end - base.physics.center[0]) for end in (low, high)} - {0.0}
@@ -167,7 +190,9 @@ def true_forces(config: Config) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Judged:
-    """The relative errors of a run's forces, true and estimated (without the word of exact theory), step by step."""
+    """The relative errors of a run's forces, true and estimated (without the word of exact theory),
+    step by step.
+    """
 
     true: np.ndarray
     bar: np.ndarray
@@ -178,7 +203,9 @@ class Judged:
         return self.true <= self.bar + KNOWN
 
 
-def judged(mapping: dict[str, Any], target: float, folder: Path, exact: np.ndarray | None = None) -> Judged:
+def judged(
+    mapping: dict[str, Any], target: float, folder: Path, exact: np.ndarray | None = None
+) -> Judged:
     config = from_mapping(mapping | {"accuracy": target})
     outcome = simulate(config, directory=folder)
     exact = true_forces(config) if exact is None else exact
@@ -211,7 +238,9 @@ def test_a_plate_on_a_bonded_disc(tmp_path: Path) -> None:
     ids=str,
 )
 def test_a_contact_that_nearly_fills_the_body(case: Case, tmp_path: Path) -> None:
-    """Between contact and wall the surface rises in a ring narrower than the elements under the tip would be."""
+    """Between contact and wall the surface rises in a ring narrower than the elements under the tip
+    would be.
+    """
     found = judged(case.mapping(), 0.01, tmp_path)
     assert found.true.max() <= 0.01 and found.inside.all()
 
@@ -219,15 +248,22 @@ def test_a_contact_that_nearly_fills_the_body(case: Case, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("nu", "wide", "reach"),
     [
-        *((0.4999, wide, reach) for wide, reach in ((1.0, 0.5), (1.0, 0.9), (3.0, 0.97), (8.0, 0.99))),
+        *(
+            (0.4999, wide, reach)
+            for wide, reach in ((1.0, 0.5), (1.0, 0.9), (3.0, 0.97), (8.0, 0.99))
+        ),
         pytest.param(0.3, 1.0, 0.9, marks=pytest.mark.verify),
         pytest.param(0.49, 3.0, 0.97, marks=pytest.mark.verify),
         pytest.param(0.5, 8.0, 0.99, marks=pytest.mark.verify),
     ],
 )
-def test_automatic_sizes_resolve_a_punch_beside_a_wall(nu: float, wide: float, reach: float) -> None:
-    """The force on a thin incompressible layer changes by up to 140 % for a per cent of the punch's radius, which is
-    too small by a quarter of the elements at its edge. Automatic sizes cost at most 0.3 % of the force."""
+def test_automatic_sizes_resolve_a_punch_beside_a_wall(
+    nu: float, wide: float, reach: float
+) -> None:
+    """The force on a thin incompressible layer changes by up to 140 % for a per cent of the punch's
+    radius, which is too small by a quarter of the elements at its edge. Automatic sizes cost at
+    most 0.3 % of the force.
+    """
     config = from_mapping(Case("flat_punch", wide, reach, nu, "roller").mapping())
     (state,) = states(resolve(config), with_surface=False)
     assert state.force == pytest.approx(true_forces(config)[0], rel=0.003)
@@ -244,7 +280,9 @@ EXACT = [
 @pytest.mark.verify
 @pytest.mark.parametrize("case", EXACT, ids=str)
 def test_graded_meshes_agree_with_exact_theory(case: Case) -> None:
-    """What judges the scenes without a theory, judged where there is one, to a twentieth of the finest target."""
+    """What judges the scenes without a theory, judged where there is one, to a twentieth of the
+    finest target.
+    """
     config = from_mapping(case.mapping() | {"accuracy": 0.001})
     found = [state.force for state in states(graded(config), with_surface=False)]
     assert found == pytest.approx(true_forces(config), rel=5e-5)
@@ -261,8 +299,10 @@ def test_graded_meshes_converge_at_bonded_corners() -> None:
 
 @pytest.mark.verify
 def test_scenes_drawn_at_random(tmp_path: Path) -> None:
-    """Eighteen scenes, by turns at three targets, against finer graded meshes or exact theory. The target holds without
-    exception, and the bars as is promised of a class of scenes."""
+    """Eighteen scenes, by turns at three targets, against finer graded meshes or exact theory.
+
+    The target holds without exception, and the bars as is promised of a class of scenes.
+    """
     runs = []
     for i, case in enumerate(drawn(18, SEED)):
         target = TARGETS[i % 3]
@@ -275,9 +315,14 @@ def test_scenes_drawn_at_random(tmp_path: Path) -> None:
         assert found.true.max() <= target, case
     rows, scenes = (
         float(np.mean(inside))
-        for inside in (np.concatenate([run_.inside for run_ in runs]), [run_.inside.all() for run_ in runs])
+        for inside in (
+            np.concatenate([run_.inside for run_ in runs]),
+            [run_.inside.all() for run_ in runs],
+        )
     )
     over = float(np.median(np.concatenate([run_.bar / run_.true for run_ in runs])))
-    print(f"rows inside {rows:.3f}, scenes inside {scenes:.3f}, bar over error {over:.2f}", flush=True)
+    print(
+        f"rows inside {rows:.3f}, scenes inside {scenes:.3f}, bar over error {over:.2f}", flush=True
+    )
     assert rows >= ROWS_OF_A_CLASS
     assert max(run_.bar[run_.true < SMALL_ERROR].max(initial=0) for run_ in runs) <= WIDEST

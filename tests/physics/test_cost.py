@@ -1,6 +1,8 @@
-"""What `plan` says a run costs, against what it does cost: within a factor of two, cells on every shipped scene.
+"""What `plan` says a run costs, against what it does cost: within a factor of two, cells on every
+shipped scene.
 
-Seconds are those of a core on which the libraries below take 0.8 s to import, a busy or slower one is measured by that.
+Seconds are those of a core on which the libraries below take 0.8 s to import, a busy or slower one
+is measured by that.
 """
 
 from __future__ import annotations
@@ -29,8 +31,9 @@ SCENES = sorted(path for path in (ROOT / "configs").rglob("*.yaml") if "studies"
 
 
 def meshed(path: Path) -> str:
-    """An override by which a scene is meshed also where theory alone would do; a history on the elastic curve has no
-    fields."""
+    """An override by which a scene is meshed also where theory alone would do; a history on the
+    elastic curve has no fields.
+    """
     is_of_curve = resolve(load(path)).history is not None
     return "solver.method=condensed" if is_of_curve else "output.fields=last"
 
@@ -38,7 +41,8 @@ def meshed(path: Path) -> str:
 WET = ELASTIC | {"nu": 0.2, "flow": {"diffusivity": 1.0}}
 
 each_scene = pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
-# One of each whose cost has constants of its own: condensed, in three dimensions, rubber, friction, fluid
+# One of each whose cost has constants of its own: condensed, in three dimensions, rubber, friction,
+# fluid
 KINDS = ("hertz", "hertz_cube", "gel", "thin_gel_stick", "draining_gel")
 ONE_OF_A_KIND = [path for path in SCENES if path.stem in KINDS]
 
@@ -56,18 +60,32 @@ def test_cells(path: Path) -> None:
 
 
 def test_counts_of_a_solid() -> None:
-    """Cells, nodes and vertices of a box, of which unknowns are made: 5 % from 1000 cells on, here 700."""
+    """Cells, nodes and vertices of a box, of which unknowns are made: 5 % from 1000 cells on, here
+    700.
+    """
     base = scene(BOX, mesh={"h_contact": 0.1, "h_far": 0.3})
     grid, said = grid_of(base), counts(base.sizes, base.physics.part)
-    edges = np.unique(np.sort(grid.cells[:, list(combinations(range(4), 2))], axis=-1).reshape(-1, 2), axis=0)
-    found = {"cells": len(grid.cells), "nodes": len(grid.points) + len(edges), "vertices": len(grid.points)}
+    edges = np.unique(
+        np.sort(grid.cells[:, list(combinations(range(4), 2))], axis=-1).reshape(-1, 2), axis=0
+    )
+    found = {
+        "cells": len(grid.cells),
+        "nodes": len(grid.points) + len(edges),
+        "vertices": len(grid.points),
+    }
     assert said == pytest.approx(found, rel=0.1)
 
 
 def test_a_scene_turned_about_its_axis_costs_the_same() -> None:
-    """A tip beside the middle of a box along x, and along y; the grid of the integrals turns with it."""
+    """A tip beside the middle of a box along x, and along y; the grid of the integrals turns with
+    it.
+    """
     along = [
-        scene(BOX, indenter=PARABOLOID | {"center": center}, mesh={"h_contact": 0.1, "symmetry": "full"})
+        scene(
+            BOX,
+            indenter=PARABOLOID | {"center": center},
+            mesh={"h_contact": 0.1, "symmetry": "full"},
+        )
         for center in ([1.4, 1.0], [1.0, 1.4])
     ]
     one, other = (base.plan.prediction["cells"] for base in along)
@@ -84,26 +102,34 @@ def test_more_steps_take_longer() -> None:
 def test_steps_between_the_rows_of_a_history_are_counted() -> None:
     """The steps are the same, however many of them are rows."""
     history = {"history": [[0, 0], [0.1, 0.02], [1, 0.02]]}
-    all_rows, one = (scene(WALLED, material=WET, loading=history | times) for times in ({}, {"times": [1]}))
+    all_rows, one = (
+        scene(WALLED, material=WET, loading=history | times) for times in ({}, {"times": [1]})
+    )
     predicted = [base.plan.prediction["seconds"] for base in (all_rows, one)]
-    assert len(all_rows.physics.deltas) > 20 and predicted[1] == pytest.approx(predicted[0], rel=0.05)
+    assert len(all_rows.physics.deltas) > 20 and predicted[1] == pytest.approx(
+        predicted[0], rel=0.05
+    )
 
 
 HOLD = {"history": [[0, 0], [0, 0.02], [0.01, 0.02]], "times": [0.01]}
 
 
 def test_steps_under_a_tip_that_stands_still_are_counted_apart() -> None:
-    """Two stages each, where nothing but time moves: their systems are solved once, with the last factor. A bath that
-    comes makes the contact grow."""
-    base, swelling = (scene(WALLED, material=WET, loading=HOLD, drainage={"bath": bath}) for bath in (0, 0.01))
+    """Two stages each, where nothing but time moves: their systems are solved once, with the last
+    factor. A bath that comes makes the contact grow.
+    """
+    base, swelling = (
+        scene(WALLED, material=WET, loading=HOLD, drainage={"bath": bath}) for bath in (0, 0.01)
+    )
     one, other = (made.physics.work("newton", "direct") for made in (base, swelling))
     assert (one.steps, other.still) == (2, 0) and one.still == 2 * base.physics.path.still > 20
     assert other.steps >= one.steps + one.still
 
 
 def test_meshes_on_the_way_to_an_accuracy_of_a_body_that_drains() -> None:
-    """The edge of what a ball seals lies within elements: a run of 0.002 took four meshes, a punch's took one. Where
-    the pressure lives at vertices a ball's took two of 0.001."""
+    """The edge of what a ball seals lies within elements: a run of 0.002 took four meshes, a
+    punch's took one. Where the pressure lives at vertices a ball's took two of 0.001.
+    """
     ball = {"material": WET, "loading": HOLD, "accuracy": 0.002, "mesh": {}}
     punch = ball | {"indenter": {"shape": "flat_punch", "radius": 1.0}}
     sharp = ball | {"accuracy": 0.001, "contact": {"method": "active_set"}}
@@ -112,7 +138,9 @@ def test_meshes_on_the_way_to_an_accuracy_of_a_body_that_drains() -> None:
 
 
 def test_solves_of_a_tip_that_snaps_in_and_comes_off() -> None:
-    """As many as are foreseen within a factor of two; without attraction there were four a row and ten more."""
+    """As many as are foreseen within a factor of two; without attraction there were four a row and
+    ten more.
+    """
     sticky = {"adhesion": {"work": 0.008, "range": 0.02}}  # Maugis' lambda 2.5
     way = {"deltas": [-0.2, 0.05, -0.2]}
     base = scene(CYLINDER, contact=sticky, loading=way, mesh={"h_contact": 0.05})
@@ -124,7 +152,9 @@ def test_solves_of_a_tip_that_snaps_in_and_comes_off() -> None:
 @pytest.mark.verify
 @pytest.mark.parametrize("path", ONE_OF_A_KIND, ids=lambda path: path.stem)
 def test_unknowns_memory_and_seconds(path: Path, tmp_path: Path) -> None:
-    """Of a process of its own whose forms are compiled, the better of two runs: others may be working beside it."""
+    """Of a process of its own whose forms are compiled, the better of two runs: others may be
+    working beside it.
+    """
     plan = resolve(load(path, [meshed(path)])).plan.prediction
     report, seconds = measured(path, tmp_path / "run", "--set", meshed(path))
     assert_close(plan["dofs"], report["dofs"])
@@ -189,13 +219,25 @@ def test_seconds_with_accuracy(change: str, tmp_path: Path) -> None:
     """The attempts and their companions."""
     path = ROOT / "configs" / "hertz.yaml"
     settings = [f"accuracy={ACCURATE[change]}", "mesh={}", *([change] if change else [])]
-    _, seconds = measured(path, tmp_path / "run", *(word for one in settings for word in ("--set", one)))
+    _, seconds = measured(
+        path, tmp_path / "run", *(word for one in settings for word in ("--set", one))
+    )
     assert_close(foreseen(resolve(load(path, settings))).plan.prediction["seconds"], seconds)
 
 
 def test_a_sharp_punch_in_three_dimensions_takes_one_mesh() -> None:
-    """Its bar holds what the elements at the edge cost, which is known beforehand, and the first mesh is chosen by it:
-    elements that cost 1.65 % where 1 % was asked for led to a second one."""
+    """Its bar holds what the elements at the edge cost, which is known beforehand, and the first
+    mesh is chosen by it: elements that cost 1.65 % where 1 % was asked for led to a second one.
+    """
     punch = {"shape": "flat_punch", "radius": 0.2}
-    config = {"body": BOX | {"size": [2.0, 2.0, 1.0]}, "indenter": punch, "accuracy": 0.01, "mesh": {}}
-    assert ratios_foreseen(scene(**config)) == ratios_foreseen(scene(**config | {"accuracy": 0.05})) == []
+    config = {
+        "body": BOX | {"size": [2.0, 2.0, 1.0]},
+        "indenter": punch,
+        "accuracy": 0.01,
+        "mesh": {},
+    }
+    assert (
+        ratios_foreseen(scene(**config))
+        == ratios_foreseen(scene(**config | {"accuracy": 0.05}))
+        == []
+    )

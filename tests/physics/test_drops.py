@@ -1,5 +1,8 @@
-"""Bodies that are as good as drops: their surface tension holds them, and next to no elasticity. Between plates they
-are what Young and Laplace's equation says: a surface of constant mean curvature that meets the plates at zero angle."""
+"""Bodies that are as good as drops: their surface tension holds them, and next to no elasticity.
+
+Between plates they are what Young and Laplace's equation says: a surface of constant mean curvature
+that meets the plates at zero angle.
+"""
 
 from __future__ import annotations
 
@@ -31,15 +34,19 @@ def drop(mu: float, loading: dict[str, Any]) -> Scene:
 
 
 def young_laplace(delta: float) -> float:
-    """Force on a drop of the volume of a ball of radius 1 and tension 1 whose plates are 2 - delta apart.
+    """Force on a drop of the volume of a ball of radius 1 and tension 1 whose plates are 2 - delta
+    apart.
 
-    With the radius a of contact and b of the equator, the sine of the angle between the meridian and the plates is
-    s(r) = (b/r) (r^2 - a^2)/(b^2 - a^2), which is 0 at the contact's edge and 1 at the equator: the mean curvature is
-    the same everywhere, the pressure inside 2 b/(b^2 - a^2), and the force that times pi a^2.
+    With the radius a of contact and b of the equator, the sine of the angle between the meridian
+    and the plates is s(r) = (b/r) (r^2 - a^2)/(b^2 - a^2), which is 0 at the contact's edge and 1
+    at the equator: the mean curvature is the same everywhere, the pressure inside 2 b/(b^2 - a^2),
+    and the force that times pi a^2.
     """
 
     def integral(a: float, b: float, power: int) -> float:
-        """int_a^b r^power tan of the angle dr, with r^2 = a^2 + (b^2 - a^2) t and t = 1 - x^2 at the equator."""
+        """int_a^b r^power tan of the angle dr, with r^2 = a^2 + (b^2 - a^2) t and t = 1 - x^2 at
+        the equator.
+        """
 
         def along(x: float) -> float:
             t = 1 - x * x
@@ -56,22 +63,29 @@ def young_laplace(delta: float) -> float:
 
     def missing(a: float) -> float:
         b = equator(a)
-        return 2 * np.pi * integral(a, b, 2) - 4 * np.pi / 3  # int 2 pi r (half height at r) of both halves, by parts
+        return (
+            2 * np.pi * integral(a, b, 2) - 4 * np.pi / 3
+        )  # int 2 pi r (half height at r) of both halves, by parts
 
     a = brentq(missing, 1e-3, 1.0)
     b = equator(a)
     return float(2 * b / (b * b - a * a) * np.pi * a * a)
 
 
-@pytest.mark.parametrize(("delta", "force"), [(0.1, 0.12009), (0.2, 0.29691), (0.3, 0.52663), (0.4, 0.81770)])
+@pytest.mark.parametrize(
+    ("delta", "force"), [(0.1, 0.12009), (0.2, 0.29691), (0.3, 0.52663), (0.4, 0.81770)]
+)
 def test_young_laplace_as_reported(delta: float, force: float) -> None:
     assert young_laplace(delta) == pytest.approx(force, rel=2e-5)
 
 
 @pytest.mark.parametrize("steps", [1, pytest.param(4, marks=pytest.mark.verify)])
 def test_a_drop_between_plates(steps: int) -> None:
-    """gamma/(mu R) = 1000. The elastic part is 0.07 % of the force, the membrane that holds the surface in its plane
-    0.04 %, the mesh some 0.03 %: found 0.09 to 0.13 %."""
+    """gamma/(mu R) = 1000.
+
+    The elastic part is 0.07 % of the force, the membrane that holds the surface in its plane 0.04
+    %, the mesh some 0.03 %: found 0.09 to 0.13 %.
+    """
     scene = drop(0.001, {"delta": 0.1 * steps, "steps": steps})
     chosen = {choice.key: choice.why for choice in scene.plan.choices}["surface"]
     assert "gamma/(mu R) = 1e+03" in chosen

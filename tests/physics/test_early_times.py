@@ -1,7 +1,8 @@
-"""Early times of bodies that drain, and random scenes in time: forces inside their bars, and rows of gels.
+"""Early times of bodies that drain, and random scenes in time: forces inside their bars, and rows
+of gels.
 
-Forces while only a film has drained, on meshes of the program's own and on given ones, and jumps that a closed column
-cannot take at once.
+Forces while only a film has drained, on meshes of the program's own and on given ones, and jumps
+that a closed column cannot take at once.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.run.chain import simulate
 
 QUIET = {"fields": "none", "surface": "none", "plot": False}
-QUICK: dict[str, Any] = {  # a ramp of 1e-7 height^2/D on a layer that drains under the tip and beside it
+QUICK: dict[
+    str, Any
+] = {  # a ramp of 1e-7 height^2/D on a layer that drains under the tip and beside it
     "body": {"shape": "cylinder", "radius": 4.0, "height": 1.0, "base": "fixed", "sides": "roller"},
     "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.2, "flow": {"diffusivity": 1.0}},
     "indenter": {"shape": "paraboloid", "R": 1.0},
@@ -37,7 +40,13 @@ DISC: dict[str, Any] = {
     "output": QUIET,
 }
 COLUMN: dict[str, Any] = {
-    "body": {"shape": "cylinder", "radius": 0.25, "height": 0.5, "base": "fixed", "sides": "roller"},
+    "body": {
+        "shape": "cylinder",
+        "radius": 0.25,
+        "height": 0.5,
+        "base": "fixed",
+        "sides": "roller",
+    },
     "material": {"model": "linear_elastic", "E": 6.0, "nu": 0.25, "flow": {"permeability": 0.01}},
     "indenter": {"shape": "flat_punch", "radius": 0.25},
     "drainage": {"surface": "drained", "tip": "drained", "base": "sealed", "sides": "sealed"},
@@ -48,8 +57,10 @@ WEIGHT = 0.00589049
 
 
 def first_vertex_beside_a_film() -> float:
-    """The pressure that `pore_pressure_max` takes for 1 beside a face whose film no element resolves: the mean of two
-    smoothings, 2 F p - F F p, of p = 1 - (-0.268)^k at the k-th vertex from the face. 1.096, at the first."""
+    """The pressure that `pore_pressure_max` takes for 1 beside a face whose film no element
+    resolves: the mean of two smoothings, 2 F p - F F p, of p = 1 - (-0.268)^k at the k-th vertex
+    from the face. 1.096, at the first.
+    """
     p = 1 - (3**0.5 - 2) ** np.arange(20)
     once = np.convolve(p, [1 / 6, 2 / 3, 1 / 6], "valid")
     twice = np.convolve(once, [1 / 6, 2 / 3, 1 / 6], "valid")
@@ -71,8 +82,9 @@ def test_a_quick_ramp_on_a_drained_layer(tmp_path: Path) -> None:
 
 
 def test_a_given_mesh_says_what_its_elements_miss(tmp_path: Path) -> None:
-    """The part `film` is the error of the force, to a tenth; all of it is low, and 0.15 % have drained. Predicted
-    stages take two iterations each: 142 without."""
+    """The part `film` is the error of the force, to a tenth; all of it is low, and 0.15 % have
+    drained. Predicted stages take two iterations each: 142 without.
+    """
     found = rows(QUICK | {"mesh": {"h_contact": 0.0147}}, tmp_path, error_bars=True)
     (row,), (part,) = found.states, found.report["error_budget"]
     error = UNDRAINED * (1 - 1.5e-3) - row.force
@@ -82,12 +94,15 @@ def test_a_given_mesh_says_what_its_elements_miss(tmp_path: Path) -> None:
 
 
 def test_a_disc_with_a_drained_rim_meets_its_accuracy(tmp_path: Path) -> None:
-    """A hundredth of the film is 1e-4 of the radius: 0.80 % off before, and the pore pressure 43 % too high."""
+    """A hundredth of the film is 1e-4 of the radius: 0.80 % off before, and the pore pressure 43 %
+    too high.
+    """
     found = rows(DISC | {"accuracy": 0.003}, tmp_path)
     (row,) = found.states
     right = disc_ramp(1.0, 0.2, 1.0, 1.0, 0.01, 1e-5, 1e-5)
     assert abs(row.force / right - 1) < 1e-3 < row.force_error / row.force + 1e-3
-    # G strain, a third of the stress, which the film changes by its thickness over the radius, 0.3 %
+    # G strain, a third of the stress, which the film changes by its thickness over the radius, 0.3
+    # %
     assert 0.99 < row.pore_pressure_max / (0.01 / 2.4) < first_vertex_beside_a_film() + 0.01
 
 
@@ -99,10 +114,13 @@ def test_the_ramp_of_a_disc_is_the_integral_of_its_steps() -> None:
 
 @pytest.mark.parametrize("base", ["fixed", "roller"])
 def test_a_sudden_force_on_a_closed_column(base: str, tmp_path: Path) -> None:
-    """Terzaghi, with rows later than the jump; no depth gives the force at once. To 3e-3: elements h = 0.05 cost
-    h^2/24 of the square of the length that has drained, 0.19 (2.9e-3)."""
+    """Terzaghi, with rows later than the jump; no depth gives the force at once. To 3e-3: elements
+    h = 0.05 cost h^2/24 of the square of the length that has drained, 0.19 (2.9e-3).
+    """
     loading = {"force_history": [[0, 0], [0, WEIGHT], [0.8, WEIGHT]], "times": [0.4, 0.8]}
-    found = rows(COLUMN | {"body": COLUMN["body"] | {"base": base}, "loading": loading}, tmp_path).states
+    found = rows(
+        COLUMN | {"body": COLUMN["body"] | {"base": base}, "loading": loading}, tmp_path
+    ).states
     pressure = WEIGHT / (3.14159265 * 0.25**2)
     right = [terzaghi_settlement(6.0, 0.25, 0.01, 0.5, pressure, t) for t in (0.4, 0.8)]
     assert [row.delta for row in found] == pytest.approx(right, rel=3e-3)
@@ -130,7 +148,10 @@ def test_a_row_at_the_jump_itself_is_refused(tmp_path: Path) -> None:
 def test_a_sudden_force_on_a_narrower_punch_has_a_depth_at_once(sides: str, tmp_path: Path) -> None:
     """Where the body can rise beside the tip the jump has a row, shallower than later ones."""
     loading = {"force_history": [[0, 0], [0, WEIGHT], [0.8, WEIGHT]], "times": [0.0, 0.8]}
-    changes = {"indenter": {"shape": "flat_punch", "radius": 0.15}, "body": COLUMN["body"] | {"sides": sides}}
+    changes = {
+        "indenter": {"shape": "flat_punch", "radius": 0.15},
+        "body": COLUMN["body"] | {"sides": sides},
+    }
     first, last = rows(COLUMN | changes | {"loading": loading}, tmp_path).states
     assert 0 < first.delta < last.delta
     assert first.force == pytest.approx(WEIGHT, rel=1e-8)
@@ -144,7 +165,10 @@ def test_a_column_that_drains_under_the_tip_alone(tmp_path: Path) -> None:
     1e9 times those of the answer, measured round-off from then on, and the forces on tip and base
     were 1e-4 apart.
     """
-    history = {"history": [[0, 0], [9.3e-4, 0.01], [2.8e-3, 0.01]], "times": [4.7e-4, 9.3e-4, 1.9e-3]}
+    history = {
+        "history": [[0, 0], [9.3e-4, 0.01], [2.8e-3, 0.01]],
+        "times": [4.7e-4, 9.3e-4, 1.9e-3],
+    }
     drained = {key: part for key, part in COLUMN.items() if key != "mesh"} | {"loading": history}
     drained["material"] = QUICK["material"]
     sealed = drained | {"drainage": COLUMN["drainage"] | {"surface": "sealed"}}
@@ -173,10 +197,11 @@ def test_a_full_and_closed_column_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.verify
 def test_random_scenes_in_time_are_inside_their_bars() -> None:
-    """Two scenes of each kind; `python tests/early_times.py` runs more, and its table stands in docs/time.md.
+    """Two scenes of each kind; `python tests/early_times.py` runs more, and its table stands in
+    docs/time.md.
 
-    97 % of forces and 93 % of largest pressures are asked for, and every gel is to end with rows; of so few rows one
-    more may miss.
+    97 % of forces and 93 % of largest pressures are asked for, and every gel is to end with rows;
+    of so few rows one more may miss.
     """
     found = [judged(scene) for scene in early_scenes(5, 2 * len(KINDS))]
     assert not [one.lost for one in found if one.lost]

@@ -1,4 +1,6 @@
-"""Experiments on the solved curve: from a mesh as from theory, and against values of independent solutions."""
+"""Experiments on the solved curve: from a mesh as from theory, and against values of independent
+solutions.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +36,15 @@ SLOW = {"prony": [[0.5, 1.0]]}
 TWICE = [[0, 0], [1, 0.01], [1.5, 0.004], [2.5, 0.008], [3, 0.001]]
 
 
-def scene_of(body: dict[str, Any], experiment: dict[str, Any], *overrides: str, **sections: Any) -> Scene:
-    given = {"body": body, "material": ELASTIC, "indenter": PARABOLOID, "experiment": experiment} | sections
+def scene_of(
+    body: dict[str, Any], experiment: dict[str, Any], *overrides: str, **sections: Any
+) -> Scene:
+    given = {
+        "body": body,
+        "material": ELASTIC,
+        "indenter": PARABOLOID,
+        "experiment": experiment,
+    } | sections
     return resolve(from_mapping(placed(given), overrides))
 
 
@@ -56,8 +65,13 @@ def at(findings: Findings, t: float) -> Any:
 
 
 def test_rows_do_not_know_what_else_is_made_of_the_curve() -> None:
-    """On a mesh, to the last digit: as much surface is condensed for a history alone as for one with an experiment."""
-    relaxing = {"material": ELASTIC | {"relaxation": SLOW}, "loading": {"history": [[0, 0], [1, 0.01], [2, 0.0]]}}
+    """On a mesh, to the last digit: as much surface is condensed for a history alone as for one
+    with an experiment.
+    """
+    relaxing = {
+        "material": ELASTIC | {"relaxation": SLOW},
+        "loading": {"history": [[0, 0], [1, 0.01], [2, 0.0]]},
+    }
     scenes = [scene_of(LAYER, {"frequencies": [1.0]}, "solver.method=condensed", **relaxing)]
     scenes += [replace(scenes[0], experiment=None)]
     one, other = (conduct(scene, chain.condense(scene).equilibrium).rows for scene in scenes)
@@ -73,39 +87,58 @@ def sticky(nu: float, h: float, *overrides: str) -> Findings:
 # Thin of one nu, thick of the other; all in `make verify`
 @pytest.mark.parametrize(
     ("nu", "h", "force"),
-    [pytest.param(*one, marks=[] if k in (3, 5) else [pytest.mark.verify]) for k, one in enumerate(BONDED_PULL_OFF)],
+    [
+        pytest.param(*one, marks=[] if k in (3, 5) else [pytest.mark.verify])
+        for k, one in enumerate(BONDED_PULL_OFF)
+    ],
 )
 def test_both_branches_and_pull_off_from_a_mesh(nu: float, h: float, force: float) -> None:
-    """Of the mesh's frictionless curve alone, at automatic sizes: 0.3 % of the numbers at pull-off. Force control by
-    five independent digits, of which 0.05 % are used; depth control and both branches by theory, 0.15 % and 0.28 %."""
+    """Of the mesh's frictionless curve alone, at automatic sizes: 0.3 % of the numbers at pull-off.
+
+    Force control by five independent digits, of which 0.05 % are used; depth control and both
+    branches by theory, 0.15 % and 0.28 %.
+    """
     exact, meshed = (sticky(nu, h, f"solver.method={method}") for method in ("theory", "condensed"))
     assert pull_off(meshed)["force"] / (math.pi * 1e-3) == pytest.approx(force, rel=3e-3)
     by_depth = pull_off(exact, "depth_control")
     assert pull_off(meshed, "depth_control")["force"] == pytest.approx(by_depth["force"], rel=3e-3)
-    a, delta, of_theory = (np.array([getattr(row, name) for row in exact.rows]) for name in ("a", "delta", "force"))
+    a, delta, of_theory = (
+        np.array([getattr(row, name) for row in exact.rows]) for name in ("a", "delta", "force")
+    )
     assert len(meshed.rows) == 200 and {row.branch for row in meshed.rows} == {"stable", "unstable"}
     inside = [row for row in meshed.rows if a[0] < row.a < a[-1]]
     radii = [row.a for row in inside]
     depths, forces = [row.delta for row in inside], [row.force for row in inside]
     assert depths == pytest.approx(CubicSpline(a, delta)(radii), abs=3e-3 * abs(by_depth["delta"]))
-    assert forces == pytest.approx(CubicSpline(a, of_theory)(radii), abs=3e-3 * abs(pull_off(exact)["force"]))
+    assert forces == pytest.approx(
+        CubicSpline(a, of_theory)(radii), abs=3e-3 * abs(pull_off(exact)["force"])
+    )
 
 
 @pytest.mark.verify
 @pytest.mark.parametrize(("nu", "h", "force"), [BONDED_PULL_OFF[0], BONDED_PULL_OFF[-1]])
 def test_pull_off_from_forty_elements(nu: float, h: float, force: float) -> None:
-    """0.15 % of the five digits with 40 elements in the contact that comes off, of which 0.03 % are used."""
+    """0.15 % of the five digits with 40 elements in the contact that comes off, of which 0.03 % are
+    used.
+    """
     last = min(sticky(nu, h, "solver.method=theory").rows, key=lambda row: row.force)
     findings = sticky(nu, h, "solver.method=condensed", f"mesh.h_contact={last.a / 40}")
     assert pull_off(findings)["force"] / (math.pi * 1e-3) == pytest.approx(force, rel=1.5e-3)
 
 
 def test_the_half_space_of_johnson_kendall_and_roberts() -> None:
-    findings = found(HALF_SPACE, {"adhesion": {"work": 1e-3, "range": 1e-4}}, loading={"delta": 0.01})
+    findings = found(
+        HALF_SPACE, {"adhesion": {"work": 1e-3, "range": 1e-4}}, loading={"delta": 0.01}
+    )
     assert pull_off(findings)["force"] == pytest.approx(-1.5e-3 * math.pi, rel=1e-10)
-    assert pull_off(findings, "depth_control")["force"] == pytest.approx(-5 / 6e3 * math.pi, rel=1e-10)
+    assert pull_off(findings, "depth_control")["force"] == pytest.approx(
+        -5 / 6e3 * math.pi, rel=1e-10
+    )
     number = findings.report["adhesion"]
-    assert number["maugis_lambda"] == pytest.approx(1.1272 * number["tabor"], rel=1e-4) and not findings.warnings
+    assert (
+        number["maugis_lambda"] == pytest.approx(1.1272 * number["tabor"], rel=1e-4)
+        and not findings.warnings
+    )
     far = found(HALF_SPACE, {"adhesion": {"work": 1e-3, "range": 0.1}}, loading={"delta": 0.01})
     assert far.report["adhesion"]["maugis_pull_off"] / (1e-3 * math.pi) < -1.9
 
@@ -125,27 +158,40 @@ def test_a_triangle_on_a_standard_linear_solid(method: str, tolerance: float) ->
     """Ting's six values: 1e-4 from theory, of which 3e-6 are used; 0.2 % from a mesh, 0.08 %."""
     times = [0.0, *TING, 2.0]
     history = [[t, 0.01 * (1 - abs(t - 1))] for t in times]
-    findings = found(HALF_SPACE, {"relaxation": SLOW, "history": history}, f"solver.method={method}", material=SOLID)
+    findings = found(
+        HALF_SPACE,
+        {"relaxation": SLOW, "history": history},
+        f"solver.method={method}",
+        material=SOLID,
+    )
     unit = 4 / 3 / 0.75 * 0.01**1.5
-    assert [at(findings, t).force / unit for t in TING] == pytest.approx(list(TING.values()), rel=tolerance)
+    assert [at(findings, t).force / unit for t in TING] == pytest.approx(
+        list(TING.values()), rel=tolerance
+    )
     assert findings.time["method"] == "quadrature"
 
 
 def test_a_tip_that_comes_back_from_a_mesh_and_from_theory() -> None:
-    """Two discretisations of one stepped contact; the mesh costs 0.1 % of the force and the contact's edge 0.5 %."""
+    """Two discretisations of one stepped contact; the mesh costs 0.1 % of the force and the
+    contact's edge 0.5 %.
+    """
     history = {"relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": TWICE}
     both = [found(LAYER, history, f"solver.method={m}") for m in ("theory", "condensed")]
     for t in (1, 1.5, 2.5):
         theory, mesh = (at(findings, t) for findings in both)
-        assert mesh.force == pytest.approx(theory.force, rel=2e-3) and mesh.a == pytest.approx(theory.a, rel=5e-3)
+        assert mesh.force == pytest.approx(theory.force, rel=2e-3) and mesh.a == pytest.approx(
+            theory.a, rel=5e-3
+        )
     assert {findings.time["method"] for findings in both} == {"time steps"}
 
 
 def stepped_directly(
     surface: RelaxingSurface, modulus: Modulus, times: np.ndarray, z: np.ndarray, c: float
 ) -> np.ndarray:
-    """Forces of a relaxing body: p_n = sum_k <G>_nk (phi_k - phi_{k-1}) with all of the past, <G>_nk being the mean
-    modulus of the step k, and every contact a least-squares problem with p >= 0."""
+    """Forces of a relaxing body: p_n = sum_k <G>_nk (phi_k - phi_{k-1}) with all of the past,
+    <G>_nk being the mean modulus of the step k, and every contact a least-squares problem with p
+    >= 0.
+    """
     age = modulus.integral(times[:, None] - np.minimum(times[:, None], times[None, :]))
     steps = np.diff(times)
     mean = (age[1:, :-1] - age[1:, 1:]) / steps
@@ -166,9 +212,14 @@ def stepped_directly(
 
 @pytest.mark.parametrize("compliance", [0.0, 5.0])
 def test_any_history_on_a_layer_against_stepping_with_all_of_the_past(compliance: float) -> None:
-    """The program keeps internal variables and factors of discs; here nothing is forgotten. Two steps, h and h/2, take
-    the error of h^2 out of the oracle: 1e-4 of the largest force."""
-    experiment: dict[str, Any] = {"relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": TWICE}
+    """The program keeps internal variables and factors of discs; here nothing is forgotten.
+
+    Two steps, h and h/2, take the error of h^2 out of the oracle: 1e-4 of the largest force.
+    """
+    experiment: dict[str, Any] = {
+        "relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]},
+        "history": TWICE,
+    }
     experiment |= {"frame": {"compliance": compliance}} if compliance else {}
     base = scene_of(LAYER, experiment, "solver.method=condensed")
     one = _Evaluation(base, chain.condense(base).equilibrium)
@@ -177,7 +228,9 @@ def test_any_history_on_a_layer_against_stepping_with_all_of_the_past(compliance
     for step in (0.01, 0.005):
         times = np.arange(0.0, 3.0 + step / 2, step)
         z = np.interp(times, *zip(*TWICE, strict=True))
-        forces.append(np.interp(asked, times, stepped_directly(surface, one.modulus, times, z, compliance)))
+        forces.append(
+            np.interp(asked, times, stepped_directly(surface, one.modulus, times, z, compliance))
+        )
     exact = forces[1] + (forces[1] - forces[0]) / 3
     findings = conduct(base, one._equilibrium)
     assert findings.time["method"] == "time steps"
@@ -186,16 +239,23 @@ def test_any_history_on_a_layer_against_stepping_with_all_of_the_past(compliance
 
 @pytest.mark.parametrize("body", [LAYER, STRIP])
 def test_lee_and_radok_is_time_stepping_on_the_same_compliance(body: dict[str, Any]) -> None:
-    """Direct stepping of contact on the condensed compliance is the oracle; what a contact without a past gives at 2000
-    depths, superposed by the modulus, is the same force, but for a point that touches between two of them: 1e-4."""
+    """Direct stepping of contact on the condensed compliance is the oracle; what a contact without
+    a past gives at 2000 depths, superposed by the modulus, is the same force, but for a point
+    that touches between two of them: 1e-4.
+    """
     history = {"relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": [[0, 0], [1, 0.01]]}
     base = scene_of(body, history, "solver.method=condensed", "mesh.h_contact=0.008")
     one = _Evaluation(base, chain.condense(base).equilibrium)
     surface, t = one.surface(0.01), np.linspace(0, 1, 2001)
     elastic = SurfaceContact(surface, surface.A)
-    force = [float(surface.areas @ elastic.pressures(surface.heights - 0.01 * x * surface.areas)) for x in t]
+    force = [
+        float(surface.areas @ elastic.pressures(surface.heights - 0.01 * x * surface.areas))
+        for x in t
+    ]
     superposed = float(one.modulus(1 - 0.5 * (t[1:] + t[:-1])) @ np.diff(force))
-    *_, stepped = StepByStep(surface, one.modulus.prony(1e-3, 1.0)).responses([0.0, 1.0], [0.0, 0.01])
+    *_, stepped = StepByStep(surface, one.modulus.prony(1e-3, 1.0)).responses(
+        [0.0, 1.0], [0.0, 0.01]
+    )
     assert stepped.force == pytest.approx(superposed, rel=1e-4)
 
 
@@ -207,22 +267,41 @@ def test_lee_and_radok_is_time_stepping_on_the_same_compliance(body: dict[str, A
         (BOX, {"shape": "cone", "half_angle": 70.0}),
     ],
 )
-def test_any_linear_body_by_quadrature_and_by_steps(body: dict[str, Any], tip: dict[str, Any]) -> None:
-    """The proof needs no shape: of one mesh both give the same force, but for the curve's samples, 0.5 % in 3D."""
-    sections: dict[str, Any] = {"indenter": tip} | ({"mesh": {"h_contact": 0.04}} if body is BOX else {})
+def test_any_linear_body_by_quadrature_and_by_steps(
+    body: dict[str, Any], tip: dict[str, Any]
+) -> None:
+    """The proof needs no shape: of one mesh both give the same force, but for the curve's samples,
+    0.5 % in 3D.
+    """
+    sections: dict[str, Any] = {"indenter": tip} | (
+        {"mesh": {"h_contact": 0.04}} if body is BOX else {}
+    )
     rows = [
-        at(found(body, {"relaxation": SLOW, "history": [[0, 0], [1, 0.1], [1.3, 0.07], *more]}, **sections), 1.3)
+        at(
+            found(
+                body,
+                {"relaxation": SLOW, "history": [[0, 0], [1, 0.1], [1.3, 0.07], *more]},
+                **sections,
+            ),
+            1.3,
+        )
         for more in ([], [[1.4, 0.07], [1.5, 0.1]])
     ]
     assert rows[0].force == pytest.approx(rows[1].force, rel=5e-3)
 
 
 def test_a_soft_cantilever_snaps_in_and_lets_go() -> None:
-    """dF/ddelta = -k at the jump out, first touch at the jump in; rows of the history jump between the same states."""
+    """dF/ddelta = -k at the jump out, first touch at the jump in; rows of the history jump between
+    the same states.
+    """
     instrument = STICKY | {"cantilever": {"stiffness": 0.05}}
     findings = found(LAYER, instrument | {"history": [[0, -0.1], [1, 0.1], [2, -0.15]]})
     into, out = (findings.report["cantilever"][name] for name in ("jump_in", "jump_out"))
-    assert into["z"] == 0 and into["force"] < 0 and into["delta"] == pytest.approx(-into["force"] / 0.05)
+    assert (
+        into["z"] == 0
+        and into["force"] < 0
+        and into["delta"] == pytest.approx(-into["force"] / 0.05)
+    )
     rows, step = findings.rows, 0.2 / 100
     touched = next(row for row in rows if row.a > 0)
     assert touched.z == pytest.approx(0.0, abs=step) and touched.branch == "approach"
@@ -234,13 +313,20 @@ def test_a_soft_cantilever_snaps_in_and_lets_go() -> None:
 
 @pytest.mark.parametrize("method", ["theory", pytest.param("condensed", marks=pytest.mark.verify)])
 def test_a_tip_lets_go_where_the_slope_is_the_springs(method: str) -> None:
-    """Where z = delta + F/k is least along the equilibria dF/ddelta = -k: the jump is there, within one step of them.
-    k -> infinity is depth control, k -> 0 force control, to 1e-6 in k's ratio to the contact's stiffness."""
+    """Where z = delta + F/k is least along the equilibria dF/ddelta = -k: the jump is there, within
+    one step of them. k -> infinity is depth control, k -> 0 force control, to 1e-6 in k's ratio
+    to the contact's stiffness.
+    """
     equilibria = sticky(0.3, 1.0, f"solver.method={method}").rows
-    delta, force = (np.array([getattr(row, name) for row in equilibria]) for name in ("delta", "force"))
+    delta, force = (
+        np.array([getattr(row, name) for row in equilibria]) for name in ("delta", "force")
+    )
     out = {
         k: found(
-            LAYER, STICKY | {"cantilever": {"stiffness": k}}, f"solver.method={method}", loading={"delta": 0.01}
+            LAYER,
+            STICKY | {"cantilever": {"stiffness": k}},
+            f"solver.method={method}",
+            loading={"delta": 0.01},
         ).report
         for k in (1e-7, 0.03, 0.1, 1e7)
     }
@@ -252,19 +338,34 @@ def test_a_tip_lets_go_where_the_slope_is_the_springs(method: str) -> None:
         assert min(force[last - 1 : last + 2]) <= jump["force"] <= max(force[last - 1 : last + 2])
     for k, limit in ((1e7, "depth_control"), (1e-7, "force_control")):
         jump, held = out[k]["cantilever"]["jump_out"], out[k]["adhesion"]["pull_off"][limit]
-        assert (jump["delta"], jump["force"]) == pytest.approx((held["delta"], held["force"]), rel=1e-5)
+        assert (jump["delta"], jump["force"]) == pytest.approx(
+            (held["delta"], held["force"]), rel=1e-5
+        )
 
 
 def test_springs_between_depth_control_and_force_control() -> None:
-    """Without adhesion a cantilever only stretches the curve, and a frame of the same compliance does the same."""
+    """Without adhesion a cantilever only stretches the curve, and a frame of the same compliance
+    does the same.
+    """
     history = [[0, 0], [1, 0.01]]
     stiff = at(found(LAYER, {"cantilever": {"stiffness": 1e9}, "history": history}), 1)
     assert stiff.delta == pytest.approx(0.01, rel=1e-9)
     soft = at(found(LAYER, {"cantilever": {"stiffness": 0.1}, "history": history}), 1)
     frame = at(found(LAYER, {"frame": {"compliance": 10.0}, "history": history}), 1)
-    assert soft.force == frame.force and soft.z == pytest.approx(0.01) and soft.delta + 10 * soft.force == soft.z
-    force = at(found(LAYER, {"force_history": [[0, 0], [1, soft.force]], "cantilever": {"stiffness": 0.1}}), 1)
-    assert (force.delta, force.z) == pytest.approx((soft.delta, soft.z), rel=1e-6)  # of a spline of 80 samples
+    assert (
+        soft.force == frame.force
+        and soft.z == pytest.approx(0.01)
+        and soft.delta + 10 * soft.force == soft.z
+    )
+    force = at(
+        found(
+            LAYER, {"force_history": [[0, 0], [1, soft.force]], "cantilever": {"stiffness": 0.1}}
+        ),
+        1,
+    )
+    assert (force.delta, force.z) == pytest.approx(
+        (soft.delta, soft.z), rel=1e-6
+    )  # of a spline of 80 samples
 
 
 def test_a_force_below_the_pull_off_has_no_depth() -> None:
@@ -294,8 +395,9 @@ def test_a_tip_that_was_pulled_off_and_comes_back_is_warned_of() -> None:
     ],
 )
 def test_a_jump_at_the_first_time(experiment: dict[str, Any]) -> None:
-    """Every point listed is a row: a history that begins in the body has no row before its jump, one that lists the
-    rest before has that; all other rows are the same."""
+    """Every point listed is a row: a history that begins in the body has no row before its jump,
+    one that lists the rest before has that; all other rows are the same.
+    """
     jumped, listed = (
         found(HALF_SPACE, experiment | {"history": [*first, [0, 0.01], [1, 0.01], [2, 0]]}).rows
         for first in ([], [[0, 0]])
@@ -307,7 +409,9 @@ def test_a_jump_at_the_first_time(experiment: dict[str, Any]) -> None:
     if "adhesion" not in experiment:  # which pulls the tip in at first touch
         assert (begin.delta, begin.force, begin.a) == (0, 0, 0)
     assert listed[1].force == pytest.approx(jumped[0].force, rel=1e-12)
-    assert listed[-1].t == jumped[-1].t == 2 and listed[-1].force == pytest.approx(jumped[-1].force, abs=1e-12)
+    assert listed[-1].t == jumped[-1].t == 2 and listed[-1].force == pytest.approx(
+        jumped[-1].force, abs=1e-12
+    )
 
 
 def test_oscillations_about_the_end_of_the_history() -> None:
@@ -317,7 +421,9 @@ def test_oscillations_about_the_end_of_the_history() -> None:
     x = 2 * math.pi * 0.25
     stiffness = 2 * (2 / 0.75) * 0.1 * (0.5 + 0.5 * 1j * x / (1 + 1j * x))
     (dynamic,) = findings.dynamic
-    assert (dynamic.storage, dynamic.loss) == pytest.approx((stiffness.real, stiffness.imag), rel=1e-5)
+    assert (dynamic.storage, dynamic.loss) == pytest.approx(
+        (stiffness.real, stiffness.imag), rel=1e-5
+    )
 
 
 def test_uncertainties_of_the_instrument() -> None:
@@ -327,18 +433,25 @@ def test_uncertainties_of_the_instrument() -> None:
         "calibration": {"stiffness": 0.1, "R": 0.05},
     }
     findings = found(HALF_SPACE, experiment)
-    assert findings.report["calibration"] == pytest.approx({"force": 0.1, "modulus": math.hypot(0.1, 0.025)})
+    assert findings.report["calibration"] == pytest.approx(
+        {"force": 0.1, "modulus": math.hypot(0.1, 0.025)}
+    )
     last = findings.rows[-1]
     assert last.calibration_error == pytest.approx(0.1 * last.force)
 
 
-# E of a fit with a radius of 1.1 in place of 1, by theory: on a half-space 5 % too small, on thin layers more than 10 %
+# E of a fit with a radius of 1.1 in place of 1, by theory: on a half-space 5 % too small, on thin
+# layers more than 10 %
 @pytest.mark.parametrize("solver", ["theory", "condensed"])
 @pytest.mark.parametrize(("nu", "h"), [(0.3, 0.3), (0.5, 0.1)])
-def test_a_wrong_radius_makes_a_modulus_wrong_by_the_curve_of_the_scene(nu: float, h: float, solver: str) -> None:
+def test_a_wrong_radius_makes_a_modulus_wrong_by_the_curve_of_the_scene(
+    nu: float, h: float, solver: str
+) -> None:
     """To 1 % of the exponent: theory's is of a change of 10 %, the mesh's force is good to 0.3 %."""
     layer = one_layer(Layer, profiles.paraboloid(1.0), E=1.0, nu=nu, h=h, wall=2.0)
-    forces = [replace(layer, tip=profiles.paraboloid(R)).curve([0.02])[0].force for R in (1 / 1.1, 1.1)]
+    forces = [
+        replace(layer, tip=profiles.paraboloid(R)).curve([0.02])[0].force for R in (1 / 1.1, 1.1)
+    ]
     exponent = math.log(forces[1] / forces[0]) / (2 * math.log(1.1))
     body = {"shape": "cylinder", "radius": 2.0, "height": h, "sides": "roller"}
     findings = found(
@@ -366,7 +479,9 @@ def test_units_change_nothing() -> None:
 
 
 def test_a_body_that_comes_up_again_is_stepped() -> None:
-    """Held after a retraction the surface rises around the tip: Ting's one cycle is left, and a warning says so."""
+    """Held after a retraction the surface rises around the tip: Ting's one cycle is left, and a
+    warning says so.
+    """
     history = {"relaxation": SLOW, "history": [[0, 0], [1, 0.01], [1.2, 0.006], [5, 0.006]]}
     findings = found(HALF_SPACE, history)
     assert findings.time["method"] == "time steps" and "grows again" in findings.warnings[0]
@@ -374,7 +489,9 @@ def test_a_body_that_comes_up_again_is_stepped() -> None:
 
 
 def test_what_no_row_reaches_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    base = scene_of(LAYER, {"frame": {"compliance": 1.0}}, "solver.method=condensed", loading={"delta": 0.01})
+    base = scene_of(
+        LAYER, {"frame": {"compliance": 1.0}}, "solver.method=condensed", loading={"delta": 0.01}
+    )
     equilibrium = chain.condense(base).equilibrium
     monkeypatch.setattr(type(equilibrium), "solve", lambda self, depth: False)
     with pytest.raises(NotConverged, match="was not reached"):
@@ -392,7 +509,9 @@ def test_a_step_that_finds_no_contact_ends_the_run(monkeypatch: pytest.MonkeyPat
 
 def test_a_mesh_too_coarse_for_a_curve_is_said_so() -> None:
     given = {"relaxation": SLOW, "force_history": [[0, 0], [1, 1e-3]]}
-    base = scene_of(BOX, given, "mesh.h_contact=0.2", indenter={"shape": "cone", "half_angle": 70.0})
+    base = scene_of(
+        BOX, given, "mesh.h_contact=0.2", indenter={"shape": "cone", "half_angle": 70.0}
+    )
     with pytest.raises(NotConverged, match="give a smaller mesh"):
         conduct(base, chain.condense(base).equilibrium)
 
@@ -407,11 +526,19 @@ def test_a_mesh_too_coarse_for_a_curve_is_said_so() -> None:
     ids=["cap", "ball", "pillar"],
 )
 @pytest.mark.parametrize("stiffness", [0.05, 1.0])
-def test_a_spring_on_a_body_softer_than_a_half_space(body: dict[str, Any], stiffness: float, tmp_path: Path) -> None:
-    """Round or narrow, it lets the tip in farther: the depth is that of way and force, and the force that of a run to
-    this depth, 5e-4 for the curve between its samples."""
+def test_a_spring_on_a_body_softer_than_a_half_space(
+    body: dict[str, Any], stiffness: float, tmp_path: Path
+) -> None:
+    """Round or narrow, it lets the tip in farther: the depth is that of way and force, and the
+    force that of a run to this depth, 5e-4 for the curve between its samples.
+    """
     quiet = {"plot": False, "fields": "none"}
-    given = {"body": body, "material": ELASTIC, "indenter": {"shape": "paraboloid", "R": 0.7}, "output": quiet}
+    given = {
+        "body": body,
+        "material": ELASTIC,
+        "indenter": {"shape": "paraboloid", "R": 0.7},
+        "output": quiet,
+    }
     spring = {"cantilever": {"stiffness": stiffness}}
     history = {"history": [[0, 0], [1, 0.05]], "times": [0.5, 1]}
     rows = chain.simulate(
@@ -419,21 +546,34 @@ def test_a_spring_on_a_body_softer_than_a_half_space(body: dict[str, Any], stiff
     ).states
     depth, force = rows[-1].delta, rows[-1].force
     assert depth + force / stiffness == pytest.approx(0.05, rel=1e-9)
-    pressed = chain.simulate(from_mapping(given | {"loading": {"delta": depth, "steps": 1}}), directory=tmp_path / "b")
+    pressed = chain.simulate(
+        from_mapping(given | {"loading": {"delta": depth, "steps": 1}}), directory=tmp_path / "b"
+    )
     assert force == pytest.approx(pressed.states[-1].force, rel=5e-4)
 
 
 @pytest.mark.parametrize(
-    "body", [{"shape": "half_space"}, {"shape": "layer", "height": 0.3}], ids=["half-space", "layer"]
+    "body",
+    [{"shape": "half_space"}, {"shape": "layer", "height": 0.3}],
+    ids=["half-space", "layer"],
 )
 def test_a_punch_creeps_as_its_modulus(body: dict[str, Any], tmp_path: Path) -> None:
-    """Its contact stays, so the depth is the creep function's integral: of the moduli 1 and 0.7 with the time 1 it is
-    1/0.7 - (1/0.7 - 1) exp(-0.7 t), over the stiffness of an elastic row; 2e-5, steps of second order."""
+    """Its contact stays, so the depth is the creep function's integral: of the moduli 1 and 0.7
+    with the time 1 it is 1/0.7 - (1/0.7 - 1) exp(-0.7 t), over the stiffness of an elastic row;
+    2e-5, steps of second order.
+    """
     g, quiet = 0.3, {"plot": False, "fields": "none"}
-    punch = {"body": body, "material": ELASTIC, "indenter": {"shape": "flat_punch", "radius": 0.1}, "output": quiet}
+    punch = {
+        "body": body,
+        "material": ELASTIC,
+        "indenter": {"shape": "flat_punch", "radius": 0.1},
+        "output": quiet,
+    }
     relaxing = punch | {"material": ELASTIC | {"relaxation": {"prony": [[g, 1.0]]}}}
     ramp = {"force_history": [[0, 0], [1, 0.003], [1.5, 0.003]], "times": [1, 1.5]}
-    rows = chain.simulate(from_mapping(relaxing | {"loading": ramp}), directory=tmp_path / "a").states
+    rows = chain.simulate(
+        from_mapping(relaxing | {"loading": ramp}), directory=tmp_path / "a"
+    ).states
     (pressed,) = chain.simulate(
         from_mapping(punch | {"loading": {"force": 0.003, "steps": 1}}), directory=tmp_path / "b"
     ).states

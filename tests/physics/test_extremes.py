@@ -1,7 +1,8 @@
-"""The stability map in short: the most telling cells of configs/studies/extremes, against the theory of that very body.
+"""The stability map in short: the most telling cells of configs/studies/extremes, against the
+theory of that very body.
 
-Right is within 0.5 % of the force; what is not must be covered by the error the scene itself states. The whole map:
-docs/stability.md.
+Right is within 0.5 % of the force; what is not must be covered by the error the scene itself
+states. The whole map: docs/stability.md.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ PUNCH = {"shape": "flat_punch", "radius": 0.1}
 H = 0.01034  # ten elements in the contact radius at the depth 0.01
 
 
-def layer(body: dict[str, Any] = WIDE, *, nu: float = 0.3, R: float = 1.0, **sections: Any) -> Scene:
+def layer(
+    body: dict[str, Any] = WIDE, *, nu: float = 0.3, R: float = 1.0, **sections: Any
+) -> Scene:
     """A layer between frictionless walls under a paraboloid, or with other sections."""
     tip = {"indenter": {"shape": "paraboloid", "R": R}}
     return scene(body, material=ELASTIC | {"nu": nu}, **tip | sections)
@@ -52,9 +55,13 @@ RIGHT: dict[str, Any] = {
         WIDE | {"radius": 20.0}, nu=0.4999, R=100.0, **once(0.05)
     ),
     "depth of 1e-8 radii": lambda: layer(**once(1e-8)),
-    "a layer of a hundredth of the radius": lambda: layer(WIDE | {"radius": 1.0, "height": 0.01}, **once(1e-4)),
+    "a layer of a hundredth of the radius": lambda: layer(
+        WIDE | {"radius": 1.0, "height": 0.01}, **once(1e-4)
+    ),
     "a contact of 3e-8 thicknesses": lambda: layer(R=0.1, **once(1e-14)),
-    "a needle of one degree": lambda: layer(indenter={"shape": "cone", "half_angle": 1.0}, **once(1e-6)),
+    "a needle of one degree": lambda: layer(
+        indenter={"shape": "cone", "half_angle": 1.0}, **once(1e-6)
+    ),
     "a thousand radii thick": lambda: layer(WIDE | {"radius": 4e3, "height": 1e3}, **once(1.0)),
     "most of the thickness at once": lambda: layer(contact={"method": "penalty"}, **once(0.9)),
     "far too soft": lambda: layer(**stiffness("augmented_lagrangian", 1e-4)),
@@ -67,7 +74,9 @@ RIGHT: dict[str, Any] = {
     ),
     "released and pressed again": lambda: layer(loading={"deltas": [0.3, -1.0, 0.3]}),
     "a last contact of a thousandth of the first": lambda: layer(loading={"deltas": [0.3, 1e-6]}),
-    "the same with a penalty": lambda: layer(loading={"deltas": [0.3, 1e-6]}, contact={"method": "penalty"}),
+    "the same with a penalty": lambda: layer(
+        loading={"deltas": [0.3, 1e-6]}, contact={"method": "penalty"}
+    ),
     "a penalty on a thin incompressible layer": lambda: layer(
         WIDE | {"radius": 20.0}, nu=0.5, R=100.0, contact={"method": "penalty"}, **once(0.06)
     ),
@@ -83,11 +92,19 @@ FLAGGED: dict[str, Any] = {
     "a soft penalty": (lambda: layer(**stiffness("penalty", 1.0)), "too low"),
     "a far too soft penalty": (lambda: layer(**stiffness("penalty", 1e-4)), "too low"),
     "a penalty on a far thinner one": (
-        lambda: layer(WIDE | {"radius": 20.0}, nu=0.5, R=100.0, contact={"method": "penalty"}, **once(0.4)),
+        lambda: layer(
+            WIDE | {"radius": 20.0}, nu=0.5, R=100.0, contact={"method": "penalty"}, **once(0.4)
+        ),
         "too low",
     ),
-    "one and a half elements": (lambda: layer(contact={"method": "active_set"}, mesh={"h_contact": 0.069}), "only 1.5"),
-    "a coarse punch": (lambda: layer(indenter=PUNCH, mesh={"h_contact": 0.1}, **once(1e-3)), "at the punch's edge"),
+    "one and a half elements": (
+        lambda: layer(contact={"method": "active_set"}, mesh={"h_contact": 0.069}),
+        "only 1.5",
+    ),
+    "a coarse punch": (
+        lambda: layer(indenter=PUNCH, mesh={"h_contact": 0.1}, **once(1e-3)),
+        "at the punch's edge",
+    ),
     "a stiff penalty on a squeezed layer": (
         lambda: layer(
             WIDE | {"radius": 20.0},
@@ -116,7 +133,9 @@ def test_not_right_and_says_so(name: str) -> None:
 
 
 def test_a_penalty_deep_in_soft_rubber_states_enough() -> None:
-    """What is left of the layer stiffens, and the tip sinks further than at small strain; truth: a multiplier."""
+    """What is left of the layer stiffens, and the tip sinks further than at small strain; truth: a
+    multiplier.
+    """
     deep = {
         "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.4999},
         "indenter": {"shape": "sphere", "R": 1.0},
@@ -130,14 +149,19 @@ def test_a_penalty_deep_in_soft_rubber_states_enough() -> None:
 
 
 def test_a_multiplier_at_finite_strain_bears_a_huge_stiffness() -> None:
-    """1e6 E*/h throws the first step out of all bounds; through softer contact the force is that of `auto`."""
+    """1e6 E*/h throws the first step out of all bounds; through softer contact the force is that of
+    `auto`.
+    """
     sections = {
         "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3},
         "indenter": {"shape": "sphere", "R": 1.0},
         "loading": {"delta": 0.1, "steps": 2},
     }
     stiff = {"method": "augmented_lagrangian", "epsilon_n": 3.208e7}
-    assert abs(force(scene(WIDE, contact=stiff, **sections)) / force(scene(WIDE, **sections)) - 1) < TOLERANCE
+    assert (
+        abs(force(scene(WIDE, contact=stiff, **sections)) / force(scene(WIDE, **sections)) - 1)
+        < TOLERANCE
+    )
 
 
 def test_elements_too_small_for_the_body_are_refused() -> None:
@@ -149,8 +173,9 @@ def test_elements_too_small_for_the_body_are_refused() -> None:
 
 
 def test_a_curved_wall_in_three_dimensions() -> None:
-    """Its polygon encloses less than the circle, which an incompressible body feels: within 0.5 % of theory all the
-    same."""
+    """Its polygon encloses less than the circle, which an incompressible body feels: within 0.5 %
+    of theory all the same.
+    """
     walled = WIDE | {"radius": 1.0}
     assert (
         abs(
@@ -163,12 +188,18 @@ def test_a_curved_wall_in_three_dimensions() -> None:
 
 
 def test_an_incompressible_body_held_on_all_sides_has_no_room() -> None:
-    """Its mean height stays 0: a paraboloid would touch all of a disc of radius W at the depth W^2/(4 R)."""
+    """Its mean height stays 0: a paraboloid would touch all of a disc of radius W at the depth
+    W^2/(4 R).
+    """
     with pytest.raises(ConfigError, match="leaves no room"):
         layer(WIDE | {"radius": 1.0}, nu=0.5, R=25.0, **once(0.0101))
     assert layer(WIDE | {"radius": 1.0}, nu=0.5, R=25.0, **once(0.0099)).physics.deltas == (0.0099,)
-    assert layer(WIDE | {"radius": 1.0}, nu=0.4999, R=25.0, **once(0.0101)).physics.deltas == (0.0101,)
-    assert layer(WIDE | {"radius": 1.0, "sides": "free"}, nu=0.5, R=25.0, **once(0.0101)).physics.deltas == (0.0101,)
+    assert layer(WIDE | {"radius": 1.0}, nu=0.4999, R=25.0, **once(0.0101)).physics.deltas == (
+        0.0101,
+    )
+    assert layer(
+        WIDE | {"radius": 1.0, "sides": "free"}, nu=0.5, R=25.0, **once(0.0101)
+    ).physics.deltas == (0.0101,)
 
 
 SIDES = {
@@ -182,10 +213,14 @@ BLUNT = {"shape": "paraboloid", "R": 1.25}  # meets all of these at 0.5^2/(2 R) 
 @pytest.mark.parametrize("gap", ["reference", "current"])
 @pytest.mark.parametrize("body", SIDES.values(), ids=SIDES)
 def test_no_tip_moves_the_top_of_a_fixed_side(body: dict[str, Any], gap: str) -> None:
-    """u_z = 0 there. The surface beside it would have to jump down to the tip, and the force grew with every refinement
-    while its error bar stayed a fifth of that. A free side moves; a tip beyond its end's reach is none of a side's."""
+    """u_z = 0 there. The surface beside it would have to jump down to the tip, and the force grew
+    with every refinement while its error bar stayed a fifth of that. A free side moves; a tip
+    beyond its end's reach is none of a side's.
+    """
     scene = {"indenter": BLUNT, "contact": {"method": "auto", "gap": gap}}
-    with pytest.raises(ConfigError, match=r"top of a fixed side, which it meets at 0\.1:") as refused:
+    with pytest.raises(
+        ConfigError, match=r"top of a fixed side, which it meets at 0\.1:"
+    ) as refused:
         layer(body, **scene, **once(0.101))
     assert refused.value.exit_code == 3 and refused.value.key == "loading"
     assert layer(body, **scene, **once(0.099)).physics.deltas[-1] > 0
@@ -204,11 +239,19 @@ def test_a_tip_beside_the_middle_meets_one_side_first(center: float) -> None:
         layer(strip, indenter=tip, **once(1.01 * meets))
 
 
-@pytest.mark.parametrize(("solver", "h"), [("condensed", H), ("newton", H), ("condensed", 5 * H), ("condensed", H / 3)])
-def test_the_stiffness_of_an_augmented_lagrangian_is_no_matter_of_effort(solver: str, h: float) -> None:
-    """From 1e-2 to 1e2 E*/h the iterations at most double, with 2, 10 or 30 elements in the contact."""
+@pytest.mark.parametrize(
+    ("solver", "h"), [("condensed", H), ("newton", H), ("condensed", 5 * H), ("condensed", H / 3)]
+)
+def test_the_stiffness_of_an_augmented_lagrangian_is_no_matter_of_effort(
+    solver: str, h: float
+) -> None:
+    """From 1e-2 to 1e2 E*/h the iterations at most double, with 2, 10 or 30 elements in the
+    contact.
+    """
     spent = [
-        solve(layer(solver={"method": solver}, **stiffness("augmented_lagrangian", m, h)))[-1].newton_iterations
+        solve(layer(solver={"method": solver}, **stiffness("augmented_lagrangian", m, h)))[
+            -1
+        ].newton_iterations
         for m in (1e-2, 0.1, 1.0, 10.0, 1e2)
     ]
     assert max(spent) <= 2 * min(spent)
@@ -228,4 +271,6 @@ def test_units_are_no_matter_of_effort() -> None:
         for L, E in ((1e-9, 1e12), (1e3, 1.0))
     ]
     assert states[0].newton_iterations == states[1].newton_iterations
-    assert states[0].force / (1e12 * 1e-18) == pytest.approx(states[1].force / 1e6, rel=1e-9)  # 12 digits of the mesh
+    assert states[0].force / (1e12 * 1e-18) == pytest.approx(
+        states[1].force / 1e6, rel=1e-9
+    )  # 12 digits of the mesh

@@ -1,4 +1,6 @@
-"""Fields of a run: what they say of the surface, of the energy and of the stress is what the tables say."""
+"""Fields of a run: what they say of the surface, of the energy and of the stress is what the tables
+say.
+"""
 
 from __future__ import annotations
 
@@ -50,10 +52,14 @@ def run(request, tmp_path_factory):
 
 
 def test_fields_and_surface_agree(run):
-    """At every vertex of the contact surface, to rounding: both are the same numbers at finite strain too, where the
-    pressure of a facet ends in another value than that of the next."""
+    """At every vertex of the contact surface, to rounding: both are the same numbers at finite
+    strain too, where the pressure of a facet ends in another value than that of the next.
+    """
     found, fields = run
-    surface = {name: column[found.surface["step"] == found["step"][-1]] for name, column in found.surface.items()}
+    surface = {
+        name: column[found.surface["step"] == found["step"][-1]]
+        for name, column in found.surface.items()
+    }
     places = np.column_stack([surface[name] for name in "xyz"])
     near = np.linalg.norm(places[:, None] - fields["points"][None], axis=-1)
     nodes, vertices = np.nonzero(near < 1e-9)
@@ -85,7 +91,9 @@ def test_stresses_belong_together(run):
     assert principal.sum(axis=1) == pytest.approx(np.trace(stress, axis1=1, axis2=2), abs=1e-12)
     assert principal.prod(axis=1) == pytest.approx(np.linalg.det(stress), abs=1e-10)
     deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
-    assert fields["von_mises"] == pytest.approx(np.sqrt(1.5 * (deviator**2).sum(axis=(1, 2))), rel=1e-9)
+    assert fields["von_mises"] == pytest.approx(
+        np.sqrt(1.5 * (deviator**2).sum(axis=(1, 2))), rel=1e-9
+    )
     assert (fields["J"] > 0).all() and (fields["energy_density"] >= -1e-6).all()
 
 
@@ -119,20 +127,28 @@ output: {fields: all, plot: false}
 
 
 def test_a_gel_that_swells_freely_has_one_swelling_and_no_stress(tmp_path):
-    """At 1000 height^2/D_c, where exp(-2000) is left: mu(l) = 0 at l = 1.5756615, of which J = l^3; Newton's method
-    stops at 1e-12 of what the fluid's pressure of 8.8 G would hold. At first it is as it was, l = 1.4."""
+    """At 1000 height^2/D_c, where exp(-2000) is left: mu(l) = 0 at l = 1.5756615, of which J = l^3;
+    Newton's method stops at 1e-12 of what the fluid's pressure of 8.8 G would hold. At first it
+    is as it was, l = 1.4.
+    """
     simulate(loads(GEL), directory=tmp_path / "out")
     first, last = (read_fields(tmp_path / "out", step) for step in (1, 2))
     assert first["swelling"] == pytest.approx(1.4**3, rel=1e-9)
     assert last["swelling"] == pytest.approx(1.5756615**3, rel=1e-6)
-    assert last["fluid_content"] == pytest.approx(last["J"] - 1, rel=1e-12)  # what swells it is solvent
+    assert last["fluid_content"] == pytest.approx(
+        last["J"] - 1, rel=1e-12
+    )  # what swells it is solvent
     assert np.abs(last["stress"]).max() < 1e-6 and np.abs(last["pore_pressure"]).max() < 1e-6
 
 
 def test_a_column_holds_the_fluid_that_has_not_left_and_bears_one_stress(tmp_path):
-    """In a bath whose pressure rises. Content and stress are linear in a cell, so that values at centroids sum up
-    exactly: to the outflow but for the valve's 1e-8, and, by a virtual displacement linear in z, to the force but for
-    Newton's method. Cells, two to a layer, bear the same at every height within 2 %, in the solid alone below, too."""
+    """In a bath whose pressure rises.
+
+    Content and stress are linear in a cell, so that values at centroids sum up exactly: to the
+    outflow but for the valve's 1e-8, and, by a virtual displacement linear in z, to the force but
+    for Newton's method. Cells, two to a layer, bear the same at every height within 2 %, in the
+    solid alone below, too.
+    """
     simulate(loads(COLUMN), directory=tmp_path / "out")
     rows = read(tmp_path / "out")
     assert "swelling" not in read_fields(tmp_path / "out", 1)
@@ -140,13 +156,17 @@ def test_a_column_holds_the_fluid_that_has_not_left_and_bears_one_stress(tmp_pat
         fields, row = read_fields(tmp_path / "out", step), rows["step"] == step
         corners = fields["points"][fields["cells"]]
         areas = np.abs(np.linalg.det((corners[:, 1:] - corners[:, :1])[:, :, [0, 2]])) / 2
-        half = 1.0 / areas.sum()  # the strip of height 1 is 2 wide: what is modelled is its half, or all
+        half = (
+            1.0 / areas.sum()
+        )  # the strip of height 1 is 2 wide: what is modelled is its half, or all
         held = 2 * half * fields["fluid_content"] @ areas
         largest = np.abs(rows["outflow"]).max()
         assert held == pytest.approx(-float(rows["outflow"][row][0]), abs=1e-7 * largest)
         borne = -float(rows["force"][row][0]) / 2
         assert fields["stress"][:, 8] @ areas / areas.sum() == pytest.approx(borne, abs=1e-9)
-        assert fields["stress"][:, 8] == pytest.approx(borne, abs=2e-2 * np.abs(rows["force"]).max() / 2)
+        assert fields["stress"][:, 8] == pytest.approx(
+            borne, abs=2e-2 * np.abs(rows["force"]).max() / 2
+        )
         assert not fields["fluid_content"][fields["region"] == 1].any()
 
 
@@ -166,10 +186,14 @@ def test_files_for_paraview_name_units_and_regions_and_have_depths_as_times(tmp_
         simulate(from_mapping(given | {"loading": {"deltas": deltas}}), directory=tmp_path / name)
         found[name] = ElementTree.parse(tmp_path / name / "fields.xdmf").getroot()
         tip = ElementTree.parse(tmp_path / name / "tip.xdmf").getroot()
-        assert [one.get("Value") for one in tip.iter("Time")] == [one.get("Value") for one in found[name].iter("Time")]
+        assert [one.get("Value") for one in tip.iter("Time")] == [
+            one.get("Value") for one in found[name].iter("Time")
+        ]
     assert [float(one.get("Value", "")) for one in found["in"].iter("Time")] == [0.01, 0.03]
     assert [float(one.get("Value", "")) for one in found["back"].iter("Time")] == [1.0, 2.0]
-    said = {one.get("Name"): one.get("Value") for one in found["in"].findall("./Domain/Information")}
+    said = {
+        one.get("Name"): one.get("Value") for one in found["in"].findall("./Domain/Information")
+    }
     assert said == {
         "unit of length": "um",
         "unit of force": "nN",
@@ -182,4 +206,6 @@ def test_files_for_paraview_name_units_and_regions_and_have_depths_as_times(tmp_
     with meshio.xdmf.TimeSeriesReader(tmp_path / "in" / "fields.xdmf") as reader:
         points, _ = reader.read_points_cells()
         times = [reader.read_data(k) for k in range(reader.num_steps)]
-    assert [t for t, _, _ in times] == [0.01, 0.03] and times[1][1]["displacement"].shape == points.shape
+    assert [t for t, _, _ in times] == [0.01, 0.03] and times[1][1][
+        "displacement"
+    ].shape == points.shape

@@ -1,9 +1,10 @@
 """One big first step, and one back: against the same depths along a path of many small steps.
 
-Scenes drawn at random over tips x gap x material (and bodies, methods, depths from 1e-6 to 3 tip radii), on coarse
-meshes: what a mesh costs is the same along both paths. Every row is right (the forces agree to AGREE), covered (they
-agree within the error that the program states), or refused with a reason (exit 3 or 5). Never anything else; and the
-net under all rows says nothing against one that is right.
+Scenes drawn at random over tips x gap x material (and bodies, methods, depths from 1e-6 to 3 tip
+radii), on coarse meshes: what a mesh costs is the same along both paths. Every row is right (the
+forces agree to AGREE), covered (they agree within the error that the program states), or refused
+with a reason (exit 3 or 5). Never anything else; and the net under all rows says nothing against
+one that is right.
 """
 
 from __future__ import annotations
@@ -29,7 +30,10 @@ from indent_sim.scene.doubts import NEGLIGIBLE_ERROR
 from indent_sim.scene.scene import Scene, resolve
 
 AGREE = 1e-6  # of the force: Newton stops at 1e-9 of it, and Uzawa's multiplier at 1e-8
-PER_RADIUS = {2: 4.0, 3: 2.0}  # elements in a contact radius, by dimension: both paths are on the same mesh
+PER_RADIUS = {
+    2: 4.0,
+    3: 2.0,
+}  # elements in a contact radius, by dimension: both paths are on the same mesh
 STRIDE = 0.1  # of the tip's radius, along the fine path
 FEWEST, MOST = 4, 16  # steps of it
 SPATIAL = 25  # every so many scenes are in three dimensions: dear
@@ -40,10 +44,16 @@ TIPS: dict[str, Callable[[random.Random], dict[str, Any]]] = {
     "paraboloid": lambda pick: {"R": 1.0},
     "sphere": lambda pick: {"R": 1.0},
     "cone": lambda pick: {"half_angle": pick.uniform(20, 85)},
-    "blunt_cone": lambda pick: {"half_angle": pick.uniform(20, 85), "tip_radius": 10 ** pick.uniform(-3, 0)},
+    "blunt_cone": lambda pick: {
+        "half_angle": pick.uniform(20, 85),
+        "tip_radius": 10 ** pick.uniform(-3, 0),
+    },
     "flat_punch": lambda pick: {"radius": 1.0},
     "round_punch": lambda pick: {"radius": 1.0, "edge_radius": pick.choice(EDGES)},
-    "pyramid": lambda pick: {"half_angle": pick.uniform(40, 80), "tip_radius": pick.choice([0.0, 0.2])},
+    "pyramid": lambda pick: {
+        "half_angle": pick.uniform(40, 80),
+        "tip_radius": pick.choice([0.0, 0.2]),
+    },
     "profile": lambda pick: {"points": SHARP_PROFILE},
     "smooth_profile": lambda pick: {"points": [[0, 0], [0.3, 0.05], [1.5, 1.0]], "tip_radius": 0.3},
 }
@@ -73,7 +83,9 @@ class Verdict:
 
 
 def scenes(count: int, seed: int = 12) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Name and config of random scenes, the same for the same seed: every tip x gap x material in turn."""
+    """Name and config of random scenes, the same for the same seed: every tip x gap x material in
+    turn.
+    """
     pick = random.Random(seed)
     strata = sorted(product(TIPS.keys() - {IN_SPACE}, ("reference", "current"), MATERIALS))
     pick.shuffle(strata)
@@ -103,7 +115,10 @@ def scenes(count: int, seed: int = 12) -> Iterator[tuple[str, dict[str, Any]]]:
 def _body(pick: random.Random, in_space: bool, height: float) -> dict[str, Any]:
     shape = "box" if in_space else pick.choices(["cylinder", "strip"], [5, 1])[0]
     wide = pick.uniform(3.0, 6.0)
-    held = {"base": pick.choice(["fixed", "roller"]), "sides": pick.choice(["free", "roller", "fixed"])}
+    held = {
+        "base": pick.choice(["fixed", "roller"]),
+        "sides": pick.choice(["free", "roller", "fixed"]),
+    }
     return {
         "cylinder": {"shape": "cylinder", "radius": wide, "height": height},
         "strip": {"shape": "strip", "width": 2 * wide, "height": height},
@@ -120,13 +135,21 @@ def coarse(config: dict[str, Any]) -> Scene:
     """The scene on a coarse mesh; in three dimensions one that is cheap."""
     planned = resolve(from_mapping(config))
     h = planned.plan.prediction["a"] / PER_RADIUS[planned.physics.part.dim]
-    return resolve(from_mapping(config | {"mesh": {"h_contact": float(f"{h:.3g}")}, "solver": {"max_iterations": 25}}))
+    return resolve(
+        from_mapping(
+            config | {"mesh": {"h_contact": float(f"{h:.3g}")}, "solver": {"max_iterations": 25}}
+        )
+    )
 
 
 def along(scene: Scene, deltas: Sequence[float]) -> list[State]:
     """The states of the same scene and mesh along another path."""
     path = tuple(delta / scene.physics.scales.length for delta in deltas)
-    return list(chain.states(scene.with_physics(deltas=path, path=LoadPath("depth", path)), with_surface=False))
+    return list(
+        chain.states(
+            scene.with_physics(deltas=path, path=LoadPath("depth", path)), with_surface=False
+        )
+    )
 
 
 def judged(config: dict[str, Any]) -> Verdict:
@@ -139,7 +162,9 @@ def judged(config: dict[str, Any]) -> Verdict:
     big = along(scene, [depth, half])
     if not big[0].converged:
         return Verdict("refused" if big[0].reason else "WRONG", big[0].reason)
-    steps = min(max(FEWEST, 2 * round(depth / STRIDE / 2)), MOST if scene.physics.part.dim == 2 else FEWEST)
+    steps = min(
+        max(FEWEST, 2 * round(depth / STRIDE / 2)), MOST if scene.physics.part.dim == 2 else FEWEST
+    )
     fine = along(scene, [depth * k / steps for k in range(1, steps + 1)])
     pairs = [(big[0], fine[-1])]
     if len(big) == 2 and big[1].converged and len(fine) >= steps // 2:
@@ -157,7 +182,11 @@ def contradicted(scene: Scene, states: Sequence[State]) -> str | None:
     """What the net has against one of the states of a path."""
     depths = tuple(state.delta / scene.physics.scales.length for state in states)
     there = scene.with_physics(deltas=depths, path=LoadPath("depth", depths))
-    said = (contradiction(there, state, Rows(states[:k])) for k, state in enumerate(states) if state.converged)
+    said = (
+        contradiction(there, state, Rows(states[:k]))
+        for k, state in enumerate(states)
+        if state.converged
+    )
     return next(filter(None, said), None)
 
 
@@ -182,13 +211,19 @@ def test_ten_first_steps(part: int) -> None:
         print(f"{verdict.outcome:12s}{name}  {verdict.words}", flush=True)
     counts = Counter(verdict.outcome for verdict in found.values())
     print(dict(counts))
-    assert not [name for name, verdict in found.items() if verdict.outcome in ("WRONG", "FALSE ALARM")]
+    assert not [
+        name for name, verdict in found.items() if verdict.outcome in ("WRONG", "FALSE ALARM")
+    ]
     assert counts["right"] + counts["covered"] >= 7
 
 
-@pytest.mark.parametrize("number", [47, 77, *(pytest.param(k, marks=pytest.mark.verify) for k in (5, 15))])
+@pytest.mark.parametrize(
+    "number", [47, 77, *(pytest.param(k, marks=pytest.mark.verify) for k in (5, 15))]
+)
 def test_some_of_them(number: int) -> None:
-    """A profile and a round punch, in `make verify` a ball and a cone, all deeper than half their radius at once."""
+    """A profile and a round punch, in `make verify` a ball and a cone, all deeper than half their
+    radius at once.
+    """
     name, config = next(islice(scenes(number + 1), number, None))
     assert judged(config).outcome in ("right", "covered"), name
 
@@ -202,18 +237,23 @@ def gel() -> Scene:
 
 
 def test_a_ball_does_not_tunnel(gel: Scene) -> None:
-    """`run configs/gel.yaml --set "loading={delta: 1.85, steps: 1}"`: as in ten steps, and as in between."""
+    """`run configs/gel.yaml --set "loading={delta: 1.85, steps: 1}"`: as in ten steps, and as in
+    between.
+    """
     (once,) = along(gel, [1.85])
     ten = along(gel, [0.185 * k for k in range(1, 11)])
     assert once.force == pytest.approx(ten[-1].force, rel=AGREE)
     assert all(before.force < after.force for before, after in pairwise(ten))
-    assert once.force == pytest.approx(20.66, rel=2e-3)  # on any mesh: 0.3 % at most, what two meshes differ by
+    assert once.force == pytest.approx(
+        20.66, rel=2e-3
+    )  # on any mesh: 0.3 % at most, what two meshes differ by
 
 
 @pytest.mark.verify
 @pytest.mark.parametrize("delta", [2.2, 2.64])
 def test_a_ball_beyond_its_diameter(gel: Scene, delta: float) -> None:
-    """Where it once came out at the other side, to a force of 0: more force than at 1.85 R, in one step or in 11.
+    """Where it once came out at the other side, to a force of 0: more force than at 1.85 R, in one
+    step or in 11.
 
     At 2.64 R the gel has closed over the ball, up to its stem: that is no tip that went through.
     """
@@ -234,8 +274,10 @@ def test_the_depth_of_a_deep_ball_is_found() -> None:
 
 @pytest.mark.parametrize("steps", [pytest.param(1, marks=pytest.mark.verify), 14])
 def test_a_linear_body_that_turns_inside_out_is_refused(steps: int) -> None:
-    """Around the edge of a punch from 0.65 radii on; the forces before rise, and then fell to a tenth of that. In a
-    unit that makes all lengths thousands: how much may turn inside out is a share of the contact radius."""
+    """Around the edge of a punch from 0.65 radii on; the forces before rise, and then fell to a
+    tenth of that. In a unit that makes all lengths thousands: how much may turn inside out is a
+    share of the contact radius.
+    """
     config = {
         "body": {"shape": "cylinder", "radius": 2e3, "height": 1.2e3},
         "contact": {"method": "auto", "gap": "current"},
@@ -258,8 +300,15 @@ NEEDLES: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("tip", NEEDLES.values(), ids=NEEDLES)
 def test_a_tip_deep_beyond_its_end_is_a_punch(tip: dict[str, Any]) -> None:
-    """F = 2 E* R (delta - O(R)), R/delta = 1e-4; the mesh costs 0.1 % at the edge. It was a plate beyond 1000 R."""
-    deep = {"body": WALLED, "material": ELASTIC, "indenter": tip, "loading": {"delta": 0.01, "steps": 1}}
+    """F = 2 E* R (delta - O(R)), R/delta = 1e-4; the mesh costs 0.1 % at the edge. It was a plate
+    beyond 1000 R.
+    """
+    deep = {
+        "body": WALLED,
+        "material": ELASTIC,
+        "indenter": tip,
+        "loading": {"delta": 0.01, "steps": 1},
+    }
     scene = resolve(from_mapping(deep))
     assert force(scene) == pytest.approx(2 * E_STAR * 1e-6 * 0.01, rel=3e-3)
     if tip["shape"] != "flat_punch":
@@ -269,10 +318,15 @@ def test_a_tip_deep_beyond_its_end_is_a_punch(tip: dict[str, Any]) -> None:
 
 
 def test_a_contact_is_no_wider_than_its_ball() -> None:
-    """Around a ball deeper than its radius the surface hangs over; projected from above it ends at the equator, R = 1.
+    """Around a ball deeper than its radius the surface hangs over; projected from above it ends at
+    the equator, R = 1.
 
     A thousandth is for the facets' own roundness.
     """
-    states = list(chain.states(resolve(load(GEL, ("loading={deltas: [0.9, 1.4, 1.85]}",))), with_surface=False))
+    states = list(
+        chain.states(
+            resolve(load(GEL, ("loading={deltas: [0.9, 1.4, 1.85]}",))), with_surface=False
+        )
+    )
     a = [state.a for state in states]
     assert 0.9 < a[0] < a[1] <= 1.001 and a[2] <= 1.001

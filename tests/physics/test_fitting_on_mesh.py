@@ -1,4 +1,6 @@
-"""A scene on a mesh fitted to curves of theory: the modulus comes back within what the mesh is said to cost."""
+"""A scene on a mesh fitted to curves of theory: the modulus comes back within what the mesh is said
+to cost.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +16,21 @@ from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 
 X = np.linspace(-0.1, 0.1, 300)
 THEORY = {"shape": "layer", "height": 1.0}
-WIDE = {"shape": "cylinder", "radius": 4.0, "height": 1.0, "base": "fixed", "sides": "free"}  # four heights: no wall
+WIDE = {
+    "shape": "cylinder",
+    "radius": 4.0,
+    "height": 1.0,
+    "base": "fixed",
+    "sides": "free",
+}  # four heights: no wall
 
 
 def scene(body: dict, **more) -> Config:  # type: ignore[no-untyped-def,type-arg]
     """E = 1, nu = 0.4 under a paraboloid of R = 1."""
-    parts = {"material": {"model": "linear_elastic", "E": 1.0, "nu": 0.4}, "loading": {"delta": 0.1, "steps": 2}}
+    parts = {
+        "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.4},
+        "loading": {"delta": 0.1, "steps": 2},
+    }
     tip = {"shape": "paraboloid", "R": 1.0}
     return from_mapping({"body": body, "indenter": tip, **parts, "output": {"plot": False}, **more})
 
@@ -48,7 +59,9 @@ def test_a_table_of_a_mesh_is_theory_but_for_its_error_bar():
     theory = SceneForces(scene(THEORY), [], 0.1)
     depths = np.linspace(0.02, 0.1, 9)
     ratio = meshed(np.array([]), depths) / theory(np.array([]), depths) - 1
-    assert np.abs(ratio).max() < 2 * meshed.error and meshed.error < 0.01  # at shallower depths than the bar's
+    assert (
+        np.abs(ratio).max() < 2 * meshed.error and meshed.error < 0.01
+    )  # at shallower depths than the bar's
 
 
 def test_a_load_path_at_finite_strain_scales_with_its_only_modulus():
@@ -58,15 +71,21 @@ def test_a_load_path_at_finite_strain_scales_with_its_only_modulus():
     soft, hard = (SceneForces(scene(WIDE | {"radius": 2.0}, material=material | {"E": E}, **more), ["material.E"], 0.2)
                   for E in (1.0, 3.0))  # fmt: skip
     depths = np.array([0.03, 0.1, 0.2])
-    np.testing.assert_allclose(soft(np.log([3.0]), depths), hard(np.log([3.0]), depths), rtol=1e-6)  # Newton's 1e-9
+    np.testing.assert_allclose(
+        soft(np.log([3.0]), depths), hard(np.log([3.0]), depths), rtol=1e-6
+    )  # Newton's 1e-9
 
 
 @pytest.mark.verify
 def test_coverage_on_a_coarse_mesh():
-    """12 curves on a mesh of two elements: fewer than 9 of 95 % intervals hold the truth once in 400."""
+    """12 curves on a mesh of two elements: fewer than 9 of 95 % intervals hold the truth once in
+    400.
+    """
     draw, inside = np.random.default_rng(3), 0
     for k in range(12):
         E = math.exp(draw.uniform(-1, 1))
-        stated = fit((X, curve(E, draw.uniform(-0.02, 0.02), k)), scene(WIDE, mesh={"h_contact": 0.1}))
+        stated = fit(
+            (X, curve(E, draw.uniform(-0.02, 0.02), k)), scene(WIDE, mesh={"h_contact": 0.1})
+        )
         inside += stated.parameters["material.E"].low < E < stated.parameters["material.E"].high
     assert inside >= 9

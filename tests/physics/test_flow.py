@@ -1,6 +1,8 @@
-"""Bodies with fluid in their pores, against exact solutions, elastic limits and the balance of the fluid.
+"""Bodies with fluid in their pores, against exact solutions, elastic limits and the balance of the
+fluid.
 
-Every step is solved and accepted here, one after another; nothing of the load path takes part but in the last section.
+Every step is solved and accepted here, one after another; nothing of the load path takes part but
+in the last section.
 """
 
 from __future__ import annotations
@@ -35,13 +37,19 @@ VERIFY = pytest.mark.verify
 
 
 def draining(
-    base: Scene, drainage: Drainage = DRAINAGE, regions: Sequence[int] = (), k: float = PERMEABILITY, **flow: Any
+    base: Scene,
+    drainage: Drainage = DRAINAGE,
+    regions: Sequence[int] = (),
+    k: float = PERMEABILITY,
+    **flow: Any,
 ) -> Scene:
     """A scene with fluid in the pores of some regions, without any in those of all."""
     part = base.physics.part
     chosen = regions or range(len(part.regions))
     own = [
-        replace(region, material=replace(region.material, flow=Flow(k, **flow)).canonical()) if n in chosen else region
+        replace(region, material=replace(region.material, flow=Flow(k, **flow)).canonical())
+        if n in chosen
+        else region
         for n, region in enumerate(part.regions)
     ]
     return base.with_physics(part=replace(part, regions=tuple(own)), drainage=drainage)
@@ -49,7 +57,11 @@ def draining(
 
 def layer(h: float = RADIUS / 5, nu: float = 0.2, **sections: Any) -> Scene:
     """A layer between frictionless walls under a paraboloid; h: element size in the contact."""
-    given = {"material": DRAINED | {"nu": nu}, "mesh": {"h_contact": h, "h_far": 0.25}, "solver": NEWTON}
+    given = {
+        "material": DRAINED | {"nu": nu},
+        "mesh": {"h_contact": h, "h_far": 0.25},
+        "solver": NEWTON,
+    }
     return scene(WALLED, **(given | {"loading": {"delta": DELTA, "steps": 1}} | sections))
 
 
@@ -83,7 +95,9 @@ class Draining:
         return np.array(rows)
 
     def drain(self) -> float:
-        """The force when nothing is left of the pressure: two steps, each of which leaves 1e-6 of it."""
+        """The force when nothing is left of the pressure: two steps, each of which leaves 1e-6 of
+        it.
+        """
         self.step(self.depth, LONG)
         return self.step(self.depth, LONG)
 
@@ -144,7 +158,9 @@ def draining_layer(**flow: float) -> Draining:
 def by_theory(nu: float, E: float = 1.0, **sections: Any) -> float:
     """Theory's force on the elastic layer."""
     given = {"material": ELASTIC | {"E": E, "nu": nu}, "loading": {"delta": DELTA, "steps": 1}}
-    return next(iter(chain.states(scene(WALLED, **given, **sections, solver={"method": "theory"})))).force
+    return next(
+        iter(chain.states(scene(WALLED, **given, **sections, solver={"method": "theory"})))
+    ).force
 
 
 def undrained(E: float, nu: float, alpha: float, storage: float) -> tuple[float, float]:
@@ -156,16 +172,21 @@ def undrained(E: float, nu: float, alpha: float, storage: float) -> tuple[float,
     return 9 * K * G / (3 * K + G), (3 * K - 2 * G) / (2 * (3 * K + G))
 
 
-# ---- limits --------------------------------------------------------------------------------------------------------
+# ---- limits
+# --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("alpha", "storage"), [(1.0, 0.0), (0.8, 0.5), (0.5, 2.0)])
 def test_at_once_and_at_last_it_is_elastic(alpha: float, storage: float) -> None:
-    """Against layer theory 5e-4, what h = a/10 costs; against elastic bodies on the same mesh, to their tolerance."""
+    """Against layer theory 5e-4, what h = a/10 costs; against elastic bodies on the same mesh, to
+    their tolerance.
+    """
     base = layer(RADIUS / 10)
     body = Draining(draining(base, alpha=alpha, storage=storage))
     at_once = body.step(DELTA)
-    assert at_once == pytest.approx(by_theory(*reversed(undrained(1.0, 0.2, alpha, storage))), rel=5e-4)
+    assert at_once == pytest.approx(
+        by_theory(*reversed(undrained(1.0, 0.2, alpha, storage))), rel=5e-4
+    )
     assert body.outflow == 0.0
     at_last = body.drain()
     assert at_last == pytest.approx(by_theory(0.2), rel=5e-4)
@@ -189,15 +210,24 @@ def test_a_nearly_incompressible_drained_law_keeps_its_own_pressure(nu: float) -
     assert body.drain() == pytest.approx(by_theory(nu), rel=1e-3)
 
 
-# ---- exact solutions -----------------------------------------------------------------------------------------------
+# ---- exact solutions
+# -----------------------------------------------------------------------------------------------
 
 
-def under_plate(radius: float, h: float, law: dict[str, Any], drainage: Drainage, **flow: Any) -> Draining:
-    """A column of height 1 between frictionless walls, or a body that is free to the side, under a punch as wide."""
-    whole = WALLED | {"radius": radius} | ({"base": "roller", "sides": "free"} if radius == 1.0 else {})
+def under_plate(
+    radius: float, h: float, law: dict[str, Any], drainage: Drainage, **flow: Any
+) -> Draining:
+    """A column of height 1 between frictionless walls, or a body that is free to the side, under a
+    punch as wide.
+    """
+    whole = (
+        WALLED | {"radius": radius} | ({"base": "roller", "sides": "free"} if radius == 1.0 else {})
+    )
     sections = {"material": law, "mesh": {"h_contact": h, "h_far": h}, "solver": NEWTON}
     tip, loading = {"shape": "flat_punch", "radius": radius}, {"delta": DELTA, "steps": 1}
-    return Draining(draining(scene(whole, **sections, indenter=tip, loading=loading), drainage, **flow))
+    return Draining(
+        draining(scene(whole, **sections, indenter=tip, loading=loading), drainage, **flow)
+    )
 
 
 @pytest.mark.parametrize("steps", [20, pytest.param(40, marks=VERIFY)])
@@ -211,8 +241,11 @@ def test_confined_ramp(steps: int) -> None:
 
 
 def test_consolidation_under_a_force() -> None:
-    """Terzaghi's settlement. A sudden force has no undrained equilibrium: it comes with the first step. The depth is
-    straight within a step where the layer settles by the root of time: 1.5e-3 with eight steps a doubling."""
+    """Terzaghi's settlement.
+
+    A sudden force has no undrained equilibrium: it comes with the first step. The depth is straight
+    within a step where the layer settles by the root of time: 1.5e-3 with eight steps a doubling.
+    """
     body, area = under_plate(0.1, 0.05, DRAINED, Drainage(tip="drained")), np.pi * 0.1**2
     for dt in ladder(1e-4, 0.1, 8):
         body.press(0.01 * area, dt)
@@ -220,11 +253,14 @@ def test_consolidation_under_a_force() -> None:
     assert body.depth == pytest.approx(exact, rel=1.5e-3)
 
 
-@pytest.mark.parametrize(("h", "early", "late"), [(0.1, 1e-2, 4e-3), pytest.param(0.05, 4e-3, 1.5e-3, marks=VERIFY)])
+@pytest.mark.parametrize(
+    ("h", "early", "late"), [(0.1, 1e-2, 4e-3), pytest.param(0.05, 4e-3, 1.5e-3, marks=VERIFY)]
+)
 @pytest.mark.parametrize("nu", [0.0, 0.3])
 def test_unconfined_disc(nu: float, h: float, early: float, late: float) -> None:
-    """At once uniform and incompressible, which the elements hold exactly; then, as a share of what relaxes, from
-    T = 0.001 and 0.01 on, what the elements at the side cost."""
+    """At once uniform and incompressible, which the elements hold exactly; then, as a share of what
+    relaxes, from T = 0.001 and 0.01 on, what the elements at the side cost.
+    """
     body = under_plate(1.0, h, DRAINED | {"nu": nu}, DRAINAGE)
     k, eps = PERMEABILITY, 0.01
     assert body.step(eps) == pytest.approx(1.5 / (1 + nu) * np.pi * eps, rel=1e-10)
@@ -237,14 +273,20 @@ def test_unconfined_disc(nu: float, h: float, early: float, late: float) -> None
 
 @pytest.mark.parametrize("nu", [0.2])
 def test_mandel(nu: float) -> None:
-    """The pressure in the middle rises before it falls; 3e-3 of it, and 1e-3 of the shortening, from T = 0.005 on."""
+    """The pressure in the middle rises before it falls; 3e-3 of it, and 1e-3 of the shortening,
+    from T = 0.005 on.
+    """
     h, force = 0.05, 0.005
     strip = {"shape": "strip", "width": 2.0, "height": 0.2, "base": "roller", "sides": "free"}
     tip = {"shape": "flat_punch", "radius": 1.0}
     mesh = {"h_contact": h, "h_far": h}
-    base = scene(strip, material=DRAINED, mesh=mesh, indenter=tip, loading={"delta": 0.001}, solver=NEWTON)
+    base = scene(
+        strip, material=DRAINED, mesh=mesh, indenter=tip, loading={"delta": 0.001}, solver=NEWTON
+    )
     scales = base.physics.scales
-    k = PERMEABILITY / scales.length**2  # without units: lengths are divided by the height, times are not
+    k = (
+        PERMEABILITY / scales.length**2
+    )  # without units: lengths are divided by the height, times are not
     body = Draining(draining(base, k=k))
     body.press(2 * force / scales.force)
     t, middle = 0.0, base.physics.center[0]
@@ -260,8 +302,9 @@ def test_mandel(nu: float) -> None:
 
 @pytest.mark.verify
 def test_flat_punch_on_a_half_space() -> None:
-    """A drained surface, also under the punch; as a share of what relaxes on this finite body 4e-3: of the body 120
-    radii wide, of its elements and of the steps in time."""
+    """A drained surface, also under the punch; as a share of what relaxes on this finite body 4e-3:
+    of the body 120 radii wide, of its elements and of the steps in time.
+    """
     wide, nu = 120.0, 0.2
     body = WALLED | {"radius": wide, "height": wide}
     mesh = {"h_contact": 0.1, "h_edge": 0.002, "h_far": wide / 8}
@@ -273,10 +316,13 @@ def test_flat_punch_on_a_half_space() -> None:
     at_last = found.drain()
     for t, force in rows:
         if t >= 0.01:
-            assert (force - at_last) / (at_once - at_last) == pytest.approx(drop_left(t, nu), abs=4e-3)
+            assert (force - at_last) / (at_once - at_last) == pytest.approx(
+                drop_left(t, nu), abs=4e-3
+            )
 
 
-# ---- time ----------------------------------------------------------------------------------------------------------
+# ---- time
+# ----------------------------------------------------------------------------------------------------------
 
 
 def relaxation(body: Draining, per_doubling: int, first: float, end: float) -> float:
@@ -289,7 +335,9 @@ def relaxation(body: Draining, per_doubling: int, first: float, end: float) -> f
 
 @pytest.mark.parametrize("tip", ["sealed", pytest.param("drained", marks=VERIFY)])
 def test_two_stages_are_of_second_order(tip: Any) -> None:
-    """Twice the steps, a quarter of the error; four steps for each doubling of their length cost 6e-4."""
+    """Twice the steps, a quarter of the error; four steps for each doubling of their length cost
+    6e-4.
+    """
     body = draining_layer() if tip == "sealed" else Draining(draining(layer(), Drainage(tip=tip)))
     first, end = 1e-3 * RADIUS**2, 0.3 * RADIUS**2
     exact = relaxation(body, 16, first, end)  # whose own error makes the ratio 5 for 4
@@ -301,7 +349,9 @@ def test_two_stages_are_of_second_order(tip: Any) -> None:
 @VERIFY
 @pytest.mark.parametrize(("tip", "error"), [("drained", 1e-4), ("sealed", 2e-3)])
 def test_a_ramp_in_equal_steps(tip: Any, error: float) -> None:
-    """20 steps against 160, h = a/10: second order, but for a tip that seals one vertex after another."""
+    """20 steps against 160, h = a/10: second order, but for a tip that seals one vertex after
+    another.
+    """
     body, time = Draining(draining(layer(RADIUS / 10), Drainage(tip=tip))), 0.1 * RADIUS**2
     few, many = (body.from_rest().ramp(DELTA, time, n)[-1] for n in (20, 160))
     assert few == pytest.approx(many, rel=error)
@@ -363,7 +413,8 @@ def test_a_step_that_is_taken_back_leaves_nothing() -> None:
     assert found == pytest.approx(again.step(DELTA, 1e-3), rel=1e-10)
 
 
-# ---- the surface ---------------------------------------------------------------------------------------------------
+# ---- the surface
+# ---------------------------------------------------------------------------------------------------
 
 
 def test_a_tip_that_drains_lets_the_force_fall_sooner() -> None:
@@ -378,9 +429,12 @@ def test_a_tip_that_drains_lets_the_force_fall_sooner() -> None:
 
 @pytest.mark.parametrize("share", [0.1, 1.0])
 def test_a_base_with_a_conductance(share: float) -> None:
-    """A column that draws fluid in through its base fills as exp(-b^2 D t/h^2) at last, b tan b = X h/k. What 20 steps
-    a decay leave of the rate: 1e-3."""
-    drainage = Drainage(surface="sealed", base=Conductance(share * PERMEABILITY), bath=((0.0, 0.0), (1e-3, 0.01)))
+    """A column that draws fluid in through its base fills as exp(-b^2 D t/h^2) at last, b tan b = X
+    h/k. What 20 steps a decay leave of the rate: 1e-3.
+    """
+    drainage = Drainage(
+        surface="sealed", base=Conductance(share * PERMEABILITY), bath=((0.0, 0.0), (1e-3, 0.01))
+    )
     body = under_plate(0.1, 0.1, DRAINED, drainage)
     body.step(-1.0, 1e-3)
     b = brentq(lambda b: b * np.tan(b) - share, 1e-6, np.pi / 2 - 1e-6)
@@ -393,7 +447,9 @@ def test_a_base_with_a_conductance(share: float) -> None:
 
 
 def test_a_bath_swells_a_free_body() -> None:
-    """Fluid that is drawn in at p_b = 0.01 from t = 1 on: alpha p_b = K e, uniform, whatever the way there."""
+    """Fluid that is drawn in at p_b = 0.01 from t = 1 on: alpha p_b = K e, uniform, whatever the
+    way there.
+    """
     base = scene(
         WALLED | {"sides": "free", "base": "roller", "radius": 1.0},
         material=DRAINED,
@@ -410,7 +466,8 @@ def test_a_bath_swells_a_free_body() -> None:
     assert body.outflow == pytest.approx(-body.content, rel=1e-8)
 
 
-# ---- together with the rest ----------------------------------------------------------------------------------------
+# ---- together with the rest
+# ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("friction", [0.3, "stick"])
@@ -423,10 +480,14 @@ def test_friction_is_that_of_the_incompressible_body_at_once(friction: Any) -> N
     assert at_once == pytest.approx(solver_force(elastic) * scales.force, rel=2e-4)
 
 
-@pytest.mark.parametrize("method", ["penalty", *(pytest.param(name, marks=VERIFY) for name in ("active_set", "uzawa"))])
+@pytest.mark.parametrize(
+    "method", ["penalty", *(pytest.param(name, marks=VERIFY) for name in ("active_set", "uzawa"))]
+)
 def test_contact_methods_agree(method: str) -> None:
-    """While all of the surface drains: a tip that seals closes a vertex a little sooner or later. Elastic forces of
-    the methods on this mesh are as far apart."""
+    """While all of the surface drains: a tip that seals closes a vertex a little sooner or later.
+
+    Elastic forces of the methods on this mesh are as far apart.
+    """
     forces = []
     for contact in ({"method": "augmented_lagrangian"}, {"method": method}):
         body = Draining(draining(layer(contact=contact), Drainage(tip="drained")))
@@ -455,20 +516,26 @@ def test_a_film_with_pores_on_a_body_without() -> None:
 
     def film(nu: float, E: float) -> Scene:
         law = ELASTIC | {"E": E, "nu": nu}
-        layers = {"layers": [{"thickness": 0.3, "material": law}, {"thickness": 0.7, "material": ELASTIC}]}
+        layers = {
+            "layers": [{"thickness": 0.3, "material": law}, {"thickness": 0.7, "material": ELASTIC}]
+        }
         mesh = {"h_contact": RADIUS / 5, "h_far": 0.25}
         return scene(WALLED | layers, mesh=mesh, loading={"delta": DELTA}, solver=NEWTON)
 
     base, incompressible = film(0.2, 1.0), film(0.5, 1.25)
     body = Draining(draining(base, regions=[0]))
     found = body.step(DELTA)
-    assert found == pytest.approx(solver_force(incompressible) * incompressible.physics.scales.force, rel=6e-4)
+    assert found == pytest.approx(
+        solver_force(incompressible) * incompressible.physics.scales.force, rel=6e-4
+    )
     assert body.drain() == pytest.approx(solver_force(base), rel=1e-8)
     assert body.content == pytest.approx(-body.outflow, rel=1e-9)
 
 
 def test_a_rubber_with_pores_is_elastic_at_once_and_at_last() -> None:
-    """At finite strain: at once to what another pair of elements costs, at last to Newton's tolerance."""
+    """At finite strain: at once to what another pair of elements costs, at last to Newton's
+    tolerance.
+    """
     law = {"model": "neo_hookean", "E": 1.0, "nu": 0.2}
     base = layer(material=law, contact={"gap": "reference"})
     body = Draining(draining(base))
@@ -480,10 +547,13 @@ def test_a_rubber_with_pores_is_elastic_at_once_and_at_last() -> None:
     assert body.content == pytest.approx(-body.outflow, rel=1e-9)
 
 
-@pytest.mark.parametrize("pores", [pytest.param(None, marks=VERIFY), HolmesMow(phi0=0.3, alpha=2.0, M=3.0)])
+@pytest.mark.parametrize(
+    "pores", [pytest.param(None, marks=VERIFY), HolmesMow(phi0=0.3, alpha=2.0, M=3.0)]
+)
 def test_a_column_that_is_shorter_by_a_fifth(pores: HolmesMow | None) -> None:
-    """Small changes about the stretch s of a drained column decay as exp(-pi^2 m dP/ds t), m = k(s)/s. To 3e-3, of
-    20 steps a decay and of the change, 1e-3 of the stretch."""
+    """Small changes about the stretch s of a drained column decay as exp(-pi^2 m dP/ds t), m =
+    k(s)/s. To 3e-3, of 20 steps a decay and of the change, 1e-3 of the stretch.
+    """
     law, s = {"model": "neo_hookean", "E": 1.0, "nu": 0.2}, 0.8
     body = under_plate(0.1, 0.05, law, Drainage(tip="drained"), holmes_mow=pores)
     for n in range(1, 5):
@@ -499,7 +569,8 @@ def test_a_column_that_is_shorter_by_a_fifth(pores: HolmesMow | None) -> None:
     assert np.log(left[59] / left[79]) == pytest.approx(1.0, rel=3e-3)
 
 
-# ---- scenes with a history -----------------------------------------------------------------------------------------
+# ---- scenes with a history
+# -----------------------------------------------------------------------------------------
 
 WET = DRAINED | {"flow": {"permeability": PERMEABILITY}}
 RAMP = [[5.0, 0.0], [5.001, DELTA], [6.0, DELTA], [6.1, 0.01]]
@@ -544,14 +615,18 @@ def test_a_stopped_history_goes_on(control: str) -> None:
         next(states)
     goes_on = solver.walk(base, mesh)
     assert goes_on.resume(stopped.points, [])
-    for row, state in zip(rows[done:], goes_on.states(base.physics.path, lambda step: False, done), strict=True):
+    for row, state in zip(
+        rows[done:], goes_on.states(base.physics.path, lambda step: False, done), strict=True
+    ):
         assert state.force == pytest.approx(row.force, rel=1e-7)
         assert state.delta == pytest.approx(row.delta, rel=1e-7)
         assert state.outflow == pytest.approx(row.outflow, rel=1e-7)
 
 
 STICKY = {"method": "augmented_lagrangian", "adhesion": {"work": 6e-4, "range": 0.03}}
-OUT = 0.002  # deep where it still holds on, and as far outside where it has come off (a range of 0.03 is felt on)
+# deep where it still holds on, and as far outside where it has come off (a range of 0.03 is felt
+# on)
+OUT = 0.002
 
 
 def sticky(h: float = 0.025, **sections: Any) -> Scene:
@@ -559,29 +634,49 @@ def sticky(h: float = 0.025, **sections: Any) -> Scene:
 
 
 def test_a_tip_that_adheres_comes_off_a_body_that_drains() -> None:
-    """At once it is the incompressible body, 1e-3: the pressure of pores is linear on an element; drained the elastic
-    one on the same mesh. Pulled off over a hundred times of drainage, 2e-3: what has not drained yet, with the elastic
-    body's depth of the snap between the same rows."""
+    """At once it is the incompressible body, 1e-3: the pressure of pores is linear on an element;
+    drained the elastic one on the same mesh. Pulled off over a hundred times of drainage, 2e-3:
+    what has not drained yet, with the elastic body's depth of the snap between the same rows.
+    """
     depths, held = [DELTA, OUT, -OUT, -3 * OUT, -10 * OUT], 20.0
     out = [held + 100 * (DELTA - depth) / DELTA for depth in depths[1:]]
     history = [[0.0, 0.0], [0.0, DELTA], [held, DELTA], [out[-1], depths[-1]]]
     # what is compared has drained: few steps
-    rows = solve(sticky(material=WET, loading={"history": history, "times": [0, held, *out], "per_doubling": 2}))
+    rows = solve(
+        sticky(
+            material=WET, loading={"history": history, "times": [0, held, *out], "per_doubling": 2}
+        )
+    )
     elastic = solve(sticky(loading={"deltas": depths}))
-    (stiff,) = solve(sticky(material=ELASTIC | {"E": 1.25, "nu": 0.5}, loading={"delta": DELTA, "steps": 1}))
+    (stiff,) = solve(
+        sticky(material=ELASTIC | {"E": 1.25, "nu": 0.5}, loading={"delta": DELTA, "steps": 1})
+    )
     assert rows[0].force == pytest.approx(stiff.force, rel=1e-3)
     assert rows[1].force == pytest.approx(elastic[0].force, rel=1e-6)
     largest = max(abs(row.force) for row in elastic)
-    assert [row.force for row in rows[1:]] == pytest.approx([row.force for row in elastic], abs=2e-3 * largest)
+    assert [row.force for row in rows[1:]] == pytest.approx(
+        [row.force for row in elastic], abs=2e-3 * largest
+    )
     assert rows[2].a > 0 and rows[-1].a == elastic[-1].a == 0
 
 
 def test_a_tip_that_adheres_is_let_go_of_at_no_force() -> None:
-    """It sinks to the depth at which the drained body pulls as much as it pushes, and stays in contact."""
-    path = {"force_history": [[0, 0], [1, 4e-3], [2, 0], [50, 0]], "times": [0, 1, 2, 50], "per_doubling": 2}
-    rows, elastic = solve(sticky(0.05, material=WET, loading=path)), solve(sticky(0.05, loading={"forces": [4e-3, 0]}))
+    """It sinks to the depth at which the drained body pulls as much as it pushes, and stays in
+    contact.
+    """
+    path = {
+        "force_history": [[0, 0], [1, 4e-3], [2, 0], [50, 0]],
+        "times": [0, 1, 2, 50],
+        "per_doubling": 2,
+    }
+    rows, elastic = (
+        solve(sticky(0.05, material=WET, loading=path)),
+        solve(sticky(0.05, loading={"forces": [4e-3, 0]})),
+    )
     assert [row.force for row in rows] == pytest.approx([0.0, 4e-3, 0.0, 0.0], abs=1e-10)
-    assert rows[-1].delta == pytest.approx(elastic[-1].delta, rel=1e-4)  # what is left of the pressure
+    assert rows[-1].delta == pytest.approx(
+        elastic[-1].delta, rel=1e-4
+    )  # what is left of the pressure
     assert rows[-1].a == pytest.approx(elastic[-1].a, rel=1e-3)
 
 
@@ -590,14 +685,18 @@ def test_a_force_in_time_is_met_and_creeps_to_the_drained_depth() -> None:
     held = [row.force for row in rows if row.branch == "hold"]
     assert held == pytest.approx([4e-3] * len(held), rel=1e-8)
     depths = [row.delta for row in rows]
-    assert np.diff(depths).min() > -1e-5 * depths[-1]  # where the vertices that the tip seals change
+    assert (
+        np.diff(depths).min() > -1e-5 * depths[-1]
+    )  # where the vertices that the tip seals change
     (drained,) = solve(layer(loading={"force": 4e-3, "steps": 1}))
     assert depths[-1] == pytest.approx(drained.delta, rel=1e-6)
 
 
 def test_a_column_under_a_sudden_force_settles_by_the_root_of_time() -> None:
-    """Terzaghi, with the default steps: 5e-4 at the end of a creep whose depth is not straight in any step. The force
-    of a stage between is straight: with a straight depth there it was 2.7e-3."""
+    """Terzaghi, with the default steps: 5e-4 at the end of a creep whose depth is not straight in
+    any step. The force of a stage between is straight: with a straight depth there it was
+    2.7e-3.
+    """
     whole, mesh = WALLED | {"radius": 0.1}, {"h_contact": 0.05, "h_far": 0.05}
     force = 0.01 * np.pi * 0.1**2
     sections: dict[str, Any] = {"material": WET, "mesh": mesh, "drainage": {"tip": "drained"}}
@@ -609,15 +708,18 @@ def test_a_column_under_a_sudden_force_settles_by_the_root_of_time() -> None:
 
 def test_rows_at_some_times_are_near_those_of_all() -> None:
     """A step that ends on a row is two: 1e-3."""
-    base = layer(material=WET, loading={"history": RAMP, "per_doubling": 2, "times": [5.001, 5.3, 6.1]})
+    base = layer(
+        material=WET, loading={"history": RAMP, "per_doubling": 2, "times": [5.001, 5.3, 6.1]}
+    )
     found = [state.force for state in solve(base)]
     times, forces = zip(*((row.t, row.force) for row in rows_of("history")), strict=True)
     assert found == pytest.approx(np.interp([5.001, 5.3, 6.1], times, forces), rel=3e-3)
 
 
 def test_a_step_that_fails_is_cut_in_time() -> None:
-    """One step from the jump to the end of the hold, refused: the walk halves it and arrives, but for what two steps of
-    50 times height^2/D leave."""
+    """One step from the jump to the end of the hold, refused: the walk halves it and arrives, but
+    for what two steps of 50 times height^2/D leave.
+    """
     body = solver.equilibrium(base := in_time("history"), meshed(base))
     walk, refused = solver.Walk(body), [True]
     once = body.solve
@@ -636,15 +738,20 @@ def test_a_step_that_fails_is_cut_in_time() -> None:
 
 @VERIFY
 def test_retraction() -> None:
-    """Out at the speed at which it came in, a tenth of a^2/D each: 20 steps against 80 half way back; no force below
-    none, and let go above the depth of rest, as late as the surface comes back."""
+    """Out at the speed at which it came in, a tenth of a^2/D each: 20 steps against 80 half way
+    back; no force below none, and let go above the depth of rest, as late as the surface comes
+    back.
+    """
     tau = 0.1 * RADIUS**2
     found = {}
     for per_doubling in (4, 16):
         history = [[0, 0], [tau, DELTA], [2 * tau, 0]]
         half = {"history": history, "times": [tau, 1.5 * tau], "per_doubling": per_doubling}
         whole = {"history": history, "per_doubling": per_doubling}
-        given = {"material": WET, "drainage": {"tip": "drained"}}  # where a seal ends is known to an element: 1.3e-3
+        given = {
+            "material": WET,
+            "drainage": {"tip": "drained"},
+        }  # where a seal ends is known to an element: 1.3e-3
         found[per_doubling] = [solve(layer(loading=loading, **given)) for loading in (half, whole)]
     (few, rows), (many, _) = found[4], found[16]
     assert few[1].force == pytest.approx(many[1].force, rel=1e-3)
@@ -656,15 +763,22 @@ def test_retraction() -> None:
 @VERIFY
 def test_a_force_of_rubber_never_rises_in_a_hold() -> None:
     """At finite strain, solver noise of 8e-7 of the first force."""
-    rubber = {"model": "mooney_rivlin", "C10": 0.15, "C01": 0.05, "nu": 0.2, "flow": {"diffusivity": 1.0}}
+    rubber = {
+        "model": "mooney_rivlin",
+        "C10": 0.15,
+        "C01": 0.05,
+        "nu": 0.2,
+        "flow": {"diffusivity": 1.0},
+    }
     found = solve(layer(material=rubber, loading={"history": [[0, DELTA], [30, DELTA]]}))
     assert np.diff([row.force for row in found]).max() < 3e-6 * found[0].force
 
 
 @pytest.mark.parametrize("many", [8, pytest.param(16, marks=VERIFY)])
 def test_fluid_and_chains_together(many: int) -> None:
-    """Both at once, four steps of each length against sixteen, or eight: measured 2.7e-4; drained and relaxed at
-    last."""
+    """Both at once, four steps of each length against sixteen, or eight: measured 2.7e-4; drained
+    and relaxed at last.
+    """
     law = WET | {"relaxation": {"prony": [[0.4, 0.01], [0.2, 0.1]], "of": "shear"}}
     found = {}
     for per_doubling in (4, many):
@@ -673,21 +787,40 @@ def test_fluid_and_chains_together(many: int) -> None:
             "times": [0.001, 0.01, 0.1, 300],
             "per_doubling": per_doubling,
         }
-        found[per_doubling] = np.array([row.force for row in solve(layer(RADIUS / 4, material=law, loading=loading))])
+        found[per_doubling] = np.array(
+            [row.force for row in solve(layer(RADIUS / 4, material=law, loading=loading))]
+        )
     assert np.abs(found[4] / found[many] - 1).max() < 8e-4
-    G, K = 0.4 / 2.4, 1 / 1.8  # of E = 1, nu = 0.2: what is left of the shear, and the drained bulk modulus
-    (last,) = solve(layer(RADIUS / 4, nu=(3 * K - 2 * G) / (2 * (3 * K + G)), loading={"delta": DELTA, "steps": 1}))
+    G, K = (
+        0.4 / 2.4,
+        1 / 1.8,
+    )  # of E = 1, nu = 0.2: what is left of the shear, and the drained bulk modulus
+    (last,) = solve(
+        layer(
+            RADIUS / 4, nu=(3 * K - 2 * G) / (2 * (3 * K + G)), loading={"delta": DELTA, "steps": 1}
+        )
+    )
     assert found[4][-1] == pytest.approx(last.force * 9 * K * G / (3 * K + G), rel=2e-3)
 
 
 @VERIFY
 def test_a_growing_force_is_that_of_the_depths_that_it_leads_to() -> None:
-    """There and back: the depths of the forces, prescribed at the same times, need these forces. Where a depth is given
-    the tip seals what it touches without a search; two sets may exclude each other, an element of six: measured 8e-3
-    of the largest force."""
-    base = layer(RADIUS / 6, material=WET, loading={"force_history": [[0, 0], [0.02, 4e-3]], "per_doubling": 2})
+    """There and back: the depths of the forces, prescribed at the same times, need these forces.
+
+    Where a depth is given the tip seals what it touches without a search; two sets may exclude each
+    other, an element of six: measured 8e-3 of the largest force.
+    """
+    base = layer(
+        RADIUS / 6,
+        material=WET,
+        loading={"force_history": [[0, 0], [0.02, 4e-3]], "per_doubling": 2},
+    )
     rows, mesh = solve(base), meshed(base)
     path, depths = base.physics.path, tuple(row.delta for row in rows)
     again = LoadPath("depth", depths, path.times, path.branches, begin=path.begin)
-    found = list(solver.walk(base.with_physics(path=again, deltas=depths), mesh).states(again, lambda step: False))
+    found = list(
+        solver.walk(base.with_physics(path=again, deltas=depths), mesh).states(
+            again, lambda step: False
+        )
+    )
     assert [row.force for row in found] == pytest.approx(path.values, abs=1.2e-2 * path.values[-1])

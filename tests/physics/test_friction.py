@@ -1,4 +1,6 @@
-"""Stick and Coulomb friction: exact solutions on a half-space, conservation of energy, and the traps of the method."""
+"""Stick and Coulomb friction: exact solutions on a half-space, conservation of energy, and the
+traps of the method.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,8 @@ from indent_sim.scene.scene import Scene, resolve
 from indent_sim.studies import cases, study_file
 from indent_sim.theory.surface.no_slip import COMPRESSIBLE, LAYER, MAP_ERROR, MAPPED_SLENDERNESS
 
-# 2000 contact radii thick and wide: what friction adds to the force is that of a half-space to a thousandth of itself
+# 2000 contact radii thick and wide: what friction adds to the force is that of a half-space to a
+# thousandth of itself
 THICK = {"shape": "cylinder", "radius": 200.0, "height": 200.0, "base": "fixed", "sides": "roller"}
 STUDIES = Path(__file__).parents[2] / "configs" / "studies" / "friction"
 A = 0.1  # contact radius of the deepest frictionless contact
@@ -34,7 +37,11 @@ IN_AND_OUT = {"deltas": [0.004, 0.01, 0.007, 0.003, 0.0, 0.004, 0.01]}
 
 
 def rough(
-    friction: float | str, nu: float, loading: dict[str, Any], tip: dict[str, Any] = PARABOLOID, **more: Any
+    friction: float | str,
+    nu: float,
+    loading: dict[str, Any],
+    tip: dict[str, Any] = PARABOLOID,
+    **more: Any,
 ) -> list[State]:
     """The states of a thick body under a tip, thirty elements in its contact radius."""
     sections = {
@@ -72,9 +79,12 @@ PARABOLOIDS = [
 
 
 @pytest.mark.parametrize(("friction", "nu", "steps", "exact"), PARABOLOIDS)
-def test_paraboloid_on_a_half_space(friction: float | str, nu: float, steps: int, exact: float) -> None:
-    """Superposed no-slip punches, and Coulomb punches by a ring boundary-element method. 5e-4: ten steps leave 3e-4,
-    thirty elements 2e-4."""
+def test_paraboloid_on_a_half_space(
+    friction: float | str, nu: float, steps: int, exact: float
+) -> None:
+    """Superposed no-slip punches, and Coulomb punches by a ring boundary-element method. 5e-4: ten
+    steps leave 3e-4, thirty elements 2e-4.
+    """
     assert paraboloid(friction, nu, steps) / paraboloid(0.0, nu) == pytest.approx(exact, abs=5e-4)
 
 
@@ -87,19 +97,26 @@ def test_little_friction_stuck_on_the_way() -> None:
         loading={"delta": A**2, "steps": 10},
     )
     assert base.physics.anchor == "implicit"
-    assert solve(base.with_physics(anchor="mid"))[-1].force / paraboloid(0.0, 0.3) == pytest.approx(1.01446, abs=5e-4)
+    assert solve(base.with_physics(anchor="mid"))[-1].force / paraboloid(0.0, 0.3) == pytest.approx(
+        1.01446, abs=5e-4
+    )
 
 
 @pytest.mark.parametrize(("nu", "exact"), [(0.0, 1.045248), (0.3, 1.013967)])
 def test_cone_on_a_half_space(nu: float, exact: float) -> None:
     """Superposed no-slip punches, at the cone's own radius, twenty steps as its map has: 1e-3."""
     cone, delta = {"shape": "cone", "half_angle": 85.0}, 0.0137  # (pi/2) A tan 5 degrees
-    rubbed, smooth = (rough(f, nu, {"delta": delta, "steps": n}, cone)[-1].force for f, n in (("stick", 20), (0.0, 1)))
+    rubbed, smooth = (
+        rough(f, nu, {"delta": delta, "steps": n}, cone)[-1].force
+        for f, n in (("stick", 20), (0.0, 1))
+    )
     assert rubbed / smooth == pytest.approx(exact, abs=1e-3)
 
 
 def no_slip(nu: float) -> float:
-    """Force of a bonded flat punch over that of a smooth one (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) (Spence 1968)."""
+    """Force of a bonded flat punch over that of a smooth one (1 - nu) ln(3 - 4 nu)/(1 - 2 nu)
+    (Spence 1968).
+    """
     return (1 - nu) * log(3 - 4 * nu) / (1 - 2 * nu)
 
 
@@ -116,19 +133,28 @@ PUNCHES = [("stick", nu, no_slip(nu)) for nu in (0.0, 0.3, 0.45)] + [
 
 @pytest.mark.parametrize(("friction", "nu", "exact"), PUNCHES)
 def test_flat_punch_on_a_half_space(friction: float | str, nu: float, exact: float) -> None:
-    """2e-4: what twenty elements in the radius leave of the edge's singularity, which friction makes another one."""
-    assert punch(friction, nu, A / 20).force / punch(0.0, nu, A / 20).force == pytest.approx(exact, abs=2e-4)
+    """2e-4: what twenty elements in the radius leave of the edge's singularity, which friction
+    makes another one.
+    """
+    assert punch(friction, nu, A / 20).force / punch(0.0, nu, A / 20).force == pytest.approx(
+        exact, abs=2e-4
+    )
 
 
 def test_stuck_beside_a_sharp_edge() -> None:
-    """Fifty elements in the radius at nu = 0 see where a stuck surface would pull: friction 5 stands for stick there,
-    to 0.1 % of the force."""
+    """Fifty elements in the radius at nu = 0 see where a stuck surface would pull: friction 5
+    stands for stick there, to 0.1 % of the force.
+    """
     rubbed, smooth = (punch(f, 0.0, A / 50).force for f in ("stick", 0.0))
     assert rubbed / smooth == pytest.approx(no_slip(0.0), abs=1e-3)
 
 
-def in_layer(friction: float | str, slenderness: float, h: float, tip: dict[str, Any], delta: float) -> float:
-    """The force on an incompressible layer of thickness 1, bonded to its base, between roller walls far away."""
+def in_layer(
+    friction: float | str, slenderness: float, h: float, tip: dict[str, Any], delta: float
+) -> float:
+    """The force on an incompressible layer of thickness 1, bonded to its base, between roller walls
+    far away.
+    """
     layer = THICK | {"radius": 4 * max(1.0, slenderness), "height": 1.0}
     base = scene(
         layer,
@@ -143,14 +169,18 @@ def in_layer(friction: float | str, slenderness: float, h: float, tip: dict[str,
 
 @pytest.mark.parametrize("tip", [PUNCH, PARABOLOID], ids=["punch", "paraboloid"])
 def test_incompressible_thick_layers_do_not_slip(tip: dict[str, Any]) -> None:
-    """At nu = 1/2 the surface of a half-space moves along itself nowhere: a tenth as wide as thick, 1e-4."""
+    """At nu = 1/2 the surface of a half-space moves along itself nowhere: a tenth as wide as thick,
+    1e-4.
+    """
     rubbed, smooth = (in_layer(friction, 0.1, A / 20, tip, 0.1 * A) for friction in ("stick", 0.0))
     assert rubbed / smooth == pytest.approx(1.0, abs=1e-4)
 
 
 def test_incompressible_thin_layers_stick_four_times_as_hard() -> None:
-    """Squeezed between a punch twenty thicknesses wide and the base: h^3/3 of flow below a free surface, h^3/12 between
-    two held ones; 3.292 at this width by a ring solution of the bonded layer, 1 %."""
+    """Squeezed between a punch twenty thicknesses wide and the base: h^3/3 of flow below a free
+    surface, h^3/12 between two held ones; 3.292 at this width by a ring solution of the bonded
+    layer, 1 %.
+    """
     punch = {"shape": "flat_punch", "radius": 20.0}
     rubbed, smooth = (in_layer(friction, 20.0, 0.5, punch, 0.01) for friction in ("stick", 0.0))
     assert rubbed / smooth == pytest.approx(3.292, rel=0.01)
@@ -159,14 +189,19 @@ def test_incompressible_thin_layers_stick_four_times_as_hard() -> None:
 @pytest.mark.parametrize(
     ("nu", "slender", "name", "power"),
     [
-        pytest.param(nu, slender, name, power, marks=[] if name == "paraboloid" else [pytest.mark.verify])
+        pytest.param(
+            nu, slender, name, power, marks=[] if name == "paraboloid" else [pytest.mark.verify]
+        )
         for nu, slender in ((0.0, 1.0), (0.49, 3.0), (0.5, 10.0))
         for name, power in (("paraboloid", 2.0), ("cone", 1.0), ("flat_punch", inf))
     ],
 )
-def test_the_shipped_map_is_that_of_plan(nu: float, slender: float, name: str, power: float) -> None:
-    """Three of its cells, nine in `make verify`, within the map's own error, to which scripts/make_friction_page holds
-    all of them."""
+def test_the_shipped_map_is_that_of_plan(
+    nu: float, slender: float, name: str, power: float
+) -> None:
+    """Three of its cells, nine in `make verify`, within the map's own error, to which
+    scripts/make_friction_page holds all of them.
+    """
     forces = {
         case.values["contact.friction"]: solve(case.prospect.scene)[-1].force
         for case in shipped(name)
@@ -183,7 +218,9 @@ def shipped(name: str) -> list[cases.Case]:
     return cases.asked_for(study_file.read(STUDIES / f"{name}.yaml"))[0]
 
 
-@pytest.mark.parametrize(("friction", "sticks"), [(0.1, 0.20), (0.2, 0.70), (0.3, 0.896), (0.5, 0.984)])
+@pytest.mark.parametrize(
+    ("friction", "sticks"), [(0.1, 0.20), (0.2, 0.70), (0.3, 0.896), (0.5, 0.984)]
+)
 def test_stick_radius_of_a_flat_punch(friction: float, sticks: float) -> None:
     """By the same boundary elements; half the last digit."""
     state = punch(friction, 0.3)
@@ -191,14 +228,19 @@ def test_stick_radius_of_a_flat_punch(friction: float, sticks: float) -> None:
 
 
 def test_theory_beside_a_rough_run() -> None:
-    """Force, radius and depth of a half-space with friction beside the run's: 1e-3, ten elements in the contact."""
+    """Force, radius and depth of a half-space with friction beside the run's: 1e-3, ten elements in
+    the contact.
+    """
     sections = {
         "body": {"shape": "half_space"},
         "material": ELASTIC,
         "indenter": PARABOLOID,
         "contact": {"friction": 0.3},
     }
-    for loading, asked in (({"delta": A**2, "steps": 10}, "force"), ({"forces": [2e-4, 5e-4, 9e-4, 1.4e-3]}, "delta")):
+    for loading, asked in (
+        ({"delta": A**2, "steps": 10}, "force"),
+        ({"forces": [2e-4, 5e-4, 9e-4, 1.4e-3]}, "delta"),
+    ):
         base = resolve(from_mapping(sections | {"loading": loading}))
         said = theory_comparison(base, solve(base))
         assert said and said["exact"] and said["name"] == "half-space theory with friction"
@@ -228,18 +270,26 @@ def test_half_way_lies_between_the_ends_of_the_step(friction: float | str) -> No
         mesh={"h_contact": A / 10},
         loading={"delta": A**2, "steps": 5},
     )
-    glue, mid, implicit = (solve(base.with_physics(anchor=anchor))[-1].force for anchor in ("glue", "mid", "implicit"))
+    glue, mid, implicit = (
+        solve(base.with_physics(anchor=anchor))[-1].force for anchor in ("glue", "mid", "implicit")
+    )
     assert glue < mid < implicit
 
 
-# Iterations by the last commit without friction, whose forces and radii were these to the last digits
-WITHOUT = [("augmented_lagrangian", "condensed", 8), ("augmented_lagrangian", "newton", 8), ("penalty", "newton", 14)]
+# Iterations by the last commit without friction, whose forces and radii were these to the last
+# digits
+WITHOUT = [
+    ("augmented_lagrangian", "condensed", 8),
+    ("augmented_lagrangian", "newton", 8),
+    ("penalty", "newton", 14),
+]
 
 
 @pytest.mark.parametrize(("method", "solver", "iterations"), WITHOUT)
 def test_no_friction_is_the_limit_of_little(method: str, solver: str, iterations: int) -> None:
-    """Other code, other unknowns, another factorisation: 1e-9 of each number at a friction of 1e-12. And no more
-    iterations than before."""
+    """Other code, other unknowns, another factorisation: 1e-9 of each number at a friction of
+    1e-12. And no more iterations than before.
+    """
     found = []
     for friction in (0.0, 1e-12):
         base = scene(
@@ -260,8 +310,9 @@ def test_no_friction_is_the_limit_of_little(method: str, solver: str, iterations
 
 @pytest.mark.parametrize("friction", ["stick", 0.1, 0.3])
 def test_a_closed_cycle_loses_energy_and_leaves_nothing_behind(friction: float | str) -> None:
-    """No step gives work back, and out of contact nothing is remembered: the second way in is the first, to Newton's
-    tolerance."""
+    """No step gives work back, and out of contact nothing is remembered: the second way in is the
+    first, to Newton's tolerance.
+    """
     states = rough(friction, 0.3, IN_AND_OUT, mesh={"h_contact": A / 8})
     assert all(state.dissipation >= 0 for state in states)
     assert sum(state.dissipation for state in states) > 0 or friction == "stick"
@@ -274,8 +325,16 @@ def test_a_closed_cycle_loses_energy_and_leaves_nothing_behind(friction: float |
 
 @pytest.mark.parametrize("method", ["condensed", pytest.param("newton", marks=pytest.mark.verify)])
 def test_no_step_gives_work_back_where_little_slips(method: str) -> None:
-    """At friction 1; -int t . s over what slips alone was below zero in the fifteenth step, by 1e-5 of the energy."""
-    states = rough(1.0, 0.3, {"deltas": in_and_out(A**2, 10)}, mesh={"h_contact": A / 8}, solver={"method": method})
+    """At friction 1; -int t . s over what slips alone was below zero in the fifteenth step, by 1e-5
+    of the energy.
+    """
+    states = rough(
+        1.0,
+        0.3,
+        {"deltas": in_and_out(A**2, 10)},
+        mesh={"h_contact": A / 8},
+        solver={"method": method},
+    )
     assert min(state.dissipation for state in states) >= 0
 
 
@@ -287,13 +346,20 @@ LOOPS = [
 
 
 @pytest.mark.parametrize(("method", "friction", "tolerance"), LOOPS)
-def test_what_a_cycle_dissipates_is_its_work(method: str, friction: float, tolerance: float) -> None:
-    """In and out in ten steps each: 2 %, for the trapezoidal rule loses 1 % of so narrow a loop; -int t . s with the
-    tractions at the end of each step is 5 and 9 % more. A penalty, whose pressure ends inside an element, 10 %: on
-    the way out that is 7 % less, with forty steps 2 %."""
+def test_what_a_cycle_dissipates_is_its_work(
+    method: str, friction: float, tolerance: float
+) -> None:
+    """In and out in ten steps each: 2 %, for the trapezoidal rule loses 1 % of so narrow a loop;
+    -int t . s with the tractions at the end of each step is 5 and 9 % more. A penalty, whose
+    pressure ends inside an element, 10 %: on the way out that is 7 % less, with forty steps 2 %.
+    """
     path = in_and_out(A**2, 10)
     states = rough(
-        friction, 0.3, {"deltas": path}, mesh={"h_contact": A / 8}, contact={"method": method, "friction": friction}
+        friction,
+        0.3,
+        {"deltas": path},
+        mesh={"h_contact": A / 8},
+        contact={"method": method, "friction": friction},
     )
     rows = pairwise([(0.0, 0.0), *((state.delta, state.force) for state in states)])
     work = sum((one[1] + other[1]) / 2 * (other[0] - one[0]) for one, other in rows)
@@ -301,7 +367,8 @@ def test_what_a_cycle_dissipates_is_its_work(method: str, friction: float, toler
     assert sum(state.dissipation for state in states) == pytest.approx(work, rel=tolerance)
 
 
-# nu, h_contact, sides, friction, depths: rows of each by a penalty that full Newton steps never found
+# nu, h_contact, sides, friction, depths: rows of each by a penalty that full Newton steps never
+# found
 TURNS = [
     (0.3, 0.06, "roller", 0.05, [0.03, 0.049, 0.03, 0.0, 0.03]),
     (0.3, 0.03, "free", 0.1, [0.03, 0.049, 0.03]),
@@ -314,9 +381,11 @@ TURNS = [
 def test_points_turn_back_under_a_penalty(
     nu: float, h: float, sides: str, friction: float, deltas: list[float]
 ) -> None:
-    """Out and in again without a step cut back, in at most 21 to 27 iterations a row and not 900 to 3700: 40. Forces
-    are those of the multiplier to what a penalty of 100 E*/h_contact lets the tip sink in, 0.4 %; out of contact
-    nothing is left; and what comes back of the surface's own giving way is no loss."""
+    """Out and in again without a step cut back, in at most 21 to 27 iterations a row and not 900 to
+    3700: 40. Forces are those of the multiplier to what a penalty of 100 E*/h_contact lets the
+    tip sink in, 0.4 %; out of contact nothing is left; and what comes back of the surface's own
+    giving way is no loss.
+    """
     layer = {"shape": "cylinder", "radius": 1.5, "height": 1.0, "sides": sides}
     sections = {
         "material": {"model": "linear_elastic", "E": 2.0, "nu": nu},
@@ -346,7 +415,9 @@ def assert_found_and_given_again(base: Scene, forces: list[float], tolerance: fl
 
 
 def test_forces_by_a_penalty_in_and_out() -> None:
-    """Each from the row before; the depths that are found give them again, to the search's tolerance."""
+    """Each from the row before; the depths that are found give them again, to the search's
+    tolerance.
+    """
     layer = {"shape": "cylinder", "radius": 1.5, "height": 1.0, "sides": "roller"}
     forces = [0.02, 0.04, 0.025, 0.0]
     base = scene(
@@ -360,17 +431,27 @@ def test_forces_by_a_penalty_in_and_out() -> None:
 
 
 def test_a_penalty_loses_nothing_where_it_sticks() -> None:
-    """A punch with friction 5 slips nowhere: what a soft epsilon_t gives way, 1e-3 of the energy, comes back."""
+    """A punch with friction 5 slips nowhere: what a soft epsilon_t gives way, 1e-3 of the energy,
+    comes back.
+    """
     soft = {"method": "penalty", "friction": 5.0, "epsilon_t": 200.0}
-    states = rough(5.0, 0.3, {"deltas": [0.001, 0.0005, 0.001]}, PUNCH, mesh={"h_contact": A / 6}, contact=soft)
+    states = rough(
+        5.0, 0.3, {"deltas": [0.001, 0.0005, 0.001]}, PUNCH, mesh={"h_contact": A / 6}, contact=soft
+    )
     assert [state.dissipation for state in states] == [0.0, 0.0, 0.0]
 
 
 def test_few_steps_dissipate_what_many_do() -> None:
-    """On the way in, at friction 0.05: one step to 10 % and five to 3 % of forty (7 and 2 % were reached; counted from
-    where a step began what new contact slips would be 90 and 8 % more)."""
+    """On the way in, at friction 0.05: one step to 10 % and five to 3 % of forty (7 and 2 % were
+    reached; counted from where a step began what new contact slips would be 90 and 8 % more).
+    """
     one, five, forty = (
-        sum(state.dissipation for state in rough(0.05, 0.3, {"delta": A**2, "steps": steps}, mesh={"h_contact": A / 8}))
+        sum(
+            state.dissipation
+            for state in rough(
+                0.05, 0.3, {"delta": A**2, "steps": steps}, mesh={"h_contact": A / 8}
+            )
+        )
         for steps in (1, 5, 40)
     )
     assert one == pytest.approx(forty, rel=0.1)
@@ -388,38 +469,66 @@ def test_one_row_in_a_few_steps_or_many(ways_in: tuple[int, ...]) -> None:
         companion = Companion(ratio, solve(other), other)
         bars = ErrorBars(base, companion, None, ways(companion, solve))
         rows = [bars.judged(state) for state in solve(base)]
-        lost, unsure = (sum(getattr(row, name) for row in rows) for name in ("dissipation", "dissipation_error"))
+        lost, unsure = (
+            sum(getattr(row, name) for row in rows) for name in ("dissipation", "dissipation_error")
+        )
         last = rows[-1]
-        found.append([(last.force, last.force_error), (last.stick_radius, last.stick_radius_error), (lost, unsure)])
+        found.append(
+            [
+                (last.force, last.force_error),
+                (last.stick_radius, last.stick_radius_error),
+                (lost, unsure),
+            ]
+        )
     for one, other in combinations(found, 2):
         for (x, dx), (y, dy) in zip(one, other, strict=True):
             assert abs(x - y) <= dx + dy
-    assert all(error < 0.6 * value for value, error in found[-1])  # and they are no idle bars: 16 and 55 %
+    assert all(
+        error < 0.6 * value for value, error in found[-1]
+    )  # and they are no idle bars: 16 and 55 %
 
 
-@pytest.mark.parametrize("friction", [0.3, *(pytest.param(f, marks=pytest.mark.verify) for f in ("stick", 0.5))])
+@pytest.mark.parametrize(
+    "friction", [0.3, *(pytest.param(f, marks=pytest.mark.verify) for f in ("stick", 0.5))]
+)
 def test_condensed_is_newton(friction: float | str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One discrete problem, in and out again: Newton's tolerance alone differs, also where the candidates must grow."""
+    """One discrete problem, in and out again: Newton's tolerance alone differs, also where the
+    candidates must grow.
+    """
     path = {"deltas": [0.002, 0.006, 0.01, 0.007, 0.003, 0.0]}
-    whole = rough(friction, 0.3, path, mesh={"h_contact": A / 8}, solver={"method": "newton", "rtol": 1e-12})
+    whole = rough(
+        friction, 0.3, path, mesh={"h_contact": A / 8}, solver={"method": "newton", "rtol": 1e-12}
+    )
     monkeypatch.setattr(equilibrium, "CANDIDATE_MARGIN", -5.0)
-    condensed = rough(friction, 0.3, path, mesh={"h_contact": A / 8}, solver={"method": "condensed"})
+    condensed = rough(
+        friction, 0.3, path, mesh={"h_contact": A / 8}, solver={"method": "condensed"}
+    )
     for one, other in zip(condensed, whole, strict=True):
         assert one.force == pytest.approx(other.force, rel=1e-10, abs=1e-14)
-        assert one.dissipation == pytest.approx(other.dissipation, rel=1e-7, abs=1e-16)  # slip is a difference
+        assert one.dissipation == pytest.approx(
+            other.dissipation, rel=1e-7, abs=1e-16
+        )  # slip is a difference
 
 
 def test_shear_is_held_on_the_axis() -> None:
-    """Five steps on the mesh on which modes of tau that do no work there made the force 10.7 % too small."""
+    """Five steps on the mesh on which modes of tau that do no work there made the force 10.7 % too
+    small.
+    """
     rubbed, smooth = paraboloid("stick", 0.3, 5, A / 20), paraboloid(0.0, 0.3, h=A / 20)
     assert rubbed / smooth == pytest.approx(1.016213, abs=0.002)
     with pytest.raises(ConfigError):
         scene(THICK, contact={"method": "nitsche", "friction": 0.3})
 
 
-@pytest.mark.parametrize(("friction", "finer"), [pytest.param("stick", 0.3, marks=pytest.mark.verify), (0.3, 0.3)])
-def test_error_bars_hold_what_shorter_steps_and_smaller_elements_find(friction: float | str, finer: float) -> None:
-    """Those of ten steps and five elements; the truth beside them from forty steps and seventeen elements."""
+@pytest.mark.parametrize(
+    ("friction", "finer"), [pytest.param("stick", 0.3, marks=pytest.mark.verify), (0.3, 0.3)]
+)
+def test_error_bars_hold_what_shorter_steps_and_smaller_elements_find(
+    friction: float | str, finer: float
+) -> None:
+    """Those of ten steps and five elements; the truth beside them from forty steps and seventeen
+    elements.
+    """
     config = from_mapping(
         {
             "body": THICK,
@@ -437,7 +546,9 @@ def test_error_bars_hold_what_shorter_steps_and_smaller_elements_find(friction: 
     judged = [bars.judged(state) for state in states(base)]
     truth = {
         round(s.delta, 12): s.force
-        for s in rough(friction, 0.0, {"delta": A**2, "steps": 40}, mesh={"h_contact": A / 5 * finer})
+        for s in rough(
+            friction, 0.0, {"delta": A**2, "steps": 40}, mesh={"h_contact": A / 5 * finer}
+        )
     }
     for state in judged[4:]:
         assert abs(state.force - truth[round(state.delta, 12)]) <= state.force_error
@@ -445,8 +556,9 @@ def test_error_bars_hold_what_shorter_steps_and_smaller_elements_find(friction: 
 
 
 def test_the_path_to_the_first_row_is_known_to_two_per_cent() -> None:
-    """One step from rest, however many follow: the truth of forty is within the bar, and the bar is no more than 2 %;
-    half of what lies between the two ends of the anchor is 5 %."""
+    """One step from rest, however many follow: the truth of forty is within the bar, and the bar is
+    no more than 2 %; half of what lies between the two ends of the anchor is 5 %.
+    """
     base = scene(
         THICK,
         material=ELASTIC | {"nu": 0.0},
@@ -461,10 +573,14 @@ def test_the_path_to_the_first_row_is_known_to_two_per_cent() -> None:
     assert abs(row.force - truth) < found.error(row, "force") < 0.02 * row.force
 
 
-@pytest.mark.parametrize("method", ["augmented_lagrangian", pytest.param("penalty", marks=pytest.mark.verify)])
+@pytest.mark.parametrize(
+    "method", ["augmented_lagrangian", pytest.param("penalty", marks=pytest.mark.verify)]
+)
 def test_what_no_slip_would_change_is_solved_beside_a_run(method: str, tmp_path: Path) -> None:
-    """Where error bars are asked for: 1.6213 % on a half-space lies between the anchor's ends, and 0.2 % of the force
-    from the number, six elements in the contact of a companion; the run's own rows are not touched."""
+    """Where error bars are asked for: 1.6213 % on a half-space lies between the anchor's ends, and
+    0.2 % of the force from the number, six elements in the contact of a companion; the run's own
+    rows are not touched.
+    """
     sections = {
         "body": THICK,
         "material": ELASTIC,
@@ -475,7 +591,8 @@ def test_what_no_slip_would_change_is_solved_beside_a_run(method: str, tmp_path:
         "output": {"plot": False, "fields": "none"},
     }
     asked, alone = (
-        simulate(from_mapping(sections), directory=tmp_path / str(bars), error_bars=bars) for bars in (True, False)
+        simulate(from_mapping(sections), directory=tmp_path / str(bars), error_bars=bars)
+        for bars in (True, False)
     )
     said = asked.report["stick"]
     assert said["low"] < 1.6213 < said["high"] and said["percent"] == pytest.approx(1.6213, abs=0.2)
@@ -484,18 +601,32 @@ def test_what_no_slip_would_change_is_solved_beside_a_run(method: str, tmp_path:
     assert asked.states[-1].force == alone.states[-1].force
 
 
-@pytest.mark.parametrize("contact", [{"friction": 0.1}, {"adhesion": {"work": 1e-4, "range": 0.02}}])
+@pytest.mark.parametrize(
+    "contact", [{"friction": 0.1}, {"adhesion": {"work": 1e-4, "range": 0.02}}]
+)
 def test_no_slip_beside_another_surface_is_no_number(contact: dict[str, Any]) -> None:
-    base = scene(THICK, contact={"method": "augmented_lagrangian", **contact}, mesh={"h_contact": A / 10})
+    base = scene(
+        THICK, contact={"method": "augmented_lagrangian", **contact}, mesh={"h_contact": A / 10}
+    )
     pushed = State(
-        step=1, delta=A**2, force=1e-3, a=A, p_max=0.01, penetration=0.0, energy=0.0, newton_iterations=1, wall_s=0.0
+        step=1,
+        delta=A**2,
+        force=1e-3,
+        a=A,
+        p_max=0.01,
+        penetration=0.0,
+        energy=0.0,
+        newton_iterations=1,
+        wall_s=0.0,
     )
     assert sticks(Companion(1.6, [pushed], base), lambda one: [pushed]) is None
 
 
 @pytest.mark.parametrize("solver", ["condensed", pytest.param("newton", marks=pytest.mark.verify)])
 def test_prescribed_forces_find_the_depths_that_give_them(solver: str) -> None:
-    """In and out, each from the row before, whatever was tried between: 1e-8, the search's tolerance being 1e-10."""
+    """In and out, each from the row before, whatever was tried between: 1e-8, the search's
+    tolerance being 1e-10.
+    """
     forces = [3.7e-4, 1.5e-3, 7e-4, 1.3e-4]
     base = scene(
         THICK,
@@ -528,8 +659,9 @@ def test_the_way_in_begins_where_the_tip_touches() -> None:
     ],
 )
 def test_ball_in_a_soft_layer(friction: float | str, nu: float, F: float) -> None:
-    """Over the smooth force at delta = 0.3 R, gap at the deformed point, by another program's walk: its last digit and
-    the elements, 2e-3."""
+    """Over the smooth force at delta = 0.3 R, gap at the deformed point, by another program's walk:
+    its last digit and the elements, 2e-3.
+    """
     layer = {"shape": "cylinder", "radius": 4.0, "height": 1.0, "base": "fixed", "sides": "roller"}
     material = {"model": "neo_hookean", "E": 1.0, "nu": nu}
     tip = {"shape": "sphere", "R": 1.0}
@@ -552,8 +684,9 @@ def test_ball_in_a_soft_layer(friction: float | str, nu: float, F: float) -> Non
 
 @pytest.mark.parametrize("friction", [pytest.param(0.1, marks=pytest.mark.verify), "stick"])
 def test_penalty_has_the_same_friction(friction: float | str) -> None:
-    """What friction adds, 1 to 6 % of the force, by both methods: a tenth of it, for under a penalty the
-    surface gives way by t/epsilon_t."""
+    """What friction adds, 1 to 6 % of the force, by both methods: a tenth of it, for under a
+    penalty the surface gives way by t/epsilon_t.
+    """
     body = {"shape": "cylinder", "radius": 2.0, "height": 2.0, "base": "fixed", "sides": "roller"}
     added = []
     for method in ("augmented_lagrangian", "penalty"):
@@ -573,16 +706,22 @@ def test_penalty_has_the_same_friction(friction: float | str) -> None:
     assert added[1] == pytest.approx(added[0], rel=0.1)
 
 
-@pytest.mark.parametrize(("friction", "most"), [(0.1, 60), (0.3, 60), (0.5, 110), (1.0, 110), ("stick", 110)])
+@pytest.mark.parametrize(
+    ("friction", "most"), [(0.1, 60), (0.3, 60), (0.5, 110), (1.0, 110), ("stick", 110)]
+)
 def test_iterations_of_ten_steps(friction: float | str, most: int) -> None:
-    """Both passes of the anchor counted, on the finest of the meshes of docs/friction.md, and no step cut back."""
+    """Both passes of the anchor counted, on the finest of the meshes of docs/friction.md, and no
+    step cut back.
+    """
     states = rough(friction, 0.3, {"delta": A**2, "steps": 10}, mesh={"h_contact": A / 40})
     assert sum(state.newton_iterations for state in states) <= most
     assert {state.substeps for state in states} == {1}
 
 
 def test_the_same_in_other_units() -> None:
-    """Lengths in thousandths and pressures in millionths: every number of a rough row, to Newton's tolerance."""
+    """Lengths in thousandths and pressures in millionths: every number of a rough row, to Newton's
+    tolerance.
+    """
     path, L, P = [0.004, 0.01, 0.006], 1e3, 1e6
     small = rough(0.5, 0.3, {"deltas": path}, mesh={"h_contact": A / 6})
     body = THICK | {name: THICK[name] * L for name in ("radius", "height")}
@@ -601,7 +740,9 @@ def test_the_same_in_other_units() -> None:
 
 
 def test_the_same_depth_again_slides_nowhere() -> None:
-    """But for what the elements leave of the shear: 1e-4 of the force with five of them in the contact."""
+    """But for what the elements leave of the shear: 1e-4 of the force with five of them in the
+    contact.
+    """
     once, again = rough(0.3, 0.3, {"deltas": [A**2, A**2]}, mesh={"h_contact": A / 5})
     assert again.force == pytest.approx(once.force, rel=1e-4)
     assert again.dissipation < 0.02 * once.dissipation
@@ -609,7 +750,11 @@ def test_the_same_depth_again_slides_nowhere() -> None:
 
 def test_a_step_that_fails_names_the_stiffness_it_was_given() -> None:
     """So stiff that Newton goes round in circles; left alone, the same step is found."""
-    stiff = scene(THICK, contact={"method": "auto", "friction": 1.0, "epsilon_t": 1e7}, mesh={"h_contact": A / 10})
+    stiff = scene(
+        THICK,
+        contact={"method": "auto", "friction": 1.0, "epsilon_t": 1e7},
+        mesh={"h_contact": A / 10},
+    )
     (row,) = states(stiff)
     assert not row.converged and "contact.epsilon_t: auto" in row.reason
     assert rough(1.0, 0.3, {"delta": A**2, "steps": 1}, mesh={"h_contact": A / 10})[-1].converged

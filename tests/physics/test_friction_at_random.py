@@ -1,4 +1,6 @@
-"""Random scenes with friction or adhesion: a row depends on the steps of its path by no more than error bars say."""
+"""Random scenes with friction or adhesion: a row depends on the steps of its path by no more than
+error bars say.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ READ = ("force", "a", "p_max", "stick_radius")  # off the row itself; heat is th
 
 
 class Drawn:
-    """A random scene, the depths that its tip turns at, and the sections that all its numbers of steps share."""
+    """A random scene, the depths that its tip turns at, and the sections that all its numbers of
+    steps share.
+    """
 
     def __init__(self, number: int):
         self.draw = Random(3000 + number)
@@ -30,12 +34,18 @@ class Drawn:
         self.tip, self.a, self.depth = self._tip(0.05 * 4 ** self.draw.random())
         self.sections: dict[str, Any] = {
             "body": self._body(),
-            "material": {"model": self.draw.choice([*["linear_elastic"] * 4, "neo_hookean"]), "E": 1.0, "nu": nu},
+            "material": {
+                "model": self.draw.choice([*["linear_elastic"] * 4, "neo_hookean"]),
+                "E": 1.0,
+                "nu": nu,
+            },
             "indenter": self.tip,
             "contact": self._contact(nu),
             "mesh": {"h_contact": self.a / self.draw.uniform(5, 9)},
         }
-        self.back = self.draw.choice([0.0, 0.0, self.draw.uniform(0.2, 0.8)])  # share of the depth it comes back to
+        self.back = self.draw.choice(
+            [0.0, 0.0, self.draw.uniform(0.2, 0.8)]
+        )  # share of the depth it comes back to
 
     def _tip(self, a: float) -> tuple[dict[str, Any], float, float]:
         """A tip, its contact radius and about the depth of that."""
@@ -56,8 +66,20 @@ class Drawn:
         return self.draw.choice(
             [
                 {"shape": "half_space"},
-                {"shape": "cylinder", "radius": 2.0, "height": 2.0, "base": "fixed", "sides": sides},
-                {"shape": "cylinder", "radius": 2.0, "height": height, "base": "fixed", "sides": sides},
+                {
+                    "shape": "cylinder",
+                    "radius": 2.0,
+                    "height": 2.0,
+                    "base": "fixed",
+                    "sides": sides,
+                },
+                {
+                    "shape": "cylinder",
+                    "radius": 2.0,
+                    "height": height,
+                    "base": "fixed",
+                    "sides": sides,
+                },
                 {"shape": "strip", "width": 4.0, "height": height, "base": "fixed", "sides": sides},
                 {"shape": "cap", "base_radius": 2.0, "height": 1.0},
             ]
@@ -69,10 +91,17 @@ class Drawn:
         return {"method": method, "friction": friction}
 
     def adhesive(self) -> Drawn | None:
-        """The same tip and body with an attraction in place of friction, over 0.3 to 1 of JKR's way to the pull-off;
-        None where that is not known or elements do not resolve it."""
-        tip, material = self.sections["indenter"], self.sections["material"] | {"model": "linear_elastic"}
-        if self.sections["body"]["shape"] == "strip" or tip["shape"] not in ("paraboloid", "sphere"):
+        """The same tip and body with an attraction in place of friction, over 0.3 to 1 of JKR's way
+        to the pull-off; None where that is not known or elements do not resolve it.
+        """
+        tip, material = (
+            self.sections["indenter"],
+            self.sections["material"] | {"model": "linear_elastic"},
+        )
+        if self.sections["body"]["shape"] == "strip" or tip["shape"] not in (
+            "paraboloid",
+            "sphere",
+        ):
             return None
         work = 10 ** self.draw.uniform(-4.3, -3.3)
         way = (pi**2 * (work * (1 - material["nu"] ** 2)) ** 2) ** (1 / 3)
@@ -88,7 +117,9 @@ class Drawn:
         """The scene with so many steps to each of its turning points."""
         part = np.linspace(0, 1, steps + 1)[1:]
         back = 1 - (1 - self.back) * part if self.back else []
-        return scene(loading={"deltas": [float(self.depth * x) for x in (*part, *back)]}, **self.sections)
+        return scene(
+            loading={"deltas": [float(self.depth * x) for x in (*part, *back)]}, **self.sections
+        )
 
 
 def judged(base: Scene) -> list[State]:
@@ -106,13 +137,20 @@ def sticky(number: int) -> Drawn:
 
 
 def found(base: Scene) -> dict[str, tuple[float, float]]:
-    """The numbers of the last row, and the heat since rest, each with its error. Under a tip with an edge or an apex
-    the largest pressure may have none: coarser meshes may not know it."""
+    """The numbers of the last row, and the heat since rest, each with its error.
+
+    Under a tip with an edge or an apex the largest pressure may have none: coarser meshes may not
+    know it.
+    """
     rows = judged(base)
     last, is_round = rows[-1], not base.physics.indenter.creases()
-    known = [name for name in READ if name != "p_max" or is_round or isfinite(last.p_max_error or nan)]
+    known = [
+        name for name in READ if name != "p_max" or is_round or isfinite(last.p_max_error or nan)
+    ]
     numbers = {name: (getattr(last, name), getattr(last, f"{name}_error")) for name in known}
-    lost, unsure = (sum(getattr(row, name) for row in rows) for name in ("dissipation", "dissipation_error"))
+    lost, unsure = (
+        sum(getattr(row, name) for row in rows) for name in ("dissipation", "dissipation_error")
+    )
     return numbers | {"dissipation": (lost, unsure)}
 
 

@@ -1,4 +1,6 @@
-"""Gels in scene files: swelling against closed forms, a resting tip, weights, and what is left when nothing flows."""
+"""Gels in scene files: swelling against closed forms, a resting tip, weights, and what is left when
+nothing flows.
+"""
 
 from __future__ import annotations
 
@@ -34,36 +36,55 @@ DIFFUSION = 31.05  # H^2/D_c of this gel, D_c = M_c k
 
 
 def gel(body: dict[str, Any] = LAYER, **sections: Any) -> Scene:
-    return scene(body, **{"material": WET, "indenter": SPHERE, "mesh": COARSE, "drainage": {"bath": 0.0}} | sections)
+    return scene(
+        body,
+        **{"material": WET, "indenter": SPHERE, "mesh": COARSE, "drainage": {"bath": 0.0}}
+        | sections,
+    )
 
 
 def rows(base: Scene) -> list[State]:
     found = list(chain.states(base, with_surface=False))
-    assert len(found) == len(base.physics.deltas) and all(row.converged for row in found), found[-1].reason
+    assert len(found) == len(base.physics.deltas) and all(row.converged for row in found), found[
+        -1
+    ].reason
     return found
 
 
-def at(times: Sequence[float], *, key: str = "history", value: float = 0.0, **sections: Any) -> list[State]:
-    """Rows at times in units of DIFFUSION of a tip that stands, or is pressed, from the beginning on."""
+def at(
+    times: Sequence[float], *, key: str = "history", value: float = 0.0, **sections: Any
+) -> list[State]:
+    """Rows at times in units of DIFFUSION of a tip that stands, or is pressed, from the beginning
+    on.
+    """
     end = DIFFUSION * times[-1]
-    loading = {key: [[0, value], [end, value]], "times": [DIFFUSION * t for t in times], "per_doubling": 2}
+    loading = {
+        key: [[0, value], [end, value]],
+        "times": [DIFFUSION * t for t in times],
+        "per_doubling": 2,
+    }
     return rows(gel(loading=loading, **sections))
 
 
 def test_a_gel_swells_against_a_resting_sphere() -> None:
-    """Forces over G height^2 of this design at h = 0.06 to 0.03: what they differ by, and the time steps, beside it.
+    """Forces over G height^2 of this design at h = 0.06 to 0.03: what they differ by, and the time
+    steps, beside it.
 
     The bath comes within a sixtieth of the first row's time, which costs that row less than 1 %.
     """
     found = at([0.1, 1.0, 10.0, 1000.0], drainage={"bath": 0.0, "bath_ramp": 0.05})
     assert [row.force for row in found[:2]] == pytest.approx([0.0780, 0.587], rel=3e-2)
-    assert found[2].force == pytest.approx(1.480, rel=6e-3) and found[3].force == pytest.approx(1.5055, rel=2e-3)
+    assert found[2].force == pytest.approx(1.480, rel=6e-3) and found[3].force == pytest.approx(
+        1.5055, rel=2e-3
+    )
     assert 0 < found[0].a < found[1].a < found[2].a < 1
 
 
 @pytest.mark.verify
 def test_a_tip_that_drains_lets_it_swell_sooner() -> None:
-    sealed, drained = (at([1.0, 1000.0], drainage={"bath": 0.0, "tip": tip}) for tip in ("sealed", "drained"))
+    sealed, drained = (
+        at([1.0, 1000.0], drainage={"bath": 0.0, "tip": tip}) for tip in ("sealed", "drained")
+    )
     assert drained[0].force > 1.08 * sealed[0].force
     assert drained[1].force == pytest.approx(sealed[1].force, rel=2e-3)
 
@@ -77,7 +98,9 @@ def test_a_resting_tip_is_lifted_by_all_that_a_gel_swells(body: dict[str, Any]) 
     coarse = {"h_contact": 0.25, "h_far": 0.5}
     early, late = at([0.1, 1e3], key="force_history", body=body, mesh=coarse)
     assert early.force == 0 and late.force == 0 and early.a == 0
-    assert -late.delta == pytest.approx(swollen - 1, rel=1e-6)  # the tip is 1e-9 of the height above
+    assert -late.delta == pytest.approx(
+        swollen - 1, rel=1e-6
+    )  # the tip is 1e-9 of the height above
     assert 0 < -early.delta < 0.5 * (swollen - 1)
 
 
@@ -88,16 +111,25 @@ def test_a_weight_sinks_in_and_is_lifted() -> None:
     assert [row.force for row in found] == pytest.approx([0.3] * 3, rel=1e-8)
     assert found[0].delta > found[1].delta > found[2].delta
     rubber = {"model": "neo_hookean", "mu": 1.0 / STRETCH, "nu": 0.5}
-    (solid,) = rows(gel(material=rubber, drainage=None, loading={"force": 0.3, "steps": 1}, mesh=coarse))
+    (solid,) = rows(
+        gel(material=rubber, drainage=None, loading={"force": 0.3, "steps": 1}, mesh=coarse)
+    )
     assert found[0].delta == pytest.approx(solid.delta, rel=2e-3)
 
 
 def test_a_weight_on_a_swollen_gel_is_put_on_and_taken_off_at_once() -> None:
-    """A gel touches wherever it has swollen to, there the tip sinks in by steps of no time, and is let go of by such;
-    at once nothing has flowed, so only the dent of one time unit is left: less than 1 % of the height."""
-    path = {"force_history": [[0, 0], [50, 0], [50, 0.1], [51, 0.1], [51, 0], [52, 0]], "times": [49, 50, 51, 52]}
+    """A gel touches wherever it has swollen to, there the tip sinks in by steps of no time, and is
+    let go of by such; at once nothing has flowed, so only the dent of one time unit is left:
+    less than 1 % of the height.
+    """
+    path = {
+        "force_history": [[0, 0], [50, 0], [50, 0.1], [51, 0.1], [51, 0], [52, 0]],
+        "times": [49, 50, 51, 52],
+    }
     free, loaded, left, later = rows(gel(loading=path, mesh={"h_contact": 0.15, "h_far": 0.4}))
-    assert [row.force for row in (free, loaded, left, later)] == pytest.approx([0, 0.1, 0, 0], abs=1e-9)
+    assert [row.force for row in (free, loaded, left, later)] == pytest.approx(
+        [0, 0.1, 0, 0], abs=1e-9
+    )
     assert free.delta < -0.2 and loaded.delta > free.delta + 0.05
     assert abs(left.delta - free.delta) < 0.01 and left.a == later.a == 0
 
@@ -114,9 +146,14 @@ def test_without_flow_it_is_at_rest_in_its_bath() -> None:
     assert last.force == pytest.approx(dry.force, rel=1e-6)
 
 
-# ---- as Biot's body at small strain, and in time --------------------------------------------------------------------
+# ---- as Biot's body at small strain, and in time
+# --------------------------------------------------------------------
 
-SOLID = {"model": "linear_elastic", "E": 2.1326438835208883, "nu": 0.49285072}  # of the drained gel at stretch 1.4
+SOLID = {
+    "model": "linear_elastic",
+    "E": 2.1326438835208883,
+    "nu": 0.49285072,
+}  # of the drained gel at stretch 1.4
 
 
 def at_once_and_at_last(delta: float, material: dict[str, Any]) -> tuple[float, float]:
@@ -133,11 +170,18 @@ def at_once_and_at_last(delta: float, material: dict[str, Any]) -> tuple[float, 
 
 @pytest.mark.verify
 def test_a_gel_under_a_shallow_tip_is_a_linear_porous_body() -> None:
-    """Its differences to Biot's body fall with the depth, both limits: extrapolated to none less than 1.5e-3."""
+    """Its differences to Biot's body fall with the depth, both limits: extrapolated to none less
+    than 1.5e-3.
+    """
     biot = SOLID | {"flow": {"diffusivity": 1.0}}
     depths = (0.0012, 0.005)
     off = [
-        [own / other - 1 for own, other in zip(at_once_and_at_last(d, WET), at_once_and_at_last(d, biot), strict=True)]
+        [
+            own / other - 1
+            for own, other in zip(
+                at_once_and_at_last(d, WET), at_once_and_at_last(d, biot), strict=True
+            )
+        ]
         for d in depths
     ]
     shares = [d**0.5 for d in depths]  # of the contact radius over R
@@ -152,7 +196,11 @@ def test_a_deep_hold_of_a_gel_is_of_second_order_in_time() -> None:
     bath = Gel(G=1.0, n_omega=1e-3, chi=0.6).free_potential(STRETCH)
     found = {}
     for per_doubling in (2, 4, 16):
-        loading = {"history": [[0, 0.3], [30, 0.3]], "times": [0.3, 1.0, 3.0, 30.0], "per_doubling": per_doubling}
+        loading = {
+            "history": [[0, 0.3], [30, 0.3]],
+            "times": [0.3, 1.0, 3.0, 30.0],
+            "per_doubling": per_doubling,
+        }
         base = gel(loading=loading, drainage={"bath": bath}, mesh={"h_contact": 0.08})
         found[per_doubling] = np.array([row.force for row in rows(base)])
     errors = [np.abs(found[n] / found[16] - 1).max() for n in (2, 4)]
@@ -161,13 +209,19 @@ def test_a_deep_hold_of_a_gel_is_of_second_order_in_time() -> None:
 
 @pytest.mark.verify
 def test_what_is_said_of_a_small_contact_that_a_gel_closes() -> None:
-    """Coarse elements against ones six times as small at the axis: what differs is within what a user is told, but for
-    0.01 of the force. p_max is that of the element that closed last: two meshes that agree on it agree by accident, so
-    it has no bar."""
+    """Coarse elements against ones six times as small at the axis: what differs is within what a
+    user is told, but for 0.01 of the force. p_max is that of the element that closed last: two
+    meshes that agree on it agree by accident, so it has no bar.
+    """
     shares = [0.01, 0.02, 0.03, 0.06, 0.12, 1.0]
-    coarse, fine = (at(shares, mesh=mesh) for mesh in ({"h_contact": 0.07}, {"h_contact": 0.07, "h_axis": 0.012}))
+    coarse, fine = (
+        at(shares, mesh=mesh)
+        for mesh in ({"h_contact": 0.07}, {"h_contact": 0.07, "h_axis": 0.012})
+    )
     base = gel(mesh={"h_contact": 0.07}, loading={"history": [[0, 0], [DIFFUSION, 0]]})
-    assert any(abs(one.force / other.force - 1) > 0.05 for one, other in zip(coarse, fine, strict=True))
+    assert any(
+        abs(one.force / other.force - 1) > 0.05 for one, other in zip(coarse, fine, strict=True)
+    )
     bars = ErrorBars(base, Companion(RATIO, coarse))
     for one, other in zip(coarse, fine, strict=True):
         assert base.physics.is_closed_by_swelling(one.delta, one.a)
@@ -179,8 +233,10 @@ def test_what_is_said_of_a_small_contact_that_a_gel_closes() -> None:
 
 
 def test_a_vertex_that_the_tip_closes_has_no_spike_of_pore_pressure() -> None:
-    """A gel that takes up fluid has less pressure inside than its bath: what is left above is that of open vertices,
-    1e-8 of the modulus. It was 0.2 to 0.5 of it in every row in which a vertex was closed between the two stages."""
+    """A gel that takes up fluid has less pressure inside than its bath: what is left above is that
+    of open vertices, 1e-8 of the modulus. It was 0.2 to 0.5 of it in every row in which a vertex
+    was closed between the two stages.
+    """
     rows = at([0.02, 0.05, 0.1, 0.2])
     assert max(row.pore_pressure_max or 0.0 for row in rows) < 1e-5
 
@@ -189,15 +245,22 @@ def test_a_vertex_that_the_tip_closes_has_no_spike_of_pore_pressure() -> None:
 def test_the_error_of_a_bath_that_takes_some_time_is_inside_its_part(tmp_path: Path) -> None:
     """Beside a bath that comes in a tenth of the time, from 1.5 ramps on.
 
-    The part `bath` holds what the rows differ by, and from three ramps on is at most five times that: it is SAFETY = 3
-    times the error at late times.
+    The part `bath` holds what the rows differ by, and from three ramps on is at most five times
+    that: it is SAFETY = 3 times the error at late times.
     """
-    base: dict[str, Any] = {"body": LAYER, "material": WET, "indenter": SPHERE, "mesh": {"h_contact": 0.1}}
+    base: dict[str, Any] = {
+        "body": LAYER,
+        "material": WET,
+        "indenter": SPHERE,
+        "mesh": {"h_contact": 0.1},
+    }
     ramp = 1.0
     loading = {"history": [[0, 0.02], [10, 0.02]], "times": [1.5, 3.0, 10.0], "per_doubling": 2}
     base |= {"loading": loading, "drainage": {"bath": 0.0, "bath_ramp": ramp}, "output": QUIET}
     found = simulate(from_mapping(base), directory=tmp_path / "run", error_bars=True)
-    sooner = chain.states(from_mapping(base | {"drainage": {"bath": 0.0, "bath_ramp": ramp / 10}}), with_surface=False)
+    sooner = chain.states(
+        from_mapping(base | {"drainage": {"bath": 0.0, "bath_ramp": ramp / 10}}), with_surface=False
+    )
     for row, right, budget in zip(found.states, sooner, found.report["error_budget"], strict=True):
         error = abs(right.force - row.force)
         print(f"t {row.t:g}: bath {budget.bath / row.force:.2g}, error {error / row.force:.2g}")

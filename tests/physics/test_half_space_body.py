@@ -1,4 +1,6 @@
-"""`body.shape: half_space` against Hertz and Sneddon, and the stated truncation error against the true one."""
+"""`body.shape: half_space` against Hertz and Sneddon, and the stated truncation error against the
+true one.
+"""
 
 from __future__ import annotations
 
@@ -46,12 +48,18 @@ def test_any_compressibility(nu: float) -> None:
     assert force(base) == pytest.approx(base.plan.prediction["force_half_space"], rel=1e-3)
 
 
-@pytest.mark.parametrize("nu", [-0.9, -0.4, 0.0, 0.3, 0.44, pytest.param(0.5, marks=pytest.mark.verify)])
+@pytest.mark.parametrize(
+    "nu", [-0.9, -0.4, 0.0, 0.3, 0.44, pytest.param(0.5, marks=pytest.mark.verify)]
+)
 def test_stated_error_covers_the_true_one(nu: float) -> None:
     """On a mesh whose own error is a few 1e-5: size and its growth halved."""
     base = over(*TIPS["paraboloid"][:2], nu=nu)
-    sizes = dataclasses.replace(base.sizes, h_contact=base.sizes.h_contact / 2, grading=base.sizes.grading / 2)
-    true = force(dataclasses.replace(base, sizes=sizes)) / base.plan.prediction["force_half_space"] - 1
+    sizes = dataclasses.replace(
+        base.sizes, h_contact=base.sizes.h_contact / 2, grading=base.sizes.grading / 2
+    )
+    true = (
+        force(dataclasses.replace(base, sizes=sizes)) / base.plan.prediction["force_half_space"] - 1
+    )
     stated = base.plan.prediction["truncation_error"]
     assert 0.3 * stated < true < stated < 1e-3
     assert any(c.key == "body" and f"{100 * stated:.2g} %" in c.why for c in base.plan.choices)
@@ -70,7 +78,9 @@ def test_its_theory_is_the_half_space() -> None:
 
 @pytest.mark.parametrize("scale", [1e-9, 1e3])
 def test_any_unit_of_length(scale: float) -> None:
-    """The solver sees the same numbers: the same force to round-off of the twelve digits that sizes have."""
+    """The solver sees the same numbers: the same force to round-off of the twelve digits that sizes
+    have.
+    """
     forces = [force(over({"shape": "sphere", "R": R}, 0.01 * R)) / R**2 for R in (1.0, scale)]
     assert forces[0] == pytest.approx(forces[1], rel=1e-8)
 
@@ -82,14 +92,19 @@ def test_no_depth_at_all() -> None:
 
 
 def test_a_tip_in_contact_to_its_end() -> None:
-    """A profile pressed in deeper than it is high touches everywhere: its end stands for the contact radius."""
+    """A profile pressed in deeper than it is high touches everywhere: its end stands for the
+    contact radius.
+    """
     base = over({"shape": "profile", "points": [[0, 0], [0.1, 0.01]]}, 0.05)
     assert base.physics.body.height * base.physics.scales.length > 100 * 0.1
     assert any("deeper than the tip has a shape" in warning for warning in base.plan.warnings)
 
 
 def test_three_dimensions_on_request() -> None:
-    assert over(*TIPS["paraboloid"][:2], mesh={"symmetry": "quarter"}).physics.part.symmetry == "quarter"
+    assert (
+        over(*TIPS["paraboloid"][:2], mesh={"symmetry": "quarter"}).physics.part.symmetry
+        == "quarter"
+    )
 
 
 def test_a_place_on_it_is_refused() -> None:
@@ -99,7 +114,9 @@ def test_a_place_on_it_is_refused() -> None:
 
 @pytest.mark.parametrize("loading", [{"delta": 100.0, "steps": 1}, {"force": 1e5, "steps": 1}])
 def test_a_contact_of_many_units_of_length(loading: dict[str, float]) -> None:
-    """In nanometres a contact radius is a number above 100: the same body, thousands of times as large."""
+    """In nanometres a contact radius is a number above 100: the same body, thousands of times as
+    large.
+    """
     found, small = (
         scene(
             {"shape": "half_space"},

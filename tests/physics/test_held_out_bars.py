@@ -1,8 +1,10 @@
-"""Error bars on scenes that chose none of their constants: caps and balls, and meshes from files, drawn at random.
+"""Error bars on scenes that chose none of their constants: caps and balls, and meshes from files,
+drawn at random.
 
-Truth of a cap or ball is the same scene with 36 elements in the contact radius, whose force is extrapolated from that
-with 24 by the rate 2.5; where independent values are known (test_round_bodies.py) it is good to 1e-5. Truth of a mesh
-file is theory where it solves the very body, or else the same body meshed here, with far more elements.
+Truth of a cap or ball is the same scene with 36 elements in the contact radius, whose force is
+extrapolated from that with 24 by the rate 2.5; where independent values are known
+(test_round_bodies.py) it is good to 1e-5. Truth of a mesh file is theory where it solves the very
+body, or else the same body meshed here, with far more elements.
 """
 
 from __future__ import annotations
@@ -46,7 +48,10 @@ class Tally:
 
     def __str__(self) -> str:
         return "; ".join(
-            f"{name}: {100 * self.inside(name):.1f} % of {len(rows)} rows, bar over error {self.median(name):.2g}"
+            (
+                f"{name}: {100 * self.inside(name):.1f} % of {len(rows)} rows, bar over error "
+                f"{self.median(name):.2g}"
+            )
             for name, rows in self.over.items()
             if rows
         )
@@ -67,15 +72,26 @@ def round_scenes(count: int, seed: int = 3) -> list[dict[str, Any]]:
             body = {"shape": "cap", "base_radius": 1.0, "contact_angle": angle, "base": base}
             height = float(np.tan(np.radians(angle / 2)))
             R = (1 + height**2) / (2 * height)
-        tip = str(draw.choice(["plate", "sphere", "paraboloid", "cone", "flat_punch"], p=[0.3, 0.3, 0.2, 0.1, 0.1]))
+        tip = str(
+            draw.choice(
+                ["plate", "sphere", "paraboloid", "cone", "flat_punch"], p=[0.3, 0.3, 0.2, 0.1, 0.1]
+            )
+        )
         small = min(height, R)
         sizes = {
             "cone": {"half_angle": float(draw.uniform(70, 87))},
             "plate": {},
             "flat_punch": {"radius": spread(0.05, 0.3) * small},
         }.get(tip, {"R": spread(0.2, 5) * R})
-        nu, depth = float(draw.choice([*NU, 0.5])), spread(0.004, 0.02 if tip == "flat_punch" else 0.06) * small
-        material = {"model": "neo_hookean" if draw.random() < 0.08 else "linear_elastic", "E": 1.0, "nu": nu}
+        nu, depth = (
+            float(draw.choice([*NU, 0.5])),
+            spread(0.004, 0.02 if tip == "flat_punch" else 0.06) * small,
+        )
+        material = {
+            "model": "neo_hookean" if draw.random() < 0.08 else "linear_elastic",
+            "E": 1.0,
+            "nu": nu,
+        }
         return {
             "body": body,
             "material": material,
@@ -93,7 +109,11 @@ def truth(mapping: dict[str, Any]) -> list[dict[str, float]]:
     walks = [list(states(resolve(config, n), with_surface=False)) for n in (COARSE, FINE)]
     share = 1 / ((FINE / COARSE) ** RATE - 1)
     return [
-        {"force": fine.force + share * (fine.force - coarse.force), "p_max": fine.p_max, "a": fine.a}
+        {
+            "force": fine.force + share * (fine.force - coarse.force),
+            "p_max": fine.p_max,
+            "a": fine.a,
+        }
         for coarse, fine in zip(*walks, strict=True)
     ]
 
@@ -106,24 +126,31 @@ def tallied(rows: list[State], right: list[dict[str, float]], tally: Tally) -> N
 
 @pytest.mark.verify
 def test_caps_and_balls_drawn_at_random(tmp_path: Path) -> None:
-    """12 scenes of some 36 rows, asked for 1 % and 0.1 %, or judged on automatic sizes: the target holds without
-    exception, and the bars as is promised of a class of scenes."""
+    """12 scenes of some 36 rows, asked for 1 % and 0.1 %, or judged on automatic sizes: the target
+    holds without exception, and the bars as is promised of a class of scenes.
+    """
     scenes = round_scenes(12)
     right = [truth(mapping) for mapping in scenes]
     for target in (None, 0.01, 0.001):
         tally = Tally()
         for k, (mapping, exact) in enumerate(zip(scenes, right, strict=True)):
             config = from_mapping(mapping | ({"accuracy": target} if target else {}))
-            rows = simulate(config, directory=tmp_path / f"{target}-{k}", error_bars=target is None).states
+            rows = simulate(
+                config, directory=tmp_path / f"{target}-{k}", error_bars=target is None
+            ).states
             tallied(rows, exact, tally)
-            worst = max(abs(row.force / one["force"] - 1) for row, one in zip(rows, exact, strict=True))
+            worst = max(
+                abs(row.force / one["force"] - 1) for row, one in zip(rows, exact, strict=True)
+            )
             assert target is None or worst <= target, mapping
         print(target, tally)
         assert min(map(tally.inside, NUMBERS)) >= ROWS_OF_A_CLASS
 
 
 def file_scenes(plane: int, solid: int, seed: int = 13) -> list[dict[str, Any]]:
-    """Sections and blocks of height 1 with element sizes of their own, and what is pressed into them."""
+    """Sections and blocks of height 1 with element sizes of their own, and what is pressed into
+    them.
+    """
     draw = np.random.default_rng(seed)
 
     def spread(low: float, high: float) -> float:
@@ -131,9 +158,14 @@ def file_scenes(plane: int, solid: int, seed: int = 13) -> list[dict[str, Any]]:
 
     def one(kinematics: str) -> dict[str, Any]:
         is_solid = kinematics == "3d"
-        a, tip = spread(0.2 if is_solid else 0.08, 0.5), str(draw.choice(["paraboloid", "sphere", "cone"]))
+        a, tip = (
+            spread(0.2 if is_solid else 0.08, 0.5),
+            str(draw.choice(["paraboloid", "sphere", "cone"])),
+        )
         R, cone = spread(2, 6) * a, float(draw.uniform(75, 86))
-        depth = (0.7 if a > 0.3 else 1.0) * (1.57 * a / np.tan(np.radians(cone)) if tip == "cone" else a * a / R)
+        depth = (0.7 if a > 0.3 else 1.0) * (
+            1.57 * a / np.tan(np.radians(cone)) if tip == "cone" else a * a / R
+        )
         sides = "free" if kinematics == "axisymmetric" and draw.random() < 0.5 else "roller"
         return {
             "kinematics": kinematics,
@@ -157,14 +189,22 @@ def file_scenes(plane: int, solid: int, seed: int = 13) -> list[dict[str, Any]]:
     return [one(str(kind)) for kind in kinds]
 
 
-def write_part(path: Path, kinematics: str, width: float, sizes: tuple[float, float, float]) -> None:
-    """The section or block, meshed by gmsh with sizes that grow from the first to the second by the third."""
+def write_part(
+    path: Path, kinematics: str, width: float, sizes: tuple[float, float, float]
+) -> None:
+    """The section or block, meshed by gmsh with sizes that grow from the first to the second by the
+    third.
+    """
     import gmsh  # which takes a second to load, for tests that seldom run
 
     dim, (near, far, growth) = 3 if kinematics == "3d" else 2, sizes
     gmsh.initialize([], False)
     try:
-        for option in ("General.Terminal", "Mesh.MeshSizeExtendFromBoundary", "Mesh.MeshSizeFromPoints"):
+        for option in (
+            "General.Terminal",
+            "Mesh.MeshSizeExtendFromBoundary",
+            "Mesh.MeshSizeFromPoints",
+        ):
             gmsh.option.setNumber(option, 0)
         if dim == 3:
             gmsh.model.occ.addBox(-width, -width, -1, 2 * width, 2 * width, 1)
@@ -182,7 +222,10 @@ def write_part(path: Path, kinematics: str, width: float, sizes: tuple[float, fl
         for name, tags in faces.items():
             gmsh.model.setPhysicalName(dim - 1, gmsh.model.addPhysicalGroup(dim - 1, tags), name)
         gmsh.model.addPhysicalGroup(dim, [1])
-        field, wanted = gmsh.model.mesh.field, f"({near}+{growth}*Sqrt(x^2+y^2{'+z^2' if dim == 3 else ''}))"
+        field, wanted = (
+            gmsh.model.mesh.field,
+            f"({near}+{growth}*Sqrt(x^2+y^2{'+z^2' if dim == 3 else ''}))",
+        )
         field.setString(field.add("MathEval"), "F", f"0.5*({wanted}+{far}-Abs({wanted}-{far}))")
         field.setAsBackgroundMesh(1)
         gmsh.model.mesh.generate(dim)
@@ -207,7 +250,10 @@ def forces_of(scene: dict[str, Any]) -> list[float]:
     config = from_mapping(drawn_here(scene) | {"accuracy": 0.001})
     found = resolve(config, 8.0 if scene["kinematics"] == "3d" else 30.0)
     if (theory := found.exact_theory) is not None:
-        return [one.force * found.physics.scales.force for one in theory.curve(found.physics.deltas) or []]
+        return [
+            one.force * found.physics.scales.force
+            for one in theory.curve(found.physics.deltas) or []
+        ]
     return [state.force for state in states(found, with_surface=False)]
 
 
@@ -226,8 +272,12 @@ def test_mesh_files_drawn_at_random(tmp_path: Path) -> None:
             "surfaces": {"contact": "top", "base": "bottom", "sides": "wall"},
         } | scene["held"]
         asked = {"mesh": {"refinements": scene["refinements"]}} if scene["refinements"] else {}
-        (folder / "scene.yaml").write_text(dump({"body": body} | scene["sections"] | asked), encoding="utf-8")
-        rows = simulate(load(folder / "scene.yaml"), directory=folder / "run", error_bars=True).states
+        (folder / "scene.yaml").write_text(
+            dump({"body": body} | scene["sections"] | asked), encoding="utf-8"
+        )
+        rows = simulate(
+            load(folder / "scene.yaml"), directory=folder / "run", error_bars=True
+        ).states
         tallied(rows, [{"force": force} for force in forces_of(scene)], tally)
     print(tally)
     assert tally.inside("force") >= ROWS_OF_A_CLASS

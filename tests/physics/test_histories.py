@@ -1,4 +1,6 @@
-"""Histories followed row by row on the whole body: time passes, and changes nothing where nothing takes time."""
+"""Histories followed row by row on the whole body: time passes, and changes nothing where nothing
+takes time.
+"""
 
 from __future__ import annotations
 
@@ -24,10 +26,20 @@ SCENES: dict[str, dict[str, Any]] = {
 
 def found(state: State) -> tuple[float | None, ...]:
     """What a row has beside its time."""
-    return state.delta, state.force, state.a, state.p_max, state.energy, state.newton_iterations, state.dissipation
+    return (
+        state.delta,
+        state.force,
+        state.a,
+        state.p_max,
+        state.energy,
+        state.newton_iterations,
+        state.dissipation,
+    )
 
 
-@pytest.mark.parametrize("name", ["friction", "rubber", pytest.param("adhesion", marks=pytest.mark.verify)])
+@pytest.mark.parametrize(
+    "name", ["friction", "rubber", pytest.param("adhesion", marks=pytest.mark.verify)]
+)
 def test_rows_are_those_of_the_same_depths(name: str) -> None:
     """To the last digit: twenty rows of each piece that moves, one of the hold, one at rest."""
     timed = scene(WALLED, mesh=COARSE, loading={"history": BACK}, **SCENES[name])
@@ -73,7 +85,10 @@ def test_half_steps_pass_the_same_turns() -> None:
     assert fine.values[1::2] == path.values
 
     def length(path: LoadPath) -> float:
-        values = [0.0, *(value for step in range(1, len(path.values) + 1) for value, _ in path.leg(step))]
+        values = [
+            0.0,
+            *(value for step in range(1, len(path.values) + 1) for value, _ in path.leg(step)),
+        ]
         return float(np.abs(np.diff(values)).sum())
 
     assert length(fine) == pytest.approx(length(path), rel=1e-12) == pytest.approx(0.025, rel=1e-12)
@@ -84,5 +99,7 @@ def test_a_jump_is_walked_as_a_depth() -> None:
     jump = scene(WALLED, mesh=COARSE, loading={"history": [[0, 0.01], [1, 0.01]]}, material=RUBBER)
     rows = list(states(jump))
     assert [(row.t, row.branch) for row in rows] == [(0, "approach"), (1, "hold")]
-    (there,) = solve(scene(WALLED, mesh=COARSE, loading={"delta": 0.01, "steps": 1}, material=RUBBER))
+    (there,) = solve(
+        scene(WALLED, mesh=COARSE, loading={"delta": 0.01, "steps": 1}, material=RUBBER)
+    )
     assert rows[0].force == there.force and rows[1].force == pytest.approx(there.force, rel=1e-9)

@@ -1,4 +1,6 @@
-"""Finite strain: forces and radii of an independent program, the linear limit, and paths that arrive."""
+"""Finite strain: forces and radii of an independent program, the linear limit, and paths that
+arrive.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +24,15 @@ def each_nu(coarse: float, fine: float) -> Any:
     return pytest.mark.parametrize(("nu", "h"), [(0.3, coarse), (0.5, coarse), *full])
 
 
-def ball(nu: float = 0.3, h_contact: float = 0.04, body: dict[str, Any] = WALLED, **sections: Any) -> Scene:
+def ball(
+    nu: float = 0.3, h_contact: float = 0.04, body: dict[str, Any] = WALLED, **sections: Any
+) -> Scene:
     """A sphere R = 1 on a neo-Hookean layer h = 1 with roller walls at W = 2 (or on another body)."""
-    given = {"material": NEO_HOOKEAN | {"nu": nu}, "indenter": SPHERE, "mesh": {"h_contact": h_contact}}
+    given = {
+        "material": NEO_HOOKEAN | {"nu": nu},
+        "indenter": SPHERE,
+        "mesh": {"h_contact": h_contact},
+    }
     return scene(body, **(given | sections))
 
 
@@ -38,14 +46,22 @@ def iterations(states: list[Any]) -> int:
 # Q6/Q4 mixed elements with the contact edge on a mesh line: forces good to 1e-6, radii to 1e-4
 DEPTHS = (0.05, 0.1, 0.2, 0.3, 0.5)
 REFERENCE = {
-    0.3: ((0.0208384, 0.0659038, 0.219368, 0.455870, 1.18385), (0.23693, 0.34194, 0.49305, 0.60708, 0.77535)),
-    0.49: ((0.0259203, 0.0840378, 0.290863, 0.619888, 1.63637), (0.24493, 0.35827, 0.52478, 0.65145, 0.83446)),
+    0.3: (
+        (0.0208384, 0.0659038, 0.219368, 0.455870, 1.18385),
+        (0.23693, 0.34194, 0.49305, 0.60708, 0.77535),
+    ),
+    0.49: (
+        (0.0259203, 0.0840378, 0.290863, 0.619888, 1.63637),
+        (0.24493, 0.35827, 0.52478, 0.65145, 0.83446),
+    ),
 }
 
 
 @pytest.mark.parametrize("nu", REFERENCE)
 def test_forces_and_radii(nu: float) -> None:
-    """0.05 % and 0.5 %: what the method is wanted for; 12 elements in the smallest radius leave 0.02 % of the force."""
+    """0.05 % and 0.5 %: what the method is wanted for; 12 elements in the smallest radius leave
+    0.02 % of the force.
+    """
     states = solve(ball(nu, 0.02, loading={"deltas": list(DEPTHS)}))
     force, a = REFERENCE[nu]
     assert [state.force for state in states] == pytest.approx(force, rel=5e-4)
@@ -53,21 +69,28 @@ def test_forces_and_radii(nu: float) -> None:
 
 
 def test_nearly_a_half_space() -> None:
-    """A block of 10 R to a depth of R. 0.2 %: the reference's force at 0.1 has five digits, and at R the mesh is
-    coarse beside the contact."""
+    """A block of 10 R to a depth of R. 0.2 %: the reference's force at 0.1 has five digits, and at
+    R the mesh is coarse beside the contact.
+    """
     block = WALLED | {"radius": 10.0, "height": 10.0}
     states = solve(ball(0.49, 0.04, block, loading={"deltas": [0.1, 0.3, 0.5, 1.0]}))
-    assert [state.force for state in states] == pytest.approx([0.056396, 0.29140, 0.61696, 1.6279], rel=2e-3)
+    assert [state.force for state in states] == pytest.approx(
+        [0.056396, 0.29140, 0.61696, 1.6279], rel=2e-3
+    )
 
 
 def test_another_volumetric_law_is_another_material() -> None:
-    """At nu = 0.3 and 0.3 R, kappa/2 (ln J)^2 with isochoric I1 is not the law with lame_lambda: 5 to 15 %, as
-    kappa/2 (J - 1)^2 is 4.9 % away; a tenth of that at a tenth of the contact radius."""
+    """At nu = 0.3 and 0.3 R, kappa/2 (ln J)^2 with isochoric I1 is not the law with lame_lambda: 5
+    to 15 %, as kappa/2 (J - 1)^2 is 4.9 % away; a tenth of that at a tenth of the contact
+    radius.
+    """
     mu = 1 / 2.6
     isochoric = {"model": "mooney_rivlin", "C10": mu / 2, "nu": 0.3}
     shallow, deep = (
         [
-            solve(ball(loading={"delta": delta, "steps": 1}, mesh={"h_contact": h}, **law))[-1].force
+            solve(ball(loading={"delta": delta, "steps": 1}, mesh={"h_contact": h}, **law))[
+                -1
+            ].force
             for law in ({}, {"material": isochoric})
         ]
         for delta, h in ((1e-3, 0.003), (0.3, 0.04))
@@ -78,7 +101,9 @@ def test_another_volumetric_law_is_another_material() -> None:
 
 @pytest.mark.verify
 @pytest.mark.parametrize("nu", [0.3, 0.4999])
-def test_four_points_a_cell_are_enough_for_a_solid(nu: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_four_points_a_cell_are_enough_for_a_solid(
+    nu: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Against 24 points: a thirtieth of what the mesh does to the force, at a contact of 0.7 R."""
     from indent_sim.fe import discrete_body
 
@@ -104,11 +129,17 @@ LAWS = {
 
 @pytest.mark.parametrize("law", LAWS)
 def test_small_depth_is_linear(law: str) -> None:
-    """At delta = 1e-4 R the linear body under the same gap and on the same mesh. What is left is of the order of a/R
-    (1 % here), less than a tenth of it: block forces are 3 % below linear theory at a/R = 0.3. The radius is known
-    to a tenth of an element, 0.5 % with ten elements and two formulations."""
+    """At delta = 1e-4 R the linear body under the same gap and on the same mesh.
+
+    What is left is of the order of a/R (1 % here), less than a tenth of it: block forces are 3 %
+    below linear theory at a/R = 0.3. The radius is known to a tenth of an element, 0.5 % with ten
+    elements and two formulations.
+    """
     shallow = {"loading": {"delta": 1e-4, "steps": 1}, "mesh": {"h_contact": 0.001}}
-    hooke = {"material": NEO_HOOKEAN | {"model": "linear_elastic"}, "contact": {"method": "auto", "gap": "current"}}
+    hooke = {
+        "material": NEO_HOOKEAN | {"model": "linear_elastic"},
+        "contact": {"method": "auto", "gap": "current"},
+    }
     linear = solved(ball(**hooke, **shallow))[-1]
     found = solve(ball(material=LAWS[law], **shallow))[-1]
     assert found.force == pytest.approx(linear.force, rel=1.5e-3)
@@ -116,9 +147,14 @@ def test_small_depth_is_linear(law: str) -> None:
 
 
 def test_the_difference_to_linear_falls_with_the_radius() -> None:
-    """It is of first order in a/R: a tenth of the depth, and of the mesh, leaves a third. 0.25 to 0.42: the layer's
-    a grows a little faster than the root of the depth, and each force has 0.01 % from its mesh."""
-    linear = {"material": NEO_HOOKEAN | {"model": "linear_elastic"}, "contact": {"method": "auto", "gap": "current"}}
+    """It is of first order in a/R: a tenth of the depth, and of the mesh, leaves a third. 0.25 to
+    0.42: the layer's a grows a little faster than the root of the depth, and each force has 0.01
+    % from its mesh.
+    """
+    linear = {
+        "material": NEO_HOOKEAN | {"model": "linear_elastic"},
+        "contact": {"method": "auto", "gap": "current"},
+    }
     lost = []
     for delta, h in ((1e-2, 0.01), (1e-3, 0.01 / 10**0.5)):
         scenes = {"loading": {"delta": delta, "steps": 1}, "mesh": {"h_contact": h}}
@@ -129,8 +165,10 @@ def test_the_difference_to_linear_falls_with_the_radius() -> None:
 @pytest.mark.parametrize("delta", [1e-8, 1e-6])
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_the_shallowest_is_hertz(nu: float, delta: float) -> None:
-    """On a body R wide and thick a depth of 1e-8 R has a radius of 1e-4: 0.1 % of it is layer and finite strain at
-    1e-6, less at 1e-8. The force balance keeps its digits, though 1 + H has lost half of those of H."""
+    """On a body R wide and thick a depth of 1e-8 R has a radius of 1e-4: 0.1 % of it is layer and
+    finite strain at 1e-6, less at 1e-8. The force balance keeps its digits, though 1 + H has
+    lost half of those of H.
+    """
     state = solve(ball(nu, delta**0.5 / 10, CYLINDER, loading={"delta": delta, "steps": 1}))[-1]
     assert state.force == pytest.approx(4 / 3 / (1 - nu**2) * delta**1.5, rel=2e-3)
     assert state.reaction == pytest.approx(state.force, rel=1e-12)
@@ -157,8 +195,10 @@ each_other_law = pytest.mark.parametrize(
 
 @each_other_law
 def test_every_law_is_at_rest_until_touched(law: str, nu: float) -> None:
-    """A body that is not touched, or let go of, has no force that a reaction could be compared with (`solve` audits); a
-    half-space is so large that any stress at rest would show. 1 %: finite strain at a/R = 0.03, and the mesh."""
+    """A body that is not touched, or let go of, has no force that a reaction could be compared with
+    (`solve` audits); a half-space is so large that any stress at rest would show. 1 %: finite
+    strain at a/R = 0.03, and the mesh.
+    """
     base = scene(
         {"shape": "half_space"},
         material={"model": law, "nu": nu} | OTHERS[law],
@@ -172,12 +212,17 @@ def test_every_law_is_at_rest_until_touched(law: str, nu: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "law", ["yeoh", *(pytest.param(law, marks=pytest.mark.verify) for law in OTHERS if law != "yeoh")]
+    "law",
+    ["yeoh", *(pytest.param(law, marks=pytest.mark.verify) for law in OTHERS if law != "yeoh")],
 )
 def test_a_force_of_zero_is_one(law: str) -> None:
     """Before and after others, of 2 % of mu R^2."""
-    base = ball(material={"model": law, "nu": 0.3} | OTHERS[law], loading={"forces": [0.0, 0.02, 0.0]})
-    assert [state.force for state in solve(base)] == pytest.approx([0.0, 0.02, 0.0], rel=1e-9, abs=1e-16)
+    base = ball(
+        material={"model": law, "nu": 0.3} | OTHERS[law], loading={"forces": [0.0, 0.02, 0.0]}
+    )
+    assert [state.force for state in solve(base)] == pytest.approx(
+        [0.0, 0.02, 0.0], rel=1e-9, abs=1e-16
+    )
 
 
 # ---- paths that arrive ------------------------------------------------------------
@@ -185,8 +230,10 @@ def test_a_force_of_zero_is_one(law: str) -> None:
 
 @each_nu(0.04, 0.02)
 def test_one_step_or_ten(nu: float, h: float) -> None:
-    """To 0.3 R: the same equilibrium to 1e-6, since Newton's tolerance is 1e-10. At most 25 linear solves in one
-    step, 55 in ten (50 to 52 found), failed attempts included."""
+    """To 0.3 R: the same equilibrium to 1e-6, since Newton's tolerance is 1e-10.
+
+    At most 25 linear solves in one step, 55 in ten (50 to 52 found), failed attempts included.
+    """
     once = solve(ball(nu, h, loading={"delta": 0.3, "steps": 1}))
     ten = solve(ball(nu, h, loading={"delta": 0.3, "steps": 10}))
     assert once[-1].force == pytest.approx(ten[-1].force, rel=1e-6)
@@ -203,10 +250,10 @@ def test_deep(nu: float, h: float) -> None:
     assert np.all(np.diff([state.force for state in states]) > 0)
 
 
-# Against the augmented Lagrangian, at 17 elements in the contact radius. Uzawa ends where the same epsilon_n would, a
-# hundred times stiffer, which sees other quadrature points in contact; hats for pressures move the contact edge by a
-# part of an element; the penalty is 100 E*/h, and lacks 2/100 h/a by perturbation theory for Hertz, several times
-# that where the layer is pressed together
+# Against the augmented Lagrangian, at 17 elements in the contact radius. Uzawa ends where the same
+# epsilon_n would, a hundred times stiffer, which sees other quadrature points in contact; hats for
+# pressures move the contact edge by a part of an element; the penalty is 100 E*/h, and lacks 2/100
+# h/a by perturbation theory for Hertz, several times that where the layer is pressed together
 METHODS = {"uzawa": 2e-4, "active_set": 1e-3, "penalty": 2e-2}
 
 
@@ -215,16 +262,21 @@ METHODS = {"uzawa": 2e-4, "active_set": 1e-3, "penalty": 2e-2}
     [(0.2, 0.3), *(pytest.param(0.7, nu, marks=pytest.mark.verify) for nu in (0.3, 0.4999))],
 )
 def test_every_method_arrives(delta: float, nu: float) -> None:
-    """At 0.7 R, in four steps; at 0.2 R in one, where 12 elements in the contact radius leave twice as much as 17."""
+    """At 0.7 R, in four steps; at 0.2 R in one, where 12 elements in the contact radius leave twice
+    as much as 17.
+    """
     deep = {"loading": {"delta": delta, "steps": round(delta / 0.175)}}
     expected = solve(ball(nu, **deep))[-1].force
     for method, tolerance in METHODS.items():
         found = solve(ball(nu, contact={"method": method}, **deep))[-1]
-        assert found.force == pytest.approx(expected, rel=tolerance * (1 if delta == 0.7 else 2)), method
+        assert found.force == pytest.approx(expected, rel=tolerance * (1 if delta == 0.7 else 2)), (
+            method
+        )
 
 
-# Linear solves of ten steps to 0.3 R, a fifth above what is found at both nu (82 to 87, 139 to 202, 56 to 59). The two
-# stiff methods find their contact point by point of the quadrature, which the smooth multiplier spares the others.
+# Linear solves of ten steps to 0.3 R, a fifth above what is found at both nu (82 to 87, 139 to 202,
+# 56 to 59). The two stiff methods find their contact point by point of the quadrature, which the
+# smooth multiplier spares the others.
 EFFORT = {"penalty": 105, "uzawa": 240, "active_set": 70}
 
 
@@ -242,7 +294,9 @@ def test_effort_of_the_other_methods(nu: float, method: str, h: float) -> None:
 
 @pytest.mark.parametrize("nu", [0.3, 0.49])
 def test_the_true_pressure_falls_from_the_axis_outwards(nu: float) -> None:
-    """To 1 % of its peak, the axis included, where u_r/r is 0/0 and the ring's stretch is the radial one."""
+    """To 1 % of its peak, the axis included, where u_r/r is 0/0 and the ring's stretch is the
+    radial one.
+    """
     state = solve(ball(nu, 0.02, loading={"deltas": [0.1, 0.3]}))[-1]
     pressure = state.surface.pressure[np.argsort(state.surface.x)]
     assert np.diff(pressure).max() <= 0.01 * state.p_max
@@ -251,7 +305,9 @@ def test_the_true_pressure_falls_from_the_axis_outwards(nu: float) -> None:
 
 @pytest.mark.verify
 def test_a_hopeless_depth_is_given_up() -> None:
-    """A sharp punch whose edge no mesh resolves: eleven tries of four iterations each, and what is known is said."""
+    """A sharp punch whose edge no mesh resolves: eleven tries of four iterations each, and what is
+    known is said.
+    """
     punch = {"shape": "flat_punch", "radius": 0.5, "edge_radius": 1e-4}
     base = ball(
         0.49,
@@ -263,7 +319,9 @@ def test_a_hopeless_depth_is_given_up() -> None:
     )
     (state,) = chain.states(base)
     assert not state.converged
-    assert state.newton_iterations <= (1 + 10) * 4 * 5  # ten cuts; two guesses, and through three softer contacts
+    assert (
+        state.newton_iterations <= (1 + 10) * 4 * 5
+    )  # ten cuts; two guesses, and through three softer contacts
     assert "the last equilibrium found is at delta = 0" in state.reason
     assert "J is smallest" in state.reason
     assert "a larger indenter.edge_radius" in state.reason
@@ -277,7 +335,9 @@ def test_unloading_returns_along_the_path() -> None:
 
 
 def test_nothing_in_contact_is_no_negative_zero() -> None:
-    (state,) = solve(ball(h_contact=0.2, contact={"method": "active_set"}, loading={"deltas": [-0.1]}))
+    (state,) = solve(
+        ball(h_contact=0.2, contact={"method": "active_set"}, loading={"deltas": [-0.1]})
+    )
     assert str(state.force) == "0.0"
 
 
@@ -288,12 +348,23 @@ BODIES = {"axisymmetric": WALLED, "plane_strain": STRIP}
 
 @pytest.mark.parametrize(
     ("body", "nu"),
-    [("axisymmetric", 0.5), ("plane_strain", 0.3), pytest.param("plane_strain", 0.5, marks=pytest.mark.verify)],
+    [
+        ("axisymmetric", 0.5),
+        ("plane_strain", 0.3),
+        pytest.param("plane_strain", 0.5, marks=pytest.mark.verify),
+    ],
 )
 def test_work_is_energy(body: str, nu: float) -> None:
-    """W(0.26) - W(0.2) = int F ddelta by Simpson's rule. The rule leaves 1e-6; the rest of 1e-4 is the kinks of F
-    where the contact edge passes a quadrature point."""
-    states = solve(ball(nu, body=BODIES[body], loading={"deltas": [0.1, 0.2, 0.21, 0.22, 0.23, 0.24, 0.25, 0.26]}))[1:]
+    """W(0.26) - W(0.2) = int F ddelta by Simpson's rule. The rule leaves 1e-6; the rest of 1e-4 is
+    the kinks of F where the contact edge passes a quadrature point.
+    """
+    states = solve(
+        ball(
+            nu,
+            body=BODIES[body],
+            loading={"deltas": [0.1, 0.2, 0.21, 0.22, 0.23, 0.24, 0.25, 0.26]},
+        )
+    )[1:]
     force = [state.force for state in states]
     work = 0.01 / 3 * (force[0] + 4 * sum(force[1:-1:2]) + 2 * sum(force[2:-1:2]) + force[-1])
     assert states[-1].energy - states[0].energy == pytest.approx(work, rel=1e-4)
@@ -303,8 +374,10 @@ def test_work_is_energy(body: str, nu: float) -> None:
 
 
 def test_quarter_is_the_cylinder() -> None:
-    """A box of the cylinder's height and area has the same response but for its far corners, 0.1 % at nu = 0.3; three
-    elements in the contact radius leave 0.5 % of the force and a tenth of an element of the radius."""
+    """A box of the cylinder's height and area has the same response but for its far corners, 0.1 %
+    at nu = 0.3; three elements in the contact radius leave 0.5 % of the force and a tenth of an
+    element of the radius.
+    """
     side = 2 * np.pi**0.5
     box = {"shape": "box", "size": [side, side, 1.0], "base": "fixed", "sides": "roller"}
     loading = {"delta": 0.2, "steps": 2}
@@ -317,7 +390,13 @@ def test_quarter_is_the_cylinder() -> None:
 def test_half_a_strip_is_a_strip() -> None:
     """Another mesh: 0.1 %, several times the error of each."""
     one, two = (
-        solve(ball(body=STRIP, loading={"delta": 0.2, "steps": 2}, mesh={"h_contact": 0.03, "symmetry": symmetry}))[-1]
+        solve(
+            ball(
+                body=STRIP,
+                loading={"delta": 0.2, "steps": 2},
+                mesh={"h_contact": 0.03, "symmetry": symmetry},
+            )
+        )[-1]
         for symmetry in ("half", "full")
     )
     assert one.force == pytest.approx(two.force, rel=1e-3)
@@ -351,7 +430,12 @@ def test_other_tips_shallow(tip: dict[str, Any], delta: float, rel: float) -> No
     ("tip", "delta", "h"),
     [
         ({"shape": "cone", "half_angle": 60.0, "tip_radius": 0.02}, 0.3, 0.03),
-        pytest.param({"shape": "cone", "half_angle": 60.0, "tip_radius": 0.02}, 0.3, 0.02, marks=pytest.mark.verify),
+        pytest.param(
+            {"shape": "cone", "half_angle": 60.0, "tip_radius": 0.02},
+            0.3,
+            0.02,
+            marks=pytest.mark.verify,
+        ),
         pytest.param(PARABOLOID, 0.5, 0.02, marks=pytest.mark.verify),
         pytest.param({"shape": "cone", "half_angle": 60.0}, 0.3, 0.02, marks=pytest.mark.verify),
         pytest.param(PUNCH | {"edge_radius": 0.05}, 0.2, 0.02, marks=pytest.mark.verify),
@@ -360,7 +444,9 @@ def test_other_tips_shallow(tip: dict[str, Any], delta: float, rel: float) -> No
     ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) else None,
 )
 def test_other_tips_deep(tip: dict[str, Any], delta: float, h: float) -> None:
-    """They arrive, and two methods say the same: 0.3 %, the contact edge by hats or by P2 on 17 elements or more."""
+    """They arrive, and two methods say the same: 0.3 %, the contact edge by hats or by P2 on 17
+    elements or more.
+    """
     loading = {"loading": {"delta": delta, "steps": 5}, "indenter": tip, "h_contact": h}
     one = solve(ball(0.4, **loading))[-1]
     two = solve(ball(0.4, **loading, contact={"method": "active_set"}))[-1]
@@ -381,7 +467,9 @@ def test_a_body_inside_out_is_no_equilibrium(nu: float) -> None:
 
 
 def test_gent_names_its_limit() -> None:
-    """Jm = 0.02 is a stretch of 1.08: far too little for this depth, and the run says so after what it reached."""
+    """Jm = 0.02 is a stretch of 1.08: far too little for this depth, and the run says so after what
+    it reached.
+    """
     base = ball(
         material={"model": "gent", "mu": 1.0, "Jm": 0.02, "nu": 0.5},
         h_contact=0.2,
@@ -396,9 +484,14 @@ def test_gent_names_its_limit() -> None:
 
 @pytest.mark.verify
 def test_laws_of_the_same_modulus_stay_together() -> None:
-    """Incompressible, 0.3 R: laws that differ only in how they stiffen differ by a few percent, and by their order:
-    Gent (Jm = 30) stiffens, neo-Hookean does not."""
+    """Incompressible, 0.3 R: laws that differ only in how they stiffen differ by a few percent, and
+    by their order: Gent (Jm = 30) stiffens, neo-Hookean does not.
+    """
     loading = {"loading": {"delta": 0.3, "steps": 3}, "body": CYLINDER | {"sides": "fixed"}}
-    soft = solve(ball(material={"model": "mooney_rivlin", "C10": 0.5, "nu": 0.5}, **loading))[-1].force
-    stiff = solve(ball(material={"model": "gent", "mu": 1.0, "Jm": 30.0, "nu": 0.5}, **loading))[-1].force
+    soft = solve(ball(material={"model": "mooney_rivlin", "C10": 0.5, "nu": 0.5}, **loading))[
+        -1
+    ].force
+    stiff = solve(ball(material={"model": "gent", "mu": 1.0, "Jm": 30.0, "nu": 0.5}, **loading))[
+        -1
+    ].force
     assert 1.0 < stiff / soft < 1.1

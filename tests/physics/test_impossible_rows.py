@@ -33,16 +33,24 @@ def scene(tmp_path: Path) -> Path:
 
 
 def test_the_rows_before_stay(scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(simulation, "contradiction", lambda scene, state, earlier: "so to say" if earlier else None)
-    with pytest.raises(VerificationError, match=r"step 2, at delta = 0.2, is a row that cannot be true: so to say"):
+    monkeypatch.setattr(
+        simulation, "contradiction", lambda scene, state, earlier: "so to say" if earlier else None
+    )
+    with pytest.raises(
+        VerificationError, match=r"step 2, at delta = 0.2, is a row that cannot be true: so to say"
+    ):
         simulate(load(scene), directory=tmp_path / "out")
     found = read(tmp_path / "out")
-    assert list(found["step"]) == [1] and (found.report["status"], found.report["exit_code"]) == ("failed", 6)
+    assert list(found["step"]) == [1] and (found.report["status"], found.report["exit_code"]) == (
+        "failed",
+        6,
+    )
 
 
 def test_a_surface_moved_up_into_the_tip_overlaps_it() -> None:
-    """A body moved up by 0.05 below a tip at rest: so deep is it inside the tip at its apex, and the first facet beside
-    that, whose far end counts, by the height of the tip there less."""
+    """A body moved up by 0.05 below a tip at rest: so deep is it inside the tip at its apex, and
+    the first facet beside that, whose far end counts, by the height of the tip there less.
+    """
     contact, mesh = {"method": "auto", "gap": "current"}, {"h_contact": 0.02}
     base = made(CYLINDER, contact=contact, mesh=mesh, solver={"method": "newton"})
     found = solver.equilibrium(base, meshed(base))
@@ -55,5 +63,8 @@ def test_a_surface_moved_up_into_the_tip_overlaps_it() -> None:
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty", "nitsche", "active_set"])
 def test_a_contact_between_two_points_of_the_mesh(scene, tmp_path, method):
     with pytest.raises(VerificationError, match="finds no force"):
-        overrides = ("loading={delta: 1.0e-6, steps: 1}", f"contact={{method: {method}, gap: reference}}")
+        overrides = (
+            "loading={delta: 1.0e-6, steps: 1}",
+            f"contact={{method: {method}, gap: reference}}",
+        )
         simulate(load(scene, overrides), directory=tmp_path / "out")

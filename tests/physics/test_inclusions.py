@@ -24,7 +24,9 @@ STIFF = ELASTIC | {"E": 10.0}
 CAP = {"shape": "cap", "base_radius": 2.0, "height": 1.0}
 BALL = {"shape": "ball", "radius": 1.0}
 VERIFY = pytest.mark.verify
-EXACT = 2.496297e-2  # force on WALLED with `ball()` at delta = 0.05, by another program, good to 1e-5
+EXACT = (
+    2.496297e-2  # force on WALLED with `ball()` at delta = 0.05, by another program, good to 1e-5
+)
 
 
 def ball(place: tuple[float, ...] = (0.0, 0.0, -0.35), material: Any = STIFF) -> dict[str, Any]:
@@ -32,7 +34,13 @@ def ball(place: tuple[float, ...] = (0.0, 0.0, -0.35), material: Any = STIFF) ->
 
 
 def upright(place: tuple[float, ...] = (0.0, 0.0, -0.35), material: Any = STIFF) -> dict[str, Any]:
-    return {"shape": "cylinder", "center": list(place), "radius": 0.2, "height": 0.3, "material": material}
+    return {
+        "shape": "cylinder",
+        "center": list(place),
+        "radius": 0.2,
+        "height": 0.3,
+        "material": material,
+    }
 
 
 def brick(place: tuple[float, ...], material: Any = STIFF) -> dict[str, Any]:
@@ -40,7 +48,12 @@ def brick(place: tuple[float, ...], material: Any = STIFF) -> dict[str, Any]:
 
 
 def egg(place: tuple[float, ...] = (0.0, 0.0, -0.35), material: Any = STIFF) -> dict[str, Any]:
-    return {"shape": "ellipsoid", "center": list(place), "semi_axes": [0.3, 0.3, 0.15], "material": material}
+    return {
+        "shape": "ellipsoid",
+        "center": list(place),
+        "semi_axes": [0.3, 0.3, 0.15],
+        "material": material,
+    }
 
 
 def given(body: dict[str, Any], *inclusions: dict[str, Any], **sections: Any) -> dict[str, Any]:
@@ -92,7 +105,11 @@ def test_a_ball_inclusion_to_a_given_accuracy(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("body", "kind"),
     [
-        pytest.param(body, kind, marks=[] if kind is ball or body in ("axisymmetric", "quarter") else [VERIFY])
+        pytest.param(
+            body,
+            kind,
+            marks=[] if kind is ball or body in ("axisymmetric", "quarter") else [VERIFY],
+        )
         for body in ("axisymmetric", "strip", "quarter", "cap", "ball", "layer")
         for kind in (ball, upright, egg)
     ],
@@ -108,21 +125,32 @@ def test_an_inclusion_of_the_bodys_own_matter_changes_nothing(body: str, kind: A
         "layer": {"shape": "layer", "height": 1.0},
     }
     place = (2.0 if body == "strip" else 0.0, 0.0, -1.0 if body == "ball" else -0.35)
-    mesh = {"h_contact": 0.1, "h_far": 0.3, "h_inclusions": [0.08], "symmetry": body if body == "quarter" else "auto"}
+    mesh = {
+        "h_contact": 0.1,
+        "h_far": 0.3,
+        "h_inclusions": [0.08],
+        "symmetry": body if body == "quarter" else "auto",
+    }
     own = included(bodies[body], kind(place, ELASTIC), mesh=mesh)
     grid = grid_of(own)
     assert set(grid.regions) == {0, 1}
     assert state_on(own, grid).force == pytest.approx(state_on(without(own), grid).force, rel=1e-9)
 
 
-@pytest.mark.parametrize("parts", [["quarter"], pytest.param(["half", "full"], marks=pytest.mark.verify)])
+@pytest.mark.parametrize(
+    "parts", [["quarter"], pytest.param(["half", "full"], marks=pytest.mark.verify)]
+)
 def test_section_quarter_half_and_whole_agree(parts: list[str]) -> None:
-    """Coarse in three dimensions: 0.5 % of the section's force, the error of the facets of the wall and the ball."""
+    """Coarse in three dimensions: 0.5 % of the section's force, the error of the facets of the wall
+    and the ball.
+    """
     body = CYLINDER | {"radius": 1.2, "sides": "roller"}
     mesh = {"h_contact": 0.08, "h_far": 0.4, "grading": 0.5, "h_inclusions": [0.05]}
     section = force(included(body, ball()))
     for part in parts:
-        assert force(included(body, ball(), mesh=mesh | {"symmetry": part})) == pytest.approx(section, rel=5e-3), part
+        assert force(included(body, ball(), mesh=mesh | {"symmetry": part})) == pytest.approx(
+            section, rel=5e-3
+        ), part
 
 
 @pytest.mark.parametrize(
@@ -141,8 +169,9 @@ def test_section_quarter_half_and_whole_agree(parts: list[str]) -> None:
     ],
 )
 def test_the_part_has_the_symmetry_of_its_inclusions(inclusions: list[Any], symmetry: str) -> None:
-    """Mirror images count only with the same matter; every inclusion in the part is meshed, at its volume but for 10 %,
-    the facets' loss at two elements in a radius."""
+    """Mirror images count only with the same matter; every inclusion in the part is meshed, at its
+    volume but for 10 %, the facets' loss at two elements in a radius.
+    """
     mesh = {"h_contact": 0.1, "h_far": 0.4, "h_inclusions": [0.05] * len(inclusions)}
     base = included(WALLED, *inclusions, mesh=mesh)
     part, grid = base.physics.part, grid_of(base)
@@ -155,13 +184,20 @@ def test_the_part_has_the_symmetry_of_its_inclusions(inclusions: list[Any], symm
     assert part.copies * sizes[grid.regions > 0].sum() == pytest.approx(inside, rel=0.1)
 
 
-@pytest.mark.parametrize("body", ["axisymmetric", "strip", "cap", pytest.param("quarter", marks=pytest.mark.verify)])
+@pytest.mark.parametrize(
+    "body", ["axisymmetric", "strip", "cap", pytest.param("quarter", marks=pytest.mark.verify)]
+)
 def test_an_ellipsoid_of_equal_semi_axes_is_a_ball(body: str) -> None:
-    """On meshes of their own: 0.1 %, twice the error of either at automatic sizes; 0.5 % in three dimensions."""
+    """On meshes of their own: 0.1 %, twice the error of either at automatic sizes; 0.5 % in three
+    dimensions.
+    """
     bodies, x = {"strip": STRIP, "cap": CAP}, 2.0 if body == "strip" else 0.0
     round_ = egg((x, 0.0, -0.35)) | {"semi_axes": [0.2, 0.2, 0.2]}
     mesh = {"symmetry": "quarter"} if body == "quarter" else {}
-    same = [force(included(bodies.get(body, WALLED), one, mesh=mesh)) for one in (ball((x, 0.0, -0.35)), round_)]
+    same = [
+        force(included(bodies.get(body, WALLED), one, mesh=mesh))
+        for one in (ball((x, 0.0, -0.35)), round_)
+    ]
     assert same[1] == pytest.approx(same[0], rel=5e-3 if body == "quarter" else 1e-3)
 
 
@@ -177,10 +213,13 @@ ELLIPSOIDS = [
 FEW = (2, 3, 7, 11)
 
 
-@pytest.mark.parametrize("case", [pytest.param(n, marks=[] if n in FEW else [VERIFY]) for n in range(len(ELLIPSOIDS))])
+@pytest.mark.parametrize(
+    "case", [pytest.param(n, marks=[] if n in FEW else [VERIFY]) for n in range(len(ELLIPSOIDS))]
+)
 def test_an_ellipsoid_at_automatic_sizes(case: int) -> None:
-    """Three times as long as thick, upright or not, 0.05 below the surface: 0.3 % of what sizes 0.4 times as large
-    give."""
+    """Three times as long as thick, upright or not, 0.05 below the surface: 0.3 % of what sizes 0.4
+    times as large give.
+    """
     body, semi_axes, E = ELLIPSOIDS[case]
     x, z = 2.0 if body == "strip" else 0.0, -0.05 - semi_axes[2]
     one = egg((x, 0.0, z), ELASTIC | {"E": E}) | {"semi_axes": semi_axes}
@@ -194,13 +233,21 @@ def test_an_ellipsoid_at_automatic_sizes(case: int) -> None:
 def test_a_section_and_a_quarter_of_an_ellipsoid_agree() -> None:
     """Coarse in three dimensions: 0.5 % of the section's force, as of a ball."""
     body = CYLINDER | {"radius": 1.2, "sides": "roller"}
-    mesh = {"h_contact": 0.08, "h_far": 0.4, "grading": 0.5, "h_inclusions": [0.05], "symmetry": "quarter"}
+    mesh = {
+        "h_contact": 0.08,
+        "h_far": 0.4,
+        "grading": 0.5,
+        "h_inclusions": [0.05],
+        "symmetry": "quarter",
+    }
     section = force(included(body, egg()))
     assert force(included(body, egg(), mesh=mesh)) == pytest.approx(section, rel=5e-3)
 
 
 def test_an_ellipsoid_turned_by_a_right_angle() -> None:
-    """Its semi-axes along x and y exchanged, in a body that is the same in both: on meshes of their own, 0.3 %."""
+    """Its semi-axes along x and y exchanged, in a body that is the same in both: on meshes of their
+    own, 0.3 %.
+    """
     body = {"shape": "box", "size": [2.0, 2.0, 1.0]}
     mesh = {"h_contact": 0.08, "h_far": 0.4, "h_inclusions": [0.06]}
     found = [
@@ -213,13 +260,17 @@ def test_an_ellipsoid_turned_by_a_right_angle() -> None:
 def test_two_inclusions_beside_the_tip_of_a_strip() -> None:
     """The half of a strip with a mirrored pair is the whole: 0.2 %, the error of both meshes."""
     pair = [ball((1.7, 0.0, -0.3)), ball((2.3, 0.0, -0.3))]
-    half, whole = (included(STRIP, *pair, mesh={"symmetry": symmetry}) for symmetry in ("auto", "full"))
+    half, whole = (
+        included(STRIP, *pair, mesh={"symmetry": symmetry}) for symmetry in ("auto", "full")
+    )
     assert (half.physics.part.symmetry, whole.physics.part.symmetry) == ("half", "full")
     assert force(half) == pytest.approx(force(whole), rel=2e-3)
 
 
 def test_a_half_space_far_larger_than_its_inclusion() -> None:
-    """As the layer with a wall far away, a hundred times as thick: 0.5 %, what the base takes away there."""
+    """As the layer with a wall far away, a hundred times as thick: 0.5 %, what the base takes away
+    there.
+    """
     endless = included({"shape": "half_space"}, ball())
     assert endless.physics.body.height * endless.physics.scales.length > 20
     finite = {"shape": "cylinder", "radius": 40.0, "height": 40.0}
@@ -228,18 +279,31 @@ def test_a_half_space_far_larger_than_its_inclusion() -> None:
 
 def test_matter_of_other_kinds() -> None:
     """Hyperelastic and incompressible inclusions at a depth of 1e-4 are linear elastic ones, 1e-3."""
-    loading = {"loading": {"delta": 1e-4, "steps": 1}, "contact": {"method": "auto", "gap": "reference"}}
+    loading = {
+        "loading": {"delta": 1e-4, "steps": 1},
+        "contact": {"method": "auto", "gap": "reference"},
+    }
     neo = included(WALLED, ball(material={"model": "neo_hookean", "E": 10.0, "nu": 0.3}), **loading)
     assert not neo.physics.small_strain
     assert force(neo) == pytest.approx(force(included(WALLED, ball(), **loading)), rel=1e-3)
-    mixed, near = (included(WALLED, ball(material=STIFF | {"nu": nu}), **loading) for nu in (0.5, 0.4499))
-    assert [region.formulation for region in mixed.physics.part.regions] == ["displacement", "mixed"]
+    mixed, near = (
+        included(WALLED, ball(material=STIFF | {"nu": nu}), **loading) for nu in (0.5, 0.4499)
+    )
+    assert [region.formulation for region in mixed.physics.part.regions] == [
+        "displacement",
+        "mixed",
+    ]
     assert force(mixed) == pytest.approx(force(near), rel=1e-3)
 
 
 def test_a_scene_in_other_units_is_the_same_scene() -> None:
     """Lengths in um, moduli in kPa: the mesh is the same to the last digit, the force to 1e-9."""
-    micro = {"shape": "ball", "center": [0.0, 0.0, -0.35e-6], "radius": 0.2e-6, "material": STIFF | {"E": 1e4}}
+    micro = {
+        "shape": "ball",
+        "center": [0.0, 0.0, -0.35e-6],
+        "radius": 0.2e-6,
+        "material": STIFF | {"E": 1e4},
+    }
     body = {"shape": "cylinder", "radius": 2e-6, "height": 1e-6, "sides": "roller"}
     small = included(
         body,
@@ -253,7 +317,9 @@ def test_a_scene_in_other_units_is_the_same_scene() -> None:
     assert force(small) == pytest.approx(1e-9 * force(plain), rel=1e-9)
 
 
-@pytest.mark.parametrize("body", [WALLED, WALLED | {"layers": [{"thickness": 0.1}, {"thickness": 0.9}]}])
+@pytest.mark.parametrize(
+    "body", [WALLED, WALLED | {"layers": [{"thickness": 0.1}, {"thickness": 0.9}]}]
+)
 def test_a_resolved_scene_is_meshed_the_same(body: dict[str, Any]) -> None:
     """Whatever chose the sizes: they stand in the resolved scene, one for each inclusion."""
     config = from_mapping(given(body, ball(), upright((0.0, 0.0, -0.75)), accuracy=0.01))
@@ -270,17 +336,24 @@ def test_theory_stands_beside_but_is_of_another_body() -> None:
 
 
 def drawn(count: int, seed: int) -> list[dict[str, Any]]:
-    """Scenes of one inclusion each: any depth and size, moduli 1e-3 to 1e3 times the body's, nu 0 to 0.5 in both."""
+    """Scenes of one inclusion each: any depth and size, moduli 1e-3 to 1e3 times the body's, nu 0
+    to 0.5 in both.
+    """
     draw, found = random.Random(seed), []
     for number in range(count):
         body = STRIP if number % 4 == 3 else WALLED
         radius, x = draw.uniform(0.05, 0.3), draw.choice([2.0, 2.1, 1.7]) if body is STRIP else 0.0
         z = -(1.05 * radius + draw.uniform(0.02, 0.3))
-        matter = ELASTIC | {"E": 10 ** draw.uniform(-3, 3), "nu": draw.choice([0.0, 0.3, 0.45, 0.5])}
+        matter = ELASTIC | {
+            "E": 10 ** draw.uniform(-3, 3),
+            "nu": draw.choice([0.0, 0.3, 0.45, 0.5]),
+        }
         one = {"shape": "ball", "center": [x, 0.0, z], "radius": radius, "material": matter}
         if draw.random() < 0.5:
             one |= {"shape": "cylinder", "height": draw.uniform(0.5, 1.9) * min(radius, -z, 1 + z)}
-        tip = draw.choice([PARABOLOID, {"shape": "cone", "half_angle": 75.0}, {"shape": "sphere", "R": 0.5}])
+        tip = draw.choice(
+            [PARABOLOID, {"shape": "cone", "half_angle": 75.0}, {"shape": "sphere", "R": 0.5}]
+        )
         material = ELASTIC | {"nu": draw.choice([0.1, 0.3, 0.45, 0.49])}
         found.append(
             given(
@@ -302,7 +375,10 @@ def test_error_bars_of_inclusions_drawn_at_random(tmp_path: Path) -> None:
     inside, rows, worst = 0, 0, 0.0
     for number, document in enumerate(drawn(4, seed=3)):
         configs = [from_mapping(document | {"accuracy": accuracy}) for accuracy in (0.005, 0.0005)]
-        runs = [chain.simulate(config, directory=tmp_path / f"{number}_{k}").states for k, config in enumerate(configs)]
+        runs = [
+            chain.simulate(config, directory=tmp_path / f"{number}_{k}").states
+            for k, config in enumerate(configs)
+        ]
         for state, fine in zip(*runs, strict=True):
             error = abs(state.force / fine.force - 1)
             assert error <= 0.005 + 0.0005, document

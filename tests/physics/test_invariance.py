@@ -1,4 +1,6 @@
-"""What must not change the answer: units, the modulus, the number of steps, a rigid motion; and energy is work."""
+"""What must not change the answer: units, the modulus, the number of steps, a rigid motion; and
+energy is work.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,8 @@ def numbers(state: State) -> list[float]:
     return [getattr(state, name) for name in NUMBERS]
 
 
-# ---- units ----------------------------------------------------------------------------------------------------
+# ---- units
+# ----------------------------------------------------------------------------------------------------
 
 SHAPES = {
     "axisymmetric": (CYLINDER, COARSE | {"loading": {"delta": 0.01, "steps": 3}}),
@@ -47,7 +50,11 @@ SHAPES = {
     "box": (BOX, COARSE_BOX),
 }
 LENGTHS = ("radius", "height", "width", "size", "R", "delta", "h_contact")
-UNITS = {"nm_GPa": (1e9, 1e-9), "km_Pa": (1e-3, 1.0), "feet_psi": (3.280839895013123, 1 / 6894.757293168)}
+UNITS = {
+    "nm_GPa": (1e9, 1e-9),
+    "km_Pa": (1e-3, 1.0),
+    "feet_psi": (3.280839895013123, 1 / 6894.757293168),
+}
 
 
 def in_other_units(section: dict[str, Any], length: float) -> dict[str, Any]:
@@ -60,7 +67,9 @@ def in_other_units(section: dict[str, Any], length: float) -> dict[str, Any]:
 
 
 @pytest.fixture(params=SHAPES, scope="module")
-def reference(request: pytest.FixtureRequest) -> tuple[dict[str, Any], dict[str, Any], list[State], str]:
+def reference(
+    request: pytest.FixtureRequest,
+) -> tuple[dict[str, Any], dict[str, Any], list[State], str]:
     """A scene in metres with E = 5 Pa: body, other sections, states and mesh."""
     body, sections = SHAPES[request.param]
     sections = sections | {"material": ELASTIC | {"E": 5.0}}
@@ -97,32 +106,44 @@ def test_forces_are_proportional_to_the_modulus(reference: Any, factor: float) -
         assert np.divide(numbers(there), scales) == pytest.approx(numbers(here), rel=SAME)
 
 
-# ---- the path -------------------------------------------------------------------------------------------------
+# ---- the path
+# -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_one_step_or_ten(shape: str) -> None:
-    """Without friction the answer depends on the depth alone; 1e-8 is a hundred times Newton's tolerance."""
+    """Without friction the answer depends on the depth alone; 1e-8 is a hundred times Newton's
+    tolerance.
+    """
     body, sections = SHAPES[shape]
     depth = sections.get("loading", {"delta": 0.01})["delta"]
-    once, many = (solve(scene(body, **sections | {"loading": {"delta": depth, "steps": n}}))[-1] for n in (1, 10))
+    once, many = (
+        solve(scene(body, **sections | {"loading": {"delta": depth, "steps": n}}))[-1]
+        for n in (1, 10)
+    )
     assert many.force == pytest.approx(once.force, rel=1e-8)
     assert many.energy == pytest.approx(once.energy, rel=1e-8)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_force_is_the_derivative_of_the_energy(shape: str) -> None:
-    """Central difference at delta (1 +- 1e-3): its own error is (1e-3)^2 times delta^2 F''/(6 F), 1e-7; the discrete
-    energy's second derivative jumps where a quadrature point comes into contact, which leaves 1e-5."""
+    """Central difference at delta (1 +- 1e-3): its own error is (1e-3)^2 times delta^2 F''/(6 F),
+    1e-7; the discrete energy's second derivative jumps where a quadrature point comes into
+    contact, which leaves 1e-5.
+    """
     body, sections = SHAPES[shape]
     depth = sections.get("loading", {"delta": 0.01})["delta"]
     path = [depth * (1 - 1e-3), depth, depth * (1 + 1e-3)]
     before, here, after = solve(scene(body, **sections | {"loading": {"deltas": path}}))
-    assert (after.energy - before.energy) / (path[2] - path[0]) == pytest.approx(here.force, rel=1e-5)
+    assert (after.energy - before.energy) / (path[2] - path[0]) == pytest.approx(
+        here.force, rel=1e-5
+    )
 
 
 def test_flat_punch_is_linear() -> None:
-    """A sharp punch keeps its contact, so force and depth are proportional to the accuracy of Newton's tolerance."""
+    """A sharp punch keeps its contact, so force and depth are proportional to the accuracy of
+    Newton's tolerance.
+    """
     base = scene(
         WALLED,
         indenter={"shape": "flat_punch", "radius": 0.5},
@@ -134,22 +155,28 @@ def test_flat_punch_is_linear() -> None:
 
 
 def test_gap_and_depth_scale_together() -> None:
-    """Small strain with the reference gap is homogeneous: a tip a hundred times blunter and less deep touches the same
-    places with a hundredth of the force."""
+    """Small strain with the reference gap is homogeneous: a tip a hundred times blunter and less
+    deep touches the same places with a hundredth of the force.
+    """
     mesh = {"mesh": {"h_contact": 0.02}}
     sharp = with_penalty(scene(CYLINDER, **mesh), 1e4 * E_STAR)
-    blunt = scene(CYLINDER, indenter=PARABOLOID | {"R": 100.0}, loading={"delta": 1e-4, "steps": 1}, **mesh)
+    blunt = scene(
+        CYLINDER, indenter=PARABOLOID | {"R": 100.0}, loading={"delta": 1e-4, "steps": 1}, **mesh
+    )
     blunt = dataclasses.replace(with_penalty(blunt, 1e4 * E_STAR), sizes=sharp.sizes)
     one, other = solve(sharp)[-1], solve(blunt)[-1]
     assert 100 * other.force == pytest.approx(one.force, rel=SAME)
     assert other.a == pytest.approx(one.a, rel=SAME)
 
 
-# ---- rigid motions --------------------------------------------------------------------------------------------
+# ---- rigid motions
+# --------------------------------------------------------------------------------------------
 
 
 def rigid_motions(dim: int, axisymmetric: bool, X: np.ndarray) -> list[np.ndarray]:
-    """All infinitesimal rigid motions (n, dim) of a body with points X; along the axis only when axisymmetric."""
+    """All infinitesimal rigid motions (n, dim) of a body with points X; along the axis only when
+    axisymmetric.
+    """
     shifts = [np.tile(direction, (len(X), 1)) for direction in np.eye(dim)]
     if axisymmetric:
         return shifts[1:]
@@ -168,7 +195,9 @@ def rigid_motions(dim: int, axisymmetric: bool, X: np.ndarray) -> list[np.ndarra
     ids=["axisymmetric", "plane_strain", "box"],
 )
 def test_rigid_motions_strain_nothing(body: dict[str, Any], symmetry: str) -> None:
-    """No force at any dof, supports included, and no energy, while the tip is away: 1e-12 of E h is round-off."""
+    """No force at any dof, supports included, and no energy, while the tip is away: 1e-12 of E h is
+    round-off.
+    """
     from indent_sim.fe import solver
 
     mesh = {"h_contact": 0.25, "h_far": 0.5, "symmetry": symmetry}
@@ -188,10 +217,13 @@ def test_rigid_motions_strain_nothing(body: dict[str, Any], symmetry: str) -> No
 
 @pytest.mark.parametrize("x", [3.3, 4.9])
 def test_place_on_a_long_strip_does_not_matter(x: float) -> None:
-    """On a bonded layer eight thicknesses long the ends are felt by less than 1e-3; the other mesh makes as much."""
+    """On a bonded layer eight thicknesses long the ends are felt by less than 1e-3; the other mesh
+    makes as much.
+    """
     long = STRIP | {"width": 8.0}
     at_x, middle = (
-        solve(scene(long, mesh={"h_contact": 0.01}, indenter=PARABOLOID | {"center": [c]}))[-1] for c in (x, 4.0)
+        solve(scene(long, mesh={"h_contact": 0.01}, indenter=PARABOLOID | {"center": [c]}))[-1]
+        for c in (x, 4.0)
     )
     assert at_x.force == pytest.approx(middle.force, rel=2e-3)
     assert at_x.a == pytest.approx(middle.a, abs=0.01 / 3)

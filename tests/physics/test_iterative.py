@@ -1,4 +1,6 @@
-"""The iterative linear solver: the forces of the factored systems, in as many iterations on a finer mesh."""
+"""The iterative linear solver: the forces of the factored systems, in as many iterations on a finer
+mesh.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ from indent_sim.run.simulation import backend
 from indent_sim.scene.expected import Stick
 from indent_sim.scene.scene import Scene
 
-# What is left of the residual, seen through the stiffness: force and reaction agree to 1e-8 by the audit already
+# What is left of the residual, seen through the stiffness: force and reaction agree to 1e-8 by the
+# audit already
 SAME = 1e-8
 MESH = {"h_contact": 0.16, "h_far": 0.9}  # the two are one discrete problem, on whatever mesh
 FINER = {"mesh": {"h_contact": 0.08, "h_far": 0.6}, "loading": {"delta": 0.02, "steps": 2}}
@@ -32,8 +35,20 @@ NEO_HOOKEAN = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
 RUBBER = {"model": "mooney_rivlin", "C10": 0.3, "C01": 0.1, "nu": 0.5}
 BALL = {"indenter": {"shape": "sphere", "R": 0.5}, "loading": {"delta": 0.05, "steps": 2}}
 STACK = [{"thickness": 0.2, "material": ELASTIC | {"E": 20.0, "nu": 0.4999}}, {"thickness": 0.8}]
-ALONG_Z = {"model": "transversely_isotropic", "E": 1.0, "nu": 0.3, "E_z": 5.0, "nu_z": 0.2, "G_z": 1.0}
-NUCLEUS = {"shape": "ball", "center": [1.0, 1.0, -0.4], "radius": 0.2, "material": ELASTIC | {"E": 10.0, "nu": 0.4999}}
+ALONG_Z = {
+    "model": "transversely_isotropic",
+    "E": 1.0,
+    "nu": 0.3,
+    "E_z": 5.0,
+    "nu_z": 0.2,
+    "G_z": 1.0,
+}
+NUCLEUS = {
+    "shape": "ball",
+    "center": [1.0, 1.0, -0.4],
+    "radius": 0.2,
+    "material": ELASTIC | {"E": 10.0, "nu": 0.4999},
+}
 
 SCENES: dict[str, dict[str, Any]] = {
     "linear": {},
@@ -70,7 +85,8 @@ def on(linear: str, sections: dict[str, Any]) -> Scene:
     return scene(given.pop("body"), solver={"method": "newton", "linear": linear}, **given)
 
 
-# each has a like of it among the others: rubber and inclusions the mixed layer, the penalty Uzawa, the way back forces
+# each has a like of it among the others: rubber and inclusions the mixed layer, the penalty Uzawa,
+# the way back forces
 LONG = {
     "neo-Hookean, mixed",
     "rubber",
@@ -83,19 +99,36 @@ LONG = {
     "held by pins",
 }
 # Finer meshes ask the multigrid, not the scene: one of each kind of unknowns, contact and path
-ON_FINER_MESHES = ("linear", "incompressible", "uzawa", "stiff layer, mixed", "neo-Hookean, mixed", "unloading")
+ON_FINER_MESHES = (
+    "linear",
+    "incompressible",
+    "uzawa",
+    "stiff layer, mixed",
+    "neo-Hookean, mixed",
+    "unloading",
+)
 
 
 @pytest.mark.parametrize(
     ("name", "sections"),
     [
-        *(pytest.param(name, {}, marks=[pytest.mark.verify] * (name in LONG), id=name) for name in SCENES),
-        *(pytest.param(name, FINER, marks=pytest.mark.verify, id=f"{name}, finer") for name in ON_FINER_MESHES),
+        *(
+            pytest.param(name, {}, marks=[pytest.mark.verify] * (name in LONG), id=name)
+            for name in SCENES
+        ),
+        *(
+            pytest.param(name, FINER, marks=pytest.mark.verify, id=f"{name}, finer")
+            for name in ON_FINER_MESHES
+        ),
     ],
 )
 def test_the_force_is_that_of_a_factorisation(name: str, sections: dict[str, Any]) -> None:
-    direct, iterative = (solve(on(linear, sections | SCENES[name])) for linear in ("direct", "iterative"))
-    assert [state.force for state in iterative] == pytest.approx([state.force for state in direct], rel=SAME)
+    direct, iterative = (
+        solve(on(linear, sections | SCENES[name])) for linear in ("direct", "iterative")
+    )
+    assert [state.force for state in iterative] == pytest.approx(
+        [state.force for state in direct], rel=SAME
+    )
     assert all(state.krylov_iterations for state in iterative)
     assert all(state.krylov_iterations is None for state in direct)
 
@@ -114,9 +147,13 @@ STIFF: dict[str, dict[str, Any]] = {
     "name", [pytest.param(name, marks=[pytest.mark.verify] * (name != "penalty")) for name in STIFF]
 )
 def test_force_and_stiffness_of_a_stiff_contact_are_those_of_a_factorisation(name: str) -> None:
-    """The stiffness is solved for until the energy of what is left is 1e-9 of it; judged in the norm of forces, which
-    such a contact rules, it was wrong by 1 to 10 per cent."""
-    sections = {"mesh": {"h_contact": 0.1, "h_far": 0.6}, "loading": {"delta": 0.03, "steps": 1}} | STIFF[name]
+    """The stiffness is solved for until the energy of what is left is 1e-9 of it; judged in the
+    norm of forces, which such a contact rules, it was wrong by 1 to 10 per cent.
+    """
+    sections = {
+        "mesh": {"h_contact": 0.1, "h_far": 0.6},
+        "loading": {"delta": 0.03, "steps": 1},
+    } | STIFF[name]
     direct, iterative = (solve(on(linear, sections))[-1] for linear in ("direct", "iterative"))
     assert iterative.force == pytest.approx(direct.force, rel=SAME)
     assert iterative.stiffness == pytest.approx(direct.stiffness, rel=SAME)
@@ -126,9 +163,16 @@ def test_error_bars_are_those_of_factorisations() -> None:
     """Differences of forces that agree to 1e-8, of about a hundredth of them."""
     bars = []
     for linear in ("direct", "iterative"):
-        base = on(linear, {"mesh": {"h_contact": 0.15, "h_far": 0.8}, "loading": {"delta": 0.04, "steps": 1}})
+        base = on(
+            linear,
+            {"mesh": {"h_contact": 0.15, "h_far": 0.8}, "loading": {"delta": 0.04, "steps": 1}},
+        )
         ratio, other = beside(base)
-        bars.append(ErrorBars(base, Companion(ratio, solve(other), other)).judged(solve(base)[-1]).force_error)
+        bars.append(
+            ErrorBars(base, Companion(ratio, solve(other), other))
+            .judged(solve(base)[-1])
+            .force_error
+        )
     assert bars[0] and bars[1] == pytest.approx(bars[0], rel=1e-5)
 
 
@@ -151,37 +195,52 @@ LARGE: dict[str, dict[str, Any]] = {
     "linear": {},
     "nearly incompressible": {"material": ELASTIC | {"nu": 0.4999}},
     "incompressible": {"material": ELASTIC | {"nu": 0.5}},
-    "neo-Hookean": {"body": CUBE, "material": NEO_HOOKEAN, "indenter": {"shape": "sphere", "R": 0.25}},
+    "neo-Hookean": {
+        "body": CUBE,
+        "material": NEO_HOOKEAN,
+        "indenter": {"shape": "sphere", "R": 0.25},
+    },
 }
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize(("name", "shrink"), [*((name, 1.0) for name in LARGE), ("nearly incompressible", 2.1)])
+@pytest.mark.parametrize(
+    ("name", "shrink"), [*((name, 1.0) for name in LARGE), ("nearly incompressible", 2.1)]
+)
 def test_the_force_is_that_of_a_factorisation_on_large_meshes(name: str, shrink: float) -> None:
-    """Of 20 000 and of 80 000 unknowns; the linear bodies condensed, by another formulation of the contact."""
+    """Of 20 000 and of 80 000 unknowns; the linear bodies condensed, by another formulation of the
+    contact.
+    """
     h = (0.02 if name == "neo-Hookean" else 0.0185) / shrink
     mesh = {"h_contact": h, "h_far": 8 * h}
     given = {"body": BOX, "loading": {"delta": 0.01, "steps": 1}} | LARGE[name]
     direct, iterative = (
-        solve(scene(**given, mesh=mesh, solver={"linear": linear}))[-1] for linear in ("direct", "iterative")
+        solve(scene(**given, mesh=mesh, solver={"linear": linear}))[-1]
+        for linear in ("direct", "iterative")
     )
     assert iterative.force == pytest.approx(direct.force, rel=SAME)
 
 
 def krylov_per_newton(states: list[State]) -> float:
     """Iterations of a linear system, in the mean of a path."""
-    return sum(state.krylov_iterations or 0 for state in states) / sum(state.newton_iterations for state in states)
+    return sum(state.krylov_iterations or 0 for state in states) / sum(
+        state.newton_iterations for state in states
+    )
 
 
 def test_a_finer_mesh_takes_no_more_iterations() -> None:
     """Eight times the unknowns; multigrid keeps the count to what the contact's edge makes of it."""
-    coarse, fine = (solve(on("iterative", {"mesh": {"h_contact": h, "h_far": 5 * h}})) for h in (0.1, 0.05))
+    coarse, fine = (
+        solve(on("iterative", {"mesh": {"h_contact": h, "h_far": 5 * h}})) for h in (0.1, 0.05)
+    )
     assert krylov_per_newton(fine) <= 1.3 * krylov_per_newton(coarse)
 
 
 def test_a_stiff_base_takes_no_more_iterations() -> None:
-    """What is held moves nothing beside it: the cycle knows no contrast between layers. It did, and took ten times as
-    many."""
+    """What is held moves nothing beside it: the cycle knows no contrast between layers.
+
+    It did, and took ten times as many.
+    """
     layers = [{"thickness": 0.5}, {"thickness": 0.5, "material": ELASTIC | {"E": 1e4}}]
     one, two = (solve(on("iterative", {"body": BOX | body})) for body in ({}, {"layers": layers}))
     assert krylov_per_newton(two) <= 1.3 * krylov_per_newton(one)
@@ -197,12 +256,21 @@ def test_every_iteration_is_counted() -> None:
 
 
 def test_a_worn_preconditioner_is_built_anew_before_a_step_fails(monkeypatch: Any) -> None:
-    """One that gives nothing any more from the second step on: the system is solved again, and no step is cut."""
+    """One that gives nothing any more from the second step on: the system is solved again, and no
+    step is cut.
+    """
     from indent_sim.fe.solve.multigrid import Multigrid
 
     base = on("iterative", {})
-    walk, worn, apply, renew = backend().walk(base, meshed(base)), [False], Multigrid.apply, Multigrid.renew
-    monkeypatch.setattr(Multigrid, "apply", lambda self, r, u: u.set(0.0) if worn[0] else apply(self, r, u))
+    walk, worn, apply, renew = (
+        backend().walk(base, meshed(base)),
+        [False],
+        Multigrid.apply,
+        Multigrid.renew,
+    )
+    monkeypatch.setattr(
+        Multigrid, "apply", lambda self, r, u: u.set(0.0) if worn[0] else apply(self, r, u)
+    )
     monkeypatch.setattr(Multigrid, "renew", lambda self: (worn.__setitem__(0, False), renew(self)))
     found = []
     for state in walk.states(base.physics.path, lambda step: False):
@@ -224,8 +292,9 @@ def test_multigrid_on_the_linear_elements(monkeypatch: Any) -> None:
 
 
 def test_multigrid_renewed_is_multigrid_built_anew() -> None:
-    """On all of its levels, after contact has spread; within what the bounds of the smoother's spectrum are estimated
-    to. Of the old levels a cycle differs by a half."""
+    """On all of its levels, after contact has spread; within what the bounds of the smoother's
+    spectrum are estimated to. Of the old levels a cycle differs by a half.
+    """
     from indent_sim.fe import solver
     from indent_sim.fe.solve.blocks import Stiffness
     from indent_sim.fe.solve.multigrid import Multigrid
@@ -270,7 +339,9 @@ def test_the_discretisation_does_not_know_the_linear_solver() -> None:
 
 @pytest.mark.parametrize("linear", ["direct", "iterative"])
 def test_nothing_of_a_solution_stays(linear: str) -> None:
-    """Python sees no circle of references that goes through PETSc, and a process may run a thousand scenes."""
+    """Python sees no circle of references that goes through PETSc, and a process may run a thousand
+    scenes.
+    """
     solve(on(linear, {}))
     gc.collect()
     assert not [one for one in gc.get_objects() if isinstance(one, Problem | Iterative)]

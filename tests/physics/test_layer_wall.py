@@ -1,8 +1,10 @@
-"""Layer in a frictionless wall: the body is the theory's own, so every difference is the program's error.
+"""Layer in a frictionless wall: the body is the theory's own, so every difference is the program's
+error.
 
-Reference: the dual integral equations of Lebedev & Ufliand (1958) and Hayes et al. (1972) with the Dini sum of a
-roller wall at W = 2 (plane strain: the cosine sum), solved by Gauss-Legendre Nystrom to the digits shown.
-E = 1, h = 1, R = 1, nu = 0.3, base bonded unless said; frictionless, small strain, gap at the reference radius.
+Reference: the dual integral equations of Lebedev & Ufliand (1958) and Hayes et al. (1972) with the
+Dini sum of a roller wall at W = 2 (plane strain: the cosine sum), solved by Gauss-Legendre Nystrom
+to the digits shown. E = 1, h = 1, R = 1, nu = 0.3, base bonded unless said; frictionless, small
+strain, gap at the reference radius.
 """
 
 from __future__ import annotations
@@ -35,27 +37,56 @@ class Case:
     tolerance: float = 0.003  # of the force: what `h_contact: auto` promises
 
     def scene(self, *overrides: str) -> Scene:
-        return scene(self.body, *overrides, indenter=self.indenter, loading={"delta": self.delta, "steps": 1})
+        return scene(
+            self.body, *overrides, indenter=self.indenter, loading={"delta": self.delta, "steps": 1}
+        )
 
 
 CASES = {
-    "paraboloid": Case(WALLED, PARABOLOID, 0.01, 1.60793650804e-03, 1.03127364087e-01, 7.218770639e-02),
+    "paraboloid": Case(
+        WALLED, PARABOLOID, 0.01, 1.60793650804e-03, 1.03127364087e-01, 7.218770639e-02
+    ),
     "roller_base": Case(
-        WALLED | {"base": "roller"}, PARABOLOID, 0.01, 1.58932137668e-03, 1.02735304299e-01, 7.189754636e-02
+        WALLED | {"base": "roller"},
+        PARABOLOID,
+        0.01,
+        1.58932137668e-03,
+        1.02735304299e-01,
+        7.189754636e-02,
     ),
-    "sphere": Case(WALLED, {"shape": "sphere", "R": 1.0}, 0.01, 1.60605906926e-03, 1.02941079205e-01, 7.222782689e-02),
+    "sphere": Case(
+        WALLED,
+        {"shape": "sphere", "R": 1.0},
+        0.01,
+        1.60605906926e-03,
+        1.02941079205e-01,
+        7.222782689e-02,
+    ),
     # the pressure under the apex is infinite
-    "cone": Case(WALLED, {"shape": "cone", "half_angle": 70}, 0.1, 2.28262460711e-02, 1.90275390655e-01, None),
-    # the pressure is singular at the edge, where linear theory itself is at its end: 1 % is asked for
-    "flat_punch": Case(
-        WALLED, {"shape": "flat_punch", "radius": 0.5}, 0.01, 1.78766841375e-02, 0.5, None, tolerance=0.01
+    "cone": Case(
+        WALLED, {"shape": "cone", "half_angle": 70}, 0.1, 2.28262460711e-02, 1.90275390655e-01, None
     ),
-    "plane_strain": Case(STRIP, PARABOLOID, 0.01, 5.38351500073e-03, 7.88040343271e-02, 4.349102404e-02),
+    # the pressure is singular at the edge, where linear theory itself is at its end: 1 % is asked
+    # for
+    "flat_punch": Case(
+        WALLED,
+        {"shape": "flat_punch", "radius": 0.5},
+        0.01,
+        1.78766841375e-02,
+        0.5,
+        None,
+        tolerance=0.01,
+    ),
+    "plane_strain": Case(
+        STRIP, PARABOLOID, 0.01, 5.38351500073e-03, 7.88040343271e-02, 4.349102404e-02
+    ),
 }
 
 
 @pytest.fixture(
-    params=[(name, method) for name in CASES for method in ("auto", "penalty")], ids="-".join, scope="module"
+    params=[(name, method) for name in CASES for method in ("auto", "penalty")],
+    ids="-".join,
+    scope="module",
 )
 def solved(request: pytest.FixtureRequest) -> tuple[Case, State]:
     """Every line of the table on the mesh that the program chooses by itself."""
@@ -69,25 +100,31 @@ def test_force_of_the_automatic_mesh(solved: tuple[Case, State]) -> None:
 
 
 def test_contact_radius_of_the_automatic_mesh(solved: tuple[Case, State]) -> None:
-    """The edge of contact is known to a fraction of an element, of which `auto` puts ten in a radius: a fifth, 2 %."""
+    """The edge of contact is known to a fraction of an element, of which `auto` puts ten in a
+    radius: a fifth, 2 %.
+    """
     case, state = solved
     assert state.a == pytest.approx(case.a, rel=0.02)
 
 
 def test_peak_pressure_of_the_automatic_mesh(solved: tuple[Case, State]) -> None:
-    """0.5 %: a pressure is a derivative, known to h^2 where the force is known to h^3; a stiff penalty adds ripples."""
+    """0.5 %: a pressure is a derivative, known to h^2 where the force is known to h^3; a stiff
+    penalty adds ripples.
+    """
     case, state = solved
     if case.p0 is not None:
         assert state.p_max == pytest.approx(case.p0, rel=0.005)
 
 
-# ---- convergence ----------------------------------------------------------------------------------------------
+# ---- convergence
+# ----------------------------------------------------------------------------------------------
 #
-# Near field, far field and grading shrink together: a mesh that keeps its grading keeps the error of its rings, however
-# small the elements near the tip are. Which elements touch changes with the mesh, so the error jumps about its mean:
-# taken is the root mean square over three meshes whose sizes differ by 7 %. The augmented Lagrangian has no other
-# error. The penalty is held fixed while the mesh is refined, and its error, which falls as 1/epsilon_n, is removed by
-# Richardson's extrapolation from two stiffnesses.
+# Near field, far field and grading shrink together: a mesh that keeps its grading keeps the error
+# of its rings, however small the elements near the tip are. Which elements touch changes with the
+# mesh, so the error jumps about its mean: taken is the root mean square over three meshes whose
+# sizes differ by 7 %. The augmented Lagrangian has no other error. The penalty is held fixed while
+# the mesh is refined, and its error, which falls as 1/epsilon_n, is removed by Richardson's
+# extrapolation from two stiffnesses.
 
 STIFFNESSES = (200.0, 400.0)  # E*/a
 JITTER = (0.93, 1.0, 1.07)
@@ -97,7 +134,9 @@ FAR, GRADING = 25.0, 1.5  # far over near size, and grading times elements in th
 
 @dataclass(frozen=True)
 class Convergence:
-    """Least-squares slope of log(force error) over log(h), and the errors of the finest mesh, of force and radius."""
+    """Least-squares slope of log(force error) over log(h), and the errors of the finest mesh, of
+    force and radius.
+    """
 
     force_rate: float
     force_error: float
@@ -119,7 +158,9 @@ def _errors(case: Case, method: str, per_radius: int, jitter: float) -> tuple[fl
     h = case.a / per_radius
     base = case.scene(f"mesh.h_contact={h}")
     axis = base.physics.center
-    sizes = Sizes(jitter * h, min(0.5, FAR * h), 1.15 * case.a + 2 * h, GRADING / per_radius, axis=axis)
+    sizes = Sizes(
+        jitter * h, min(0.5, FAR * h), 1.15 * case.a + 2 * h, GRADING / per_radius, axis=axis
+    )
     base = dataclasses.replace(base, sizes=sizes)
     if method == "augmented_lagrangian":
         (state,) = solve(base.with_physics(contact=AugmentedLagrangian(epsilon_n=E_STAR / h)))
@@ -135,15 +176,18 @@ def cases_of(*default: tuple[str, str]) -> pytest.MarkDecorator:
         for name in ("paraboloid", "sphere", "roller_base", "plane_strain")
         for method in ("augmented_lagrangian", "penalty")
     ]
-    marked = [pytest.param(*pair, marks=() if pair in default else pytest.mark.verify) for pair in every]
+    marked = [
+        pytest.param(*pair, marks=() if pair in default else pytest.mark.verify) for pair in every
+    ]
     return pytest.mark.parametrize(("name", "method"), marked)
 
 
 @cases_of(("paraboloid", "augmented_lagrangian"), ("plane_strain", "augmented_lagrangian"))
 def test_force_converges_faster_than_h2(name: str, method: str) -> None:
-    """The force is a derivative of the energy, whose error for a smooth solution is h^4 with P2; the square-root edge
-    of the pressure leaves h^2 to h^3, and the rest of the jitter moves the slope by up to 0.5. The finest mesh must
-    be ten times better than 0.1 %."""
+    """The force is a derivative of the energy, whose error for a smooth solution is h^4 with P2;
+    the square-root edge of the pressure leaves h^2 to h^3, and the rest of the jitter moves the
+    slope by up to 0.5. The finest mesh must be ten times better than 0.1 %.
+    """
     found = convergence(name, method)
     assert 2.0 <= found.force_rate <= 4.2
     assert found.force_error < 1e-4
@@ -151,8 +195,10 @@ def test_force_converges_faster_than_h2(name: str, method: str) -> None:
 
 @cases_of(("paraboloid", "augmented_lagrangian"), ("plane_strain", "augmented_lagrangian"))
 def test_contact_radius_is_known_to_a_fraction_of_an_element(name: str, method: str) -> None:
-    """At the edge the pressure leaves zero like a root, so its zero is known to a fixed fraction of an element: a
-    tenth, where gap and multiplier are weighed as in `observe`; a stiff penalty has ripples that hide it."""
+    """At the edge the pressure leaves zero like a root, so its zero is known to a fixed fraction of
+    an element: a tenth, where gap and multiplier are weighed as in `observe`; a stiff penalty
+    has ripples that hide it.
+    """
     if method == "penalty":
         pytest.skip("ripples of the pressure")
     found = convergence(name, method)
@@ -160,13 +206,17 @@ def test_contact_radius_is_known_to_a_fraction_of_an_element(name: str, method: 
 
 
 def test_force_of_the_flat_punch_converges_as_h() -> None:
-    """The pressure is singular like 1/sqrt(distance) at the edge, so the energy's error is O(h) of the elements there,
-    here no smaller than the others. The contact is known, so the penalty may be as stiff as one likes."""
+    """The pressure is singular like 1/sqrt(distance) at the edge, so the energy's error is O(h) of
+    the elements there, here no smaller than the others. The contact is known, so the penalty may
+    be as stiff as one likes.
+    """
     case, errors = CASES["flat_punch"], []
     divisions = (10, 20, 40)
     for n in divisions:
         h = case.a / n
         base = case.scene(f"mesh.h_contact={h}")
-        base = dataclasses.replace(base, sizes=dataclasses.replace(base.sizes, h_edge=h, grading=1.5 / n))
+        base = dataclasses.replace(
+            base, sizes=dataclasses.replace(base.sizes, h_edge=h, grading=1.5 / n)
+        )
         errors.append(force(with_penalty(base, 1e6 * E_STAR)) / case.F - 1)
     assert -np.polyfit(np.log(divisions), np.log(errors), 1)[0] == pytest.approx(1.0, abs=0.2)

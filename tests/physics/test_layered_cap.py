@@ -22,7 +22,9 @@ AUTOMATIC = 0.001  # of the force at automatic sizes; 0.06 % was found
 
 @dataclass(frozen=True)
 class Round:
-    """A cap, or a ball of twice its radius' height, with a core of E = 1 and the reference's contact radius a."""
+    """A cap, or a ball of twice its radius' height, with a core of E = 1 and the reference's
+    contact radius a.
+    """
 
     R: float
     height: float
@@ -33,18 +35,33 @@ class Round:
 
     def reference(self, degree: int = layered_cap.DEGREE) -> layered_cap.Contact:
         heights: Callable[[np.ndarray], np.ndarray] = lambda r: r**2 / (2 * self.tip)  # noqa: E731
-        return layered_cap.contact(self.a, self.R, self.height, self.layers, heights, self.base, degree)
+        return layered_cap.contact(
+            self.a, self.R, self.height, self.layers, heights, self.base, degree
+        )
 
     def row(self, delta: float, folder: Path, **sections: Any) -> State:
         """The program's row at a depth, with its error bars."""
-        layers: list[dict[str, Any]] = [{"thickness": t, "material": elastic(*m)} for t, m in self.layers[:-1]]
-        cap = {"shape": "cap", "base_radius": float(np.sqrt(self.height * (2 * self.R - self.height)))}
+        layers: list[dict[str, Any]] = [
+            {"thickness": t, "material": elastic(*m)} for t, m in self.layers[:-1]
+        ]
+        cap = {
+            "shape": "cap",
+            "base_radius": float(np.sqrt(self.height * (2 * self.R - self.height))),
+        }
         is_ball = self.height == 2 * self.R
         body = {"shape": "ball", "radius": self.R} if is_ball else cap | {"height": self.height}
-        given = {"body": body | {"base": self.base, "layers": [*layers, {}]}, "material": elastic(*self.layers[-1][1])}
-        given |= {"indenter": {"shape": "paraboloid", "R": self.tip}, "loading": {"delta": delta, "steps": 1}}
+        given = {
+            "body": body | {"base": self.base, "layers": [*layers, {}]},
+            "material": elastic(*self.layers[-1][1]),
+        }
+        given |= {
+            "indenter": {"shape": "paraboloid", "R": self.tip},
+            "loading": {"delta": delta, "steps": 1},
+        }
         given |= {"contact": {"gap": "reference"}, "output": {"plot": False, "fields": "none"}}
-        return simulate(from_mapping(given | sections), directory=folder, error_bars=True).states[-1]
+        return simulate(from_mapping(given | sections), directory=folder, error_bars=True).states[
+            -1
+        ]
 
 
 def elastic(E: float, nu: float) -> dict[str, Any]:
@@ -52,8 +69,10 @@ def elastic(E: float, nu: float) -> dict[str, Any]:
 
 
 def drawn(count: int, seed: int) -> list[Round]:
-    """Bodies at random: flat and overhanging caps, glued and on rollers, and glued balls; one skin or two, of 1/100 to
-    1/8 of the height or the radius, five times softer to fifty times stiffer than the core."""
+    """Bodies at random: flat and overhanging caps, glued and on rollers, and glued balls; one skin
+    or two, of 1/100 to 1/8 of the height or the radius, five times softer to fifty times stiffer
+    than the core.
+    """
     draw, bodies = np.random.default_rng(seed), []
     for k in range(count):
         height = float(draw.uniform(0.4, 1.6))
@@ -70,15 +89,25 @@ def drawn(count: int, seed: int) -> list[Round]:
     return bodies
 
 
-QUICK = (0, 1)  # caps, glued and on rollers; a glued ball in `make verify`, and with a nucleus below
-BODIES = [pytest.param(one, marks=[] if k in QUICK else [pytest.mark.verify]) for k, one in enumerate(drawn(9, 5))]
+QUICK = (
+    0,
+    1,
+)  # caps, glued and on rollers; a glued ball in `make verify`, and with a nucleus below
+BODIES = [
+    pytest.param(one, marks=[] if k in QUICK else [pytest.mark.verify])
+    for k, one in enumerate(drawn(9, 5))
+]
 
 
 @pytest.mark.parametrize("skin", [None, (0.1, (10.0, 0.3)), (0.01, (0.2, 0.45))])
 def test_half_a_ball_on_rollers_is_the_series(skin: layered_cap.Layer | None) -> None:
-    """A cap as high as its base is wide, under a plate: half of a ball between two. 3e-5, what the series knows."""
+    """A cap as high as its base is wide, under a plate: half of a ball between two. 3e-5, what the
+    series knows.
+    """
     core = (0.0, (1.0, 0.3))
-    found = layered_cap.contact(0.15, 1.0, 1.0, [skin, core] if skin else [core], lambda r: 0 * r, "roller")
+    found = layered_cap.contact(
+        0.15, 1.0, 1.0, [skin, core] if skin else [core], lambda r: 0 * r, "roller"
+    )
     shells = [(1.0, skin[1]), (1.0 - skin[0], core[1])] if skin else [(1.0, core[1])]
     series = layered_ball.contact(2 * found.delta, shells, lambda r: 0 * r)
     assert found.force == pytest.approx(series.force, rel=KNOWN)
@@ -87,8 +116,9 @@ def test_half_a_ball_on_rollers_is_the_series(skin: layered_cap.Layer | None) ->
 
 @pytest.mark.parametrize("k", [0, pytest.param(2, marks=pytest.mark.verify)])
 def test_degrees_of_the_elements_agree(k: int) -> None:
-    """Of a glued cap and a glued ball, which the series does not know: both are on one curve. Its slope is Hertz' to
-    some per cent, and the depths differ by 2e-4 at most: 3e-5."""
+    """Of a glued cap and a glued ball, which the series does not know: both are on one curve. Its
+    slope is Hertz' to some per cent, and the depths differ by 2e-4 at most: 3e-5.
+    """
     body = drawn(3, 5)[k]
     low, high = body.reference(), body.reference(degree=layered_cap.DEGREE + 2)
     assert low.delta == pytest.approx(high.delta, rel=2e-4)
@@ -125,13 +155,21 @@ def test_a_ball_with_an_ellipsoid_in_its_middle(
     def tip(r: np.ndarray) -> np.ndarray:
         return r**2 / (2 * 1.5)
 
-    height, ways = (2.0, 1) if base == "fixed" else (1.0, 2)  # between two tips half of the ball, on rollers
+    height, ways = (
+        (2.0, 1) if base == "fixed" else (1.0, 2)
+    )  # between two tips half of the ball, on rollers
     exact = layered_cap.contact(0.2, 1.0, height, [(0.0, core)], tip, base, nucleus=nucleus)
     ball = {"shape": "ball", "radius": 1.0, "base": base}
     inside = {"shape": "ellipsoid", "center": [0, 0, -1.0], "semi_axes": [across, across, along]}
-    given = {"body": ball | {"inclusions": [inside | {"material": elastic(*nucleus[1])}]}, "material": elastic(*core)}
+    given = {
+        "body": ball | {"inclusions": [inside | {"material": elastic(*nucleus[1])}]},
+        "material": elastic(*core),
+    }
     given |= {"indenter": {"shape": "paraboloid", "R": 1.5}, "contact": {"gap": "reference"}}
-    given |= {"loading": {"delta": ways * exact.delta, "steps": 1}, "output": {"plot": False, "fields": "none"}}
+    given |= {
+        "loading": {"delta": ways * exact.delta, "steps": 1},
+        "output": {"plot": False, "fields": "none"},
+    }
     row = simulate(from_mapping(given), directory=tmp_path, error_bars=True).states[-1]
     assert row.force_error
     off = abs(row.force - exact.force)

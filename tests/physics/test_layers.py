@@ -1,4 +1,6 @@
-"""Layered bodies by finite elements against the exact theory of the same stack, and against themselves."""
+"""Layered bodies by finite elements against the exact theory of the same stack, and against
+themselves.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ Layers = list[tuple[float, float, float]]  # thickness, E, nu
 WALLED = {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"}
 DEEP = {"delta": 0.02, "steps": 1}
 
-# theory/stack, tests/unit/theory/test_stack.py: (force, a) in a cylinder with a roller wall at 2, paraboloid R = 1
+# theory/stack, tests/unit/theory/test_stack.py: (force, a) in a cylinder with a roller wall at 2,
+# paraboloid R = 1
 SOFT_ON_STIFF: Layers = [(0.2, 1.0, 0.3), (0.8, 10.0, 0.4)]
 STIFF_ON_SOFT: Layers = [(0.2, 10.0, 0.3), (0.8, 1.0, 0.45)]
 EXACT = {
@@ -32,8 +35,15 @@ EXACT = {
 
 def layered(layers: Layers, body: dict[str, Any] | None = None, **sections: Any) -> Scene:
     """A scene whose layers all have materials of their own."""
-    own = [{"material": ELASTIC | {"E": E, "nu": nu}} | ({"thickness": h} if h else {}) for h, E, nu in layers]
-    given = {"body": (body or WALLED) | {"layers": own}, "indenter": {"shape": "paraboloid", "R": 1.0}, "loading": DEEP}
+    own = [
+        {"material": ELASTIC | {"E": E, "nu": nu}} | ({"thickness": h} if h else {})
+        for h, E, nu in layers
+    ]
+    given = {
+        "body": (body or WALLED) | {"layers": own},
+        "indenter": {"shape": "paraboloid", "R": 1.0},
+        "loading": DEEP,
+    }
     return resolve(from_mapping(given | sections))
 
 
@@ -63,15 +73,21 @@ def test_incompressible_layers_beside_others(nus: tuple[float, float]) -> None:
 @pytest.mark.parametrize("body", ["axisymmetric", "strip", "quarter", "box"])
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_layers_of_one_material_are_one_body(body: str, nu: float) -> None:
-    """On one mesh: the interface's lines stay, the regions become one. 1e-9; mixed layers have two pressures where one
-    body has a continuous one, so that only the answer agrees, to the mesh's 0.1 %."""
+    """On one mesh: the interface's lines stay, the regions become one. 1e-9; mixed layers have two
+    pressures where one body has a continuous one, so that only the answer agrees, to the mesh's
+    0.1 %.
+    """
     bodies = {
         "axisymmetric": WALLED,
         "strip": {"shape": "strip", "width": 4.0, "height": 1.0},
         "quarter": WALLED,
         "box": {"shape": "box", "size": [2.0, 2.0, 1.0]},
     }
-    mesh = {"h_contact": 0.1, "h_far": 0.3, "symmetry": "quarter" if body in ("quarter", "box") else "auto"}
+    mesh = {
+        "h_contact": 0.1,
+        "h_far": 0.3,
+        "symmetry": "quarter" if body in ("quarter", "box") else "auto",
+    }
     base = layered([(0.4, 1.0, nu), (0.6, 1.0, nu)], bodies[body], mesh=mesh)
     part = base.physics.part
     whole = dataclasses.replace(part.regions[0], bottom=part.regions[-1].bottom)
@@ -83,7 +99,9 @@ def test_layers_of_one_material_are_one_body(body: str, nu: float) -> None:
 
 
 def state_on(base: Scene, grid: Any) -> Any:
-    """The last state of a scene on a grid, whose cells all belong to the first region where the scene has only one."""
+    """The last state of a scene on a grid, whose cells all belong to the first region where the
+    scene has only one.
+    """
     from mpi4py import MPI
 
     from indent_sim.fe import solver
@@ -95,9 +113,13 @@ def state_on(base: Scene, grid: Any) -> Any:
     return last.in_units(base.physics.scales)
 
 
-@pytest.mark.parametrize("parts", [["quarter", "half"], pytest.param(["quarter", "full"], marks=pytest.mark.verify)])
+@pytest.mark.parametrize(
+    "parts", [["quarter", "half"], pytest.param(["quarter", "full"], marks=pytest.mark.verify)]
+)
 def test_quarter_half_and_whole_of_a_layered_box(parts: list[str]) -> None:
-    """Meshes of their own, with four elements in the contact radius: 0.5 %, several times the error of each."""
+    """Meshes of their own, with four elements in the contact radius: 0.5 %, several times the error
+    of each.
+    """
     box, tip = {"shape": "box", "size": [2.0, 2.0, 1.0]}, {"shape": "paraboloid", "R": 5.0}
     forces = [
         force(
@@ -117,7 +139,10 @@ def test_quarter_half_and_whole_of_a_layered_box(parts: list[str]) -> None:
 def test_a_coating_on_a_half_space() -> None:
     """0.1 % of the half-space's exact force and the truncation that is stated."""
     base = layered(
-        [(0.05, 10.0, 0.3), (0.0, 1.0, 0.4)], {"shape": "half_space"}, accuracy=0.001, solver={"method": "condensed"}
+        [(0.05, 10.0, 0.3), (0.0, 1.0, 0.4)],
+        {"shape": "half_space"},
+        accuracy=0.001,
+        solver={"method": "condensed"},
     )
     assert base.plan.theory is not None and base.plan.theory.exact
     solution = base.plan.theory.at(base.physics.deltas[-1])
@@ -128,13 +153,18 @@ def test_a_coating_on_a_half_space() -> None:
 
 
 def test_a_hyperelastic_layer_on_a_linear_one_at_small_strain() -> None:
-    """At a depth of 1e-4 of the thickness both are linear: 1e-3, of the order of the strain at the contact."""
+    """At a depth of 1e-4 of the thickness both are linear: 1e-3, of the order of the strain at the
+    contact.
+    """
     elastic = ELASTIC | {"E": 1.0, "nu": 0.3}
     layers = [
         {"thickness": 0.3, "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3}},
         {"thickness": 0.7, "material": elastic | {"E": 4.0}},
     ]
-    loading = {"loading": {"delta": 1e-4, "steps": 1}, "contact": {"method": "auto", "gap": "reference"}}
+    loading = {
+        "loading": {"delta": 1e-4, "steps": 1},
+        "contact": {"method": "auto", "gap": "reference"},
+    }
     finite = scene(WALLED | {"layers": layers}, "material=null", **loading)
     layers[0]["material"] = elastic
     linear = scene(WALLED | {"layers": layers}, "material=null", **loading)
@@ -144,13 +174,17 @@ def test_a_hyperelastic_layer_on_a_linear_one_at_small_strain() -> None:
 
 STIFF_ON_SOFT = {
     "shape": "half_space",
-    "layers": [{"thickness": 1.0, "material": ELASTIC | {"E": 100.0}}, {"material": ELASTIC | {"E": 1.0}}],
+    "layers": [
+        {"thickness": 1.0, "material": ELASTIC | {"E": 100.0}},
+        {"material": ELASTIC | {"E": 1.0}},
+    ],
 }
 WIDE_PUNCH = {"shape": "flat_punch", "radius": 1.0}
 
 
 def test_a_stiff_coating_leaves_the_middle_of_a_punch(tmp_path: Any) -> None:
-    """Theory's contact is whole, and would need tension: a mesh is chosen, and has a ring for a contact.
+    """Theory's contact is whole, and would need tension: a mesh is chosen, and has a ring for a
+    contact.
 
     What pushes alone is softer than what pulls too, by less than the share that would pull.
     """
@@ -174,17 +208,24 @@ def test_theory_asked_for_says_that_it_pulls(tmp_path: Any) -> None:
     }
     outcomes = {
         method: chain.simulate(
-            from_mapping(given | {"solver": {"method": method}}), error_bars=True, directory=tmp_path / method
+            from_mapping(given | {"solver": {"method": method}}),
+            error_bars=True,
+            directory=tmp_path / method,
         )
         for method in ("theory", "auto")
     }
     whole, ring = outcomes["theory"].states[0], outcomes["auto"].states[0]
-    assert abs(whole.force - ring.force) <= whole.force_error and abs(whole.a - ring.a) <= whole.a_error
+    assert (
+        abs(whole.force - ring.force) <= whole.force_error
+        and abs(whole.a - ring.a) <= whole.a_error
+    )
     assert whole.a == 1 and ring.a < 0.7
 
 
 def drawn(count: int, seed: int) -> list[tuple[Layers, dict[str, Any]]]:
-    """Stacks of two or three layers, of 0.02 to 1.6 contact radii, moduli up to 1e3 apart, nu 0 to 0.5, and tips."""
+    """Stacks of two or three layers, of 0.02 to 1.6 contact radii, moduli up to 1e3 apart, nu 0 to
+    0.5, and tips.
+    """
     draw, found = random.Random(seed), []
     for _ in range(count):
         above = [0.15 * 10 ** draw.uniform(-1.7, 0.2) for _ in range(draw.choice([1, 1, 2]))]
@@ -216,14 +257,18 @@ def test_automatic_sizes_of_stacks_drawn_at_random(number: int) -> None:
         solution = theory.at(base.physics.deltas[-1])
         assert solution is not None
         error = abs(force(base) / (solution.force * base.physics.scales.force) - 1)
-        assert error <= max(theory.pull, 0.01 if tip["shape"] == "flat_punch" else 0.003), (layers, tip)
+        assert error <= max(theory.pull, 0.01 if tip["shape"] == "flat_punch" else 0.003), (
+            layers,
+            tip,
+        )
         worst = max(worst, error)
     print(f"{number} stacks on automatic sizes: {worst:.2%} at most")
 
 
 @pytest.mark.verify
 def test_accuracy_of_stacks_drawn_at_random(tmp_path: Any) -> None:
-    """Every step within the target, and the rows of both targets inside their bars as is promised of a class of scenes.
+    """Every step within the target, and the rows of both targets inside their bars as is promised
+    of a class of scenes.
 
     Theory is kept from knowing about the bars.
     """
@@ -242,8 +287,12 @@ def test_accuracy_of_stacks_drawn_at_random(tmp_path: Any) -> None:
     assert inside >= ROWS_OF_A_CLASS * rows
 
 
-def judged(layers: Layers, tip: dict[str, Any], target: float, place: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Forces of a run with `accuracy`, and their bars relative to them, without what theory adds to them."""
+def judged(
+    layers: Layers, tip: dict[str, Any], target: float, place: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """Forces of a run with `accuracy`, and their bars relative to them, without what theory adds to
+    them.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ErrorBars, "_from_theory", lambda self, state: 0.0)
         patch.setattr(simulation, "contradiction", lambda *_: None)  # it asks theory too

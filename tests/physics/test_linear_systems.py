@@ -1,4 +1,6 @@
-"""PETSc's solvers of a run: what the program chooses, what PETSC_OPTIONS may change of it, what a failure is called."""
+"""PETSc's solvers of a run: what the program chooses, what PETSC_OPTIONS may change of it, what a
+failure is called.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ SAME = 1e-8  # of the force, whoever solves the systems: Newton's residual is 1e
 
 def solved(folder: Path, **sections: Any) -> Outcome:
     """A run of the scene with other sections."""
-    return simulate(from_mapping(SCENE | sections), MPI.COMM_SELF, directory=folder / "out", overwrite=True)
+    return simulate(
+        from_mapping(SCENE | sections), MPI.COMM_SELF, directory=folder / "out", overwrite=True
+    )
 
 
 @contextmanager
@@ -74,11 +78,16 @@ def tuned(**options: Any) -> Iterator[None]:
 def test_the_environment_stands_over_the_programs_choice(tmp_path, options, monkeypatch):
     found = []
     solve = Newton._runs
-    monkeypatch.setattr(Newton, "_runs", lambda self, x: found.append(self.snes.ksp.pc.getType()) or solve(self, x))
+    monkeypatch.setattr(
+        Newton, "_runs", lambda self, x: found.append(self.snes.ksp.pc.getType()) or solve(self, x)
+    )
     usual = solved(tmp_path).states[-1].force
     with tuned(**options):
         assert solved(tmp_path).states[-1].force == pytest.approx(usual, rel=SAME)
-    assert usual == pytest.approx(FORCE, rel=0.02) and set(found) == {"cholesky", options["pc_type"]}
+    assert usual == pytest.approx(FORCE, rel=0.02) and set(found) == {
+        "cholesky",
+        options["pc_type"],
+    }
 
 
 def test_what_the_scene_says_and_when_it_has_converged_is_not_the_environments(tmp_path):
@@ -86,8 +95,12 @@ def test_what_the_scene_says_and_when_it_has_converged_is_not_the_environments(t
     usual = solved(tmp_path).states[-1]
     with tuned(snes_convergence_test="skip", snes_rtol=0.99, snes_max_it=1):
         assert solved(tmp_path).states[-1].force == usual.force
-        hasty = solved(tmp_path, solver={"method": "newton", "max_iterations": 1}).states[-1]  # in ever shorter steps
-    assert hasty.substeps > 10 * usual.substeps and hasty.force == pytest.approx(usual.force, rel=SAME)
+        hasty = solved(tmp_path, solver={"method": "newton", "max_iterations": 1}).states[
+            -1
+        ]  # in ever shorter steps
+    assert hasty.substeps > 10 * usual.substeps and hasty.force == pytest.approx(
+        usual.force, rel=SAME
+    )
 
 
 @pytest.mark.parametrize("scene", [{}, CUBE], ids=["direct", "iterative"])
@@ -105,7 +118,9 @@ def test_the_levels_of_the_multigrid_have_a_prefix_of_their_own(tmp_path):
         rough = solved(tmp_path, **CUBE).states[-1]
     assert rough.force == pytest.approx(usual.force, rel=SAME)
     assert rough.krylov_iterations > usual.krylov_iterations
-    assert not [name for name in PETSc.Options().getAll() if "pmultigrid" in name or "linesearch" in name]
+    assert not [
+        name for name in PETSc.Options().getAll() if "pmultigrid" in name or "linesearch" in name
+    ]
 
 
 @pytest.mark.parametrize(
@@ -130,9 +145,16 @@ def test_a_symmetric_tangent_is_factored_as_such(tmp_path, monkeypatch, method, 
     made: list[Newton] = []
     create = Newton._create
     monkeypatch.setattr(Problem, "assemble_tangent", watched)
-    monkeypatch.setattr(Newton, "_create", lambda self, **said: made.append(self) or create(self, **said))
+    monkeypatch.setattr(
+        Newton, "_create", lambda self, **said: made.append(self) or create(self, **said)
+    )
     coarse = {"h_contact": 0.1, "h_far": 0.5}  # symmetric or not on any mesh
-    solved(tmp_path, contact={"method": method}, material=SCENE["material"] | {"model": "neo_hookean"}, mesh=coarse)
+    solved(
+        tmp_path,
+        contact={"method": method},
+        material=SCENE["material"] | {"model": "neo_hookean"},
+        mesh=coarse,
+    )
     assert {newton.snes.ksp.pc.getType() for newton in made} == {factors}
     assert all(is_so == said for said, is_so in found)
 
@@ -153,7 +175,9 @@ def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypa
 
 
 def test_only_what_mumps_could_not_do_is_a_failed_step():
-    """PETSc's error 76 is that of a library; another one, as of memory, is not lost in shorter steps."""
+    """PETSc's error 76 is that of a library; another one, as of memory, is not lost in shorter
+    steps.
+    """
 
     def newton(code):
         def solve(*_):
@@ -172,7 +196,9 @@ def test_a_failed_uzawa_says_so(tmp_path, monkeypatch, method):
     monkeypatch.setattr(uzawa, "LOOPS", 3)
     monkeypatch.setattr(steps, "SMALLEST_CUT", 0.5)
     contact = {"method": "uzawa", "epsilon_n": 0.01}
-    with pytest.raises(NotConverged, match=r"contact method uzawa.*multiplier does not settle.*delta = 0") as caught:
+    with pytest.raises(
+        NotConverged, match=r"contact method uzawa.*multiplier does not settle.*delta = 0"
+    ) as caught:
         solved(tmp_path, contact=contact, solver={"method": method})
     assert "Newton" not in str(caught.value)
 
@@ -185,7 +211,10 @@ def test_a_failed_linear_solver_is_named_at_a_depth_in_the_users_lengths(tmp_pat
         "mesh": {"h_contact": 50.0, "h_far": 500.0},
     }
     options = {"ksp_type": "cg", "pc_type": "jacobi", "ksp_max_it": 1}
-    with tuned(**options), pytest.raises(NotConverged, match="delta = 10: the linear solver failed"):
+    with (
+        tuned(**options),
+        pytest.raises(NotConverged, match="delta = 10: the linear solver failed"),
+    ):
         solved(tmp_path, **sections)
 
 
@@ -207,8 +236,12 @@ def named(contact: dict[str, Any]) -> str:
     ],
 )
 @pytest.mark.parametrize("after", [0, 1])  # residuals that are numbers
-def test_a_residual_that_is_no_number_is_no_equilibrium(tmp_path, monkeypatch, contact, linear, after):
-    """Methods of the whole body with each line search, from the first residual of every solve on, or the second."""
+def test_a_residual_that_is_no_number_is_no_equilibrium(
+    tmp_path, monkeypatch, contact, linear, after
+):
+    """Methods of the whole body with each line search, from the first residual of every solve on,
+    or the second.
+    """
     assemble, begin = Problem.assemble_residual, Problem.begin_solve
     left = [after]
 
@@ -227,14 +260,19 @@ def test_a_residual_that_is_no_number_is_no_equilibrium(tmp_path, monkeypatch, c
     monkeypatch.setattr(Problem, "assemble_residual", not_a_number)
     monkeypatch.setattr(steps, "SMALLEST_CUT", 0.5)
     bodies = {"direct": {}, "iterative": CUBE | {"mesh": {"h_contact": 0.3, "h_far": 0.5}}}
-    sections = bodies[linear] | {"contact": contact, "solver": {"method": "newton", "linear": linear}}
+    sections = bodies[linear] | {
+        "contact": contact,
+        "solver": {"method": "newton", "linear": linear},
+    }
     with pytest.raises(NotConverged, match="the residual is not a number"):
         solved(tmp_path, **sections)
 
 
 def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monkeypatch):
-    """PETSc 3.25 may say of a residual that is no number that the step was short: a reason above 0, as the others that
-    its own tests give. Each of them ends the run; so it is told apart from a step that has converged."""
+    """PETSc 3.25 may say of a residual that is no number that the step was short: a reason above 0,
+    as the others that its own tests give. Each of them ends the run; so it is told apart from a
+    step that has converged.
+    """
     made, create, runs = [], Newton._create, Newton._runs
     reasons = PETSc.SNES.ConvergedReason
 
@@ -247,8 +285,14 @@ def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monke
         return run
 
     monkeypatch.setattr(steps, "SMALLEST_CUT", 0.5)
-    monkeypatch.setattr(Newton, "_create", lambda self, **said: made.append(create(self, **said)) or made[-1])
-    for reason in (reasons.CONVERGED_SNORM_RELATIVE, reasons.CONVERGED_FNORM_ABS, reasons.CONVERGED_ITS):
+    monkeypatch.setattr(
+        Newton, "_create", lambda self, **said: made.append(create(self, **said)) or made[-1]
+    )
+    for reason in (
+        reasons.CONVERGED_SNORM_RELATIVE,
+        reasons.CONVERGED_FNORM_ABS,
+        reasons.CONVERGED_ITS,
+    ):
         with monkeypatch.context() as patch:
             patch.setattr(Newton, "_runs", says(reason))
             with pytest.raises(NotConverged, match=f"SNES reason {reason}"):
@@ -262,19 +306,25 @@ def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monke
 @pytest.mark.parametrize(
     "contact",
     [
-        *({"method": method} for method in ("penalty", "augmented_lagrangian", "uzawa", "active_set")),
+        *(
+            {"method": method}
+            for method in ("penalty", "augmented_lagrangian", "uzawa", "active_set")
+        ),
         {"method": "augmented_lagrangian", "friction": 0.3},
     ],
     ids=named,
 )
 def test_a_condensed_body_takes_no_number_that_is_none(tmp_path, monkeypatch, contact):
-    """A compliance that is no number; and a step that is none, which has no point in contact and so looked like the
-    equilibrium of a tip that does not touch."""
+    """A compliance that is no number; and a step that is none, which has no point in contact and so
+    looked like the equilibrium of a tip that does not touch.
+    """
     sections = {"contact": contact, "solver": {"method": "condensed"}}
     column, step = Condenser._block, CondensedContact.newton_step
     monkeypatch.setattr(steps, "SMALLEST_CUT", 0.5)
     with monkeypatch.context() as patch:
-        patch.setattr(Condenser, "_block", lambda *given: tuple(np.nan * part for part in column(*given)))
+        patch.setattr(
+            Condenser, "_block", lambda *given: tuple(np.nan * part for part in column(*given))
+        )
         with pytest.raises(NotConverged, match="response to forces on its surface is not a number"):
             solved(tmp_path, **sections)
     if contact["method"] == "active_set":  # has no such step
@@ -286,5 +336,7 @@ def test_a_condensed_body_takes_no_number_that_is_none(tmp_path, monkeypatch, co
 
 def test_a_multiplier_that_is_no_number_has_not_settled():
     solver, base = SimpleNamespace(failure=""), scene(CYLINDER, contact={"method": "uzawa"})
-    assert not uzawa.settle(solver, base, MPI.COMM_SELF, lambda rtol: True, lambda mixing: float("nan"))
+    assert not uzawa.settle(
+        solver, base, MPI.COMM_SELF, lambda rtol: True, lambda mixing: float("nan")
+    )
     assert solver.failure == "the multiplier is not a number"

@@ -1,4 +1,6 @@
-"""Load control: a path of forces is the inverse of a path of depths, and theory's, whatever finds it."""
+"""Load control: a path of forces is the inverse of a path of depths, and theory's, whatever finds
+it.
+"""
 
 from __future__ import annotations
 
@@ -23,11 +25,13 @@ SCENES: dict[str, dict[str, Any]] = {
         for name in ("augmented_lagrangian", "penalty", "uzawa", "active_set")
     },
     **{
-        f"newton {name}": COARSE | {"body": CYLINDER, "contact": {"method": name}, "solver": {"method": "newton"}}
+        f"newton {name}": COARSE
+        | {"body": CYLINDER, "contact": {"method": name}, "solver": {"method": "newton"}}
         for name in ("augmented_lagrangian", "penalty", "uzawa", "active_set", "nitsche")
     },
     **{
-        f"hyperelastic {name}": COARSE | {"body": CYLINDER, "material": NEO_HOOKEAN, "contact": {"method": name}}
+        f"hyperelastic {name}": COARSE
+        | {"body": CYLINDER, "material": NEO_HOOKEAN, "contact": {"method": name}}
         for name in ("augmented_lagrangian", "penalty", "uzawa", "active_set", "nitsche")
     },
     "plane strain": COARSE | {"body": STRIP},
@@ -46,7 +50,8 @@ def to_forces(base: Scene, forces: Any, expected: Any = None) -> list[State]:
     return solve(base.with_physics(path=LoadPath("force", forces), deltas=expected))
 
 
-# The search knows no method: one beside the augmented Lagrangian of each equilibrium; the others in `make verify`
+# The search knows no method: one beside the augmented Lagrangian of each equilibrium; the others in
+# `make verify`
 USUAL = {
     *(name for name in SCENES if "augmented_lagrangian" in name or " " not in name),
     "condensed active_set",
@@ -57,18 +62,23 @@ USUAL = {
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name in USUAL else [pytest.mark.verify]) for name in SCENES]
+    "name",
+    [pytest.param(name, marks=[] if name in USUAL else [pytest.mark.verify]) for name in SCENES],
 )
 def test_forces_lead_back_to_the_depths(name: str) -> None:
-    """What a path of depths pushes back with, asked for as forces, gives the depths again: force and derivative are
-    one curve, so 1e-10 of the force is about that of the depth; Uzawa's loop stops within 1e-7 of its own limit."""
+    """What a path of depths pushes back with, asked for as forces, gives the depths again: force
+    and derivative are one curve, so 1e-10 of the force is about that of the depth; Uzawa's loop
+    stops within 1e-7 of its own limit.
+    """
     given = SCENES[name]
     base = scene(**given | {"loading": {"deltas": UP_AND_DOWN}})
     by_depth = solve(base)
     forces = column(by_depth, "force")
     by_force = to_forces(base, forces, expected=[1.3 * delta for delta in UP_AND_DOWN])
     np.testing.assert_allclose(column(by_force, "force"), forces, rtol=1e-10)
-    np.testing.assert_allclose(column(by_force, "delta"), UP_AND_DOWN, rtol=1e-7 if "uzawa" in name else 1e-8)
+    np.testing.assert_allclose(
+        column(by_force, "delta"), UP_AND_DOWN, rtol=1e-7 if "uzawa" in name else 1e-8
+    )
     print(
         name,
         column(by_depth, "newton_iterations"),
@@ -88,25 +98,36 @@ TIPS: dict[str, tuple[dict[str, Any], float]] = {
 @pytest.mark.parametrize("body", [WALLED, STRIP], ids=["layer", "strip"])
 @pytest.mark.parametrize("tip", TIPS)
 def test_depth_is_theorys(tip: str, body: dict[str, Any]) -> None:
-    """A layer between roller walls is theory's own body. What `h_contact: auto` promises is 0.3 % of the force, 1 %
-    under a sharp edge; of the depth it is less. Sizes follow from the contact to expect at the force."""
+    """A layer between roller walls is theory's own body.
+
+    What `h_contact: auto` promises is 0.3 % of the force, 1 % under a sharp edge; of the depth it
+    is less. Sizes follow from the contact to expect at the force.
+    """
     shape, force = TIPS[tip]
     base = scene(body, indenter=shape, loading={"force": force, "steps": 2})
     half, whole = solve(base)
     assert base.plan.theory and base.plan.theory.exact
     expected = base.plan.theory.at(whole.delta)  # E = height = 1: the scene's units are the user's
-    assert expected and expected.force == pytest.approx(force, rel=0.01 if tip == "punch" else 0.003)
+    assert expected and expected.force == pytest.approx(
+        force, rel=0.01 if tip == "punch" else 0.003
+    )
     assert [half.force, whole.force] == pytest.approx([force / 2, force], rel=1e-10)
-    assert base.plan.prediction["delta"] == pytest.approx(whole.delta, rel=0.01 if tip == "punch" else 0.003)
+    assert base.plan.prediction["delta"] == pytest.approx(
+        whole.delta, rel=0.01 if tip == "punch" else 0.003
+    )
     assert base.plan.prediction["a"] == pytest.approx(expected.a, rel=0.01)
 
 
 @pytest.mark.parametrize("material", [None, NEO_HOOKEAN], ids=["linear", "hyperelastic"])
 def test_up_and_down_is_one_curve(material: dict[str, Any] | None) -> None:
-    """The states of equal forces are equal: nothing but the force decides. 0 is the first touch, without a force."""
+    """The states of equal forces are equal: nothing but the force decides. 0 is the first touch,
+    without a force.
+    """
     given = {"material": material} if material else {}
     path = [0.001, 0.003, 0.0, 0.003, 0.002, 0.001, 0.0]
-    states = list(chain.states(scene(CYLINDER, loading={"forces": path}, mesh={"h_contact": 0.02}, **given)))
+    states = list(
+        chain.states(scene(CYLINDER, loading={"forces": path}, mesh={"h_contact": 0.02}, **given))
+    )
     assert len(states) == len(path) and all(state.converged for state in states)
     # at the first touch the reactions are round-off of a finite strain, 1e-16 of E height^2
     assert all(abs(state.force - state.reaction) <= 1e-8 * state.force + 1e-15 for state in states)
@@ -114,9 +135,15 @@ def test_up_and_down_is_one_curve(material: dict[str, Any] | None) -> None:
         twin = states[path.index(force)]
         for name in ("delta", "force", "a", "p_max", "energy"):
             # a row is known within 1e-10 of its force; a is read off signs of pressures
-            assert getattr(state, name) == pytest.approx(getattr(twin, name), rel=1e-7, abs=1e-12), name
+            assert getattr(state, name) == pytest.approx(
+                getattr(twin, name), rel=1e-7, abs=1e-12
+            ), name
         if force == 0.0:
-            assert state.delta == state.a == 0.0 and abs(state.force) < 1e-15 and state.newton_iterations < 30
+            assert (
+                state.delta == state.a == 0.0
+                and abs(state.force) < 1e-15
+                and state.newton_iterations < 30
+            )
 
 
 @pytest.mark.parametrize(
@@ -127,7 +154,9 @@ def test_up_and_down_is_one_curve(material: dict[str, Any] | None) -> None:
     ],
 )
 def test_force_is_of_the_whole_body(body: dict[str, Any], symmetries: tuple[str, ...]) -> None:
-    """However much of it is modelled: the depths differ by the meshes alone, 1 % where 4 elements are in contact."""
+    """However much of it is modelled: the depths differ by the meshes alone, 1 % where 4 elements
+    are in contact.
+    """
 
     def depth(symmetry: str) -> float:
         mesh = {"h_contact": 0.1, "symmetry": symmetry}
@@ -141,7 +170,9 @@ def test_force_is_of_the_whole_body(body: dict[str, Any], symmetries: tuple[str,
 
 @pytest.mark.parametrize("solver", ["condensed", "newton"])
 def test_units_do_not_matter(solver: str) -> None:
-    """nN and um, or N and m: the same mesh and depths to rounding, which a search within 1e-10 may double."""
+    """nN and um, or N and m: the same mesh and depths to rounding, which a search within 1e-10 may
+    double.
+    """
 
     def depths(length: float, force: float) -> np.ndarray:
         body = CYLINDER | {"radius": 10 * length, "height": 10 * length}
@@ -160,22 +191,34 @@ def test_units_do_not_matter(solver: str) -> None:
 
 
 def test_too_large_a_force() -> None:
-    """Theory refuses it for a linear body; a hyperelastic one that is pressed until it fails says where it stood."""
+    """Theory refuses it for a linear body; a hyperelastic one that is pressed until it fails says
+    where it stood.
+    """
     with pytest.raises(ConfigError, match="thickness") as caught:
         scene(WALLED, loading={"force": 1e3, "steps": 2})
     assert caught.value.key == "loading" and caught.value.exit_code == 3
     gent = {"model": "gent", "mu": 1.0, "Jm": 0.5, "nu": 0.3}
-    *_, last = chain.states(scene(CYLINDER, material=gent, loading={"forces": [0.01, 1e4]}, mesh={"h_contact": 0.2}))
-    assert not last.converged and "force = 10000" in last.reason and "last equilibrium" in last.reason
+    *_, last = chain.states(
+        scene(CYLINDER, material=gent, loading={"forces": [0.01, 1e4]}, mesh={"h_contact": 0.2})
+    )
+    assert (
+        not last.converged and "force = 10000" in last.reason and "last equilibrium" in last.reason
+    )
 
 
 def test_beyond_the_end_of_a_profile() -> None:
-    """Theory ends with the tip; the body pushes back on as under the punch that is left, and the depth is found."""
+    """Theory ends with the tip; the body pushes back on as under the punch that is left, and the
+    depth is found.
+    """
     profile = {"shape": "profile", "points": [[0, 0], [0.05, 0.01], [0.1, 0.03]]}
-    base = scene(CYLINDER, indenter=profile, loading={"force": 0.1, "steps": 1}, mesh={"h_contact": 0.02})
+    base = scene(
+        CYLINDER, indenter=profile, loading={"force": 0.1, "steps": 1}, mesh={"h_contact": 0.02}
+    )
     (state,) = solve(base)
     flat = {"shape": "flat_punch", "radius": 0.1}
-    (punch,) = solve(scene(CYLINDER, indenter=flat, loading={"force": 0.1, "steps": 1}, mesh={"h_contact": 0.02}))
+    (punch,) = solve(
+        scene(CYLINDER, indenter=flat, loading={"force": 0.1, "steps": 1}, mesh={"h_contact": 0.02})
+    )
     # the tip's relief is below 0.03, on the mean half of that; the punch's own depth is 0.4
     assert punch.delta < state.delta < punch.delta + 0.03
 
@@ -192,7 +235,9 @@ def test_tiny_forces(force: float) -> None:
 
 def test_half_space_is_sized_for_the_force() -> None:
     """Hertz within the truncation that the plan states and the mesh: 0.3 % of the force."""
-    base = scene({"shape": "half_space"}, "solver.method=condensed", loading={"force": 1e-3, "steps": 1})
+    base = scene(
+        {"shape": "half_space"}, "solver.method=condensed", loading={"force": 1e-3, "steps": 1}
+    )
     (state,) = solve(base)
     hertz = (0.75 * 1e-3 * (1 - 0.3**2)) ** (2 / 3)
     assert state.delta == pytest.approx(hertz, rel=0.002)

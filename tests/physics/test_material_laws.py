@@ -1,4 +1,6 @@
-"""Hyperelastic laws as numbers: energy, stress and curvature of the compiled expressions at given deformations."""
+"""Hyperelastic laws as numbers: energy, stress and curvature of the compiled expressions at given
+deformations.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,16 @@ from scipy.optimize import brentq
 
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import symbolic
-from indent_sim.model.materials import ArrudaBoyce, Fung, Gent, LinearElastic, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from indent_sim.model.materials import (
+    ArrudaBoyce,
+    Fung,
+    Gent,
+    LinearElastic,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    Yeoh,
+)
 
 I = np.eye(3)
 GRID = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
@@ -28,14 +39,17 @@ LAWS: dict[str, Any] = {
     "fung": Fung(mu=1.0, b=1.5, nu=0.3),
     "arruda_boyce": ArrudaBoyce(mu=1.0, lambda_m=2.5, nu=0.3),
 }
-# Where stretches meet roots are kept off zero by 1e-6 or 3e-6 (model/algebra.py): 1e-11 of energies and stresses, a few
-# tens of it with exponents and strains like these. The other laws are exact to round-off.
+# Where stretches meet roots are kept off zero by 1e-6 or 3e-6 (model/algebra.py): 1e-11 of energies
+# and stresses, a few tens of it with exponents and strains like these. The other laws are exact to
+# round-off.
 EXACT = {name: 1e-12 for name in LAWS} | {"ogden": 1e-9}
 each_law = pytest.mark.parametrize("name", LAWS)
 
 
 class Numbers:
-    """A law's energy, and its first and second derivative along a direction, as compiled by the solver's tools."""
+    """A law's energy, and its first and second derivative along a direction, as compiled by the
+    solver's tools.
+    """
 
     def __init__(self, law: Any, mixed: bool):
         self._H, self._G = (fem.Constant(GRID, np.zeros((3, 3))) for _ in range(2))
@@ -81,7 +95,9 @@ def some_F(seed: int, size: float = 0.25) -> np.ndarray:
 
 
 def stationary_pressure(law: Any, F: np.ndarray) -> float:
-    """lambda ln J (neo-Hookean) or kappa ln J - k (I1 - 3), at which the mixed energy is stationary in q."""
+    """lambda ln J (neo-Hookean) or kappa ln J - k (I1 - 3), at which the mixed energy is stationary
+    in q.
+    """
     k = 0.0 if isinstance(law, NeoHookean) else law.poynting_coefficient
     return float(np.log(np.linalg.det(F)) / law.inverse_stiffness - k * (np.sum(F * F) - 3))
 
@@ -92,14 +108,17 @@ def rotation(seed: int) -> np.ndarray:
     return Q * np.sign(np.linalg.det(Q))
 
 
-# ---- the law of the notes' original code, exactly ------------------------------------------------------------
+# ---- the law of the notes' original code, exactly
+# ------------------------------------------------------------
 
 HOMOGENEOUS = 1e-9  # the printed digits of the reference
 
 
 def free_stretch(held: Any) -> float:
     """The stretch s for which the last normal stress of the deformation held(s) vanishes."""
-    return float(brentq(lambda s: numbers("neo_hookean").stress(held(s))[2, 2], 0.3, 3.0, xtol=1e-15))
+    return float(
+        brentq(lambda s: numbers("neo_hookean").stress(held(s))[2, 2], 0.3, 3.0, xtol=1e-15)
+    )
 
 
 @pytest.mark.parametrize(
@@ -124,7 +143,9 @@ def test_equibiaxial() -> None:
 
 def test_confined() -> None:
     P = numbers("neo_hookean").stress(np.diag([0.7, 1, 1]))
-    assert np.allclose(P, np.diag([-1.492874879869, -0.535012415908, -0.535012415908]), atol=HOMOGENEOUS)
+    assert np.allclose(
+        P, np.diag([-1.492874879869, -0.535012415908, -0.535012415908]), atol=HOMOGENEOUS
+    )
 
 
 def test_simple_shear() -> None:
@@ -135,12 +156,14 @@ def test_simple_shear() -> None:
     assert (P @ F.T)[0, 0] == pytest.approx(0.25, abs=HOMOGENEOUS)
 
 
-# ---- the other laws, against the textbook stress of an incompressible bar -----------------------------------------
+# ---- the other laws, against the textbook stress of an incompressible bar
+# -----------------------------------------
 
 
 def incompressible_uniaxial(name: str, stretch: float) -> float:
-    """Nominal stress of a bar, written out for each law (Treloar 1975, Ogden 1972, Gent 1996, Fung 1967, Arruda
-    & Boyce 1993)."""
+    """Nominal stress of a bar, written out for each law (Treloar 1975, Ogden 1972, Gent 1996, Fung
+    1967, Arruda & Boyce 1993).
+    """
     law, I1 = LAWS[name], stretch**2 + 2 / stretch
     strain = stretch - stretch**-2
     match name:
@@ -152,7 +175,9 @@ def incompressible_uniaxial(name: str, stretch: float) -> float:
             return 2 * strain * (law.C10 + 2 * law.C20 * (I1 - 3) + 3 * law.C30 * (I1 - 3) ** 2)
         case "ogden":
             pairs = zip(law.mu, law.alpha, strict=True)
-            return sum(mu * (stretch ** (alpha - 1) - stretch ** (-alpha / 2 - 1)) for mu, alpha in pairs)
+            return sum(
+                mu * (stretch ** (alpha - 1) - stretch ** (-alpha / 2 - 1)) for mu, alpha in pairs
+            )
         case "gent":
             return strain * law.mu * law.Jm / (law.Jm - I1 + 3)
         case "fung":
@@ -164,7 +189,9 @@ def incompressible_uniaxial(name: str, stretch: float) -> float:
 @each_law
 @pytest.mark.parametrize("stretch", [0.5, 0.8, 1.3, 2.0])
 def test_incompressible_bar(name: str, stretch: float) -> None:
-    """At J = 1 the pressure that frees the bar's sides is eliminated by hand: P11 - P22 stretch^(-3/2)."""
+    """At J = 1 the pressure that frees the bar's sides is eliminated by hand: P11 - P22
+    stretch^(-3/2).
+    """
     s = stretch**-0.5
     F = np.diag([stretch, s, s])
     P = numbers(name, mixed=True).stress(F, stationary_pressure(LAWS[name], F))
@@ -193,19 +220,23 @@ def test_no_stress_at_all_in_the_untouched_body(name: str, mixed: bool) -> None:
 
 @each_law
 def test_stress_of_a_small_strain_keeps_its_digits(name: str) -> None:
-    """At H of 1e-9 Hooke's stress, to the next order (1e-9, some tens of it in these laws) rather than to the 1e-7 that
-    1 + H knows of it."""
+    """At H of 1e-9 Hooke's stress, to the next order (1e-9, some tens of it in these laws) rather
+    than to the 1e-7 that 1 + H knows of it.
+    """
     G, (E, nu) = np.random.default_rng(9).uniform(-1, 1, (3, 3)) * 1e-9, LAWS[name].constants
     eps = (G + G.T) / 2
     hooke = E / (1 + nu) * (eps + nu / (1 - 2 * nu) * np.trace(eps) * I)
-    assert np.allclose(numbers(name).stress_of_gradient(G), hooke, rtol=0, atol=3e-8 * np.abs(hooke).max())
+    assert np.allclose(
+        numbers(name).stress_of_gradient(G), hooke, rtol=0, atol=3e-8 * np.abs(hooke).max()
+    )
 
 
 @each_law
 @pytest.mark.parametrize("size", [1e-7, 1e-5, 1e-4])
 def test_stress_has_no_noise(name: str, size: float) -> None:
-    """In the strain's size it is a parabola to 1e-14 at 1e-4: third differences over steps of 1 % show its
-    round-off alone, four times. 2e-11: far below what Newton is asked for."""
+    """In the strain's size it is a parabola to 1e-14 at 1e-4: third differences over steps of 1 %
+    show its round-off alone, four times. 2e-11: far below what Newton is asked for.
+    """
     G = np.random.default_rng(9).uniform(-1, 1, (3, 3))
     stresses = [numbers(name).stress_of_gradient(size * (1 + 0.01 * k) * G) for k in range(4)]
     assert np.abs(np.diff(stresses, 3, axis=0)).max() < 2e-11 * np.abs(stresses[0]).max()
@@ -213,8 +244,9 @@ def test_stress_has_no_noise(name: str, size: float) -> None:
 
 @each_law
 def test_objective_and_isotropic(name: str) -> None:
-    """psi(Q F R) = psi(F), P(Q F R) = Q P(F) R. 1e-10: round-off; for Ogden's law the roots are near a singular point
-    and magnify it, by at most the inverse of the 1e-6 that keeps them off."""
+    """psi(Q F R) = psi(F), P(Q F R) = Q P(F) R. 1e-10: round-off; for Ogden's law the roots are
+    near a singular point and magnify it, by at most the inverse of the 1e-6 that keeps them off.
+    """
     F, Q, R = some_F(2), rotation(3), rotation(4)
     law = numbers(name)
     assert law.energy(Q @ F @ R) == pytest.approx(law.energy(F), rel=1e-10)
@@ -232,18 +264,23 @@ def slope_of(remainders: np.ndarray) -> float:
 @each_law
 @pytest.mark.parametrize("mixed", [False, True])
 def test_taylor(name: str, mixed: bool) -> None:
-    """psi less its first-order part falls with the square, less its second-order part with the cube of the step;
-    0.1: the next term at a step of 0.1."""
+    """psi less its first-order part falls with the square, less its second-order part with the cube
+    of the step; 0.1: the next term at a step of 0.1.
+    """
     F, G, q, dq = some_F(5), some_F(6, 0.5) - I, 0.3, 0.7
     psi, first, second = numbers(name, mixed).along(F, G, q, dq)
     stepped = np.array([numbers(name, mixed).energy(F + h * G, q + h * dq) for h in STEPS])
     assert slope_of(stepped - psi - STEPS * first) == pytest.approx(2, abs=0.1)
-    assert slope_of(stepped - psi - STEPS * first - STEPS**2 / 2 * second) == pytest.approx(3, abs=0.1)
+    assert slope_of(stepped - psi - STEPS * first - STEPS**2 / 2 * second) == pytest.approx(
+        3, abs=0.1
+    )
 
 
 @each_law
 def test_small_strain_is_hooke(name: str) -> None:
-    """d2psi at rest = 2 mu eps:eps + lame_lambda (tr eps)^2 with the law's own E and nu, in every direction."""
+    """d2psi at rest = 2 mu eps:eps + lame_lambda (tr eps)^2 with the law's own E and nu, in every
+    direction.
+    """
     law = LAWS[name]
     E, nu = law.constants
     mu, lame_lambda = E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu)
@@ -259,15 +296,19 @@ def test_linear_elasticity_is_hooke() -> None:
     G = np.random.default_rng(0).normal(size=(3, 3))
     eps = (G + G.T) / 2
     mu, lame_lambda = 1 / 1.3, 0.6 / 1.3 / 0.4
-    assert np.allclose(law.stress(I + G), 2 * mu * eps + lame_lambda * np.trace(eps) * I, atol=1e-12)
+    assert np.allclose(
+        law.stress(I + G), 2 * mu * eps + lame_lambda * np.trace(eps) * I, atol=1e-12
+    )
 
 
 @each_law
 @pytest.mark.parametrize("gamma", [0.02, 1e-4, 1e-7])
 def test_q_is_the_normal_stress_in_simple_shear(name: str, gamma: float) -> None:
-    """At q = 0 no normal stress acts on the surface that is sheared along, but for the next order, 4 mu gamma^4 at
-    most in these laws; were q the mean stress, it would be 0.3 to 0.8 mu gamma^2. 1e-14 of the shear stress: round-off
-    of I1 - 3, which must not be 1e-16 of 3; Ogden's law as `EXACT`."""
+    """At q = 0 no normal stress acts on the surface that is sheared along, but for the next order,
+    4 mu gamma^4 at most in these laws; were q the mean stress, it would be 0.3 to 0.8 mu
+    gamma^2. 1e-14 of the shear stress: round-off of I1 - 3, which must not be 1e-16 of 3;
+    Ogden's law as `EXACT`.
+    """
     law = replace(LAWS[name], nu=0.5)
     mu = law.constants.E / 3
     shear = gamma * np.outer(I[0], I[1])
@@ -286,14 +327,20 @@ def test_mixed_is_the_displacement_law_at_its_pressure(name: str) -> None:
     assert np.allclose(numbers(name, True).stress(F, q), numbers(name).stress(F), atol=1e-12)
 
 
-# ---- special cases of one law are another ------------------------------------------------------------
+# ---- special cases of one law are another
+# ------------------------------------------------------------
 
 NEO = MooneyRivlin(C10=0.5, nu=0.3)  # the isochoric neo-Hookean law, mu = 1
 SAME = {
     "ogden_2": (Ogden(mu=(1.0,), alpha=(2.0,), nu=0.3), NEO, 1e-9),
-    "ogden_2_-2": (Ogden(mu=(0.6, -0.4), alpha=(2.0, -2.0), nu=0.3), MooneyRivlin(C10=0.3, C01=0.2, nu=0.3), 1e-9),
+    "ogden_2_-2": (
+        Ogden(mu=(0.6, -0.4), alpha=(2.0, -2.0), nu=0.3),
+        MooneyRivlin(C10=0.3, C01=0.2, nu=0.3),
+        1e-9,
+    ),
     "yeoh": (Yeoh(C10=0.5, nu=0.3), NEO, 1e-14),
-    # what is left of the next term, (I1 - 3)^2 / (4 Jm) and (I1^2 - 9) / (20 lambda_m^2), with I1 near 3
+    # what is left of the next term, (I1 - 3)^2 / (4 Jm) and (I1^2 - 9) / (20 lambda_m^2), with I1
+    # near 3
     "gent": (Gent(mu=1.0, Jm=1e8, nu=0.3), NEO, 1e-7),
     "arruda_boyce": (ArrudaBoyce(mu=1.0, lambda_m=1e4, nu=0.3), NEO, 1e-7),
     "fung": (Fung(mu=1.0, b=1e-12, nu=0.3), NEO, 1e-11),  # b (I1 - 3)/2 of the energy
@@ -310,7 +357,9 @@ def test_special_case(case: str) -> None:
 
 
 def test_gent_has_a_limit() -> None:
-    """The energy grows without bound towards I1 - 3 = Jm (stretch 3.27 at Jm = 9) and is not a number beyond it."""
+    """The energy grows without bound towards I1 - 3 = Jm (stretch 3.27 at Jm = 9) and is not a
+    number beyond it.
+    """
 
     def bar(stretch: float) -> np.ndarray:
         return np.diag([stretch, stretch**-0.5, stretch**-0.5])

@@ -1,8 +1,9 @@
 """What a body remembers knows neither guesses, nor steps that failed, nor that a run was stopped.
 
-For every scene with a memory the rows are the same with and without prediction, after a step that was tried and given
-up, and resumed from a checkpoint or from rest. A step that is cut is another path wherever there is friction: its rows
-are held to those of a path on which the places of the cut were asked for.
+For every scene with a memory the rows are the same with and without prediction, after a step that
+was tried and given up, and resumed from a checkpoint or from rest. A step that is cut is another
+path wherever there is friction: its rows are held to those of a path on which the places of the cut
+were asked for.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ IN_AND_OUT = (0.015, 0.03, 0.022, 0.025)
 IN_AND_ON = (0.015, 0.03, 0.045)
 PULLED = (0.04, -0.06, 0.02)  # snaps in, and holds on where the body is open on the way in
 STOPPED = 2  # rows of a run that was stopped
-SAME = 1e-7  # of a row, of the largest force: Newton's tolerance is 1e-10 of a residual, and slip is a difference
+# of a row, of the largest force: Newton's tolerance is 1e-10 of a residual, and slip is a
+# difference
+SAME = 1e-7
 
 FRICTION = {"method": "augmented_lagrangian", "friction": 0.3}
 STICKY = {"adhesion": {"work": 1e-2, "range": 2e-2}}
@@ -40,7 +43,10 @@ SCENES: dict[str, tuple[tuple[float, ...], dict[str, Any]]] = {
     "friction, condensed": (IN_AND_OUT, {"contact": FRICTION, "solver": {"method": "condensed"}}),
     "friction": (IN_AND_OUT, {"contact": FRICTION, "solver": {"method": "newton"}}),
     "friction by a penalty": (IN_AND_OUT, {"contact": PENALTY | {"friction": 0.3}}),
-    "stick, finite strain": (IN_AND_OUT, {"contact": FRICTION | {"friction": "stick"}, "material": RUBBER}),
+    "stick, finite strain": (
+        IN_AND_OUT,
+        {"contact": FRICTION | {"friction": "stick"}, "material": RUBBER},
+    ),
     "adhesion": (
         PULLED,
         {"contact": STICKY},
@@ -49,7 +55,9 @@ SCENES: dict[str, tuple[tuple[float, ...], dict[str, Any]]] = {
 
 
 class Hindered:
-    """An equilibrium whose steps set out unguessed, or fail at one depth until the walk tries another."""
+    """An equilibrium whose steps set out unguessed, or fail at one depth until the walk tries
+    another.
+    """
 
     def __init__(self, equilibrium: Any, is_guessed: bool = True, refused: float | None = None):
         self._equilibrium, self._is_guessed, self._refused = equilibrium, is_guessed, refused
@@ -95,7 +103,9 @@ def fresh(name: str, **hindered: Any) -> Hindered:
     return Hindered(solver.equilibrium(*the_scene(name)), **hindered)
 
 
-def walked(walk: solver.Walk, depths: Sequence[float], done: int = 0, until: int | None = None) -> list[Any]:
+def walked(
+    walk: solver.Walk, depths: Sequence[float], done: int = 0, until: int | None = None
+) -> list[Any]:
     """The rows of depths after the first `done`, until that one."""
     path = LoadPath("depth", tuple(depths[:until]))
     rows = list(walk.states(path, lambda step: False, done))
@@ -105,8 +115,9 @@ def walked(walk: solver.Walk, depths: Sequence[float], done: int = 0, until: int
 
 @cache
 def undisturbed(name: str) -> list[Any]:
-    """The rows of a walk that nothing hinders; and what is remembered shows: where the tip is on its way out it feels
-    another force than on its way in."""
+    """The rows of a walk that nothing hinders; and what is remembered shows: where the tip is on
+    its way out it feels another force than on its way in.
+    """
     rows, turn = walked(solver.Walk(fresh(name)), SCENES[name][0]), turned(name)
     (on_the_way_in,) = walked(solver.Walk(fresh(name)), [rows[turn].delta])
     assert abs(on_the_way_in.force / rows[turn].force - 1) > 1e-4
@@ -127,19 +138,26 @@ def assert_same(found: Sequence[Any], expected: Sequence[Any]) -> None:
         assert one.force == pytest.approx(other.force, rel=SAME, abs=SAME * size)
         assert one.a == pytest.approx(other.a, rel=1e-4, abs=1e-9)
         if one.dissipation is not None:
-            assert one.dissipation == pytest.approx(other.dissipation, rel=1e-4, abs=SAME * size * abs(one.delta))
+            assert one.dissipation == pytest.approx(
+                other.dissipation, rel=1e-4, abs=SAME * size * abs(one.delta)
+            )
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.verify] * (name == "adhesion")) for name in SCENES]
+    "name",
+    [pytest.param(name, marks=[pytest.mark.verify] * (name == "adhesion")) for name in SCENES],
 )
 def test_a_guess_is_not_remembered(name: str) -> None:
-    assert_same(walked(solver.Walk(fresh(name, is_guessed=False)), SCENES[name][0]), undisturbed(name))
+    assert_same(
+        walked(solver.Walk(fresh(name, is_guessed=False)), SCENES[name][0]), undisturbed(name)
+    )
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_a_step_that_failed_is_not_remembered(name: str) -> None:
-    """The rows of a path whose step was cut are those of the path on which the places of the cut are rows."""
+    """The rows of a path whose step was cut are those of the path on which the places of the cut
+    are rows.
+    """
     path, turn = SCENES[name][0], turned(name)
     hindered = fresh(name, refused=path[turn])
     cut = walked(solver.Walk(hindered), path)
@@ -155,7 +173,9 @@ def test_a_step_that_failed_is_not_remembered(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "origin"),
     [
-        pytest.param(name, origin, marks=[pytest.mark.verify] * ((name, origin) == ("adhesion", "rest")))
+        pytest.param(
+            name, origin, marks=[pytest.mark.verify] * ((name, origin) == ("adhesion", "rest"))
+        )
         for name in SCENES
         for origin in ("checkpoint", "rest")
     ],
@@ -185,12 +205,15 @@ def test_a_resumed_run_guesses_as_an_undisturbed_one(name: str, origin: str) -> 
     assert first.guessed + second.guessed == whole.guessed and second.guessed
 
 
-# ---- time ----------------------------------------------------------------------------------------------------------
+# ---- time
+# ----------------------------------------------------------------------------------------------------------
 
 
 class Maxwell(Term):
-    """A foundation of springs, each in a row with a dashpot, that drags on the base: the traction -k (u - q) [pressure]
-    with c dq/dt = k (u - q), backward Euler. The way q of the dashpots is remembered beside the unknowns."""
+    """A foundation of springs, each in a row with a dashpot, that drags on the base: the traction
+    -k (u - q) [pressure] with c dq/dt = k (u - q), backward Euler. The way q of the dashpots is
+    remembered beside the unknowns.
+    """
 
     has_memory = True
 
@@ -207,7 +230,9 @@ class Maxwell(Term):
     def work(self, now: Moment, before: Moment, dt: fem.Constant) -> Any:
         u, way = now.fields["u"], self._body.unknowns.of(now.test)["u"]
         stretch = u - self._gone(self._q, u, self._k * dt / self._c)
-        return self._body.over_surface("base", self._k * sum(stretch[i] * way[i] for i in range(len(way))))
+        return self._body.over_surface(
+            "base", self._k * sum(stretch[i] * way[i] for i in range(len(way)))
+        )
 
     def accept(self) -> None:
         u = self._body.local_array()[self._body.unknowns.places("u")]
@@ -215,7 +240,14 @@ class Maxwell(Term):
         self._q.x.array[:] = self._gone(self._q.x.array, u, share)
 
 
-HISTORY = [(0.02, 0.5), (0.05, 0.5), (0.05, 0.5), (0.05, 1.0), (0.03, 0.5), (0.03, 2.0)]  # depth, and the time to it
+HISTORY = [
+    (0.02, 0.5),
+    (0.05, 0.5),
+    (0.05, 0.5),
+    (0.05, 1.0),
+    (0.03, 0.5),
+    (0.03, 2.0),
+]  # depth, and the time to it
 
 
 class Relaxing:
@@ -230,22 +262,30 @@ class Relaxing:
         )
         body = Body(base, meshed(base), fields_of(base))
         matter = matter_of(body)
-        self.problem = Problem(body, [*matter, *touch_of(body, matter.strains[0]), Maxwell(body, 10.0, 10.0)])
+        self.problem = Problem(
+            body, [*matter, *touch_of(body, matter.strains[0]), Maxwell(body, 10.0, 10.0)]
+        )
         self.newton = Newton(self.problem)
         self.problem.accept()
         self.before = [self.problem.snapshot()]
 
     def step(self, depth: float, dt: float, is_guessed: bool = True) -> None:
-        """Solve, from the line through the last two states or from the last one; what is found is not accepted."""
+        """Solve, from the line through the last two states or from the last one; what is found is
+        not accepted.
+        """
         (stage,) = self.problem.stages(dt)
         self.problem.begin(stage)
         self.problem.delta.value = depth
         if is_guessed and len(self.before) > 1:
-            self.problem.take([2 * b - a for a, b in zip(*(s.unknowns for s in self.before[-2:]), strict=True)])
+            self.problem.take(
+                [2 * b - a for a, b in zip(*(s.unknowns for s in self.before[-2:]), strict=True)]
+            )
         assert self.newton.solve(), self.newton.failure
         self.problem.end(stage)
 
-    def rows(self, history: Sequence[tuple[float, float]], is_guessed: bool = True) -> Iterator[float]:
+    def rows(
+        self, history: Sequence[tuple[float, float]], is_guessed: bool = True
+    ) -> Iterator[float]:
         """Forces after every step."""
         for depth, dt in history:
             self.step(depth, dt, is_guessed)
@@ -281,7 +321,9 @@ def test_a_relaxing_body_does_not_remember_a_step_that_failed() -> None:
         found = list(body.rows(asked[:failing]))
         body.step(depth, dt)
         body.problem.restore(body.before[-1])
-        assert [*found, *body.rows(asked[failing:])] == pytest.approx(list(Relaxing().rows(asked)), rel=SAME)
+        assert [*found, *body.rows(asked[failing:])] == pytest.approx(
+            list(Relaxing().rows(asked)), rel=SAME
+        )
 
 
 def test_a_relaxing_body_goes_on_from_what_was_kept() -> None:

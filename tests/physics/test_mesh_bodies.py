@@ -1,4 +1,6 @@
-"""Bodies from mesh files against the same bodies meshed here, against theory, and against themselves."""
+"""Bodies from mesh files against the same bodies meshed here, against theory, and against
+themselves.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,13 @@ CYLINDER = {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"
 def scene(body: dict[str, Any], **others: Any) -> dict[str, Any]:
     """A paraboloid on a body."""
     tip = {"shape": "paraboloid", "R": 1.0}
-    return {"body": body, "material": LINEAR, "indenter": tip, "loading": {"deltas": [0.02, 0.05]}, **others}
+    return {
+        "body": body,
+        "material": LINEAR,
+        "indenter": tip,
+        "loading": {"deltas": [0.02, 0.05]},
+        **others,
+    }
 
 
 def in_folder(folder: Path, body: dict[str, Any], **others: Any) -> Any:
@@ -40,12 +48,17 @@ def forces(config: Any) -> np.ndarray:
 
 
 def test_a_cylinder_read_back_gives_the_same_force(tmp_path: Path) -> None:
-    """The mesh of a shipped body, written by gmsh with physical groups and 16 digits, at another height: 1e-9, the
-    tolerance of a step, is what renumbered unknowns may change."""
+    """The mesh of a shipped body, written by gmsh with physical groups and 16 digits, at another
+    height: 1e-9, the tolerance of a step, is what renumbered unknowns may change.
+    """
     config = from_mapping(scene(CYLINDER))
     drawn = resolve(config)
     grid = build(drawn.physics.part, drawn.sizes)
-    facets = {"top": grid.surfaces["top"], "bottom": grid.surfaces["base"], "wall": grid.surfaces["r_max"]}
+    facets = {
+        "top": grid.surfaces["top"],
+        "bottom": grid.surfaces["base"],
+        "wall": grid.surfaces["r_max"],
+    }
     gmsh.initialize([], False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
@@ -61,17 +74,36 @@ def test_a_cylinder_read_back_gives_the_same_force(tmp_path: Path) -> None:
         gmsh.write(str(tmp_path / "part.msh"))
     finally:
         gmsh.finalize()
-    body = {"shape": "mesh", "file": "part.msh", "kinematics": "axisymmetric", "surfaces": NAMES, "sides": "roller"}
-    contact = {"method": "augmented_lagrangian", "epsilon_n": 5.0}  # h_contact is not the same, nor its multiples
+    body = {
+        "shape": "mesh",
+        "file": "part.msh",
+        "kinematics": "axisymmetric",
+        "surfaces": NAMES,
+        "sides": "roller",
+    }
+    contact = {
+        "method": "augmented_lagrangian",
+        "epsilon_n": 5.0,
+    }  # h_contact is not the same, nor its multiples
     read_back = forces(in_folder(tmp_path, body, contact=contact))
-    assert read_back == pytest.approx(forces(from_mapping(scene(CYLINDER, contact=contact))), rel=1e-9)
+    assert read_back == pytest.approx(
+        forces(from_mapping(scene(CYLINDER, contact=contact))), rel=1e-9
+    )
 
 
 def test_a_section_and_a_block_feel_their_theory(tmp_path: Path) -> None:
-    """Refined until 10 elements are in the contact, the section of a layer between rollers is theory's own body. What
-    is left at that many elements is 0.3 %, measured on cylinders meshed here."""
+    """Refined until 10 elements are in the contact, the section of a layer between rollers is
+    theory's own body. What is left at that many elements is 0.3 %, measured on cylinders meshed
+    here.
+    """
     write(tmp_path / "part.msh", section(2.0, 1.0, 20, 10))
-    body = {"shape": "mesh", "file": "part.msh", "kinematics": "axisymmetric", "surfaces": NAMES, "sides": "roller"}
+    body = {
+        "shape": "mesh",
+        "file": "part.msh",
+        "kinematics": "axisymmetric",
+        "surfaces": NAMES,
+        "sides": "roller",
+    }
     found = forces(in_folder(tmp_path, body, mesh={"refinements": 2}))
     theory = resolve(from_mapping(scene(CYLINDER))).plan.theory
     assert theory is not None
@@ -79,8 +111,10 @@ def test_a_section_and_a_block_feel_their_theory(tmp_path: Path) -> None:
 
 
 def test_a_block_is_a_box(tmp_path: Path) -> None:
-    """The same body from a file and meshed here, whose meshes know nothing of one another: each is good to 1 % at its
-    sizes. The box has its tip in the middle of 0 ... 2, the file at x = y = 0."""
+    """The same body from a file and meshed here, whose meshes know nothing of one another: each is
+    good to 1 % at its sizes. The box has its tip in the middle of 0 ... 2, the file at x = y =
+    0.
+    """
     write(tmp_path / "part.msh", block(2.0, 1.0, 12, 6))
     body = {"shape": "mesh", "file": "part.msh", "kinematics": "3d", "surfaces": NAMES}
     loading = {"delta": 0.1, "steps": 1}
@@ -90,18 +124,29 @@ def test_a_block_is_a_box(tmp_path: Path) -> None:
 
 
 def test_regions_of_a_file_are_layers(tmp_path: Path) -> None:
-    """Two regions on the mesh of one body, with one material: 1e-9; with a stiff lower one: the layered cylinder within
-    what both meshes are good for."""
+    """Two regions on the mesh of one body, with one material: 1e-9; with a stiff lower one: the
+    layered cylinder within what both meshes are good for.
+    """
     body = section(2.0, 1.0, 40, 20)
     upper = body["points"][body["cells"]][:, :, 1].mean(axis=1) > -0.5
     body["regions"] = {"film": np.flatnonzero(upper), "glass": np.flatnonzero(~upper)}
     write(tmp_path / "part.msh", body)
-    named = {"shape": "mesh", "file": "part.msh", "kinematics": "axisymmetric", "surfaces": NAMES, "sides": "roller"}
+    named = {
+        "shape": "mesh",
+        "file": "part.msh",
+        "kinematics": "axisymmetric",
+        "surfaces": NAMES,
+        "sides": "roller",
+    }
     alone = forces(in_folder(tmp_path, named, mesh={"refinements": 1}))
-    same = forces(in_folder(tmp_path, named | {"regions": {"film": LINEAR}}, mesh={"refinements": 1}))
+    same = forces(
+        in_folder(tmp_path, named | {"regions": {"film": LINEAR}}, mesh={"refinements": 1})
+    )
     assert same == pytest.approx(alone, rel=1e-9)
     stiff = LINEAR | {"E": 10.0}
-    found = forces(in_folder(tmp_path, named | {"regions": {"glass": stiff}}, mesh={"refinements": 1}))
+    found = forces(
+        in_folder(tmp_path, named | {"regions": {"glass": stiff}}, mesh={"refinements": 1})
+    )
     layers = [{"thickness": 0.5, "material": LINEAR}, {"thickness": 0.5, "material": stiff}]
     config = scene(CYLINDER | {"layers": layers})
     del config["material"]
@@ -109,9 +154,13 @@ def test_regions_of_a_file_are_layers(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("sides", ["free", "roller"])
-def test_a_body_on_rollers_is_held_by_its_pins_alone_where_nothing_else_does(tmp_path: Path, sides: str) -> None:
-    """The audit of every run demands that reactions of pins are zero: a wrong pin, or none, ends it. A block on rollers
-    between two walls has one horizontal motion left, a free one all three."""
+def test_a_body_on_rollers_is_held_by_its_pins_alone_where_nothing_else_does(
+    tmp_path: Path, sides: str
+) -> None:
+    """The audit of every run demands that reactions of pins are zero: a wrong pin, or none, ends
+    it. A block on rollers between two walls has one horizontal motion left, a free one all
+    three.
+    """
     write(tmp_path / "part.msh", block(2.0, 1.0, 4, 3))
     body = {
         "shape": "mesh",
@@ -136,7 +185,9 @@ def test_a_result_reproduces_itself_from_its_own_folder(tmp_path: Path) -> None:
         "kinematics": "axisymmetric",
         "surfaces": {"contact": "part=1", "base": "part=2"},
     }
-    first = simulate(in_folder(tmp_path, body, output={"plot": False}), directory=tmp_path / "first")
+    first = simulate(
+        in_folder(tmp_path, body, output={"plot": False}), directory=tmp_path / "first"
+    )
     (tmp_path / "part.vtu").unlink()
     again = simulate(load(tmp_path / "first" / "config.yaml"), directory=tmp_path / "again")
     assert [state.force for state in again.states] == [state.force for state in first.states]
@@ -145,15 +196,26 @@ def test_a_result_reproduces_itself_from_its_own_folder(tmp_path: Path) -> None:
 
 
 def test_error_bars_of_a_given_mesh_hold_its_error(tmp_path: Path) -> None:
-    """The bar, by the mesh refined once, holds theory's force, exact for this body; so does that of `accuracy`, whose
-    coarser meshes are those before."""
+    """The bar, by the mesh refined once, holds theory's force, exact for this body; so does that of
+    `accuracy`, whose coarser meshes are those before.
+    """
     write(tmp_path / "part.msh", section(2.0, 1.0, 20, 10))
-    body = {"shape": "mesh", "file": "part.msh", "kinematics": "axisymmetric", "surfaces": NAMES, "sides": "roller"}
+    body = {
+        "shape": "mesh",
+        "file": "part.msh",
+        "kinematics": "axisymmetric",
+        "surfaces": NAMES,
+        "sides": "roller",
+    }
     theory = resolve(from_mapping(scene(CYLINDER))).plan.theory
     assert theory is not None
     output = {"plot": False, "fields": "none"}
-    given = simulate(in_folder(tmp_path, body, output=output), directory=tmp_path / "bars", error_bars=True)
-    asked = simulate(in_folder(tmp_path, body, output=output, accuracy=0.01), directory=tmp_path / "accuracy")
+    given = simulate(
+        in_folder(tmp_path, body, output=output), directory=tmp_path / "bars", error_bars=True
+    )
+    asked = simulate(
+        in_folder(tmp_path, body, output=output, accuracy=0.01), directory=tmp_path / "accuracy"
+    )
     for outcome in (given, asked):
         for state in outcome.states:
             assert state.force_error is not None
@@ -161,14 +223,23 @@ def test_error_bars_of_a_given_mesh_hold_its_error(tmp_path: Path) -> None:
     assert all(state.force_error <= 0.01 * state.force for state in asked.states)  # type: ignore[operator]
 
 
-@pytest.mark.parametrize(("h", "refinements"), [(0.03, 1), pytest.param(0.06, 3, marks=pytest.mark.verify)])
-def test_error_bars_of_flat_facets_hold_the_curved_surface(h: float, refinements: int, tmp_path: Path) -> None:
-    """A cap's mesh as a file of order 1 has chords alone: refined, its force and peak pressure are off by what no
-    refinement tells, but the angles of its facets. The peak grows with every refinement, as a cone's does."""
+@pytest.mark.parametrize(
+    ("h", "refinements"), [(0.03, 1), pytest.param(0.06, 3, marks=pytest.mark.verify)]
+)
+def test_error_bars_of_flat_facets_hold_the_curved_surface(
+    h: float, refinements: int, tmp_path: Path
+) -> None:
+    """A cap's mesh as a file of order 1 has chords alone: refined, its force and peak pressure are
+    off by what no refinement tells, but the angles of its facets. The peak grows with every
+    refinement, as a cone's does.
+    """
     cap = {"shape": "cap", "base_radius": 1.0, "height": 0.5}
     sections = {"indenter": {"shape": "sphere", "R": 1.0}, "loading": {"delta": 0.03, "steps": 2}}
     drawn = resolve(from_mapping(scene(cap, **sections, mesh={"h_contact": h, "h_far": 0.2})))
-    grid, exact = build(drawn.physics.part, drawn.sizes), list(states(resolve(from_mapping(scene(cap, **sections)))))
+    grid, exact = (
+        build(drawn.physics.part, drawn.sizes),
+        list(states(resolve(from_mapping(scene(cap, **sections))))),
+    )
     facets = {"top": grid.surfaces["top"], "bottom": grid.surfaces["base"]}
     write(
         tmp_path / "part.msh",
@@ -186,7 +257,11 @@ def test_error_bars_of_flat_facets_hold_the_curved_surface(h: float, refinements
         "surfaces": {"contact": "top", "base": "bottom"},
     }
     config = in_folder(
-        tmp_path, body, **sections, mesh={"refinements": refinements}, output={"plot": False, "fields": "none"}
+        tmp_path,
+        body,
+        **sections,
+        mesh={"refinements": refinements},
+        output={"plot": False, "fields": "none"},
     )
     found = simulate(config, directory=tmp_path / "run", error_bars=True)
     for state, right in zip(found.states, exact, strict=True):

@@ -1,7 +1,9 @@
-"""Every contact method beside the others: one answer, for any stiffness, from one solver or the other.
+"""Every contact method beside the others: one answer, for any stiffness, from one solver or the
+other.
 
-HERTZ is the benchmark of test_hertz, W = 2 the layer in a frictionless wall of test_layer_wall. References are layer
-theory and the benchmark's converged forces; what the methods owe each other needs none.
+HERTZ is the benchmark of test_hertz, W = 2 the layer in a frictionless wall of test_layer_wall.
+References are layer theory and the benchmark's converged forces; what the methods owe each other
+needs none.
 """
 
 from __future__ import annotations
@@ -36,18 +38,24 @@ def method(name: str, multiple: float | None = None, h: float = 0.01) -> dict[st
 
 
 def extrapolated(soft: list[State], stiff: list[State]) -> np.ndarray:
-    """Forces for an infinite stiffness, from one and from twice that: the error falls as 1/epsilon_n."""
+    """Forces for an infinite stiffness, from one and from twice that: the error falls as
+    1/epsilon_n.
+    """
     return np.array([2 * there.force - here.force for here, there in zip(soft, stiff, strict=True)])
 
 
-# ---- one answer -----------------------------------------------------------------------------------------------
+# ---- one answer
+# -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("h", "tolerance"), [(0.004, 1.5e-3), pytest.param(0.002, 5e-4, marks=pytest.mark.verify)])
+@pytest.mark.parametrize(
+    ("h", "tolerance"), [(0.004, 1.5e-3), pytest.param(0.002, 5e-4, marks=pytest.mark.verify)]
+)
 def test_methods_agree_on_the_cylinder(h: float, tolerance: float) -> None:
-    """0.05 % between the extremes of all five, and from the converged forces, at every step (0.012 and 0.021 % found).
-    With h_contact = 0.002 sixteen elements are in the first contact radius; with thirteen it is 0.046 % there; with
-    eight 0.15 %, as in `test_hertz_at_every_step`."""
+    """0.05 % between the extremes of all five, and from the converged forces, at every step (0.012
+    and 0.021 % found). With h_contact = 0.002 sixteen elements are in the first contact radius;
+    with thirteen it is 0.046 % there; with eight 0.15 %, as in `test_hertz_at_every_step`.
+    """
     assert scene(CYLINDER, mesh={"h_contact": h}).plan.prediction["dofs"] < 6000
     curves = [np.array([state.force for state in hertz(name, h)]) for name in METHODS]
     curves.append(extrapolated(hertz("penalty", h, 50.0), hertz("penalty", h, 100.0)))
@@ -60,7 +68,9 @@ def test_methods_agree_on_the_cylinder(h: float, tolerance: float) -> None:
 def hertz(name: str, h: float, multiple: float | None = None, steps: int = 10) -> list[State]:
     """HERTZ on the cylinder."""
     loading = TEN_STEPS | {"steps": steps}
-    return solve(scene(CYLINDER, contact=method(name, multiple, h), loading=loading, mesh={"h_contact": h}))
+    return solve(
+        scene(CYLINDER, contact=method(name, multiple, h), loading=loading, mesh={"h_contact": h})
+    )
 
 
 @pytest.mark.parametrize(
@@ -71,19 +81,23 @@ def hertz(name: str, h: float, multiple: float | None = None, steps: int = 10) -
     ],
 )
 def test_methods_agree_on_the_cube(h: float, names: tuple[str, ...]) -> None:
-    """0.3 % between the extremes on one mesh, of three and a half elements in the contact radius; and that mesh is
-    itself within 0.3 % of the converged force."""
+    """0.3 % between the extremes on one mesh, of three and a half elements in the contact radius;
+    and that mesh is itself within 0.3 % of the converged force.
+    """
 
     def last(contact: dict[str, Any]) -> list[State]:
         return solve(scene(BOX, contact=contact, mesh={"h_contact": h}))
 
     forces = [last(method(name))[-1].force for name in names]
-    forces.append(extrapolated(last(method("penalty", 50.0, h)), last(method("penalty", 100.0, h)))[-1])
+    forces.append(
+        extrapolated(last(method("penalty", 50.0, h)), last(method("penalty", 100.0, h)))[-1]
+    )
     assert np.ptp(forces) / CUBE < 3e-3
     assert np.abs(np.array(forces) / CUBE - 1).max() < 3e-3
 
 
-# ---- against theory -------------------------------------------------------------------------------------------
+# ---- against theory
+# -------------------------------------------------------------------------------------------
 
 TIPS = {
     "paraboloid": (PARABOLOID, 0.01, 0.004),
@@ -93,16 +107,24 @@ TIPS = {
 
 
 def beside_theory(tip: str, name: str) -> tuple[np.ndarray, float, float]:
-    """Relative errors of the force at ten steps, and of a and p(0) (cone: p(a/2)) at the last, at W = 2."""
+    """Relative errors of the force at ten steps, and of a and p(0) (cone: p(a/2)) at the last, at W
+    = 2.
+    """
     indenter, delta, h = TIPS[tip]
     base = scene(
-        WALLED, indenter=indenter, contact=method(name), mesh={"h_contact": h}, loading={"delta": delta, "steps": 10}
+        WALLED,
+        indenter=indenter,
+        contact=method(name),
+        mesh={"h_contact": h},
+        loading={"delta": delta, "steps": 10},
     )
     assert base.plan.prediction["dofs"] < 6000
     assert base.plan.theory is not None and base.plan.theory.exact
     theory, states = base.plan.theory.curve(base.physics.deltas), solve(base)
     assert theory is not None
-    forces = np.array([state.force / exact.force - 1 for state, exact in zip(states, theory, strict=True)])
+    forces = np.array(
+        [state.force / exact.force - 1 for state, exact in zip(states, theory, strict=True)]
+    )
     place = theory[-1].a / 2 if tip == "cone" else 0.0
     surface = states[-1].surface
     pressure = np.interp(place, surface.x, surface.pressure) / theory[-1].pressure(place)
@@ -111,9 +133,11 @@ def beside_theory(tip: str, name: str) -> tuple[np.ndarray, float, float]:
 
 @pytest.mark.parametrize("tip", TIPS)
 def test_augmented_lagrangian_against_theory_at_every_step(tip: str) -> None:
-    """0.03 % of the force (the cone, whose pressure is infinite at the apex, 0.1 %) on less than 6 000 dofs: h_contact
-    is an eighth of the first radius, of the cone's a sixth, and P2 leaves 0.01 % (cone 0.03 %) of the force there.
-    p(0) 0.5 % and a 1 %: derivatives of what is known to 0.01 %, and a fraction of an element."""
+    """0.03 % of the force (the cone, whose pressure is infinite at the apex, 0.1 %) on less than 6
+    000 dofs: h_contact is an eighth of the first radius, of the cone's a sixth, and P2 leaves
+    0.01 % (cone 0.03 %) of the force there. p(0) 0.5 % and a 1 %: derivatives of what is known
+    to 0.01 %, and a fraction of an element.
+    """
     forces, radius, pressure = beside_theory(tip, "augmented_lagrangian")
     assert np.abs(forces).max() < (1e-3 if tip == "cone" else 3e-4)
     assert abs(radius) < 0.01
@@ -137,8 +161,9 @@ def test_augmented_lagrangian_against_theory_at_every_step(tip: str) -> None:
     ],
 )
 def test_active_set_and_nitsche_against_theory(tip: str, name: str) -> None:
-    """0.15 % at every step: the set of nodal pressures ends at a node, which shows at the first, where eight elements
-    are in contact, and six of the cone's (0.08 and 0.06 % found)."""
+    """0.15 % at every step: the set of nodal pressures ends at a node, which shows at the first,
+    where eight elements are in contact, and six of the cone's (0.08 and 0.06 % found).
+    """
     forces, radius, pressure = beside_theory(tip, name)
     assert np.abs(forces).max() < 1.5e-3
     assert abs(radius) < 0.01
@@ -147,15 +172,17 @@ def test_active_set_and_nitsche_against_theory(tip: str, name: str) -> None:
 
 @pytest.mark.parametrize("name", METHODS)
 def test_hertz_at_every_step(name: str) -> None:
-    """Free sides: 0.03 % of the converged forces for the augmented Lagrangian, 0.15 % for the others (0.05 % found);
-    the radii have four digits, of which the last is 0.3 % of the first."""
+    """Free sides: 0.03 % of the converged forces for the augmented Lagrangian, 0.15 % for the
+    others (0.05 % found); the radii have four digits, of which the last is 0.3 % of the first.
+    """
     states = hertz(name, 0.004)
     errors = np.array([state.force for state in states]) / FORCES - 1
     assert np.abs(errors).max() < (3e-4 if name == "augmented_lagrangian" else 1.5e-3)
     assert [state.a for state in states] == pytest.approx(RADII, rel=0.01)
 
 
-# ---- the parameter --------------------------------------------------------------------------------------------
+# ---- the parameter
+# --------------------------------------------------------------------------------------------
 
 DECADES = {"augmented_lagrangian": (-3, 0, 3), "uzawa": (0, 1, 3)}
 FAR_DECADES = {"augmented_lagrangian": (-6, 6), "uzawa": (5,), "nitsche": (6,), "penalty": (6,)}
@@ -176,14 +203,18 @@ def three_steps(name: str, decade: int, solver: str) -> State:
 @pytest.mark.parametrize(
     ("name", "solver"),
     [
-        pytest.param(name, solver, marks=[pytest.mark.verify] * ((name, solver) == ("uzawa", "newton")))
+        pytest.param(
+            name, solver, marks=[pytest.mark.verify] * ((name, solver) == ("uzawa", "newton"))
+        )
         for name in DECADES
         for solver in SOLVERS
     ],
 )
 def test_stiffness_does_not_change_the_answer(name: str, solver: str) -> None:
-    """Force within 0.1 %: how the bracket's kink is seen by the quadrature depends on the stiffness. The penetration
-    is what the mesh leaves, not p/epsilon_n: over d decades it would fall by 10^d, and falls by less than 10^(d/3)."""
+    """Force within 0.1 %: how the bracket's kink is seen by the quadrature depends on the
+    stiffness. The penetration is what the mesh leaves, not p/epsilon_n: over d decades it would
+    fall by 10^d, and falls by less than 10^(d/3).
+    """
     states = [three_steps(name, decade, solver) for decade in DECADES[name]]
     forces = np.array([state.force for state in states])
     assert np.ptp(forces) / forces.mean() < 1e-3
@@ -203,15 +234,18 @@ def test_stiffness_does_not_change_the_answer(name: str, solver: str) -> None:
     ],
 )
 def test_stiffness_far_beyond_what_is_sensible(name: str, decade: int, solver: str) -> None:
-    """Newton alone finds none of these at 10^6 E*/h; through softer contact all are found. 0.1 % as above: as many
-    constraints as quadrature points make the surface a little too stiff."""
+    """Newton alone finds none of these at 10^6 E*/h; through softer contact all are found. 0.1 % as
+    above: as many constraints as quadrature points make the surface a little too stiff.
+    """
     assert three_steps(name, decade, solver).force == pytest.approx(FORCES[-1], rel=1e-3)
 
 
 def test_a_multiplier_that_does_not_settle_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Uzawa far below E*/h creeps; where its loops end, there is no number, but a reason."""
     monkeypatch.setattr(uzawa, "LOOPS", 15)
-    (state,) = chain.states(scene(CYLINDER, contact=method("uzawa", 1e-5), mesh={"h_contact": 0.05}))
+    (state,) = chain.states(
+        scene(CYLINDER, contact=method("uzawa", 1e-5), mesh={"h_contact": 0.05})
+    )
     assert not state.converged
     assert np.isnan(state.force)
     assert "uzawa did not converge" in state.reason and "does not settle" in state.reason
@@ -226,8 +260,12 @@ def test_a_multiplier_that_does_not_settle_says_so(monkeypatch: pytest.MonkeyPat
         ("penalty", 1e-3, "sinks"),
     ],
 )
-def test_plan_warns_of_a_stiffness_that_spoils_the_answer(name: str, multiple: float, says: str) -> None:
-    warnings = scene(CYLINDER, contact=method(name, multiple), mesh={"h_contact": 0.01}).plan.warnings
+def test_plan_warns_of_a_stiffness_that_spoils_the_answer(
+    name: str, multiple: float, says: str
+) -> None:
+    warnings = scene(
+        CYLINDER, contact=method(name, multiple), mesh={"h_contact": 0.01}
+    ).plan.warnings
     assert any(says in warning for warning in warnings)
     plain = scene(CYLINDER, contact=method(name), mesh={"h_contact": 0.01}).plan.warnings
     assert len(warnings) == len(plain) + 1
@@ -237,7 +275,8 @@ def test_active_set_has_no_parameter(tmp_path: Path) -> None:
     """Exit 3, naming the key."""
     config = tmp_path / "scene.yaml"
     config.write_text(
-        "body: {shape: cylinder, radius: 1.0, height: 1.0}\nmaterial: {model: linear_elastic, E: 1.0, nu: 0.3}\n"
+        "body: {shape: cylinder, radius: 1.0, height: 1.0}\nmaterial: {model: "
+        "linear_elastic, E: 1.0, nu: 0.3}\n"
         "indenter: {shape: paraboloid, R: 1.0}\nloading: {delta: 0.01}\n"
         "contact: {method: active_set, epsilon_n: 10.0}\n"
     )
@@ -246,13 +285,16 @@ def test_active_set_has_no_parameter(tmp_path: Path) -> None:
     assert "epsilon_n" in result.output + result.stderr
 
 
-# ---- work -----------------------------------------------------------------------------------------------------
+# ---- work
+# -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("name", ["augmented_lagrangian", "active_set"])
 def test_ten_steps_in_fifty_iterations(name: str, solver: str) -> None:
-    """At h_contact = 0.005, twenty elements in the last radius; and one step ends where ten do: 1e-8."""
+    """At h_contact = 0.005, twenty elements in the last radius; and one step ends where ten do:
+    1e-8.
+    """
     base = {"contact": method(name), "solver": {"method": solver}, "mesh": {"h_contact": 0.005}}
     states = solve(scene(CYLINDER, loading=TEN_STEPS, **base))
     assert sum(state.newton_iterations for state in states) <= 50
@@ -261,13 +303,20 @@ def test_ten_steps_in_fifty_iterations(name: str, solver: str) -> None:
 
 @pytest.mark.parametrize(
     ("solver", "finest"),
-    [("condensed", 0.0025), ("newton", 0.005), pytest.param("newton", 0.0025, marks=pytest.mark.verify)],
+    [
+        ("condensed", 0.0025),
+        ("newton", 0.005),
+        pytest.param("newton", 0.0025, marks=pytest.mark.verify),
+    ],
 )
 def test_a_step_takes_no_more_iterations_on_a_finer_mesh(solver: str, finest: float) -> None:
-    """Beyond the second step, from ten elements in the last radius to forty, or twenty: two each, where an edge two
-    thirds of its way off took a step one more iteration with each halving."""
+    """Beyond the second step, from ten elements in the last radius to forty, or twenty: two each,
+    where an edge two thirds of its way off took a step one more iteration with each halving.
+    """
     for h in (0.01, finest):
-        states = solve(scene(CYLINDER, loading=TEN_STEPS, solver={"method": solver}, mesh={"h_contact": h}))
+        states = solve(
+            scene(CYLINDER, loading=TEN_STEPS, solver={"method": solver}, mesh={"h_contact": h})
+        )
         assert sum(state.newton_iterations for state in states[2:]) <= 2.5 * len(states[2:])
 
 
@@ -278,7 +327,8 @@ def test_one_step_or_ten_by_the_other_methods(name: str) -> None:
     assert one == pytest.approx(ten, rel=1e-7 if name == "uzawa" else 1e-8)
 
 
-# ---- smooth results -------------------------------------------------------------------------------------------
+# ---- smooth results
+# -------------------------------------------------------------------------------------------
 
 
 def rise(r: np.ndarray, pressure: np.ndarray) -> float:
@@ -306,7 +356,9 @@ def test_pressures_on_the_cylinder_do_not_oscillate(name: str, h: float) -> None
     ],
 )
 def test_pressures_along_the_axes_of_the_cube_do_not_oscillate(name: str, h: float) -> None:
-    """They fall outward, up to 1 % of the peak, with the five elements in the radius that `auto` takes."""
+    """They fall outward, up to 1 % of the peak, with the five elements in the radius that `auto`
+    takes.
+    """
     surface = solve(scene(BOX, contact=method(name), mesh={"h_contact": h}))[-1].surface
     x, y = surface.x - 1.0, surface.y - 1.0
     for on_axis, distance in ((np.abs(y) < 1e-9, np.abs(x)), (np.abs(x) < 1e-9, np.abs(y))):
@@ -314,17 +366,28 @@ def test_pressures_along_the_axes_of_the_cube_do_not_oscillate(name: str, h: flo
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.verify] * (name in ("uzawa", "nitsche"))) for name in METHODS]
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.verify] * (name in ("uzawa", "nitsche")))
+        for name in METHODS
+    ],
 )
 def test_contact_radius_grows_without_stairs(name: str) -> None:
-    """In eighty small steps the edge crosses two elements, a thirty-fourth of one at a time. A radius read off at
-    nodes would stand still for a dozen steps and then jump by half an element; this one is never off by more than a
-    twelfth of an element, nor are two neighbours off by amounts that differ by a tenth."""
+    """In eighty small steps the edge crosses two elements, a thirty-fourth of one at a time. A
+    radius read off at nodes would stand still for a dozen steps and then jump by half an
+    element; this one is never off by more than a twelfth of an element, nor are two neighbours
+    off by amounts that differ by a tenth.
+    """
     h = 0.01
     base = scene(
-        WALLED, contact=method(name), mesh={"h_contact": h}, loading={"deltas": np.linspace(0.006, 0.01, 81).tolist()}
+        WALLED,
+        contact=method(name),
+        mesh={"h_contact": h},
+        loading={"deltas": np.linspace(0.006, 0.01, 81).tolist()},
     )
     theory = base.plan.theory.curve(base.physics.deltas)
-    off = np.array([state.a - exact.a for state, exact in zip(solve(base), theory, strict=True)]) / h
+    off = (
+        np.array([state.a - exact.a for state, exact in zip(solve(base), theory, strict=True)]) / h
+    )
     assert np.abs(off).max() < 1 / 12
     assert np.abs(np.diff(off)).max() < 0.05

@@ -1,4 +1,6 @@
-"""Tips over a corner or an edge of rollers, which are mirrors: what stands beside them is a part of the whole."""
+"""Tips over a corner or an edge of rollers, which are mirrors: what stands beside them is a part of
+the whole.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,13 @@ from indent_sim.run.summary import theory_comparison
 from indent_sim.scene.scene import Scene, resolve
 
 WALLS = ("x_min", "x_max", "y_min", "y_max")
-# The same contact: the middle of a box between rollers, of half of it beside one, and of a quarter in a corner of two
-PIECES = {1: ([2.0, 2.0, 1.0], [1.0, 1.0]), 2: ([1.0, 2.0, 1.0], [0.0, 1.0]), 4: ([1.0, 1.0, 1.0], [1.0, 1.0])}
+# The same contact: the middle of a box between rollers, of half of it beside one, and of a quarter
+# in a corner of two
+PIECES = {
+    1: ([2.0, 2.0, 1.0], [1.0, 1.0]),
+    2: ([1.0, 2.0, 1.0], [0.0, 1.0]),
+    4: ([1.0, 1.0, 1.0], [1.0, 1.0]),
+}
 
 
 def scene(seen: int, **sections: Any) -> Scene:
@@ -36,7 +43,9 @@ def scene(seen: int, **sections: Any) -> Scene:
 
 @pytest.mark.parametrize("loading", [{"delta": 0.02, "steps": 1}, {"force": 0.01, "steps": 1}])
 @pytest.mark.parametrize("seen", [2, 4])
-def test_what_is_expected_is_a_part_of_the_mirrored_scene(seen: int, loading: dict[str, Any]) -> None:
+def test_what_is_expected_is_a_part_of_the_mirrored_scene(
+    seen: int, loading: dict[str, Any]
+) -> None:
     """The contact radius, and so the mesh, are those of the whole; its force is shared."""
     part = {name: value / seen if name == "force" else value for name, value in loading.items()}
     whole, found = scene(1, loading=loading, mesh={}), scene(seen, loading=part, mesh={})
@@ -49,7 +58,8 @@ def test_what_is_expected_is_a_part_of_the_mirrored_scene(seen: int, loading: di
 
 
 def test_a_solved_corner_stands_beside_theory_as_the_whole_does() -> None:
-    """Both deviate alike from theory and from Hertz: a quarter of a contact was compared with the whole of it, -74.9 %.
+    """Both deviate alike from theory and from Hertz: a quarter of a contact was compared with the
+    whole of it, -74.9 %.
 
     The meshes differ, of two elements in the contact radius: 5 % between them.
     """
@@ -93,10 +103,14 @@ def from_file(folder: Path, sides: str | None, shift: tuple[float, float]) -> Sc
     return resolve(from_mapping(given))
 
 
-def test_a_face_of_a_file_through_the_axis_is_asked_about(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_face_of_a_file_through_the_axis_is_asked_about(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A mirror face that was forgotten cost a third of the force without a word."""
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ConfigError, match=r"body.sides: 24 facets lie in the plane x = 0 through the tip's axis"):
+    with pytest.raises(
+        ConfigError, match=r"body.sides: 24 facets lie in the plane x = 0 through the tip's axis"
+    ):
         from_file(Path(), None, (0.5, 0.0))
     with pytest.raises(ConfigError, match=r"plane y = 0 .*sides: roller .* sides: free"):
         from_file(Path(), None, (0.0, -0.5))
@@ -104,7 +118,9 @@ def test_a_face_of_a_file_through_the_axis_is_asked_about(tmp_path: Path, monkey
     assert from_file(Path(), None, (0.2, 0.2)).physics.seen == 1  # nothing to ask
 
 
-@pytest.mark.parametrize(("shift", "seen"), [((0.5, 0.5), 4), ((-0.5, 0.5), 4), ((0.0, 0.5), 2), ((0.1, 0.1), 1)])
+@pytest.mark.parametrize(
+    ("shift", "seen"), [((0.5, 0.5), 4), ((-0.5, 0.5), 4), ((0.0, 0.5), 2), ((0.1, 0.1), 1)]
+)
 def test_rollers_of_a_file_under_the_axis_are_mirrors(
     shift: tuple[float, float], seen: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,4 +1,6 @@
-"""What stands beside the rows of a run may fail in any way: it is missing then, which is said, and the rows stay."""
+"""What stands beside the rows of a run may fail in any way: it is missing then, which is said, and
+the rows stay.
+"""
 
 from __future__ import annotations
 
@@ -112,20 +114,29 @@ def test_an_error_bar_wider_than_its_force_is_drawn(folder: Path, tmp_path: Path
 
 @pytest.mark.parametrize("things", [OUTER, INNER], ids=["outer", "inner"])
 def test_what_fails_beside_the_rows_is_missing_and_the_rows_stay(
-    things: dict[str, tuple[Any, str]], whole: list[dict[str, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    things: dict[str, tuple[Any, str]],
+    whole: list[dict[str, str]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     break_(monkeypatch, things, len(whole))
-    outcome = chain.simulate(from_mapping(SCENE), directory=tmp_path / "run", error_bars=things is OUTER)
+    outcome = chain.simulate(
+        from_mapping(SCENE), directory=tmp_path / "run", error_bars=things is OUTER
+    )
     assert rows(tmp_path / "run") == whole
     report = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
     assert (report["status"], report["exit_code"]) == ("done", 0)
     for what in things:
         assert any(said.startswith(f"{what} is missing: ") for said in report["warnings"]), what
-        assert any(said.startswith(f"{what} is missing: ") for said in outcome.report["warnings"]), what
+        assert any(
+            said.startswith(f"{what} is missing: ") for said in outcome.report["warnings"]
+        ), what
         assert "on purpose" in report["missing"][what]
 
 
-def test_a_signal_beside_the_rows_ends_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_signal_beside_the_rows_ends_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """What is no Exception passes through."""
 
     def interrupt(*args: Any) -> float:

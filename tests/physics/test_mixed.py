@@ -18,8 +18,10 @@ FORCE_4999, P0_4999 = 2.01567242556e-03, 8.855702682e-02  # nu = 0.4999, to the 
 @pytest.mark.parametrize("name", ["augmented_lagrangian", "uzawa", "active_set", "nitsche"])
 @pytest.mark.parametrize("nu", [0.4999, 0.5])
 def test_mixed_body_against_theory(nu: float, name: str, solver: str) -> None:
-    """0.05 % of the force and 1 % of p(0): with h_contact = 0.005 a fifth of the first and a twentieth of the second
-    are found, as with compressible bodies; displacements alone give 17 % of p(0)."""
+    """0.05 % of the force and 1 % of p(0): with h_contact = 0.005 a fifth of the first and a
+    twentieth of the second are found, as with compressible bodies; displacements alone give 17 %
+    of p(0).
+    """
     if (name, solver) == ("nitsche", "condensed"):
         pytest.skip("Nitsche's method needs the stress inside the body")
     exact = indent(layer.Layer, profiles.paraboloid(1.0), 0.01, E=1.0, nu=nu, h=1.0, wall=2.0)
@@ -46,7 +48,9 @@ def test_penalty_on_a_mixed_body(nu: float) -> None:
     exact = indent(layer.Layer, profiles.paraboloid(1.0), 0.01, E=1.0, nu=nu, h=1.0, wall=2.0)
     base = {"material": ELASTIC | {"nu": nu}, "mesh": {"h_contact": 0.005}}
     soft, stiff = (
-        solve(scene(WALLED, contact={"method": "penalty", "epsilon_n": epsilon_n}, **base))[-1].force
+        solve(scene(WALLED, contact={"method": "penalty", "epsilon_n": epsilon_n}, **base))[
+            -1
+        ].force
         for epsilon_n in (1e4, 2e4)
     )
     assert 2 * stiff - soft == pytest.approx(exact.force, rel=5e-4)

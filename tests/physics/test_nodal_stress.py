@@ -18,7 +18,10 @@ COLUMN = {"shape": "cylinder", "radius": 0.5, "height": 1.0, "base": "roller", "
 BLOCK = {"shape": "box", "size": [1.0, 1.0, 1.0], "base": "roller", "sides": "roller"}
 STRIP = {"shape": "strip", "width": 1.0, "height": 1.0, "base": "roller", "sides": "roller"}
 LAYERS = {
-    "layers": [{"thickness": 0.4, "material": {"model": "linear_elastic", "E": 2.0, "nu": 0.2}}, {"thickness": 0.6}]
+    "layers": [
+        {"thickness": 0.4, "material": {"model": "linear_elastic", "E": 2.0, "nu": 0.2}},
+        {"thickness": 0.6},
+    ]
 }
 GIVEN: dict[str, Any] = {
     "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
@@ -36,9 +39,13 @@ def written(given: dict[str, Any], folder: Path) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("body", [COLUMN, BLOCK, STRIP], ids=["axisymmetric", "box", "strip"])
-def test_layers_in_a_confined_column_have_one_stress_each(body: dict[str, Any], tmp_path: Path) -> None:
-    """Uniaxial strain: sigma_z is one, sigma_x = nu/(1-nu) sigma_z that of each layer, up to the face between the two,
-    whose nodes have that of the upper one. Linear displacements are exact; 1e-8 is what Newton's method leaves."""
+def test_layers_in_a_confined_column_have_one_stress_each(
+    body: dict[str, Any], tmp_path: Path
+) -> None:
+    """Uniaxial strain: sigma_z is one, sigma_x = nu/(1-nu) sigma_z that of each layer, up to the
+    face between the two, whose nodes have that of the upper one. Linear displacements are exact;
+    1e-8 is what Newton's method leaves.
+    """
     fields = written(GIVEN | {"body": body | LAYERS}, tmp_path / "run")
     stress, z = fields["nodal_stress"].reshape(-1, 3, 3), fields["points"][:, 2]
     stiff, soft = (E * (1 - nu) / (1 + nu) / (1 - 2 * nu) for E, nu in ((2.0, 0.2), (1.0, 0.3)))
@@ -51,7 +58,9 @@ def test_layers_in_a_confined_column_have_one_stress_each(body: dict[str, Any], 
 
 
 def test_under_a_ball_the_nodes_have_the_pressure_of_the_surface(tmp_path: Path) -> None:
-    """sigma_z = -p, 2.5 % of the largest p in the inner contact; the cells beneath are half an element away."""
+    """sigma_z = -p, 2.5 % of the largest p in the inner contact; the cells beneath are half an
+    element away.
+    """
     given = GIVEN | {
         "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0},
         "indenter": {"shape": "paraboloid", "R": 1.0},

@@ -20,8 +20,9 @@ COARSE = 0.1  # h_contact: three elements in the contact radius of 0.33
 @pytest.mark.parametrize("sides", ["free", "roller", "fixed"])
 @pytest.mark.parametrize("base", ["fixed", "roller"])
 def test_quarter_against_axisymmetric(base: str, sides: str) -> None:
-    """0.5 % is the error of three elements in the radius; the polygon of the wall encloses 0.7 % less than the circle,
-    which this force feels by 0.1 % at most."""
+    """0.5 % is the error of three elements in the radius; the polygon of the wall encloses 0.7 %
+    less than the circle, which this force feels by 0.1 % at most.
+    """
     body = (WALLED if sides == "roller" else CYLINDER) | {"base": base, "sides": sides}
     flat = scene(body, **DEEP)
     whole = scene(body, mesh={"h_contact": COARSE, "symmetry": "quarter"}, **DEEP)
@@ -34,22 +35,32 @@ def test_quarter_against_axisymmetric(base: str, sides: str) -> None:
 def test_parts_of_a_cylinder_on_rollers(symmetry: str) -> None:
     """Held by pins alone; their reactions are audited to be zero. Meshes of their own: 0.5 %."""
     body = CYLINDER | {"base": "roller"}
-    part, quarter = (scene(body, mesh={"h_contact": 0.15, "symmetry": s}, **DEEP) for s in (symmetry, "quarter"))
+    part, quarter = (
+        scene(body, mesh={"h_contact": 0.15, "symmetry": s}, **DEEP) for s in (symmetry, "quarter")
+    )
     assert len(part.physics.part.pins) == {"half": 1, "full": 3}[symmetry]
     assert force(part) == pytest.approx(force(quarter), rel=5e-3)
 
 
 def test_full_cylinder_between_rollers_may_turn() -> None:
     """u . n = 0 on a round wall leaves the turn about z: one pin, without reaction."""
-    base = scene(WALLED | {"radius": 1.0, "base": "roller"}, mesh={"h_contact": 0.2, "symmetry": "full"}, **DEEP)
+    base = scene(
+        WALLED | {"radius": 1.0, "base": "roller"},
+        mesh={"h_contact": 0.2, "symmetry": "full"},
+        **DEEP,
+    )
     assert len(base.physics.part.pins) == 1
     assert solve(base)[-1].force > 0
 
 
 def test_off_axis_is_on_axis_in_a_wide_cylinder() -> None:
-    """Four thicknesses from the rim the layer is infinite: what the rim changes is below 1e-4, the mesh 0.5 %."""
+    """Four thicknesses from the rim the layer is infinite: what the rim changes is below 1e-4, the
+    mesh 0.5 %.
+    """
     wide = CYLINDER | {"radius": 6.0}
-    beside = scene(wide, indenter=PARABOLOID | {"center": [0.0, -2.0]}, mesh={"h_contact": COARSE}, **DEEP)
+    beside = scene(
+        wide, indenter=PARABOLOID | {"center": [0.0, -2.0]}, mesh={"h_contact": COARSE}, **DEEP
+    )
     assert (beside.physics.part.symmetry, beside.physics.part.copies) == ("half", 2)
     assert force(beside) == pytest.approx(force(scene(wide, **DEEP)), rel=5e-3)
 
@@ -67,16 +78,22 @@ def test_off_axis_without_a_mirror_plane() -> None:
 
 
 def test_the_rim_is_softer_than_the_middle() -> None:
-    """Free sides give way: at the middle of the radius already by more than the mesh's error of 0.5 %."""
+    """Free sides give way: at the middle of the radius already by more than the mesh's error of 0.5
+    %.
+    """
     thick = CYLINDER | {"radius": 1.0, "height": 1.0}
-    beside = scene(thick, indenter=PARABOLOID | {"center": [0.5, 0.0]}, mesh={"h_contact": COARSE}, **DEEP)
+    beside = scene(
+        thick, indenter=PARABOLOID | {"center": [0.5, 0.0]}, mesh={"h_contact": COARSE}, **DEEP
+    )
     assert force(beside) < 0.99 * force(scene(thick, **DEEP))
 
 
 @pytest.mark.parametrize("h", [0.15, pytest.param(COARSE, marks=pytest.mark.verify)])
 def test_a_curved_roller_wall_is_stiff_enough_and_not_too_stiff(h: float) -> None:
-    """u . n = 0 is weak; ten times its stiffness changes the force of a tip near it by less than 2e-4: neither does
-    the wall give way, nor does the normal that turns inside a facet stop the surface from sliding."""
+    """u . n = 0 is weak; ten times its stiffness changes the force of a tip near it by less than
+    2e-4: neither does the wall give way, nor does the normal that turns inside a facet stop the
+    surface from sliding.
+    """
     body = WALLED | {"radius": 1.0}
     base = scene(body, indenter=PARABOLOID | {"center": [0.5, 0.0]}, mesh={"h_contact": h}, **DEEP)
     assert [choice for choice in base.plan.choices if choice.key == "wall"]
@@ -85,7 +102,9 @@ def test_a_curved_roller_wall_is_stiff_enough_and_not_too_stiff(h: float) -> Non
 
 
 def test_a_curved_wall_at_finite_strain_feels_how_far_it_moves_out() -> None:
-    """w = |X + u| - |X|: nothing of a turn by 0.5 about the axis, 0.1 |X| of a stretch by that, as at small strain."""
+    """w = |X + u| - |X|: nothing of a turn by 0.5 about the axis, 0.1 |X| of a stretch by that, as
+    at small strain.
+    """
     energies = []
     for model in ("linear_elastic", "neo_hookean"):
         body = WALLED | {"radius": 1.0}
@@ -93,7 +112,9 @@ def test_a_curved_wall_at_finite_strain_feels_how_far_it_moves_out() -> None:
         base = scene(body, mesh={"h_contact": 0.2, "h_far": 0.5, "symmetry": "full"}, **sections)
         problem = solver.equilibrium(base, meshed(base)).problem
         X, wall = problem.unknowns.own_space("u").tabulate_dof_coordinates(), Wall(problem.body)
-        turn = np.array([[np.cos(0.5), -np.sin(0.5), 0.0], [np.sin(0.5), np.cos(0.5), 0.0], [0.0, 0.0, 1.0]])
+        turn = np.array(
+            [[np.cos(0.5), -np.sin(0.5), 0.0], [np.sin(0.5), np.cos(0.5), 0.0], [0.0, 0.0, 1.0]]
+        )
         for image in (X @ turn.T, X * [1.1, 1.1, 1.0]):
             x = problem.x.copy()
             x.array[problem.unknowns.places("u")] = (image - X).ravel()

@@ -1,12 +1,14 @@
-"""Patch test: under a flat punch that covers it, a body in a frictionless mould is strained uniformly.
+"""Patch test: under a flat punch that covers it, a body in a frictionless mould is strained
+uniformly.
 
 With M the modulus of the layer, h its thickness and the penalty's own give 1/epsilon_n in series,
 
-    p = delta / (h/M + 1/epsilon_n),   force = p A,   energy = force delta / 2,   penetration = p / epsilon_n
+    p = delta / (h/M + 1/epsilon_n),   force = p A,   energy = force delta / 2,   penetration = p /
+    epsilon_n
 
-and the other methods give nothing of their own, 1/epsilon_n -> 0. M = E (1-nu)/((1+nu)(1-2 nu)) between rollers, E with
-free sides, E/(1-nu^2) with free sides in plane strain. Exact, and inside every Lagrange space, so that 1e-9 is the
-solver's tolerance (1e-10) times ten.
+and the other methods give nothing of their own, 1/epsilon_n -> 0. M = E (1-nu)/((1+nu)(1-2 nu))
+between rollers, E with free sides, E/(1-nu^2) with free sides in plane strain. Exact, and inside
+every Lagrange space, so that 1e-9 is the solver's tolerance (1e-10) times ten.
 """
 
 from __future__ import annotations
@@ -56,7 +58,8 @@ def covered(
         body,
         material=material,
         indenter={"shape": "flat_punch", "radius": width / 2},
-        contact=(PENALTY | {"epsilon_n": EPSILON_N} if method == "penalty" else {"method": method}) | contact,
+        contact=(PENALTY | {"epsilon_n": EPSILON_N} if method == "penalty" else {"method": method})
+        | contact,
         loading=loading or {"delta": DELTA, "steps": 1},
         mesh={"h_contact": 0.5, "symmetry": symmetry},
     )
@@ -95,11 +98,20 @@ def test_confined_body(body: dict[str, Any], method: str, base: str) -> None:
 
 @pytest.mark.parametrize(
     ("body", "symmetry"),
-    [(CYLINDER, "auto"), (STRIP, "half"), (STRIP, "full"), (BOX, "quarter"), (BOX, "half"), (BOX, "full")],
+    [
+        (CYLINDER, "auto"),
+        (STRIP, "half"),
+        (STRIP, "full"),
+        (BOX, "quarter"),
+        (BOX, "half"),
+        (BOX, "full"),
+    ],
     ids=lambda value: value if isinstance(value, str) else value["shape"],
 )
 def test_body_that_bulges_freely(body: dict[str, Any], symmetry: str) -> None:
-    """Roller base, free sides: in full models only the pins stand against the rigid modes, and they carry nothing."""
+    """Roller base, free sides: in full models only the pins stand against the rigid modes, and they
+    carry nothing.
+    """
     held = body | {"base": "roller", "sides": "free"}
     base = covered(held, symmetry)
     if symmetry == "full":
@@ -109,17 +121,23 @@ def test_body_that_bulges_freely(body: dict[str, Any], symmetry: str) -> None:
 
 def test_body_between_two_of_its_walls() -> None:
     """A box held by rollers in x and free in y is in plane strain: E/(1-nu^2)."""
-    held = BOX | {"base": "roller", "sides": {"x_min": "roller", "x_max": "roller", "y_min": "free", "y_max": "free"}}
+    held = BOX | {
+        "base": "roller",
+        "sides": {"x_min": "roller", "x_max": "roller", "y_min": "free", "y_max": "free"},
+    }
     assert_uniform(covered(held, "full"), held, E / (1 - NU**2))
 
 
-# ---- Fung's law, uniform at finite strain ------------------------------------------------------------
+# ---- Fung's law, uniform at finite strain
+# ------------------------------------------------------------
 
 FUNG = {"model": "fung", "mu": 1.0, "b": 0.8, "nu": 0.3}
 
 
 def fung_stresses(*stretches: float) -> np.ndarray:
-    """Nominal principal stresses: P_i l_i = mu exp(b (I1bar - 3)) J^(-2/3) (l_i^2 - I1/3) + kappa ln J, by hand."""
+    """Nominal principal stresses: P_i l_i = mu exp(b (I1bar - 3)) J^(-2/3) (l_i^2 - I1/3) + kappa
+    ln J, by hand.
+    """
     squares, J = np.square(stretches), np.prod(stretches)
     kappa = 2 * FUNG["mu"] * (1 + FUNG["nu"]) / (3 * (1 - 2 * FUNG["nu"]))
     shrink = J ** (-2 / 3)
@@ -135,8 +153,9 @@ def free(held: Callable[[float], tuple[float, ...]]) -> float:
 @pytest.mark.parametrize("formulation", ["displacement", "mixed"])
 @pytest.mark.parametrize("kind", ["uniaxial", "plane", "confined"])
 def test_a_pillar_of_fungs_law(kind: str, formulation: str) -> None:
-    """Pressed to 0.4 of its height in steps: nominal stress times area. 1e-8: Newton's tolerance of 1e-9 of the
-    reaction, which the law's steep tangent does not spoil."""
+    """Pressed to 0.4 of its height in steps: nominal stress times area. 1e-8: Newton's tolerance of
+    1e-9 of the reaction, which the law's steep tangent does not spoil.
+    """
     body = {"uniaxial": CYLINDER, "plane": STRIP, "confined": CYLINDER}[kind]
     held = body | {"base": "roller", "sides": "roller" if kind == "confined" else "free"}
     path = {"deltas": [0.15 * H, 0.3 * H, 0.45 * H, 0.6 * H]}

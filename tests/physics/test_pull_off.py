@@ -1,4 +1,6 @@
-"""The largest pull between rows: wherever the rows lie, on meshes, on the way out alone, and in time."""
+"""The largest pull between rows: wherever the rows lie, on meshes, on the way out alone, and in
+time.
+"""
 
 from __future__ import annotations
 
@@ -36,10 +38,14 @@ def searched(**sections: Any) -> tuple[list[State], PullOff | None]:
     found = walk.find_pull_off()
     for before, after in zip(kept, walk.points, strict=True):
         assert before[:2] == after[:2]
-        assert all(np.array_equal(one, other) for one, other in zip(before[2], after[2], strict=True))
+        assert all(
+            np.array_equal(one, other) for one, other in zip(before[2], after[2], strict=True)
+        )
     assert walk.equilibrium.force == pytest.approx(force, rel=1e-12)
     return [row.in_units(base.physics.scales) for row in rows], found and PullOff(
-        found.state.in_units(base.physics.scales), found.error * base.physics.scales.force, found.equilibria
+        found.state.in_units(base.physics.scales),
+        found.error * base.physics.scales.force,
+        found.equilibria,
     )
 
 
@@ -62,7 +68,9 @@ def test_it_does_not_depend_on_the_number_of_rows(
     """A few rows and twelve: a row misses up to a few per cent, the search what it says: three
     amplitudes of the waves that the force has on this mesh, at most."""
     deep = 0.01 if indenter else 0.05
-    given = {"contact": contact, "mesh": {"h_contact": h}} | ({"indenter": indenter} if indenter else {})
+    given = {"contact": contact, "mesh": {"h_contact": h}} | (
+        {"indenter": indenter} if indenter else {}
+    )
     results = [searched(**given, loading=out(deep, end, rows)) for rows in (few, 12)]
     best = min(found.state.force for _, found in results if found)
     in_zone = scene(WALLED, **given, loading=out(deep, end, 6)).plan.adhesion.elements  # type: ignore[union-attr]
@@ -77,12 +85,16 @@ def test_it_does_not_depend_on_the_number_of_rows(
 
 @pytest.mark.verify
 def test_it_is_the_lowest_of_many_rows_around_it() -> None:
-    """Two hundred rows on the same mesh, over a fifth of the way out: none is lower by more than the error."""
+    """Two hundred rows on the same mesh, over a fifth of the way out: none is lower by more than
+    the error.
+    """
     given = {"contact": LOOSE, "mesh": {"h_contact": 0.04}}
     _, found = searched(**given, loading=out(0.05, -0.15, 6))
     assert found
     near = [float(delta) for delta in np.linspace(0.02, -0.02, 200) + found.state.delta]
-    many = min(row.force for row in solve(scene(WALLED, **given, loading={"deltas": [0.05, *near]})))
+    many = min(
+        row.force for row in solve(scene(WALLED, **given, loading={"deltas": [0.05, *near]}))
+    )
     assert abs(found.state.force - many) <= found.error
 
 
@@ -96,7 +108,10 @@ def test_waves_of_the_force_are_as_high_as_it_is_told() -> None:
         for h in sizes:
             deltas = [0.04, 0.01, *np.linspace(0.0, -0.035, 60)]
             base = scene(
-                WALLED, contact=contact, mesh={"h_contact": h}, loading={"deltas": [float(delta) for delta in deltas]}
+                WALLED,
+                contact=contact,
+                mesh={"h_contact": h},
+                loading={"deltas": [float(delta) for delta in deltas]},
             )
             rows = solve(base)[2:]
             depths, forces = np.array([(row.delta, row.force) for row in rows]).T
@@ -104,7 +119,9 @@ def test_waves_of_the_force_are_as_high_as_it_is_told() -> None:
             lowest = min(rows, key=lambda row: row.force)
             assert base.plan.adhesion
             elements = min(base.plan.adhesion.elements, lowest.a / h)
-            heights.append(np.abs(forces - smooth(depths)).max() / -lowest.force / force_ripple(elements))
+            heights.append(
+                np.abs(forces - smooth(depths)).max() / -lowest.force / force_ripple(elements)
+            )
     assert 2 / 3 < max(heights) < 1
 
 
@@ -122,12 +139,16 @@ def test_the_pull_off_of_rings_from_few_rows() -> None:
         loading={"deltas": [d * depth for d in (0.5, 0.0, -0.25, -0.5, -0.75)]},
     )
     assert found
-    assert abs(found.state.force / (pi * work) - pull) <= found.error / (pi * work) + 1e-3 * abs(pull)
+    assert abs(found.state.force / (pi * work) - pull) <= found.error / (pi * work) + 1e-3 * abs(
+        pull
+    )
     assert min(row.force for row in rows) / found.state.force < 1 - 2e-3
 
 
 def test_a_path_in_time_is_searched_between_all_the_places_that_it_passes() -> None:
-    """Rows at a few times, between which the tip is followed in smaller steps: as of the same path in depth."""
+    """Rows at a few times, between which the tip is followed in smaller steps: as of the same path
+    in depth.
+    """
     given = {"contact": LOOSE, "mesh": {"h_contact": 0.08}}
     history = [[0, 0], [1, 0.05], [3, -0.2]]
     few, found = searched(**given, loading={"history": history, "times": [1.0, 1.4, 2.2, 3.0]})
@@ -153,11 +174,17 @@ def test_nothing_is_kept_and_searched_where_the_scene_does_not_ask(
     walk = solver.walk(base, meshed(base))
     assert all(row.converged for row in walk.states(base.physics.path, lambda step: False))
     spent = walk.equilibrium.effort
-    assert walk.find_pull_off() is None and not walk.pull_off_points and walk.equilibrium.effort == spent
+    assert (
+        walk.find_pull_off() is None
+        and not walk.pull_off_points
+        and walk.equilibrium.effort == spent
+    )
 
 
 def test_a_row_at_which_the_path_ends_is_not_searched_from() -> None:
-    base = scene(WALLED, contact=LOOSE, mesh={"h_contact": 0.15}, loading={"deltas": [0.05, 0.03, 0.01]})
+    base = scene(
+        WALLED, contact=LOOSE, mesh={"h_contact": 0.15}, loading={"deltas": [0.05, 0.03, 0.01]}
+    )
     walk = solver.walk(base, meshed(base))
     forces = [row.force for row in walk.states(base.physics.path, lambda step: False)]
     assert forces[-1] == min(forces) < 0

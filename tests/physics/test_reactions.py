@@ -1,4 +1,6 @@
-"""Reactions of the supports: they balance the tip, know no mirror planes, and are those of exact solutions."""
+"""Reactions of the supports: they balance the tip, know no mirror planes, and are those of exact
+solutions.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from indent_sim.results.reader import read
 from indent_sim.run.chain import simulate
 from indent_sim.scene.scene import Scene, resolve
 
-BALANCE = 1e-8  # of the force: Newton's method leaves 1e-10 of the reactions, over some hundred held nodes
+# of the force: Newton's method leaves 1e-10 of the reactions, over some hundred held nodes
+BALANCE = 1e-8
 COARSE = ("mesh.h_contact=0.05", "mesh.h_far=0.5")
 RUBBER = {"model": "neo_hookean", "E": 1.0, "nu": 0.4}
 ROUGH = {"method": "augmented_lagrangian", "friction": 0.3}
@@ -31,7 +34,9 @@ RAMP: dict[str, Any] = {"history": [[0, 0], [0.1, 0.02]], "times": [0.01, 0.1]}
 def along(state: State, axis: str) -> float:
     """The sum of all supports' forces on the body along an axis."""
     assert state.reactions is not None
-    supports = {name: force for name, force in state.reactions.items() if not name.startswith("mirror")}
+    supports = {
+        name: force for name, force in state.reactions.items() if not name.startswith("mirror")
+    }
     return sum(force for name, force in supports.items() if name.endswith(f"_{axis}"))
 
 
@@ -39,26 +44,38 @@ BALANCED = {
     "axisymmetric": scene(CYLINDER | {"sides": "fixed"}),
     "strip": scene(STRIP | {"sides": "fixed"}, "mesh.symmetry=full"),
     "strip off its middle, with friction": scene(STRIP, indenter=OFF_CENTER, contact=ROUGH),
-    "strip off its middle, whole": scene(STRIP, "solver.method=newton", indenter=OFF_CENTER, contact=ROUGH),
+    "strip off its middle, whole": scene(
+        STRIP, "solver.method=newton", indenter=OFF_CENTER, contact=ROUGH
+    ),
     "rubber strip off its middle": scene(
-        STRIP, indenter=OFF_CENTER, contact=ROUGH, material=RUBBER, loading={"delta": 0.1, "steps": 2}
+        STRIP,
+        indenter=OFF_CENTER,
+        contact=ROUGH,
+        material=RUBBER,
+        loading={"delta": 0.1, "steps": 2},
     ),
     "quarter of a box": scene(HELD_BOX, *COARSE),
-    "quarter of a rubber box": scene(HELD_BOX, *COARSE, material=RUBBER, loading={"delta": 0.02, "steps": 1}),
+    "quarter of a rubber box": scene(
+        HELD_BOX, *COARSE, material=RUBBER, loading={"delta": 0.02, "steps": 1}
+    ),
     "half of a cylinder in a curved roller": scene(WALLED, "mesh.symmetry=half", *COARSE),
     "half of a rubber cylinder in a curved roller": scene(
         WALLED, "mesh.symmetry=half", "mesh.h_contact=0.1", "mesh.h_far=0.5", material=RUBBER
     ),
     "draining": scene(CYLINDER | {"sides": "roller"}, material=POROUS, loading=RAMP),
     "draining rubber": scene(
-        CYLINDER | {"sides": "fixed"}, material=RUBBER | {"flow": {"diffusivity": 1.0}}, loading=RAMP
+        CYLINDER | {"sides": "fixed"},
+        material=RUBBER | {"flow": {"diffusivity": 1.0}},
+        loading=RAMP,
     ),
 }
 
 
 @pytest.mark.parametrize("name", BALANCED)
 def test_the_supports_push_the_body_as_the_body_pushes_the_tip(name: str) -> None:
-    """Along z with the force of the row; sideways with that of friction, and not at all where the gap is vertical."""
+    """Along z with the force of the row; sideways with that of friction, and not at all where the
+    gap is vertical.
+    """
     base = BALANCED[name]
     is_vertical = base.physics.gap == "reference"
     for state in solve(base):
@@ -66,12 +83,16 @@ def test_the_supports_push_the_body_as_the_body_pushes_the_tip(name: str) -> Non
         for axis in {"x", "y"} if base.physics.part.kinematics.name != "axisymmetric" else ():
             side_force = getattr(state, f"side_force_{axis}")
             if side_force is not None or is_vertical:
-                assert along(state, axis) == pytest.approx(side_force or 0.0, abs=BALANCE * state.force)
+                assert along(state, axis) == pytest.approx(
+                    side_force or 0.0, abs=BALANCE * state.force
+                )
 
 
 @pytest.mark.parametrize("sides", ["roller", "fixed"])
 def test_what_is_mirrored_bears_what_the_whole_does(sides: str) -> None:
-    """The half and the whole strip have meshes of their own, each right to 0.1 %: 0.2 % apart at most."""
+    """The half and the whole strip have meshes of their own, each right to 0.1 %: 0.2 % apart at
+    most.
+    """
     body = STRIP | {"sides": sides}
     (half,), (whole,) = solve(scene(body)), solve(scene(body, "mesh.symmetry=full"))
     assert half.reactions and whole.reactions
@@ -83,8 +104,12 @@ def test_what_is_mirrored_bears_what_the_whole_does(sides: str) -> None:
 
 
 def test_a_quarter_bears_what_the_whole_box_does() -> None:
-    """Two meshes with n = 2.5 elements in the contact radius, each right to 0.07/n^2 = 1.1 %: 3 % apart at most."""
-    (part,), (whole,) = (solve(scene(HELD_BOX, *COARSE, *more)) for more in ((), ("mesh.symmetry=full",)))
+    """Two meshes with n = 2.5 elements in the contact radius, each right to 0.07/n^2 = 1.1 %: 3 %
+    apart at most.
+    """
+    (part,), (whole,) = (
+        solve(scene(HELD_BOX, *COARSE, *more)) for more in ((), ("mesh.symmetry=full",))
+    )
     assert part.reactions and whole.reactions
     for name in ("base_z", "x_min_x", "x_max_x", "y_min_y", "y_max_z", "x_min_z"):
         assert part.reactions[name] == pytest.approx(whole.reactions[name], rel=0.03), name
@@ -103,7 +128,10 @@ def test_a_mirror_plane_bears_what_the_side_does_on_rollers() -> None:
 
 @pytest.mark.parametrize("method", ["newton", "condensed"])
 def test_the_wall_of_a_confined_column_bears_its_lateral_pressure(method: str) -> None:
-    """Uniaxial strain: sigma_r = nu/(1-nu) sigma_z, on a wall of the area 2 pi R h. Linear fields are exact."""
+    """Uniaxial strain: sigma_r = nu/(1-nu) sigma_z, on a wall of the area 2 pi R h.
+
+    Linear fields are exact.
+    """
     body = {"shape": "cylinder", "radius": 0.5, "height": 1.0, "base": "roller", "sides": "roller"}
     (state,) = solve(scene(body, f"solver.method={method}", indenter={"shape": "plate"}))
     modulus = (1 - 0.3) / (1 + 0.3) / (1 - 2 * 0.3)
@@ -113,7 +141,9 @@ def test_the_wall_of_a_confined_column_bears_its_lateral_pressure(method: str) -
     )
 
 
-@pytest.mark.parametrize("name", ["quarter of a box", "half of a cylinder in a curved roller", "axisymmetric"])
+@pytest.mark.parametrize(
+    "name", ["quarter of a box", "half of a cylinder in a curved roller", "axisymmetric"]
+)
 def test_the_condensed_body_has_the_reactions_of_the_whole_one(name: str) -> None:
     condensed = BALANCED[name]
     assert condensed.solver.method == "condensed"
@@ -128,14 +158,20 @@ def with_newton(base: Scene) -> Scene:
 
 
 def test_a_node_on_two_fixed_supports_is_shared() -> None:
-    """Where a fixed base meets fixed sides each has half: the part of it in either vanishes with the elements."""
+    """Where a fixed base meets fixed sides each has half: the part of it in either vanishes with
+    the elements.
+    """
     body = CYLINDER | {"sides": "fixed"}
     parts = [solve(scene(body, f"mesh.h_far={h}"))[-1] for h in (0.2, 0.1)]
     shares = [state.reactions["sides_z"] / state.force for state in parts if state.reactions]
     assert shares[0] == pytest.approx(shares[1], rel=0.02)
 
 
-GIVEN = {"body": CYLINDER | {"sides": "fixed"}, "material": ELASTIC, "indenter": {"shape": "paraboloid", "R": 1.0}}
+GIVEN = {
+    "body": CYLINDER | {"sides": "fixed"},
+    "material": ELASTIC,
+    "indenter": {"shape": "paraboloid", "R": 1.0},
+}
 GIVEN |= {"loading": {"delta": 0.01, "steps": 2}, "units": {"length": "mm", "force": "N"}}
 
 
@@ -150,7 +186,9 @@ def test_columns_on_request_and_the_last_row_in_run_json(tmp_path: Path) -> None
         "reaction_sides_r",
         "reaction_sides_z",
     )
-    assert found["reaction_base_z"] + found["reaction_sides_z"] == pytest.approx(found["force"], rel=BALANCE)
+    assert found["reaction_base_z"] + found["reaction_sides_z"] == pytest.approx(
+        found["force"], rel=BALANCE
+    )
     for outcome in (plain, asked):
         report = json.loads((outcome.directory / "run.json").read_text())["reactions"]
         assert report["step"] == 2
@@ -164,9 +202,13 @@ def test_reactions_are_forces_in_the_units_of_the_scene() -> None:
     small = {"shape": "cylinder", "radius": 1e3, "height": 1e3, "base": "fixed", "sides": "fixed"}
     material, tip = ELASTIC | {"E": 1e-3}, {"shape": "paraboloid", "R": 1e3}
     (one,) = solve(scene(CYLINDER | {"sides": "fixed"}))
-    (other,) = solve(scene(small, material=material, indenter=tip, loading={"delta": 10.0, "steps": 1}))
+    (other,) = solve(
+        scene(small, material=material, indenter=tip, loading={"delta": 10.0, "steps": 1})
+    )
     assert one.reactions and other.reactions
-    assert other.reactions == pytest.approx({name: 1e3 * force for name, force in one.reactions.items()}, rel=1e-9)
+    assert other.reactions == pytest.approx(
+        {name: 1e3 * force for name, force in one.reactions.items()}, rel=1e-9
+    )
 
 
 def test_a_run_with_reactions_goes_on_with_them(tmp_path: Path) -> None:
@@ -185,7 +227,10 @@ def test_a_run_with_reactions_goes_on_with_them(tmp_path: Path) -> None:
     ("given", "why"),
     [
         ({"body": {"shape": "half_space"}}, "without a mesh"),
-        ({"body": {"shape": "layer", "height": 1.0}, "solver": {"method": "condensed"}}, "without end"),
+        (
+            {"body": {"shape": "layer", "height": 1.0}, "solver": {"method": "condensed"}},
+            "without end",
+        ),
         (
             {
                 "material": ELASTIC | {"relaxation": {"prony": [[0.5, 1.0]]}},

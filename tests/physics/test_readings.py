@@ -32,14 +32,25 @@ def test_stiffness_of_a_condensed_layer_is_the_flat_punchs(nu: float) -> None:
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty", "active_set", "nitsche"])
 @pytest.mark.parametrize("solver", ["newton", "condensed"])
 def test_stiffness_by_the_tangent_is_the_slope_of_the_meshs_force(method: str, solver: str) -> None:
-    """In plane strain, where no punch stands in for it. Over 2e-5 of the depth the points that touch are the same, and
-    what the solver's tolerance of 1e-10 leaves of the difference is 1e-5."""
+    """In plane strain, where no punch stands in for it.
+
+    Over 2e-5 of the depth the points that touch are the same, and what the solver's tolerance of
+    1e-10 leaves of the difference is 1e-5.
+    """
     if (method, solver) == ("nitsche", "condensed"):
         return
     depths = {"deltas": [0.01 * (1 - 1e-5), 0.01, 0.01 * (1 + 1e-5)]}
-    base = scene(STRIP, f"contact.method={method}", f"solver.method={solver}", "mesh.h_contact=0.03", loading=depths)
+    base = scene(
+        STRIP,
+        f"contact.method={method}",
+        f"solver.method={solver}",
+        "mesh.h_contact=0.03",
+        loading=depths,
+    )
     low, state, high = solve(base)
-    assert state.stiffness == pytest.approx((high.force - low.force) / (high.delta - low.delta), rel=1e-3)
+    assert state.stiffness == pytest.approx(
+        (high.force - low.force) / (high.delta - low.delta), rel=1e-3
+    )
     assert state.area == pytest.approx(2 * state.a) and math.isnan(state.E_hertz or 0.0)
 
 
@@ -49,7 +60,9 @@ def test_a_multiplier_that_moves_outside_of_newton_has_no_tangent() -> None:
 
 
 def test_a_half_space_reads_its_own_modulus() -> None:
-    """The mesh's force is within 0.3 % of Hertz, so E_hertz is within 0.3 % of E; theory's to rounding."""
+    """The mesh's force is within 0.3 % of Hertz, so E_hertz is within 0.3 % of E; theory's to
+    rounding.
+    """
     body = {"shape": "half_space"}
     assert list(chain.states(scene(body)))[-1].E_hertz == pytest.approx(1.0, rel=1e-12)
     meshed = solve(scene(body, "solver.method=condensed"))[-1]
@@ -77,8 +90,12 @@ def test_the_modulus_of_a_half_space_is_within_its_error_bar(nu: float, tmp_path
 
 @pytest.mark.parametrize("rounding", [-1e-14, 2e-16])
 def test_a_force_of_zero_reads_no_modulus(rounding: float) -> None:
-    """Where an attraction balances it, at a depth > 0: the force that is found there is rounding of either sign."""
-    base = scene(WALLED, contact={"adhesion": {"work": 1e-4, "range": 1e-2}}, loading={"forces": [0.0, 1e-3]})
+    """Where an attraction balances it, at a depth > 0: the force that is found there is rounding of
+    either sign.
+    """
+    base = scene(
+        WALLED, contact={"adhesion": {"work": 1e-4, "range": 1e-2}}, loading={"forces": [0.0, 1e-3]}
+    )
     balanced = State(1, 3e-3, rounding, 0.05, nan, 0.0, nan, 1, 0.0, stiffness=1.0)
     assert math.isnan(Readings(base).read(balanced).E_hertz or 0.0)
     assert Readings(base).read(replace(balanced, step=2, force=1e-3)).E_hertz
@@ -94,7 +111,13 @@ def test_a_fit_to_an_exact_curve_is_off_by_nothing() -> None:
 @pytest.mark.parametrize(
     ("body", "tip", "nu", "delta", "within"),
     [
-        ({"shape": "cap", "base_radius": 1.0, "height": 0.6, "base": "fixed"}, {"shape": "plate"}, 0.3, 0.4, 0.02),
+        (
+            {"shape": "cap", "base_radius": 1.0, "height": 0.6, "base": "fixed"},
+            {"shape": "plate"},
+            0.3,
+            0.4,
+            0.02,
+        ),
         (
             {"shape": "cylinder", "radius": 2.9, "height": 1.0, "sides": "roller"},
             {"shape": "paraboloid", "R": 20.0},
@@ -107,9 +130,11 @@ def test_a_fit_to_an_exact_curve_is_off_by_nothing() -> None:
 def test_the_stiffness_where_no_punch_moves_the_last_nodes(
     body: dict[str, Any], tip: dict[str, Any], nu: float, delta: float, within: float
 ) -> None:
-    """A rim that is held, a sealed incompressible body: against the force's difference over 1 % of the depth, whose own
-    error is 1e-4 of the stiffness; 2 % is the element at the edge, which comes into contact or not, and beside the wall
-    of a sealed body, where the stiffness grows without bound, four times as much."""
+    """A rim that is held, a sealed incompressible body: against the force's difference over 1 % of
+    the depth, whose own error is 1e-4 of the stiffness; 2 % is the element at the edge, which
+    comes into contact or not, and beside the wall of a sealed body, where the stiffness grows
+    without bound, four times as much.
+    """
     depths = {"deltas": [0.995 * delta, delta, 1.005 * delta]}
     base = scene(body, material=ELASTIC | {"nu": nu}, indenter=tip, loading=depths)
     before, state, after = solve(base)

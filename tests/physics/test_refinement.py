@@ -1,4 +1,6 @@
-"""`run` with `accuracy` and with `--error-bars`: the column, the budget, refinement, its limits, and `--resume`."""
+"""`run` with `accuracy` and with `--error-bars`: the column, the budget, refinement, its limits,
+and `--resume`.
+"""
 
 from __future__ import annotations
 
@@ -27,18 +29,29 @@ SCENE: dict[str, Any] = {
 }
 
 
-def simulate(folder: Path, error_bars: bool = False, resume: bool = False, **sections: Any) -> chain.Outcome:
-    return chain.simulate(from_mapping(SCENE | sections), directory=folder, error_bars=error_bars, resume=resume)
+def simulate(
+    folder: Path, error_bars: bool = False, resume: bool = False, **sections: Any
+) -> chain.Outcome:
+    return chain.simulate(
+        from_mapping(SCENE | sections), directory=folder, error_bars=error_bars, resume=resume
+    )
 
 
 def test_error_bars_are_a_column_and_a_budget(tmp_path: Path) -> None:
-    simulate(tmp_path / "run", error_bars=True, contact={"method": "penalty"}, body={"shape": "half_space"})
+    simulate(
+        tmp_path / "run",
+        error_bars=True,
+        contact={"method": "penalty"},
+        body={"shape": "half_space"},
+    )
     found = read(tmp_path / "run")
     parts = found.report["error_budget"]
     assert [part["step"] for part in parts] == list(found["step"])
     sums = [part["discretisation"] + part["enforcement"] + part["truncation"] for part in parts]
     assert found["force_error"] == pytest.approx(sums, rel=1e-12)
-    assert all(part[name] > 0 for part in parts for name in ("discretisation", "enforcement", "truncation"))
+    assert all(
+        part[name] > 0 for part in parts for name in ("discretisation", "enforcement", "truncation")
+    )
 
 
 def test_without_being_asked_nothing_is_estimated(tmp_path: Path) -> None:
@@ -57,7 +70,9 @@ def test_the_written_config_gives_the_same_run_without_accuracy(tmp_path: Path) 
         assert [state.force for state in again.states] == [state.force for state in first.states]
 
 
-def test_the_mesh_is_refined_until_the_bars_are_narrow_enough(tmp_path: Path, monkeypatch: Any, caplog: Any) -> None:
+def test_the_mesh_is_refined_until_the_bars_are_narrow_enough(
+    tmp_path: Path, monkeypatch: Any, caplog: Any
+) -> None:
     """With a trade that promises too much the first mesh is too coarse; the estimate notices."""
     monkeypatch.setitem(fineness.CONSTANT, 2, 0.02)
     caplog.set_level("INFO", logger="indent_sim")
@@ -72,7 +87,9 @@ def test_the_mesh_is_refined_until_the_bars_are_narrow_enough(tmp_path: Path, mo
 def test_what_no_mesh_can_mend_ends_with_exit_code_6_and_the_rows(tmp_path: Path) -> None:
     """A penalty as soft as this is 1 % low whatever the mesh."""
     with pytest.raises(VerificationError, match="epsilon_n alone costs") as caught:
-        simulate(tmp_path / "run", accuracy=0.001, contact={"method": "penalty", "epsilon_n": 1000.0})
+        simulate(
+            tmp_path / "run", accuracy=0.001, contact={"method": "penalty", "epsilon_n": 1000.0}
+        )
     assert caught.value.exit_code == 6
     found = read(tmp_path / "run")
     assert len(found) == 5 and found.report["status"] == "failed" and found.report["exit_code"] == 6
@@ -106,7 +123,9 @@ def test_a_resumed_run_has_the_same_rows_and_bars(tmp_path: Path, sections: dict
     resumed = simulate(tmp_path / "run", resume=True, error_bars=bars, **sections)
     assert resumed.resumed_after == 3
     for name in ("force", "force_error"):
-        assert [getattr(s, name) for s in resumed.states] == pytest.approx([getattr(s, name) for s in whole.states])
+        assert [getattr(s, name) for s in resumed.states] == pytest.approx(
+            [getattr(s, name) for s in whole.states]
+        )
     assert len(resumed.report["error_budget"]) == 5
 
 
@@ -120,8 +139,11 @@ def test_a_resumed_run_has_the_same_rows_and_bars(tmp_path: Path, sections: dict
 def test_a_later_attempt_that_is_resumed_has_the_same_bars(
     tmp_path: Path, monkeypatch: Any, contact: dict[str, Any], rows: int
 ) -> None:
-    """Its companions are the attempts before, whatever the process that computed them. Five rows an attempt, three
-    attempts or more; forces agree to 1e-12 or so, hence their differences to 1e-6."""
+    """Its companions are the attempts before, whatever the process that computed them.
+
+    Five rows an attempt, three attempts or more; forces agree to 1e-12 or so, hence their
+    differences to 1e-6.
+    """
     monkeypatch.setitem(fineness.CONSTANT, 2, 0.02)
     monkeypatch.setattr("indent_sim.run.companions.accuracy.GREATEST", 1.3)  # in small steps
     monkeypatch.setattr("indent_sim.run.companions.accuracy.ATTEMPTS", 9)
@@ -140,8 +162,12 @@ def test_a_later_attempt_that_is_resumed_has_the_same_bars(
     resumed = simulate(tmp_path / "run", resume=True, **sections)
     tried, same = (outcome.report["accuracy"]["tried"] for outcome in (resumed, whole))
     assert tried == pytest.approx(same, rel=1e-6)
-    assert read(tmp_path / "run")["force_error"] == pytest.approx(read(tmp_path / "whole")["force_error"], rel=1e-6)
-    for here, there in zip(resumed.report["error_budget"], whole.report["error_budget"], strict=True):
+    assert read(tmp_path / "run")["force_error"] == pytest.approx(
+        read(tmp_path / "whole")["force_error"], rel=1e-6
+    )
+    for here, there in zip(
+        resumed.report["error_budget"], whole.report["error_budget"], strict=True
+    ):
         assert here.discretisation == pytest.approx(there.discretisation, rel=1e-6)
         assert here.enforcement == pytest.approx(there.enforcement, rel=1e-6)
 
@@ -160,8 +186,10 @@ def test_a_finished_run_of_another_accuracy_is_not_resumed(tmp_path: Path) -> No
 
 
 def test_accuracy_of_a_hyperelastic_body(tmp_path: Path) -> None:
-    """Reference: a sphere R = 1 on the neo-Hookean layer nu = 0.3, W = 2, gap at the deformed point, computed with
-    mixed elements of order 6 whose edges follow the contact; good to 1e-6. One row may be outside its bar."""
+    """Reference: a sphere R = 1 on the neo-Hookean layer nu = 0.3, W = 2, gap at the deformed
+    point, computed with mixed elements of order 6 whose edges follow the contact; good to 1e-6.
+    One row may be outside its bar.
+    """
     exact = {0.05: 0.0208384, 0.1: 0.0659038, 0.2: 0.219368}
     outcome = simulate(
         tmp_path / "run",
@@ -195,19 +223,28 @@ def test_a_lifted_tip_has_no_error(tmp_path: Path) -> None:
 
 
 def test_a_step_without_force_to_speak_of_is_said_not_to_be_judged(tmp_path: Path) -> None:
-    """2e-5 of the depth is 1e-7 of the force. Its contact has a fifth of the elements of the others: a wide bar."""
+    """2e-5 of the depth is 1e-7 of the force. Its contact has a fifth of the elements of the
+    others: a wide bar.
+    """
     loading = {"deltas": [2e-7, 1e-3, 0.01]}
     outcome = simulate(tmp_path / "run", accuracy=0.01, loading=loading)
     shallow, *others = outcome.states
     assert (
-        all(state.force_error <= 0.01 * state.force for state in others) and shallow.force_error > 0.01 * shallow.force
+        all(state.force_error <= 0.01 * state.force for state in others)
+        and shallow.force_error > 0.01 * shallow.force
     )
     (said,) = [text for text in outcome.report["warnings"] if "accuracy" in text]
     assert said.endswith("largest force: of 1") and "1e-06" in said
-    assert not [text for text in simulate(tmp_path / "other", accuracy=0.01).report["warnings"] if "accuracy" in text]
+    assert not [
+        text
+        for text in simulate(tmp_path / "other", accuracy=0.01).report["warnings"]
+        if "accuracy" in text
+    ]
 
 
-def test_loading_the_libraries_is_no_cost_of_the_companions(tmp_path: Path, monkeypatch: Any) -> None:
+def test_loading_the_libraries_is_no_cost_of_the_companions(
+    tmp_path: Path, monkeypatch: Any
+) -> None:
     import time
 
     load = simulation.backend
@@ -232,5 +269,8 @@ def test_plan_says_what_accuracy_chose(tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text(yaml.safe_dump(SCENE | {"accuracy": "balanced"}))
     result = CliRunner().invoke(commands.program, ["plan", str(tmp_path / "scene.yaml"), "--json"])
     choices = {choice["key"]: choice for choice in json.loads(result.stdout)["choices"]}
-    assert choices["accuracy"]["value"] == 0.01 and "elements in the contact radius" in choices["accuracy"]["why"]
+    assert (
+        choices["accuracy"]["value"] == 0.01
+        and "elements in the contact radius" in choices["accuracy"]["why"]
+    )
     assert "mesh.h_axis" in choices

@@ -1,5 +1,6 @@
-"""Bodies whose shear stress relaxes, step by step: bars in closed form and point by point, other theories, and symmetry
-of what is remembered."""
+"""Bodies whose shear stress relaxes, step by step: bars in closed form and point by point, other
+theories, and symmetry of what is remembered.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +46,9 @@ COARSE = {"h_contact": 0.05, "h_far": 0.4}
 def relaxing(base: Scene, law: Exponentials) -> Scene:
     """The same scene of a material whose shear stress relaxes."""
     part = base.physics.part
-    return base.with_physics(part=replace(part, regions=tuple(replace(one, relaxing=law) for one in part.regions)))
+    return base.with_physics(
+        part=replace(part, regions=tuple(replace(one, relaxing=law) for one in part.regions))
+    )
 
 
 @cache
@@ -98,18 +101,25 @@ def along(body: Any, history: Sequence[tuple[float, float]]) -> Iterator[float]:
         body.accept()
 
 
-def held(name: str, law: Exponentials, delta: float, end: float, per_doubling: int) -> tuple[np.ndarray, np.ndarray]:
+def held(
+    name: str, law: Exponentials, delta: float, end: float, per_doubling: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Times, from 0 on, and forces of a tip pressed in at once, in parts of 0.05, and held."""
     steps, parts = ladder(min(law.times) / 20, end, per_doubling), round(delta / 0.05) or 1
     jump = [(delta * k / parts, 0.0) for k in range(1, parts + 1)]
-    forces = list(along(solver.equilibrium(*in_time(name, law)), [*jump, *((delta, dt) for dt in steps)]))
+    forces = list(
+        along(solver.equilibrium(*in_time(name, law)), [*jump, *((delta, dt) for dt in steps)])
+    )
     return np.cumsum([0.0, *steps]), np.array(forces[parts - 1 :])
 
 
-# ---- bars ----------------------------------------------------------------------------------------------------------
+# ---- bars
+# ----------------------------------------------------------------------------------------------------------
 
 
-def bar_error(name: str, law: Exponentials, E: float, nu: float, end: float, per_doubling: int) -> float:
+def bar_error(
+    name: str, law: Exponentials, E: float, nu: float, end: float, per_doubling: int
+) -> float:
     """Largest error of E(t)/E in a hold; E is the scene's unit of pressure."""
     t, force = held(name, law, 0.01, end, per_doubling)
     exact = [relaxing_bar(E, nu, law.fractions, law.times, s) / E for s in t]
@@ -117,14 +127,17 @@ def bar_error(name: str, law: Exponentials, E: float, nu: float, end: float, per
 
 
 def test_bar_of_a_bulk_modulus_that_stays() -> None:
-    """Measured 1.4e-4, 4.4e-5, 1.3e-5 with 2, 4, 8 steps before they double: between first and second order."""
+    """Measured 1.4e-4, 4.4e-5, 1.3e-5 with 2, 4, 8 steps before they double: between first and
+    second order.
+    """
     errors = [bar_error("bar", TWO_TIMES, 1.0, 0.3, 2.0, n) for n in (2, 4, 8)]
     assert errors[1] < 1.5e-4
     assert errors[0] / errors[1] > 2.5 and errors[1] / errors[2] > 2.5
 
 
 @pytest.mark.parametrize(
-    ("name", "law", "E", "nu"), [("mixed bar", TWO_TIMES, 1.0, 0.3), ("softer bar", ONE_TIME, 10.0, 0.1)]
+    ("name", "law", "E", "nu"),
+    [("mixed bar", TWO_TIMES, 1.0, 0.3), ("softer bar", ONE_TIME, 10.0, 0.1)],
 )
 def test_other_bars(name: str, law: Exponentials, E: float, nu: float) -> None:
     assert bar_error(name, law, E, nu, 3.0, 4) < 1.5e-4
@@ -132,9 +145,12 @@ def test_other_bars(name: str, law: Exponentials, E: float, nu: float) -> None:
 
 @pytest.mark.parametrize("exponent", [0.1, 0.4])
 def test_a_bar_of_a_power_law_in_a_ramp(exponent: float) -> None:
-    """At nu = 0.5 and a constant rate the stress is rate E time^b t^(1-b)/(1-b). S is straight in time, so a step of
-    any length is exact: what is left are the exponentials, 5e-6, and what they lack of the modulus before a
-    hundredth of their shortest time, (1e-9/0.1)^0.6 = 2e-5 of the force at 0.1."""
+    """At nu = 0.5 and a constant rate the stress is rate E time^b t^(1-b)/(1-b).
+
+    S is straight in time, so a step of any length is exact: what is left are the exponentials,
+    5e-6, and what they lack of the modulus before a hundredth of their shortest time,
+    (1e-9/0.1)^0.6 = 2e-5 of the force at 0.1.
+    """
     law = exponentials(Relaxation(power_law=PowerLaw(exponent, 2.0)), 1e-7, 1.0)
     steps = [0.1, 0.2, 0.7]
     t = np.cumsum(steps)
@@ -169,16 +185,22 @@ def test_bar_in_stages_of_a_body_in_which_fluid_flows() -> None:
                 assert newton.solve(), newton.failure
                 problem.end(stage)
             t += dt
-            off.append(abs(problem.force() / (pi * 0.01) - relaxing_bar(1.0, 0.3, *TWO_TIMES[1:], t)))
+            off.append(
+                abs(problem.force() / (pi * 0.01) - relaxing_bar(1.0, 0.3, *TWO_TIMES[1:], t))
+            )
             problem.accept()
         errors.append(max(off))
     assert errors[0] < 8e-4
     assert errors[0] / errors[1] > 3
 
 
-def rubber_bar(strain: Callable[[float], float], law: Exponentials, end: float, steps: int) -> float:
-    """Nominal stress over E of a MOONEY bar after strain(t), point by point: Simo's law in principal stretches, its
-    internal stresses by the trapezoidal rule, the lateral stretch from a lateral stress of 0."""
+def rubber_bar(
+    strain: Callable[[float], float], law: Exponentials, end: float, steps: int
+) -> float:
+    """Nominal stress over E of a MOONEY bar after strain(t), point by point: Simo's law in
+    principal stretches, its internal stresses by the trapezoidal rule, the lateral stretch from
+    a lateral stress of 0.
+    """
     E, nu = 4 * (C10 + C01) * (1 + NU), NU
     kappa, rest = E / (3 * (1 - 2 * nu)), law.rest
     A = [np.zeros(3) for _ in law.times]
@@ -187,27 +209,35 @@ def rubber_bar(strain: Callable[[float], float], law: Exponentials, end: float, 
     def deviator(v: np.ndarray) -> np.ndarray:
         return v - v.mean()
 
-    def state(side: float, long: float, old: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    def state(
+        side: float, long: float, old: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
         l = np.array([long, side, side])
         J, b = float(np.prod(l)), l**2 * float(np.prod(l)) ** (-2 / 3)
         elastic = deviator(2 * C10 * b - 2 * C01 / b)  # Kirchhoff
         S_new = elastic / b
         x = [dt / tau for tau in law.times]
-        new = [(a * (1 - y / 2) + y / 2 * (old + S_new)) / (1 + y / 2) for a, y in zip(A, x, strict=True)]
+        new = [
+            (a * (1 - y / 2) + y / 2 * (old + S_new)) / (1 + y / 2)
+            for a, y in zip(A, x, strict=True)
+        ]
         lost = sum(g * deviator(b * a) for g, a in zip(law.fractions, new, strict=True))
         return (rest + sum(law.fractions)) * elastic - lost + kappa * log(J), S_new, new
 
     for k in range(1, steps + 1):
         long = 1 - strain(k * dt)
-        side = brentq(lambda s, long=long, S=S: state(s, long, S)[0][1], 0.8 * side, 1.25 * side, xtol=1e-14)
+        side = brentq(
+            lambda s, long=long, S=S: state(s, long, S)[0][1], 0.8 * side, 1.25 * side, xtol=1e-14
+        )
         tau, S, A = state(side, long, S)
         P = tau[0] / long
     return P / E
 
 
 def test_bar_at_finite_strain() -> None:
-    """Shortened by 0.3 within 0.5, and held to 1: 20 and 40 steps against 2000 of the other rule; the error falls with
-    the square of the step."""
+    """Shortened by 0.3 within 0.5, and held to 1: 20 and 40 steps against 2000 of the other rule;
+    the error falls with the square of the step.
+    """
 
     def strain(t: float) -> float:
         return 0.3 * min(t / 0.5, 1.0)
@@ -222,33 +252,41 @@ def test_bar_at_finite_strain() -> None:
     assert errors[0] / errors[1] > 3
 
 
-# ---- indentation ---------------------------------------------------------------------------------------------------
+# ---- indentation
+# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["rubber", pytest.param("ogden", marks=pytest.mark.verify)])
 def test_a_sudden_deep_step_into_rubber_is_held(name: str) -> None:
-    """At nu = 0.5 nothing moves in the hold, whatever the law: F(t)/F(0) is that of one stress. Measured 3e-5:
-    elements at the edge of contact open a little."""
+    """At nu = 0.5 nothing moves in the hold, whatever the law: F(t)/F(0) is that of one stress.
+
+    Measured 3e-5: elements at the edge of contact open a little.
+    """
     t, force = held(name, TWO_TIMES, 0.3, 2.0, 4)
     exact = [held_incompressible(TWO_TIMES.fractions, TWO_TIMES.times, s) for s in t]
     assert force / force[0] == pytest.approx(exact, abs=3e-4)
 
 
 def test_incompressible_layers_relax_as_one_modulus() -> None:
-    """At nu = 0.5 shear is all there is: the ramp, the hold and the way out are those of Ting's theory on the same
-    mesh's elastic curve; twice the steps bring them nearer."""
+    """At nu = 0.5 shear is all there is: the ramp, the hold and the way out are those of Ting's
+    theory on the same mesh's elastic curve; twice the steps bring them nearer.
+    """
     base, grid = in_time("incompressible layer", TWO_TIMES)
     plain = relaxing(base, Exponentials(1.0, (), ()))
     depths = 0.03 * np.geomspace(0.02, 1.0, 24)
     elastic = solver.equilibrium(plain, grid)
-    curve = ElasticCurve(depths, np.array(list(along(elastic, [(d, 0.0) for d in depths]))), np.sqrt(depths))
+    curve = ElasticCurve(
+        depths, np.array(list(along(elastic, [(d, 0.0) for d in depths]))), np.sqrt(depths)
+    )
     cycle = OneCycle(Prony(*TWO_TIMES[1:]), [0.0, 0.5, 1.0, 2.0], [0.0, 0.03, 0.03, 0.0], curve)
     asked = np.array([0.5, 1.0, 1.25, 1.4])
     exact = np.array([cycle.at(float(t)).force for t in asked])
     errors = []
     for n in (20, 40):
         t = np.arange(1, round(1.4 * n) + 1) / n
-        history = [(float(np.interp(s, [0.0, 0.5, 1.0, 2.0], [0.0, 0.03, 0.03, 0.0])), 1 / n) for s in t]
+        history = [
+            (float(np.interp(s, [0.0, 0.5, 1.0, 2.0], [0.0, 0.03, 0.03, 0.0])), 1 / n) for s in t
+        ]
         forces = np.array(list(along(solver.equilibrium(base, grid), history)))
         errors.append(np.max(np.abs(np.interp(asked, t, forces) - exact)) / exact[0])
     assert errors[0] < 1e-2
@@ -256,7 +294,9 @@ def test_incompressible_layers_relax_as_one_modulus() -> None:
 
 
 def test_layers_that_are_alike_are_one_body() -> None:
-    """Each with stresses of its own; meshed with a face between them, which is worth 1e-3 of the force at most."""
+    """Each with stresses of its own; meshed with a face between them, which is worth 1e-3 of the
+    force at most.
+    """
     base = scene(HALVES, mesh=COARSE, solver={"method": "newton"}, loading={"delta": 0.02})
     assert len(base.physics.part.regions) == 2
     (*_, layers), (*_, one) = (
@@ -267,7 +307,9 @@ def test_layers_that_are_alike_are_one_body() -> None:
 
 
 def test_a_layer_relaxes_alone() -> None:
-    """Over one that does not: at last the force is that of an elastic layer of the relaxed shear modulus on it."""
+    """Over one that does not: at last the force is that of an elastic layer of the relaxed shear
+    modulus on it.
+    """
     kappa, G = 1 / (3 * 0.4), TWO_TIMES.rest / 2.6
     soft = {"model": "linear_elastic", "mu": G, "kappa": kappa}
     base = scene(HALVES, mesh=COARSE, solver={"method": "newton"}, loading={"delta": 0.02})
@@ -277,8 +319,12 @@ def test_a_layer_relaxes_alone() -> None:
     )  # fmt: skip
     part, grid = base.physics.part, meshed(base)
     upper, lower = part.regions
-    alone = base.with_physics(part=replace(part, regions=(replace(upper, relaxing=TWO_TIMES), lower)))
-    *_, force = along(solver.equilibrium(alone, grid), [(0.02, 0.0), (0.02, 1.0), (0.02, 1e3), (0.02, 1e5)])
+    alone = base.with_physics(
+        part=replace(part, regions=(replace(upper, relaxing=TWO_TIMES), lower))
+    )
+    *_, force = along(
+        solver.equilibrium(alone, grid), [(0.02, 0.0), (0.02, 1.0), (0.02, 1e3), (0.02, 1e5)]
+    )
     (exact,) = along(solver.equilibrium(rested, meshed(rested)), [(0.02, 0.0)])
     unit = rested.physics.scales.force / base.physics.scales.force
     assert force == pytest.approx(exact * unit, rel=1e-3)  # two meshes, if they differ
@@ -286,13 +332,16 @@ def test_a_layer_relaxes_alone() -> None:
 
 @pytest.mark.verify
 def test_a_box_in_three_dimensions_relaxes_as_one_modulus() -> None:
-    """At nu = 0.5 in a hold, measured 5.6e-5; 1.9e-4 with elements twice as large, which open at the contact's edge."""
+    """At nu = 0.5 in a hold, measured 5.6e-5; 1.9e-4 with elements twice as large, which open at
+    the contact's edge.
+    """
     t, force = held("box", TWO_TIMES, 0.05, 2.0, 4)
     exact = [held_incompressible(TWO_TIMES.fractions, TWO_TIMES.times, s) for s in t]
     assert force / force[0] == pytest.approx(exact, abs=1.5e-4)
 
 
-# ---- what is remembered --------------------------------------------------------------------------------------------
+# ---- what is remembered
+# --------------------------------------------------------------------------------------------
 
 IN_AND_OUT = [(0.01, 0.05), (0.02, 0.05), (0.02, 0.1), (0.02, 0.4), (0.01, 0.2), (0.012, 0.3)]
 STOPPED = 3
@@ -300,8 +349,9 @@ STOPPED = 3
 
 @pytest.mark.parametrize("name", ["layer", "rubber"])
 def test_a_body_put_back_in_mid_hold_goes_on_as_before(name: str) -> None:
-    """From the arrays of a checkpoint in a body of its own: Newton begins at the same numbers, so rows are equal to
-    round-off; and from the snapshot after a step that is given up."""
+    """From the arrays of a checkpoint in a body of its own: Newton begins at the same numbers, so
+    rows are equal to round-off; and from the snapshot after a step that is given up.
+    """
     first = solver.equilibrium(*in_time(name, TWO_TIMES))
     forces = list(along(first, IN_AND_OUT[:STOPPED]))
     kept = first.snapshot()
@@ -326,7 +376,9 @@ def test_arrays_of_another_body_are_refused() -> None:
 
 @pytest.mark.parametrize("name", ["bar", "mixed bar", "rubber bar"])
 def test_stress_fields_are_those_of_the_force_also_after_a_restore(name: str) -> None:
-    """A bar's axial stress is the force over its area (of the deformed one at finite strain), all others are 0."""
+    """A bar's axial stress is the force over its area (of the deformed one at finite strain), all
+    others are 0.
+    """
     body = solver.equilibrium(*in_time(name, TWO_TIMES))
     body.solve(0.05, 0.0)
     body.accept()
@@ -343,10 +395,14 @@ def test_stress_fields_are_those_of_the_force_also_after_a_restore(name: str) ->
         area = pi * np.max(1 + fields["displacement"][:, 0]) ** 2 if name == "rubber bar" else pi
         expected = np.zeros((3, 3))
         expected[2, 2] = -force / area
-        assert fields["stress"] == pytest.approx(np.broadcast_to(expected, fields["stress"].shape), abs=1e-9)
+        assert fields["stress"] == pytest.approx(
+            np.broadcast_to(expected, fields["stress"].shape), abs=1e-9
+        )
     body.restore(before)
     at_once = Fields(body.observed).gather()
-    assert at_once and at_once["stress"][0, 2, 2] < 1.1 * later["stress"][0, 2, 2]  # it pushed harder
+    assert (
+        at_once and at_once["stress"][0, 2, 2] < 1.1 * later["stress"][0, 2, 2]
+    )  # it pushed harder
 
 
 def test_supports_take_what_the_tip_gives_after_a_restore() -> None:
@@ -359,7 +415,9 @@ def test_supports_take_what_the_tip_gives_after_a_restore() -> None:
 
 
 def test_finite_strain_is_small_strain_where_it_is_small() -> None:
-    """Of the same moduli; forces over those at once differ by the order of the strain, 1e-3, times a tenth."""
+    """Of the same moduli; forces over those at once differ by the order of the strain, 1e-3, times
+    a tenth.
+    """
     E, nu, delta = 4 * (C10 + C01) * (1 + NU), NU, 1e-3
     t, force = held("rubber bar", TWO_TIMES, delta, 1.0, 2)
     exact = np.array([relaxing_bar(E, nu, TWO_TIMES.fractions, TWO_TIMES.times, s) / E for s in t])
@@ -369,33 +427,50 @@ def test_finite_strain_is_small_strain_where_it_is_small() -> None:
 
 
 def test_a_hold_lets_go_of_shear_alone() -> None:
-    """In a layer that is hardly compressible between fixed faces the force falls less than the shear modulus, and never
-    rises."""
+    """In a layer that is hardly compressible between fixed faces the force falls less than the
+    shear modulus, and never rises.
+    """
     _, force = held("layer", TWO_TIMES, 0.02, 5.0, 4)
     assert np.all(np.diff(force) < 1e-9 * force[0])
     assert force[-1] / force[0] > TWO_TIMES.rest * 1.05
 
 
-# ---- scenes --------------------------------------------------------------------------------------------------------
+# ---- scenes
+# --------------------------------------------------------------------------------------------------------
 
 PRONY = {"prony": [[0.4, 0.1], [0.3, 1.0]]}
 POWER = {"power_law": {"exponent": 0.2, "time": 1.0}}
-CYCLE = {"history": [[0, 0], [0.5, 0.02], [2, 0.02], [2.2, 0.015]], "times": [0.1, 0.5, 0.505, 0.7, 2.0, 2.1]}
+CYCLE = {
+    "history": [[0, 0], [0.5, 0.02], [2, 0.02], [2.2, 0.015]],
+    "times": [0.1, 0.5, 0.505, 0.7, 2.0, 2.1],
+}
 
 
 def of_scene(law: dict[str, Any], of: str, **sections: Any) -> list[State]:
     """The rows of an incompressible layer."""
     material = HOOKE | {"nu": 0.5, "relaxation": law | {"of": of}}
-    given = {"material": material, "indenter": PARABOLOID, "mesh": COARSE | {"h_contact": 0.02}, "loading": CYCLE}
+    given = {
+        "material": material,
+        "indenter": PARABOLOID,
+        "mesh": COARSE | {"h_contact": 0.02},
+        "loading": CYCLE,
+    }
     return list(chain.states(scene(LAYER, **given | sections), with_surface=False))
 
 
 @pytest.mark.parametrize(
-    "law", [pytest.param(PRONY, id="prony"), pytest.param(POWER, id="power law", marks=pytest.mark.verify)]
+    "law",
+    [
+        pytest.param(PRONY, id="prony"),
+        pytest.param(POWER, id="power law", marks=pytest.mark.verify),
+    ],
 )
 def test_an_incompressible_scene_is_that_of_its_elastic_curve(law: dict[str, Any]) -> None:
-    """There is no bulk modulus that could stay: Lee & Radok, and Ting on the way back. The curve is smooth where the
-    mesh's contact grows by elements, ten of them: measured 7e-4 of the largest force."""
+    """There is no bulk modulus that could stay: Lee & Radok, and Ting on the way back.
+
+    The curve is smooth where the mesh's contact grows by elements, ten of them: measured 7e-4 of
+    the largest force.
+    """
     by_steps, by_curve = of_scene(law, "shear"), of_scene(law, "all")
     assert [row.t for row in by_steps] == [row.t for row in by_curve] == CYCLE["times"]
     largest = max(row.force for row in by_curve)
@@ -405,7 +480,9 @@ def test_an_incompressible_scene_is_that_of_its_elastic_curve(law: dict[str, Any
 
 
 def test_a_body_that_shrinks_in_bulk_keeps_more_of_its_force() -> None:
-    """At nu = 0.2 the bulk modulus bears what the shear lets go: between the hold of all moduli and none."""
+    """At nu = 0.2 the bulk modulus bears what the shear lets go: between the hold of all moduli and
+    none.
+    """
     rows = {of: of_scene(PRONY, of, material=HOOKE | {"nu": 0.2, "relaxation": PRONY | {"of": of}})
             for of in ("all", "shear")}  # fmt: skip
     last = {of: found[4].force for of, found in rows.items()}
@@ -413,11 +490,24 @@ def test_a_body_that_shrinks_in_bulk_keeps_more_of_its_force() -> None:
     assert 1.1 * last["all"] < last["shear"] < first
 
 
-@pytest.mark.parametrize("control", ["history", pytest.param("force_history", marks=pytest.mark.verify)])
+@pytest.mark.parametrize(
+    "control", ["history", pytest.param("force_history", marks=pytest.mark.verify)]
+)
 def test_a_stopped_history_of_rubber_goes_on(control: str) -> None:
-    """From its checkpoint in mid-hold, friction and layers with it: the rows are those of the whole walk."""
-    rubber = {"model": "mooney_rivlin", "C10": 0.15, "C01": 0.05, "nu": 0.45, "relaxation": PRONY | {"of": "shear"}}
-    points = {"history": [[0, 0], [0.5, 0.03], [2, 0.03]], "force_history": [[0, 0], [0.5, 0.01], [2, 0.01]]}
+    """From its checkpoint in mid-hold, friction and layers with it: the rows are those of the whole
+    walk.
+    """
+    rubber = {
+        "model": "mooney_rivlin",
+        "C10": 0.15,
+        "C01": 0.05,
+        "nu": 0.45,
+        "relaxation": PRONY | {"of": "shear"},
+    }
+    points = {
+        "history": [[0, 0], [0.5, 0.03], [2, 0.03]],
+        "force_history": [[0, 0], [0.5, 0.01], [2, 0.01]],
+    }
     base = scene(
         LAYER | {"layers": [{"thickness": 0.4, "material": MOONEY}, {"thickness": 0.6, "material": rubber}]},
         indenter=PARABOLOID, mesh=COARSE, loading={control: points[control], "per_doubling": 2, "times": "auto"},
@@ -433,6 +523,8 @@ def test_a_stopped_history_of_rubber_goes_on(control: str) -> None:
             points_then = whole.points
     goes_on = solver.walk(base, mesh)
     assert points_then and goes_on.resume(points_then, [])
-    for row, state in zip(rows[done:], goes_on.states(base.physics.path, lambda step: False, done), strict=True):
+    for row, state in zip(
+        rows[done:], goes_on.states(base.physics.path, lambda step: False, done), strict=True
+    ):
         assert state.force == pytest.approx(row.force, rel=1e-7)
         assert state.delta == pytest.approx(row.delta, rel=1e-7)

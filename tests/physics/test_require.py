@@ -1,4 +1,6 @@
-"""What a scene requires, row by row beside closed forms, and its cheapest model beside what it leaves out."""
+"""What a scene requires, row by row beside closed forms, and its cheapest model beside what it
+leaves out.
+"""
 
 from __future__ import annotations
 
@@ -96,13 +98,19 @@ def force(scene: dict[str, Any]) -> float:
 
 def test_a_sphere_for_a_paraboloid() -> None:
     """Hertz and Sneddon; to the digits of theory."""
-    exact = half_space.sphere_force(DEPTH, 1.0, E_STAR) / half_space.paraboloid_force(DEPTH, 1.0, E_STAR) - 1
+    exact = (
+        half_space.sphere_force(DEPTH, 1.0, E_STAR)
+        / half_space.paraboloid_force(DEPTH, 1.0, E_STAR)
+        - 1
+    )
     assert row(HALF_SPACE, "paraboloid").percent == pytest.approx(100 * exact, rel=1e-6)
 
 
 def test_nearly_incompressible() -> None:
     """E* at nu = 0.5 over E* at 0.3."""
-    assert row(HALF_SPACE, "incompressible").percent == pytest.approx(100 * (0.91 / 0.75 - 1), rel=1e-6)
+    assert row(HALF_SPACE, "incompressible").percent == pytest.approx(
+        100 * (0.91 / 0.75 - 1), rel=1e-6
+    )
     at_last = row(HALF_SPACE | {"material": ELASTIC | {"nu": 0.5}}, "incompressible")
     assert threshold(at_last) == pytest.approx(math.sqrt(1 - 0.75 * 1.01), abs=1e-3)
 
@@ -114,7 +122,10 @@ def test_no_slip() -> None:
 
 def test_thickness_against_dimitriadis() -> None:
     """His series in a/h is good to some per cent of the effect at a/h = 0.2."""
-    layer = HALF_SPACE | {"body": {"shape": "layer", "height": 1.0}, "material": ELASTIC | {"nu": 0.5}}
+    layer = HALF_SPACE | {
+        "body": {"shape": "layer", "height": 1.0},
+        "material": ELASTIC | {"nu": 0.5},
+    }
     series = dimitriadis_force(DEPTH, 1.0, Ply(1.0, 2.0, 0.5), "fixed")
     alone = half_space.paraboloid_force(DEPTH, 1.0, half_space.E_star(2.0, 0.5))
     assert row(layer, "thickness").percent == pytest.approx(100 * (series / alone - 1), rel=0.05)
@@ -123,10 +134,15 @@ def test_thickness_against_dimitriadis() -> None:
     assert row(thick, "thickness").percent == pytest.approx(1.0, rel=0.05)  # said to two digits
 
 
-@pytest.mark.parametrize(("contrast", "delta", "exact"), [(0.1, 0.06934611, 0.17866338), (10, 0.23028302, 0.08706777)])
+@pytest.mark.parametrize(
+    ("contrast", "delta", "exact"), [(0.1, 0.06934611, 0.17866338), (10, 0.23028302, 0.08706777)]
+)
 def test_a_film_on_a_substrate(contrast: float, delta: float, exact: float) -> None:
     """Exact forces F/(E_f t^2) at a/t = 1 under R/t = 10, nu = 0.3 in both."""
-    layers = [{"thickness": 1.0, "material": ELASTIC | {"E": 1.0}}, {"material": ELASTIC | {"E": 1 / contrast}}]
+    layers = [
+        {"thickness": 1.0, "material": ELASTIC | {"E": 1.0}},
+        {"material": ELASTIC | {"E": 1 / contrast}},
+    ]
     film = HALF_SPACE | {
         "body": {"shape": "half_space", "layers": layers},
         "loading": {"delta": delta},
@@ -142,36 +158,57 @@ def test_a_substrate_that_gives_way() -> None:
     below = threshold(row(layer, "substrate"))
     layers = [{"thickness": 1.0}, {"material": ELASTIC | {"E": below}}]
     film = HALF_SPACE | {"body": {"shape": "half_space", "layers": layers}}
-    assert 100 * (force(film) / force(layer) - 1) == pytest.approx(-1.0, rel=0.05)  # said to two digits
+    assert 100 * (force(film) / force(layer) - 1) == pytest.approx(
+        -1.0, rel=0.05
+    )  # said to two digits
 
 
 def test_walls_and_strain_on_finer_meshes() -> None:
-    """On half the automatic element sizes; forces of either are good to 0.05 %, 0.1 % of the difference of two."""
+    """On half the automatic element sizes; forces of either are good to 0.05 %, 0.1 % of the
+    difference of two.
+    """
     mesh = {"mesh": {"h_contact": 0.01}}
-    linear, layer = force(CYLINDER | mesh), force(CYLINDER | {"body": {"shape": "layer", "height": 1.0}})
+    linear, layer = (
+        force(CYLINDER | mesh),
+        force(CYLINDER | {"body": {"shape": "layer", "height": 1.0}}),
+    )
     assert row(CYLINDER, "side_walls").percent == pytest.approx(100 * (linear / layer - 1), abs=0.1)
     finite = force(CYLINDER | mesh | {"material": ELASTIC | {"model": "neo_hookean"}})
-    assert row(CYLINDER, "small_strain").percent == pytest.approx(100 * (finite / linear - 1), abs=0.1)
+    assert row(CYLINDER, "small_strain").percent == pytest.approx(
+        100 * (finite / linear - 1), abs=0.1
+    )
 
 
 def test_walls_beside_a_punch_change_sign() -> None:
-    """Near enough they add to the force, nearer they take from it; between is a stretch where they are small."""
+    """Near enough they add to the force, nearer they take from it; between is a stretch where they
+    are small.
+    """
     punch = HALF_SPACE | {
         "body": {"shape": "layer", "height": 1.0},
         "indenter": {"shape": "flat_punch", "radius": 0.3},
         "loading": {"delta": 0.01, "steps": 1},
     }
     found, (first, last, again) = row(punch, "side_walls"), (1.2, 0.691, 0.635)
-    assert found.percent is None and "followed to 0.3" in found.source  # no nearer than the punch is wide
+    assert (
+        found.percent is None and "followed to 0.3" in found.source
+    )  # no nearer than the punch is wide
     assert found.needs.endswith(f"wall at radius = {first} or nearer, but for {last} to {again}")
     walls = {"shape": "cylinder", "height": 1.0, "sides": "roller"}
-    change = [100 * (force(punch | {"body": walls | {"radius": r}}) / force(punch) - 1) for r in (0.9, 0.66, 0.5)]
+    change = [
+        100 * (force(punch | {"body": walls | {"radius": r}}) / force(punch) - 1)
+        for r in (0.9, 0.66, 0.5)
+    ]
     assert change[0] > 1.5 and abs(change[1]) < 0.8 and change[2] < -3  # 0.2 %: each mesh
 
 
 def test_an_inclusion() -> None:
     """Over the body without it on another, finer mesh: 0.1 % of each."""
-    ball = {"shape": "ball", "center": [0, 0, -0.35], "radius": 0.2, "material": ELASTIC | {"E": 100.0}}
+    ball = {
+        "shape": "ball",
+        "center": [0, 0, -0.35],
+        "radius": 0.2,
+        "material": ELASTIC | {"E": 100.0},
+    }
     scene = CYLINDER | {"body": CYLINDER["body"] | {"inclusions": [ball]}}
     mesh = {"mesh": {"h_contact": 0.02}}
     exact = 100 * (force(scene | mesh) / force(CYLINDER | mesh) - 1)
@@ -179,16 +216,26 @@ def test_an_inclusion() -> None:
 
 
 def test_anisotropy_on_a_half_space() -> None:
-    """M over E*, with M of Delafargue & Ulm (2004) from the stiffnesses of E = 1, E_z = 2, nu = nu_z = 0, G_z = 0.8:
-    C11 = 1, C33 = 2, C13 = 0, M = 2 sqrt(C33/(1/G_z + 2/sqrt(C11 C33)))."""
-    material = {"model": "transversely_isotropic", "E": 1.0, "E_z": 2.0, "nu": 0.0, "nu_z": 0.0, "G_z": 0.8}
+    """M over E*, with M of Delafargue & Ulm (2004) from the stiffnesses of E = 1, E_z = 2, nu =
+    nu_z = 0, G_z = 0.8: C11 = 1, C33 = 2, C13 = 0, M = 2 sqrt(C33/(1/G_z + 2/sqrt(C11 C33))).
+    """
+    material = {
+        "model": "transversely_isotropic",
+        "E": 1.0,
+        "E_z": 2.0,
+        "nu": 0.0,
+        "nu_z": 0.0,
+        "G_z": 0.8,
+    }
     exact = 2 * math.sqrt(2 / (1 / 0.8 + 2 / math.sqrt(2)))
     found = row(HALF_SPACE | {"material": material}, "anisotropy")
     assert found.percent == pytest.approx(100 * (exact - 1), rel=1e-6)
 
 
 def test_layers_over_the_first_of_them() -> None:
-    """On a half-space what the row of the substrate says; in a cylinder it keeps its sides and its base."""
+    """On a half-space what the row of the substrate says; in a cylinder it keeps its sides and its
+    base.
+    """
     layers = [{"thickness": 0.2, "material": ELASTIC}, {"material": ELASTIC | {"E": 1.0}}]
     film = HALF_SPACE | {"body": {"shape": "half_space", "layers": layers}}
     assert row(film, "layers").percent == pytest.approx(row(film, "substrate").percent, rel=1e-9)
@@ -199,7 +246,9 @@ def test_layers_that_relax_are_those_that_do_not() -> None:
     stiff, soft = ELASTIC | {"E": 6.0}, ELASTIC
     matter = [{"thickness": 0.4, "material": stiff}, {"thickness": 0.6, "material": soft}]
     film = CYLINDER | {"body": CYLINDER["body"] | {"layers": matter}}
-    relaxing = film | {"experiment": {"relaxation": {"prony": [[0.3, 0.2]]}, "history": [[0, 0], [1, DEPTH]]}}
+    relaxing = film | {
+        "experiment": {"relaxation": {"prony": [[0.3, 0.2]]}, "history": [[0, 0], [1, DEPTH]]}
+    }
     for name in ("thickness", "substrate", "layers"):
         known = row(film, name).percent
         assert known and row(relaxing, name).percent == known
@@ -207,14 +256,19 @@ def test_layers_that_relax_are_those_that_do_not() -> None:
 
 def test_what_was_not_solved_says_so() -> None:
     """No sentence about physics comes of a theory that does not know a body, nu < 0."""
-    layer = HALF_SPACE | {"body": {"shape": "layer", "height": 0.5}, "material": ELASTIC | {"nu": -0.3}}
+    layer = HALF_SPACE | {
+        "body": {"shape": "layer", "height": 0.5},
+        "material": ELASTIC | {"nu": -0.3},
+    }
     found = row(layer, "side_walls")
     assert found.percent is found.low is found.high is None and found.size == math.inf
     assert found.source.startswith("not solved: ") and not found.needs
 
 
 def test_strain_under_a_sharp_punch_by_a_rounded_one() -> None:
-    """On a layer at delta/a = 1/6, beside an edge less than half as round: within a sixth, as measured."""
+    """On a layer at delta/a = 1/6, beside an edge less than half as round: within a sixth, as
+    measured.
+    """
     punch = {"shape": "flat_punch", "radius": 0.3}
     sharp = {
         "body": {"shape": "layer", "height": 1.0},
@@ -224,7 +278,11 @@ def test_strain_under_a_sharp_punch_by_a_rounded_one() -> None:
     }
     found = row(sharp, "small_strain")
     mesh = {"contact": {"method": "augmented_lagrangian"}, "mesh": {"h_contact": 0.03}}
-    keener = sharp | mesh | {"indenter": punch | {"edge_radius": 0.006}, "loading": {"delta": 0.05, "steps": 1}}
+    keener = (
+        sharp
+        | mesh
+        | {"indenter": punch | {"edge_radius": 0.006}, "loading": {"delta": 0.05, "steps": 1}}
+    )
     finite = keener | {"material": keener["material"] | {"model": "neo_hookean"}}
     finite |= {"contact": mesh["contact"] | {"gap": "current"}}
     assert found.percent == pytest.approx(100 * (force(finite) / force(keener) - 1), rel=1 / 6)
@@ -240,7 +298,9 @@ def test_a_surface_tension() -> None:
 
 def test_a_blunt_tip() -> None:
     sharp = HALF_SPACE | {"indenter": {"shape": "cone", "half_angle": 70.0}}
-    blunt = HALF_SPACE | {"indenter": sharp["indenter"] | {"tip_radius": threshold(row(sharp, "blunt_tip"))}}
+    blunt = HALF_SPACE | {
+        "indenter": sharp["indenter"] | {"tip_radius": threshold(row(sharp, "blunt_tip"))}
+    }
     exact = 100 * (force(blunt) / half_space.cone_force(DEPTH, 70.0, E_STAR) - 1)
     assert exact == pytest.approx(1.0, rel=0.06)  # said to two digits
     assert row(blunt, "blunt_tip").percent == pytest.approx(exact, rel=1e-5)
@@ -248,25 +308,35 @@ def test_a_blunt_tip() -> None:
 
 def jkr(work: float) -> float:
     """Force at the depth, by the closed form of a half-space."""
-    a = brentq(lambda a: a**2 - math.sqrt(2 * math.pi * work * a / E_STAR) - DEPTH, math.sqrt(DEPTH), 1.0)
+    a = brentq(
+        lambda a: a**2 - math.sqrt(2 * math.pi * work * a / E_STAR) - DEPTH, math.sqrt(DEPTH), 1.0
+    )
     return float(4 * E_STAR * a**3 / 3 - math.sqrt(8 * math.pi * work * E_STAR * a**3))
 
 
 def test_adhesion() -> None:
     alone = half_space.paraboloid_force(DEPTH, 1.0, E_STAR)
     given = row(HALF_SPACE | {"experiment": EXPERIMENT}, "adhesion")
-    assert given.percent == pytest.approx(100 * (jkr(2e-3) / alone - 1), rel=1e-6) and "Tabor" in given.source
+    assert (
+        given.percent == pytest.approx(100 * (jkr(2e-3) / alone - 1), rel=1e-6)
+        and "Tabor" in given.source
+    )
     least = threshold(row(HALF_SPACE, "adhesion"))
     assert abs(jkr(least) / alone - 1) == pytest.approx(0.01, rel=0.06)  # said to two digits
     assert "work" in row(HALF_SPACE, "adhesion").needs
 
 
 def test_rate() -> None:
-    """F(1) = 1.692881 of the relaxed elastic force, half the instantaneous one: E = 2, g = 0.5, tau = 1, nu = 0.5."""
+    """F(1) = 1.692881 of the relaxed elastic force, half the instantaneous one: E = 2, g = 0.5, tau
+    = 1, nu = 0.5.
+    """
     experiment = {"relaxation": {"prony": [[0.5, 1.0]]}, "history": [[0, 0], [1, DEPTH], [2, 0]]}
     scene = HALF_SPACE | {"material": ELASTIC | {"nu": 0.5}, "experiment": experiment}
     found = row(scene, "rate")
-    assert found.percent == pytest.approx(100 * (1.692881 / 2 - 1), abs=1e-2) and "Deborah number 1" in found.source
+    assert (
+        found.percent == pytest.approx(100 * (1.692881 / 2 - 1), abs=1e-2)
+        and "Deborah number 1" in found.source
+    )
     assert threshold(row(HALF_SPACE, "rate")) == 0.01
 
 
@@ -282,9 +352,14 @@ def test_rates_begin_with_the_history() -> None:
 
 
 def test_a_power_law_under_forces() -> None:
-    """Under F = c t on a half-space delta^(3/2) is that of the elastic body times J(t)/(1 + alpha), with the creep
-    J = (t/tau)^alpha/(Gamma(1 - alpha) Gamma(1 + alpha)): at that depth the elastic force is F J(t)/(1 + alpha)."""
-    experiment = {"relaxation": {"power_law": {"exponent": 0.2, "time": 10.0}}, "force_history": [[0, 0], [1, 1e-3]]}
+    """Under F = c t on a half-space delta^(3/2) is that of the elastic body times J(t)/(1 + alpha),
+    with the creep J = (t/tau)^alpha/(Gamma(1 - alpha) Gamma(1 + alpha)): at that depth the
+    elastic force is F J(t)/(1 + alpha).
+    """
+    experiment = {
+        "relaxation": {"power_law": {"exponent": 0.2, "time": 10.0}},
+        "force_history": [[0, 0], [1, 1e-3]],
+    }
     found = row(HALF_SPACE | {"experiment": experiment}, "rate")
     exact = 1.2 * math.gamma(0.8) * math.gamma(1.2) / 0.1**0.2
     assert found.percent == pytest.approx(100 * (exact - 1), rel=0.02)  # stepped in time
@@ -303,10 +378,14 @@ def test_the_instrument() -> None:
     C = half_space.paraboloid_force(1.0, 1.0, E_STAR)
     at = brentq(lambda d: d + C * d**1.5 / 1.0 - DEPTH, 0, DEPTH)
     experiment = HALF_SPACE | {"experiment": EXPERIMENT}
-    assert row(experiment, "cantilever").percent == pytest.approx(100 * ((at / DEPTH) ** 1.5 - 1), rel=1e-4)
+    assert row(experiment, "cantilever").percent == pytest.approx(
+        100 * ((at / DEPTH) ** 1.5 - 1), rel=1e-4
+    )
     lost = DEPTH * (1 - 0.99 ** (2 / 3))
     assert threshold(row(HALF_SPACE, "contact_point")) == pytest.approx(lost, rel=0.05)
-    assert threshold(row(HALF_SPACE, "cantilever")) == pytest.approx(0.99 * C * DEPTH**1.5 / lost, rel=0.05)
+    assert threshold(row(HALF_SPACE, "cantilever")) == pytest.approx(
+        0.99 * C * DEPTH**1.5 / lost, rel=0.05
+    )
     uncertain = row(experiment, "calibration")
     assert uncertain.high == pytest.approx(100 * math.hypot(0.1, 0.5 * 0.05), rel=1e-3)
     assert uncertain.low == -uncertain.high and uncertain.percent is None  # type: ignore[operator]
@@ -325,10 +404,18 @@ def test_the_instrument() -> None:
         ),
         (CYLINDER | {"loading": {"delta": 5e-3}}, "layer", "linear_elastic", "paraboloid"),
         pytest.param(
-            CYLINDER | {"loading": {"delta": 0.2}}, "cylinder", "neo_hookean", "sphere", marks=pytest.mark.verify
+            CYLINDER | {"loading": {"delta": 0.2}},
+            "cylinder",
+            "neo_hookean",
+            "sphere",
+            marks=pytest.mark.verify,
         ),
         pytest.param(
-            CYLINDER | {"body": {"shape": "box", "size": [9.0, 9.0, 1.0], "base": "fixed"}, "loading": {"delta": 5e-3}},
+            CYLINDER
+            | {
+                "body": {"shape": "box", "size": [9.0, 9.0, 1.0], "base": "fixed"},
+                "loading": {"delta": 5e-3},
+            },
             "layer",
             "linear_elastic",
             "paraboloid",
@@ -350,13 +437,24 @@ def test_the_instrument() -> None:
     ],
 )
 def test_the_cheapest_model(scene: dict[str, Any], shape: str, model: str, tip: str) -> None:
-    """It runs as it is, and its force is that of the scene with all that a model can have, within the tolerance."""
+    """It runs as it is, and its force is that of the scene with all that a model can have, within
+    the tolerance.
+    """
     found = of(scene)
     config = json.loads(json.dumps(found.config))
-    assert (config["body"]["shape"], config["material"]["model"], config["indenter"]["shape"]) == (shape, model, tip)
+    assert (config["body"]["shape"], config["material"]["model"], config["indenter"]["shape"]) == (
+        shape,
+        model,
+        tip,
+    )
     effects = {effect.name: effect for effect in found.effects}
-    whole = scene | {"material": ELASTIC | {"model": "neo_hookean"}, "indenter": {"shape": "sphere", "R": 1.0}}
-    if scene["body"]["shape"] == "box":  # whose walls are far: the row says so, and a mesh of it is not made here
+    whole = scene | {
+        "material": ELASTIC | {"model": "neo_hookean"},
+        "indenter": {"shape": "sphere", "R": 1.0},
+    }
+    if (
+        scene["body"]["shape"] == "box"
+    ):  # whose walls are far: the row says so, and a mesh of it is not made here
         assert effects["side_walls"].size < 0.5
         whole["body"] = {"shape": "layer", "height": 1.0}
     share = force(config) / force(whole)
@@ -381,7 +479,9 @@ def test_friction_stays_where_it_tells() -> None:
 
 @pytest.mark.verify
 def test_adhesion_of_the_contact_law_stays_where_it_tells() -> None:
-    """A row of its own, no threshold; the model that is recommended runs with it, as no endless body does."""
+    """A row of its own, no threshold; the model that is recommended runs with it, as no endless
+    body does.
+    """
     sticky = CYLINDER | {"contact": {"adhesion": {"work": 2e-3, "range": 0.05}}}
     found = of(sticky)
     pulled = next(effect for effect in found.effects if effect.name == "adhesion")
@@ -428,7 +528,10 @@ def test_the_command(scene_file):
     assert set(found["recommended"]) == {"config", "percent"}
     resolve(from_mapping(found["recommended"]["config"]))
     text = invoke(str(scene_file), "--within", "0.1").stdout
-    assert "above 10 % from work" in text and "Model a half-space under a paraboloid at small strain" in text
+    assert (
+        "above 10 % from work" in text
+        and "Model a half-space under a paraboloid at small strain" in text
+    )
     assert [path.name for path in scene_file.parent.iterdir()] == ["scene.yaml"]
 
 
@@ -453,7 +556,9 @@ def test_no_scene(tmp_path):
 
 @pytest.mark.verify
 def test_a_material_that_nothing_has_is_left_out_of_account() -> None:
-    """A film on a softer half-space, each with its own; one of finite strain that neither has changes nothing."""
+    """A film on a softer half-space, each with its own; one of finite strain that neither has
+    changes nothing.
+    """
     layers = [{"thickness": 0.5, "material": ELASTIC}, {"material": ELASTIC | {"E": 1.0}}]
     film = HALF_SPACE | {"body": {"shape": "half_space", "layers": layers}}
     film["material"] = {"model": "neo_hookean", "E": 1000.0, "nu": 0.49, "formulation": "mixed"}
@@ -462,17 +567,33 @@ def test_a_material_that_nothing_has_is_left_out_of_account() -> None:
 
 
 def test_a_gel_without_a_stretch_is_that_of_its_free_swelling() -> None:
-    """Its rows are those of the gel with the stretch at which the solvent's potential is that of the pure solvent."""
+    """Its rows are those of the gel with the stretch at which the solvent's potential is that of
+    the pure solvent.
+    """
     law = {"model": "gel", "G": 5.0, "n_omega": 5e-3, "chi": 0.45}
-    stretch = brentq(lambda l: _potential(l, **{k: v for k, v in law.items() if k in ("n_omega", "chi")}), 1.1, 4.0)
+    stretch = brentq(
+        lambda l: _potential(l, **{k: v for k, v in law.items() if k in ("n_omega", "chi")}),
+        1.1,
+        4.0,
+    )
     swollen = HALF_SPACE | {"contact": {"gap": "reference"}}
-    auto, given = (require(from_mapping(swollen | {"material": law | own})) for own in ({}, {"stretch": stretch}))
-    percent = [[effect.percent for effect in one.effects if effect.percent is not None] for one in (auto, given)]
-    assert percent[0] and percent[0] == pytest.approx(percent[1], rel=1e-6)  # of a root, by two searches
+    auto, given = (
+        require(from_mapping(swollen | {"material": law | own}))
+        for own in ({}, {"stretch": stretch})
+    )
+    percent = [
+        [effect.percent for effect in one.effects if effect.percent is not None]
+        for one in (auto, given)
+    ]
+    assert percent[0] and percent[0] == pytest.approx(
+        percent[1], rel=1e-6
+    )  # of a root, by two searches
     assert auto.config["material"]["stretch"] == pytest.approx(stretch, rel=1e-9)
 
 
 def _potential(stretch: float, n_omega: float, chi: float) -> float:
-    """Flory & Rehner's: mixing and the network's pull, of a gel that has swollen freely by a stretch [kT]."""
+    """Flory & Rehner's: mixing and the network's pull, of a gel that has swollen freely by a
+    stretch [kT].
+    """
     J = stretch**3
     return math.log(1 - 1 / J) + 1 / J + chi / J**2 + n_omega * (1 / stretch - 1 / J)

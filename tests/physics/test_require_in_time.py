@@ -1,4 +1,6 @@
-"""What `require` says of bodies that drain, or relax in shear: against theory, runs of both models, other methods."""
+"""What `require` says of bodies that drain, or relax in shear: against theory, runs of both models,
+other methods.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +24,26 @@ from indent_sim.scene.scene import resolve
 
 DEPTH, CONTACT = 0.02, 0.0219  # a^2 at that depth: a = 0.148
 WALLED = {"shape": "cylinder", "radius": 2.0, "height": 1.0, "base": "fixed", "sides": "roller"}
-POROUS: dict[str, Any] = {"model": "linear_elastic", "E": 1.0, "nu": 0.2, "flow": {"diffusivity": 1.0}}
-AT_ONCE, AT_LAST = 0.0075520868, 0.0044524888  # layer theory in that wall at nu = 0.5 and the same G, and at 0.2
+POROUS: dict[str, Any] = {
+    "model": "linear_elastic",
+    "E": 1.0,
+    "nu": 0.2,
+    "flow": {"diffusivity": 1.0},
+}
+AT_ONCE, AT_LAST = (
+    0.0075520868,
+    0.0044524888,
+)  # layer theory in that wall at nu = 0.5 and the same G, and at 0.2
 
-COARSE = {"h_contact": 0.03}  # five elements in the contact, where no number is compared with another mesh's
+COARSE = {
+    "h_contact": 0.03
+}  # five elements in the contact, where no number is compared with another mesh's
 
 
 def scene(material: dict[str, Any] = POROUS, way_in: float = CONTACT, **sections: Any) -> Config:
-    """The walled layer under a paraboloid, two steps of each length; the way in is a jump where it takes no time."""
+    """The walled layer under a paraboloid, two steps of each length; the way in is a jump where it
+    takes no time.
+    """
     history = [[0, 0], [way_in, DEPTH]] if way_in else [[0, DEPTH], [CONTACT, DEPTH]]
     base = {"body": WALLED, "material": material, "indenter": {"shape": "paraboloid", "R": 1.0}}
     return from_mapping(base | {"loading": {"history": history, "per_doubling": 2}} | sections)
@@ -56,13 +70,19 @@ def drainage(tip: str, share: float) -> Effect:
         pytest.param("drained", 10.0, None, 1.084, marks=pytest.mark.verify),
     ],
 )
-def test_a_ramp_between_both_limits(tip: str, share: float, over_first: float | None, over_last: float | None) -> None:
-    """Forces over those of both limits, of finite elements half as large in steps half as long: 1 % of the force."""
+def test_a_ramp_between_both_limits(
+    tip: str, share: float, over_first: float | None, over_last: float | None
+) -> None:
+    """Forces over those of both limits, of finite elements half as large in steps half as long: 1 %
+    of the force.
+    """
     found = drainage(tip, share)
     assert found.percent is not None and found.high is not None
     ratio = 1 + found.percent / 100
     assert over_last is None or ratio == pytest.approx(over_last, rel=1e-2)
-    assert over_first is None or ratio / (1 + found.high / 100) == pytest.approx(over_first, rel=1e-2)
+    assert over_first is None or ratio / (1 + found.high / 100) == pytest.approx(
+        over_first, rel=1e-2
+    )
 
 
 def test_the_range_is_that_of_theory() -> None:
@@ -77,27 +97,48 @@ def test_the_range_is_that_of_theory() -> None:
         (POROUS, 1e-3),
         (POROUS | {"model": "neo_hookean"}, 1e-3),
         (POROUS | {"flow": {"permeability": 1.0, "alpha": 0.8, "storage": 0.5}}, 1e-3),
-        ({"model": "gel", "G": 1.0, "n_omega": 1e-2, "chi": 0.4, "stretch": 1.3, "flow": {"diffusivity": 1.0}}, 1e-3),
+        (
+            {
+                "model": "gel",
+                "G": 1.0,
+                "n_omega": 1e-2,
+                "chi": 0.4,
+                "stretch": 1.3,
+                "flow": {"diffusivity": 1.0},
+            },
+            1e-3,
+        ),
     ],
     ids=["linear", "neo-Hookean", "with storage", "gel"],
 )
 def test_a_jump_is_undrained(law: dict[str, Any], agreement: float) -> None:
-    """The fluid's pressure in a step without time beside the elastic law of no change of volume: two discretisations,
-    of which each was within 3e-4 of theory."""
-    bath = {"drainage": {"bath": Gel(**{**law, "flow": None}).free_potential(1.3)}} if law["model"] == "gel" else {}
+    """The fluid's pressure in a step without time beside the elastic law of no change of volume:
+    two discretisations, of which each was within 3e-4 of theory.
+    """
+    bath = (
+        {"drainage": {"bath": Gel(**{**law, "flow": None}).free_potential(1.3)}}
+        if law["model"] == "gel"
+        else {}
+    )
     found = rows(scene(law, 0.0, **bath))["drainage"]
     assert found.percent is not None and found.high is not None and found.high > 1
     assert (100 + found.percent) / (100 + found.high) == pytest.approx(1, abs=agreement)
 
 
 def test_a_jump_is_one_however_it_is_written() -> None:
-    """From the first point on, after it at the same time, or later: before it the body is at rest. To the solver's
-    tolerance; of a body that also relaxes, whose limits are walked on the way there."""
+    """From the first point on, after it at the same time, or later: before it the body is at rest.
+
+    To the solver's tolerance; of a body that also relaxes, whose limits are walked on the way
+    there.
+    """
     law = POROUS | {"relaxation": {"prony": [[0.5, CONTACT]], "of": "shear"}}
     before = {"plain": [], "at rest": [[0, 0]], "later": [[-CONTACT, 0], [0, 0]]}
     jump = [[0, DEPTH], [CONTACT, DEPTH]]
     steps = {"per_doubling": 2}
-    found = [rows(scene(law, loading={"history": [*rest, *jump]} | steps, mesh=COARSE)) for rest in before.values()]
+    found = [
+        rows(scene(law, loading={"history": [*rest, *jump]} | steps, mesh=COARSE))
+        for rest in before.values()
+    ]
     for name in ("drainage", "rate"):
         first, *others = (effects[name] for effects in found)
         for other in others:
@@ -116,29 +157,45 @@ def force(config: Config, t: float) -> float:
 @pytest.mark.parametrize(
     ("share", "nu", "E"), [(1e-3, 0.5, 1.25), pytest.param(1e3, 0.2, 1.0, marks=pytest.mark.verify)]
 )
-def test_the_elastic_body_within_the_tolerance_is_recommended(share: float, nu: float, E: float) -> None:
-    """Its laws on the scene's own body, beside a run of the scene, are off by what is said: two meshes of five
-    elements in the contact, 0.4 %, where the other limit is off by 30 %. The model itself runs as it is, and drops no
-    more than the tolerance."""
+def test_the_elastic_body_within_the_tolerance_is_recommended(
+    share: float, nu: float, E: float
+) -> None:
+    """Its laws on the scene's own body, beside a run of the scene, are off by what is said: two
+    meshes of five elements in the contact, 0.4 %, where the other limit is off by 30 %. The
+    model itself runs as it is, and drops no more than the tolerance.
+    """
     way_in = share * CONTACT
     config = scene(way_in=way_in, mesh=COARSE)
     found = require(config, within=0.05)
     chosen = from_mapping(found.config)
     law: Any = chosen.material
-    assert law.flow is None and chosen.drainage is None and chosen.loading.history == config.loading.history
+    assert (
+        law.flow is None
+        and chosen.drainage is None
+        and chosen.loading.history == config.loading.history
+    )
     assert (law.nu, law.E) == (pytest.approx(nu), pytest.approx(E))
     alone = {"model": "linear_elastic", "E": law.E, "nu": law.nu}
-    off = force(scene(alone, loading={"history": [[0, 0], [way_in, DEPTH]]}), way_in) / force(config, way_in) - 1
+    off = (
+        force(scene(alone, loading={"history": [[0, 0], [way_in, DEPTH]]}), way_in)
+        / force(config, way_in)
+        - 1
+    )
     name = "undrained" if nu == 0.5 else "drained"
     limit = next(one for one in limits_of(found.effects[-1]) if one.name == name)
-    assert limit.percent is not None and 100 * off == pytest.approx(100 * (100 / (100 + limit.percent) - 1), abs=0.4)
+    assert limit.percent is not None and 100 * off == pytest.approx(
+        100 * (100 / (100 + limit.percent) - 1), abs=0.4
+    )
     assert found.percent is not None and abs(found.percent) < 5 and force(chosen, way_in) > 0
 
 
 def test_where_no_elastic_body_is_near_the_scene_itself_is_recommended() -> None:
     config = scene(mesh=COARSE)
     found = require(config)
-    assert from_mapping(found.config).material == config.material and "flow" in found.config["material"]
+    assert (
+        from_mapping(found.config).material == config.material
+        and "flow" in found.config["material"]
+    )
     assert found.words.startswith("Model the scene as it is, in time")
     assert "the drained body by" in found.words and "the undrained body by" in found.words
     beside = [effect for effect in found.effects if effect.name != "drainage"]
@@ -158,7 +215,10 @@ def relaxes(of: str, **sections: Any) -> Config:
 
 
 def test_shear_that_relaxes_is_all_that_does_in_what_does_not_change_its_volume() -> None:
-    """Beside the elastic curve (Lee & Radok): the steps, 2e-4. At last half of the force is left, exactly."""
+    """Beside the elastic curve (Lee & Radok): the steps, 2e-4.
+
+    At last half of the force is left, exactly.
+    """
     found, other = rows(relaxes("shear"))["rate"], relaxes("all")
     (rate,) = (one for one in REQUIREMENTS if one.name == "rate")
     curve = rate.effect(Bench(other, resolve(other)), 0.01)
@@ -168,8 +228,9 @@ def test_shear_that_relaxes_is_all_that_does_in_what_does_not_change_its_volume(
 
 @pytest.mark.verify
 def test_a_body_that_drains_and_relaxes() -> None:
-    """Both rows, and their product is what a run of the scene has over its drained, unrelaxed body: each is made of
-    forces on one mesh; 0.3 %, as of the way there in other steps."""
+    """Both rows, and their product is what a run of the scene has over its drained, unrelaxed body:
+    each is made of forces on one mesh; 0.3 %, as of the way there in other steps.
+    """
     law = POROUS | {"relaxation": {"prony": [[0.4, CONTACT]], "of": "shear"}}
     config = scene(law)
     found = rows(config)
@@ -180,9 +241,13 @@ def test_a_body_that_drains_and_relaxes() -> None:
 
 
 def test_prescribed_forces_are_judged_at_their_depth() -> None:
-    """A force that is held lets the tip in: the row of the largest force is the first that has it, and there the scene
-    bears more than its drained body, less than the undrained one."""
-    history = {"force_history": [[0, 0], [CONTACT, 0.006], [10 * CONTACT, 0.006]], "per_doubling": 2}
+    """A force that is held lets the tip in: the row of the largest force is the first that has it,
+    and there the scene bears more than its drained body, less than the undrained one.
+    """
+    history = {
+        "force_history": [[0, 0], [CONTACT, 0.006], [10 * CONTACT, 0.006]],
+        "per_doubling": 2,
+    }
     found = rows(scene(loading=history, mesh=COARSE))["drainage"]
     assert found.percent is not None and found.high is not None
     assert 5 < found.percent < found.high - 5 and f"t = {CONTACT:.4g}" in found.source
@@ -200,11 +265,26 @@ def test_a_second_way_in_may_push_harder() -> None:
 
 def test_a_gel_that_swells_is_judged_by_its_end() -> None:
     """0.587 of 1.5055 at H^2/D, a regression value of the scene at finer sizes and steps: 2 %."""
-    law = {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.6, "stretch": 1.4, "flow": {"diffusivity": 1.0}}
+    law = {
+        "model": "gel",
+        "G": 1.0,
+        "n_omega": 1e-3,
+        "chi": 0.6,
+        "stretch": 1.4,
+        "flow": {"diffusivity": 1.0},
+    }
     end = 31.05
     config = from_mapping(
-        {"body": WALLED, "material": law, "drainage": {"bath": 0.0}, "indenter": {"shape": "sphere", "R": 1.0}}
-        | {"loading": {"history": [[0, 0], [end, 0]], "per_doubling": 2}, "mesh": {"h_contact": 0.15, "h_far": 0.4}}
+        {
+            "body": WALLED,
+            "material": law,
+            "drainage": {"bath": 0.0},
+            "indenter": {"shape": "sphere", "R": 1.0},
+        }
+        | {
+            "loading": {"history": [[0, 0], [end, 0]], "per_doubling": 2},
+            "mesh": {"h_contact": 0.15, "h_far": 0.4},
+        }
     )
     found = require(config)
     by_name = {effect.name: effect for effect in found.effects}
@@ -221,7 +301,9 @@ def test_a_tip_that_never_presses_is_refused() -> None:
 
 
 def test_a_run_counts_what_its_plan_counted(tmp_path: Path) -> None:
-    """Equilibria of a path on which no step is cut; the contact grows, so what the tip seals changes."""
+    """Equilibria of a path on which no step is cut; the contact grows, so what the tip seals
+    changes.
+    """
     config = scene(mesh=COARSE)
     planned = resolve(config).plan.time
     assert planned is not None

@@ -1,4 +1,6 @@
-"""Random scenes: what `require` says of them beside both models of every effect, solved here on other meshes."""
+"""Random scenes: what `require` says of them beside both models of every effect, solved here on
+other meshes.
+"""
 
 from __future__ import annotations
 
@@ -55,10 +57,18 @@ class Drawn:
         return {"model": "linear_elastic" if kind == "linear" else kind, "E": E, "nu": nu}
 
     def _body(self) -> Document:
-        shape, h = self.draw.choice(["cylinder", "cylinder", "layer", "half_space", "strip", "cap"]), self.height
+        shape, h = (
+            self.draw.choice(["cylinder", "cylinder", "layer", "half_space", "strip", "cap"]),
+            self.height,
+        )
         sides = self.draw.choice(["free", "fixed", "roller"])
         body: Document = {
-            "cylinder": {"shape": shape, "radius": h * self.draw.uniform(0.7, 2.0), "height": h, "sides": sides},
+            "cylinder": {
+                "shape": shape,
+                "radius": h * self.draw.uniform(0.7, 2.0),
+                "height": h,
+                "sides": sides,
+            },
             "layer": {"shape": shape, "height": h, "base": self.draw.choice(["fixed", "roller"])},
             "half_space": {"shape": shape},
             "strip": {"shape": shape, "width": 2.5 * h, "height": h, "sides": sides},
@@ -90,7 +100,11 @@ class Drawn:
         if self.body["shape"] not in ("cap", "strip"):
             tips += [
                 {"shape": "cone", "half_angle": 75.0, "tip_radius": 0.1 * R},
-                {"shape": "flat_punch", "radius": 0.2 * self.height, "edge_radius": 0.03 * self.height},
+                {
+                    "shape": "flat_punch",
+                    "radius": 0.2 * self.height,
+                    "edge_radius": 0.03 * self.height,
+                },
             ]
         return self.draw.choice(tips)
 
@@ -99,16 +113,27 @@ class Drawn:
         kind, is_round = self.draw.random(), self.tip["shape"] in ("paraboloid", "sphere")
         if kind < 0.3:
             self.contact = {"friction": self.draw.choice([0.1, 0.4, "stick"])}
-        elif kind < 0.4 and is_round and self.body["shape"] in ("cylinder", "layer") and not self._is_finite:
+        elif (
+            kind < 0.4
+            and is_round
+            and self.body["shape"] in ("cylinder", "layer")
+            and not self._is_finite
+        ):
             work = 0.1 * self.delta**2 / self.height
             self.contact = {"adhesion": {"work": work, "range": 0.4 * self.delta}}
         elif kind < 0.75 and not self._is_finite:
             top = [[0, 0], [1, self.delta]]
             history = self.draw.choice([top, [*top, [2, self.delta]], [*top, [1.5, 0.0]]])
             if self._is(0.6):
-                self.experiment = {"relaxation": {"prony": [[0.3, 0.2], [0.2, 2.0]]}, "history": history}
+                self.experiment = {
+                    "relaxation": {"prony": [[0.3, 0.2], [0.2, 2.0]]},
+                    "history": history,
+                }
             else:
-                self.experiment = {"cantilever": {"stiffness": 3.0 * self.height}, "history": history}
+                self.experiment = {
+                    "cantilever": {"stiffness": 3.0 * self.height},
+                    "history": history,
+                }
 
     @property
     def _is_finite(self) -> bool:
@@ -122,13 +147,23 @@ class Drawn:
     def document(self) -> Document:
         """The scene."""
         matter = {} if "layers" in self.body else {"material": self.matter}
-        found = {"body": self.body, **matter, "indenter": self.tip, "loading": {"delta": self.delta, "steps": 4}}
-        return found | {name: part for name in ("contact", "experiment") if (part := getattr(self, name))}
+        found = {
+            "body": self.body,
+            **matter,
+            "indenter": self.tip,
+            "loading": {"delta": self.delta, "steps": 4},
+        }
+        return found | {
+            name: part for name in ("contact", "experiment") if (part := getattr(self, name))
+        }
 
-    # ---- both models of an effect --------------------------------------------------------------------------------
+    # ---- both models of an effect
+    # --------------------------------------------------------------------------------
 
     def plain(self, **changes: Any) -> Document:
-        """The scene at small strain without friction, adhesion and experiment, some sections replaced."""
+        """The scene at small strain without friction, adhesion and experiment, some sections
+        replaced.
+        """
         linear = self.matter | {"model": "linear_elastic"} if self._is_finite else self.matter
         found = {
             "body": self.body,
@@ -152,25 +187,35 @@ class Drawn:
             one = {key: part for key, part in whole.items() if key != "layers"}
             found["layers"] = even, self.plain(body=one, material=body["layers"][0]["material"])
         if not self.is_isotropic:
-            found["anisotropy"] = own, self.plain(material=SOLID | {"E": self.matter["E"], "nu": self.matter["nu"]})
+            found["anisotropy"] = (
+                own,
+                self.plain(material=SOLID | {"E": self.matter["E"], "nu": self.matter["nu"]}),
+            )
         if body["shape"] == "cylinder":
-            layer = {"shape": "layer"} | {key: part for key, part in whole.items() if key in ("height", "layers")}
+            layer = {"shape": "layer"} | {
+                key: part for key, part in whole.items() if key in ("height", "layers")
+            }
             found["side_walls"] = even, self.plain(body=layer)
         if body["shape"] == "layer" and "layers" not in body and self.is_isotropic:
             found["thickness"] = even, self.plain(body={"shape": "half_space"})
         if self.tip["shape"] in ("paraboloid", "sphere"):
             found["paraboloid"] = tuple(
-                self.plain(indenter=self.tip | {"shape": shape}) for shape in ("sphere", "paraboloid")
+                self.plain(indenter=self.tip | {"shape": shape})
+                for shape in ("sphere", "paraboloid")
             )
         return found | self._of_contact(own) | self._of_matter(own)
 
     def _of_contact(self, own: Document) -> Pairs:
         steps = {"loading": {"delta": self.reached, "steps": STEPS}}
         names = [name for name in ("friction", "adhesion") if name in self.contact]
-        return {name: (own | {"contact": own["contact"] | self.contact} | steps, own) for name in names}
+        return {
+            name: (own | {"contact": own["contact"] | self.contact} | steps, own) for name in names
+        }
 
     def _of_matter(self, own: Document) -> Pairs:
-        if not self.is_isotropic or self.contact or self.seed % 3:  # a third of them: they cost most
+        if (
+            not self.is_isotropic or self.contact or self.seed % 3
+        ):  # a third of them: they cost most
             return {}
 
         def changed(change: Any) -> Document:
@@ -181,13 +226,16 @@ class Drawn:
 
         finite = changed(lambda own: own | {"model": "neo_hookean"})
         finite |= {"contact": own["contact"] | {"gap": "current"}}
-        incompressible = changed(lambda own: own | {"model": "linear_elastic", "nu": 0.5})  # at small strain, as `own`
+        incompressible = changed(
+            lambda own: own | {"model": "linear_elastic", "nu": 0.5}
+        )  # at small strain, as `own`
         return {"small_strain": (finite, own), "incompressible": (incompressible, own)}
 
     def known(self) -> dict[str, float]:
         """The effects in per cent."""
         found = {
-            name: 100 * (force(one, FINER) / force(other, FINER) - 1) for name, (one, other) in self.pairs().items()
+            name: 100 * (force(one, FINER) / force(other, FINER) - 1)
+            for name, (one, other) in self.pairs().items()
         }
         if "relaxation" in self.experiment:
             found["rate"] = self._relaxed()
@@ -204,8 +252,10 @@ class Drawn:
         return log(self._curve(0.9 * self.delta) / self._curve(self.delta)) / log(0.9)
 
     def _relaxed(self) -> float:
-        """F(1) = integral of E(1 - s) dF(delta(s)) over the way in, F a power law through two forces, which a plane
-        strain or a thin body is near its deepest point, where most of the force comes from."""
+        """F(1) = integral of E(1 - s) dF(delta(s)) over the way in, F a power law through two
+        forces, which a plane strain or a thin body is near its deepest point, where most of the
+        force comes from.
+        """
         power = self._exponent
         times = [(k / MOMENTS) for k in range(MOMENTS + 1)]
         parts = self.experiment["relaxation"]["prony"]
@@ -222,18 +272,24 @@ class Drawn:
 
     @cached_property
     def reached(self) -> float:
-        """The depth of the row: with a spring d at which d + F(d)/k is the way of the base, by the same power law."""
+        """The depth of the row: with a spring d at which d + F(d)/k is the way of the base, by the
+        same power law.
+        """
         if "cantilever" not in self.experiment:
             return self.delta
         top, k = self._curve(self.delta), self.experiment["cantilever"]["stiffness"]
-        return self.delta * brentq(lambda x: x + top * x**self._exponent / (k * self.delta) - 1, 0.0, 1.0)
+        return self.delta * brentq(
+            lambda x: x + top * x**self._exponent / (k * self.delta) - 1, 0.0, 1.0
+        )
 
 
 @pytest.mark.verify
 @pytest.mark.parametrize("seed", range(12))
 def test_every_effect_has_a_row(seed: int) -> None:
-    """Every effect above 0.5 % is said, right in sign and within a factor of 1.5; a range holds what is; a threshold
-    changes the force by the tolerance, within that factor; nothing else is said to be unknown."""
+    """Every effect above 0.5 % is said, right in sign and within a factor of 1.5; a range holds
+    what is; a threshold changes the force by the tolerance, within that factor; nothing else is
+    said to be unknown.
+    """
     drawn = Drawn(seed)
     found = require(from_mapping(placed(drawn.document())), WITHIN)
     effects = {effect.name: effect for effect in found.effects}
@@ -250,8 +306,12 @@ def test_every_effect_has_a_row(seed: int) -> None:
 
 
 def thresholds(drawn: Drawn, found: Any) -> list[Row]:
-    """What is said of walls, substrate and thickness that the scene has not, beside what they do there."""
-    keys = [effect for effect in found.effects if any(f" {key}" in effect.needs for key in THRESHOLDS)]
+    """What is said of walls, substrate and thickness that the scene has not, beside what they do
+    there.
+    """
+    keys = [
+        effect for effect in found.effects if any(f" {key}" in effect.needs for key in THRESHOLDS)
+    ]
     scene = drawn.plain() | {"loading": {"delta": drawn.reached}}
     return [
         Row(effect.name, 100 * WITHIN, None, None, abs(known))

@@ -1,4 +1,6 @@
-"""Twenty scenes whose effects are known: what `require` says of them, and the model that it recommends."""
+"""Twenty scenes whose effects are known: what `require` says of them, and the model that it
+recommends.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,9 @@ KINDS = (
 @pytest.mark.verify
 @pytest.mark.parametrize("name", KINDS)
 def test_signs_sizes_and_the_recommended_model(name: str) -> None:
-    """Signs are right, sizes within 1.5 where an effect is above 0.5 %, a range holds what is, and a threshold is one;
-    the recommended model is within the tolerance, and off by what is said: 0.3 % are two meshes and what is no product.
+    """Signs are right, sizes within 1.5 where an effect is above 0.5 %, a range holds what is, and
+    a threshold is one; the recommended model is within the tolerance, and off by what is said:
+    0.3 % are two meshes and what is no product.
     """
     found = known_effects.required(name)
     rows = list(known_effects.rows(name))

@@ -21,8 +21,14 @@ LOADING = {"deltas": [0.05, 0.13, 0.02]}
 SCENES: dict[str, dict[str, Any]] = {
     "axi": {"body": {"shape": "cylinder", "radius": 13.0, "height": 7.3}},
     "axi, mixed": {"body": {"shape": "cylinder", "radius": 13.0, "height": 7.3}, "material": SOFT},
-    "strip": {"body": {"shape": "strip", "width": 21.0, "height": 7.3}, "contact": {"method": "penalty"}},
-    "strip, current": {"body": {"shape": "strip", "width": 21.0, "height": 7.3}, "contact": {"gap": "current"}},
+    "strip": {
+        "body": {"shape": "strip", "width": 21.0, "height": 7.3},
+        "contact": {"method": "penalty"},
+    },
+    "strip, current": {
+        "body": {"shape": "strip", "width": 21.0, "height": 7.3},
+        "contact": {"gap": "current"},
+    },
     "box": {"body": {"shape": "box", "size": [14.0, 13.0, 7.3]}, "mesh": {"h_contact": 0.7}},
     "box, half": {
         "body": {"shape": "box", "size": [14.0, 13.0, 7.3]},
@@ -60,7 +66,12 @@ def words(value: Any) -> set[Any]:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_written_config_reproduces_the_run(tmp_path, name):
-    given = {"material": ELASTIC, "indenter": BALL, "loading": LOADING, "output": {"plot": False}} | SCENES[name]
+    given = {
+        "material": ELASTIC,
+        "indenter": BALL,
+        "loading": LOADING,
+        "output": {"plot": False},
+    } | SCENES[name]
     simulate(from_mapping(given), MPI.COMM_SELF, directory=tmp_path / "A")
     config = load(tmp_path / "A" / "config.yaml")
     said = to_mapping(config)
@@ -70,15 +81,28 @@ def test_the_written_config_reproduces_the_run(tmp_path, name):
     A, B = read(tmp_path / "A"), read(tmp_path / "B")
     assert A.report["mesh"]["hash"] == B.report["mesh"]["hash"]
     for column in ("delta", "force", "a", "p_max", "energy"):
-        # round-off alone; where contact ends is where a pressure is zero, which is known to fewer digits than the force
+        # round-off alone; where contact ends is where a pressure is zero, which is known to fewer
+        # digits than the force
         assert A[column] == pytest.approx(B[column], rel=1e-11, nan_ok=True), column
-    assert (tmp_path / "B" / "config.yaml").read_text() == (tmp_path / "A" / "config.yaml").read_text()
+    assert (tmp_path / "B" / "config.yaml").read_text() == (
+        tmp_path / "A" / "config.yaml"
+    ).read_text()
 
 
 def test_what_was_auto_stays_visible(tmp_path: Path):
-    given = {"body": {"shape": "cylinder", "radius": 13.0, "height": 7.3}, "material": ELASTIC, "indenter": BALL}
-    sections = {"loading": {"delta": 0.1, "steps": 1}, "mesh": {"h_contact": 0.5}, "output": {"plot": False}}
+    given = {
+        "body": {"shape": "cylinder", "radius": 13.0, "height": 7.3},
+        "material": ELASTIC,
+        "indenter": BALL,
+    }
+    sections = {
+        "loading": {"delta": 0.1, "steps": 1},
+        "mesh": {"h_contact": 0.5},
+        "output": {"plot": False},
+    }
     simulate(from_mapping(given | sections), MPI.COMM_SELF, directory=tmp_path / "A")
     auto = json.loads((tmp_path / "A" / "run.json").read_text())["plan"]["auto"]
-    assert {"contact.method", "contact.gap", "mesh.h_far", "mesh.symmetry", "solver.method"} <= set(auto)
+    assert {"contact.method", "contact.gap", "mesh.h_far", "mesh.symmetry", "solver.method"} <= set(
+        auto
+    )
     assert "mesh.h_contact" not in auto and "material.E" not in auto

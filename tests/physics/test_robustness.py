@@ -1,7 +1,8 @@
-"""Paths on which contact begins, ends, jumps or slides to where no mesh line is: every method, both solvers.
+"""Paths on which contact begins, ends, jumps or slides to where no mesh line is: every method, both
+solvers.
 
-What a path leads to must not depend on the path: the reference is the same depth reached in one step, or the other
-solver. Errors against theory are tested elsewhere.
+What a path leads to must not depend on the path: the reference is the same depth reached in one
+step, or the other solver. Errors against theory are tested elsewhere.
 """
 
 from __future__ import annotations
@@ -22,11 +23,18 @@ PAIRS = [
 ]
 LONG = [("uzawa", "newton"), ("penalty", "newton")]
 every_method = pytest.mark.parametrize(("name", "solver"), PAIRS)
-TIGHT = {"uzawa": 1e-6}  # its multiplier stops at 1e-8 of itself from either side; the others at 1e-10
+TIGHT = {
+    "uzawa": 1e-6
+}  # its multiplier stops at 1e-8 of itself from either side; the others at 1e-10
 
 
 def walk(
-    name: str, solver: str, deltas: list[float], body: dict[str, Any] = CYLINDER, h: float = 0.02, **sections: Any
+    name: str,
+    solver: str,
+    deltas: list[float],
+    body: dict[str, Any] = CYLINDER,
+    h: float = 0.02,
+    **sections: Any,
 ) -> list[State]:
     """The states of a path."""
     return solve(
@@ -43,8 +51,9 @@ def walk(
 
 @every_method
 def test_first_touch_at_a_node(name: str, solver: str) -> None:
-    """Depth 0 touches the node on the axis and nothing else; then tiny steps, then the whole depth at once, which is
-    what one step gives. No force at 0, a force that is not negative after."""
+    """Depth 0 touches the node on the axis and nothing else; then tiny steps, then the whole depth
+    at once, which is what one step gives. No force at 0, a force that is not negative after.
+    """
     states = walk(name, solver, [0.0, 1e-10, 1e-6, 0.01])
     (direct,) = walk(name, solver, [0.01])
     assert states[0].force == pytest.approx(0.0, abs=1e-20)
@@ -64,7 +73,9 @@ def test_from_no_contact_to_deep_at_once(name: str, solver: str) -> None:
 
 @every_method
 def test_release_and_contact_again(name: str, solver: str) -> None:
-    """Nothing is remembered: equal depths, equal forces; and released is released, to 1e-20 of a force of 1e-3."""
+    """Nothing is remembered: equal depths, equal forces; and released is released, to 1e-20 of a
+    force of 1e-3.
+    """
     down, out, half, at_zero, again = walk(name, solver, [0.01, -0.01, 0.005, 0.0, 0.01])
     direct, _ = walk(name, solver, [0.005, 0.01])
     assert again.force == pytest.approx(down.force, rel=TIGHT.get(name, 1e-8))
@@ -73,18 +84,25 @@ def test_release_and_contact_again(name: str, solver: str) -> None:
 
 
 def test_back_and_forth_in_small_steps() -> None:
-    """To a depth, a little back, there again, and between: the two equal depths do not predict a third."""
-    down, _, again, between = walk("augmented_lagrangian", "newton", [0.01, 0.0098, 0.01, 0.0099], h=0.03)
+    """To a depth, a little back, there again, and between: the two equal depths do not predict a
+    third.
+    """
+    down, _, again, between = walk(
+        "augmented_lagrangian", "newton", [0.01, 0.0098, 0.01, 0.0099], h=0.03
+    )
     assert again.force == pytest.approx(down.force, rel=1e-8)
     assert 0 < between.force < down.force
 
 
 @pytest.mark.parametrize(
-    ("name", "solver"), [pytest.param(*pair, marks=[pytest.mark.verify] * (pair in LONG)) for pair in PAIRS]
+    ("name", "solver"),
+    [pytest.param(*pair, marks=[pytest.mark.verify] * (pair in LONG)) for pair in PAIRS],
 )
 def test_a_punch_back_where_it_began(name: str, solver: str) -> None:
-    """Where every point of the surface is at the kink of the bracket: no force, to 1e-17 of the one before, found
-    in less than 100 solves (Uzawa; the others ten); and then any depth, in proportion."""
+    """Where every point of the surface is at the kink of the bracket: no force, to 1e-17 of the one
+    before, found in less than 100 solves (Uzawa; the others ten); and then any depth, in
+    proportion.
+    """
     punch = {"shape": "flat_punch", "radius": 0.3, "center": [1.0]}
     down, back, deeper = walk(name, solver, [0.01, 0.0, 0.02], STRIP, 0.05, indenter=punch)
     assert abs(back.force) <= 1e-17 * down.force
@@ -95,11 +113,16 @@ def test_a_punch_back_where_it_began(name: str, solver: str) -> None:
 @every_method
 def test_two_elements_in_the_contact(name: str, solver: str) -> None:
     """Two, and one and a half at half the depth: 3 %, a sixteenth of (h/a)^2, 2 % found."""
-    for state, expected in zip(walk(name, solver, [0.005, 0.01], h=0.05), (FORCES[4], FORCES[9]), strict=True):
+    for state, expected in zip(
+        walk(name, solver, [0.005, 0.01], h=0.05), (FORCES[4], FORCES[9]), strict=True
+    ):
         assert state.force == pytest.approx(expected, rel=0.03)
 
 
-SIDEWAYS = {"plane_strain": (STRIP, [1.2345], 0.02, [0.005, 0.01]), "box": (BOX, [1.2345, 0.8], 0.2, [0.03, 0.06])}
+SIDEWAYS = {
+    "plane_strain": (STRIP, [1.2345], 0.02, [0.005, 0.01]),
+    "box": (BOX, [1.2345, 0.8], 0.2, [0.03, 0.06]),
+}
 LONGER = ("uzawa", "penalty", "active_set")  # in three dimensions in `make verify`
 
 
@@ -112,10 +135,14 @@ LONGER = ("uzawa", "penalty", "active_set")  # in three dimensions in `make veri
     ],
 )
 def test_tip_off_the_middle(where: str, name: str) -> None:
-    """Where no mesh line marks the axis and nothing is symmetric: condensed and full Newton are one problem, 1e-9."""
+    """Where no mesh line marks the axis and nothing is symmetric: condensed and full Newton are one
+    problem, 1e-9.
+    """
     body, center, h, deltas = SIDEWAYS[where]
     tip = PARABOLOID | {"center": center}
-    paths = (walk(name, solver, deltas, body, h, indenter=tip) for solver in ("condensed", "newton"))
+    paths = (
+        walk(name, solver, deltas, body, h, indenter=tip) for solver in ("condensed", "newton")
+    )
     for one, other in zip(*paths, strict=True):
         assert one.force == pytest.approx(other.force, rel=1e-9)
 

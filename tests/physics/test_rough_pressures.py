@@ -1,4 +1,6 @@
-"""Random scenes with friction at finite strain: no pressure alternates from node to node without a word."""
+"""Random scenes with friction at finite strain: no pressure alternates from node to node without a
+word.
+"""
 
 from __future__ import annotations
 

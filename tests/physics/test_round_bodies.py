@@ -1,4 +1,6 @@
-"""Caps and balls: independent values, the flat limit, the mirror plane, the plate, every method beside the others."""
+"""Caps and balls: independent values, the flat limit, the mirror plane, the plate, every method
+beside the others.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ DEEP = {"delta": 0.02, "steps": 1}
 QUIET = {"plot": False, "fields": "none"}
 NEO_HOOKEAN = {"model": "neo_hookean", "E": 1.0, "nu": 0.45}
 
-# An independent solver (small strain, reference gap), good to 1e-5: body, tip, nu, force at delta = 0.02
+# An independent solver (small strain, reference gap), good to 1e-5: body, tip, nu, force at delta =
+# 0.02
 KNOWN: dict[str, tuple[dict[str, Any], dict[str, Any], float, float]] = {
     "ball between plates": (BALL, PLATE, 0.3, 1.548175e-3),
     "cap on glass": (CAP, PARABOLOID, 0.45, 4.536025e-3),
@@ -37,14 +40,21 @@ A_OF_CAP = 0.124622
 
 def known(name: str, **sections: Any) -> dict[str, Any]:
     body, tip, nu, _ = KNOWN[name]
-    return {"body": body, "indenter": tip, "material": ELASTIC | {"nu": nu}, "loading": DEEP} | sections
+    return {
+        "body": body,
+        "indenter": tip,
+        "material": ELASTIC | {"nu": nu},
+        "loading": DEEP,
+    } | sections
 
 
 @pytest.mark.parametrize("solver", ["condensed", "newton"])
 @pytest.mark.parametrize("name", KNOWN)
 def test_independent_values_at_automatic_sizes(name: str, solver: str) -> None:
     """0.3 % as asked of every body."""
-    assert force(scene(**known(name, solver={"method": solver}))) == pytest.approx(KNOWN[name][3], rel=3e-3)
+    assert force(scene(**known(name, solver={"method": solver}))) == pytest.approx(
+        KNOWN[name][3], rel=3e-3
+    )
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -61,12 +71,21 @@ def test_independent_values_within_the_accuracy_asked_for(name: str, tmp_path: P
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 @pytest.mark.parametrize("base_radius", [6.0, 10.0])
 def test_a_flat_cap_is_a_layer(base_radius: float, nu: float) -> None:
-    """0.5 % from six heights on, the tip of one curvature relative to either: measured 0.15 and 0.05 %."""
+    """0.5 % from six heights on, the tip of one curvature relative to either: measured 0.15 and
+    0.05 %.
+    """
     dome = (base_radius**2 + 1) / 2
     cap = {"shape": "cap", "base_radius": base_radius, "height": 1.0}
     layer = {"shape": "cylinder", "radius": base_radius, "height": 1.0}
     found = [
-        force(scene(body, indenter={"shape": "paraboloid", "R": R}, material=ELASTIC | {"nu": nu}, loading=DEEP))
+        force(
+            scene(
+                body,
+                indenter={"shape": "paraboloid", "R": R},
+                material=ELASTIC | {"nu": nu},
+                loading=DEEP,
+            )
+        )
         for body, R in ((cap, 1 / (1 - 1 / dome)), (layer, 1.0))
     ]
     assert found[0] == pytest.approx(found[1], rel=5e-3)
@@ -81,7 +100,9 @@ def test_half_of_the_ball_takes_half_of_the_approach() -> None:
     alike = dataclasses.replace(cap.with_physics(contact=ball.physics.contact), sizes=ball.sizes)
     (whole,), (half,) = solve(ball), solve(alike)
     for name, times in (("force", 1), ("a", 1), ("p_max", 1), ("energy", 2), ("delta", 2)):
-        assert getattr(whole, name) == pytest.approx(times * getattr(half, name), rel=1e-9, abs=0), name
+        assert getattr(whole, name) == pytest.approx(
+            times * getattr(half, name), rel=1e-9, abs=0
+        ), name
 
 
 @pytest.mark.parametrize(
@@ -97,28 +118,43 @@ def test_half_of_the_ball_takes_half_of_the_approach() -> None:
         for shape, body in (("mirrored", BALL), ("bonded", BONDED), ("cap", CAP))
     ],
 )
-def test_force_is_the_derivative_of_the_energy(material: dict[str, Any], body: dict[str, Any]) -> None:
-    """By a central difference at 0.1 (1 +- 0.01), whose own error is 1e-5, and what the contact edge scatters."""
+def test_force_is_the_derivative_of_the_energy(
+    material: dict[str, Any], body: dict[str, Any]
+) -> None:
+    """By a central difference at 0.1 (1 +- 0.01), whose own error is 1e-5, and what the contact
+    edge scatters.
+    """
     path = {"deltas": [0.099, 0.1, 0.101]}
     below, here, above = solve(scene(body, indenter=PLATE, material=material, loading=path))
     assert (above.energy - below.energy) / 0.002 == pytest.approx(here.force, rel=1e-3)
 
 
 def test_a_plate_has_one_gap() -> None:
-    """Its distance to the deformed point is z, wherever that point has gone sideways; contact is what is pressed."""
+    """Its distance to the deformed point is z, wherever that point has gone sideways; contact is
+    what is pressed.
+    """
     reference, current = (
-        force(scene(BALL, indenter=PLATE, loading=DEEP, contact={"gap": gap})) for gap in ("reference", "current")
+        force(scene(BALL, indenter=PLATE, loading=DEEP, contact={"gap": gap}))
+        for gap in ("reference", "current")
     )
     assert current == pytest.approx(reference, rel=1e-10)  # the tolerance of the solver
 
 
 METHODS = [
-    pytest.param(method, gap, marks=[] if (method, gap) == ("active_set", "reference") else [pytest.mark.verify])
-    for method, gap in product(("penalty", "uzawa", "nitsche", "active_set"), ("reference", "current"))
+    pytest.param(
+        method,
+        gap,
+        marks=[] if (method, gap) == ("active_set", "reference") else [pytest.mark.verify],
+    )
+    for method, gap in product(
+        ("penalty", "uzawa", "nitsche", "active_set"), ("reference", "current")
+    )
 ]
 
 
-@pytest.mark.parametrize(("method", "gap"), METHODS)  # that methods agree at all is shown in test_methods
+@pytest.mark.parametrize(
+    ("method", "gap"), METHODS
+)  # that methods agree at all is shown in test_methods
 def test_every_method_gives_the_same_force(method: str, gap: str) -> None:
     """On one mesh to 0.1 %; a penalty's sinking, stated and chosen to be below 0.5 %, on top."""
     sphere = {"shape": "sphere", "R": 1.0}
@@ -129,25 +165,40 @@ def test_every_method_gives_the_same_force(method: str, gap: str) -> None:
     assert forces[0] == pytest.approx(forces[1], rel=5e-3 if method == "penalty" else 1e-3)
 
 
-@pytest.mark.parametrize("tip", [{"shape": "flat_punch", "radius": 0.3}, {"shape": "flat_punch", "radius": 0.05}])
+@pytest.mark.parametrize(
+    "tip", [{"shape": "flat_punch", "radius": 0.3}, {"shape": "flat_punch", "radius": 0.05}]
+)
 def test_a_punch_is_a_plate_up_to_its_edge(tip: dict[str, Any]) -> None:
-    """Where the contact, here 0.24, ends before; a narrower one pushes less. Only the meshes differ: 0.3 %."""
-    found, plate = force(scene(CAP, indenter=tip, loading=DEEP)), force(scene(CAP, indenter=PLATE, loading=DEEP))
+    """Where the contact, here 0.24, ends before; a narrower one pushes less.
+
+    Only the meshes differ: 0.3 %.
+    """
+    found, plate = (
+        force(scene(CAP, indenter=tip, loading=DEEP)),
+        force(scene(CAP, indenter=PLATE, loading=DEEP)),
+    )
     assert found == pytest.approx(plate, rel=3e-3) if tip["radius"] == 0.3 else found < 0.5 * plate
 
 
 def test_the_gap_is_that_of_the_sphere_not_of_its_chords() -> None:
-    """Before it is touched, at vertices and midpoints alike: delta below the plate and R - sqrt(R^2 - r^2) more."""
-    (state,) = solve(scene(BALL, indenter=PLATE, loading={"deltas": [-0.02]}, mesh={"h_contact": 0.1}))
+    """Before it is touched, at vertices and midpoints alike: delta below the plate and R - sqrt(R^2
+    - r^2) more.
+    """
+    (state,) = solve(
+        scene(BALL, indenter=PLATE, loading={"deltas": [-0.02]}, mesh={"h_contact": 0.1})
+    )
     assert state.surface is not None
     r = np.minimum(state.surface.x, 1.0)
-    assert state.surface.gap == pytest.approx(0.01 + 1 - np.sqrt(1 - r * r), abs=1e-7)  # the root at the equator
+    assert state.surface.gap == pytest.approx(
+        0.01 + 1 - np.sqrt(1 - r * r), abs=1e-7
+    )  # the root at the equator
 
 
 @pytest.mark.parametrize("base", ["fixed", "roller"])
 def test_the_mesh_fills_the_ball(base: str) -> None:
-    """2 pi int r dA is the volume of the ball, or of its half: to 1e-4 with facets of 7 degrees at most, whose straight
-    chords leave out 0.3 %."""
+    """2 pi int r dA is the volume of the ball, or of its half: to 1e-4 with facets of 7 degrees at
+    most, whose straight chords leave out 0.3 %.
+    """
     ball = scene(BALL | {"base": base}, mesh={"h_contact": 0.1, "h_far": 0.125})
     body = Body(ball, meshed(ball))
     volume = fem.assemble_scalar(fem.form(body.weight * ufl.dx(domain=body.mesh)))
@@ -156,8 +207,10 @@ def test_the_mesh_fills_the_ball(base: str) -> None:
 
 
 def test_pressures_of_vertices_and_midpoints_are_one_curve() -> None:
-    """Hertz' shape, p0 sqrt(1 - r^2/a^2), inside 0.4 a at eight elements in the radius: to 1 %, the ripple of a flat
-    body. With straight facets vertices had 2 % less than the midpoints beside them."""
+    """Hertz' shape, p0 sqrt(1 - r^2/a^2), inside 0.4 a at eight elements in the radius: to 1 %, the
+    ripple of a flat body. With straight facets vertices had 2 % less than the midpoints beside
+    them.
+    """
     (state,) = solve(
         scene(
             BALL,
@@ -174,7 +227,9 @@ def test_pressures_of_vertices_and_midpoints_are_one_curve() -> None:
 
 
 def test_a_cap_by_its_contact_angle() -> None:
-    """tan(theta/2) = height/base_radius; the same to rounding, also beyond a right angle, where the cap overhangs."""
+    """tan(theta/2) = height/base_radius; the same to rounding, also beyond a right angle, where the
+    cap overhangs.
+    """
     for height in (1.0, 3.0):
         angle = float(np.degrees(2 * np.arctan(height / 2.0)))
         by_height, by_angle = (
@@ -186,9 +241,13 @@ def test_a_cap_by_its_contact_angle() -> None:
 
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_a_soft_ball_squeezed_to_two_thirds(nu: float) -> None:
-    """Hyperelastic, over many steps: converged, audited, and stiffer than Hertz by more and more, as it spreads."""
+    """Hyperelastic, over many steps: converged, audited, and stiffer than Hertz by more and more,
+    as it spreads.
+    """
     material = NEO_HOOKEAN | {"nu": nu}
-    states = solve(scene(BALL, indenter=PLATE, material=material, loading={"delta": 0.7, "steps": 7}))
+    states = solve(
+        scene(BALL, indenter=PLATE, material=material, loading={"delta": 0.7, "steps": 7})
+    )
     hertz = [4 / 3 / (1 - nu**2) * (state.delta / 2) ** 1.5 for state in states]
     ratios = [state.force / F for state, F in zip(states, hertz, strict=True)]
     assert ratios == sorted(ratios) and ratios[0] > 1.05
@@ -196,7 +255,9 @@ def test_a_soft_ball_squeezed_to_two_thirds(nu: float) -> None:
 
 def test_depths_at_prescribed_forces_are_the_whole_approach() -> None:
     """That of the known value: its force is off by 0.3 % at most, the depth by two thirds of it."""
-    (state,) = solve(scene(BALL, indenter=PLATE, loading={"force": KNOWN["ball between plates"][3], "steps": 1}))
+    (state,) = solve(
+        scene(BALL, indenter=PLATE, loading={"force": KNOWN["ball between plates"][3], "steps": 1})
+    )
     assert state.delta == pytest.approx(0.02, rel=2e-3)
 
 
@@ -215,9 +276,13 @@ def test_units_change_nothing() -> None:
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize(("angle", "base"), [(15, "roller"), (60, "fixed"), (90, "roller"), (150, "fixed")])
+@pytest.mark.parametrize(
+    ("angle", "base"), [(15, "roller"), (60, "fixed"), (90, "roller"), (150, "fixed")]
+)
 def test_error_bars_hold(angle: float, base: str, tmp_path: Path) -> None:
-    """At every step of a plate and of a ball on caps of any angle, against twenty times the accuracy."""
+    """At every step of a plate and of a ball on caps of any angle, against twenty times the
+    accuracy.
+    """
     body = {"shape": "cap", "base_radius": 1.0, "contact_angle": angle, "base": base}
     depth = 0.05 * np.tan(np.radians(angle / 2))
     for tip, nu in ((PLATE, 0.3), ({"shape": "sphere", "R": 2.0}, 0.5)):
@@ -230,7 +295,9 @@ def test_error_bars_hold(angle: float, base: str, tmp_path: Path) -> None:
         }
         runs = [
             simulate(
-                from_mapping(sections | {"accuracy": accuracy}), MPI.COMM_SELF, directory=tmp_path / f"{nu}-{accuracy}"
+                from_mapping(sections | {"accuracy": accuracy}),
+                MPI.COMM_SELF,
+                directory=tmp_path / f"{nu}-{accuracy}",
             ).states
             for accuracy in (0.01, 0.0005)
         ]

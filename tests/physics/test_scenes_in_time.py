@@ -1,6 +1,8 @@
-"""Scenes in time drawn at random: every one ends, no force rises in a hold without cause, bars hold the finer answer.
+"""Scenes in time drawn at random: every one ends, no force rises in a hold without cause, bars hold
+the finer answer.
 
-Truth is the same scene on a mesh of half the sizes in steps a quarter as long (half, with friction).
+Truth is the same scene on a mesh of half the sizes in steps a quarter as long (half, with
+friction).
 """
 
 from __future__ import annotations
@@ -38,11 +40,16 @@ def over(mapping: dict[str, Any], folder: Path) -> dict[str, list[float]]:
     config = from_mapping(mapping)
     found = simulate(config, directory=folder, error_bars=True).states
     base = resolve(config)
-    own = {"force", "a", "p_max"} if base.physics.path.control == "depth" else {"delta", "a", "p_max"}
+    own = (
+        {"force", "a", "p_max"} if base.physics.path.control == "depth" else {"delta", "a", "p_max"}
+    )
     ratios: dict[str, list[float]] = {name: [] for name in NAMES}
     for row, right in zip(found, truth(base), strict=True):
         for name in own:
-            value, bar, exact = (getattr(one, key) for one, key in ((row, name), (row, f"{name}_error"), (right, name)))
+            value, bar, exact = (
+                getattr(one, key)
+                for one, key in ((row, name), (row, f"{name}_error"), (right, name))
+            )
             if bar is not None and value == value and exact == exact and right.force > 0:
                 ratios[name].append(bar / max(abs(value - exact), 1e-12 * abs(exact)))
     return ratios
@@ -50,24 +57,35 @@ def over(mapping: dict[str, Any], folder: Path) -> dict[str, list[float]]:
 
 @pytest.mark.parametrize(
     ("kind", "steps"),
-    [("draining", 2), *(pytest.param(kind, None, marks=pytest.mark.verify) for kind in ("draining", "relaxing"))],
+    [
+        ("draining", 2),
+        *(pytest.param(kind, None, marks=pytest.mark.verify) for kind in ("draining", "relaxing")),
+    ],
 )
-def test_rows_of_one_scene_are_inside_their_bars(kind: str, steps: int | None, tmp_path: Path) -> None:
+def test_rows_of_one_scene_are_inside_their_bars(
+    kind: str, steps: int | None, tmp_path: Path
+) -> None:
     (mapping,) = time_scenes(1, 5, (kind,))
-    mapping["loading"] |= {"times": mapping["loading"]["times"][2::3]} | ({"per_doubling": steps} if steps else {})
+    mapping["loading"] |= {"times": mapping["loading"]["times"][2::3]} | (
+        {"per_doubling": steps} if steps else {}
+    )
     found = over(mapping, tmp_path)
     assert min(found["force"]) >= 1 and min(found["a"]) >= 1
 
 
 def test_steps_have_a_part_of_the_error(tmp_path: Path) -> None:
-    """Of half as many steps the largest is more; where the tip seals nothing, whose edge moves by elements."""
+    """Of half as many steps the largest is more; where the tip seals nothing, whose edge moves by
+    elements.
+    """
     (mapping,) = time_scenes(1, 5, ("draining",))
     mapping["drainage"] = {"tip": "drained"}
     loading = mapping["loading"] | {"times": mapping["loading"]["times"][2::3]}
     parts = []
     for per_doubling in (2, 4):
         given = mapping | {"loading": loading | {"per_doubling": per_doubling}}
-        report = simulate(from_mapping(given), directory=tmp_path / str(per_doubling), error_bars=True).report
+        report = simulate(
+            from_mapping(given), directory=tmp_path / str(per_doubling), error_bars=True
+        ).report
         budget = report["error_budget"]
         assert all(part.path == 0 for part in budget)
         parts.append(max(part.time for part in budget))
@@ -78,10 +96,20 @@ def sealed_rubber() -> dict[str, Any]:
     """A porous rubber that nothing can leave, with a cone that has come to rest."""
     mooney = {"model": "mooney_rivlin", "C10": 0.167, "C01": 0.042, "nu": 0.2}
     return {
-        "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "base": "fixed", "sides": "roller"},
-        "material": mooney | {"flow": {"diffusivity": 1.75, "holmes_mow": {"phi0": 0.2, "alpha": 2.0, "M": 0.5}}},
+        "body": {
+            "shape": "cylinder",
+            "radius": 2.0,
+            "height": 1.0,
+            "base": "fixed",
+            "sides": "roller",
+        },
+        "material": mooney
+        | {"flow": {"diffusivity": 1.75, "holmes_mow": {"phi0": 0.2, "alpha": 2.0, "M": 0.5}}},
         "indenter": {"shape": "cone", "half_angle": 82.5},
-        "loading": {"history": [[0.0, 0.0], [0.47, 0.04], [0.5, 0.04]], "times": [0.47, 0.4702, 0.475, 0.5]},
+        "loading": {
+            "history": [[0.0, 0.0], [0.47, 0.04], [0.5, 0.04]],
+            "times": [0.47, 0.4702, 0.475, 0.5],
+        },
         "drainage": {"surface": "sealed", "tip": "sealed", "base": "sealed"},
         "mesh": {"h_contact": 0.1, "h_far": 0.4},
         "output": {"fields": "none", "surface": "none", "plot": False},
@@ -89,14 +117,18 @@ def sealed_rubber() -> dict[str, Any]:
 
 
 def test_fluid_of_a_sealed_body_is_audited_beside_what_moves_in_it(tmp_path: Path) -> None:
-    """Nothing leaves; what the rows of p sum up to is round-off beside what has moved from place to place."""
+    """Nothing leaves; what the rows of p sum up to is round-off beside what has moved from place to
+    place.
+    """
     rows = simulate(from_mapping(sealed_rubber()), directory=tmp_path).states
     assert all(row.outflow == 0 for row in rows)
     assert min(row.moved for row in rows) > 1e-3  # of the order of a^2 delta = 0.2^2 0.04
     assert max(row.unbalanced / row.moved for row in rows) < 1e-8  # as the audit asks
 
 
-def test_fluid_that_comes_from_nowhere_ends_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fluid_that_comes_from_nowhere_ends_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A millionth of what has moved."""
     content = Flow.content
     monkeypatch.setattr(Flow, "content", lambda flow: content(flow) + 1e-6 * np.abs(content(flow)))
@@ -106,7 +138,9 @@ def test_fluid_that_comes_from_nowhere_ends_the_run(tmp_path: Path, monkeypatch:
 
 @pytest.mark.verify
 def test_rows_drawn_at_random_are_inside_their_bars(tmp_path: Path) -> None:
-    """A scene of each kind, some 50 rows: of these 95 % is uncertain by 3, by threes and fours of one mesh."""
+    """A scene of each kind, some 50 rows: of these 95 % is uncertain by 3, by threes and fours of
+    one mesh.
+    """
     ratios: dict[str, list[float]] = {name: [] for name in NAMES}
     for k, mapping in enumerate(time_scenes(len(KINDS), 12)):
         if "times" not in mapping["loading"]:  # a tip that is lifted has no force to judge
@@ -114,13 +148,18 @@ def test_rows_drawn_at_random_are_inside_their_bars(tmp_path: Path) -> None:
         for name, found in over(mapping, tmp_path / str(k)).items():
             ratios[name] += found
     for name, found in ratios.items():
-        print(f"{name}: {np.mean(np.array(found) >= 1):.3f} of {len(found)} rows, {np.median(found):.2g}")
+        print(
+            f"{name}: {np.mean(np.array(found) >= 1):.3f} of {len(found)} rows, "
+            f"{np.median(found):.2g}"
+        )
     assert np.mean(np.array(ratios["force"] + ratios["delta"]) >= 1) >= 0.92
     assert np.mean(np.array(ratios["a"]) >= 1) >= 0.92
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("mapping", time_scenes(5, 31, KINDS[:5])[::2][:2], ids=["draining", "relaxing"])
+@pytest.mark.parametrize(
+    "mapping", time_scenes(5, 31, KINDS[:5])[::2][:2], ids=["draining", "relaxing"]
+)
 def test_an_accuracy_is_met_in_time(mapping: dict[str, Any], tmp_path: Path) -> None:
     """3 % asked for: of every row the force is right to that, or the depth where forces are given.
 
@@ -145,7 +184,9 @@ def test_every_scene_drawn_at_random_ends(part: int, tmp_path: Path) -> None:
     for k, mapping in enumerate(time_scenes(10 * len(KINDS), 2)[part::10]):
         config = from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})
         try:
-            rows = simulate(config, directory=tmp_path / str(k)).states  # audited: contents, supports, plausible rows
+            rows = simulate(
+                config, directory=tmp_path / str(k)
+            ).states  # audited: contents, supports, plausible rows
         except NotConverged:
             lost.append(k)
             continue
@@ -158,7 +199,9 @@ def test_every_scene_drawn_at_random_ends(part: int, tmp_path: Path) -> None:
 
 @pytest.mark.verify
 def test_scenes_drawn_at_random_go_on_from_any_row(tmp_path: Path) -> None:
-    """One of each kind stopped at a row drawn at random: the rest is that of one run, to what its iterations leave."""
+    """One of each kind stopped at a row drawn at random: the rest is that of one run, to what its
+    iterations leave.
+    """
     rng, worst = np.random.default_rng(41), 0.0
     for k, mapping in enumerate(time_scenes(len(KINDS), 41)):
         config = from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})
@@ -172,8 +215,15 @@ def test_scenes_drawn_at_random_go_on_from_any_row(tmp_path: Path) -> None:
         with pytest.raises(KeyboardInterrupt):
             simulate(config, directory=tmp_path / f"{k} again", progress=stop)
         again = simulate(config, directory=tmp_path / f"{k} again", resume=True).states
-        for name in ("force", "delta", "a"):  # one of the first two is given, and may be 0 throughout
-            pairs = [(getattr(row, name), getattr(one, name)) for row, one in zip(whole, again, strict=True)]
+        for name in (
+            "force",
+            "delta",
+            "a",
+        ):  # one of the first two is given, and may be 0 throughout
+            pairs = [
+                (getattr(row, name), getattr(one, name))
+                for row, one in zip(whole, again, strict=True)
+            ]
             largest = max(abs(row) for row, _ in pairs) or 1.0
             worst = max(worst, *(abs(row - one) / largest for row, one in pairs))
     print(f"largest difference: {worst:.2g} of the largest value of its column")

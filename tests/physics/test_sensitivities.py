@@ -1,4 +1,6 @@
-"""Derivatives of the force with respect to keys of a scene: against theory, scaling laws and accurate runs."""
+"""Derivatives of the force with respect to keys of a scene: against theory, scaling laws and
+accurate runs.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ def changed(scene: dict[str, Any], key: str, factor: float, **more: Any) -> Any:
 
 
 def by_theory(key: str, row: int) -> float:
-    """The derivative of layer theory, exact for this body, by differences of its forces, which have eight digits."""
+    """The derivative of layer theory, exact for this body, by differences of its forces, which have
+    eight digits.
+    """
 
     def force(factor: float) -> float:
         scene = changed(LAYER, key, factor)
@@ -47,7 +51,9 @@ def by_theory(key: str, row: int) -> float:
 
 @pytest.fixture(scope="module")
 def of_layer() -> dict[str, dict[str, list[float]]]:
-    return indent_sim.sensitivities(LAYER, ["material.E", "material.nu", "body.height", "indenter.R"])
+    return indent_sim.sensitivities(
+        LAYER, ["material.E", "material.nu", "body.height", "indenter.R"]
+    )
 
 
 @pytest.mark.parametrize("key", ["material.E", "material.nu", "body.height", "indenter.R"])
@@ -60,8 +66,14 @@ def test_of_a_layer_against_theory(key: str, row: int, of_layer: Any) -> None:
 
 
 def test_of_what_theory_solves_has_no_mesh_error() -> None:
-    """F = 4/3 E/(1 - nu^2) sqrt(R) delta^1.5 on a half-space; theory and differences of fourth order leave 1e-6."""
-    scene = LAYER | {"body": {"shape": "half_space"}, "indenter": {"shape": "paraboloid", "R": 5.0}, "solver": {}}
+    """F = 4/3 E/(1 - nu^2) sqrt(R) delta^1.5 on a half-space; theory and differences of fourth
+    order leave 1e-6.
+    """
+    scene = LAYER | {
+        "body": {"shape": "half_space"},
+        "indenter": {"shape": "paraboloid", "R": 5.0},
+        "solver": {},
+    }
     found = indent_sim.sensitivities(scene, ["indenter.R", "material.nu"])
     force = 4 / 3 / 0.91 * 5**0.5 * 0.5**1.5
     assert found["indenter.R"]["value"][1] == pytest.approx(force / 10, rel=1e-6)
@@ -70,17 +82,24 @@ def test_of_what_theory_solves_has_no_mesh_error() -> None:
 
 
 def test_of_an_incompressible_body_goes_backward() -> None:
-    """nu = 0.5 has no scene beyond it: dF/dnu = F 2 nu/(1 - nu^2) of Hertz; 1e-3 for one-sided differences."""
+    """nu = 0.5 has no scene beyond it: dF/dnu = F 2 nu/(1 - nu^2) of Hertz; 1e-3 for one-sided
+    differences.
+    """
     matter = {"material": {"model": "linear_elastic", "E": 1.0, "nu": 0.5}, "solver": {}}
-    scene = LAYER | {"body": {"shape": "half_space"}, "indenter": {"shape": "paraboloid", "R": 5.0}} | matter
+    scene = (
+        LAYER
+        | {"body": {"shape": "half_space"}, "indenter": {"shape": "paraboloid", "R": 5.0}}
+        | matter
+    )
     force = 4 / 3 / 0.75 * 5**0.5 * 0.5**1.5
     found = indent_sim.sensitivities(scene, "material.nu")
     assert found["material.nu"]["value"][1] == pytest.approx(force / 0.75, rel=1e-3)
 
 
 def test_at_finite_strain_dimensions_bind_the_derivatives() -> None:
-    """F is E length^2 times a function of ratios of lengths: E dF/dE = F. 1e-4: the law's epsilon_n stays
-    as it is, which at the edge of the contact is felt by 5e-6."""
+    """F is E length^2 times a function of ratios of lengths: E dF/dE = F. 1e-4: the law's epsilon_n
+    stays as it is, which at the edge of the contact is felt by 5e-6.
+    """
     found = indent_sim.sensitivities(RUBBER, "material.E")["material.E"]["value"]
     *_, last = indent_sim.states(indent_sim.resolve(indent_sim.load(RUBBER)))
     assert found[-1] == pytest.approx(last.force, rel=1e-4)
@@ -106,7 +125,11 @@ def test_at_finite_strain_against_accurate_runs(key: str) -> None:
     [
         (LAYER, "material.G", "material.G: is no number of this scene"),
         (LAYER, "body.shape", "body.shape: is no number of this scene"),
-        (LAYER | {"loading": {"force": 1.0, "steps": 1}}, "material.E", "loading: derivatives of the force"),
+        (
+            LAYER | {"loading": {"force": 1.0, "steps": 1}},
+            "material.E",
+            "loading: derivatives of the force",
+        ),
     ],
 )
 def test_what_has_no_derivative_is_refused(scene: dict[str, Any], key: str, message: str) -> None:

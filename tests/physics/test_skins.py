@@ -1,4 +1,6 @@
-"""Skins of caps and balls: shell theory, the flat limit, what must change nothing, error bars that hold."""
+"""Skins of caps and balls: shell theory, the flat limit, what must change nothing, error bars that
+hold.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ DEEP = {"delta": 0.02, "steps": 1}
 each_body = pytest.mark.parametrize("body", BODIES.values(), ids=BODIES)
 
 
-def with_skins(body: dict[str, Any], *skins: tuple[float, float], nu: float = 0.3, **sections: Any) -> dict[str, Any]:
+def with_skins(
+    body: dict[str, Any], *skins: tuple[float, float], nu: float = 0.3, **sections: Any
+) -> dict[str, Any]:
     """A scene whose body has skins (thickness, E) around a core of ELASTIC."""
     layers = [{"thickness": t, "material": ELASTIC | {"E": E, "nu": nu}} for t, E in skins]
     given = {"material": ELASTIC, "indenter": PLATE, "loading": DEEP} | sections
@@ -54,8 +58,10 @@ def volumes(base: Scene) -> np.ndarray:
 @each_body
 @pytest.mark.parametrize("skins", [[0.1], [0.05, 0.02], [0.005]], ids=str)
 def test_skins_have_their_volumes(body: dict[str, Any], skins: list[float]) -> None:
-    """Of a ball cut by a plane, pi H^2 (R - H/3), less that of the ball inside, cut alike. Straight facets no longer
-    than a skin is thick leave out (t/R)/12 of it at each face, and the larger ones of the core less than 1 %."""
+    """Of a ball cut by a plane, pi H^2 (R - H/3), less that of the ball inside, cut alike. Straight
+    facets no longer than a skin is thick leave out (t/R)/12 of it at each face, and the larger
+    ones of the core less than 1 %.
+    """
     base = skinned(body, *((t, 2.0) for t in skins))
     R = base.physics.part.dome * base.physics.scales.length
     height = base.physics.body.height * base.physics.scales.length
@@ -71,25 +77,33 @@ def pi_cap(R: float, H: float) -> float:
 
 @pytest.mark.parametrize("t", [0.02, 0.01, pytest.param(0.005, marks=pytest.mark.verify)])
 def test_a_thin_stiff_skin_is_a_shell(t: float) -> None:
-    """Reissner's sphere under a point force, F = 4 E t^2 w/(R sqrt(3 (1 - nu^2))), with Hertz' local indentation in
-    series (3 to 7 %, which a skin of some contact radii has but for a tenth): 1.5 %, of which thin-shell theory lacks
-    t/R. The core is too soft to matter. Reissner (1946), J. Math. Phys. 25, 279."""
+    """Reissner's sphere under a point force, F = 4 E t^2 w/(R sqrt(3 (1 - nu^2))), with Hertz'
+    local indentation in series (3 to 7 %, which a skin of some contact radii has but for a
+    tenth): 1.5 %, of which thin-shell theory lacks t/R. The core is too soft to matter. Reissner
+    (1946), J. Math. Phys. 25, 279.
+    """
     core = {"model": "linear_elastic", "E": 1e-7, "nu": 0.0}
     R = 0.05 if t == 0.02 else 0.02
     body = BODIES["whole"] | {"layers": [{"thickness": t, "material": ELASTIC}, {"material": core}]}
-    found = force(scene(body, indenter={"shape": "paraboloid", "R": R}, loading={"delta": t, "steps": 1}))
+    found = force(
+        scene(body, indenter={"shape": "paraboloid", "R": R}, loading={"delta": t, "steps": 1})
+    )
     local = (found / (4 / 3 / (1 - 0.3**2) * R**0.5)) ** (2 / 3)
     assert found == pytest.approx(4 * t**2 / np.sqrt(3 * (1 - 0.3**2)) * (t - local), rel=0.015)
 
 
 @each_body
 @pytest.mark.parametrize("t", [0.1, pytest.param(0.005, marks=pytest.mark.verify)])
-def test_a_skin_of_the_cores_matter_changes_nothing(body: dict[str, Any], t: float, tmp_path: Path) -> None:
+def test_a_skin_of_the_cores_matter_changes_nothing(
+    body: dict[str, Any], t: float, tmp_path: Path
+) -> None:
     """Beyond the sum of both error bars."""
     scenes = [with_skins(body, (t, 1.0), output=QUIET)]
     scenes.append(scenes[0] | {"body": body})
     found = [
-        simulate(from_mapping(given), MPI.COMM_SELF, directory=tmp_path / str(k), error_bars=True).states[-1]
+        simulate(
+            from_mapping(given), MPI.COMM_SELF, directory=tmp_path / str(k), error_bars=True
+        ).states[-1]
         for k, given in enumerate(scenes)
     ]
     bars = [state.force_error or np.nan for state in found]
@@ -124,7 +138,11 @@ def test_half_of_a_skinned_ball_takes_half_of_the_approach() -> None:
 CASES = [
     (body, skins, nu)
     for body in BODIES.values()
-    for skins, nu in (([(0.1, 10.0)], 0.3), ([(0.02, 10.0)], 0.45), ([(0.03, 0.1), (0.01, 3.0)], 0.3))
+    for skins, nu in (
+        ([(0.1, 10.0)], 0.3),
+        ([(0.02, 10.0)], 0.45),
+        ([(0.03, 0.1), (0.01, 3.0)], 0.3),
+    )
 ]
 
 
@@ -133,10 +151,13 @@ FEW = (2, 3, 7, 9)
 
 
 @pytest.mark.parametrize(
-    "case", [pytest.param(k, marks=[] if k in FEW else [pytest.mark.verify]) for k in range(len(CASES))]
+    "case",
+    [pytest.param(k, marks=[] if k in FEW else [pytest.mark.verify]) for k in range(len(CASES))],
 )
 def test_automatic_sizes(case: int) -> None:
-    """0.3 % of what sizes 0.4 times as large give, in skins too; 0.03 % found, 0.2 % with moduli 1000 times apart."""
+    """0.3 % of what sizes 0.4 times as large give, in skins too; 0.03 % found, 0.2 % with moduli
+    1000 times apart.
+    """
     body, skins, nu = CASES[case]
     base = skinned(body, *skins, nu=nu)
     sizes = coarser(base.sizes, 0.4, base.physics.part.height)
@@ -148,26 +169,35 @@ def test_automatic_sizes(case: int) -> None:
 @pytest.mark.verify  # in `make test` of a ball beside the series (test_layered_ball.py)
 @pytest.mark.parametrize("case", FEW)
 def test_accuracy_is_met_inside_error_bars(case: int, tmp_path: Path) -> None:
-    """0.1 % asked for; the bar holds what the finest mesh gives, to that one's own error, an eighth of it."""
+    """0.1 % asked for; the bar holds what the finest mesh gives, to that one's own error, an eighth
+    of it.
+    """
     body, skins, nu = CASES[case]
     config = from_mapping(with_skins(body, *skins, nu=nu, accuracy=0.001, output=QUIET))
     (state,) = simulate(config, MPI.COMM_SELF, directory=tmp_path / "run").states
     assert state.force_error is not None and state.force_error <= 1e-3 * state.force
     base = resolve(config)
-    finest = force(dataclasses.replace(base, sizes=coarser(base.sizes, 0.4, base.physics.part.height)))
+    finest = force(
+        dataclasses.replace(base, sizes=coarser(base.sizes, 0.4, base.physics.part.height))
+    )
     assert abs(state.force - finest) <= 1.125 * state.force_error
 
 
 @pytest.mark.parametrize("t", [0.2, pytest.param(0.1, marks=pytest.mark.verify)])
 def test_a_stiff_skin_is_felt_at_the_edge_of_its_bond(t: float, tmp_path: Path) -> None:
-    """1000 times as stiff as the core it hands the force on to where a ball is bonded: 0.3 % of what elements 1e-5 long
-    there give (0.04 % found, 0.38 % without elements of their own), and 0.1 % where that is asked for, inside the
-    bar, to 0.02 %, what that reference knows."""
+    """1000 times as stiff as the core it hands the force on to where a ball is bonded: 0.3 % of
+    what elements 1e-5 long there give (0.04 % found, 0.38 % without elements of their own), and
+    0.1 % where that is asked for, inside the bar, to 0.02 %, what that reference knows.
+    """
     given = with_skins(BODIES["whole"], (t, 1000.0), output=QUIET)
     base = resolve(from_mapping(given))
     at = 1 / base.physics.scales.length
     fine = coarser(base.sizes, 0.4, base.physics.part.height)
-    finest = force(dataclasses.replace(base, sizes=dataclasses.replace(fine, corners=((at, at),), h_corner=1e-5)))
+    finest = force(
+        dataclasses.replace(
+            base, sizes=dataclasses.replace(fine, corners=((at, at),), h_corner=1e-5)
+        )
+    )
     assert force(base) == pytest.approx(finest, rel=3e-3)
     config = from_mapping(given | {"accuracy": 0.001})
     (state,) = simulate(config, MPI.COMM_SELF, directory=tmp_path / "run").states
@@ -176,20 +206,37 @@ def test_a_stiff_skin_is_felt_at_the_edge_of_its_bond(t: float, tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    "body", [BALL, *(pytest.param(body, marks=pytest.mark.verify) for body in BODIES.values() if body is not BALL)]
+    "body",
+    [
+        BALL,
+        *(
+            pytest.param(body, marks=pytest.mark.verify)
+            for body in BODIES.values()
+            if body is not BALL
+        ),
+    ],
 )
 def test_both_solvers_and_finite_strain(body: dict[str, Any]) -> None:
-    """One linear body: 1e-8 between condensed and whole. At a depth of 1e-4 neo-Hookean skins are linear to the order
-    of a/R, 1 %, of which the force keeps a tenth."""
-    condensed, whole = (force(skinned(body, (0.05, 10.0), solver={"method": way})) for way in ("condensed", "newton"))
+    """One linear body: 1e-8 between condensed and whole. At a depth of 1e-4 neo-Hookean skins are
+    linear to the order of a/R, 1 %, of which the force keeps a tenth.
+    """
+    condensed, whole = (
+        force(skinned(body, (0.05, 10.0), solver={"method": way}))
+        for way in ("condensed", "newton")
+    )
     assert whole == pytest.approx(condensed, rel=1e-8)
     shallow = {"loading": {"delta": 1e-4, "steps": 1}}
     linear = skinned(body, (0.05, 10.0), contact={"method": "auto", "gap": "current"}, **shallow)
     given = with_skins(body, (0.05, 10.0), **shallow)
     neo = ELASTIC | {"model": "neo_hookean"}
     skin, core = given["body"]["layers"]
-    given["body"]["layers"] = [skin | {"material": skin["material"] | {"model": "neo_hookean"}}, core]
-    assert force(resolve(from_mapping(given | {"material": neo}))) == pytest.approx(force(linear), rel=2e-3)
+    given["body"]["layers"] = [
+        skin | {"material": skin["material"] | {"model": "neo_hookean"}},
+        core,
+    ]
+    assert force(resolve(from_mapping(given | {"material": neo}))) == pytest.approx(
+        force(linear), rel=2e-3
+    )
 
 
 def test_a_nucleus_inside_a_skin() -> None:
@@ -197,7 +244,12 @@ def test_a_nucleus_inside_a_skin() -> None:
     nucleus = {"shape": "ball", "center": [0, 0, -1.0], "radius": 0.5}
     plain = force(skinned(BODIES["whole"], (0.02, 10.0)))
     same, stiff = (
-        force(skinned(BODIES["whole"] | {"inclusions": [nucleus | {"material": ELASTIC | {"E": E}}]}, (0.02, 10.0)))
+        force(
+            skinned(
+                BODIES["whole"] | {"inclusions": [nucleus | {"material": ELASTIC | {"E": E}}]},
+                (0.02, 10.0),
+            )
+        )
         for E in (1.0, 10.0)
     )
     assert same == pytest.approx(plain, rel=1e-3)
@@ -216,4 +268,6 @@ def test_cells_are_foretold() -> None:
     for body in BODIES.values():
         for t, share in ((0.005, 0.2), (0.1, 0.5)):
             base = skinned(body, (t, 10.0))
-            assert base.plan.prediction["cells"] == pytest.approx(len(grid_of(base).cells), rel=share)
+            assert base.plan.prediction["cells"] == pytest.approx(
+                len(grid_of(base).cells), rel=share
+            )

@@ -1,4 +1,6 @@
-"""A surface under tension: theory and mesh beside one another, their limits, the energy of curved bodies, rest."""
+"""A surface under tension: theory and mesh beside one another, their limits, the energy of curved
+bodies, rest.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ OWN = {name: getattr(tension, name) for name in ("FEWEST", "PER_ROOT", "MOST")}
 
 def tensed(body: dict[str, Any], gamma: float, delta: float = 0.01, **sections: Any) -> Scene:
     """A body under a surface tension, in units of its E."""
-    return scene(body | {"surface_tension": gamma}, **{"loading": {"delta": delta, "steps": 1}} | sections)
+    return scene(
+        body | {"surface_tension": gamma}, **{"loading": {"delta": delta, "steps": 1}} | sections
+    )
 
 
 def known(base: Scene) -> tuple[Solution, float]:
@@ -55,7 +59,9 @@ def known(base: Scene) -> tuple[Solution, float]:
 @pytest.mark.parametrize("gamma", [1e-3, 0.02, pytest.param(1.0, marks=pytest.mark.verify)])
 @pytest.mark.parametrize("body", BODIES)
 def test_mesh_against_theory(body: str, gamma: float) -> None:
-    """From a hundredth of the contact radius to ten times of it: 0.1 %, 0.05 % was found at automatic sizes."""
+    """From a hundredth of the contact radius to ten times of it: 0.1 %, 0.05 % was found at
+    automatic sizes.
+    """
     _, force = known(tensed(BODIES[body], gamma))
     (state,) = solve(tensed(BODIES[body], gamma, solver={"method": "condensed"}))
     assert state.force == pytest.approx(force, rel=1e-3)
@@ -63,12 +69,22 @@ def test_mesh_against_theory(body: str, gamma: float) -> None:
 
 @pytest.mark.parametrize("gamma", [0.02, pytest.param(0.4, marks=pytest.mark.verify), 7.0])
 def test_contact_radius_and_largest_pressure_beside_theory(gamma: float, tmp_path: Path) -> None:
-    """Where the pressure ends with a step, the radius inside its bar, 2 %, and the pressure to 1 %; to 5 % where the
-    plan warns of it, gamma/E* being 30 contact radii and more. Meshes smear the step over an element, a tenth of a."""
+    """Where the pressure ends with a step, the radius inside its bar, 2 %, and the pressure to 1 %;
+    to 5 % where the plan warns of it, gamma/E* being 30 contact radii and more. Meshes smear the
+    step over an element, a tenth of a.
+    """
     exact = known(base := tensed(HALF_SPACE, gamma))[0]
     quiet = {"plot": False, "fields": "none"}
-    document = {"body": HALF_SPACE | {"surface_tension": gamma}, "material": ELASTIC, "indenter": PARABOLOID}
-    document |= {"loading": {"delta": 0.01, "steps": 1}, "solver": {"method": "condensed"}, "output": quiet}
+    document = {
+        "body": HALF_SPACE | {"surface_tension": gamma},
+        "material": ELASTIC,
+        "indenter": PARABOLOID,
+    }
+    document |= {
+        "loading": {"delta": 0.01, "steps": 1},
+        "solver": {"method": "condensed"},
+        "output": quiet,
+    }
     config = from_mapping(document)
     (state,) = simulate(config, MPI.COMM_SELF, directory=tmp_path / "run", error_bars=True).states
     assert state.a_error is not None and state.a_error < 0.025 * state.a
@@ -81,7 +97,9 @@ def test_contact_radius_and_largest_pressure_beside_theory(gamma: float, tmp_pat
 
 @pytest.mark.parametrize("gamma", [0.02, pytest.param(1.0, marks=pytest.mark.verify)])
 def test_the_contact_radius_under_a_cone(gamma: float) -> None:
-    """Whose pressure is infinite at the apex as well: 2.5 %, a quarter of an element; 4 % if read off at 0."""
+    """Whose pressure is infinite at the apex as well: 2.5 %, a quarter of an element; 4 % if read
+    off at 0.
+    """
     base = tensed(HALF_SPACE, gamma, indenter=CONE)
     exact = base.plan.theory and base.plan.theory.at(base.physics.deltas[-1])
     assert exact
@@ -92,8 +110,9 @@ def test_the_contact_radius_under_a_cone(gamma: float) -> None:
 @pytest.mark.parametrize("nu", [0.0, 0.5])
 @pytest.mark.parametrize("gamma", [1e-3, 0.05, 2.0])
 def test_a_punch_touches_with_all_of_its_face(gamma: float, nu: float) -> None:
-    """Its edge bends the surface, whose tension pushes along a line, and the body pushes back without end beside it:
-    the contact radius is the punch's, to round-off."""
+    """Its edge bends the surface, whose tension pushes along a line, and the body pushes back
+    without end beside it: the contact radius is the punch's, to round-off.
+    """
     punch = {"indenter": {"shape": "flat_punch", "radius": 0.3}, "material": ELASTIC | {"nu": nu}}
     (state,) = solve(tensed({"shape": "cylinder", "radius": 3.0, "height": 2.0}, gamma, **punch))
     assert state.a == pytest.approx(0.3, rel=1e-9)
@@ -133,7 +152,9 @@ def test_theory_is_as_good_as_it_says(tip: str, more: int, monkeypatch: pytest.M
 
 
 def test_no_tension_is_hertz() -> None:
-    """gamma = 0 is the scene without the key; a small one differs by gamma/(E* a) and its logarithm, 1e-6 (7 + 1)."""
+    """gamma = 0 is the scene without the key; a small one differs by gamma/(E* a) and its
+    logarithm, 1e-6 (7 + 1).
+    """
     plain = known(scene(HALF_SPACE))[1]
     assert known(tensed(HALF_SPACE, 0.0))[1] == plain
     assert plain < known(tensed(HALF_SPACE, 1e-7))[1] < (1 + 1e-5) * plain
@@ -141,22 +162,26 @@ def test_no_tension_is_hertz() -> None:
 
 @pytest.mark.parametrize("gamma", [30.0, 1000.0])
 def test_a_large_tension_is_a_membrane(gamma: float) -> None:
-    """p = 2 gamma/R, F = 2 pi gamma a^2/R, delta = a^2/R (ln(4 gamma/(E* a)) + 1/2 - Euler's constant), to E* a/gamma
-    (times its logarithm, 10)."""
+    """p = 2 gamma/R, F = 2 pi gamma a^2/R, delta = a^2/R (ln(4 gamma/(E* a)) + 1/2 - Euler's
+    constant), to E* a/gamma (times its logarithm, 10).
+    """
     base = tensed(HALF_SPACE, gamma)
     found, force = known(base)
     a, ell = found.a * base.physics.scales.length, base.plan.prediction["elastocapillary_length"]
     assert ell == pytest.approx(gamma * (1 - 0.3**2))
     assert force == pytest.approx(2 * np.pi * gamma * a**2, rel=10 * a / ell)
-    assert a**2 * (np.log(4 * ell / a) + 0.5 - np.euler_gamma) == pytest.approx(0.01, rel=10 * a / ell)
+    assert a**2 * (np.log(4 * ell / a) + 0.5 - np.euler_gamma) == pytest.approx(
+        0.01, rel=10 * a / ell
+    )
     p = found.pressure(np.array([0.0, 0.5, 0.99]) * found.a) * base.physics.scales.pressure
     assert p == pytest.approx(2 * gamma, rel=10 * a / ell)
 
 
 @pytest.mark.parametrize("body", BODIES)
 def test_theory_is_of_one_piece(body: str) -> None:
-    """F = dU/ddelta and dF/ddelta = stiffness (differences of 1 %: 1e-4), p is F over the contact, and u_z goes on
-    without a step or a kink where the contact ends."""
+    """F = dU/ddelta and dF/ddelta = stiffness (differences of 1 %: 1e-4), p is F over the contact,
+    and u_z goes on without a step or a kink where the contact ends.
+    """
     base = tensed(BODIES[body], 0.02)
     found, _ = known(base)
     theory = base.plan.theory
@@ -178,7 +203,9 @@ def test_the_surface_of_theory_is_that_of_the_mesh() -> None:
     """Out to five contact radii, to 0.3 % of the depth: sizes grow there."""
     base = tensed(HALF_SPACE, 0.02)
     found, _ = known(base)
-    (state,) = solve(tensed(HALF_SPACE, 0.02, solver={"method": "condensed"}, output={"surface": "all"}))
+    (state,) = solve(
+        tensed(HALF_SPACE, 0.02, solver={"method": "condensed"}, output={"surface": "all"})
+    )
     assert state.surface is not None
     L = base.physics.scales.length
     near = state.surface.x < 5 * found.a * L
@@ -189,9 +216,16 @@ def test_the_surface_of_theory_is_that_of_the_mesh() -> None:
 @pytest.mark.parametrize("small_strain", [True, False])
 @pytest.mark.parametrize("c", [1e-3, 0.2])
 def test_the_energy_of_a_ball_that_grows(c: float, small_strain: bool) -> None:
-    """u = c X from the center, of the half that is modelled: 2 pi gamma R^2 ((1 + c)^2 - 1 - 2 c) - 4/3 pi gamma R^2
-    ((1 + c)^3 - 1 - 3 c), to second order at small strain. 1e-3: the mesh's volume and area."""
-    ball = tensed(BALL, 0.3, material=ELASTIC if small_strain else NEO_HOOKEAN, mesh={"h_contact": 0.05, "h_far": 0.1})
+    """u = c X from the center, of the half that is modelled: 2 pi gamma R^2 ((1 + c)^2 - 1 - 2 c) -
+    4/3 pi gamma R^2 ((1 + c)^3 - 1 - 3 c), to second order at small strain. 1e-3: the mesh's
+    volume and area.
+    """
+    ball = tensed(
+        BALL,
+        0.3,
+        material=ELASTIC if small_strain else NEO_HOOKEAN,
+        mesh={"h_contact": 0.05, "h_far": 0.1},
+    )
     body, gamma, R = Body(ball, meshed(ball)), ball.physics.surface_tension, ball.physics.part.dome
     assert R is not None
     term = SurfaceTension(body)
@@ -210,12 +244,20 @@ HELD: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 }
 
 
-@pytest.mark.parametrize("body", ["walled", "ball", "cap", "strip", pytest.param("whole", marks=pytest.mark.verify)])
+@pytest.mark.parametrize(
+    "body", ["walled", "ball", "cap", "strip", pytest.param("whole", marks=pytest.mark.verify)]
+)
 def test_rest_is_exact_and_finite_strain_at_small_depth_is_the_same(body: str) -> None:
-    """No force before the tip touches, and none at depth 0, by `solve`'s audit; at 2e-4 neo-Hookean bodies differ by
-    terms of a/R = 0.01, a tenth of it in the force. Condensed and whole bodies agree to 1e-9."""
+    """No force before the tip touches, and none at depth 0, by `solve`'s audit; at 2e-4 neo-Hookean
+    bodies differ by terms of a/R = 0.01, a tenth of it in the force. Condensed and whole bodies
+    agree to 1e-9.
+    """
     given, tip = HELD[body]
-    path = {"loading": {"deltas": [-1e-5, 0.0, 2e-4]}, "mesh": {"h_contact": 0.004}, "indenter": tip}
+    path = {
+        "loading": {"deltas": [-1e-5, 0.0, 2e-4]},
+        "mesh": {"h_contact": 0.004},
+        "indenter": tip,
+    }
     forces = []
     for sections in ({}, {"solver": {"method": "newton"}}, {"material": NEO_HOOKEAN}):
         away, touching, last = solve(tensed(given, 0.05, **path, **sections))
@@ -227,8 +269,9 @@ def test_rest_is_exact_and_finite_strain_at_small_depth_is_the_same(body: str) -
 
 @pytest.mark.parametrize("body", ["ball", "cap"])
 def test_force_is_the_derivative_of_the_energy(body: str) -> None:
-    """At finite strain on curved bodies, by a central difference at 0.05 (1 +- 0.02): 1e-3, the contact edge's
-    scatter."""
+    """At finite strain on curved bodies, by a central difference at 0.05 (1 +- 0.02): 1e-3, the
+    contact edge's scatter.
+    """
     given, tip = HELD[body]
     path = {"loading": {"deltas": [0.049, 0.05, 0.051]}, "indenter": tip, "material": NEO_HOOKEAN}
     below, here, above = solve(tensed(given, 0.1, **path))
@@ -239,7 +282,9 @@ def test_three_dimensions() -> None:
     """A quarter of a cylinder beside its section, coarse: 1 %."""
     body = {"shape": "cylinder", "radius": 1.2, "height": 1.0, "sides": "roller"}
     mesh = {"h_contact": 0.06, "h_far": 0.4, "grading": 0.5, "symmetry": "quarter"}
-    (section,), (quarter,) = (solve(tensed(body, 0.05, 0.05, **one)) for one in ({}, {"mesh": mesh}))
+    (section,), (quarter,) = (
+        solve(tensed(body, 0.05, 0.05, **one)) for one in ({}, {"mesh": mesh})
+    )
     assert quarter.force == pytest.approx(section.force, rel=0.01)
 
 
@@ -247,7 +292,10 @@ def test_three_dimensions() -> None:
     ("sections", "words"),
     [
         ({"experiment": {"adhesion": {"work": 1e-3}}}, "experiment.adhesion"),
-        ({"contact": {"method": "auto", "adhesion": {"work": 1e-3, "range": 1e-2}}}, "contact.adhesion"),
+        (
+            {"contact": {"method": "auto", "adhesion": {"work": 1e-3, "range": 1e-2}}},
+            "contact.adhesion",
+        ),
         (
             {
                 "material": ELASTIC | {"relaxation": {"prony": [[0.5, 1.0]]}},
@@ -257,7 +305,9 @@ def test_three_dimensions() -> None:
         ),
     ],
 )
-def test_what_is_not_known_together_is_refused_by_name(sections: dict[str, Any], words: str) -> None:
+def test_what_is_not_known_together_is_refused_by_name(
+    sections: dict[str, Any], words: str
+) -> None:
     with pytest.raises(ConfigError) as refused:
         tensed(HALF_SPACE, 0.02, **sections)
     assert refused.value.key == "body.surface_tension" and words in str(refused.value)
@@ -265,9 +315,15 @@ def test_what_is_not_known_together_is_refused_by_name(sections: dict[str, Any],
 
 
 def drawn(count: int, seed: int) -> list[dict[str, Any]]:
-    """Scenes of half-spaces, layers, films and stacks under smooth tips, gamma from 3e-4 to 2 in units of E h."""
+    """Scenes of half-spaces, layers, films and stacks under smooth tips, gamma from 3e-4 to 2 in
+    units of E h.
+    """
     draw = random.Random(seed)
-    tips = [PARABOLOID, {"shape": "sphere", "R": 0.7}, {"shape": "hyperboloid", "R": 0.05, "half_angle": 60.0}]
+    tips = [
+        PARABOLOID,
+        {"shape": "sphere", "R": 0.7},
+        {"shape": "hyperboloid", "R": 0.05, "half_angle": 60.0},
+    ]
     return [
         {
             "body": body | {"surface_tension": 10 ** draw.uniform(-3.5, 0.3)},
@@ -282,8 +338,9 @@ def drawn(count: int, seed: int) -> list[dict[str, Any]]:
 
 @pytest.mark.verify
 def test_error_bars_hold_theory(tmp_path: Path) -> None:
-    """`accuracy: 0.003` is met in 24 rows, and as many forces, contact radii and largest pressures are inside
-    their bars as is promised of a class of scenes."""
+    """`accuracy: 0.003` is met in 24 rows, and as many forces, contact radii and largest pressures
+    are inside their bars as is promised of a class of scenes.
+    """
     inside = {"force": 0, "a": 0, "p_max": 0}
     rows = 0
     for number, document in enumerate(drawn(6, seed=7)):

@@ -1,7 +1,9 @@
-"""The modelled part stands for the whole: the same force, radius and energy from a quarter, a half and all of it.
+"""The modelled part stands for the whole: the same force, radius and energy from a quarter, a half
+and all of it.
 
-The mesh of the part is mirrored to make the whole's, so that the two are the same discrete problem and agree to the
-solver's tolerance; what gmsh would make of the whole by itself differs by the mesh error and is tested apart.
+The mesh of the part is mirrored to make the whole's, so that the two are the same discrete problem
+and agree to the solver's tolerance; what gmsh would make of the whole by itself differs by the mesh
+error and is tested apart.
 """
 
 from __future__ import annotations
@@ -39,7 +41,11 @@ def on_grid(base: Scene, grid: Grid, monkeypatch: pytest.MonkeyPatch) -> list[St
     named = named_surfaces(grid.points, grid.cells, part, base.sizes.finest)
     regions = regions_of_cells(grid.points, grid.cells, part)
     with monkeypatch.context() as patch:
-        patch.setattr(gmsh, "build", lambda part, sizes: dataclasses.replace(grid, surfaces=named, regions=regions))
+        patch.setattr(
+            gmsh,
+            "build",
+            lambda part, sizes: dataclasses.replace(grid, surfaces=named, regions=regions),
+        )
         return solve(base)
 
 
@@ -61,7 +67,9 @@ def test_strip_by_its_half(gap: str, sides: str, monkeypatch: pytest.MonkeyPatch
     )
     assert (half.physics.part.copies, full.physics.part.copies) == (2, 1)
     grid = grid_of(half)
-    assert_same(on_grid(half, grid, monkeypatch), on_grid(full, mirrored(grid, 0, 2.0), monkeypatch))
+    assert_same(
+        on_grid(half, grid, monkeypatch), on_grid(full, mirrored(grid, 0, 2.0), monkeypatch)
+    )
 
 
 @pytest.mark.parametrize(
@@ -81,7 +89,11 @@ def test_box_by_its_quarter_and_half(
         scene(body, contact=contact, mesh={"h_contact": 0.2, "symmetry": symmetry}, **DEEP)
         for symmetry in ("quarter", "half", "full")
     )
-    assert (quarter.physics.part.copies, half.physics.part.copies, full.physics.part.copies) == (4, 2, 1)
+    assert (quarter.physics.part.copies, half.physics.part.copies, full.physics.part.copies) == (
+        4,
+        2,
+        1,
+    )
     grid = grid_of(quarter)
     by_quarter = on_grid(quarter, grid, monkeypatch)
     grid = mirrored(grid, 1, 1.0)
@@ -90,10 +102,15 @@ def test_box_by_its_quarter_and_half(
 
 
 def test_tip_beside_a_frictionless_wall_is_half_of_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A wall that only holds sideways is a mirror: the strip with the tip at its roller wall is half of one twice as
-    wide with the tip in the middle."""
-    wide = scene(STRIP | {"width": 4.0, "sides": "roller"}, mesh={"h_contact": 0.02, "symmetry": "full"})
-    narrow = scene(STRIP | {"width": 2.0, "sides": "roller"}, indenter=PARABOLOID | {"center": [0.0]})
+    """A wall that only holds sideways is a mirror: the strip with the tip at its roller wall is
+    half of one twice as wide with the tip in the middle.
+    """
+    wide = scene(
+        STRIP | {"width": 4.0, "sides": "roller"}, mesh={"h_contact": 0.02, "symmetry": "full"}
+    )
+    narrow = scene(
+        STRIP | {"width": 2.0, "sides": "roller"}, indenter=PARABOLOID | {"center": [0.0]}
+    )
     sizes = dataclasses.replace(wide.sizes, axis=narrow.sizes.axis)
     narrow = dataclasses.replace(narrow.with_physics(contact=wide.physics.contact), sizes=sizes)
     grid = grid_of(narrow)
@@ -106,10 +123,18 @@ def test_tip_beside_a_frictionless_wall_is_half_of_a_whole(monkeypatch: pytest.M
 
 @pytest.mark.parametrize("body", [STRIP, BOX], ids=["plane_strain", "box"])
 def test_reduced_and_whole_on_meshes_of_their_own(body: dict[str, Any]) -> None:
-    """The error that either mesh may have: 0.5 % with three elements in the radius, 0.1 % with a dozen."""
+    """The error that either mesh may have: 0.5 % with three elements in the radius, 0.1 % with a
+    dozen.
+    """
     h, tolerance = (0.02, 1e-3) if body is STRIP else (0.12, 5e-3)
     part, whole = (
-        force(scene(body, mesh={"h_contact": h, "symmetry": symmetry}, loading={"delta": 0.09, "steps": 1}))
+        force(
+            scene(
+                body,
+                mesh={"h_contact": h, "symmetry": symmetry},
+                loading={"delta": 0.09, "steps": 1},
+            )
+        )
         for symmetry in ("auto", "full")
     )
     assert whole == pytest.approx(part, rel=tolerance)
@@ -126,14 +151,19 @@ def test_choice_of_the_part() -> None:
     assert scene(STRIP, indenter=PARABOLOID | {"center": [1.9]}).physics.part.symmetry == "full"
 
 
-# ---- friction: a traction along the surface that the planes of symmetry mirror too ------------------------------
+# ---- friction: a traction along the surface that the planes of symmetry mirror too
+# ------------------------------
 
 ROUGH = [(0.3, "reference"), ("stick", "reference"), (0.3, "current"), ("stick", "current")]
 
 
 @pytest.mark.parametrize(("friction", "gap"), ROUGH)
-def test_rough_strip_by_its_half(friction: float | str, gap: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The shear traction is odd across the plane on which the half holds it at zero; no force pushes the tip aside."""
+def test_rough_strip_by_its_half(
+    friction: float | str, gap: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The shear traction is odd across the plane on which the half holds it at zero; no force
+    pushes the tip aside.
+    """
     contact = {"method": "auto", "gap": gap, "friction": friction}
     half, full = (
         scene(STRIP, contact=contact, mesh={"h_contact": 0.05, "symmetry": symmetry}, **DEEP)
@@ -154,16 +184,28 @@ def test_rough_box_by_its_quarter(friction: float | str, monkeypatch: pytest.Mon
         for symmetry in ("quarter", "full")
     )
     grid = grid_of(quarter)
-    whole = mirrored(mirrored(grid, axis=0, plane=quarter.physics.center[0]), 1, quarter.physics.center[1])
+    whole = mirrored(
+        mirrored(grid, axis=0, plane=quarter.physics.center[0]), 1, quarter.physics.center[1]
+    )
     assert_same(on_grid(quarter, grid, monkeypatch), on_grid(full, whole, monkeypatch))
 
 
 @pytest.mark.parametrize(("friction", "gap"), ROUGH)
-def test_rough_strip_and_its_mirror_image(friction: float | str, gap: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A tip off the middle and its image on the image of its mesh: one force, and the side force turned round."""
+def test_rough_strip_and_its_mirror_image(
+    friction: float | str, gap: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A tip off the middle and its image on the image of its mesh: one force, and the side force
+    turned round.
+    """
     contact = {"method": "auto", "gap": gap, "friction": friction}
     left, right = (
-        scene(STRIP, contact=contact, mesh={"h_contact": 0.05}, indenter=PARABOLOID | {"center": [x]}, **DEEP)
+        scene(
+            STRIP,
+            contact=contact,
+            mesh={"h_contact": 0.05},
+            indenter=PARABOLOID | {"center": [x]},
+            **DEEP,
+        )
         for x in (1.4, 2.6)
     )
     grid = grid_of(left)
@@ -175,8 +217,12 @@ def test_rough_strip_and_its_mirror_image(friction: float | str, gap: str, monke
 
 
 @pytest.mark.parametrize("friction", [0.3, pytest.param("stick", marks=pytest.mark.verify)])
-def test_rough_box_and_its_mirror_image(friction: float | str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same in three dimensions, off the middle both ways: one of the two side forces turned round."""
+def test_rough_box_and_its_mirror_image(
+    friction: float | str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same in three dimensions, off the middle both ways: one of the two side forces turned
+    round.
+    """
     left, right = (
         scene(
             BOX,
@@ -198,7 +244,9 @@ def test_rough_box_and_its_mirror_image(friction: float | str, monkeypatch: pyte
 
 
 def test_rough_strip_under_a_tip_over_its_edge(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An edge is no mirror plane, the lower as little as the upper: one force, and the side force turned round."""
+    """An edge is no mirror plane, the lower as little as the upper: one force, and the side force
+    turned round.
+    """
     left, right = (
         scene(
             STRIP | {"sides": "free"},
@@ -241,7 +289,12 @@ def test_rough_box_under_a_tip_over_its_edge(monkeypatch: pytest.MonkeyPatch) ->
 def test_a_roller_wall_under_the_tip_is_a_mirror_plane() -> None:
     """Either wall: what pushes the half of a tip aside, its image pushes back."""
     for x in (0.0, 4.0):
-        assert scene(STRIP, contact={"friction": 0.3}, indenter=PARABOLOID | {"center": [x]}).physics.sideways == {}
+        assert (
+            scene(
+                STRIP, contact={"friction": 0.3}, indenter=PARABOLOID | {"center": [x]}
+            ).physics.sideways
+            == {}
+        )
 
 
 @pytest.mark.parametrize("method", ["newton", "condensed"])

@@ -1,4 +1,6 @@
-"""A term with a memory, as CONTRIBUTING describes one, and values that are held at something other than zero."""
+"""A term with a memory, as CONTRIBUTING describes one, and values that are held at something other
+than zero.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ ON_ROLLERS = {"shape": "cylinder", "radius": 1.0, "height": 1.0, "base": "roller
 
 
 class Dashpots(Term):
-    """A foundation of dashpots that drag on the base: the traction -c du/dt [pressure], backward Euler."""
+    """A foundation of dashpots that drag on the base: the traction -c du/dt [pressure], backward
+    Euler.
+    """
 
     has_memory = True
 
@@ -32,7 +36,9 @@ class Dashpots(Term):
         self._body, self._c = body, fem.Constant(body.mesh, c)
         now, before = body.now.fields["u"], body.before.fields["u"]
         self._rate = (now - before) / body.dt
-        self._lost = fem.form(body.over_surface("base", self._c * body.dt * ufl.dot(self._rate, self._rate)))
+        self._lost = fem.form(
+            body.over_surface("base", self._c * body.dt * ufl.dot(self._rate, self._rate))
+        )
 
     def work(self, now: Moment, before: Moment, dt: fem.Constant) -> Any:
         """int c du/dt . v over the base."""
@@ -47,15 +53,24 @@ class Dashpots(Term):
 @cache
 def on_dashpots(c: float, h: float = 0.05) -> tuple[Problem, Newton]:
     """A body on rollers and dashpots under the tip, and what solves it."""
-    base = scene(ON_ROLLERS, mesh=COARSE | {"h_contact": h}, loading={"delta": DEPTH}, solver={"method": "newton"})
+    base = scene(
+        ON_ROLLERS,
+        mesh=COARSE | {"h_contact": h},
+        loading={"delta": DEPTH},
+        solver={"method": "newton"},
+    )
     body = Body(base, meshed(base), fields_of(base))
     matter = matter_of(body)
     problem = Problem(body, [*matter, *touch_of(body, matter.strains[0]), Dashpots(body, c)])
     return problem, Newton(problem)
 
 
-def press(steps: int, time: float, hold: float = 0.0, c: float = 1.0) -> list[tuple[float, float, float, float]]:
-    """Press in within `time`, and hold: depth, force, energy and dissipation after every step, from rest."""
+def press(
+    steps: int, time: float, hold: float = 0.0, c: float = 1.0
+) -> list[tuple[float, float, float, float]]:
+    """Press in within `time`, and hold: depth, force, energy and dissipation after every step, from
+    rest.
+    """
     problem, newton = on_dashpots(c)
     problem.x.set(0.0)
     problem.delta.value = 0.0
@@ -98,7 +113,9 @@ def test_dashpots_converge_with_the_steps_of_time() -> None:
 
 
 def test_what_the_tip_does_is_stored_or_lost() -> None:
-    """Work by the trapezoidal rule, 1/n^2; losses of backward Euler, 1/n: both vanish with the steps."""
+    """Work by the trapezoidal rule, 1/n^2; losses of backward Euler, 1/n: both vanish with the
+    steps.
+    """
     off = []
     for n in (10, 20):
         rows = press(n, 0.5)
@@ -111,7 +128,9 @@ def test_what_the_tip_does_is_stored_or_lost() -> None:
 
 
 def test_a_base_held_at_another_place_stretches_the_body() -> None:
-    """A top held 0.01 higher, no contact, free sides: uniaxial stress, whose energy is E strain^2/2 per volume."""
+    """A top held 0.01 higher, no contact, free sides: uniaxial stress, whose energy is E strain^2/2
+    per volume.
+    """
     problem, newton = on_dashpots(1e-9)
     body = problem.body
     top = body.unknowns.dofs_on("u", 1, body.body_mesh.dim - 1, body.body_mesh.surfaces["top"])
@@ -122,5 +141,7 @@ def test_a_base_held_at_another_place_stretches_the_body() -> None:
     problem.begin(problem.stages(1e9)[0])
     assert newton.solve(), newton.failure
     E = 1.0  # material.E in units of itself
-    assert problem.energy() == pytest.approx(0.5 * E * 0.01**2 * np.pi, rel=1e-9)  # uniaxial stress is in the space
+    assert problem.energy() == pytest.approx(
+        0.5 * E * 0.01**2 * np.pi, rel=1e-9
+    )  # uniaxial stress is in the space
     on_dashpots.cache_clear()  # what is held here is held nowhere else

@@ -1,4 +1,6 @@
-"""What a run says of theory: which depth it belongs to, why the two differ, and one percentage for the half-space."""
+"""What a run says of theory: which depth it belongs to, why the two differ, and one percentage for
+the half-space.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,12 @@ def outcome(tmp_path):
             "mesh": {"h_contact": 0.03, "h_far": 0.5},
             "output": {"plot": False},
         }
-        return simulate(from_mapping(given | sections), MPI.COMM_SELF, directory=tmp_path / "out", overwrite=True)
+        return simulate(
+            from_mapping(given | sections),
+            MPI.COMM_SELF,
+            directory=tmp_path / "out",
+            overwrite=True,
+        )
 
     return start
 
@@ -39,7 +46,9 @@ def line(outcome: Outcome, word: str) -> str:
 
 def test_after_unloading_the_depth_is_named(outcome):
     done = outcome(loading={"deltas": [0.01, 0.004]})
-    assert "at delta 0.01:" in line(done, "layer theory") and "at delta 0.01:" in line(done, "Hertz")
+    assert "at delta 0.01:" in line(done, "layer theory") and "at delta 0.01:" in line(
+        done, "Hertz"
+    )
 
 
 def test_the_other_gap_is_the_reason_for_the_deviation(outcome):
@@ -50,13 +59,19 @@ def test_the_other_gap_is_the_reason_for_the_deviation(outcome):
 
 
 def test_other_gap_and_other_body(outcome):
-    why = outcome(contact={"gap": "current"}, body=WALLED | {"sides": "free"}).report["theory"]["why"]
+    why = outcome(contact={"gap": "current"}, body=WALLED | {"sides": "free"}).report["theory"][
+        "why"
+    ]
     assert "deformed point" in why and "infinitely wide" in why
 
 
 def test_finite_strain_is_not_theorys(outcome):
     theory = outcome(material={"model": "neo_hookean", "E": 1.0, "nu": 0.3}).report["theory"]
-    assert "small strain" in theory["why"] and "deformed point" in theory["why"] and not theory["exact"]
+    assert (
+        "small strain" in theory["why"]
+        and "deformed point" in theory["why"]
+        and not theory["exact"]
+    )
 
 
 def test_the_half_space_has_one_percentage(outcome):

@@ -1,7 +1,8 @@
-"""Tips beyond the ball and the sharp cone: blunted, rounded, given by points, pyramids; with both gaps.
+"""Tips beyond the ball and the sharp cone: blunted, rounded, given by points, pyramids; with both
+gaps.
 
-Against layer theory in the body that is theory's own (frictionless wall at W = 2), and the square pyramid against the
-boundary-element constant of the half-space.
+Against layer theory in the body that is theory's own (frictionless wall at W = 2), and the square
+pyramid against the boundary-element constant of the half-space.
 """
 
 from __future__ import annotations
@@ -14,7 +15,10 @@ from scenes import BOX, WALLED, force, scene, solve
 from indent_sim.model.tips import Cone
 from indent_sim.scene.scene import Scene
 
-PROFILE = {"shape": "profile", "points": [[0, 0], [0.05, 0], [0.1, 0.01], [0.2, 0.04], [0.5, 0.16], [1.0, 0.42]]}
+PROFILE = {
+    "shape": "profile",
+    "points": [[0, 0], [0.05, 0], [0.1, 0.01], [0.2, 0.04], [0.5, 0.16], [1.0, 0.42]],
+}
 TIPS: dict[str, dict[str, Any]] = {
     "blunt_cone": {"shape": "cone", "half_angle": 70, "tip_radius": 0.2},
     "hyperboloid": {"shape": "hyperboloid", "R": 0.02, "half_angle": 65},
@@ -42,21 +46,30 @@ def test_reference_gap_against_layer_theory(tip: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("body", [{"shape": "half_space"}, WALLED], ids=["half_space", "layer"])
 def test_hyperboloid_against_theory(body: dict[str, Any]) -> None:
-    """From the paraboloid at its apex (a/b = 0.6) to the cone (a/b = 3), with b = R cot(half_angle): 0.1 %, which is
-    more than `accuracy` asks of the mesh at the last step and 2e-4 of the half-space's finite body."""
-    tip, loading = {"shape": "hyperboloid", "R": 0.005, "half_angle": 65}, {"deltas": [0.0005, 0.005]}
+    """From the paraboloid at its apex (a/b = 0.6) to the cone (a/b = 3), with b = R
+    cot(half_angle): 0.1 %, which is more than `accuracy` asks of the mesh at the last step and
+    2e-4 of the half-space's finite body.
+    """
+    tip, loading = (
+        {"shape": "hyperboloid", "R": 0.005, "half_angle": 65},
+        {"deltas": [0.0005, 0.005]},
+    )
     base = scene(body, indenter=tip, loading=loading, accuracy=5e-4, solver={"method": "condensed"})
     exact = scene(body, indenter=tip, loading=loading)
     assert exact.plan.theory and exact.plan.theory.exact
     for delta, state in zip(exact.physics.deltas, solve(base), strict=True):
         found = exact.plan.theory.at(delta)
-        assert found and state.force == pytest.approx(found.force * exact.physics.scales.force, rel=1e-3)
+        assert found and state.force == pytest.approx(
+            found.force * exact.physics.scales.force, rel=1e-3
+        )
 
 
 @pytest.mark.parametrize("name", ["blunt_cone", "smooth_profile"])
 def test_current_gap_tends_to_the_reference_gap(name: str) -> None:
-    """The two differ by terms of the order of the slope at the contact's edge, which falls like a/tip_radius: at
-    a/R = 0.05 by 1.8 % (0.1 of it squared and linear terms, as for Hertz); at a/R = 0.02 by less than 1 %."""
+    """The two differ by terms of the order of the slope at the contact's edge, which falls like
+    a/tip_radius: at a/R = 0.05 by 1.8 % (0.1 of it squared and linear terms, as for Hertz); at
+    a/R = 0.02 by less than 1 %.
+    """
     tip = TIPS[name] | {"tip_radius": 1.0} | ({"half_angle": 45} if name == "blunt_cone" else {})
     if name == "smooth_profile":
         tip = {"shape": "profile", "points": [[0, 0], [1.0, 1.0]], "tip_radius": 1.0}
@@ -81,20 +94,31 @@ def test_sharp_tips_are_rounded_for_the_current_gap(tip: dict[str, Any], key: st
     """By a thousandth of the contact radius, stated in the plan; never with the reference gap."""
     base = scene(WALLED, indenter=tip, contact=CURRENT, loading={"delta": 0.02, "steps": 1})
     choice = next(choice for choice in base.plan.choices if choice.key == f"indenter.{key}")
-    assert choice.value == pytest.approx(1e-3 * base.plan.prediction["a"]) and "gap: current" in choice.why
+    assert (
+        choice.value == pytest.approx(1e-3 * base.plan.prediction["a"])
+        and "gap: current" in choice.why
+    )
     assert getattr(base.physics.indenter, key) == pytest.approx(choice.value)
     assert not [c for c in scene(WALLED, indenter=tip).plan.choices if c.key.startswith("indenter")]
     last = solve(base)[-1]
-    # the current gap is stiffer by a few percent of the slope at the edge; a wrong normal or tip is off by far more
+    # the current gap is stiffer by a few percent of the slope at the edge; a wrong normal or tip is
+    # off by far more
     assert last.force == pytest.approx(theory(base), rel=0.05)
 
 
 def test_rounding_a_cone_costs_what_the_plan_says() -> None:
-    base = scene(WALLED, indenter={"shape": "cone", "half_angle": 75}, contact=CURRENT, loading={"delta": 0.05})
+    base = scene(
+        WALLED,
+        indenter={"shape": "cone", "half_angle": 75},
+        contact=CURRENT,
+        loading={"delta": 0.05},
+    )
     why = next(choice.why for choice in base.plan.choices if choice.key == "indenter.tip_radius")
     blunt, sharp = (
         theory(base),
-        theory(scene(WALLED, indenter={"shape": "cone", "half_angle": 75}, loading={"delta": 0.05})),
+        theory(
+            scene(WALLED, indenter={"shape": "cone", "half_angle": 75}, loading={"delta": 0.05})
+        ),
     )
     assert isinstance(base.physics.indenter, Cone) and f"{blunt / sharp - 1:+.1g}" in why
     assert abs(blunt / sharp - 1) < 1e-3
@@ -104,7 +128,10 @@ def test_square_pyramid_is_close_to_the_constant_of_the_half_space() -> None:
     """C = 0.73762 within 1 % with three elements from the axis to the faces."""
     pyramid = {"shape": "pyramid", "half_angle": 70}
     base = scene(
-        {"shape": "half_space"}, indenter=pyramid, mesh={"h_contact": 0.06}, loading={"delta": 0.1, "steps": 1}
+        {"shape": "half_space"},
+        indenter=pyramid,
+        mesh={"h_contact": 0.06},
+        loading={"delta": 0.1, "steps": 1},
     )
     assert base.physics.part.symmetry == "quarter" and base.physics.body.shape == "box"
     assert force(base) == pytest.approx(base.plan.prediction["force_half_space"], rel=0.01)
@@ -114,13 +141,16 @@ def test_square_pyramid_is_close_to_the_constant_of_the_half_space() -> None:
 def test_square_pyramid_as_planned() -> None:
     """With the automatic mesh: 0.5 %."""
     base = scene(
-        {"shape": "half_space"}, indenter={"shape": "pyramid", "half_angle": 70}, loading={"delta": 0.1, "steps": 1}
+        {"shape": "half_space"},
+        indenter={"shape": "pyramid", "half_angle": 70},
+        loading={"delta": 0.1, "steps": 1},
     )
     assert force(base) == pytest.approx(base.plan.prediction["force_half_space"], rel=5e-3)
 
 
 @pytest.mark.parametrize(
-    ("faces", "rotation", "symmetry"), [(4, 0, "quarter"), (4, 45, "quarter"), (4, 20, "full"), (3, 0, "half")]
+    ("faces", "rotation", "symmetry"),
+    [(4, 0, "quarter"), (4, 45, "quarter"), (4, 20, "full"), (3, 0, "half")],
 )
 def test_pyramids_take_the_symmetry_they_have(faces: int, rotation: float, symmetry: str) -> None:
     tip = {"shape": "pyramid", "half_angle": 70, "faces": faces, "rotation": rotation}
@@ -129,7 +159,9 @@ def test_pyramids_take_the_symmetry_they_have(faces: int, rotation: float, symme
 
 
 def test_a_turned_pyramid_on_a_round_body_feels_the_same() -> None:
-    """By 45 degrees, both by their quarter; three elements in the contact radius of a mesh of their own: 1 %."""
+    """By 45 degrees, both by their quarter; three elements in the contact radius of a mesh of their
+    own: 1 %.
+    """
     pyramid, coarse = {"shape": "pyramid", "half_angle": 70}, {"h_contact": 0.09}
     forces = [
         force(scene(WALLED, indenter=tip, mesh=coarse, loading={"delta": 0.15, "steps": 1}))

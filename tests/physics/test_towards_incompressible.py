@@ -1,6 +1,8 @@
-"""Bodies whose shear relaxes and whose bulk modulus stays: as it goes on they are ever more incompressible, and ever
-softer under the tip. Long after, they are elastic bodies of the moduli that are left, which other scenes solve at once,
-with elements and a contact that were chosen for those."""
+"""Bodies whose shear relaxes and whose bulk modulus stays: as it goes on they are ever more
+incompressible, and ever softer under the tip. Long after, they are elastic bodies of the moduli
+that are left, which other scenes solve at once, with elements and a contact that were chosen for
+those.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ def nu_of(left: float) -> float:
 
 
 def relaxing(law: dict[str, Any], end: float, ramp: float = 0.0, **sections: Any) -> Scene:
-    """Pressed in within `ramp`, and held until `end`; sections replace whole ones, but the material's keys."""
+    """Pressed in within `ramp`, and held until `end`; sections replace whole ones, but the
+    material's keys.
+    """
     material = HOOKE | sections.pop("material", {}) | {"relaxation": law | {"of": "shear"}}
     loading = {"history": [[0, 0], [ramp, DELTA], [end, DELTA]], "per_doubling": 2}
     return resolve(from_mapping(BASE | {"material": material, "loading": loading} | sections, ()))
@@ -46,7 +50,12 @@ def at_rest(left: float, method: str) -> tuple[Scene, State]:
     """The elastic body of what is left of the shear modulus."""
     material = {"model": "linear_elastic", "mu": left * MU, "kappa": KAPPA, "formulation": "mixed"}
     loading = {"delta": DELTA, "steps": 1}
-    sections = {"material": material, "loading": loading, "contact": {"method": method}, "solver": {"method": "newton"}}
+    sections = {
+        "material": material,
+        "loading": loading,
+        "contact": {"method": method},
+        "solver": {"method": "newton"},
+    }
     scene = resolve(from_mapping(BASE | sections, ()))
     return scene, solve(scene)[-1]
 
@@ -60,17 +69,22 @@ def last(scene: Scene, like: Scene) -> State:
 
 
 def assert_alike(found: State, rest: State) -> None:
-    """The force, `a` and p_max. The two differ in what stands beside the pressure q, kappa here and lame_lambda there,
-    by 0.9e-3, 1.4e-3 and 3.3e-3 at most on this mesh, all methods and shares; before the contact followed the modulus
-    up to 20 %, 60 % and a factor of 2.7."""
+    """The force, `a` and p_max.
+
+    The two differ in what stands beside the pressure q, kappa here and lame_lambda there, by
+    0.9e-3, 1.4e-3 and 3.3e-3 at most on this mesh, all methods and shares; before the contact
+    followed the modulus up to 20 %, 60 % and a factor of 2.7.
+    """
     assert found.force == pytest.approx(rest.force, rel=2e-3)
     assert found.a == pytest.approx(rest.a, rel=4e-3)
     assert found.p_max == pytest.approx(rest.p_max, rel=8e-3)
 
 
 def test_a_body_that_keeps_a_fiftieth_of_its_shear() -> None:
-    """The case of a report; the numbers are those of the static scene of the relaxed moduli. Its mesh is another one:
-    5e-4 of the force."""
+    """The case of a report; the numbers are those of the static scene of the relaxed moduli.
+
+    Its mesh is another one: 5e-4 of the force.
+    """
     scene = relaxing({"prony": [[0.98, 1.0]]}, 200.0)
     *_, found = chain.states(scene)
     assert found.force == pytest.approx(0.00124646, rel=1e-3)
@@ -82,7 +96,9 @@ def test_a_body_that_keeps_a_fiftieth_of_its_shear() -> None:
 
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty", "uzawa", "active_set"])
 def test_a_body_that_keeps_next_to_nothing_of_its_shear(method: str) -> None:
-    """The bulk modulus delays what is left: it is at rest after some 1e4 relaxation times, the first over the share."""
+    """The bulk modulus delays what is left: it is at rest after some 1e4 relaxation times, the
+    first over the share.
+    """
     left = 1e-4
     like, rest = at_rest(left, method)
     scene = relaxing({"prony": [[1 - left, 1.0]]}, 2e5, contact={"method": method})
@@ -91,8 +107,10 @@ def test_a_body_that_keeps_next_to_nothing_of_its_shear(method: str) -> None:
 
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty"])
 def test_a_power_law(method: str) -> None:
-    """At every moment it is nearly the body of the modulus of that moment: the force is 1.3 % larger, of which the
-    ramp, a hundredth of the hold, leaves 0.2 % and the bulk modulus delays the rest; so is p_max, to 1e-3 of it."""
+    """At every moment it is nearly the body of the modulus of that moment: the force is 1.3 %
+    larger, of which the ramp, a hundredth of the hold, leaves 0.2 % and the bulk modulus delays
+    the rest; so is p_max, to 1e-3 of it.
+    """
     left = (1.0 / 1e-3) ** -0.4
     like, rest = at_rest(left, method)
     law = {"power_law": {"exponent": 0.4, "time": 1e-3}}
@@ -112,8 +130,15 @@ def test_a_body_that_drains_and_relaxes() -> None:
 
 @pytest.mark.parametrize("left", [0.02, 1e-4])
 def test_rubber(left: float) -> None:
-    """The very equations of the static scene, with kappa in both: 1.1e-6 of p_max, 2e-7 of the rest."""
-    part = {"C10": left * RUBBER["C10"], "C01": left * RUBBER["C01"], "nu": nu_of(left), "formulation": "mixed"}
+    """The very equations of the static scene, with kappa in both: 1.1e-6 of p_max, 2e-7 of the
+    rest.
+    """
+    part = {
+        "C10": left * RUBBER["C10"],
+        "C01": left * RUBBER["C01"],
+        "nu": nu_of(left),
+        "formulation": "mixed",
+    }
     static = BASE | {"material": RUBBER | part, "loading": {"delta": DELTA, "steps": 1}}
     like = resolve(from_mapping(static, ()))
     rest = solve(like)[-1]
@@ -121,19 +146,25 @@ def test_rubber(left: float) -> None:
     law = {"relaxation": {"prony": [[1 - left, 1.0]], "of": "shear"}}
     scene = resolve(from_mapping(BASE | {"material": RUBBER | law, "loading": loading}, ()))
     found = last(scene, like)
-    assert (found.force, found.a, found.p_max) == pytest.approx((rest.force, rest.a, rest.p_max), rel=1e-5)
+    assert (found.force, found.a, found.p_max) == pytest.approx(
+        (rest.force, rest.a, rest.p_max), rel=1e-5
+    )
 
 
 def test_short_steps_late() -> None:
-    """A jump of a body that has relaxed is answered by the modulus of the first moment, its contact by that of what it
-    bears: it goes up by (E*(0)/E*(inf)) 1.5 d(delta)/delta of the force, and `a` hardly."""
+    """A jump of a body that has relaxed is answered by the modulus of the first moment, its contact
+    by that of what it bears: it goes up by (E*(0)/E*(inf)) 1.5 d(delta)/delta of the force, and
+    `a` hardly.
+    """
     law, end = {"relaxation": {"prony": [[0.98, 1.0]], "of": "shear"}}, 0.999 * DELTA
     history = [[0, 0], [0, end], [200, end], [200, DELTA], [200.001, DELTA]]
     loading = {"history": history, "times": [199, 200.001]}
     scene = resolve(from_mapping(BASE | {"material": HOOKE | law, "loading": loading}, ()))
     before, after = chain.states(scene)
     stiffer = (1 / (1 - NU**2)) / (3 * 0.02 * MU / (1 - nu_of(0.02) ** 2))
-    assert after.force / before.force - 1 == pytest.approx(1.5e-3 * stiffer, rel=0.3)  # the layer: 2 in place of 1.5
+    assert after.force / before.force - 1 == pytest.approx(
+        1.5e-3 * stiffer, rel=0.3
+    )  # the layer: 2 in place of 1.5
     assert after.a == pytest.approx(before.a, rel=5e-3)
 
 
@@ -152,7 +183,11 @@ def test_elements_as_given_are_warned_of() -> None:
         ({"prony": [[0.3, 1.0]]}, 10.0, "displacement"),  # 0.42
         ({"power_law": {"exponent": 0.3, "time": 1.0}}, 2.0, "displacement"),  # 0.43 after 2
         ({"power_law": {"exponent": 0.3, "time": 1.0}}, 100.0, "mixed"),  # 0.47 after 100
-        ({"power_law": {"exponent": 0.3, "time": 1.0}}, 0.01, "displacement"),  # stiffer all the way
+        (
+            {"power_law": {"exponent": 0.3, "time": 1.0}},
+            0.01,
+            "displacement",
+        ),  # stiffer all the way
     ],
 )
 def test_elements_by_the_most_incompressible_state_on_the_way(

@@ -1,4 +1,6 @@
-"""Transversely isotropic bodies: uniform strain, the exact half-space, the isotropic limit, all kinematics alike."""
+"""Transversely isotropic bodies: uniform strain, the exact half-space, the isotropic limit, all
+kinematics alike.
+"""
 
 from __future__ import annotations
 
@@ -25,12 +27,16 @@ SHEARED = AXIS | {"E_z": 1.0, "nu_z": 0.3, "G_z": 0.01}
 LOOSE = AXIS | {"E_z": 0.1, "nu_z": 0.05, "G_z": 0.05}
 FIBROUS = AXIS | {"E_z": 10.0, "nu_z": 0.3, "G_z": 0.5}
 ACROSS = -NU_Z / E_Z
-COMPLIANCE = np.array([[1 / E, -NU / E, ACROSS], [-NU / E, 1 / E, ACROSS], [ACROSS, ACROSS, 1 / E_Z]])
+COMPLIANCE = np.array(
+    [[1 / E, -NU / E, ACROSS], [-NU / E, 1 / E, ACROSS], [ACROSS, ACROSS, 1 / E_Z]]
+)
 
 
 @pytest.mark.parametrize("mixed", [False, True])
 def test_the_stress_is_that_of_the_compliance_matrix(mixed: bool) -> None:
-    """Of any displacement gradient, to round-off; mixed with q = stiffness theta, where it is stationary."""
+    """Of any displacement gradient, to round-off; mixed with q = stiffness theta, where it is
+    stationary.
+    """
     law = TransverselyIsotropic(E=E, E_z=E_Z, nu=NU, nu_z=NU_Z, G_z=G_Z)
     H = np.random.default_rng(1).normal(size=(3, 3))
     eps = (H + H.T) / 2
@@ -38,8 +44,14 @@ def test_the_stress_is_that_of_the_compliance_matrix(mixed: bool) -> None:
     for i, j, G in ((0, 1, E / (2 * (1 + NU))), (0, 2, G_Z), (1, 2, G_Z)):
         stress[i, j] = stress[j, i] = 2 * G * eps[i, j]
     d = (1 - NU - 2 * NU_Z**2 * E / E_Z) / (1 + NU)
-    q = E * (1 - d) / (2 * d * (1 + NU)) * (eps[0, 0] + eps[1, 1] + (2 * NU_Z + d) * eps[2, 2]) if mixed else 0.0
-    assert Numbers(law, mixed).stress_of_gradient(H, q) == pytest.approx(stress, rel=1e-12, abs=1e-12)
+    q = (
+        E * (1 - d) / (2 * d * (1 + NU)) * (eps[0, 0] + eps[1, 1] + (2 * NU_Z + d) * eps[2, 2])
+        if mixed
+        else 0.0
+    )
+    assert Numbers(law, mixed).stress_of_gradient(H, q) == pytest.approx(
+        stress, rel=1e-12, abs=1e-12
+    )
 
 
 @pytest.mark.parametrize("mixed", [False, True])
@@ -48,19 +60,27 @@ def test_the_isotropic_limit_is_hookes_law(mixed: bool, nu: float) -> None:
     """Term by term, so that energies and stresses agree to round-off, for any pressure q."""
     law = TransverselyIsotropic(E=2.0, E_z=2.0, nu=nu, nu_z=nu, G_z=1 / (1 + nu))
     H = np.random.default_rng(2).normal(size=(3, 3))
-    found, wanted = (Numbers(one, mixed).stress_of_gradient(H, 0.7) for one in (law, LinearElastic(E=2.0, nu=nu)))
+    found, wanted = (
+        Numbers(one, mixed).stress_of_gradient(H, 0.7) for one in (law, LinearElastic(E=2.0, nu=nu))
+    )
     assert found == pytest.approx(wanted, rel=1e-11, abs=1e-11)
 
 
 @pytest.mark.parametrize(
     "body",
-    [CYLINDER | {"radius": 1.5, "height": H}, STRIP | {"width": 3.0, "height": H}, BOX | {"size": [3.0, 2.0, H]}],
+    [
+        CYLINDER | {"radius": 1.5, "height": H},
+        STRIP | {"width": 3.0, "height": H},
+        BOX | {"size": [3.0, 2.0, H]},
+    ],
     ids=lambda body: body["shape"],
 )
 @pytest.mark.parametrize("sides", ["roller", "free"])
 def test_uniform_strain(body: dict[str, Any], sides: str) -> None:
-    """Under a punch that covers it the force is p A with p = delta/(h/M + 1/epsilon_n): M = C33 between rollers, E_z
-    with free sides, and 1/(S33 - S13^2/S11) with free sides in plane strain. 1e-9 as in test_patch."""
+    """Under a punch that covers it the force is p A with p = delta/(h/M + 1/epsilon_n): M = C33
+    between rollers, E_z with free sides, and 1/(S33 - S13^2/S11) with free sides in plane
+    strain. 1e-9 as in test_patch.
+    """
     S, is_strip = COMPLIANCE, body["shape"] == "strip"
     free = 1 / (S[2, 2] - S[0, 2] ** 2 / S[0, 0]) if is_strip else E_Z
     modulus = np.linalg.inv(S)[2, 2] if sides == "roller" else free
@@ -76,17 +96,23 @@ def test_uniform_strain(body: dict[str, Any], sides: str) -> None:
     ids=["bone", "incompressible", "sheared", "loose", "fibrous"],
 )
 def test_a_half_space(material: dict[str, Any]) -> None:
-    """Theory with the indentation modulus is exact, and a mesh agrees with it to 0.3 % and the stated truncation."""
+    """Theory with the indentation modulus is exact, and a mesh agrees with it to 0.3 % and the
+    stated truncation.
+    """
     exact = scene({"shape": "half_space"}, material=material)
     assert not exact.is_meshed and exact.exact_theory is not None
     (state,) = chain.states(exact)
     meshed = scene({"shape": "half_space"}, material=material, solver={"method": "condensed"})
     found = force(meshed)
     print(f"half-space by a mesh: {found / state.force - 1:+.3%}")
-    assert found == pytest.approx(state.force, rel=3e-3 + meshed.plan.prediction["truncation_error"])
+    assert found == pytest.approx(
+        state.force, rel=3e-3 + meshed.plan.prediction["truncation_error"]
+    )
 
 
-@pytest.mark.parametrize("body", [WALLED, STRIP, CYLINDER | {"symmetry": "quarter"}], ids=["section", "strip", "3d"])
+@pytest.mark.parametrize(
+    "body", [WALLED, STRIP, CYLINDER | {"symmetry": "quarter"}], ids=["section", "strip", "3d"]
+)
 def test_the_isotropic_limit_of_a_run(body: dict[str, Any]) -> None:
     """1e-9: the same elements, the same decisions."""
     mesh = {"h_contact": 0.05, "h_far": 0.4, "symmetry": body.get("symmetry", "auto")}
@@ -100,15 +126,25 @@ def test_a_section_and_a_quarter_agree() -> None:
     body, deep = CYLINDER | {"sides": "roller"}, {"delta": 0.04, "steps": 1}
     section = force(scene(body, material=AXIS, loading=deep))
     mesh = {"h_contact": 0.05, "h_far": 0.2, "symmetry": "quarter"}
-    assert force(scene(body, material=AXIS, loading=deep, mesh=mesh)) == pytest.approx(section, rel=5e-3)
+    assert force(scene(body, material=AXIS, loading=deep, mesh=mesh)) == pytest.approx(
+        section, rel=5e-3
+    )
 
 
 def test_layers_and_inclusions_have_the_material_too() -> None:
     """Theory's layers are isotropic, which is said; of the limit they give the same force, 1e-9."""
     found = []
     for material in (ELASTIC, ISOTROPIC):
-        ball = {"shape": "ball", "center": [0.0, 0.0, -0.4], "radius": 0.1, "material": material | {"E": 1.0}}
-        layers = [{"thickness": 0.1, "material": ELASTIC | {"E": 3.0}}, {"thickness": 0.9, "material": material}]
+        ball = {
+            "shape": "ball",
+            "center": [0.0, 0.0, -0.4],
+            "radius": 0.1,
+            "material": material | {"E": 1.0},
+        }
+        layers = [
+            {"thickness": 0.1, "material": ELASTIC | {"E": 3.0}},
+            {"thickness": 0.9, "material": material},
+        ]
         given = {"body": WALLED | {"layers": layers, "inclusions": [ball]}, "indenter": PARABOLOID}
         found.append(scene(given["body"], "material=null", mesh={"h_contact": 0.02, "h_far": 0.3}))
     assert force(found[1]) == pytest.approx(force(found[0]), rel=1e-9)

@@ -1,4 +1,6 @@
-"""Units are the user's affair: every method and solver sees the same numbers, whatever the scene is written in."""
+"""Units are the user's affair: every method and solver sees the same numbers, whatever the scene is
+written in.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ LENGTHS = ("radius", "height", "R", "delta", "h_contact", "h_far")
 
 
 def pressed(problem: str, method: str, length: float = 1.0, pressure: float = 1.0) -> Scene:
-    """A paraboloid of 1 m on a layer of 1 m and 5 Pa, in units of which a metre is `length` and a pascal `pressure`."""
+    """A paraboloid of 1 m on a layer of 1 m and 5 Pa, in units of which a metre is `length` and a
+    pascal `pressure`.
+    """
 
     def lengths(section: dict[str, Any]) -> dict[str, Any]:
         return {key: value * length if key in LENGTHS else value for key, value in section.items()}
@@ -45,7 +49,9 @@ def numbers(state: State) -> list[float]:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_the_same_digits_and_iterations(problem: str, method: str) -> None:
-    """What is left of a multiplier's penetration is round-off of the depth, so it is compared with that."""
+    """What is left of a multiplier's penetration is round-off of the depth, so it is compared with
+    that.
+    """
     if (problem, method) == ("condensed", "nitsche"):
         pytest.skip("Nitsche's method needs the stress inside the body")
     base = pressed(problem, method)
@@ -57,14 +63,21 @@ def test_the_same_digits_and_iterations(problem: str, method: str) -> None:
             back = there.in_units(type(base.physics.scales)(1 / length, 1 / pressure))
             assert there.newton_iterations == here.newton_iterations
             assert numbers(back) == pytest.approx(numbers(here), rel=SAME)
-            assert back.penetration == pytest.approx(here.penetration, rel=SAME, abs=SAME * here.delta)
+            assert back.penetration == pytest.approx(
+                here.penetration, rel=SAME, abs=SAME * here.delta
+            )
 
 
 def test_given_sizes_of_inclusions_are_lengths() -> None:
     """As all that a scene says of its mesh."""
 
     def sizes(length: float) -> Any:
-        inclusion = {"shape": "ball", "center": [0.0, 0.0, -0.35 * length], "radius": 0.2 * length, "material": ELASTIC}
+        inclusion = {
+            "shape": "ball",
+            "center": [0.0, 0.0, -0.35 * length],
+            "radius": 0.2 * length,
+            "material": ELASTIC,
+        }
         body = WALLED | {"radius": 2.0 * length, "height": length, "inclusions": [inclusion]}
         tip, path = {"shape": "paraboloid", "R": length}, {"delta": 0.05 * length, "steps": 1}
         mesh = {"h_contact": 0.1 * length, "h_inclusions": [0.05 * length]}
@@ -93,8 +106,13 @@ def test_a_force_of_the_same_iterations() -> None:
 
     def spent(length: float, pressure: float) -> list[int]:
         body = WALLED | {"radius": 2.3 * length, "height": 1.1 * length}
-        tip, path = {"shape": "paraboloid", "R": 0.8 * length}, {"force": 0.01 * pressure * length**2, "steps": 3}
-        states = solve(scene(body, material=ELASTIC | {"E": 3.0 * pressure}, indenter=tip, loading=path))
+        tip, path = (
+            {"shape": "paraboloid", "R": 0.8 * length},
+            {"force": 0.01 * pressure * length**2, "steps": 3},
+        )
+        states = solve(
+            scene(body, material=ELASTIC | {"E": 3.0 * pressure}, indenter=tip, loading=path)
+        )
         return [state.newton_iterations for state in states]
 
     assert spent(1.0, 1.0) == spent(3.0, 7.0) == spent(1e25, 1e-25) == spent(1e9, 1e-9)

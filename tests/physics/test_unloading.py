@@ -1,4 +1,6 @@
-"""Paths that turn back: without friction or damage the force depends on the depth alone, and nothing holds the tip."""
+"""Paths that turn back: without friction or damage the force depends on the depth alone, and
+nothing holds the tip.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,14 @@ def states(request: pytest.FixtureRequest) -> list[State]:
     """In, deeper, back, first touch, away, and in again; every state converged and audited."""
     shape, gap, method = request.param
     body, h = BODIES[shape]
-    return solve(scene(body, loading={"deltas": PATH}, contact={"method": method, "gap": gap}, mesh={"h_contact": h}))
+    return solve(
+        scene(
+            body,
+            loading={"deltas": PATH},
+            contact={"method": method, "gap": gap},
+            mesh={"h_contact": h},
+        )
+    )
 
 
 def test_same_force_at_the_same_depth(states: list[State]) -> None:
@@ -37,8 +46,9 @@ def test_same_force_at_the_same_depth(states: list[State]) -> None:
 
 
 def test_out_of_contact_there_is_nothing(states: list[State]) -> None:
-    """Clear of the body the pressure is max(lam - eps g, 0), zero exactly where lam is nothing but Newton's round-off,
-    which only the multiplier itself, at the nodes, may show."""
+    """Clear of the body the pressure is max(lam - eps g, 0), zero exactly where lam is nothing but
+    Newton's round-off, which only the multiplier itself, at the nodes, may show.
+    """
     away = states[4]
     assert (away.force, away.a, away.penetration) == (0.0, 0.0, 0.0)
     assert away.p_max < 1e-25
@@ -55,7 +65,9 @@ def test_first_touch_has_no_force(states: list[State]) -> None:
 
 
 def test_force_rises_with_depth(states: list[State]) -> None:
-    """delta^1.5 in three dimensions (2.83 for twice the depth, more on a layer), nearly delta in plane strain."""
+    """delta^1.5 in three dimensions (2.83 for twice the depth, more on a layer), nearly delta in
+    plane strain.
+    """
     assert 1.9 < states[1].force / states[0].force < 3.2
 
 
@@ -80,7 +92,8 @@ def test_depths_in_any_order_give_the_forces_of_the_sorted_path() -> None:
     assert mixed == pytest.approx(ordered, rel=1e-8)
 
 
-# ---- how the body is held -------------------------------------------------------------------------------------
+# ---- how the body is held
+# -------------------------------------------------------------------------------------
 
 ON_ROLLERS = {"base": "roller", "sides": "free"}
 
@@ -88,8 +101,10 @@ ON_ROLLERS = {"base": "roller", "sides": "free"}
 @pytest.mark.parametrize("place", [0.5, 0.3], ids=["middle", "off_center"])
 @pytest.mark.parametrize(("body", "h"), [(STRIP, 0.02), (BOX, 0.2)], ids=["plane_strain", "box"])
 def test_pins_carry_nothing(body: dict[str, Any], h: float, place: float) -> None:
-    """Rollers below and free sides: frictionless contact pushes straight down, so the pins that stop the rigid motions
-    feel no force wherever the tip stands. That they feel none is in every `solve`; here it is said."""
+    """Rollers below and free sides: frictionless contact pushes straight down, so the pins that
+    stop the rigid motions feel no force wherever the tip stands. That they feel none is in every
+    `solve`; here it is said.
+    """
     width = body.get("width", 2.0)
     center = [place * width] if body is STRIP else [place * width, 1.0]
     base = scene(
@@ -107,7 +122,9 @@ def test_pins_carry_nothing(body: dict[str, Any], h: float, place: float) -> Non
 
 @pytest.mark.parametrize("body", [STRIP, BOX], ids=["plane_strain", "box"])
 def test_no_equilibrium_no_scene(body: dict[str, Any]) -> None:
-    """A tip that pushes sideways off the middle of a body that may slide away: refused before any mesh is made."""
+    """A tip that pushes sideways off the middle of a body that may slide away: refused before any
+    mesh is made.
+    """
     center = [1.3] if body is STRIP else [1.3, 1.0]
     with pytest.raises(ConfigError, match="nothing holds this body") as refusal:
         scene(
@@ -122,6 +139,8 @@ def test_no_equilibrium_no_scene(body: dict[str, Any]) -> None:
 
 def test_held_by_symmetry_a_body_on_rollers_may_feel_the_current_gap() -> None:
     """In the middle the sideways pushes cancel, and the mid-planes are walls."""
-    base = scene(STRIP | ON_ROLLERS, contact={"method": "auto", "gap": "current"}, mesh={"h_contact": 0.02})
+    base = scene(
+        STRIP | ON_ROLLERS, contact={"method": "auto", "gap": "current"}, mesh={"h_contact": 0.02}
+    )
     assert not base.physics.part.pins
     assert solve(base)[-1].force > 0

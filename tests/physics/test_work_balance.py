@@ -1,4 +1,6 @@
-"""The work of the tip is what the body stores and what friction takes: dPi = F ddelta - dissipation."""
+"""The work of the tip is what the body stores and what friction takes: dPi = F ddelta -
+dissipation.
+"""
 
 from __future__ import annotations
 
@@ -14,26 +16,37 @@ from indent_sim.run.summary import energy_balance
 
 @pytest.mark.parametrize("friction", [0.1, 0.3])
 def test_dissipation_is_the_work_of_a_cycle(friction: float) -> None:
-    """In and out in twenty steps each way: the loop's area is 1.3 % of the work done on the way in, so that the
-    trapezoid rule knows it to 3 % (0.9 and 1.6 % were reached, 0.2 and 0.4 % with forty steps)."""
+    """In and out in twenty steps each way: the loop's area is 1.3 % of the work done on the way in,
+    so that the trapezoid rule knows it to 3 % (0.9 and 1.6 % were reached, 0.2 and 0.4 % with
+    forty steps).
+    """
     depths = np.linspace(0.0, A**2, 21)
     path = [*depths[1:], *depths[-2::-1]]
     states = rough(friction, 0.0, {"deltas": list(map(float, path))}, mesh={"h_contact": A / 8})
-    force, delta = (np.array([0.0, *values]) for values in ([state.force for state in states], path))
+    force, delta = (
+        np.array([0.0, *values]) for values in ([state.force for state in states], path)
+    )
     work = np.cumsum(np.diff(delta) * (force[1:] + force[:-1]) / 2)
     lost = np.cumsum([state.dissipation for state in states])
     assert lost[-1] == pytest.approx(work[-1], rel=0.03)
     assert states[-1].energy == pytest.approx(0.0, abs=1e-12 * work[19])
-    assert states[19].energy + lost[19] == pytest.approx(work[19], rel=2e-3)  # of the rule on the way in
+    assert states[19].energy + lost[19] == pytest.approx(
+        work[19], rel=2e-3
+    )  # of the rule on the way in
     assert energy_balance(states[:20]) == pytest.approx(0.0, abs=2e-3)
 
 
 @pytest.mark.parametrize(
     "tip",
-    [pytest.param(PARABOLOID, marks=pytest.mark.verify), {"shape": "cone", "half_angle": 70.0, "tip_radius": 0.1}],
+    [
+        pytest.param(PARABOLOID, marks=pytest.mark.verify),
+        {"shape": "cone", "half_angle": 70.0, "tip_radius": 0.1},
+    ],
 )
 def test_energy_of_a_tip_that_adheres_at_finite_strain(tip: dict[str, object]) -> None:
-    """Between two depths at which nothing jumps, with a gap at the deformed point: Simpson's rule on 8 intervals."""
+    """Between two depths at which nothing jumps, with a gap at the deformed point: Simpson's rule
+    on 8 intervals.
+    """
     body = {"shape": "cylinder", "radius": 3.0, "height": 1.5, "base": "fixed", "sides": "roller"}
     material = {"model": "neo_hookean", "E": 1.0, "nu": 0.4}
     depths = np.linspace(0.0, 0.12, 9)
@@ -50,5 +63,7 @@ def test_energy_of_a_tip_that_adheres_at_finite_strain(tip: dict[str, object]) -
     )[1:]
     simpson = np.array([1, 4, 2, 4, 2, 4, 2, 4, 1]) * (depths[1] - depths[0]) / 3
     work = float(simpson @ [row.force for row in rows])
-    scale = 0.01 * pi * 0.3**2  # the work of adhesion of the contact: what pushes and what pulls cancel in part
+    scale = (
+        0.01 * pi * 0.3**2
+    )  # the work of adhesion of the contact: what pushes and what pulls cancel in part
     assert rows[-1].energy - rows[0].energy == pytest.approx(work, abs=1e-3 * scale)

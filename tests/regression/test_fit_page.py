@@ -18,12 +18,16 @@ def script():
 
 def test_a_few_curves_hold_their_truth_at_the_bound(script):
     tally, sd = script["fitted"]("half-space", ("white",), 4)
-    assert tally.curves == 4 and tally.refused == 0 and sum(tally.held) >= 2  # of 95 %: fewer once in 2000
+    assert (
+        tally.curves == 4 and tally.refused == 0 and sum(tally.held) >= 2
+    )  # of 95 %: fewer once in 2000
     assert all(0.9 < width / (1.96 * sd) < 1.4 for width in tally.widths)
 
 
 def test_all_noises_have_the_variance_that_is_said(script):
-    """A correlation of 1/f has no time of its own: it falls by less than exp(-1) in a tenth of the record."""
+    """A correlation of 1/f has no time of its own: it falls by less than exp(-1) in a tenth of the
+    record.
+    """
     for name, noise in script["NOISES"].items():
         V = script["covariance"](noise, 300)
         np.testing.assert_allclose(np.diag(V), 1.0, rtol=1e-9, err_msg=name)
@@ -32,6 +36,11 @@ def test_all_noises_have_the_variance_that_is_said(script):
 
 
 def test_every_table_of_the_page_is_made(script):
-    marked = [found[1] for found in script["MARKED"].findall((ROOT / "docs" / "fit.md").read_text(encoding="utf-8"))]
+    marked = [
+        found[1]
+        for found in script["MARKED"].findall(
+            (ROOT / "docs" / "fit.md").read_text(encoding="utf-8")
+        )
+    ]
     assert marked == list(script["MADE"])
     assert script["table"](["a", "b"], [["1", "2"]]) == ["| a | b |", "| --- | --- |", "| 1 | 2 |"]

@@ -1,4 +1,6 @@
-"""scripts/make_foreign_curves_page: what it asks of fits, on entries that keep a promise and that break it."""
+"""scripts/make_foreign_curves_page: what it asks of fits, on entries that keep a promise and that
+break it.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ def script():
     return runpy.run_path(str(ROOT / "scripts" / "make_foreign_curves_page"))
 
 
-def entry(explained: bool, low: float = 1.0, high: float = 2.0, window: float = 1.5) -> dict[str, Any]:
+def entry(
+    explained: bool, low: float = 1.0, high: float = 2.0, window: float = 1.5
+) -> dict[str, Any]:
     part = {"material.E": window, "material.E_low": 0.9 * window, "material.E_high": 1.1 * window}
     stated = {"value": 1.5, "low": low, "high": high}
     found = {"curve": "a", "status": "done", "reason": "", "explained": explained, "window": [part]}
@@ -57,7 +61,9 @@ def test_a_reason_fits_into_a_cell(script):
 
 def git(folder: Path, *words: str) -> str:
     known = ["git", "-C", str(folder), "-c", "user.name=a", "-c", "user.email=a@b"]
-    return subprocess.run([*known, *words], check=True, capture_output=True, text=True).stdout.strip()
+    return subprocess.run(
+        [*known, *words], check=True, capture_output=True, text=True
+    ).stdout.strip()
 
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="no git")
@@ -71,11 +77,15 @@ def test_a_file_that_a_repository_lacks_is_named_with_the_reason(script, tmp_pat
     git(copy, "commit", "--quiet", "-m", "files")
     lost = git(copy, "rev-parse", "HEAD:tests/b.spm")
     (copy / ".git" / "objects" / lost[:2] / lost[2:]).unlink()
-    monkeypatch.setitem(script["COMMITS"], "PyFMReader", ("a/b", git(copy, "rev-parse", "HEAD"), "tests/"))
+    monkeypatch.setitem(
+        script["COMMITS"], "PyFMReader", ("a/b", git(copy, "rev-parse", "HEAD"), "tests/")
+    )
     monkeypatch.setitem(script["committed"].__globals__, "FOLDER", tmp_path)
     missing: dict[str, str] = {}
     folder = script["committed"]("PyFMReader", tmp_path / "data", missing)
-    assert [one.name for one in folder.iterdir()] == ["a.spm"] and list(missing) == ["PyFMReader/b.spm"]
+    assert [one.name for one in folder.iterdir()] == ["a.spm"] and list(missing) == [
+        "PyFMReader/b.spm"
+    ]
     assert "could not be had: the repository from local copies" in script["outcomes"]({}, missing)
 
 

@@ -1,4 +1,6 @@
-"""What would cost too much is refused by counting, before anything is built, within a second or two."""
+"""What would cost too much is refused by counting, before anything is built, within a second or
+two.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,8 @@ HALF_SPACE = SCENE.replace("cylinder, radius: 1.0, height: 1.0", "half_space")
 BOX = SCENE.replace("cylinder, radius: 1.0, height: 1.0", "box, size: [1.0, 1.0, 1.0]")
 PYRAMID = "pyramid, half_angle: 70"
 PLAIN = "".join(f"k{i}: 1\n" for i in range(50_000))
-LIMIT = 100.0  # times PyYAML's events of PLAIN in the same process: 35 at most was measured, busy or not
+# times PyYAML's events of PLAIN in the same process: 35 at most was measured, busy or not
+LIMIT = 100.0
 
 T = TypeVar("T")
 LONG = 100_000  # characters
@@ -35,22 +38,39 @@ def edited(old: str, new: str, text: str = SCENE) -> str:
     return text.replace(old, new)
 
 
-LAUGHS = "".join(f"{b}: &{b} [{','.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True))
+LAUGHS = "".join(
+    f"{b}: &{b} [{','.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
+)
 TEXTS = {
     "billion laughs": ("a: &a [x, x]\n" + LAUGHS, "anchors"),
-    "one long alias often": ("a: &a " + "x" * 300_000 + "\nb: [" + "*a," * 100_000 + "]\n", "anchors"),
+    "one long alias often": (
+        "a: &a " + "x" * 300_000 + "\nb: [" + "*a," * 100_000 + "]\n",
+        "anchors",
+    ),
     "more than a megabyte": (SCENE + "# " + "x" * 1_000_000, "longer than"),
     "deep brackets": ("[" * 900_000, "nested deeper"),
     "deep braces": ("{a: " * 200_000, "nested deeper"),
     "deep lists": ("- " * 400_000, "nested deeper"),
     "deep sections": ("".join(" " * i + "a:\n" for i in range(1300)), "nested deeper"),
     "many values": ("a: [" + "[1]," * 200_000 + "]", "more than 200000 values"),
-    "many keys": (SCENE + "".join(f"k{i}: 1\n" for i in range(30_000)), "and more errors like these"),
+    "many keys": (
+        SCENE + "".join(f"k{i}: 1\n" for i in range(30_000)),
+        "and more errors like these",
+    ),
     "a megabyte in one line": (edited("R: 1.0", "R: " + "x" * 990_000), "must be a number"),
-    "many wrong numbers": (edited("delta: 0.01, steps: 3", f"deltas: [{'x,' * 30_000}]"), "and more errors"),
-    "deltas": (edited("delta: 0.01, steps: 3", f"deltas: [{'0.01,' * 150_000}]"), "a list of 1 to 100000 numbers"),
+    "many wrong numbers": (
+        edited("delta: 0.01, steps: 3", f"deltas: [{'x,' * 30_000}]"),
+        "and more errors",
+    ),
+    "deltas": (
+        edited("delta: 0.01, steps: 3", f"deltas: [{'0.01,' * 150_000}]"),
+        "a list of 1 to 100000 numbers",
+    ),
     "steps": (edited("steps: 3", "steps: 1000000000"), "<= 100000"),
-    "points": (edited("paraboloid, R: 1.0", f"profile, points: [{'[0,0],' * 10_000}]"), "a list of 2 to 1000"),
+    "points": (
+        edited("paraboloid, R: 1.0", f"profile, points: [{'[0,0],' * 10_000}]"),
+        "a list of 2 to 1000",
+    ),
     "terms of a law": (
         edited("linear_elastic, E: 1.0", f"ogden, mu: [{'1,' * 9999}], alpha: [{'2,' * 9999}]"),
         "a list of 1 to 20",
@@ -70,11 +90,17 @@ TEXTS = {
 }
 STUDY = "base: scene.yaml\nvary: "
 STUDIES = {
-    "a billion runs": STUDY + "{" + ", ".join(f"a.k{i}: {{from: 0, to: 1, count: 1000}}" for i in range(3)) + "}",
+    "a billion runs": STUDY
+    + "{"
+    + ", ".join(f"a.k{i}: {{from: 0, to: 1, count: 1000}}" for i in range(3))
+    + "}",
     "a long range": STUDY + "{material.nu: {from: 0, to: 1, count: 1000000000}}",
     "many blocks": STUDY + "\n" + "  - {material.nu: {from: 0, to: 0.4, count: 100000}}\n" * 1000,
     "a long list": STUDY + "{material.nu: [" + "0.1," * 150_000 + "]}",
-    "no number a computer knows": STUDY + "{indenter.R: {from: 1, to: " + "9" * 350 + ", count: 5}}",
+    "no number a computer knows": STUDY
+    + "{indenter.R: {from: 1, to: "
+    + "9" * 350
+    + ", count: 5}}",
     "an overflowing range": STUDY + "{indenter.R: {from: -1e308, to: 1.7e308, count: 5}}",
     "an enormous force": "base: scene.yaml\ncompare_to: " + "9" * 350 + "\nvary: {mesh.h_far: [1]}",
 }
@@ -88,7 +114,9 @@ def _imports_are_done(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 
 def cost_of(call: Callable[[], T]) -> tuple[T, float]:
-    """What a call returns, and its processor time over that of PyYAML's events of PLAIN: machines differ, are busy."""
+    """What a call returns, and its processor time over that of PyYAML's events of PLAIN: machines
+    differ, are busy.
+    """
     begin = time.process_time()
     deque(yaml.parse(PLAIN, yaml.CSafeLoader), maxlen=0)
     between = time.process_time()

@@ -1,4 +1,6 @@
-"""What comes from a stranger: text that is only text, folders that are not ours, results that are damaged."""
+"""What comes from a stranger: text that is only text, folders that are not ours, results that are
+damaged.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,17 @@ from indent_sim.results.reader import earlier_run
 from indent_sim.results.xdmf import FieldWriter
 from indent_sim.studies.study_folder import StudyFolder
 
-TITLES = ["[/x] [kPa]", "$\\frac{1$", "two $ signs $", r"\$", "_hidden", "\x1b[2J\x07", "a\nb", "\u202etfel", "ä 漢 🙂"]
+TITLES = [
+    "[/x] [kPa]",
+    "$\\frac{1$",
+    "two $ signs $",
+    r"\$",
+    "_hidden",
+    "\x1b[2J\x07",
+    "a\nb",
+    "\u202etfel",
+    "ä 漢 🙂",
+]
 CONFIG = "title: x\n"  # of `write_run`
 SCENE = """\
 body: {shape: cylinder, radius: 1.0, height: 1.0}
@@ -39,22 +51,33 @@ def said(*words: str | Path) -> Any:
 def content_of(place: Path) -> dict[str, Any]:
     """Every file below a folder, and every folder."""
     paths = sorted(place.rglob("*"))
-    return {str(path.relative_to(place)): path.read_bytes() if path.is_file() else path.is_dir() for path in paths}
+    return {
+        str(path.relative_to(place)): path.read_bytes() if path.is_file() else path.is_dir()
+        for path in paths
+    }
 
 
 class TestText:
     @pytest.mark.parametrize("title", TITLES)
     def test_a_plan_shows_the_title_as_it_is(self, tmp_path, title):
         (tmp_path / "scene.yaml").write_text(
-            SCENE + f"title: {json.dumps(title, ensure_ascii=False)}\nunits: {{length: '[/x]', force: $}}\n"
+            SCENE
+            + (
+                f"title: {json.dumps(title, ensure_ascii=False)}\nunits: {{length: '[/x]', force: "
+                f"$}}\n"
+            )
         )
         shown = said("plan", tmp_path / "scene.yaml")
-        assert shown.exit_code == 0 and printable(title) in shown.stdout and "\x1b" not in shown.stdout
+        assert (
+            shown.exit_code == 0 and printable(title) in shown.stdout and "\x1b" not in shown.stdout
+        )
         assert json.loads(said("plan", tmp_path / "scene.yaml", "--json").stdout)["title"] == title
 
 
 class TestNotOurs:
-    @pytest.mark.parametrize("name", [".out.old", ".out.staging", "out/.old", "out/.staging", "out/.lock", "out"])
+    @pytest.mark.parametrize(
+        "name", [".out.old", ".out.staging", "out/.old", "out/.staging", "out/.lock", "out"]
+    )
     @pytest.mark.parametrize("kind", ["folder", "file", "link"])
     def test_what_a_user_has_there_stays(self, tmp_path, name, kind):
         (tmp_path / "mine").write_text("mine")
@@ -90,7 +113,10 @@ class TestNotOurs:
             (tmp_path / "study" / "notes").write_text("mine")
         before = content_of(tmp_path)
         for resume in (False, True):
-            with pytest.raises(UsageError, match="not made by"), StudyFolder(tmp_path / "study", resume=resume):
+            with (
+                pytest.raises(UsageError, match="not made by"),
+                StudyFolder(tmp_path / "study", resume=resume),
+            ):
                 pass
         assert content_of(tmp_path) == before
 
@@ -125,12 +151,15 @@ class TestNotOurs:
         refused = said("plot", "A", "B")
         assert refused.exit_code == 2 and "--output" in refused.stderr
         assert Path("force_indentation.png").read_bytes() == b"my own"
-        assert said("plot", "A", "B", "--output", "force_indentation.png").exit_code == 0  # as ordered
+        assert (
+            said("plot", "A", "B", "--output", "force_indentation.png").exit_code == 0
+        )  # as ordered
         assert said("plot", "A", "B").exit_code == 0  # and now it is ours
         assert sorted(os.listdir()) == ["A", "B", "force_indentation.png"]
 
     @pytest.mark.parametrize(
-        "name", ["force_indentation.csv", "surface.csv", "fields", "fields/step-1.h5", "run.json", ".lock"]
+        "name",
+        ["force_indentation.csv", "surface.csv", "fields", "fields/step-1.h5", "run.json", ".lock"],
     )
     def test_nothing_is_written_through_a_link(self, tmp_path, name):
         write_run(tmp_path / "out")
@@ -163,7 +192,8 @@ class TestDamaged:
         assert found is not None and [state.step for state in found.states] == [1]
 
     @pytest.mark.parametrize(
-        ("rows", "deltas", "why"), [(3, [0.1, 0.2], "3 rows"), (2, [0.1, 0.3], "row 2 is not at the scene's depth")]
+        ("rows", "deltas", "why"),
+        [(3, [0.1, 0.2], "3 rows"), (2, [0.1, 0.3], "row 2 is not at the scene's depth")],
     )
     def test_rows_of_another_path_are_refused(self, tmp_path, rows, deltas, why):
         write_run(tmp_path / "out", rows)
@@ -189,7 +219,16 @@ class TestDamaged:
             ("audit", {"force_against_reaction": "x"}),
             ("cpu_timings", {"mesh": None}),
             ("resumed_after", 3),
-            ("theory", {"name": "x", "delta": 1, "force": 1, "force_deviation": 0, "curve": {"delta": [1]}}),
+            (
+                "theory",
+                {
+                    "name": "x",
+                    "delta": 1,
+                    "force": 1,
+                    "force_deviation": 0,
+                    "curve": {"delta": [1]},
+                },
+            ),
             ("peak_memory_MB", "1 GB"),
             ("exit_code", 1e99),
             ("stick", {"words": 3}),
@@ -209,7 +248,9 @@ class TestDamaged:
             with pytest.raises(UsageError, match=rf"run\.json is damaged: {entry}"):
                 refused(tmp_path / "out")
         for words in (("plot", "out"), ("compare", "out", "out"), ("report", "out")):
-            done = CliRunner().invoke(commands.program, [*words[:1], *(str(tmp_path / word) for word in words[1:])])
+            done = CliRunner().invoke(
+                commands.program, [*words[:1], *(str(tmp_path / word) for word in words[1:])]
+            )
             assert done.exit_code == 2 and "Traceback" not in done.stderr
 
     @pytest.mark.parametrize(
@@ -228,13 +269,22 @@ class TestDamaged:
         write_run(tmp_path / "out")
         (tmp_path / "out" / "experiment.csv").write_text(text)
         done = said("report", tmp_path / "out")
-        assert done.exit_code == 2 and "experiment.csv" in done.stderr and "Traceback" not in done.stderr
+        assert (
+            done.exit_code == 2
+            and "experiment.csv" in done.stderr
+            and "Traceback" not in done.stderr
+        )
 
     def test_the_name_of_a_folder_may_be_any_bytes(self, tmp_path, capfdbinary):
-        """In a strict locale too, where Python refuses to print what is no text: the shell gets the very bytes."""
+        """In a strict locale too, where Python refuses to print what is no text: the shell gets the
+        very bytes.
+        """
         place = os.fsencode(tmp_path) + b"/\xff\xfe"
         write_run(Path(os.fsdecode(place)))
-        with open(1, "w", encoding="utf-8", errors="strict", closefd=False) as strict, redirect_stdout(strict):
+        with (
+            open(1, "w", encoding="utf-8", errors="strict", closefd=False) as strict,
+            redirect_stdout(strict),
+        ):
             commands.say(os.fsdecode(place))
         assert capfdbinary.readouterr().out == place + b"\n"
 
@@ -259,8 +309,14 @@ class TestDamaged:
         write_run(tmp_path / "out")
         (tmp_path / "out" / "run.json").write_bytes(text)
         for words in (("plot", "out"), ("compare", "out", "out")):
-            done = CliRunner().invoke(commands.program, [*words[:1], *(str(tmp_path / word) for word in words[1:])])
-            assert done.exit_code == 2 and "run.json is damaged" in done.stderr and "Traceback" not in done.stderr
+            done = CliRunner().invoke(
+                commands.program, [*words[:1], *(str(tmp_path / word) for word in words[1:])]
+            )
+            assert (
+                done.exit_code == 2
+                and "run.json is damaged" in done.stderr
+                and "Traceback" not in done.stderr
+            )
         with pytest.raises(UsageError, match="damaged"):
             earlier_run(tmp_path / "out", CONFIG)
 
@@ -312,7 +368,9 @@ class TestDamaged:
         with StudyFolder(tmp_path / "study", resume=False) as study:
             write_run(study.run("x"))
             assert study.is_finished("x")
-            (study.run("x") / "force_indentation.csv").write_bytes(np.random.default_rng(0).bytes(100))
+            (study.run("x") / "force_indentation.csv").write_bytes(
+                np.random.default_rng(0).bytes(100)
+            )
             assert not study.is_finished("x")
 
     @pytest.mark.parametrize("value", [float("nan"), float("inf")])
@@ -331,6 +389,11 @@ class TestDamaged:
         path = tmp_path / "fields.xdmf"
         whole = path.read_text()
         path.write_text(whole.replace("fields/step-1.h5", "/etc/passwd"))
-        assert FieldWriter(tmp_path, *body, keep="all", done=1).continued and path.read_text() == whole
+        assert (
+            FieldWriter(tmp_path, *body, keep="all", done=1).continued and path.read_text() == whole
+        )
         path.write_text(whole.replace("step 1", f"step {10**30}"))
-        assert FieldWriter(tmp_path, *body, keep="all", done=1).continued and "<Time" not in path.read_text()
+        assert (
+            FieldWriter(tmp_path, *body, keep="all", done=1).continued
+            and "<Time" not in path.read_text()
+        )

@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
-"""What the job files need of Slurm, in one file that is called by the names sbatch, srun and scontrol.
+"""What the job files need of Slurm, in one file that is called by the names sbatch, srun and
+scontrol.
 
-sbatch runs the job before it returns: it reads the #SBATCH lines, does the tasks of an array one by one, sets the
-SLURM_* variables, and runs a job again that asked for it. STAND_IN_SLURM is the folder where jobs are kept, and
-STAND_IN_ROWS the rows that a job or task writes before its first time limit comes.
+sbatch runs the job before it returns: it reads the #SBATCH lines, does the tasks of an array one by
+one, sets the SLURM_* variables, and runs a job again that asked for it. STAND_IN_SLURM is the
+folder where jobs are kept, and STAND_IN_ROWS the rows that a job or task writes before its first
+time limit comes.
 """
 
 from __future__ import annotations
@@ -78,7 +80,9 @@ def tasks(array: str | None) -> list[dict[str, str]]:
 
 
 def carry_out(number: str, task: dict[str, str], job: argparse.Namespace) -> None:
-    """Run the job file until it ends without having asked to be queued again; its exit code goes into `ends`."""
+    """Run the job file until it ends without having asked to be queued again; its exit code goes
+    into `ends`.
+    """
     name = "_".join([number, *task.get("SLURM_ARRAY_TASK_ID", "").split()])
     place = JOBS / number / name
     place.mkdir()
@@ -97,7 +101,9 @@ def carry_out(number: str, task: dict[str, str], job: argparse.Namespace) -> Non
                 end_of_time(process, job.signal, place)
             code = process.wait()
         with open(place / "ends", "a") as ends:
-            ends.write(json.dumps({"code": code, "options": vars(job) | {"script": job.script[1:]}}) + "\n")
+            ends.write(
+                json.dumps({"code": code, "options": vars(job) | {"script": job.script[1:]}}) + "\n"
+            )
         if not (place / "requeued").exists():
             return
         (place / "requeued").unlink()
@@ -105,7 +111,9 @@ def carry_out(number: str, task: dict[str, str], job: argparse.Namespace) -> Non
 
 
 def end_of_time(process: subprocess.Popen[bytes], wanted: str, place: Path) -> None:
-    """When enough rows are there: the signal of --signal, to the job file itself (B:) or to what srun started."""
+    """When enough rows are there: the signal of --signal, to the job file itself (B:) or to what
+    srun started.
+    """
     rows = written() + int(os.environ["STAND_IN_ROWS"])
     while written() < rows:
         if process.poll() is not None:
@@ -119,7 +127,9 @@ def end_of_time(process: subprocess.Popen[bytes], wanted: str, place: Path) -> N
 
 def written() -> int:
     """The rows of all results here."""
-    return sum(max(0, text.read_text().count("\n") - 1) for text in Path().rglob("force_indentation.csv"))
+    return sum(
+        max(0, text.read_text().count("\n") - 1) for text in Path().rglob("force_indentation.csv")
+    )
 
 
 def srun(words: list[str]) -> int:

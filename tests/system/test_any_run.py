@@ -14,18 +14,23 @@ from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 
-RUN_WAIT = 240.0  # s for one run that is planned to take 3 s; a path that is hard is cut into many substeps
+# s for one run that is planned to take 3 s; a path that is hard is cut into many substeps
+RUN_WAIT = 240.0
 AFFORDABLE = {"dofs": 8_000, "seconds": 3.0}  # at most, in the plan of a scene that is run
 
 
 def run(document: dict[str, Any]) -> bool:
     """Run a scene that is small enough, of few steps; returns whether it was."""
     with suppress(ConfigError):
-        if isinstance(document.get("loading"), dict) and {"delta", "force"} & set(document["loading"]):
+        if isinstance(document.get("loading"), dict) and {"delta", "force"} & set(
+            document["loading"]
+        ):
             document["loading"]["steps"] = 2
         document.pop("output", None)
         scene = resolve(from_mapping(document))
-        if len(scene.physics.deltas) <= 5 and all(scene.plan.prediction[k] <= most for k, most in AFFORDABLE.items()):
+        if len(scene.physics.deltas) <= 5 and all(
+            scene.plan.prediction[k] <= most for k, most in AFFORDABLE.items()
+        ):
             out = ("--output", "out", "--set", "output.plot=false")
             with pytest.MonkeyPatch.context() as patch:
                 patch.chdir(tempfile.mkdtemp())

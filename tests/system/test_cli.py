@@ -21,7 +21,14 @@ from test_malformed import MALFORMED
 from indent_sim.cli import commands, doctor
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.strict_yaml import parse
-from indent_sim.process.errors import BackendError, ConfigError, MeshError, NotConverged, UsageError, VerificationError
+from indent_sim.process.errors import (
+    BackendError,
+    ConfigError,
+    MeshError,
+    NotConverged,
+    UsageError,
+    VerificationError,
+)
 from indent_sim.process.signals import Stopped
 from indent_sim.results.reader import read
 from indent_sim.run.chain import simulate
@@ -76,7 +83,9 @@ def command(*words: str | Path) -> list[str]:
 
 
 def environment() -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))}
+    return os.environ | {
+        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    }
 
 
 @contextmanager
@@ -86,7 +95,12 @@ def long_run(folder: Path, rows: int) -> Iterator[subprocess.Popen[str]]:
     words = command("run", "scene.yaml", "--output", "out")
     table = folder / "out" / "force_indentation.csv"
     with subprocess.Popen(
-        words, cwd=folder, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        words,
+        cwd=folder,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         try:
             deadline = time.monotonic() + 120
@@ -105,16 +119,25 @@ class TestWithoutARun:
         assert subprocess.run([sys.executable, "-c", script], env=environment()).returncode == 0
 
     def test_nothing_is_loaded_before_a_signal_ends_it(self):
-        """A Ctrl-C then would be a traceback out of an import: 13 of 60 were, sent in the first 0.3 s of `plan`."""
+        """A Ctrl-C then would be a traceback out of an import: 13 of 60 were, sent in the first 0.3
+        s of `plan`.
+        """
         known = "{'indent_sim', 'indent_sim.cli', 'indent_sim.cli.start', 'gc', 'os', 'signal'}"
         names = f"{{name for name in sys.modules if name not in before}} - {known}"
-        script = f"import sys; before = set(sys.modules); import indent_sim.cli.start; print({names})"
-        done = subprocess.run([sys.executable, "-c", script], env=environment(), capture_output=True, text=True)
+        script = (
+            f"import sys; before = set(sys.modules); import indent_sim.cli.start; print({names})"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", script], env=environment(), capture_output=True, text=True
+        )
         assert done.stdout == "set()\n", done.stderr
 
     def test_help_names_every_command(self, indent_sim):
         help_text = indent_sim("--help").stdout
-        assert all(name in help_text for name in ("run", "plan", "compare", "plot", "list", "schema", "doctor"))
+        assert all(
+            name in help_text
+            for name in ("run", "plan", "compare", "plot", "list", "schema", "doctor")
+        )
 
     def test_version(self, indent_sim):
         from indent_sim import __version__
@@ -141,13 +164,21 @@ class TestWithoutARun:
         shown, data = indent_sim("plan", "scene.yaml"), indent_sim("plan", "scene.yaml", "--json")
         plan = json.loads(data.stdout)
         assert shown.exit_code == data.exit_code == 0 and left(tmp_path) == set()
-        assert {choice["key"] for choice in plan["choices"]} >= {"symmetry", "contact.gap", "mesh.h_contact"}
+        assert {choice["key"] for choice in plan["choices"]} >= {
+            "symmetry",
+            "contact.gap",
+            "mesh.h_contact",
+        }
         assert all(choice["why"] and choice["key"] in shown.stdout for choice in plan["choices"])
         assert plan["prediction"]["force"] == pytest.approx(1.608e-3, rel=0.01)
 
     def test_set_reaches_the_plan(self, indent_sim):
-        plan = json.loads(indent_sim("plan", "scene.yaml", "--set", "mesh.h_contact=0.02", "--json").stdout)
-        assert next(c["value"] for c in plan["choices"] if c["key"] == "mesh.h_contact") == pytest.approx(0.02)
+        plan = json.loads(
+            indent_sim("plan", "scene.yaml", "--set", "mesh.h_contact=0.02", "--json").stdout
+        )
+        assert next(
+            c["value"] for c in plan["choices"] if c["key"] == "mesh.h_contact"
+        ) == pytest.approx(0.02)
 
     def test_doctor_is_content_here(self, indent_sim):
         found = indent_sim("doctor", "--json")
@@ -169,7 +200,9 @@ class TestWithoutARun:
     def test_doctor_names_the_cache_that_runs_use(self, tmp_path):
         (tmp_path / "dolfinx").mkdir()
         for name in ("dolfinx_jit_parameters.json", "dolfinx_jit_options.json"):
-            (tmp_path / "dolfinx" / name).write_text(json.dumps({"cache_dir": str(tmp_path / "elsewhere")}))
+            (tmp_path / "dolfinx" / name).write_text(
+                json.dumps({"cache_dir": str(tmp_path / "elsewhere")})
+            )
         done = subprocess.run(
             command("doctor"),
             env=environment() | {"XDG_CONFIG_HOME": str(tmp_path)},
@@ -184,7 +217,9 @@ class TestWithoutARun:
         gone = tmp_path / "gone"
         for words in ("doctor", "--json"), ("run", str(tmp_path / "scene.yaml")):
             line = f"mkdir {gone}; cd {gone}; rmdir {gone}; exec {shlex.join(command(*words))}"
-            done = subprocess.run(["bash", "-c", line], env=environment(), capture_output=True, text=True)
+            done = subprocess.run(
+                ["bash", "-c", line], env=environment(), capture_output=True, text=True
+            )
             if words[0] == "doctor":
                 found = json.loads(done.stdout)
                 broken = [check for check in found["checks"] if check["verdict"] == "broken"]
@@ -195,7 +230,11 @@ class TestWithoutARun:
     def test_doctor_tells_what_is_broken(self, indent_sim, monkeypatch):
         monkeypatch.setattr(doctor, "NEEDED_PACKAGES", ("numpy", "no_such_package"))
         found = indent_sim("doctor")
-        assert found.exit_code == 7 and "no_such_package" in found.stderr and "ModuleNotFound" in found.stdout
+        assert (
+            found.exit_code == 7
+            and "no_such_package" in found.stderr
+            and "ModuleNotFound" in found.stdout
+        )
 
     def test_nobody_listening_is_no_bug(self):
         with subprocess.Popen(
@@ -257,7 +296,11 @@ class TestRefusals:
         (tmp_path / "theirs").mkdir()
         (tmp_path / "theirs" / "thesis.tex").write_text("")
         done = indent_sim("run", "scene.yaml", "--output", "theirs")
-        assert done.exit_code == 2 and left(tmp_path) == {"theirs"} and left(tmp_path / "theirs") == {"thesis.tex"}
+        assert (
+            done.exit_code == 2
+            and left(tmp_path) == {"theirs"}
+            and left(tmp_path / "theirs") == {"thesis.tex"}
+        )
 
     @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
     def test_an_unwritable_folder(self, indent_sim, tmp_path):
@@ -287,35 +330,57 @@ class TestJson:
     def test_refusals(self, indent_sim, words, code, kind):
         ended = indent_sim(*words)
         told = json.loads(ended.stdout)
-        assert (ended.exit_code, told["exit_code"], told["status"]) == (code, code, "failed") and ended.stderr
+        assert (ended.exit_code, told["exit_code"], told["status"]) == (
+            code,
+            code,
+            "failed",
+        ) and ended.stderr
         assert told["error"].keys() == {"type", "message", "file", "line", "key", "remedy"}
         assert told["error"]["type"] == kind and told["error"]["message"]
 
     def test_what_cannot_be_read_is_named(self, indent_sim):
-        for words, file in (("plan", "none.yaml"), "none.yaml"), (("compare", "none.csv", "none.csv"), "none.csv"):
+        for words, file in (
+            (("plan", "none.yaml"), "none.yaml"),
+            (("compare", "none.csv", "none.csv"), "none.csv"),
+        ):
             told = json.loads(indent_sim(*words, "--json").stdout)
             assert (told["exit_code"], told["error"]["file"]) == (2, file)
 
     def test_what_another_config_has_is_at_its_line(self, indent_sim, theory_run):
         (theory_run / "scene.yaml").write_text(THEORY.replace("nu: 0.3", "nu: 0.2"))
-        told = json.loads(indent_sim("run", "scene.yaml", "--output", "out", "--resume", "--json").stdout)
+        told = json.loads(
+            indent_sim("run", "scene.yaml", "--output", "out", "--resume", "--json").stdout
+        )
         error = told["error"]
-        assert (told["exit_code"], error["file"], error["line"], error["key"]) == (3, "scene.yaml", 2, "material.nu")
-        assert "'nu: 0.3' there, 'nu: 0.2' here" in error["message"] and "--output" in error["remedy"]
+        assert (told["exit_code"], error["file"], error["line"], error["key"]) == (
+            3,
+            "scene.yaml",
+            2,
+            "material.nu",
+        )
+        assert (
+            "'nu: 0.3' there, 'nu: 0.2' here" in error["message"] and "--output" in error["remedy"]
+        )
 
     @pytest.mark.parametrize("lost", ["config.yaml", "force_indentation.csv"])
     def test_a_result_that_lost_a_file_says_what_to_do(self, indent_sim, theory_run, lost):
         """And what it says helps."""
         (theory_run / "out" / lost).unlink()
-        told = json.loads(indent_sim("run", "scene.yaml", "--output", "out", "--resume", "--json").stdout)
-        assert told["exit_code"] == 2 and told["error"]["message"] == f"out has run.json but no {lost}"
+        told = json.loads(
+            indent_sim("run", "scene.yaml", "--output", "out", "--resume", "--json").stdout
+        )
+        assert (
+            told["exit_code"] == 2 and told["error"]["message"] == f"out has run.json but no {lost}"
+        )
         assert "without --resume" in told["error"]["remedy"]
         assert indent_sim("run", "scene.yaml", "--output", "out").exit_code == 0
         assert indent_sim("plot", "out").exit_code == 0
 
     def test_a_damaged_run_json_says_what_to_do(self, indent_sim, theory_run):
         (theory_run / "out" / "run.json").write_text("{")
-        told = json.loads(indent_sim("run", "scene.yaml", "--output", "out", "--resume", "--json").stdout)
+        told = json.loads(
+            indent_sim("run", "scene.yaml", "--output", "out", "--resume", "--json").stdout
+        )
         assert (told["exit_code"], told["error"]["file"]) == (2, "out/run.json")
         assert told["error"]["remedy"].startswith("delete the folder")
 
@@ -323,22 +388,45 @@ class TestJson:
         (theory_run / "study.yaml").write_text("base: scene.yaml\nvary: {material.E: [1.0, 2.0]}\n")
         assert indent_sim("study", "study.yaml", "--output", "all").exit_code == 0
         ended = indent_sim("compare", "all", "all")
-        assert ended.exit_code == 2 and "all holds a study" in ended.stderr and "all/runs/NAME" in ended.stderr
+        assert (
+            ended.exit_code == 2
+            and "all holds a study" in ended.stderr
+            and "all/runs/NAME" in ended.stderr
+        )
         assert indent_sim("plot", *sorted((theory_run / "all" / "runs").iterdir())).exit_code == 0
 
     def test_a_fresh_run_reports_what_a_resumed_one_does(self, indent_sim, theory_run):
         fresh, resumed = (
-            json.loads(indent_sim("run", "scene.yaml", "--output", "new", "--resume", "--json").stdout)
+            json.loads(
+                indent_sim("run", "scene.yaml", "--output", "new", "--resume", "--json").stdout
+            )
             for _ in range(2)
         )
-        assert list(fresh["report"]) == list(resumed["report"]) and fresh["report"] == resumed["report"]
-        writers = {"program", "version", "status", "rows", "started", "finished", "reason", "exit_code"}
+        assert (
+            list(fresh["report"]) == list(resumed["report"])
+            and fresh["report"] == resumed["report"]
+        )
+        writers = {
+            "program",
+            "version",
+            "status",
+            "rows",
+            "started",
+            "finished",
+            "reason",
+            "exit_code",
+        }
         assert writers <= fresh["report"].keys()
 
     def test_a_config_error_is_at_its_line(self, indent_sim, tmp_path):
-        (tmp_path / "scene.yaml").write_text(SCENE.replace("R: 1.0", "r: 1.0").replace("nu: 0.3", "nu: 0.7"))
+        (tmp_path / "scene.yaml").write_text(
+            SCENE.replace("R: 1.0", "r: 1.0").replace("nu: 0.3", "nu: 0.7")
+        )
         told = json.loads(indent_sim("plan", "scene.yaml", "--json").stdout)
-        assert [(error["key"], error["line"]) for error in told["errors"]] == [("material.nu", 3), ("indenter.r", 4)]
+        assert [(error["key"], error["line"]) for error in told["errors"]] == [
+            ("material.nu", 3),
+            ("indenter.r", 4),
+        ]
         assert told["error"] == told["errors"][0] and told["error"]["file"] == "scene.yaml"
         assert told["error"]["message"] == "must be > -1 and <= 0.5, got 0.7"
 
@@ -362,13 +450,19 @@ class TestJson:
         ended = indent_sim("run", "scene.yaml", "--json")
         told = json.loads(ended.stdout)
         assert (ended.exit_code, told["exit_code"], told["status"]) == (code, code, status)
-        assert told["error"]["type"] == type(error).__name__ and told["error"]["message"] == str(error)
+        assert told["error"]["type"] == type(error).__name__ and told["error"]["message"] == str(
+            error
+        )
         assert ("Traceback" in ended.stderr) == (code == 1)
 
     def test_doctor_says_both(self, indent_sim, monkeypatch):
         monkeypatch.setattr(doctor, "NEEDED_PACKAGES", ("no_such_package",))
         told = json.loads(indent_sim("doctor", "--json").stdout)
-        assert told["exit_code"] == 7 and told["checks"] and "no_such_package" in told["error"]["message"]
+        assert (
+            told["exit_code"] == 7
+            and told["checks"]
+            and "no_such_package" in told["error"]["message"]
+        )
 
     def test_success_says_so_too(self, indent_sim):
         for words in (("plan", "scene.yaml", "--json"), ("doctor", "--json")):
@@ -433,7 +527,9 @@ class TestRuns:
         done = indent_sim("run", "scene.yaml")
         assert done.exit_code == 0, done.stderr
         assert done.stdout == "results/scene\n"
-        assert all(word in done.stderr for word in ("step 1/3", "step 3/3", "theory", "Hertz", "picture"))
+        assert all(
+            word in done.stderr for word in ("step 1/3", "step 3/3", "theory", "Hertz", "picture")
+        )
         folder = tmp_path / "results" / "scene"
         expected = {
             "force_indentation.csv",
@@ -461,14 +557,18 @@ class TestRuns:
         assert said["report"]["theory"]["force"] == pytest.approx(table["force"][-1], rel=0.02)
 
     def test_the_folder_of_the_config_is_used(self, indent_sim, tmp_path):
-        done = indent_sim("run", "scene.yaml", "--set", "output.directory=here", "--set", "output.plot=false")
+        done = indent_sim(
+            "run", "scene.yaml", "--set", "output.directory=here", "--set", "output.plot=false"
+        )
         assert done.stdout == "here\n" and "force_indentation.png" not in left(tmp_path / "here")
 
     def test_a_second_run_replaces_the_first(self, indent_sim, tmp_path):
         for steps in (3, 2):
             words = ("--set", f"loading.steps={steps}", "--overwrite")
             assert indent_sim("run", "scene.yaml", *words).exit_code == 0
-        assert len(read(tmp_path / "results" / "scene")) == 2 and left(tmp_path / "results") == {"scene"}
+        assert len(read(tmp_path / "results" / "scene")) == 2 and left(tmp_path / "results") == {
+            "scene"
+        }
 
     def test_a_run_into_a_folder_in_use_is_refused(self, indent_sim, tmp_path):
         with long_run(tmp_path, rows=1):
@@ -479,18 +579,25 @@ class TestRuns:
         with long_run(tmp_path, rows=3) as process:
             process.kill()
             process.wait()
-        assert len(read(tmp_path / "out")) >= 3 and read(tmp_path / "out").report["status"] == "running"
+        assert (
+            len(read(tmp_path / "out")) >= 3
+            and read(tmp_path / "out").report["status"] == "running"
+        )
         (tmp_path / "scene.yaml").write_text(SCENE)
         assert indent_sim("run", "scene.yaml", "--output", "out").exit_code == 0
         assert len(read(tmp_path / "out")) == 3
 
 
 class TestAnotherConfigFile:
-    """The rows of another config file are not replaced without --overwrite; the file's path stands in run.json."""
+    """The rows of another config file are not replaced without --overwrite; the file's path stands
+    in run.json.
+    """
 
     @pytest.fixture
     def again(self, indent_sim: Run, theory_run: Path) -> Callable[..., int]:
-        """Run a scene into a folder once more; the exit code. A refusal leaves everything as it was."""
+        """Run a scene into a folder once more; the exit code. A refusal leaves everything as it
+        was.
+        """
         (theory_run / "b.yaml").write_text(THEORY)
 
         def run(*words: str) -> int:
@@ -510,12 +617,17 @@ class TestAnotherConfigFile:
         assert again("b.yaml", "--output", "out", "--overwrite") == 0
         assert again("scene.yaml", "--output", "out") == 2
 
-    def test_the_same_file_replaces_its_run_however_it_is_named(self, again, theory_run, monkeypatch):
+    def test_the_same_file_replaces_its_run_however_it_is_named(
+        self, again, theory_run, monkeypatch
+    ):
         (theory_run / "link.yaml").symlink_to("scene.yaml")
         (theory_run / "deep").mkdir()
         assert again("link.yaml", "--output", str(theory_run / "out")) == 0
         monkeypatch.chdir(theory_run / "deep")
-        assert again("../scene.yaml", "--output", "../out") == 0 and again("../b.yaml", "--output", "../out") == 2
+        assert (
+            again("../scene.yaml", "--output", "../out") == 0
+            and again("../b.yaml", "--output", "../out") == 2
+        )
 
     @pytest.mark.parametrize("copied", [False, True])
     def test_a_file_and_its_result_that_moved_together(self, again, theory_run, tmp_path, copied):
@@ -533,7 +645,9 @@ class TestAnotherConfigFile:
         """A run of an older version, of a notebook, and one without rows, if its scene is the same."""
         report = theory_run / "out" / "run.json"
         known = json.loads(report.read_text())
-        report.write_text(json.dumps({name: value for name, value in known.items() if name != "asked"}))
+        report.write_text(
+            json.dumps({name: value for name, value in known.items() if name != "asked"})
+        )
         assert again("b.yaml", "--output", "out") == 0
         simulate(from_mapping(parse(THEORY)[0]), directory=theory_run / "out")
         assert again("scene.yaml", "--output", "out") == 0
@@ -551,17 +665,32 @@ class TestAnotherConfigFile:
 
 
 class TestAnotherScene:
-    """A finished run is replaced by one of the same scene, once that is done, and by any with --overwrite alone."""
+    """A finished run is replaced by one of the same scene, once that is done, and by any with
+    --overwrite alone.
+    """
 
     def test_it_is_refused_with_what_differs_and_where_to_go(self, indent_sim, theory_run):
         before = content_of(theory_run)
-        words = ("run", "scene.yaml", "--output", "out", "--set", "material.E=2", "--set", "loading.steps=2")
+        words = (
+            "run",
+            "scene.yaml",
+            "--output",
+            "out",
+            "--set",
+            "material.E=2",
+            "--set",
+            "loading.steps=2",
+        )
         done = indent_sim(*words)
         assert done.exit_code == 2 and content_of(theory_run) == before
         said = (
-            "out holds the finished run of another scene: material.E was 1.0 and is 2.0, loading.steps was 3 and is 2"
+            "out holds the finished run of another scene: material.E was 1.0 and is 2.0, "
+            "loading.steps was 3 and is 2"
         )
-        assert said in done.stderr and "--output, such as out-2, or replace it with --overwrite" in done.stderr
+        assert (
+            said in done.stderr
+            and "--output, such as out-2, or replace it with --overwrite" in done.stderr
+        )
         error = json.loads(indent_sim(*words, "--json").stdout)["error"]
         assert error["message"].endswith(said.partition("out")[2]) and "out-2" in error["remedy"]
         assert indent_sim(*words, "--overwrite").exit_code == 0
@@ -581,7 +710,9 @@ class TestAnotherScene:
         ],
     )
     def test_what_counts_as_another_scene(self, indent_sim, theory_run, words, code):
-        """Every key that changes numbers or what is kept, also one that was left to the program before."""
+        """Every key that changes numbers or what is kept, also one that was left to the program
+        before.
+        """
         sets = [word for one in words for word in ("--set", one)]
         assert indent_sim("run", "scene.yaml", "--output", "out", *sets).exit_code == code
 
@@ -592,19 +723,29 @@ class TestAnotherScene:
         assert done.exit_code == 2 and "--error-bars was given and is not given" in done.stderr
 
     def test_a_run_that_was_not_finished_is_replaced(self, indent_sim, theory_run):
-        """Who corrects a scene whose run failed, or was stopped, need not say that the rows are of no use."""
+        """Who corrects a scene whose run failed, or was stopped, need not say that the rows are of
+        no use.
+        """
         report = theory_run / "out" / "run.json"
         said = json.loads(report.read_text())
         for status, code in (("failed", 5), ("interrupted", 130), ("running", None)):
             report.write_text(json.dumps(said | {"status": status, "exit_code": code}))
             E = {"failed": 2, "interrupted": 3, "running": 4}[status]
-            assert indent_sim("run", "scene.yaml", "--output", "out", "--set", f"material.E={E}").exit_code == 0
+            assert (
+                indent_sim(
+                    "run", "scene.yaml", "--output", "out", "--set", f"material.E={E}"
+                ).exit_code
+                == 0
+            )
 
     def test_one_that_missed_its_accuracy_is_finished(self, indent_sim, theory_run):
         report = theory_run / "out" / "run.json"
         said = json.loads(report.read_text())
         report.write_text(json.dumps(said | {"status": "failed", "exit_code": 6}))
-        assert indent_sim("run", "scene.yaml", "--output", "out", "--set", "material.E=2").exit_code == 2
+        assert (
+            indent_sim("run", "scene.yaml", "--output", "out", "--set", "material.E=2").exit_code
+            == 2
+        )
 
     def test_a_run_that_fails_leaves_the_finished_one(self, indent_sim, theory_run, monkeypatch):
         """Also after its first rows, of the same scene, whether it fails or is stopped."""
@@ -612,7 +753,9 @@ class TestAnotherScene:
         for end, code in ((NotConverged("no way"), 5), (KeyboardInterrupt(), 130)):
 
             def ends(simulation, progress, end=end):
-                simulation._keep(next(simulation._walk.states(simulation.scene.physics.path, lambda step: False)))
+                simulation._keep(
+                    next(simulation._walk.states(simulation.scene.physics.path, lambda step: False))
+                )
                 raise end
 
             with monkeypatch.context() as patched:
@@ -628,7 +771,9 @@ class TestAnotherScene:
         with pytest.raises(UsageError, match=r"another scene: material.E was 1.0 and is 2.0"):
             simulate(other, directory=theory_run / "here")
         simulate(other, directory=theory_run / "here", overwrite=True)
-        assert read(theory_run / "here")["force"][-1] == pytest.approx(2 * read(theory_run / "out")["force"][-1])
+        assert read(theory_run / "here")["force"][-1] == pytest.approx(
+            2 * read(theory_run / "out")["force"][-1]
+        )
 
     def test_in_a_study(self, indent_sim, theory_run):
         (theory_run / "study.yaml").write_text("base: scene.yaml\nvary: {material.E: [1.0, 2.0]}\n")
@@ -637,7 +782,10 @@ class TestAnotherScene:
         before = content_of(theory_run)
         done = indent_sim("study", "study.yaml", "--output", "all")
         assert done.exit_code == 2 and content_of(theory_run) == before
-        assert "1 finished run that this study does not ask for: E=2" in done.stderr and "all-2" in done.stderr
+        assert (
+            "1 finished run that this study does not ask for: E=2" in done.stderr
+            and "all-2" in done.stderr
+        )
         assert indent_sim("study", "study.yaml", "--output", "all", "--resume").exit_code == 0
         assert len(list((theory_run / "all" / "runs").iterdir())) == 3
         assert indent_sim("study", "study.yaml", "--output", "all", "--overwrite").exit_code == 0
@@ -653,7 +801,10 @@ class TestFilesOfOthers:
         assert indent_sim("report", "out").exit_code == 2
         assert (theory_run / "out" / "report.html").read_text() == "<html>mine</html>"
         (theory_run / "out" / "report.html").unlink()
-        assert indent_sim("report", "out").exit_code == 0 and indent_sim("report", "out").exit_code == 0
+        assert (
+            indent_sim("report", "out").exit_code == 0
+            and indent_sim("report", "out").exit_code == 0
+        )
         assert indent_sim("run", "scene.yaml", "--output", "out").exit_code == 0
         assert not (theory_run / "out" / "report.html").exists()  # of the run before
 
@@ -664,9 +815,13 @@ class TestFilesOfOthers:
         for more in ((), ("--overwrite",)):
             done = indent_sim("run", "scene.yaml", "--output", "out", *more)
             assert done.exit_code == 2 and f"{name} was not made by indent-sim" in done.stderr
-        assert before == {path: path.read_bytes() for path in theory_run.rglob("*") if path.is_file()}
+        assert before == {
+            path: path.read_bytes() for path in theory_run.rglob("*") if path.is_file()
+        }
 
-    def test_a_scene_that_does_not_fit_on_the_disk_leaves_nothing(self, indent_sim, tmp_path, monkeypatch):
+    def test_a_scene_that_does_not_fit_on_the_disk_leaves_nothing(
+        self, indent_sim, tmp_path, monkeypatch
+    ):
         def full(descriptor: int) -> None:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -679,7 +834,10 @@ class TestCompareAndPlot:
     @pytest.fixture
     def tables(self, indent_sim, tmp_path):
         head = "step,delta,force,a\n"
-        for name, text in (("A", "1,0.1,1,0.2\n2,0.2,3,0.3\n"), ("B", "1,0.1,1.01,0.2\n2,0.2,3,0.3\n")):
+        for name, text in (
+            ("A", "1,0.1,1,0.2\n2,0.2,3,0.3\n"),
+            ("B", "1,0.1,1.01,0.2\n2,0.2,3,0.3\n"),
+        ):
             (tmp_path / f"{name}.csv").write_text(head + text)
         (tmp_path / "C.csv").write_text(head + "1,0.1,1,0.2\n")
         return indent_sim
@@ -694,12 +852,15 @@ class TestCompareAndPlot:
         assert left(tmp_path) == {"A.csv", "B.csv", "C.csv"}
 
     @pytest.mark.parametrize(
-        ("rtol", "code", "worst"), [("force=0.02", 0, 0.0099), ("a=0.5", 6, 0.0099), ("1e-3,force=0.02", 0, 0.0099)]
+        ("rtol", "code", "worst"),
+        [("force=0.02", 0, 0.0099), ("a=0.5", 6, 0.0099), ("1e-3,force=0.02", 0, 0.0099)],
     )
     def test_compare_as_json(self, tables, rtol, code, worst):
         done = tables("compare", "A.csv", "B.csv", "--rtol", rtol, "--json")
         told = json.loads(done.stdout)
-        assert done.exit_code == told["exit_code"] == code and told["worst"]["force"] == pytest.approx(worst, rel=1e-2)
+        assert done.exit_code == told["exit_code"] == code and told["worst"][
+            "force"
+        ] == pytest.approx(worst, rel=1e-2)
         assert told["rows"][0]["force"] == [1.0, 1.01] and bool(told["differences"]) == bool(code)
 
     @pytest.mark.parametrize("rtol", ["", "force", "force=x", "force=2", "1e-3,,a=1"])
@@ -748,7 +909,10 @@ class TestRanks:
         (tmp_path / "scene.yaml").write_text(SCENE)
         done = mpirun(2, "-m", "indent_sim.cli.commands", "run", "scene.yaml")
         assert done.returncode == 0 and done.stdout == "results/scene\n"
-        assert done.stderr.count("step 1/3") == 1 and read(tmp_path / "results" / "scene").report["ranks"] == 2
+        assert (
+            done.stderr.count("step 1/3") == 1
+            and read(tmp_path / "results" / "scene").report["ranks"] == 2
+        )
 
 
 def test_what_accuracy_cannot_reach_is_kept_but_not_to_be_resumed(indent_sim: Run) -> None:
@@ -760,6 +924,8 @@ def test_what_accuracy_cannot_reach_is_kept_but_not_to_be_resumed(indent_sim: Ru
         "mesh.h_contact=auto",
         "mesh.h_far=auto",
     )
-    result = indent_sim("run", "scene.yaml", *(word for setting in soft for word in ("--set", setting)))
+    result = indent_sim(
+        "run", "scene.yaml", *(word for setting in soft for word in ("--set", setting))
+    )
     assert result.exit_code == 6
     assert "3 rows computed before are kept" in result.stderr and "--resume" not in result.stderr

@@ -1,4 +1,6 @@
-"""`indent-sim fit`, and measured curves in the other commands: what is printed, written and refused."""
+"""`indent-sim fit`, and measured curves in the other commands: what is printed, written and
+refused.
+"""
 
 from __future__ import annotations
 
@@ -65,9 +67,18 @@ def test_a_folder_of_curves_in_two_processes(command, tmp_path):
     assert done.exit_code == found["exit_code"] == 0 and found["directory"] == "results/fit-curves"
     for entry, E in zip(found["curves"], (1, 2, 4), strict=True):
         stated = entry["parameters"]["material.E"]
-        assert entry["curve"] == f"c{E}" and stated["value"] == pytest.approx(E, rel=0.01)  # five deviations
+        assert entry["curve"] == f"c{E}" and stated["value"] == pytest.approx(
+            E, rel=0.01
+        )  # five deviations
     folder = tmp_path / "results" / "fit-curves"
-    assert {path.name for path in folder.iterdir()} == {".lock", "fit.json", "fit.csv", "fit.png", "curves", "pictures"}
+    assert {path.name for path in folder.iterdir()} == {
+        ".lock",
+        "fit.json",
+        "fit.csv",
+        "fit.png",
+        "curves",
+        "pictures",
+    }
     assert {path.stem for path in (folder / "pictures").iterdir()} == {"c1", "c2", "c4"}
     again = command(*FIT)
     assert again.exit_code == 0 and "c1" not in again.output
@@ -97,7 +108,9 @@ def test_no_curve_at_all_is_exit_5(command, tmp_path):
     assert missing.exit_code == 2 and "there is no curve nothing.csv" in missing.output
 
 
-@pytest.mark.parametrize("package, name", [("afmformats", "curve.jpk-force"), ("pyfmreader", "curve.spm")])
+@pytest.mark.parametrize(
+    "package, name", [("afmformats", "curve.jpk-force"), ("pyfmreader", "curve.spm")]
+)
 def test_an_afm_file_without_its_reader_is_exit_7(command, tmp_path, monkeypatch, package, name):
     monkeypatch.setitem(__import__("sys").modules, package, None)
     (tmp_path / name).write_bytes(b"PK")
@@ -111,8 +124,16 @@ def test_a_design_says_what_a_measurement_would_tell(command, tmp_path):
     found = json.loads(command(*words, "--json").stdout)
     stated = found["parameters"]["material.E"]
     assert found["exit_code"] == 0 and stated["low"] < stated["value"] == 1.0 < stated["high"]
-    assert found["tied"] == {"material.E": 1.0} and 0.1 <= found["baseline"] <= 1.5 and found["points"] == 300
-    assert [set(one["change"]) for one in found["helps"]] == [{"loading.delta"}, {"indenter.R"}, {"indenter.R"}]
+    assert (
+        found["tied"] == {"material.E": 1.0}
+        and 0.1 <= found["baseline"] <= 1.5
+        and found["points"] == 300
+    )
+    assert [set(one["change"]) for one in found["helps"]] == [
+        {"loading.delta"},
+        {"indenter.R"},
+        {"indenter.R"},
+    ]
     told = command(*words, "--points", 1200).stdout
     assert "as it stands" in told and "1200 points, noise" in told and "loading.delta = 1 " in told
     assert sorted(tmp_path.rglob("*")) == before
@@ -138,12 +159,20 @@ def test_what_a_scene_requires_for_a_curve(command, tmp_path):
     curve = found["curve"]
     stated = curve["parameters"]["material.E"]
     assert stated["low"] < 2 < stated["high"] and curve["depth"] == pytest.approx(0.6, abs=0.01)
-    there = ("--set", f"material.E={stated['value']!r}", "--set", f"loading.delta={curve['depth']!r}")
-    assert found["effects"] == json.loads(command("require", "scene.yaml", *there, "--json").stdout)["effects"]
+    there = (
+        "--set",
+        f"material.E={stated['value']!r}",
+        "--set",
+        f"loading.delta={curve['depth']!r}",
+    )
+    assert (
+        found["effects"]
+        == json.loads(command("require", "scene.yaml", *there, "--json").stdout)["effects"]
+    )
     models = {one["name"]: one for one in found["models"]}
-    assert set(models) == {"thickness", "adhesion", "tip"} and {one["verdict"] for one in found["models"]} == {
-        "not excluded"
-    }
+    assert set(models) == {"thickness", "adhesion", "tip"} and {
+        one["verdict"] for one in found["models"]
+    } == {"not excluded"}
     assert models["thickness"]["low"] < 2 and "body.height" in models["thickness"]["parameters"]
 
 
@@ -161,37 +190,51 @@ def test_a_curve_that_requires_nothing(command, tmp_path, words, code, said):
 def test_a_way_without_a_spring_is_warned_of(command, tmp_path):
     text = (tmp_path / "curves" / "c2.csv").read_text().replace("Depth [nm]", "z [nm]")
     (tmp_path / "way.csv").write_text(text)
-    done = command("fit", "way.csv", "--scene", "scene.yaml", "--vary", "material.E", "--output", "way")
+    done = command(
+        "fit", "way.csv", "--scene", "scene.yaml", "--vary", "material.E", "--output", "way"
+    )
     assert done.exit_code == 0 and "warning: no spring is known" in done.stderr
 
 
 def test_results_and_curves_side_by_side(command, tmp_path):
     write(tmp_path / "pressed.csv", 2, first=0.0)
-    assert command("run", "scene.yaml", "--set", "material.E=2 kPa", "--output", "two").exit_code == 0
+    assert (
+        command("run", "scene.yaml", "--set", "material.E=2 kPa", "--output", "two").exit_code == 0
+    )
     done = command("compare", "two", "pressed.csv", "--rtol", "force=0.05", "--json")
     found = json.loads(done.stdout)
     assert done.exit_code == 0 and found["interpolated"]["curve"] == "pressed.csv"
-    assert found["residual"]["percent_largest"] < 0.5  # noise of a tenth of a per cent, four deviations
+    assert (
+        found["residual"]["percent_largest"] < 0.5
+    )  # noise of a tenth of a per cent, four deviations
     told = command("compare", "pressed.csv", "two", "--rtol", "force=0.05")
     assert told.exit_code == 0 and "pressed.csv interpolated in depth" in told.stdout
     assert command("compare", "two", "curves/c4.csv", "--rtol", "0.05").exit_code == 6
 
 
-def test_a_picture_of_a_result_and_a_curve_has_their_units_and_no_empty_panel(command, tmp_path, monkeypatch):
+def test_a_picture_of_a_result_and_a_curve_has_their_units_and_no_empty_panel(
+    command, tmp_path, monkeypatch
+):
     assert command("run", "scene.yaml", "--output", "one").exit_code == 0
     figures = []
     monkeypatch.setattr(forces, "save", lambda figure, path: figures.append(figure))
     both = [read(tmp_path / "one"), read(tmp_path / "curves" / "c1.csv")]
     forces.overlay(both, tmp_path / "both.png")
     forces.overlay(both[1:], tmp_path / "alone.png")
-    labels = [[axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()] for figure in figures]
+    labels = [
+        [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()] for figure in figures
+    ]
     assert labels == [["force F [nN]", "contact radius a [µm]"], ["force F [pN]"]]
-    x = next(line.get_xdata() for line in figures[0].axes[0].get_lines() if len(line.get_xdata()) == 400)
+    x = next(
+        line.get_xdata() for line in figures[0].axes[0].get_lines() if len(line.get_xdata()) == 400
+    )
     assert x[-1] == pytest.approx(0.6, rel=1e-6)  # um, as the scene
 
 
 def test_a_tab_file_is_fitted_as_what_it_was(command, tmp_path):
-    assert command("run", "scene.yaml", "--set", "loading.steps=60", "--output", "one").exit_code == 0
+    assert (
+        command("run", "scene.yaml", "--set", "loading.steps=60", "--output", "one").exit_code == 0
+    )
     assert command("plot", "one", "--output", "one.tab").stdout == "one.tab\n"
     done = command("fit", "one.tab", "--scene", "scene.yaml", "--vary", "material.E", "--set", "output.plot=false",
                    "--json")  # fmt: skip
@@ -205,7 +248,9 @@ def test_a_study_compared_with_a_measured_curve(command, tmp_path):
     rows = json.loads(done.stdout)["rows"]
     assert done.exit_code == 0, done.output
     off = [row["force_error_vs"] for row in rows]
-    assert off[0] == pytest.approx(-0.5, abs=0.01) and off[1] == pytest.approx(0.0, abs=0.01)  # noise of 0.1 %
+    assert off[0] == pytest.approx(-0.5, abs=0.01) and off[1] == pytest.approx(
+        0.0, abs=0.01
+    )  # noise of 0.1 %
 
 
 def test_the_report_of_a_fit_is_one_page_by_itself(command, tmp_path):
@@ -215,7 +260,12 @@ def test_the_report_of_a_fit_is_one_page_by_itself(command, tmp_path):
     text = (tmp_path / "out" / "report.html").read_text()
     html_page.check(text)
     assert "<b>gel" not in text and "&lt;b&gt;gel" in text
-    told = ("scene.yaml fitted to 4 curves", "3 of 4 curves fitted", "short: refused, 2 points", "Rows of fit.csv")
+    told = (
+        "scene.yaml fitted to 4 curves",
+        "3 of 4 curves fitted",
+        "short: refused, 2 points",
+        "Rows of fit.csv",
+    )
     for words in (*told, "c2: E = 2.0", "title: "):
         assert words in text, words
     assert text.count("<svg") == 4
@@ -224,10 +274,14 @@ def test_the_report_of_a_fit_is_one_page_by_itself(command, tmp_path):
 
 
 def test_the_report_of_one_curve_has_its_windows_and_models(command, tmp_path):
-    """A stiffer half of the curve, as over a substrate: other models are asked, and drawn from the curve's table."""
+    """A stiffer half of the curve, as over a substrate: other models are asked, and drawn from the
+    curve's table.
+    """
     table = np.loadtxt(tmp_path / "curves" / "c2.csv", delimiter=";", skiprows=1)
     table[:, 1] *= 1 + 0.8 * np.maximum(table[:, 0] / 600, 0)
-    np.savetxt(tmp_path / "stiff.csv", table, delimiter=";", header="Depth [nm];Load [pN]", comments="")
+    np.savetxt(
+        tmp_path / "stiff.csv", table, delimiter=";", header="Depth [nm];Load [pN]", comments=""
+    )
     assert command("fit", "stiff.csv", *FIT[2:], "--output", "one").exit_code == 0
     assert command("report", "one").exit_code == 0
     text = (tmp_path / "one" / "report.html").read_text()
@@ -235,11 +289,14 @@ def test_the_report_of_one_curve_has_its_windows_and_models(command, tmp_path):
     named = json.loads((tmp_path / "one" / "fit.json").read_text())["curves"][0]["cause"]
     assert {"thickness", "tip"} & set(named)
     assert all(f"{name} instead" in text for name in named if name in ("thickness", "tip"))
-    assert "Fits to a part of the depth" in text and "Other models" in text and text.count("<svg") == 1
+    assert (
+        "Fits to a part of the depth" in text and "Other models" in text and text.count("<svg") == 1
+    )
 
 
 @pytest.mark.parametrize(
-    "damage", [{}, {"curves": 3}, {"curves": [{"status": "done"}]}, {"request": {"scene": {"body": 1}}}]
+    "damage",
+    [{}, {"curves": 3}, {"curves": [{"status": "done"}]}, {"request": {"scene": {"body": 1}}}],
 )
 def test_a_damaged_fit_has_no_report(command, tmp_path, damage):
     assert command("fit", "curves/c1.csv", *FIT[2:], "--output", "out").exit_code == 0
@@ -251,7 +308,9 @@ def test_a_damaged_fit_has_no_report(command, tmp_path, damage):
 
 
 def test_the_figure_of_a_notebook(command, tmp_path):
-    found = indent_sim.fit(tmp_path / "curves" / "c2.csv", tmp_path / "scene.yaml", vary=["material.E"])
+    found = indent_sim.fit(
+        tmp_path / "curves" / "c2.csv", tmp_path / "scene.yaml", vary=["material.E"]
+    )
     figure = found.figure()
     assert len(figure.axes) == 3
     with canvas.canvas():

@@ -14,15 +14,21 @@ TEXT = "# A title\n\nWords.\n"
 
 def git(folder: Path, *words: str) -> str:
     who = ["-c", "user.name=a", "-c", "user.email=a@example.org", "-c", "commit.gpgsign=false"]
-    return subprocess.run(["git", *who, "-C", str(folder), *words], check=True, capture_output=True, text=True).stdout
+    return subprocess.run(
+        ["git", *who, "-C", str(folder), *words], check=True, capture_output=True, text=True
+    ).stdout
 
 
 def test_a_page_says_at_which_commit_it_was_measured(tmp_path: Path) -> None:
-    """Once, however often it is made; changes of pages themselves do not count, those of anything else do."""
+    """Once, however often it is made; changes of pages themselves do not count, those of anything
+    else do.
+    """
     page = tmp_path / "docs" / "page.md"
     page.parent.mkdir()
     generated_page.write(page, TEXT, tmp_path)
-    assert page.read_text() == "# A title\n\nMeasured from sources without a repository.\n\nWords.\n"
+    assert (
+        page.read_text() == "# A title\n\nMeasured from sources without a repository.\n\nWords.\n"
+    )
     git(tmp_path, "init", "-q")
     git(tmp_path, "add", "-A")
     git(tmp_path, "commit", "-q", "-m", "a")

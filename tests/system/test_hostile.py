@@ -1,8 +1,9 @@
-"""Scenes, studies and result folders from a stranger: no command is run, nothing is touched outside the result folder,
-and every refusal is a sentence with its exit code.
+"""Scenes, studies and result folders from a stranger: no command is run, nothing is touched outside
+the result folder, and every refusal is a sentence with its exit code.
 
-Each example stands in a folder of its own among decoys, all of which are compared before and after. An audit hook sees
-every process that Python starts and every file that it opens for writing; what PETSc starts from C leaves PWNED.
+Each example stands in a folder of its own among decoys, all of which are compared before and after.
+An audit hook sees every process that Python starts and every file that it opens for writing; what
+PETSc starts from C leaves PWNED.
 """
 
 from __future__ import annotations
@@ -159,11 +160,29 @@ CELLS = [
     "٣",
     "0",
 ]
-JSONS: list[Any] = [None, True, 0, -1, 1.5, 1e308, 10**400, "", "x", [], {}, [[]], [1, "x"], {"a": 1}, "\ud800", "$"]
+JSONS: list[Any] = [
+    None,
+    True,
+    0,
+    -1,
+    1.5,
+    1e308,
+    10**400,
+    "",
+    "x",
+    [],
+    {},
+    [[]],
+    [1, "x"],
+    {"a": 1},
+    "\ud800",
+    "$",
+]
 KINDS = 3 * ["json", "cell", "lines"]  # of damage, more often than others
 FILES = ("run.json", "force_indentation.csv", "surface.csv", "config.yaml")
 
-# ---- what must not happen -------------------------------------------------------------------------------------
+# ---- what must not happen
+# -------------------------------------------------------------------------------------
 
 _watching: list[Callable[[str, tuple[Any, ...]], None]] = []
 PROCESSES = {
@@ -187,9 +206,13 @@ sys.addaudithook(_hook)
 
 
 def is_compiler(event: str, arguments: tuple[Any, ...]) -> bool:
-    """Whether a process is the C compiler at one of FFCx' own kernels, as on a machine that has compiled none yet."""
+    """Whether a process is the C compiler at one of FFCx' own kernels, as on a machine that has
+    compiled none yet.
+    """
     command = [str(word) for word in arguments[1]] if event == "subprocess.Popen" else []
-    return any(word.endswith("gcc") for word in command[:1]) and any("libffcx_forms_" in word for word in command)
+    return any(word.endswith("gcc") for word in command[:1]) and any(
+        "libffcx_forms_" in word for word in command
+    )
 
 
 @contextmanager
@@ -203,9 +226,18 @@ def watched(place: Path) -> Iterator[list[str]]:
             seen.append(f"{event} {arguments}")
         elif event == "open" and isinstance(arguments[0], (str, bytes)):
             path = os.path.abspath(os.fsdecode(arguments[0]))
-            is_writing = bool((arguments[2] or 0) & (os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC))
-            is_writing &= path != tempfile.gettempdir()  # a file without a name, gone when it is closed
-            if is_writing and not path.startswith(fine) and "__pycache__" not in path and "/fenics" not in path:
+            is_writing = bool(
+                (arguments[2] or 0) & (os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC)
+            )
+            is_writing &= (
+                path != tempfile.gettempdir()
+            )  # a file without a name, gone when it is closed
+            if (
+                is_writing
+                and not path.startswith(fine)
+                and "__pycache__" not in path
+                and "/fenics" not in path
+            ):
                 seen.append(f"writes {path}")
 
     _watching.append(watch)
@@ -244,7 +276,8 @@ def decoys(place: Path) -> None:
     (here / "petscrc").write_text("-log_view ascii:x;touch PWNED;.gz\n")
 
 
-# ---- hostile input --------------------------------------------------------------------------------------------
+# ---- hostile input
+# --------------------------------------------------------------------------------------------
 
 
 def text(rng: random.Random) -> str:
@@ -254,7 +287,21 @@ def text(rng: random.Random) -> str:
 
 def directory(rng: random.Random) -> str:
     """A path that leads somewhere else, or a plain one."""
-    parts = ["..", ".", "~", "~root", "", "link", "results", "victim", "precious", ".git", "runs", "new", text(rng)]
+    parts = [
+        "..",
+        ".",
+        "~",
+        "~root",
+        "",
+        "link",
+        "results",
+        "victim",
+        "precious",
+        ".git",
+        "runs",
+        "new",
+        text(rng),
+    ]
     return "/".join(rng.choices(parts, k=rng.choice([1, 2, 3])))
 
 
@@ -295,17 +342,33 @@ def damage(rng: random.Random, folder: Path, outside: Path) -> None:
     path = folder / rng.choice(FILES)
     data = path.read_bytes() if path.is_file() and not path.is_symlink() else b"x"
     kind = rng.choice(
-        ["gone", "cut", "bits", "junk", "folder", "link", "hard link", "pipe", *3 * ["json", "cell", "lines"]]
+        [
+            "gone",
+            "cut",
+            "bits",
+            "junk",
+            "folder",
+            "link",
+            "hard link",
+            "pipe",
+            *3 * ["json", "cell", "lines"],
+        ]
     )
     if kind in ("json", "cell", "lines"):
-        path = folder / ("run.json" if kind == "json" else rng.choice(["force_indentation.csv", "surface.csv"]))
+        path = folder / (
+            "run.json" if kind == "json" else rng.choice(["force_indentation.csv", "surface.csv"])
+        )
         with suppress(OSError, ValueError):
             state = path.lstat()
-            if stat.S_ISREG(state.st_mode) and state.st_nlink == 1:  # what the damage before left as it was
+            if (
+                stat.S_ISREG(state.st_mode) and state.st_nlink == 1
+            ):  # what the damage before left as it was
                 path.write_text(rewritten(rng, kind, path.read_text()), errors="surrogatepass")
         return
     with suppress(OSError):
-        shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
+        shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink(
+            missing_ok=True
+        )
         if kind == "cut":
             path.write_bytes(data[: rng.randrange(len(data) + 1)])
         elif kind == "bits":
@@ -337,7 +400,9 @@ def mistyped(rng: random.Random, value: Any) -> Any:
     if isinstance(value, dict) and value and rng.random() < 0.85:
         key = rng.choice(sorted(value))
         return (
-            value | {key: mistyped(rng, value[key])} if rng.random() < 0.9 else {k: value[k] for k in value if k != key}
+            value | {key: mistyped(rng, value[key])}
+            if rng.random() < 0.9
+            else {k: value[k] for k in value if k != key}
         )
     if isinstance(value, list) and value and rng.random() < 0.7:
         at = rng.randrange(len(value))
@@ -356,7 +421,8 @@ def retyped(rng: random.Random, lines: list[str]) -> list[str]:
     return [",".join(line) for line in cells]
 
 
-# ---- examples -------------------------------------------------------------------------------------------------
+# ---- examples
+# -------------------------------------------------------------------------------------------------
 
 
 def said(*words: str | Path) -> Result:
@@ -364,7 +430,10 @@ def said(*words: str | Path) -> Result:
     with within(WAIT):
         done = CliRunner().invoke(commands.program, [str(word) for word in words])
     assert done.exit_code in (0, 2, 3, 5, 6), (words, done.stderr)
-    assert "Traceback" not in done.stderr and (done.exit_code == 0 or done.stderr), (words, done.stderr)
+    assert "Traceback" not in done.stderr and (done.exit_code == 0 or done.stderr), (
+        words,
+        done.stderr,
+    )
     assert printable(done.stderr, line_breaks=True) == done.stderr
     return done
 
@@ -373,19 +442,26 @@ def planned(rng: random.Random, place: Path) -> None:
     """`plan` of a hostile scene, told as text or as JSON."""
     document = scene(rng)
     path = place / "scene.yaml"
-    path.write_text(bomb(rng) if rng.random() < 0.05 else dump(document), "utf-8", errors="surrogatepass")
+    path.write_text(
+        bomb(rng) if rng.random() < 0.05 else dump(document), "utf-8", errors="surrogatepass"
+    )
     if rng.random() < 0.5:
         found = said("plan", path.name)
         assert printable(found.stdout, line_breaks=True) == found.stdout
     else:
         object_ = json.loads(said("plan", path.name, "--json").stdout)
-        assert ("error" in object_) == (object_["exit_code"] != 0) and object_["status"] in ("done", "failed")
+        assert ("error" in object_) == (object_["exit_code"] != 0) and object_["status"] in (
+            "done",
+            "failed",
+        )
 
 
 def set_(rng: random.Random, place: Path) -> None:
     """The same by --set."""
     (place / "scene.yaml").write_text(dump(SCENE))
-    key = rng.choice(["title", "units.length", "output.directory", *(f"solver.petsc.{name}" for name in OPTIONS)])
+    key = rng.choice(
+        ["title", "units.length", "output.directory", *(f"solver.petsc.{name}" for name in OPTIONS)]
+    )
     value = directory(rng) if key == "output.directory" else text(rng)
     said("plan", "scene.yaml", "--set", f"{key}={value}")
 
@@ -400,7 +476,9 @@ def studied(rng: random.Random, place: Path) -> None:
         "output": {"directory": directory(rng)},
     }
     if rng.random() < 0.5:
-        document["compare_to"] = rng.choice(["victim", "../home/victim", "/etc/passwd", directory(rng)])
+        document["compare_to"] = rng.choice(
+            ["victim", "../home/victim", "/etc/passwd", directory(rng)]
+        )
     (place / "STUDY.yaml").write_text(dump(document), "utf-8", errors="surrogatepass")
     with within(WAIT):
         try:
@@ -424,7 +502,9 @@ def read_back(rng: random.Random, place: Path, good: Path) -> None:
         again = said("run", good / "config.yaml", "--output", "out", "--resume", "--json")
         if again.exit_code == 0:
             rows = json.loads(again.stdout)["rows"]
-            assert len(rows) == 2 and all(row[name] == row[name] for row in rows for name in ("force", "a", "delta"))
+            assert len(rows) == 2 and all(
+                row[name] == row[name] for row in rows for name in ("force", "a", "delta")
+            )
     else:
         os.mkdir("study")
         os.mkdir("study/runs")
@@ -464,14 +544,18 @@ def example(seed: int, place: Path, good: Path, act: Callable[..., Any] | None =
     assert not seen, (seed, seen)
     assert {path: after.get(path) for path in before} == before, seed
     assert not any("PWNED" in path for path in after), seed
-    if act is not started:  # a run makes the folder that its scene names, below the working directory
+    if (
+        act is not started
+    ):  # a run makes the folder that its scene names, below the working directory
         assert made <= results, (seed, made)
     assert not {path for path in after.keys() - before.keys() if not path.startswith("work/")}, seed
 
 
 @pytest.fixture(scope="module")
 def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A result folder with nothing wrong; what is made once a machine, kernels and the list of fonts, is there then."""
+    """A result folder with nothing wrong; what is made once a machine, kernels and the list of
+    fonts, is there then.
+    """
     place = tmp_path_factory.mktemp("good")
     (place / "scene.yaml").write_text(dump(SCENE))
     command = ["run", str(place / "scene.yaml"), "--output", str(place / "out")]

@@ -1,4 +1,6 @@
-"""`indent-sim fit` of files that are broken, absurd or strange: a curve or a reason each, never a traceback."""
+"""`indent-sim fit` of files that are broken, absurd or strange: a curve or a reason each, never a
+traceback.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,8 @@ INSTRUMENTS = (".jpk-force", ".ibw", ".h5", ".spm", ".zip")
 OFF = 0.15  # of a modulus from 300 points of 1 % noise, first touch unknown: ten of its deviations
 
 
-# A process that runs a command, then prints the largest memory that it or a child of it had [kB]; this test's own
-# process has other children, whose memory would count.
+# A process that runs a command, then prints the largest memory that it or a child of it had [kB];
+# this test's own process has other children, whose memory would count.
 MEMORY_IN_KB = (
     sys.executable,
     "-c",
@@ -40,9 +42,19 @@ MEMORY_IN_KB = (
 def fitted(
     folder: Path, *words: str, runner: Sequence[str] = ()
 ) -> tuple[subprocess.CompletedProcess[str], dict[str, dict[str, object]]]:
-    """The program on a folder of curves, started by a runner: what it said, and its entries by file."""
+    """The program on a folder of curves, started by a runner: what it said, and its entries by
+    file.
+    """
     (folder / "scene.yaml").write_text(SCENE)
-    command = [sys.executable, "-m", "indent_sim.cli.commands", "fit", "curves", "--scene", "scene.yaml"]
+    command = [
+        sys.executable,
+        "-m",
+        "indent_sim.cli.commands",
+        "fit",
+        "curves",
+        "--scene",
+        "scene.yaml",
+    ]
     more = ["--vary", "material.E", "--output", "out", *words]
     done = subprocess.run([*runner, *command, *more], cwd=folder, capture_output=True, text=True)
     entries = json.loads((folder / "out" / "fit.json").read_text())["curves"]
@@ -50,28 +62,40 @@ def fitted(
 
 
 def check(folder: Path, files: list[hostile_curves.Hostile], *words: str) -> None:
-    """Every file has an entry; those that are curves their modulus, the others a reason on one line."""
+    """Every file has an entry; those that are curves their modulus, the others a reason on one
+    line.
+    """
     (folder / "curves").mkdir()
     has_readers = all(importlib.util.find_spec(name) for name in ("afmformats", "pyfmreader"))
     there = [one for one in files if has_readers or not one.name.endswith(INSTRUMENTS)]
     for one in there:
         (folder / "curves" / one.name).write_bytes(one.data)
     done, entries = fitted(folder, *words)
-    assert done.returncode == 0 and "Traceback" not in done.stdout + done.stderr, done.stderr[-3000:]
+    assert done.returncode == 0 and "Traceback" not in done.stdout + done.stderr, done.stderr[
+        -3000:
+    ]
     assert entries.keys() == {one.name for one in there}
-    wrong = [(one.name, entries[one.name]) for one in there if not _is_right(one, entries[one.name])]
+    wrong = [
+        (one.name, entries[one.name]) for one in there if not _is_right(one, entries[one.name])
+    ]
     assert not wrong, [(name, entry["reason"] or entry["parameters"]) for name, entry in wrong]
 
 
 def _is_right(file: hostile_curves.Hostile, entry: dict[str, object]) -> bool:
     reason = str(entry["reason"])
     if entry["status"] == "refused":
-        fits = file.reason is None or (file.reason != hostile_curves.DONE and reason.startswith(file.reason))
+        fits = file.reason is None or (
+            file.reason != hostile_curves.DONE and reason.startswith(file.reason)
+        )
         return fits and len(reason) > 8 and "\n" not in reason
     numbers = entry["parameters"]["material.E"]  # type: ignore[index]
     E = hostile_curves.MODULUS
     is_near = file.reason is None or abs(numbers["value"] / E - 1) < OFF
-    return file.reason in (None, hostile_curves.DONE) and is_near and all(np.isfinite(list(_plain(numbers))))
+    return (
+        file.reason in (None, hostile_curves.DONE)
+        and is_near
+        and all(np.isfinite(list(_plain(numbers))))
+    )
 
 
 def _plain(numbers: dict[str, object]):  # type: ignore[no-untyped-def]
@@ -87,7 +111,9 @@ def test_more_files_in_two_processes(tmp_path):
     files = []
     for seed in range(1, 3):
         drawn = hostile_curves.hostile(np.random.default_rng(seed))
-        files += [hostile_curves.Hostile(f"{seed} {one.name}", one.data, one.reason) for one in drawn]
+        files += [
+            hostile_curves.Hostile(f"{seed} {one.name}", one.data, one.reason) for one in drawn
+        ]
     assert len(files) > 160
     check(tmp_path, files, "--jobs", "2")
 

@@ -1,4 +1,6 @@
-"""What is imported when, each in a process of its own: reading and planning wait for no heavy library."""
+"""What is imported when, each in a process of its own: reading and planning wait for no heavy
+library.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,10 @@ assert indent_sim.resolve(indent_sim.load(sys.argv[1])).plan.prediction["force"]
 
 
 def test_reading_a_config_stays_cheap() -> None:
-    ran(f"import sys, indent_sim.config.scene_file; assert not {{*{HEAVY}, 'ufl', 'scipy', 'rich'}} & {{*sys.modules}}")
+    ran(
+        f"import sys, indent_sim.config.scene_file; assert not {{*{HEAVY}, 'ufl', "
+        f"'scipy', 'rich'}} & {{*sys.modules}}"
+    )
 
 
 def test_matplotlib_waits_until_it_is_needed() -> None:
@@ -36,7 +41,9 @@ def test_matplotlib_waits_until_it_is_needed() -> None:
 
 
 def test_the_solver_loads_no_more_than_it_needs() -> None:
-    """A tenth of a second each: pkg_resources only tells UFL its own version, scipy's searches are for few contacts."""
+    """A tenth of a second each: pkg_resources only tells UFL its own version, scipy's searches are
+    for few contacts.
+    """
     ran("""
 import sys
 from indent_sim.run.simulation import backend

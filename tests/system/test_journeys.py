@@ -1,4 +1,6 @@
-"""New users: from an empty folder to what each came for in at most three commands, those of docs/how_do_i.md."""
+"""New users: from an empty folder to what each came for in at most three commands, those of
+docs/how_do_i.md.
+"""
 
 from __future__ import annotations
 
@@ -20,20 +22,29 @@ MOST = 3  # commands
 
 
 def afm_biologist(folder: Path) -> None:
-    """The curve with its error bars, up and down, and a picture of it above the stress in the deformed cell."""
+    """The curve with its error bars, up and down, and a picture of it above the stress in the
+    deformed cell.
+    """
     run = read_run(folder / "results" / "cell")
-    assert run["force"] == pytest.approx([0.5, 1, 2, 3, 1, 0]) and run["delta"][1] == pytest.approx(run["delta"][4])
+    assert run["force"] == pytest.approx([0.5, 1, 2, 3, 1, 0]) and run["delta"][1] == pytest.approx(
+        run["delta"][4]
+    )
     assert (run["force_error"][:-1] <= 0.02 * run["force"][:-1]).all()  # what the template asks for
     picture = matplotlib.image.imread(folder / "cell.png")
     top, bottom = np.array_split(picture[..., :3], 2)
-    assert len(np.unique(bottom.reshape(-1, 3), axis=0)) > 500 and (top.min(axis=(0, 2)) < 0.5).any()  # graded, drawn
+    assert (
+        len(np.unique(bottom.reshape(-1, 3), axis=0)) > 500 and (top.min(axis=(0, 2)) < 0.5).any()
+    )  # graded, drawn
 
 
 def film_engineer(folder: Path) -> None:
     """How far the formula of the half-space is off, and the curve."""
     page = (folder / "results" / "film" / "report.html").read_text(encoding="utf-8")
     html_page.check(page)
-    assert re.search(r"of this curve reads E = [\d.]+ GPa \([+-][\d.]+ %", page) and ">force F [mN]<" in page
+    assert (
+        re.search(r"of this curve reads E = [\d.]+ GPa \([+-][\d.]+ %", page)
+        and ">force F [mN]<" in page
+    )
     assert len(read_run(folder / "results" / "film")) == 20
 
 
@@ -61,16 +72,25 @@ TRUE_E = 14.0  # kPa, of the measured curve
 
 
 def measured(folder: Path) -> None:
-    """A curve of the template's gel, in mm and mN: a Hertz curve times what the thickness does, and 1 % of noise."""
+    """A curve of the template's gel, in mm and mN: a Hertz curve times what the thickness does, and
+    1 % of noise.
+    """
     followed(["indent-sim init gel"], folder)
-    truth = indent_sim.load(str(folder / "gel.yaml"), [f"material.E={TRUE_E} kPa", "loading.steps=12"])
+    truth = indent_sim.load(
+        str(folder / "gel.yaml"), [f"material.E={TRUE_E} kPa", "loading.steps=12"]
+    )
     rows = list(indent_sim.states(indent_sim.resolve(truth)))
     delta, force = (np.array([getattr(row, name) for row in rows]) for name in ("delta", "force"))
-    stiffening = np.polynomial.Polynomial.fit(delta, force / delta**1.5, 4)  # smooth: to 1e-4 between the rows
+    stiffening = np.polynomial.Polynomial.fit(
+        delta, force / delta**1.5, 4
+    )  # smooth: to 1e-4 between the rows
     depth = np.linspace(-0.5 * delta[-1], delta[-1], 300)
     curve = np.maximum(depth, 0) ** 1.5 * stiffening(np.maximum(depth, 0))
     noisy = curve + 0.01 * force[-1] * np.random.default_rng(1).standard_normal(len(depth))
-    lines = ["Depth [mm]\tForce [mN]", *(f"{x:.6g}\t{y:.6g}" for x, y in zip(depth, noisy, strict=True))]
+    lines = [
+        "Depth [mm]\tForce [mN]",
+        *(f"{x:.6g}\t{y:.6g}" for x, y in zip(depth, noisy, strict=True)),
+    ]
     (folder / "measured.txt").write_text("\n".join(lines) + "\n")
     (folder / "gel.yaml").unlink()
     (folder / "scene.schema.json").unlink()
@@ -78,17 +98,27 @@ def measured(folder: Path) -> None:
 
 def afm_user(folder: Path) -> None:
     """The modulus with an interval that holds the true one, a few per cent wide, on a page."""
-    (row,) = csv.DictReader((folder / "results" / "fit-measured" / "fit.csv").read_text().splitlines())
+    (row,) = csv.DictReader(
+        (folder / "results" / "fit-measured" / "fit.csv").read_text().splitlines()
+    )
     low, high = float(row["material.E_low"]), float(row["material.E_high"])
     assert low < TRUE_E < high and high - low < 0.1 * TRUE_E
-    html_page.check((folder / "results" / "fit-measured" / "report.html").read_text(encoding="utf-8"))
+    html_page.check(
+        (folder / "results" / "fit-measured" / "report.html").read_text(encoding="utf-8")
+    )
 
 
 def other_program(folder: Path) -> None:
     """The same rubber by another method on other elements, as two columns of text."""
     followed(["indent-sim init rubber"], folder)
-    settings = ["contact.method=active_set", "mesh.h_contact=0.15", "output={fields: none, surface: none}"]
-    rows = indent_sim.states(indent_sim.resolve(indent_sim.load(str(folder / "rubber.yaml"), settings)))
+    settings = [
+        "contact.method=active_set",
+        "mesh.h_contact=0.15",
+        "output={fields: none, surface: none}",
+    ]
+    rows = indent_sim.states(
+        indent_sim.resolve(indent_sim.load(str(folder / "rubber.yaml"), settings))
+    )
     lines = ["Depth [mm]\tForce [N]", *(f"{row.delta:.9g}\t{row.force:.9g}" for row in rows)]
     (folder / "theirs.txt").write_text("\n".join(lines) + "\n")
     (folder / "rubber.yaml").unlink()
@@ -107,7 +137,9 @@ def nothing(folder: Path) -> None:
 
 
 Step = Callable[[Path], None]
-JOURNEYS: list[tuple[str, Step, Step]] = [  # a word of the commands, what there is before, and what there is after them
+JOURNEYS: list[
+    tuple[str, Step, Step]
+] = [  # a word of the commands, what there is before, and what there is after them
     ("run cell.yaml", nothing, afm_biologist),
     ("run film.yaml", nothing, film_engineer),
     ("run gel.yaml", nothing, gel_researcher),
@@ -118,10 +150,16 @@ JOURNEYS: list[tuple[str, Step, Step]] = [  # a word of the commands, what there
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("word", "before", "arrived"), JOURNEYS, ids=[arrived.__name__ for *_, arrived in JOURNEYS])
+@pytest.mark.parametrize(
+    ("word", "before", "arrived"), JOURNEYS, ids=[arrived.__name__ for *_, arrived in JOURNEYS]
+)
 def test_three_commands_are_enough(word: str, before: Step, arrived: Step, tmp_path: Path) -> None:
     page = (ROOT / "docs" / "how_do_i.md").read_text(encoding="utf-8")
-    block = next(text for _, text in BLOCK.findall(page) if text.startswith("indent-sim init") and word in text)
+    block = next(
+        text
+        for _, text in BLOCK.findall(page)
+        if text.startswith("indent-sim init") and word in text
+    )
     commands = block.splitlines()
     assert len(commands) <= MOST
     before(tmp_path)

@@ -1,4 +1,6 @@
-"""A cold cache of compiled kernels: one line says so, compilers keep quiet, and what a killed run left is cleared."""
+"""A cold cache of compiled kernels: one line says so, compilers keep quiet, and what a killed run
+left is cleared.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ LINE = "compiling kernels (first run only)"
 
 @pytest.fixture(scope="module")
 def indent_sim(tmp_path_factory):
-    """A function that runs the scene in a process of its own, with a cache of its own; and that cache."""
+    """A function that runs the scene in a process of its own, with a cache of its own; and that
+    cache.
+    """
     folder = tmp_path_factory.mktemp("cold")
     (folder / "scene.yaml").write_text(SCENE)
     environment = os.environ | {
@@ -43,7 +47,9 @@ def indent_sim(tmp_path_factory):
 
     def start() -> subprocess.CompletedProcess[str]:
         words = [sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml"]
-        return subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+        return subprocess.run(
+            words, cwd=folder, env=environment, capture_output=True, text=True, timeout=300
+        )
 
     return start, folder / "cache" / "fenics"
 
@@ -80,18 +86,22 @@ def test_cold_warm_and_half_written(indent_sim):
     again = start()
     assert again.returncode == 0 and LINE in again.stderr, again.stderr
 
-    # what somebody leaves who tidies up, or a Python of another version: finished, and no library to load
+    # what somebody leaves who tidies up, or a Python of another version: finished, and no library
+    # to load
     entries(cache, ".so")[0].unlink()
     once_more = start()
     assert once_more.returncode == 0 and LINE in once_more.stderr, once_more.stderr
     assert LINE not in start().stderr
 
 
-# ---- several processes and one cache ------------------------------------------------------------------------------
+# ---- several processes and one cache
+# ------------------------------------------------------------------------------
 
 
 def cheap(folder: Path, seconds: float) -> None:
-    """FFCx's look-up and compilation without FFCx: the same files, no compiler; each start is a line in `compiled`."""
+    """FFCx's look-up and compilation without FFCx: the same files, no compiler; each start is a
+    line in `compiled`.
+    """
 
     def found(name: str, objects: list[str], cache: Path, timeout: int) -> tuple[Any, Any]:
         if (folder / f"{name}.c.cached").exists():
@@ -102,7 +112,9 @@ def cheap(folder: Path, seconds: float) -> None:
             raise TimeoutError("nobody should have to wait here") from None
         return None, None
 
-    def compiled(declaration: str, objects: Any, names: Any, module: str, options: Any, cache: Path) -> None:
+    def compiled(
+        declaration: str, objects: Any, names: Any, module: str, options: Any, cache: Path
+    ) -> None:
         with (folder / "compiled").open("a") as log:
             log.write(f"{os.getpid()}\n")
         time.sleep(seconds)
@@ -221,7 +233,9 @@ class TestAnotherProgramsEntry:
     @pytest.mark.parametrize("age", [3600.0, 0.0, -3600.0])
     def test_left_behind(self, tmp_path, caplog, age):
         (tmp_path / "one.c").touch()
-        os.utime(tmp_path / "one.c", (time.time() - age,) * 2)  # the clock of a file server may be another
+        os.utime(
+            tmp_path / "one.c", (time.time() - age,) * 2
+        )  # the clock of a file server may be another
         begin = time.monotonic()
         assert kernels.lookup("one", [], tmp_path, 10) == (None, None)
         assert 0.3 <= time.monotonic() - begin < 5
@@ -241,7 +255,9 @@ def test_six_cold_runs_at_once(tmp_path):
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
     words = [sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output"]
     runs = [
-        subprocess.Popen([*words, str(k)], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+        subprocess.Popen(
+            [*words, str(k)], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
+        )
         for k in range(6)
     ]
     told = [run.communicate(timeout=900)[1] for run in runs]
@@ -252,7 +268,9 @@ def test_six_cold_runs_at_once(tmp_path):
 def test_a_caller_without_logging_sees_no_compiler(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """A notebook or script: setuptools lowers the level of the root logger and writes each command line to it."""
+    """A notebook or script: setuptools lowers the level of the root logger and writes each command
+    line to it.
+    """
     root = logging.getLogger()
     monkeypatch.setattr(root, "handlers", [])
     monkeypatch.setattr(root, "level", logging.WARNING)

@@ -1,4 +1,6 @@
-"""A process that is killed while it writes a result folder: what it leaves, and what the next one makes of that."""
+"""A process that is killed while it writes a result folder: what it leaves, and what the next one
+makes of that.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ with ResultFolder(Path(sys.argv[1]), "") as run:
 def killed(script: str, *args, after: float = 0.0, with_signal: int = signal.SIGKILL) -> int:
     root = Path(__file__).parents[2]
     command = [sys.executable, "-c", script, *map(str, args)]
-    with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+    with subprocess.Popen(
+        command, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as process:
         assert process.stdout and process.stdout.readline() == b"ready\n"
         time.sleep(after)
         process.send_signal(with_signal)
@@ -61,7 +65,10 @@ def test_every_file_is_whole(tmp_path, after, with_signal):
     assert len(done) >= 1
     assert done["step"].tolist() == list(range(1, len(done) + 1))
     assert done.surface["step"].tolist() == np.repeat(done["step"], 2).tolist()
-    assert done.report["status"] == {signal.SIGKILL: "running", signal.SIGINT: "interrupted"}[with_signal]
+    assert (
+        done.report["status"]
+        == {signal.SIGKILL: "running", signal.SIGINT: "interrupted"}[with_signal]
+    )
     with meshio.xdmf.TimeSeriesReader(tmp_path / "run" / "fields.xdmf") as reader:
         reader.read_points_cells()
         assert reader.num_steps >= len(done)

@@ -1,4 +1,6 @@
-"""Killed, stopped, out of disk: a folder that can be read at any moment, and `--resume` ends at the same curve."""
+"""Killed, stopped, out of disk: a folder that can be read at any moment, and `--resume` ends at the
+same curve.
+"""
 
 from __future__ import annotations
 
@@ -68,7 +70,11 @@ def resumed(place: Path, *before: str) -> Results:
 class TestSignals:
     @pytest.mark.parametrize(
         ("scene", "number", "code"),
-        [("newton", signal.SIGTERM, 143), ("condensed", signal.SIGINT, 130), ("condensed", signal.SIGHUP, 129)],
+        [
+            ("newton", signal.SIGTERM, 143),
+            ("condensed", signal.SIGINT, 130),
+            ("condensed", signal.SIGHUP, 129),
+        ],
         indirect=["scene"],
     )
     def test_stopped_and_resumed(self, scene, tmp_path, undisturbed, number, code):
@@ -78,7 +84,10 @@ class TestSignals:
             _, told = process.communicate(timeout=PATIENCE)
         assert process.returncode == code and "--resume goes on" in told and "Traceback" not in told
         stopped = read(tmp_path / "out")
-        assert stopped.report["status"] == "interrupted" and 2 <= len(stopped) == stopped.report["rows"]
+        assert (
+            stopped.report["status"] == "interrupted"
+            and 2 <= len(stopped) == stopped.report["rows"]
+        )
         resumed(tmp_path)
         same_numbers(tmp_path / "out", undisturbed(scene))
 
@@ -100,10 +109,18 @@ class TestSignals:
     @pytest.mark.slow
     @pytest.mark.parametrize(
         "number",
-        [signal.SIGTERM, *(pytest.param(other, marks=pytest.mark.stress) for other in (signal.SIGINT, signal.SIGHUP))],
+        [
+            signal.SIGTERM,
+            *(
+                pytest.param(other, marks=pytest.mark.stress)
+                for other in (signal.SIGINT, signal.SIGHUP)
+            ),
+        ],
     )
     def test_on_two_ranks(self, tmp_path, undisturbed, number):
-        """mpirun passes the signal on; its own exit code is its own affair, so only not 0 is asked for."""
+        """mpirun passes the signal on; its own exit code is its own affair, so only not 0 is asked
+        for.
+        """
         long = HYPERELASTIC.replace("steps: 15", "steps: 200")  # mpirun passes it on after a second
         (tmp_path / "scene.yaml").write_text(long)
         with started(tmp_path, before=("mpirun", "-n", "2")) as process:
@@ -117,8 +134,10 @@ class TestSignals:
 
 
 def kills(place: Path, number: int, seed: int) -> int:
-    """Kill the run of a place at random moments, resume it each time, begin anew when it is done; returns how often it
-    was done. Whatever is there after a kill can be read, and no row that was there is another now."""
+    """Kill the run of a place at random moments, resume it each time, begin anew when it is done;
+    returns how often it was done. Whatever is there after a kill can be read, and no row that
+    was there is another now.
+    """
     chance, rows, done, span = random.Random(seed), None, 0, 4.0
     for _ in range(number):
         begin = time.monotonic()
@@ -145,18 +164,34 @@ def kills(place: Path, number: int, seed: int) -> int:
 @pytest.mark.parametrize("number", [3, pytest.param(8, marks=pytest.mark.stress)])
 def test_killed_at_random_moments(scene, tmp_path, undisturbed, number):
     kills(tmp_path, number, seed=number)
-    assert {entry.name for entry in tmp_path.iterdir()} <= {"scene.yaml", "out", ".out.staging", ".out.old"}
+    assert {entry.name for entry in tmp_path.iterdir()} <= {
+        "scene.yaml",
+        "out",
+        ".out.staging",
+        ".out.old",
+    }
     resumed(tmp_path)
     same_numbers(tmp_path / "out", undisturbed(scene))
     assert {entry.name for entry in tmp_path.iterdir()} == {"scene.yaml", "out"}
 
 
 START = (sys.executable, "-m", "indent_sim.cli.start")
-SENT = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGXCPU)
-WITH_ACCURACY = CONDENSED.replace("mesh: {h_contact: 0.12, h_far: 0.6}\n", "accuracy: 0.003\n").replace(
-    "fields: all", "fields: none"
+SENT = (
+    signal.SIGKILL,
+    signal.SIGTERM,
+    signal.SIGINT,
+    signal.SIGHUP,
+    signal.SIGQUIT,
+    signal.SIGUSR1,
+    signal.SIGXCPU,
 )
-STUDY = "base: scene.yaml\nset: {loading.steps: 4}\nvary: {material.nu: [0.2, 0.3, 0.4], indenter.R: [1.0, 2.0]}\n"
+WITH_ACCURACY = CONDENSED.replace(
+    "mesh: {h_contact: 0.12, h_far: 0.6}\n", "accuracy: 0.003\n"
+).replace("fields: all", "fields: none")
+STUDY = (
+    "base: scene.yaml\nset: {loading.steps: 4}\nvary: {material.nu: [0.2, 0.3, 0.4], "
+    "indenter.R: [1.0, 2.0]}\n"
+)
 AT_THE_END = {  # of each kind of run: the scene, the words before and after the program's
     "plain": (HYPERELASTIC, (), ()),
     "condensed": (SCENES["condensed"], (), ()),
@@ -168,7 +203,9 @@ AT_THE_END = {  # of each kind of run: the scene, the words before and after the
 
 
 class Victim:
-    """A kind of run that is ended at random moments and resumed; what it leaves is held to `expected`."""
+    """A kind of run that is ended at random moments and resumed; what it leaves is held to
+    `expected`.
+    """
 
     def __init__(self, kind: str, place: Path, expected: Path):
         self.place, self.expected = place, expected
@@ -183,7 +220,9 @@ class Victim:
         self.seen: dict[str, tuple[str, dict[str, np.ndarray]]] = {}
 
     def end(self, after: float | None, number: int = 0) -> tuple[int, str]:
-        """Begin the run or go on with it, send it a signal after some time; exit code and what it told."""
+        """Begin the run or go on with it, send it a signal after some time; exit code and what it
+        told.
+        """
         words = (*self.before, *self.words)
         with subprocess.Popen(
             words,
@@ -201,8 +240,12 @@ class Victim:
         return process.returncode, told
 
     def look(self) -> None:
-        """Every result there can be read, and has the rows that were seen in it, unless they are of another mesh."""
-        for report in [path for path in self.place.rglob("run.json") if ".staging" not in str(path)]:
+        """Every result there can be read, and has the rows that were seen in it, unless they are of
+        another mesh.
+        """
+        for report in [
+            path for path in self.place.rglob("run.json") if ".staging" not in str(path)
+        ]:
             try:
                 found = read_run(report.parent)
             except UsageError:
@@ -214,13 +257,18 @@ class Victim:
             old_mesh, old = self.seen.get(name, (mesh, {}))
             if old and old_mesh == mesh:
                 for column in set(old) & set(rows):
-                    np.testing.assert_array_equal(rows[column][: len(old[column])], old[column], err_msg=name)
+                    np.testing.assert_array_equal(
+                        rows[column][: len(old[column])], old[column], err_msg=name
+                    )
             self.seen[name] = mesh, rows
 
     def finish(self) -> None:
         """What a run that came to its end has: the rows of one that nothing stopped."""
         for table in self.expected.rglob("force_indentation.csv"):
-            found, wanted = read(self.place / "out" / table.parent.relative_to(self.expected)), read(table.parent)
+            found, wanted = (
+                read(self.place / "out" / table.parent.relative_to(self.expected)),
+                read(table.parent),
+            )
             assert found.report["status"] == "done" and len(found) == len(wanted)
             for column in ("step", "delta", "force", "a", "p_max", "energy", "force_error"):
                 if column in wanted.table:
@@ -241,7 +289,11 @@ def test_ended_by_any_signal_at_random_moments(kind, tmp_path):
     whole = Victim(kind, tmp_path / "whole", tmp_path)
     code, told = whole.end(None)
     assert code == 0, told
-    victim, chance, ends = Victim(kind, tmp_path / "ended", whole.place / "out"), random.Random(kind), Counter()
+    victim, chance, ends = (
+        Victim(kind, tmp_path / "ended", whole.place / "out"),
+        random.Random(kind),
+        Counter(),
+    )
     span = 4.0
     while sum(ends.values()) < 8:
         number, begin = chance.choice(SENT), time.monotonic()
@@ -286,13 +338,28 @@ class TestDisk:
         (small_disk / "scene.yaml").write_text(self.SCENE)
         with started(small_disk) as process:
             _, told = process.communicate(timeout=PATIENCE)
-        assert process.returncode == 5 and "No space left on device" in told and "Traceback" not in told
+        assert (
+            process.returncode == 5
+            and "No space left on device" in told
+            and "Traceback" not in told
+        )
         full = read(small_disk / "out")
-        assert 0 < len(full) < 150 and full.report["exit_code"] == 5 and full.report["rows"] == len(full)
+        assert (
+            0 < len(full) < 150
+            and full.report["exit_code"] == 5
+            and full.report["rows"] == len(full)
+        )
         subprocess.run(["mount", "-o", "remount,size=20m", str(small_disk)], check=True)
         resumed(small_disk)
         found, wanted = read(small_disk / "out"), read(undisturbed(self.SCENE))
-        for name in ("step", "delta", "force", "a", "p_max", "energy"):  # 1e-8: what `same_numbers` asks for
+        for name in (
+            "step",
+            "delta",
+            "force",
+            "a",
+            "p_max",
+            "energy",
+        ):  # 1e-8: what `same_numbers` asks for
             np.testing.assert_allclose(found[name], wanted[name], rtol=1e-8, err_msg=name)
 
     def test_a_disk_that_is_read_only(self, small_disk):
@@ -301,7 +368,11 @@ class TestDisk:
         for output in ("out", "deep/out", "."):
             line = shlex.join([*RUN[:-1], output])
             done = subprocess.run(
-                ["bash", "-c", line], cwd=small_disk, env=environment(), capture_output=True, text=True
+                ["bash", "-c", line],
+                cwd=small_disk,
+                env=environment(),
+                capture_output=True,
+                text=True,
             )
             assert done.returncode == 2 and "Traceback" not in done.stderr, done.stderr
         assert os.listdir(small_disk) == ["scene.yaml"]

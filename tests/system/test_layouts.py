@@ -1,5 +1,6 @@
-"""Pictures as a paper needs them: panels where they are asked for, and in no picture words over words or axes without
-a name."""
+"""Pictures as a paper needs them: panels where they are asked for, and in no picture words over
+words or axes without a name.
+"""
 
 from __future__ import annotations
 
@@ -46,25 +47,53 @@ def panels_of(figure: Any) -> list[Any]:
     "wish",
     [
         {"what": "force,pressure,fields", "layout": (1, 3), "width": 170, "font": 8},
-        {"what": "force,pressure,profile", "layout": (1, 3), "width": 170, "font": 7, "steps": "1,2,3"},
+        {
+            "what": "force,pressure,profile",
+            "layout": (1, 3),
+            "width": 170,
+            "font": 7,
+            "steps": "1,2,3",
+        },
         {"what": "force,fields", "layout": (1, 2), "width": 85, "font": 6},
-        {"what": "fields", "fields": "von_mises,principal_3,J,displacement", "layout": (2, 2), "width": 170, "font": 8},
-        {"what": "fields", "steps": "1,2,3", "layout": (1, 3), "width": 170, "font": 8, "zoom": 1.5},
+        {
+            "what": "fields",
+            "fields": "von_mises,principal_3,J,displacement",
+            "layout": (2, 2),
+            "width": 170,
+            "font": 8,
+        },
+        {
+            "what": "fields",
+            "steps": "1,2,3",
+            "layout": (1, 3),
+            "width": 170,
+            "font": 8,
+            "zoom": 1.5,
+        },
         {"what": "force,pressure,profile,fields"},
         {"what": "force", "layout": (1, 1), "width": 60, "font": 8},
     ],
     ids=str,
 )
 @pytest.mark.parametrize("letters", ["", "a"])
-def test_panels_stand_where_they_are_asked_for_without_faults(gel: Path, wish: dict[str, Any], letters: str) -> None:
+def test_panels_stand_where_they_are_asked_for_without_faults(
+    gel: Path, wish: dict[str, Any], letters: str
+) -> None:
     figure = indent_sim.plot(gel, **wish, letters=letters)
     assert faults(figure) == []
     shown = panels_of(figure)
     if letters:
-        assert [axes.get_title(loc="left")[:3] for axes in shown] == ["(a)", "(b)", "(c)", "(d)"][: len(shown)]
+        assert [axes.get_title(loc="left")[:3] for axes in shown] == ["(a)", "(b)", "(c)", "(d)"][
+            : len(shown)
+        ]
     if layout := wish.get("layout"):
         assert len(shown) == layout[0] * layout[1]
-        lefts = sorted({round(axes.get_window_extent().x0 // (figure.bbox.width / layout[1])) for axes in shown})
+        lefts = sorted(
+            {
+                round(axes.get_window_extent().x0 // (figure.bbox.width / layout[1]))
+                for axes in shown
+            }
+        )
         assert lefts == list(range(layout[1]))
     if width := wish.get("width"):
         assert figure.get_size_inches()[0] == pytest.approx(width / 25.4)
@@ -77,7 +106,9 @@ def test_colours_and_frame_are_those_asked_for(gel: Path) -> None:
     near = indent_sim.plot(gel, "fields", zoom=1.0, limits=(0, 2))
     whole = indent_sim.plot(gel, "fields", zoom=float("inf"))
     assert mesh(near).get_clim() == (0, 2)
-    assert panels_of(whole)[0].get_xlim()[1] == pytest.approx(6, rel=1e-6)  # the body's radius, in mm
+    assert panels_of(whole)[0].get_xlim()[1] == pytest.approx(
+        6, rel=1e-6
+    )  # the body's radius, in mm
     radius = indent_sim.read(gel)["a"][2]
     assert panels_of(near)[0].get_xlim()[1] == pytest.approx(radius, rel=1e-6)
 
@@ -110,9 +141,14 @@ def test_options_that_make_no_picture_are_refused(gel: Path, options: list[str],
 
 def test_the_command_takes_all_of_them(gel: Path, tmp_path: Path) -> None:
     """85 mm at 100 points to the inch are 335 points."""
-    words = "--what force,fields --layout 1x2 --letters --dpi 100 --limits 0:2 --zoom all --width 85 --font-size 6"
+    words = (
+        "--what force,fields --layout 1x2 --letters --dpi 100 --limits 0:2 --zoom all "
+        "--width 85 --font-size 6"
+    )
     path = tmp_path / "picture.png"
-    done = CliRunner().invoke(commands.program, ["plot", str(gel), *words.split(), "--output", str(path)])
+    done = CliRunner().invoke(
+        commands.program, ["plot", str(gel), *words.split(), "--output", str(path)]
+    )
     assert done.exit_code == 0, done.output
     assert matplotlib.image.imread(path).shape[1] == pytest.approx(85 / 25.4 * 100, abs=1)
 
@@ -127,22 +163,34 @@ LAYER = {
 
 
 def test_twenty_curves_have_a_bar_units_and_hertz_beside_them() -> None:
-    """Thicknesses as plain numbers are in the scene's um; the half-space does not know them, so Hertz is one curve."""
+    """Thicknesses as plain numbers are in the scene's um; the half-space does not know them, so
+    Hertz is one curve.
+    """
     vary = {"body.height": {"from": 2, "to": 40, "count": 20, "spacing": "log"}}
     figure = indent_sim.plot(indent_sim.study({"base": LAYER, "vary": vary}))
     assert faults(figure) == []
     curves, *_ = panels_of(figure)
-    assert [text.get_text() for text in curves.get_legend().get_texts()] == ["Sneddon (sphere), half-space"]
-    labels = {axes.get_xlabel() for axes in panels_of(figure)} | {axes.get_ylabel() for axes in figure.axes}
+    assert [text.get_text() for text in curves.get_legend().get_texts()] == [
+        "Sneddon (sphere), half-space"
+    ]
+    labels = {axes.get_xlabel() for axes in panels_of(figure)} | {
+        axes.get_ylabel() for axes in figure.axes
+    }
     assert {"height [µm]", "depth δ [µm]", "force F [nN]"} <= labels
-    hertz = next(line for line in curves.lines if line.get_linestyle() == canvas.FORMULA_STYLE["ls"])
+    hertz = next(
+        line for line in curves.lines if line.get_linestyle() == canvas.FORMULA_STYLE["ls"]
+    )
     deepest = indent_sim.plan(LAYER)["prediction"]["force_half_space"]
     assert hertz.get_ydata()[-1] == pytest.approx(deepest, rel=1e-9)
 
 
 def test_curves_beside_a_panel_with_one_line_of_names_keep_their_own_below_them() -> None:
-    """The panel of the curves spans the cell of the names, which is lower than what stands below an axis."""
-    figure = indent_sim.plot(indent_sim.study({"base": LAYER, "vary": {"body.height": [5, 20], "indenter.R": [4, 6]}}))
+    """The panel of the curves spans the cell of the names, which is lower than what stands below an
+    axis.
+    """
+    figure = indent_sim.plot(
+        indent_sim.study({"base": LAYER, "vary": {"body.height": [5, 20], "indenter.R": [4, 6]}})
+    )
     assert faults(figure) == []
 
 
@@ -161,7 +209,10 @@ def test_the_checker_finds_what_is_wrong() -> None:
         figure.text(0.5, 0.5, "other")
         figure.text(0.99, 0.9, "much too far to the right")
         found = faults(figure)
-    assert "'one' lies on 'other'" in found and "'much too far to the right' goes beyond the edge" in found
+    assert (
+        "'one' lies on 'other'" in found
+        and "'much too far to the right' goes beyond the edge" in found
+    )
     assert sum("has no name" in fault for fault in found) == 2
 
 
@@ -169,7 +220,13 @@ def test_the_checker_finds_legends_that_tell_nothing() -> None:
     with canvas.canvas((9.2, 9.0)) as figure:
         axes = figure.subplots()
         for i in range(13):
-            axes.plot([0, 1], [0, i], color=canvas.COLOURS[i % 7], ls="-" if i < 12 else "--", label=f"line {i}")
+            axes.plot(
+                [0, 1],
+                [0, i],
+                color=canvas.COLOURS[i % 7],
+                ls="-" if i < 12 else "--",
+                label=f"line {i}",
+            )
         axes.legend()
         found = faults(figure)
     assert "a legend of 13 names" in found and "'line 0' looks as 'line 7'" in found
@@ -188,8 +245,8 @@ def test_the_checker_finds_words_on_the_panel_of_another() -> None:
         assert "'a name that is much too long' lies on the panel of another" in faults(figure)
 
 
-# One of each kind of picture: three dimensions, plane strain, theory alone, histories with and without fluid, adhesion,
-# friction, an inclusion, a stack, a tip off the axis
+# One of each kind of picture: three dimensions, plane strain, theory alone, histories with and
+# without fluid, adhesion, friction, an inclusion, a stack, a tip off the axis
 KINDS = (
     "hertz",
     "hertz_cube",
@@ -207,8 +264,12 @@ KINDS = (
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("path", [path for path in SCENES if path.stem in KINDS], ids=lambda path: path.stem)
-def test_no_picture_of_a_shipped_scene_has_a_fault(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "path", [path for path in SCENES if path.stem in KINDS], ids=lambda path: path.stem
+)
+def test_no_picture_of_a_shipped_scene_has_a_fault(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Those that a run draws, and every panel on request."""
     drawn: list[Any] = []
 

@@ -1,4 +1,6 @@
-"""Meshing in a forked process: splits that gmsh cannot tell apart, crashes, signals, locks and what is counted."""
+"""Meshing in a forked process: splits that gmsh cannot tell apart, crashes, signals, locks and what
+is counted.
+"""
 
 from __future__ import annotations
 
@@ -41,12 +43,26 @@ def near_a_corner(kind: str, d: float, width: float, h: float) -> Scene:
     strip = f"{{shape: strip, width: {width!r}, height: 1.0}}"
     round_body = f"{{shape: cylinder, radius: {width!r}, height: 1.0}}"
     body, tip, mesh = {
-        "tip beside the left wall": (strip, f"{{shape: paraboloid, R: 1.0, center: [{d!r}]}}", "symmetry: full, "),
-        "tip beside the right wall": (strip, f"{{shape: paraboloid, R: 1.0, center: [{width - d!r}]}}", ""),
+        "tip beside the left wall": (
+            strip,
+            f"{{shape: paraboloid, R: 1.0, center: [{d!r}]}}",
+            "symmetry: full, ",
+        ),
+        "tip beside the right wall": (
+            strip,
+            f"{{shape: paraboloid, R: 1.0, center: [{width - d!r}]}}",
+            "",
+        ),
         "edge beside the wall": (round_body, f"{{shape: flat_punch, radius: {width - d!r}}}", ""),
-        "edges beside both walls": (strip, f"{{shape: flat_punch, radius: {width / 2 - d!r}}}", "symmetry: full, "),
+        "edges beside both walls": (
+            strip,
+            f"{{shape: flat_punch, radius: {width / 2 - d!r}}}",
+            "symmetry: full, ",
+        ),
     }[kind]
-    return resolve(loads(SCENE.format(body=body, tip=tip, mesh=f"{{{mesh}h_contact: {h!r}, h_far: 0.5}}")))
+    return resolve(
+        loads(SCENE.format(body=body, tip=tip, mesh=f"{{{mesh}h_contact: {h!r}, h_far: 0.5}}"))
+    )
 
 
 def areas(grid: Grid) -> np.ndarray:
@@ -65,7 +81,9 @@ def areas(grid: Grid) -> np.ndarray:
     ],
 )
 def test_a_split_near_a_corner_is_meshed(kind):
-    """Points nearer than gmsh's random shift change places: it aborted for d = 1e-12 to 5e-9 of the body."""
+    """Points nearer than gmsh's random shift change places: it aborted for d = 1e-12 to 5e-9 of the
+    body.
+    """
     chance = random.Random(kind)
     for power in range(-13, -5):
         d, width = chance.uniform(1, 10) * 10.0**power, chance.choice([1.0, chance.uniform(0.3, 5)])
@@ -77,21 +95,31 @@ def test_a_split_near_a_corner_is_meshed(kind):
 def test_no_triangle_is_flat(place):
     """gmsh left one on three points of the top, of no area at all: nothing converged."""
     tip = f"{{shape: cone, half_angle: 70.0, center: [{place!r}]}}"
-    scene = SCENE.format(body="{shape: strip, width: 2.0, height: 3.0, sides: fixed}", tip=tip, mesh="{}")
+    scene = SCENE.format(
+        body="{shape: strip, width: 2.0, height: 3.0, sides: fixed}", tip=tip, mesh="{}"
+    )
     found = grid_of(resolve(loads(scene, overrides=["loading.delta=0.0005"])))
     assert areas(found).sum() == pytest.approx(2 / 3, rel=1e-9) and (areas(found) > 0).all()
 
 
 def test_a_failure_by_chance_is_tried_again():
-    """gmsh found facets of this box that cut one another; half as large a shift does the same, a tenth does not."""
+    """gmsh found facets of this box that cut one another; half as large a shift does the same, a
+    tenth does not.
+    """
     body = "{shape: box, size: [2.0, 1.999999999999993, 0.3], base: fixed, sides: fixed}"
     tip = "{shape: cone, half_angle: 70.0, center: [0.9999999999999989, 1.000000001519999]}"
-    found = grid_of(resolve(loads(SCENE.format(body=body, tip=tip, mesh="{}"), overrides=["loading.delta=4.92e-6"])))
+    found = grid_of(
+        resolve(
+            loads(SCENE.format(body=body, tip=tip, mesh="{}"), overrides=["loading.delta=4.92e-6"])
+        )
+    )
     assert len(found.cells) > 10_000 and not gmsh.has_flat_cells(found)
 
 
 def test_a_flat_cell_is_told():
-    """Three points of the upper side of a square; and a triangle as thin as beside the narrowest split."""
+    """Three points of the upper side of a square; and a triangle as thin as beside the narrowest
+    split.
+    """
     points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 1.0], [1e-8, 0.0]])
     halves = [[0, 1, 2], [0, 2, 3], [0, 5, 3]]
     assert not gmsh.has_flat_cells(Grid(points, np.array(halves)))
@@ -122,8 +150,12 @@ def test_a_mesh_that_stays_flat_is_refused(monkeypatch, flat, told):
 
 
 def test_a_dropped_split_does_not_change_the_force():
-    """A punch 5e-9 narrower than the body presses like one 2e-9 narrower: the force grows as the radius does."""
-    (wide,), (narrow,) = (chain.states(near_a_corner("edge beside the wall", d, 1.0, 0.1)) for d in (2e-9, 5e-9))
+    """A punch 5e-9 narrower than the body presses like one 2e-9 narrower: the force grows as the
+    radius does.
+    """
+    (wide,), (narrow,) = (
+        chain.states(near_a_corner("edge beside the wall", d, 1.0, 0.1)) for d in (2e-9, 5e-9)
+    )
     assert narrow.force == pytest.approx(wide.force, rel=1e-8)
 
 
@@ -135,7 +167,8 @@ def test_an_edge_lost_in_the_tolerance_of_the_cad_kernel_is_refused(radius):
     assert refused.value.key == "indenter.radius"
 
 
-# ---- the process ------------------------------------------------------------------------------------------------
+# ---- the process
+# ------------------------------------------------------------------------------------------------
 
 
 def half(x: float) -> float:
@@ -143,7 +176,9 @@ def half(x: float) -> float:
     if x == 0:
         os.abort()
     if x < 0:
-        os.write(1, b"Info    : a number\nError   : it is negative\n")  # as C++ does, past Python's own stdout
+        os.write(
+            1, b"Info    : a number\nError   : it is negative\n"
+        )  # as C++ does, past Python's own stdout
         os.kill(os.getpid(), int(-x))
     if x > 100:
         raise MeshError(f"{x:g} is too large")
@@ -175,7 +210,9 @@ class TestForked:
             (-signal.SIGKILL, "SIGKILL"),
         ],
     )
-    def test_a_crash_is_an_exception_and_the_next_call_is_answered(self, halving, capfd, number, how):
+    def test_a_crash_is_an_exception_and_the_next_call_is_answered(
+        self, halving, capfd, number, how
+    ):
         with pytest.raises(Crash, match=how):
             halving.ask(number)()
         assert halving.ask(3.0)() == 1.5
@@ -184,7 +221,9 @@ class TestForked:
     def test_a_crash_between_two_calls_goes_unnoticed(self, halving):
         halving.start()
         os.kill(halving._child.pid, signal.SIGKILL)
-        os.waitid(os.P_PID, halving._child.pid, os.WEXITED | os.WNOWAIT)  # on a busy machine that takes a while
+        os.waitid(
+            os.P_PID, halving._child.pid, os.WEXITED | os.WNOWAIT
+        )  # on a busy machine that takes a while
         assert halving.ask(3.0)() == 1.5
 
     def test_an_answer_that_nobody_waits_for_is_no_other_calls(self, halving):
@@ -223,7 +262,9 @@ class TestForked:
         assert os.waitpid(pid, 0)[1] == 0 and halving.is_up and halving.ask(2.0)() == 1.0
 
     def test_it_leaves_the_garbage_of_its_owner_alone(self, tmp_path):
-        """To destroy a mesh or a matrix there would be a call of an MPI that it is no part of: it crashed."""
+        """To destroy a mesh or a matrix there would be a call of an MPI that it is no part of: it
+        crashed.
+        """
 
         class Garbage:
             def __init__(self):
@@ -250,7 +291,9 @@ forked = Forked(half, lambda: None); forked.ask(60.0)
 print(forked._child.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)
 """
         here = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-        ended = subprocess.run([sys.executable, "-c", script], env=environment() | here, capture_output=True, text=True)
+        ended = subprocess.run(
+            [sys.executable, "-c", script], env=environment() | here, capture_output=True, text=True
+        )
         deadline = time.monotonic() + 5
         while is_alive(int(ended.stdout)):
             assert time.monotonic() < deadline
@@ -264,7 +307,9 @@ print(forked._child.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)
 
         forked, before = Forked(work, lambda: None), usage.cpu_time()
         forked.ask(0.3)()
-        assert usage.cpu_time() - before == pytest.approx(0.3, abs=0.1)  # 0.1: what this process does meanwhile
+        assert usage.cpu_time() - before == pytest.approx(
+            0.3, abs=0.1
+        )  # 0.1: what this process does meanwhile
         forked.stop()
 
 
@@ -276,7 +321,8 @@ def is_alive(pid: int) -> bool:
         return False
 
 
-# ---- what a user sees -------------------------------------------------------------------------------------------
+# ---- what a user sees
+# -------------------------------------------------------------------------------------------
 
 SMALL = SCENE.format(
     body="{shape: cylinder, radius: 1.0, height: 1.0}",
@@ -288,7 +334,8 @@ SMALL = SCENE.format(
 def program(draw: str) -> list[str]:
     """`run scene.yaml` with something else in the place where gmsh draws."""
     imports = "import os, time\nfrom unittest import mock\nfrom indent_sim.cli import commands"
-    patch = f"mock.patch('indent_sim.mesh.gmsh._prescribe_sizes', lambda *_: {draw})"  # AttributeError once renamed
+    # AttributeError once renamed
+    patch = f"mock.patch('indent_sim.mesh.gmsh._prescribe_sizes', lambda *_: {draw})"
     script = f"{imports}\nwith {patch}:\n    commands.main()"
     return ["-c", script, "run", "scene.yaml", "--output", "out"]
 
@@ -297,7 +344,11 @@ class TestRun:
     def test_an_abort_of_gmsh_is_exit_4_and_one_sentence(self, tmp_path):
         (tmp_path / "scene.yaml").write_text(SMALL)
         ended = subprocess.run(
-            [sys.executable, *program("os.abort()")], cwd=tmp_path, env=environment(), capture_output=True, text=True
+            [sys.executable, *program("os.abort()")],
+            cwd=tmp_path,
+            env=environment(),
+            capture_output=True,
+            text=True,
         )
         assert ended.returncode == 4 and ended.stdout == ""
         assert ended.stderr == "error: gmsh could not mesh the body: its process died of SIGABRT\n"

@@ -16,7 +16,9 @@ ATTRACTION = {"work": 0.05, "range": 0.2}
 ROUND_OFF = 1e-9  # [force, length] of bodies of E = 1 under R = 1; forces are met to 1e-11
 
 
-@pytest.fixture(params=[{"shape": "half_space"}, {"shape": "layer", "height": 1.0}], ids=["half_space", "layer"])
+@pytest.fixture(
+    params=[{"shape": "half_space"}, {"shape": "layer", "height": 1.0}], ids=["half_space", "layer"]
+)
 def body(request: pytest.FixtureRequest) -> Any:
     return request.param
 
@@ -26,13 +28,25 @@ def model(request: pytest.FixtureRequest) -> Any:
     return request.param
 
 
-def planned_and_run(folder: Path, body: Any, model: str, loading: Any, **sections: Any) -> tuple[int, str]:
-    """The exit code that `plan` and `run` share, and what `run` says; a refused scene leaves no folder."""
-    scene = {"body": body, "material": {"model": model, "E": 1.0, "nu": 0.3}, "indenter": {"shape": "sphere", "R": 1.0}}
-    (folder / "scene.yaml").write_text(dump(scene | {"loading": loading, "output": {"plot": False}} | sections))
+def planned_and_run(
+    folder: Path, body: Any, model: str, loading: Any, **sections: Any
+) -> tuple[int, str]:
+    """The exit code that `plan` and `run` share, and what `run` says; a refused scene leaves no
+    folder.
+    """
+    scene = {
+        "body": body,
+        "material": {"model": model, "E": 1.0, "nu": 0.3},
+        "indenter": {"shape": "sphere", "R": 1.0},
+    }
+    (folder / "scene.yaml").write_text(
+        dump(scene | {"loading": loading, "output": {"plot": False}} | sections)
+    )
     words = str(folder / "scene.yaml")
     plan = CliRunner().invoke(commands.program, ["plan", words])
-    run = CliRunner().invoke(commands.program, ["run", words, "--output", str(folder / "out"), "--quiet"])
+    run = CliRunner().invoke(
+        commands.program, ["run", words, "--output", str(folder / "out"), "--quiet"]
+    )
     assert run.exit_code == plan.exit_code, run.stderr
     assert (folder / "out").exists() == (run.exit_code == 0)
     return run.exit_code, run.stderr
@@ -40,10 +54,15 @@ def planned_and_run(folder: Path, body: Any, model: str, loading: Any, **section
 
 def rows(folder: Path) -> list[dict[str, float]]:
     with open(folder / "out" / "force_indentation.csv", newline="") as file:
-        return [{name: float(row[name]) for name in ("delta", "force", "a")} for row in csv.DictReader(file)]
+        return [
+            {name: float(row[name]) for name in ("delta", "force", "a")}
+            for row in csv.DictReader(file)
+        ]
 
 
-@pytest.mark.parametrize("experiment", [None, {"adhesion": {"work": 0.05}}], ids=["smooth", "no_range"])
+@pytest.mark.parametrize(
+    "experiment", [None, {"adhesion": {"work": 0.05}}], ids=["smooth", "no_range"]
+)
 def test_forces_that_press_nothing(tmp_path, body, model, experiment):
     """Without an attraction that the solved contact has, no depth belongs to the force 0."""
     code, words = planned_and_run(tmp_path, body, model, {"forces": [0, 0]}, experiment=experiment)
@@ -58,7 +77,9 @@ def test_depths_at_which_nothing_touches(tmp_path, body, model):
 
 def test_an_experiment_that_ends_at_first_touch(tmp_path, body, model):
     """The JKR limit is made of a linear body's curve."""
-    code, words = planned_and_run(tmp_path, body, model, {"deltas": [0, 0]}, experiment={"adhesion": {"work": 0.05}})
+    code, words = planned_and_run(
+        tmp_path, body, model, {"deltas": [0, 0]}, experiment={"adhesion": {"work": 0.05}}
+    )
     assert code == (0 if model == "linear_elastic" else 3)
     assert "never reaches the body" in words if code == 0 else "the material is not linear" in words
 

@@ -1,4 +1,6 @@
-"""What a notebook calls: no file is needed, numbers are those of the commands, and what is shown fits a screen."""
+"""What a notebook calls: no file is needed, numbers are those of the commands, and what is shown
+fits a screen.
+"""
 
 from __future__ import annotations
 
@@ -38,12 +40,16 @@ def result(tmp_path: Path) -> Any:
 
 
 def test_dir_shows_the_public_names() -> None:
-    assert dir(indent_sim) == sorted(indent_sim.__all__) and all(hasattr(indent_sim, name) for name in dir(indent_sim))
+    assert dir(indent_sim) == sorted(indent_sim.__all__) and all(
+        hasattr(indent_sim, name) for name in dir(indent_sim)
+    )
 
 
 def test_a_dictionary_is_a_scene_as_its_file(tmp_path: Path) -> None:
     config = indent_sim.load(SCENE, ["material.nu=0.4"])
-    (tmp_path / "scene.json").write_text(json.dumps(SCENE | {"loading": {"deltas": list(SCENE["loading"]["deltas"])}}))
+    (tmp_path / "scene.json").write_text(
+        json.dumps(SCENE | {"loading": {"deltas": list(SCENE["loading"]["deltas"])}})
+    )
     assert config == indent_sim.load(tmp_path / "scene.json", ["material.nu=0.4"])
     with pytest.raises(ConfigError, match=r"body\.hight: unknown key, did you mean 'height'"):
         indent_sim.load(SCENE | {"body": {"shape": "layer", "hight": 1}})
@@ -54,18 +60,30 @@ def test_a_dictionary_is_enough(tmp_path: Path) -> None:
     forces = [state.force for state in indent_sim.states(SCENE)]
     outcome = indent_sim.simulate(SCENE, directory=str(tmp_path / "run"))
     assert forces == [state.force for state in outcome.states]
-    (tmp_path / "scene.json").write_text(json.dumps(SCENE | {"loading": {"deltas": list(SCENE["loading"]["deltas"])}}))
-    assert next(iter(indent_sim.states(tmp_path / "scene.json"))).force == pytest.approx(forces[0], rel=1e-12)
+    (tmp_path / "scene.json").write_text(
+        json.dumps(SCENE | {"loading": {"deltas": list(SCENE["loading"]["deltas"])}})
+    )
+    assert next(iter(indent_sim.states(tmp_path / "scene.json"))).force == pytest.approx(
+        forces[0], rel=1e-12
+    )
     with pytest.raises(TypeError, match="not what `resolve` made of it"):
-        indent_sim.simulate(indent_sim.resolve(indent_sim.load(SCENE)), directory=tmp_path / "other")
+        indent_sim.simulate(
+            indent_sim.resolve(indent_sim.load(SCENE)), directory=tmp_path / "other"
+        )
 
 
 def test_changes_are_values_by_their_keys() -> None:
     """As after --set, of a dictionary, a file or a config; numbers of numpy and sections too."""
-    changes = {"material.nu": np.float64(0.4), "body.height": "20 um", "indenter": {"shape": "cone", "half_angle": 70}}
+    changes = {
+        "material.nu": np.float64(0.4),
+        "body.height": "20 um",
+        "indenter": {"shape": "cone", "half_angle": 70},
+    }
     words = ["material.nu=0.4", "body.height=20 um", "indenter={shape: cone, half_angle: 70}"]
     changed = indent_sim.load(SCENE, changes)
-    assert changed == indent_sim.load(SCENE, words) == indent_sim.load(indent_sim.load(SCENE), changes)
+    assert (
+        changed == indent_sim.load(SCENE, words) == indent_sim.load(indent_sim.load(SCENE), changes)
+    )
     with pytest.raises(ConfigError, match=r"material\.nuu: unknown key, did you mean 'nu'"):
         indent_sim.load(SCENE, {"material.nuu": 0.4})
     with pytest.raises(ConfigError, match=r"'material nu' is no key; write it with dots"):
@@ -79,7 +97,10 @@ def test_a_panel_is_drawn_into_axes_of_ones_own(result: Any) -> None:
     first, second = own.subplots(1, 2)
     assert indent_sim.plot(result, "profile", ax=second) is own
     assert second.get_lines() and second.get_legend() and not first.get_lines()
-    for what, wish, said in (("force,profile", {}, "these are 2"), ("force", {"width": 80}, "that ax belongs to")):
+    for what, wish, said in (
+        ("force,profile", {}, "these are 2"),
+        ("force", {"width": 80}, "that ax belongs to"),
+    ):
         with pytest.raises(UsageError, match=said):
             indent_sim.plot(result, what, ax=first, **wish)
 
@@ -90,43 +111,78 @@ def test_what_is_shown_fits_a_screen(result: Any) -> None:
         lines = repr(thing).splitlines()
         assert "A gel <on> glass" in lines[0] and len(lines) <= MOST_LINES + 5
         assert max(map(len, lines)) <= WIDEST
-        assert "<on>" not in thing._repr_html_() and thing._repr_html_().count("<tr>") <= MOST_LINES + 2
+        assert (
+            "<on>" not in thing._repr_html_()
+            and thing._repr_html_().count("<tr>") <= MOST_LINES + 2
+        )
     assert repr(result).splitlines()[2].split()[:3] == ["1", "0.1", f"{result['force'][0]:.6g}"]
 
 
 def test_long_tables_show_both_ends() -> None:
     shown = Shown("many", ["n"], [[i] for i in range(1000)])
-    assert shown.text.splitlines()[2:4] == ["0", "1"] and shown.text.splitlines()[-1] == "999" and "…" in shown.text
+    assert (
+        shown.text.splitlines()[2:4] == ["0", "1"]
+        and shown.text.splitlines()[-1] == "999"
+        and "…" in shown.text
+    )
 
 
 def test_a_study_of_a_dictionary_is_its_table(tmp_path: Path) -> None:
-    """In a folder of its own, gone with the result; or in one that is named, from which it is read back."""
+    """In a folder of its own, gone with the result; or in one that is named, from which it is read
+    back.
+    """
     wanted = {"base": SCENE, "vary": {"body.height": [2, 10], "material.E": [1, 2]}}
     found = indent_sim.study(wanted)
-    assert found["force"].shape == (4,) and list(found["body.height"]) == [2, 2, 10, 10] and len(found) == 4
-    assert found["force"][1] == pytest.approx(2 * found["force"][0], rel=1e-9)  # theory is linear in E
+    assert (
+        found["force"].shape == (4,)
+        and list(found["body.height"]) == [2, 2, 10, 10]
+        and len(found) == 4
+    )
+    assert found["force"][1] == pytest.approx(
+        2 * found["force"][0], rel=1e-9
+    )  # theory is linear in E
     folder = found.directory
-    assert (folder / "study.csv").exists() and "body.height" in repr(found) and "<table>" in found._repr_html_()
+    assert (
+        (folder / "study.csv").exists()
+        and "body.height" in repr(found)
+        and "<table>" in found._repr_html_()
+    )
     del found
     assert not folder.exists()
     kept = indent_sim.study(wanted, directory=tmp_path / "study")
     again = indent_sim.read(tmp_path / "study")
     assert again.columns == kept.columns and again["force"].tolist() == kept["force"].tolist()
-    assert again.keys == ("body.height", "material.E") and again["run"].tolist() == kept["run"].tolist()
+    assert (
+        again.keys == ("body.height", "material.E")
+        and again["run"].tolist() == kept["run"].tolist()
+    )
 
 
-def test_plan_require_and_compare_are_the_objects_of_the_commands(tmp_path: Path, result: Any) -> None:
+def test_plan_require_and_compare_are_the_objects_of_the_commands(
+    tmp_path: Path, result: Any
+) -> None:
     scene = SCENE | {"loading": {"delta": 0.5, "steps": 3}}
     (tmp_path / "scene.json").write_text(json.dumps(scene))
     run = CliRunner().invoke
     for call, name in ((indent_sim.plan, "plan"), (indent_sim.require, "require")):
-        told = json.loads(run(commands.program, [name, str(tmp_path / "scene.json"), "--json"]).stdout)
-        assert json.loads(json.dumps(call(scene))) == {k: told[k] for k in told if k not in ("status", "exit_code")}
+        told = json.loads(
+            run(commands.program, [name, str(tmp_path / "scene.json"), "--json"]).stdout
+        )
+        assert json.loads(json.dumps(call(scene))) == {
+            k: told[k] for k in told if k not in ("status", "exit_code")
+        }
     assert indent_sim.compare(result, result)["differences"] == []
-    assert indent_sim.plan({"base": scene, "vary": {"material.nu": [0.1, 0.2]}})["rows"][1]["material.nu"] == 0.2
+    assert (
+        indent_sim.plan({"base": scene, "vary": {"material.nu": [0.1, 0.2]}})["rows"][1][
+            "material.nu"
+        ]
+        == 0.2
+    )
 
 
-def test_tables_go_to_pandas_where_it_is_there(result: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tables_go_to_pandas_where_it_is_there(
+    result: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(BackendError, match="pip install pandas"):
         result.to_pandas()
@@ -137,7 +193,9 @@ def test_tables_go_to_pandas_where_it_is_there(result: Any, monkeypatch: pytest.
 
 
 def test_five_lines_are_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those of docs/how_do_i.md: a table and a figure; a derivative, one line more, lies between the differences."""
+    """Those of docs/how_do_i.md: a table and a figure; a derivative, one line more, lies between
+    the differences.
+    """
     monkeypatch.chdir(tmp_path)
     page = (ROOT / "docs" / "how_do_i.md").read_text(encoding="utf-8")
     lines = re.findall(r"```python\n(.*?)```", page, re.DOTALL)[0]

@@ -1,4 +1,6 @@
-"""Every curve beside every other in `compare`, `plot`, `compare_to`: results of all ways, studies, measured files."""
+"""Every curve beside every other in `compare`, `plot`, `compare_to`: results of all ways, studies,
+measured files.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +15,14 @@ from click.testing import CliRunner, Result
 from indent_sim.cli import commands
 
 HEAD = "units: {length: um, force: nN}\nindenter: {shape: paraboloid, R: 5 um}\n"
-HALF_SPACE, CYLINDER = "body: {shape: half_space}\n", "body: {shape: cylinder, radius: 8 um, height: 4 um}\n"
-LINEAR, RUBBER = (f"material: {{model: {model}, E: 1 kPa, nu: 0.45}}\n" for model in ("linear_elastic", "neo_hookean"))
+HALF_SPACE, CYLINDER = (
+    "body: {shape: half_space}\n",
+    "body: {shape: cylinder, radius: 8 um, height: 4 um}\n",
+)
+LINEAR, RUBBER = (
+    f"material: {{model: {model}, E: 1 kPa, nu: 0.45}}\n"
+    for model in ("linear_elastic", "neo_hookean")
+)
 PRESSED, MESH = "loading: {delta: 0.5 um, steps: 5}\n", "mesh: {h_contact: 0.15 um}\n"
 HELD = "loading: {history: [[0, 0], [1, 0.5], [3, 0.5]]}\n"
 SCENES = {
@@ -24,7 +32,10 @@ SCENES = {
     "forces": HALF_SPACE + LINEAR + "loading: {forces: [0.4 nN, 0.8 nN, 1.2 nN]}\n",
     "back": HALF_SPACE + LINEAR + "loading: {deltas: [0.1, 0.3, 0.5, 0.4, 0.3, 0.1]}\n",
     "curve": HALF_SPACE + LINEAR.replace("}", ", relaxation: {prony: [[0.5, 1]]}}") + HELD,
-    "history": CYLINDER + LINEAR.replace("}", ", relaxation: {prony: [[0.5, 1]], of: shear}}") + HELD + MESH,
+    "history": CYLINDER
+    + LINEAR.replace("}", ", relaxation: {prony: [[0.5, 1]], of: shear}}")
+    + HELD
+    + MESH,
     "spring": HALF_SPACE + LINEAR + PRESSED + "experiment: {cantilever: {stiffness: 50}}\n",
     "adhesion": HALF_SPACE + LINEAR + PRESSED + "experiment: {adhesion: {work: 0.005}}\n",
 }
@@ -32,7 +43,17 @@ HISTORIES = ("curve", "history")
 FILES = ("csv.csv", "bare.csv", "timed.csv", "tabbed.tab")
 OTHERS = ("theory/force_indentation.csv", "study/study.csv", "study")
 NAMES = (*SCENES, *FILES, *OTHERS)
-ALIKE = ("theory", "back", "spring", "adhesion", "csv.csv", "bare.csv", "timed.csv", "tabbed.tab", OTHERS[0])
+ALIKE = (
+    "theory",
+    "back",
+    "spring",
+    "adhesion",
+    "csv.csv",
+    "bare.csv",
+    "timed.csv",
+    "tabbed.tab",
+    OTHERS[0],
+)
 NOISE = 1e-4  # of the files, of the largest force
 
 
@@ -64,7 +85,9 @@ def write_files() -> None:
     force = 4 / 3 / (1 - 0.45**2) * np.sqrt(5) * np.maximum(x, 0) ** 1.5
     force += NOISE * force.max() * np.random.default_rng(0).standard_normal(len(x))
     table = [(float(a), float(b)) for a, b in zip(x, force, strict=True)]
-    Path("csv.csv").write_text("delta [nm],force [pN]\n" + "".join(f"{1e3 * a},{1e3 * b}\n" for a, b in table))
+    Path("csv.csv").write_text(
+        "delta [nm],force [pN]\n" + "".join(f"{1e3 * a},{1e3 * b}\n" for a, b in table)
+    )
     Path("bare.csv").write_text("".join(f"{a};{b}\n" for a, b in table[::2]))
     timed = "".join(f"{k}\t{a}\t{b}\n" for k, (a, b) in enumerate(table))
     Path("timed.csv").write_text("t [s]\tdepth [um]\tforce [nN]\n" + timed)
@@ -86,7 +109,10 @@ def test_every_pair_is_compared_the_same_both_ways():
     for first, second in itertools.combinations_with_replacement((*SCENES, *FILES, *OTHERS[:2]), 2):
         one, other = compared(first, second), compared(second, first)
         assert len(one["rows"]) == len(other["rows"]), (first, second)
-        assert one["residual"] == (other["residual"] and pytest.approx(other["residual"])), (first, second)
+        assert one["residual"] == (other["residual"] and pytest.approx(other["residual"])), (
+            first,
+            second,
+        )
         if first == second:
             assert not one["differences"] and one["residual"]["percent_largest"] == 0
     for name in NAMES:
@@ -94,21 +120,31 @@ def test_every_pair_is_compared_the_same_both_ways():
 
 
 def test_curves_of_one_body_are_alike_in_any_units_and_order():
-    """A way by chords between 5 rows is up to 1 % of the largest force off; noise and the files' own chords 0.1 %.
+    """A way by chords between 5 rows is up to 1 % of the largest force off; noise and the files'
+    own chords 0.1 %.
 
-    Two files that both say units, and differ in them, are left to the first one's; of those without, numbers count.
+    Two files that both say units, and differ in them, are left to the first one's; of those
+    without, numbers count.
     """
     for first, second in itertools.combinations(ALIKE, 2):
         if {first, second} <= {*FILES, OTHERS[0]}:
             continue
         found = compared(first, second)["residual"]
-        assert found["percent_largest"] < (1.2 if "tabbed.tab" in (first, second) else 0.2), (first, second, found)
+        assert found["percent_largest"] < (1.2 if "tabbed.tab" in (first, second) else 0.2), (
+            first,
+            second,
+            found,
+        )
 
 
 def test_a_history_and_a_file_in_other_units_are_compared_in_one():
-    """The same curve in nm and pN, every second row of it in the scene's units, and a table beside its run.json."""
+    """The same curve in nm and pN, every second row of it in the scene's units, and a table beside
+    its run.json.
+    """
     for name in HISTORIES:
-        off = [compared(name, file)["residual"]["percent_largest"] for file in ("csv.csv", "bare.csv")]
+        off = [
+            compared(name, file)["residual"]["percent_largest"] for file in ("csv.csv", "bare.csv")
+        ]
         assert off[0] == pytest.approx(off[1], rel=0.01) and 5 < off[0] < 60
     assert compared(OTHERS[0], "csv.csv")["residual"]["percent_largest"] < 0.2
 
@@ -138,7 +174,11 @@ def study_of(scene: str, reference: str) -> None:
     text = f"base: {scene}.yaml\nvary: {{material.E: [1 kPa, 2 kPa]}}\ncompare_to: ./{reference}\n"
     Path(f"{name}.yaml").write_text(text + "output: {plot: false}\n")
     done = call("study", f"{name}.yaml", "--output", name, "--json")
-    off = [row.get("force_error_vs") for row in json.loads(done.stdout)["rows"]] if not done.exit_code else None
+    off = (
+        [row.get("force_error_vs") for row in json.loads(done.stdout)["rows"]]
+        if not done.exit_code
+        else None
+    )
     if scene in HISTORIES or reference == "study":
         said = "holds a study" if scene not in HISTORIES else "a history passes one several times"
         assert done.exit_code == 3 and said in done.stderr, done.output
@@ -146,8 +186,12 @@ def study_of(scene: str, reference: str) -> None:
         assert done.exit_code == 3 and "has no depth" in done.stderr, done.output
     else:
         assert np.isfinite(off).all(), (scene, reference, off)
-        if scene in ("theory", "spring", "adhesion") and reference in ALIKE:  # rows of elastic contact
-            np.testing.assert_allclose(off, [0, 1], atol=0.01, err_msg=reference)  # noise, chords of 5 rows
+        if (
+            scene in ("theory", "spring", "adhesion") and reference in ALIKE
+        ):  # rows of elastic contact
+            np.testing.assert_allclose(
+                off, [0, 1], atol=0.01, err_msg=reference
+            )  # noise, chords of 5 rows
 
 
 def test_a_theory_scene_is_compared_with_everything():
@@ -156,13 +200,17 @@ def test_a_theory_scene_is_compared_with_everything():
 
 
 def test_a_history_as_reference_counts_by_its_approach():
-    """Lee and Radok while the tip moves in: one term of one half, ramp and time of one second: 0.39 of F is missing."""
+    """Lee and Radok while the tip moves in: one term of one half, ramp and time of one second: 0.39
+    of F is missing.
+    """
     study_of("theory", "curve")
     done = call("study", "of_theory_curve.yaml", "--output", "of_theory_curve", "--json")
     rows = [row["force_error_vs"] for row in json.loads(done.stdout)["rows"]]
     t = (np.arange(10_000) + 0.5) / 10_000
     relaxed = np.mean((0.5 + 0.5 * np.exp(t - 1)) * 1.5 * np.sqrt(t))
-    np.testing.assert_allclose(rows, np.array([1, 2]) / relaxed - 1, rtol=2e-3)  # rows of the program's own times
+    np.testing.assert_allclose(
+        rows, np.array([1, 2]) / relaxed - 1, rtol=2e-3
+    )  # rows of the program's own times
 
 
 @pytest.mark.verify

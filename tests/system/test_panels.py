@@ -1,4 +1,6 @@
-"""Pictures on request, their drawn data read back: curves are the tables, legends hide nothing, units are as asked."""
+"""Pictures on request, their drawn data read back: curves are the tables, legends hide nothing,
+units are as asked.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +61,10 @@ def in_folder(folder: Path, result, tip="{shape: paraboloid, R: 1.0}"):
 
 def up_and_down():
     result = a_result(units={}, theory=None)
-    both = {name: np.concatenate([result[name], result[name][-2::-1]]) for name in ("delta", "force", "a")}
+    both = {
+        name: np.concatenate([result[name], result[name][-2::-1]])
+        for name in ("delta", "force", "a")
+    }
     result.table.update(both)
     result.table["step"] = np.arange(1.0, len(result["delta"]) + 1)
     return result
@@ -70,52 +75,86 @@ class TestForces:
         result = a_result(units={}, theory=None)
         lines = drawn([result], what=("force",)).axes[0].get_lines()
         marks = next(line for line in lines if line.get_marker() not in ("", "None"))
-        assert marks.get_xdata() == pytest.approx(result["delta"]) and marks.get_ydata() == pytest.approx(
-            result["force"]
-        )
+        assert marks.get_xdata() == pytest.approx(
+            result["delta"]
+        ) and marks.get_ydata() == pytest.approx(result["force"])
 
     def test_loading_is_told_from_unloading(self, drawn):
         result = up_and_down()
         axes = drawn([result], what=("force",)).axes[0]
-        dashed = [line for line in axes.get_lines() if line.get_linestyle() == "--" and len(line.get_xdata())]
-        hollow = [line for line in axes.get_lines() if line.get_markerfacecolor() == "white" and len(line.get_xdata())]
+        dashed = [
+            line
+            for line in axes.get_lines()
+            if line.get_linestyle() == "--" and len(line.get_xdata())
+        ]
+        hollow = [
+            line
+            for line in axes.get_lines()
+            if line.get_markerfacecolor() == "white" and len(line.get_xdata())
+        ]
         assert len(dashed) == len(hollow) == 1
         assert hollow[0].get_xdata() == pytest.approx(result["delta"][5:])
         assert forces.UNLOADING in axes.get_legend_handles_labels()[1]
 
     def test_error_bands_follow_the_branches(self, drawn):
-        """One band for the way in and one for the way out, each as wide at a row as its error on both sides."""
+        """One band for the way in and one for the way out, each as wide at a row as its error on
+        both sides.
+        """
         result = up_and_down()
         result.table["force_error"] = 0.1 * result["force"]
-        bands = [part for part in drawn([result], what=("force",)).axes[0].collections if len(part.get_paths())]
+        bands = [
+            part
+            for part in drawn([result], what=("force",)).axes[0].collections
+            if len(part.get_paths())
+        ]
         assert len(bands) == 2
         for band, rows in zip(bands, (slice(0, 5), slice(4, 9)), strict=True):
             x, y = band.get_paths()[0].vertices.T
             for delta, force in zip(result["delta"][rows], result["force"][rows], strict=True):
                 at = y[np.isclose(x, delta, rtol=1e-12)]
-                assert at.min() == pytest.approx(0.9 * force) and at.max() == pytest.approx(1.1 * force)
+                assert at.min() == pytest.approx(0.9 * force) and at.max() == pytest.approx(
+                    1.1 * force
+                )
 
     def test_way_in_and_out_of_an_elastic_body_are_one_curve(self, drawn):
-        """Hertz' law in three rows up and two down: both branches are F = 1000 delta^1.5 between the rows too."""
+        """Hertz' law in three rows up and two down: both branches are F = 1000 delta^1.5 between
+        the rows too.
+        """
         result = a_result(units={}, theory=None, steps=3)
         for name in ("delta", "force", "a"):
             result.table[name] = np.append(result[name], [result[name][1], 0.0])
         result.table["step"] = np.arange(1.0, 6.0)
-        lines = [line for line in drawn([result], what=("force",)).axes[0].get_lines() if len(line.get_xdata()) > 5]
+        lines = [
+            line
+            for line in drawn([result], what=("force",)).axes[0].get_lines()
+            if len(line.get_xdata()) > 5
+        ]
         assert len(lines) == 2
         for line in lines:
-            assert line.get_ydata() == pytest.approx(1e3 * np.asarray(line.get_xdata()) ** 1.5, rel=1e-9, abs=1e-15)
+            assert line.get_ydata() == pytest.approx(
+                1e3 * np.asarray(line.get_xdata()) ** 1.5, rel=1e-9, abs=1e-15
+            )
 
     def test_forces_over_time_are_those_of_the_rows(self, drawn):
-        """A ramp and a hold of two runs, over four decades of time: each branch begins where the one before ends."""
+        """A ramp and a hold of two runs, over four decades of time: each branch begins where the
+        one before ends.
+        """
         t = np.array([0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0])
         runs = [a_result(units={}, theory=None, steps=7) for _ in range(2)]
         for run, factor in zip(runs, (1.0, 2.0), strict=True):
             falls = np.array([0.0, 0.5, 1.0, 1.5, 1.2, 1.1, 1.0])
-            run.table.update({"t": t, "force": factor * falls, "branch": np.array(["approach"] * 4 + ["hold"] * 3)})
+            run.table.update(
+                {
+                    "t": t,
+                    "force": factor * falls,
+                    "branch": np.array(["approach"] * 4 + ["hold"] * 3),
+                }
+            )
         axes = drawn(runs, what=("time",)).axes[0]
         assert axes.get_xscale() == "log" and axes.get_xlabel() == "time t"
-        ramps, holds = ([line for line in axes.get_lines() if len(line.get_xdata()) > 2][k::2] for k in (0, 1))
+        ramps, holds = (
+            [line for line in axes.get_lines() if len(line.get_xdata()) > 2][k::2] for k in (0, 1)
+        )
         for ramp, hold, factor in zip(ramps, holds, (1.0, 2.0), strict=True):
             assert hold.get_xdata()[[0, -1]] == pytest.approx([1e-3, 1.0])
             assert hold.get_ydata()[[0, -1]] == pytest.approx([1.5 * factor, factor])
@@ -135,21 +174,34 @@ class TestForces:
         lines = drawn([result], what=("force",)).axes[0].get_lines()
         dotted = next(line for line in lines if line.get_linestyle() == ":")
         mark = next(line for line in lines if line.get_marker() == "D")
-        assert [dotted.get_xdata()[-1], dotted.get_ydata()[-1]] == pytest.approx([*mark.get_xdata(), *mark.get_ydata()])
-        assert dotted.get_ydata() == pytest.approx(1e3 * np.asarray(dotted.get_xdata()) ** 1.5, rel=1e-9)
+        assert [dotted.get_xdata()[-1], dotted.get_ydata()[-1]] == pytest.approx(
+            [*mark.get_xdata(), *mark.get_ydata()]
+        )
+        assert dotted.get_ydata() == pytest.approx(
+            1e3 * np.asarray(dotted.get_xdata()) ** 1.5, rel=1e-9
+        )
 
     @pytest.mark.parametrize("control", ["one result", "several"])
     def test_no_legend_lies_on_a_curve(self, tmp_path, monkeypatch, control):
         figures = []
         monkeypatch.setattr(
-            forces, "save", lambda figure, path: (figure.draw_without_rendering(), figures.append(figure))
+            forces,
+            "save",
+            lambda figure, path: (figure.draw_without_rendering(), figures.append(figure)),
         )
-        runs = [a_result(error=True), a_result(title="another")][: 1 if control == "one result" else 2]
+        runs = [a_result(error=True), a_result(title="another")][
+            : 1 if control == "one result" else 2
+        ]
         forces.overlay(runs, tmp_path / "picture.png")
-        legends = [*figures[0].legends, *(axes.get_legend() for axes in figures[0].axes if axes.get_legend())]
+        legends = [
+            *figures[0].legends,
+            *(axes.get_legend() for axes in figures[0].axes if axes.get_legend()),
+        ]
         assert len(legends) == 1
         box = legends[0].get_window_extent()
-        assert not any(box.overlaps(axes.get_window_extent()) for axes in figures[0].axes if axes.axison)
+        assert not any(
+            box.overlaps(axes.get_window_extent()) for axes in figures[0].axes if axes.axison
+        )
         assert figures[0].bbox.y0 <= box.y0 and box.x1 <= figures[0].bbox.x1
 
     def test_sixty_curves_without_a_warning(self, tmp_path, monkeypatch):
@@ -161,9 +213,13 @@ class TestForces:
             panels.draw(runs, panels.wish({"what": ("force",)}), tmp_path / "p.svg")
             forces.overlay(runs, tmp_path / "q.svg")
         for name in ("p.svg", "q.svg"):
-            assert set(re.findall(r">(R = \d+)<", (tmp_path / name).read_text())) == {f"R = {k}" for k in range(60)}
+            assert set(re.findall(r">(R = \d+)<", (tmp_path / name).read_text())) == {
+                f"R = {k}" for k in range(60)
+            }
 
-    @pytest.mark.parametrize(("kind", "unit", "factor"), [("length", "nm", 1e9), ("force", "pN", 1e12)])
+    @pytest.mark.parametrize(
+        ("kind", "unit", "factor"), [("length", "nm", 1e9), ("force", "pN", 1e12)]
+    )
     def test_units_asked_for(self, drawn, kind, unit, factor):
         axes = drawn([a_result(theory=None)], what=("force",), units={kind: unit}).axes[0]
         marks = next(line for line in axes.get_lines() if line.get_marker() not in ("", "None"))
@@ -186,8 +242,12 @@ class TestPressure:
         assert line.get_xdata() == pytest.approx(result.surface["x"])
         assert line.get_ydata() == pytest.approx(result.surface["pressure"])
 
-    @pytest.mark.parametrize(("gap", "stretch", "name"), [("current", 1.1, "deformed r"), ("reference", 1.0, "r")])
-    def test_places_are_on_the_surface_whose_contact_radius_is_read(self, drawn, gap, stretch, name):
+    @pytest.mark.parametrize(
+        ("gap", "stretch", "name"), [("current", 1.1, "deformed r"), ("reference", 1.0, "r")]
+    )
+    def test_places_are_on_the_surface_whose_contact_radius_is_read(
+        self, drawn, gap, stretch, name
+    ):
         """The deformed one where the gap is tested there, and the axis says it."""
         result = a_result(units={}, gap=gap)
         result.surface.update(u_x=0.1 * result.surface["x"], u_y=np.zeros(len(result.surface["x"])))
@@ -202,46 +262,74 @@ class TestPressure:
             result.surface["shear"] = 0.1 * result.surface["pressure"]
             result.table["stick_radius"] = sticks * result["a"]
             axes = drawn([result], what=("pressure",)).axes[0]
-            at = [line.get_xdata()[0] for line in axes.get_lines() if line.get_ls() == ":" and len(line.get_xdata())]
+            at = [
+                line.get_xdata()[0]
+                for line in axes.get_lines()
+                if line.get_ls() == ":" and len(line.get_xdata())
+            ]
             assert at == pytest.approx([0.7 * result["a"][-1]] if shown else [])
             assert ("stick radius" in axes.get_legend_handles_labels()[1]) == shown
 
     def test_steps_that_are_not_there_are_refused(self, drawn):
-        with pytest.raises(UsageError, match=r"no surface of step 3, only of 5; output\.surface: all"):
+        with pytest.raises(
+            UsageError, match=r"no surface of step 3, only of 5; output\.surface: all"
+        ):
             drawn([a_result()], what=("pressure",), steps=("3",))
 
     @pytest.mark.parametrize(
-        ("tip", "place"), [("{shape: cone, half_angle: 70}", 0.0), ("{shape: flat_punch, radius: 1e-4}", 1e-4)]
+        ("tip", "place"),
+        [("{shape: cone, half_angle: 70}", 0.0), ("{shape: flat_punch, radius: 1e-4}", 1e-4)],
     )
     def test_an_infinite_pressure_is_not_drawn_as_a_finite_one(self, drawn, tmp_path, tip, place):
         """Where p_max is empty no curve goes through the place, and a line to the top says so."""
         result = in_folder(tmp_path / "cone", a_result(units={}), tip)
-        (tmp_path / "cone" / "config.yaml").write_text(SCENE.format(body="cylinder", tip=tip).replace("0.05", "1e-6"))
+        (tmp_path / "cone" / "config.yaml").write_text(
+            SCENE.format(body="cylinder", tip=tip).replace("0.05", "1e-6")
+        )
         result.table["p_max"] = np.full(len(result), np.nan)
         curve, edge = drawn([result], what=("pressure",)).axes[0].get_lines()
         shown = np.isfinite(curve.get_ydata())
-        assert np.abs(curve.get_xdata()[shown] - place).min() > 1.4e-6 and edge.get_xdata() == pytest.approx(
-            [place] * 2
-        )
+        assert np.abs(
+            curve.get_xdata()[shown] - place
+        ).min() > 1.4e-6 and edge.get_xdata() == pytest.approx([place] * 2)
 
     def test_a_map_is_mirrored_and_centred(self, drawn):
-        """A quarter is modelled: the whole contact is shown, the tip in the middle, and no number touches another."""
+        """A quarter is modelled: the whole contact is shown, the tip in the middle, and no number
+        touches another.
+        """
         result = a_result("three_dimensional", units={}, center=[0.0, 0.0])
         figure = drawn([result], what=("pressure",))
         axes = figure.axes[0]
-        assert axes.get_xlim() == axes.get_ylim() == pytest.approx((-1.5 * result["a"][-1], 1.5 * result["a"][-1]))
-        corners = np.concatenate([path.vertices for drawn_ in axes.collections for path in drawn_.get_paths()])
-        assert corners[:, 0].min() == pytest.approx(-corners[:, 0].max(), rel=1e-6) and corners[:, 0].min() < 0
+        assert (
+            axes.get_xlim()
+            == axes.get_ylim()
+            == pytest.approx((-1.5 * result["a"][-1], 1.5 * result["a"][-1]))
+        )
+        corners = np.concatenate(
+            [path.vertices for drawn_ in axes.collections for path in drawn_.get_paths()]
+        )
+        assert (
+            corners[:, 0].min() == pytest.approx(-corners[:, 0].max(), rel=1e-6)
+            and corners[:, 0].min() < 0
+        )
         ends = sorted(
-            label.get_window_extent().extents[[0, 2]].tolist() for label in axes.get_xticklabels() if label.get_text()
+            label.get_window_extent().extents[[0, 2]].tolist()
+            for label in axes.get_xticklabels()
+            if label.get_text()
         )
         assert all(before[1] < after[0] for before, after in pairwise(ends))
 
 
 def a_bump(center: tuple[float, float] | None = None, **report):
-    """A map whose pressure says where it was taken: 1 - x/3 - y/9 inside the contact, from the tip's axis."""
-    result = a_result("three_dimensional", units={}, **({"center": list(center)} if center else {}), **report)
-    x, y = (result.surface[name] - at for name, at in zip(("x", "y"), center or (0.0, 0.0), strict=True))
+    """A map whose pressure says where it was taken: 1 - x/3 - y/9 inside the contact, from the
+    tip's axis.
+    """
+    result = a_result(
+        "three_dimensional", units={}, **({"center": list(center)} if center else {}), **report
+    )
+    x, y = (
+        result.surface[name] - at for name, at in zip(("x", "y"), center or (0.0, 0.0), strict=True)
+    )
     inside = np.hypot(x, y) <= result["a"][-1]
     result.surface["pressure"] = np.where(inside, 1 - x / 3 / x.max() - y / 9 / y.max(), 0.0)
     return result
@@ -249,8 +337,13 @@ def a_bump(center: tuple[float, float] | None = None, **report):
 
 class TestPressureOfThreeDimensions:
     def test_maps_of_several_runs_share_colours_and_frame(self, drawn):
-        """The second presses twice as hard on three times the radius: one bar for both, up to the larger pressure."""
-        one, other = a_result("three_dimensional", units={}, title="soft"), a_result("three_dimensional", units={})
+        """The second presses twice as hard on three times the radius: one bar for both, up to the
+        larger pressure.
+        """
+        one, other = (
+            a_result("three_dimensional", units={}, title="soft"),
+            a_result("three_dimensional", units={}),
+        )
         other.surface["pressure"] = 2 * other.surface["pressure"]
         for name in ("x", "y"):
             other.surface[name] = 3 * other.surface[name]
@@ -290,18 +383,32 @@ class TestPressureOfThreeDimensions:
 
 
 class TestOneHeight:
-    @pytest.mark.parametrize("wish", [{}, {"layout": (1, 3)}, {"layout": (1, 3), "width": 170.0, "font": 8.0}])
+    @pytest.mark.parametrize(
+        "wish", [{}, {"layout": (1, 3)}, {"layout": (1, 3), "width": 170.0, "font": 8.0}]
+    )
     def test_panels_side_by_side(self, drawn, wish):
-        """A curve, a map and a line: all three end at one height, to a pixel, and all legends begin below."""
-        figure = drawn([a_result("three_dimensional", units={})], what=("force", "pressure", "pressure_x"), **wish)
-        boxes = [axes.get_window_extent() for axes in figure.axes if axes.get_label() != "<colorbar>"]
+        """A curve, a map and a line: all three end at one height, to a pixel, and all legends begin
+        below.
+        """
+        figure = drawn(
+            [a_result("three_dimensional", units={})],
+            what=("force", "pressure", "pressure_x"),
+            **wish,
+        )
+        boxes = [
+            axes.get_window_extent() for axes in figure.axes if axes.get_label() != "<colorbar>"
+        ]
         assert len(boxes) == 3
         for side in ("y0", "y1"):
             assert np.ptp([getattr(box, side) for box in boxes]) < 1
-        legends = [axes.get_legend().get_window_extent() for axes in figure.axes if axes.get_legend()]
+        legends = [
+            axes.get_legend().get_window_extent() for axes in figure.axes if axes.get_legend()
+        ]
         assert len(legends) == 2 and np.ptp([legend.y1 for legend in legends]) < 1
         assert max(legend.y1 for legend in legends) < boxes[0].y0
-        assert boxes[1].width == pytest.approx(boxes[1].height, rel=0.01)  # true to scale, and all of its place
+        assert boxes[1].width == pytest.approx(
+            boxes[1].height, rel=0.01
+        )  # true to scale, and all of its place
 
 
 class TestProfile:
@@ -321,7 +428,11 @@ class TestProfile:
         assert line.get_xdata()[right] == pytest.approx(result.surface["x"] + 1e-6)
         assert line.get_ydata()[right] == pytest.approx(result.surface["u_z"])
         assert line.get_xdata()[~right] == pytest.approx(-line.get_xdata()[right][::-1])
-        tip = next(line for line in lines if line.get_color() == canvas.GREY and line.get_linestyle() == "-")
+        tip = next(
+            line
+            for line in lines
+            if line.get_color() == canvas.GREY and line.get_linestyle() == "-"
+        )
         assert tip.get_ydata() == pytest.approx(tip.get_xdata() ** 2 / 2 - result["delta"][-1])
 
 
@@ -335,13 +446,19 @@ class TestFields:
         result.table.update({"delta": np.array([0.1, 0.2, 0.3]), "a": np.array([0.3, 0.4, 0.5])})
         tip = outline(Paraboloid(1.0), (0.0,), 1.0, "axisymmetric", 1)
         arrays = ARRAYS | MORE_ARRAYS
-        writer = FieldWriter(result.path, self.POINTS, self.CELLS, np.array([0, 1]), tip, keep="all", arrays=arrays)
+        writer = FieldWriter(
+            result.path, self.POINTS, self.CELLS, np.array([0, 1]), tip, keep="all", arrays=arrays
+        )
         fluid = {
             "pore_pressure": np.arange(4.0),
             "fluid_content": np.array([0.0, -1.0]),
             "swelling": np.array([2, 3.0]),
         }
-        fluid |= {"shear": np.zeros(4), "nodal_stress": np.zeros((4, 9)), "nodal_von_mises": np.zeros(4)}
+        fluid |= {
+            "shear": np.zeros(4),
+            "nodal_stress": np.zeros((4, 9)),
+            "nodal_von_mises": np.zeros(4),
+        }
         for step in (1, 2, 3):
             own = {"displacement": np.tile([0.1, -0.1 * step], (4, 1))}
             writer.write(step, 0.1 * step, some_fields(step) | fluid | own)
@@ -359,7 +476,9 @@ class TestFields:
     def test_lines_are_drawn_where_regions_meet(self, result, drawn):
         """The two cells are of two regions: their common side, and its image."""
         found = section_of(result, 2.0, FIELDS["von_mises"])
-        common = {tuple(self.POINTS[k] + [0.1, -0.2]) for k in set(self.CELLS[0]) & set(self.CELLS[1])}
+        common = {
+            tuple(self.POINTS[k] + [0.1, -0.2]) for k in set(self.CELLS[0]) & set(self.CELLS[1])
+        }
         ends = found.points[found.faces]
         assert len(ends) == 2 and {tuple(end) for end in np.round(ends[0], 9)} == {
             tuple(np.round(c, 9)) for c in common
@@ -371,7 +490,11 @@ class TestFields:
     def test_panels_of_steps_share_frame_and_colours(self, drawn, result):
         figure = drawn([result], what=("fields",), steps=("all",), fields=("von_mises", "J"))
         shown = [axes for axes in figure.axes if axes.get_title(loc="left")]
-        assert [axes.get_title(loc="left") for axes in shown] == ["δ = 0.1", "δ = 0.2", "δ = 0.3"] * 2
+        assert [axes.get_title(loc="left") for axes in shown] == [
+            "δ = 0.1",
+            "δ = 0.2",
+            "δ = 0.3",
+        ] * 2
         for row in (shown[:3], shown[3:]):
             assert len({axes.collections[0].get_clim() for axes in row}) == 1
             assert len({(*axes.get_xlim(), *axes.get_ylim()) for axes in row}) == 1
@@ -379,14 +502,24 @@ class TestFields:
     def test_no_cell_is_left_out(self, result, drawn, monkeypatch):
         """Cells lower than half a pixel are drawn too, each in one colour, that of its values."""
         found = section_of(result, 2.0, FIELDS["von_mises"])
-        assert not found.slivers(1e-3).any() and found.slivers(10.0).all() and found.areas == pytest.approx(2.0)
-        monkeypatch.setattr(fields.Section, "slivers", lambda self, least: np.arange(len(self.triangles)) == 0)
+        assert (
+            not found.slivers(1e-3).any()
+            and found.slivers(10.0).all()
+            and found.areas == pytest.approx(2.0)
+        )
+        monkeypatch.setattr(
+            fields.Section, "slivers", lambda self, least: np.arange(len(self.triangles)) == 0
+        )
         small, rest = drawn([result], what=("fields",), steps=("2",)).axes[0].collections[:2]
         assert list(small.get_array()) == pytest.approx([found.values[found.triangles[0]].mean()])
-        assert isinstance(rest, TriMesh) and list(rest.get_array()) == pytest.approx(list(found.values))
+        assert isinstance(rest, TriMesh) and list(rest.get_array()) == pytest.approx(
+            list(found.values)
+        )
 
     def test_a_singular_point_does_not_take_the_colours(self):
-        """A thousand points at an edge, all in a millionth of the area, are beyond the colours; the rest is within."""
+        """A thousand points at an edge, all in a millionth of the area, are beyond the colours; the
+        rest is within.
+        """
         values = np.append(np.linspace(0, 1, 100), np.full(1000, 50.0))
         areas = np.append(np.ones(100), np.full(1000, 1e-7))
         assert fields._colours(values, areas, FIELDS["von_mises"])[:2] == pytest.approx((0.0, 1.0))
@@ -402,12 +535,19 @@ class TestFields:
         assert bar.get_ylabel()
 
     def test_tetrahedra_are_cut_through_the_tip(self, tmp_path):
-        """The cut is as large as the deformed cube's face, and at its lower corner |u| is that of the edge it cuts."""
-        corners = np.array([[x, y, z] for x in (0, 1) for y in (-1, 1) for z in (-1, 0)], dtype=float)
+        """The cut is as large as the deformed cube's face, and at its lower corner |u| is that of
+        the edge it cuts.
+        """
+        corners = np.array(
+            [[x, y, z] for x in (0, 1) for y in (-1, 1) for z in (-1, 0)], dtype=float
+        )
         faces = [(0, 1, 3, 7), (0, 1, 5, 7), (0, 2, 3, 7), (0, 2, 6, 7), (0, 4, 5, 7), (0, 4, 6, 7)]
         kinds = {
             "plan": {
-                "choices": [{"key": "kinematics", "value": "three_dimensional"}, {"key": "symmetry", "value": "full"}]
+                "choices": [
+                    {"key": "kinematics", "value": "three_dimensional"},
+                    {"key": "symmetry", "value": "full"},
+                ]
             }
         }
         result = in_folder(tmp_path / "run", a_result(units={}, center=[0.5, 0.0], **kinds))
@@ -417,7 +557,9 @@ class TestFields:
         writer.write(5, 0.1, some_fields(1, 8, 6, 3) | {"displacement": shift})
         found = section_of(result, 5.0, FIELDS["displacement"])
         x, z = found.points[:, 0] / 4, found.points[:, 1] / 5
-        assert found.points[:, 0].max() == pytest.approx(4) and found.points[:, 1].min() == pytest.approx(-5)
+        assert found.points[:, 0].max() == pytest.approx(4) and found.points[
+            :, 1
+        ].min() == pytest.approx(-5)
         inner = np.isin(
             np.round(x * z, 9), (0.0, -1.0)
         )  # the corners of the cube's faces, where |u| is not interpolated
@@ -445,12 +587,16 @@ class TestRoom:
         result.surface.update(depth | {"z": 0 * result.surface["x"]})
         return result
 
-    @pytest.mark.parametrize("what", [("force",), ("pressure",), ("profile",), ("force", "pressure", "profile")])
+    @pytest.mark.parametrize(
+        "what", [("force",), ("pressure",), ("profile",), ("force", "pressure", "profile")]
+    )
     @pytest.mark.parametrize("width", [None, 85.0, 170.0])
     def test_no_legend_lies_on_a_panel(self, drawn, tmp_path, what, width):
         figure = drawn([self.shown(tmp_path)], what=what, width=width)
         panels = [axes for axes in figure.axes if axes.axison]
-        legends = [axes.get_legend().get_window_extent() for axes in figure.axes if axes.get_legend()]
+        legends = [
+            axes.get_legend().get_window_extent() for axes in figure.axes if axes.get_legend()
+        ]
         assert len(panels) == len(what) == len(legends)
         for box in legends:
             assert not any(box.overlaps(axes.get_window_extent()) for axes in panels)
@@ -464,7 +610,11 @@ class TestRoom:
         assert axes.get_xlim()[1] > 1.2 * a
         if what == "profile":
             low, high = axes.get_ylim()
-            assert low < -delta and high > 0 and axes.get_xlim()[0] == pytest.approx(-axes.get_xlim()[1])
+            assert (
+                low < -delta
+                and high > 0
+                and axes.get_xlim()[0] == pytest.approx(-axes.get_xlim()[1])
+            )
 
 
 @pytest.mark.parametrize(
@@ -488,7 +638,10 @@ def test_a_wish_without_effect_is_refused(given, said):
     [
         ({"layout": (1000, 1000)}, "is for 1000000 panels; a picture has 40 at most"),
         ({"layout": (1, 41)}, "is for 41 panels"),
-        ({"what": ("force", "profile") * 100 + ("force",)}, "these are 201 panels, a picture has 40 at most"),
+        (
+            {"what": ("force", "profile") * 100 + ("force",)},
+            "these are 201 panels, a picture has 40 at most",
+        ),
     ],
 )
 def test_more_panels_than_a_picture_has_are_refused(drawn, wish, said):
@@ -497,12 +650,16 @@ def test_more_panels_than_a_picture_has_are_refused(drawn, wish, said):
         drawn([a_result(units={})], **wish)
 
 
-@pytest.mark.parametrize(("width", "dpi", "kind"), [(1000, 2400, "png"), (1000, 1700, "pdf"), (300, 2400, "png")])
+@pytest.mark.parametrize(
+    ("width", "dpi", "kind"), [(1000, 2400, "png"), (1000, 1700, "pdf"), (300, 2400, "png")]
+)
 def test_more_pixels_than_can_be_drawn_are_refused(tmp_path, width, dpi, kind):
     """And what the message says is possible is drawn; nothing is left of what was not."""
     path = tmp_path / f"picture.{kind}"
     wish = panels.wish({"width": width, "dpi": dpi})
-    with pytest.raises(UsageError, match=r"pixels are too many for a picture; --dpi \d+ is possible") as refused:
+    with pytest.raises(
+        UsageError, match=r"pixels are too many for a picture; --dpi \d+ is possible"
+    ) as refused:
         panels.draw([a_result(units={})], wish, path)
     assert not list(tmp_path.iterdir())
     possible = int(re.findall(r"--dpi (\d+)", str(refused.value))[0])

@@ -1,4 +1,6 @@
-"""On several ranks: the same forces as on one, files written once, and one message when it ends badly."""
+"""On several ranks: the same forces as on one, files written once, and one message when it ends
+badly.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +22,17 @@ from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP
 from indent_sim.config.scene_file import from_mapping, to_yaml
 from indent_sim.results.xdmf import read_fields
 
-# Round-off: sums in another order and another elimination order, seen through a matrix whose condition is below 1e6
+# Round-off: sums in another order and another elimination order, seen through a matrix whose
+# condition is below 1e6
 SAME = 1e-9
 NUMBERS = ("delta", "force", "a", "p_max", "penetration", "energy", "reaction")
 
 SCENES: dict[str, dict[str, Any]] = {
-    "axisymmetric": {"body": CYLINDER, "mesh": {"h_contact": 0.02}, "loading": {"deltas": [0.005, 0.01, 0.003, -0.01]}},
+    "axisymmetric": {
+        "body": CYLINDER,
+        "mesh": {"h_contact": 0.02},
+        "loading": {"deltas": [0.005, 0.01, 0.003, -0.01]},
+    },
     "plane_strain": {
         "body": STRIP | {"base": "roller", "sides": "free"},  # held by a pin that only one rank has
         "mesh": {"h_contact": 0.03, "symmetry": "full"},
@@ -118,13 +125,15 @@ EVERY_METHOD = {
 }
 ELSEWHERE = {"strip": (STRIP, 0.03, 0.01), "box": (BOX, 0.2, 0.06)}
 EVERYWHERE = {
-    f"{name}_{place}": data | {"body": body, "mesh": {"h_contact": h}, "loading": {"delta": delta, "steps": 2}}
+    f"{name}_{place}": data
+    | {"body": body, "mesh": {"h_contact": h}, "loading": {"delta": delta, "steps": 2}}
     for place, (body, h, delta) in ELSEWHERE.items()
     for name, data in EVERY_METHOD.items()
 }
 SCENES |= EVERY_METHOD
 
-# Walks every scene on all ranks and prints, on rank 0, its states and how many of them the ranks disagree about
+# Walks every scene on all ranks and prints, on rank 0, its states and how many of them the ranks
+# disagree about
 PROGRAM = f"""
 import json, sys
 from mpi4py import MPI
@@ -168,12 +177,19 @@ def parsed(finished: subprocess.CompletedProcess[str]) -> dict[str, Any]:
 def alone(*names: str) -> dict[str, Any]:
     """Scenes on one rank, in a process of its own like the others."""
     command = [sys.executable, "-c", PROGRAM, mappings(names)]
-    return parsed(subprocess.run(command, env=environ | MPI_ENVIRONMENT, cwd=ROOT, capture_output=True, text=True))
+    return parsed(
+        subprocess.run(
+            command, env=environ | MPI_ENVIRONMENT, cwd=ROOT, capture_output=True, text=True
+        )
+    )
 
 
-def assert_same_curves(here: dict[str, Any], there: dict[str, Any], name: str, steps_apart: int = 0) -> None:
-    """Every number of every step; 1e-9 of the largest of its kind, so that zero out of contact is zero. Newton may take
-    so many iterations more or less."""
+def assert_same_curves(
+    here: dict[str, Any], there: dict[str, Any], name: str, steps_apart: int = 0
+) -> None:
+    """Every number of every step; 1e-9 of the largest of its kind, so that zero out of contact is
+    zero. Newton may take so many iterations more or less.
+    """
     assert there["agreed"], f"the ranks differ among themselves about {name}"
     assert len(there["rows"]) == len(here["rows"])
     one, several = (np.array(result["rows"], dtype=float) for result in (here, there))
@@ -182,13 +198,17 @@ def assert_same_curves(here: dict[str, Any], there: dict[str, Any], name: str, s
         # what a multiplier leaves of a gap is round-off of the depth
         floor = SAME * (one[:, 0].max() if what == "penetration" else scale)
         floor = max(floor, steps_apart) if what == "newton_iterations" else floor
-        assert several[:, column] == pytest.approx(one[:, column], rel=SAME, abs=floor), f"{what} of {name}"
+        assert several[:, column] == pytest.approx(one[:, column], rel=SAME, abs=floor), (
+            f"{what} of {name}"
+        )
     largest = np.abs(one[:, NUMBERS.index("force")]).max()
     for mine, theirs in zip(here["reactions"], there["reactions"], strict=True):
         assert theirs == pytest.approx(mine, rel=SAME, abs=SAME * largest), f"reactions of {name}"
 
 
-def assert_same_on(ranks: int, names: Iterable[str], mpirun: Mpirun, program: str = PROGRAM) -> None:
+def assert_same_on(
+    ranks: int, names: Iterable[str], mpirun: Mpirun, program: str = PROGRAM
+) -> None:
     """Every curve of these scenes on so many ranks, as on one."""
     together = parsed(mpirun(ranks, "-c", program, mappings(names)))
     for name in names:
@@ -199,13 +219,21 @@ FEW = ("axisymmetric", "newton", "iterative", "rough_box", "sticky", "box")  # o
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("names", [FEW, pytest.param((*SCENES,), marks=pytest.mark.verify)], ids=len)
+@pytest.mark.parametrize(
+    "names", [FEW, pytest.param((*SCENES,), marks=pytest.mark.verify)], ids=len
+)
 def test_same_curves_on_two_ranks(names: tuple[str, ...], mpirun: Mpirun) -> None:
-    """One scene of each kind of body, solver and law here; every contact method and path with the proofs."""
+    """One scene of each kind of body, solver and law here; every contact method and path with the
+    proofs.
+    """
     assert_same_on(2, names, mpirun)
 
 
-RAMP = {"history": [[0, 0], [0.01, 0.02], [0.1, 0.02]], "times": [0.005, 0.01, 0.02, 0.1], "per_doubling": 2}
+RAMP = {
+    "history": [[0, 0], [0.01, 0.02], [0.1, 0.02]],
+    "times": [0.005, 0.01, 0.02, 0.1],
+    "per_doubling": 2,
+}
 WET = ELASTIC | {"flow": {"diffusivity": 1.0}}
 IN_TIME: dict[str, dict[str, Any]] = {
     "draining": {"body": CYLINDER, "material": WET, "loading": RAMP, "mesh": {"h_contact": 0.03}},
@@ -228,13 +256,22 @@ IN_TIME: dict[str, dict[str, Any]] = {
 OF_TIME = ("t", "delta", "force", "a", "outflow", "pore_pressure_max", "converged")
 
 
-@pytest.mark.parametrize("names", [("draining",), pytest.param((*IN_TIME,), marks=pytest.mark.verify)], ids=len)
+@pytest.mark.parametrize(
+    "names", [("draining",), pytest.param((*IN_TIME,), marks=pytest.mark.verify)], ids=len
+)
 def test_same_histories_on_two_ranks(names: tuple[str, ...], mpirun: Mpirun) -> None:
-    """Draining, relaxing with friction, swelling under a tip that is lifted and a weight: to 1e-9 of the largest, and
-    what is found by a search to its own tolerance."""
-    program = PROGRAM.replace(repr(NUMBERS), repr(OF_TIME)).replace(" + [state.newton_iterations, state.converged]", "")
+    """Draining, relaxing with friction, swelling under a tip that is lifted and a weight: to 1e-9
+    of the largest, and what is found by a search to its own tolerance.
+    """
+    program = PROGRAM.replace(repr(NUMBERS), repr(OF_TIME)).replace(
+        " + [state.newton_iterations, state.converged]", ""
+    )
     scenes = json.dumps(
-        {name: {"indenter": PARABOLOID, "material": ELASTIC} | data for name, data in IN_TIME.items() if name in names}
+        {
+            name: {"indenter": PARABOLOID, "material": ELASTIC} | data
+            for name, data in IN_TIME.items()
+            if name in names
+        }
     )
     two, one = (parsed(mpirun(ranks, "-c", program, scenes)) for ranks in (2, 1))
     for name in names:
@@ -242,10 +279,12 @@ def test_same_histories_on_two_ranks(names: tuple[str, ...], mpirun: Mpirun) -> 
         here, there = (np.array(result[name]["rows"], dtype=float) for result in (one, two))
         assert here[:, -1].all() and there[:, -1].all()
         for column, what in enumerate(OF_TIME[:-1]):
-            slack = (1e-7 if name == "lifted" else SAME) * np.nanmax(np.abs(here[:, column]), initial=1e-12)
-            assert there[:, column] == pytest.approx(here[:, column], rel=SAME, abs=slack, nan_ok=True), (
-                f"{what} of {name}"
+            slack = (1e-7 if name == "lifted" else SAME) * np.nanmax(
+                np.abs(here[:, column]), initial=1e-12
             )
+            assert there[:, column] == pytest.approx(
+                here[:, column], rel=SAME, abs=slack, nan_ok=True
+            ), f"{what} of {name}"
 
 
 TOGETHER = """
@@ -275,11 +314,16 @@ def test_every_method_everywhere_on_two_ranks(mpirun: Mpirun) -> None:
 
 
 def test_same_curves_where_linear_elements_are_aggregated(mpirun: Mpirun) -> None:
-    """As where they are too many for a factorisation; aggregates end where ranks do. Each preconditioner leaves another
-    remainder below the tolerance of the linear solves, by which the last Newton iteration may be needed or not."""
+    """As where they are too many for a factorisation; aggregates end where ranks do.
+
+    Each preconditioner leaves another remainder below the tolerance of the linear solves, by which
+    the last Newton iteration may be needed or not.
+    """
     program = f"from indent_sim.run.simulation import backend\nbackend()\n{AGGREGATED}{PROGRAM}"
     together = parsed(mpirun(2, "-c", program, mappings(["iterative"])))
-    assert_same_curves(alone(*SCENES)["iterative"], together["iterative"], "iterative", steps_apart=1)
+    assert_same_curves(
+        alone(*SCENES)["iterative"], together["iterative"], "iterative", steps_apart=1
+    )
 
 
 AGGREGATED = """
@@ -336,7 +380,11 @@ if comm.rank == 0:
 def test_every_rank_searches_for_the_same_largest_pull(mpirun: Mpirun) -> None:
     """After the same equilibria, and to 1e-8 the one that one rank finds."""
     loose = {"contact": {"adhesion": {"work": 1e-2, "range": 5e-2}}, "mesh": {"h_contact": 0.08}}
-    scene = mapping("sticky") | loose | {"material": ELASTIC, "loading": {"deltas": [0.03, -0.01, -0.1]}}
+    scene = (
+        mapping("sticky")
+        | loose
+        | {"material": ELASTIC, "loading": {"deltas": [0.03, -0.01, -0.1]}}
+    )
     two, one = (parsed(mpirun(ranks, "-c", PULLED_OFF, json.dumps(scene))) for ranks in (2, 1))
     assert two[:2] == pytest.approx(one[:2], rel=1e-8) and two[3] == one[3]
     assert one[1] < one[0] < 0
@@ -349,8 +397,9 @@ KEPT = {
 
 
 def test_a_state_is_kept_in_an_order_that_does_not_know_the_ranks(mpirun: Mpirun) -> None:
-    """What two ranks keep for `--resume` is what one keeps, so any number of them goes on; displacements to 1e-9 of the
-    largest, as the curves."""
+    """What two ranks keep for `--resume` is what one keeps, so any number of them goes on;
+    displacements to 1e-9 of the largest, as the curves.
+    """
     scenes = json.dumps({name: mapping(name) | sections for name, sections in KEPT.items()})
     two, one = (parsed(mpirun(ranks, "-c", PACKED, scenes)) for ranks in (2, 1))
     for name in KEPT:
@@ -400,14 +449,18 @@ RELAXING = {  # stresses at points inside cells are kept beside the unknowns
 
 
 def test_what_relaxes_is_kept_in_an_order_that_does_not_know_the_ranks(mpirun: Mpirun) -> None:
-    """As above, in two and three dimensions; stresses are of the order of 0.01 E, as are their differences."""
+    """As above, in two and three dimensions; stresses are of the order of 0.01 E, as are their
+    differences.
+    """
     defaults = {"material": ELASTIC, "indenter": PARABOLOID, "loading": {"delta": 0.02}}
     scenes = json.dumps({name: defaults | sections for name, sections in RELAXING.items()})
     two, one = (parsed(mpirun(ranks, "-c", RELAXED, scenes)) for ranks in (2, 1))
     for name in RELAXING:
         assert two[name]["again"] == pytest.approx(two[name]["forces"][-1], rel=1e-9)
         assert two[name]["forces"] == pytest.approx(one[name]["forces"], rel=SAME)
-        for ours, theirs in zip(*(map(np.array, ranks[name]["arrays"]) for ranks in (one, two)), strict=True):
+        for ours, theirs in zip(
+            *(map(np.array, ranks[name]["arrays"]) for ranks in (one, two)), strict=True
+        ):
             assert np.abs(ours - theirs).max() <= SAME * max(1.0, np.abs(ours).max())
 
 
@@ -421,19 +474,30 @@ def config(tmp_path: Path) -> Path:
 
 def test_files_are_written_once(config: Path, mpirun: Mpirun, tmp_path: Path) -> None:
     """Two ranks leave the folder that one leaves, one row a step, and speak with one voice."""
-    finished = mpirun(2, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "two")
+    finished = mpirun(
+        2, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "two"
+    )
     assert finished.returncode == 0, finished.stderr
     assert finished.stdout.split() == [str(tmp_path / "two")]
     rows = (tmp_path / "two" / "force_indentation.csv").read_text().splitlines()
     assert [row.split(",")[0] for row in rows] == ["step", "1", "2", "3", "4"]
     assert json.loads((tmp_path / "two" / "run.json").read_text())["ranks"] == 2
     present = {path.name for path in (tmp_path / "two").iterdir()}
-    assert {"force_indentation.csv", "surface.csv", "fields.xdmf", "fields", "config.yaml", "run.json"} <= present
+    assert {
+        "force_indentation.csv",
+        "surface.csv",
+        "fields.xdmf",
+        "fields",
+        "config.yaml",
+        "run.json",
+    } <= present
     assert sorted(path.name for path in tmp_path.iterdir()) == ["scene.yaml", "two"]
 
 
 def test_fields_do_not_depend_on_the_ranks(mpirun: Mpirun, tmp_path: Path) -> None:
-    """In the grid's own order, to the rounding of another order of sums; also where facets of two ranks meet."""
+    """In the grid's own order, to the rounding of another order of sums; also where facets of two
+    ranks meet.
+    """
     config = tmp_path / "scene.yaml"
     config.write_text("""
 body: {shape: box, size: [1.0, 1.0, 0.5]}
@@ -443,7 +507,15 @@ loading: {delta: 0.05, steps: 1}
 mesh: {h_contact: 0.08, h_far: 0.2}
 """)
     for ranks in (1, 2):
-        words = ("-m", "indent_sim.cli.commands", "run", config, "--quiet", "--output", tmp_path / str(ranks))
+        words = (
+            "-m",
+            "indent_sim.cli.commands",
+            "run",
+            config,
+            "--quiet",
+            "--output",
+            tmp_path / str(ranks),
+        )
         assert mpirun(ranks, *words).returncode == 0
     alone_, together = (read_fields(tmp_path / str(ranks), 1) for ranks in (1, 2))
     assert alone_["pressure"].max() > 0
@@ -451,10 +523,14 @@ mesh: {h_contact: 0.08, h_far: 0.2}
         assert np.abs(together[name] - values).max() <= 1e-11 * np.abs(values).max(), name
 
 
-def test_config_error_ends_every_rank_with_one_message(config: Path, mpirun: Mpirun, tmp_path: Path) -> None:
+def test_config_error_ends_every_rank_with_one_message(
+    config: Path, mpirun: Mpirun, tmp_path: Path
+) -> None:
     """Exit 3 of every rank is exit 3 of mpirun; nothing hangs, nothing is made."""
     config.write_text(config.read_text().replace("R: 1.0", "r: 1.0"))
-    finished = mpirun(3, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "three")
+    finished = mpirun(
+        3, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "three"
+    )
     assert finished.returncode == 3, finished.stderr
     assert finished.stderr.count("did you mean 'R'") == 1
     assert "Traceback" not in finished.stderr
@@ -462,16 +538,21 @@ def test_config_error_ends_every_rank_with_one_message(config: Path, mpirun: Mpi
     assert [path.name for path in tmp_path.iterdir()] == ["scene.yaml"]
 
 
-def test_scene_that_cannot_exist_ends_every_rank(config: Path, mpirun: Mpirun, tmp_path: Path) -> None:
+def test_scene_that_cannot_exist_ends_every_rank(
+    config: Path, mpirun: Mpirun, tmp_path: Path
+) -> None:
     """Found only when the scene is resolved, on every rank at once."""
     config.write_text(to_yaml(from_mapping(mapping("axisymmetric") | {"loading": {"delta": 2.0}})))
-    finished = mpirun(2, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "two")
+    finished = mpirun(
+        2, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "two"
+    )
     assert finished.returncode == 3, finished.stderr
     assert finished.stderr.count("beyond the body's thickness") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["scene.yaml"]
 
 
-# Every rank of a set fails at the second row, which the others then wait for; argv: the ranks, and how
+# Every rank of a set fails at the second row, which the others then wait for; argv: the ranks, and
+# how
 FAILING = """
 import os, signal, sys
 from mpi4py import MPI
@@ -505,7 +586,9 @@ commands.main()
 def test_an_error_on_any_rank_ends_all(
     ranks: str, how: str, code: int, said: str, config: Path, mpirun: Mpirun, tmp_path: Path
 ) -> None:
-    """One message and the exit code of the error, whether one rank fails or all; to hang would take minutes."""
+    """One message and the exit code of the error, whether one rank fails or all; to hang would take
+    minutes.
+    """
     finished = mpirun(3, "-c", FAILING, ranks, how, "run", config, "--output", tmp_path / "out")
     assert finished.returncode == code, finished.stderr
     assert finished.stderr.count(said) == 1, finished.stderr
@@ -537,7 +620,10 @@ def test_what_fails_beside_the_rows_on_one_rank_is_missing_on_all(
     finished = mpirun(2, "-c", MISSING, rank, "run", config, "--output", tmp_path / "out")
     assert finished.returncode == 0, finished.stderr
     assert finished.stderr.count("E_hertz is missing: KeyError") == 1, finished.stderr
-    table = [row.split(",") for row in (tmp_path / "out" / "force_indentation.csv").read_text().splitlines()]
+    table = [
+        row.split(",")
+        for row in (tmp_path / "out" / "force_indentation.csv").read_text().splitlines()
+    ]
     assert len(table) > 2 and all(row[table[0].index("E_hertz")] == "" for row in table[1:])
 
 
@@ -556,7 +642,9 @@ main()
 """
 
 
-def test_a_signal_while_a_row_is_written_is_everybodys(config: Path, mpirun: Mpirun, tmp_path: Path) -> None:
+def test_a_signal_while_a_row_is_written_is_everybodys(
+    config: Path, mpirun: Mpirun, tmp_path: Path
+) -> None:
     """The other ranks learn of it by a message, and leave rank 0 the time to close its files."""
     finished = mpirun(2, "-c", STOPPED_IN_A_ROW, "run", config, "--output", tmp_path / "two")
     assert finished.returncode == 143 and "Traceback" not in finished.stderr, finished.stderr
@@ -565,8 +653,8 @@ def test_a_signal_while_a_row_is_written_is_everybodys(config: Path, mpirun: Mpi
     assert (report["status"], report["exit_code"], report["rows"]) == ("interrupted", 143, 2)
 
 
-# What every rank gives dolfinx of a mesh (rows of points and cells), what it holds of it, and the last force; argv: the
-# scene. The process that meshes is forked first, as the command does.
+# What every rank gives dolfinx of a mesh (rows of points and cells), what it holds of it, and the
+# last force; argv: the scene. The process that meshes is forked first, as the command does.
 HELD = """
 import json, sys
 from indent_sim.mesh import gmsh
@@ -627,10 +715,14 @@ mesh: {refinements: 1}
 
 @pytest.mark.parametrize("text", [DRAWN, OF_FILE], ids=["of gmsh", "of a file"])
 def test_no_rank_holds_the_mesh(text: str, mpirun: Mpirun, tmp_path: Path) -> None:
-    """Each has its slice of the rows, rank 0 beside that arrays that lie in a file, and the scene no more of a mesh
-    file than the cells at its outside; each of two regions is with its own cells, or the force would be another."""
+    """Each has its slice of the rows, rank 0 beside that arrays that lie in a file, and the scene
+    no more of a mesh file than the cells at its outside; each of two regions is with its own
+    cells, or the force would be another.
+    """
     body = block(n=5, m=4)
-    body["regions"] = {"gel": np.flatnonzero(body["points"][body["cells"]].mean(axis=1)[:, 2] < -0.4)}
+    body["regions"] = {
+        "gel": np.flatnonzero(body["points"][body["cells"]].mean(axis=1)[:, 2] < -0.4)
+    }
     write(tmp_path / "part.msh", body | {"regions": {**body["regions"], "rest": np.arange(0)}})
     scene = tmp_path / "scene.yaml"
     scene.write_text(text)
@@ -642,18 +734,33 @@ def test_no_rank_holds_the_mesh(text: str, mpirun: Mpirun, tmp_path: Path) -> No
     assert three["ranks"][0]["mapped"] == [True] * 3 and one["ranks"][0]["mapped"] == [False] * 3
     assert all(rank["mapped"] == [] for rank in three["ranks"][1:])
     if text is OF_FILE:
-        assert all(0 < rank["skin"] < rank["whole"] == len(body["cells"]) for rank in three["ranks"])
+        assert all(
+            0 < rank["skin"] < rank["whole"] == len(body["cells"]) for rank in three["ranks"]
+        )
 
 
-def test_a_mesh_file_that_is_no_body_ends_every_rank_with_one_message(mpirun: Mpirun, tmp_path: Path) -> None:
+def test_a_mesh_file_that_is_no_body_ends_every_rank_with_one_message(
+    mpirun: Mpirun, tmp_path: Path
+) -> None:
     """It is read by a process beside rank 0, and what is wrong with it is known to all."""
     body = block()
     body["cells"] = np.vstack([body["cells"], body["cells"][:1]])
     write(tmp_path / "part.msh", body)
     (tmp_path / "scene.yaml").write_text(OF_FILE)
-    finished = mpirun(3, "-m", "indent_sim.cli.commands", "run", tmp_path / "scene.yaml", "--output", tmp_path / "out")
+    finished = mpirun(
+        3,
+        "-m",
+        "indent_sim.cli.commands",
+        "run",
+        tmp_path / "scene.yaml",
+        "--output",
+        tmp_path / "out",
+    )
     assert finished.returncode == 4, finished.stderr
-    assert finished.stderr.count("three cells share the facet") == 1 and "scene.yaml:2: body.file" in finished.stderr
+    assert (
+        finished.stderr.count("three cells share the facet") == 1
+        and "scene.yaml:2: body.file" in finished.stderr
+    )
     assert sorted(path.name for path in tmp_path.iterdir()) == ["part.msh", "scene.yaml"]
 
 

@@ -1,4 +1,6 @@
-"""Objects between two processes: what is large lies in a file without a name, what is small in the pipe."""
+"""Objects between two processes: what is large lies in a file without a name, what is small in the
+pipe.
+"""
 
 from __future__ import annotations
 
@@ -37,15 +39,21 @@ def test_what_arrives_is_what_was_sent(mapped: bool) -> None:
         assert np.array_equal(found[name], VALUE[name]) and found[name].dtype == VALUE[name].dtype
 
 
-def test_a_mapped_array_goes_through_no_pipe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """8 MB would fill the buffer of the pipe, which nobody empties here, and wait for ever; the file has no name."""
+def test_a_mapped_array_goes_through_no_pipe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """8 MB would fill the buffer of the pipe, which nobody empties here, and wait for ever; the
+    file has no name.
+    """
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     found = passed(np.ones(10**6), mapped=True)
     assert found.sum() == 10**6 and not found.flags.writeable
     assert not list(tmp_path.iterdir())
 
 
-def test_a_file_without_room_is_an_error_and_leaves_the_pipe_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_without_room_is_an_error_and_leaves_the_pipe_as_it_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("tempfile.tempdir", "/dev/full/none")
     here, there = Pipe()
     with pytest.raises(OSError):

@@ -49,13 +49,20 @@ def panels(tmp_path, monkeypatch):
 
 def drawn_points(axes) -> np.ndarray:
     """All points (n, 2) that lines of a panel go through."""
-    return np.concatenate([np.empty((0, 2)), *(np.reshape(line.get_xydata(), (-1, 2)) for line in axes.get_lines())])
+    return np.concatenate(
+        [np.empty((0, 2)), *(np.reshape(line.get_xydata(), (-1, 2)) for line in axes.get_lines())]
+    )
 
 
 class TestOneRun:
     @pytest.mark.parametrize(
         ("kind", "suffix"),
-        [("axisymmetric", ".png"), ("axisymmetric", ".svg"), ("plane_strain", ".pdf"), ("three_dimensional", ".png")],
+        [
+            ("axisymmetric", ".png"),
+            ("axisymmetric", ".svg"),
+            ("plane_strain", ".pdf"),
+            ("three_dimensional", ".png"),
+        ],
     )
     def test_every_kind_and_every_format(self, tmp_path, kind, suffix):
         path = tmp_path / f"picture{suffix}"
@@ -116,7 +123,9 @@ class TestOneRun:
     def test_a_bare_table_out_of_contact(self, panels):
         """Rows without force are rows; there is no pressure to show."""
         table = {"step": [1.0, 2.0], "delta": [-0.1, 0.0], "force": [0.0, 0.0], "a": [0.0, 0.0]}
-        drawn = panels(Results(Path("a.csv"), {name: np.array(column) for name, column in table.items()}))
+        drawn = panels(
+            Results(Path("a.csv"), {name: np.array(column) for name, column in table.items()})
+        )
         assert {(-0.1, 0.0), (0.0, 0.0)} <= {tuple(point) for point in drawn_points(drawn["force"])}
         assert "pressure" not in drawn
 
@@ -132,7 +141,12 @@ class TestOneRun:
         result = a_result("three_dimensional", units={})
         result.surface["pressure"] = np.where(result.surface["pressure"] == 1, 1.0, 0.0)
         assert np.count_nonzero(result.surface["pressure"]) == 1
-        regions = [path for part in panels(result)["y"].collections for path in part.get_paths() if len(path.vertices)]
+        regions = [
+            path
+            for part in panels(result)["y"].collections
+            for path in part.get_paths()
+            if len(path.vertices)
+        ]
         assert np.abs(regions[-1].vertices).max() <= np.unique(result.surface["x"])[1]
 
     def test_two_drawings_are_the_same_file(self, tmp_path):
@@ -151,7 +165,9 @@ class TestPressure:
         surface["pressure"] = np.where(surface["x"] > a, 1e-7, surface["pressure"])
         axes = panels(result)["pressure"]
         assert axes.get_ylim() == pytest.approx((0, 1.08))
-        assert axes.get_xlim() == pytest.approx((0, 1.5 * a) if kind == "axisymmetric" else (-1.5 * a, 1.5 * a))
+        assert axes.get_xlim() == pytest.approx(
+            (0, 1.5 * a) if kind == "axisymmetric" else (-1.5 * a, 1.5 * a)
+        )
 
     def test_the_largest_force_is_shown_when_the_tip_has_left(self, panels):
         result = a_result(units={})
@@ -174,7 +190,9 @@ class TestPressure:
     def test_a_map_shows_the_contact_and_not_the_whole_top(self, panels, center):
         result = a_result("three_dimensional", units={}, **({"center": center} if center else {}))
         surface, a = result.surface, result["a"][-1]
-        surface["pressure"] = np.where(np.hypot(surface["x"], surface["y"]) > a, 1e-7, surface["pressure"])
+        surface["pressure"] = np.where(
+            np.hypot(surface["x"], surface["y"]) > a, 1e-7, surface["pressure"]
+        )
         axes = panels(result)["y"]
         assert axes.get_xlim() == axes.get_ylim() == pytest.approx((-1.5 * a, 1.5 * a))
 
@@ -187,21 +205,34 @@ class TestPressure:
         (words,) = axes.texts
         inside, text = axes.get_window_extent(), words.get_window_extent()
         assert "what sticks" in words.get_text()
-        assert inside.x0 < text.x0 and text.x1 < inside.x1 and inside.y0 < text.y0 and text.y1 < inside.y1
+        assert (
+            inside.x0 < text.x0
+            and text.x1 < inside.x1
+            and inside.y0 < text.y0
+            and text.y1 < inside.y1
+        )
 
     @pytest.mark.parametrize("faces", [3, 4, 5])
     def test_a_map_shows_the_corners_of_a_contact(self, panels, faces):
-        """A regular polygon of the area pi a^2: the corners of a triangle are 1.56 a from its middle."""
-        x, y = (part.ravel() for part in np.meshgrid(np.linspace(-3, 3, 121), np.linspace(-3, 3, 121)))
+        """A regular polygon of the area pi a^2: the corners of a triangle are 1.56 a from its
+        middle.
+        """
+        x, y = (
+            part.ravel() for part in np.meshgrid(np.linspace(-3, 3, 121), np.linspace(-3, 3, 121))
+        )
         apothem = np.sqrt(np.pi / (faces * np.tan(np.pi / faces)))
         normals = 2 * np.pi * np.arange(faces) / faces
-        inside = np.max([x * np.cos(turn) + y * np.sin(turn) for turn in normals], axis=0) <= apothem
+        inside = (
+            np.max([x * np.cos(turn) + y * np.sin(turn) for turn in normals], axis=0) <= apothem
+        )
         pressure = np.where(inside, 1.0, 1e-7)
         surface = {"step": np.full(len(x), 1.0), "x": x, "y": y, "pressure": pressure}
         table = {"step": [1.0], "delta": [1.0], "force": [1.0], "a": [1.0]}
         plan = {"choices": [{"key": "kinematics", "value": "three_dimensional"}]}
         report = {"title": "A polygon", "center": [0.0, 0.0], "plan": plan}
-        axes = panels(Results(Path("one"), {name: np.array(v) for name, v in table.items()}, report, surface))["y"]
+        axes = panels(
+            Results(Path("one"), {name: np.array(v) for name, v in table.items()}, report, surface)
+        )["y"]
         for along, (low, high) in ((x, axes.get_xlim()), (y, axes.get_ylim())):
             assert low < along[inside].min() and along[inside].max() < high and high - low < 4
             assert low == pytest.approx(-high)
@@ -232,7 +263,9 @@ class TestSeveralRuns:
         forces.overlay([a_result(), a_result()], svg)
         assert "results/one" in text_of(svg)
 
-    @pytest.mark.parametrize("units", [{"length": "mm", "force": "N"}, {"length": "m", "force": "mN"}])
+    @pytest.mark.parametrize(
+        "units", [{"length": "mm", "force": "N"}, {"length": "m", "force": "mN"}]
+    )
     def test_units_that_differ_are_refused(self, tmp_path, units):
         with pytest.raises(UsageError, match="draw them apart"):
             forces.overlay([a_result(), a_result(units=units)], tmp_path / "picture.png")
@@ -253,7 +286,9 @@ class TestSeveralRuns:
         """The figure of runs in folders with configs, laid out."""
         figures = []
         monkeypatch.setattr(
-            forces, "save", lambda figure, path: (figure.draw_without_rendering(), figures.append(figure))
+            forces,
+            "save",
+            lambda figure, path: (figure.draw_without_rendering(), figures.append(figure)),
         )
 
         def draw(settings, error=False):
@@ -261,7 +296,10 @@ class TestSeveralRuns:
             for i, (nu, method) in enumerate(settings):
                 place = tmp_path / f"{i * 0x9E3779B9:016x}"  # as a study names its runs
                 place.mkdir()
-                config = f"material: {{nu: {nu!r}}}\ncontact: {{method: {method}, epsilon_n: {nu + 100}}}\n"
+                config = (
+                    f"material: {{nu: {nu!r}}}\ncontact: {{method: "
+                    f"{method}, epsilon_n: {nu + 100}}}\n"
+                )
                 (place / "config.yaml").write_text(config)
                 result = a_result(error=error, units={})
                 result.report["plan"]["auto"] = ["contact.epsilon_n"]
@@ -279,10 +317,16 @@ class TestSeveralRuns:
         force, radius, beside = figure.axes
         told = [text.get_text() for text in beside.get_legend().get_texts()]
         names = [f"nu {nu:.4g}" for nu in values]
-        assert [name for name in told if name != forces.ESTIMATED] == names and (forces.ESTIMATED in told) == error
+        assert [name for name in told if name != forces.ESTIMATED] == names and (
+            forces.ESTIMATED in told
+        ) == error
         legend = beside.get_legend().get_window_extent()
         assert not any(legend.overlaps(axes.get_tightbbox()) for axes in (force, radius))
-        assert figure.bbox.x0 <= legend.x0 and legend.x1 <= figure.bbox.x1 and figure.bbox.y0 <= legend.y0
+        assert (
+            figure.bbox.x0 <= legend.x0
+            and legend.x1 <= figure.bbox.x1
+            and figure.bbox.y0 <= legend.y0
+        )
 
     def test_every_curve_is_its_table_in_a_colour_of_its_own(self, drawn):
         values = np.linspace(0, 0.49, 11)
@@ -293,7 +337,9 @@ class TestSeveralRuns:
         ]
         plain = a_result()
         for nu, line in zip(values, lines, strict=True):
-            rows = np.isin(line.get_xdata(), plain["delta"])  # the others lie on a smooth curve between them
+            rows = np.isin(
+                line.get_xdata(), plain["delta"]
+            )  # the others lie on a smooth curve between them
             assert line.get_xdata()[rows] == pytest.approx(plain["delta"])
             assert line.get_ydata()[rows] == pytest.approx(plain["force"] * (1 + nu))
         assert len({tuple(line.get_color()) for line in lines}) == 11
@@ -301,13 +347,17 @@ class TestSeveralRuns:
     def test_several_keys_that_differ_are_all_named(self, drawn):
         figure = drawn([(nu, method) for nu in (0.1, 0.3) for method in ("penalty", "nitsche")])
         told = [text.get_text() for text in figure.axes[2].get_legend().get_texts()]
-        assert told == [f"nu {nu}, method {method}" for nu in (0.1, 0.3) for method in ("nitsche", "penalty")]
+        assert told == [
+            f"nu {nu}, method {method}" for nu in (0.1, 0.3) for method in ("nitsche", "penalty")
+        ]
 
     def test_more_runs_than_colours(self, drawn):
         """Each has its own curve and its own name."""
         number = len(canvas.COLOURS) + 2
         axes = drawn([(0.05 * k, "penalty") for k in range(number)]).axes
-        named = [line.get_label() for line in axes[0].get_lines() if line.get_label().startswith("nu")]
+        named = [
+            line.get_label() for line in axes[0].get_lines() if line.get_label().startswith("nu")
+        ]
         assert len(set(named)) == number == len(axes[2].get_legend().get_texts())
 
 
@@ -318,7 +368,9 @@ class TestText:
     def test_a_picture_shows_it_too(self, tmp_path, monkeypatch, title):
         monkeypatch.setitem(canvas.STYLE, "svg.fonttype", "none")
         run = a_result(title=title, units={"length": title, "force": title})
-        forces.overlay([run, a_result(title="another", units=run.report["units"])], tmp_path / "two.svg")
+        forces.overlay(
+            [run, a_result(title="another", units=run.report["units"])], tmp_path / "two.svg"
+        )
         forces.force_indentation(run, tmp_path / "one.svg")
         for name in ("one", "two"):
             text = (tmp_path / f"{name}.svg").read_text()
@@ -328,7 +380,13 @@ class TestText:
     def test_and_that_of_a_study(self, tmp_path):
         costs = {"cpu_s": 1.0, "status": "done", "index": 1, "run": "x", "dofs": 10}
         rows = [
-            costs | {"contact.method": title, "force_error_vs": 0.01 * (1 + n), "cpu_s": 1.0 + n, "method": title}
+            costs
+            | {
+                "contact.method": title,
+                "force_error_vs": 0.01 * (1 + n),
+                "cpu_s": 1.0 + n,
+                "method": title,
+            }
             for n, title in enumerate(TITLES[:6])
         ]
         picture.draw(rows, ["contact.method"], "$\\frac{", "$x", tmp_path / "study.png")
@@ -344,12 +402,17 @@ class TestText:
     def test_latex_is_not_started(self, tmp_path, monkeypatch):
         """The title is drawn as the letters that it is."""
         drawn = []
-        monkeypatch.setattr(forces, "save", lambda figure, path: (drawn.append(figure), canvas.save(figure, path)))
+        monkeypatch.setattr(
+            forces, "save", lambda figure, path: (drawn.append(figure), canvas.save(figure, path))
+        )
         with matplotlib.rc_context({"text.usetex": True}):
             forces.force_indentation(a_result(title=r"\input{/etc/passwd}"), tmp_path / "one.png")
         words = drawn[0].findobj(Text)
         assert any(r"\input{/etc/passwd}" in word.get_text().replace(r"\$", "$") for word in words)
-        assert not any(word.get_usetex() for word in words) and (tmp_path / "one.png").stat().st_size > 5000
+        assert (
+            not any(word.get_usetex() for word in words)
+            and (tmp_path / "one.png").stat().st_size > 5000
+        )
 
 
 def test_an_unknown_format_is_refused(tmp_path):

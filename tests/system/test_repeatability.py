@@ -7,8 +7,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 
-# Runs the scene again and again in a fresh process, with a constant of somebody else made in between: a run makes two,
-# so that those of the fourth are numbers 9 and 10 of UFL, which orders them by their text. Prints the states.
+# Runs the scene again and again in a fresh process, with a constant of somebody else made in
+# between: a run makes two, so that those of the fourth are numbers 9 and 10 of UFL, which orders
+# them by their text. Prints the states.
 PROGRAM = """
 from dolfinx import fem, mesh
 from mpi4py import MPI
@@ -35,7 +36,10 @@ def test_no_bit_depends_on_earlier_runs_of_the_process() -> None:
     """Exactly: rounding is deterministic as long as the operations and their order are the same."""
     search = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM], env=os.environ | {"PYTHONPATH": search}, capture_output=True, text=True
+        [sys.executable, "-c", PROGRAM],
+        env=os.environ | {"PYTHONPATH": search},
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()

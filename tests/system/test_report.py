@@ -1,4 +1,6 @@
-"""Reports: one valid HTML file with nothing outside of it, whatever text a stranger put into the result."""
+"""Reports: one valid HTML file with nothing outside of it, whatever text a stranger put into the
+result.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ from indent_sim.results import report
 from indent_sim.run.chain import simulate
 from indent_sim.studies.study_report import of_study
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+CHROMIUM = (
+    shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+)
 BY_THEORY = """\
 title: {title}
 units: {{length: um, force: nN}}
@@ -31,12 +35,16 @@ loading: {{delta: 0.5 um, steps: {steps}}}
 """
 
 
-def written(folder: Path, title: str = "A layer", steps: int = 5, given: tuple[str, ...] = ()) -> Path:
+def written(
+    folder: Path, title: str = "A layer", steps: int = 5, given: tuple[str, ...] = ()
+) -> Path:
     """The report of a scene that theory solves; `given` in its place."""
     (folder / "scene.yaml").write_text(BY_THEORY.format(title=title, steps=steps))
     simulate(load(folder / "scene.yaml", given), directory=folder / "out")
     done = CliRunner().invoke(commands.program, ["report", str(folder / "out")])
-    assert done.exit_code == 0 and done.stdout.strip() == str(folder / "out" / "report.html"), done.stderr
+    assert done.exit_code == 0 and done.stdout.strip() == str(folder / "out" / "report.html"), (
+        done.stderr
+    )
     return folder / "out" / "report.html"
 
 
@@ -69,12 +77,18 @@ def test_the_report_of_a_surface_under_tension(tmp_path):
     """gamma/E* of the tension 2 mN/m on E* = 1 kPa/(1 - 0.25): 1.5 um."""
     given = ("body={shape: half_space, surface_tension: 2 mN/m}", "material.nu=0.5")
     text = check(written(tmp_path, given=given))
-    assert "Elastocapillary length gamma/E*: 1.5 µm, " in text and "of the contact radius to expect." in text
+    assert (
+        "Elastocapillary length gamma/E*: 1.5 µm, " in text
+        and "of the contact radius to expect." in text
+    )
 
 
 def test_the_report_of_an_experiment(tmp_path):
     scene = Path(__file__).parents[2] / "configs" / "sticky_gel.yaml"
-    for words in (["run", str(scene), "--output", str(tmp_path / "gel"), "--quiet"], ["report", str(tmp_path / "gel")]):
+    for words in (
+        ["run", str(scene), "--output", str(tmp_path / "gel"), "--quiet"],
+        ["report", str(tmp_path / "gel")],
+    ):
         assert CliRunner().invoke(commands.program, words).exit_code == 0
     text = check(tmp_path / "gel" / "report.html")
     words = ("In time by JKR", "Pull-off under depth control", "calibration_error")
@@ -84,7 +98,11 @@ def test_the_report_of_an_experiment(tmp_path):
 
 def test_text_of_strangers_stays_text(tmp_path):
     text = check(written(tmp_path, title="'<script>alert(1)</script> $x$ & {{ 7*7 }} \\x1b'"))
-    assert "&lt;script&gt;" in text and "<script" not in text and "49" not in re.search(r"<h1>.*</h1>", text)[0]  # type: ignore[index]
+    assert (
+        "&lt;script&gt;" in text
+        and "<script" not in text
+        and "49" not in re.search(r"<h1>.*</h1>", text)[0]
+    )  # type: ignore[index]
 
 
 def test_many_rows_are_thinned(tmp_path):
@@ -93,8 +111,9 @@ def test_many_rows_are_thinned(tmp_path):
 
 
 def test_a_crate_lists_the_files_of_a_result(tmp_path):
-    """RO-Crate 1.1: a root that has every part, each an entity of its own, and what made it; nobody's file is replaced,
-    and a new run takes ours away."""
+    """RO-Crate 1.1: a root that has every part, each an entity of its own, and what made it;
+    nobody's file is replaced, and a new run takes ours away.
+    """
     folder = written(tmp_path).parent
     crate = folder / "ro-crate-metadata.json"
     assert CliRunner().invoke(commands.program, ["report", str(folder), "--crate"]).exit_code == 0
@@ -103,14 +122,23 @@ def test_a_crate_lists_the_files_of_a_result(tmp_path):
     assert found["@context"] == "https://w3id.org/ro/crate/1.1/context"
     assert entities[crate.name]["about"] == {"@id": "./"} and entities["./"]["name"] == "A layer"
     parts = {part["@id"] for part in entities["./"]["hasPart"]}
-    assert {"run.json", "config.yaml", "force_indentation.csv", "report.html"} <= parts <= entities.keys()
+    assert (
+        {"run.json", "config.yaml", "force_indentation.csv", "report.html"}
+        <= parts
+        <= entities.keys()
+    )
     assert entities["run.json"]["contentSize"] == str((folder / "run.json").stat().st_size)
-    assert entities["#run"]["object"] == [{"@id": "config.yaml"}] and entities["#program"]["name"] == "indent-sim"
+    assert (
+        entities["#run"]["object"] == [{"@id": "config.yaml"}]
+        and entities["#program"]["name"] == "indent-sim"
+    )
     simulate(load(tmp_path / "scene.yaml"), directory=folder)
     assert not crate.exists()
     crate.write_text("mine")
     done = CliRunner().invoke(commands.program, ["report", str(folder), "--crate"])
-    assert done.exit_code == 2 and crate.read_text() == "mine" and "not of indent-sim" in done.stderr
+    assert (
+        done.exit_code == 2 and crate.read_text() == "mine" and "not of indent-sim" in done.stderr
+    )
 
 
 def test_nothing_to_report(tmp_path):
@@ -120,7 +148,10 @@ def test_nothing_to_report(tmp_path):
     page = written(tmp_path)
     assert (
         CliRunner()
-        .invoke(commands.program, ["report", str(page.parent), "--output", str(tmp_path / "no" / "x.html")])
+        .invoke(
+            commands.program,
+            ["report", str(page.parent), "--output", str(tmp_path / "no" / "x.html")],
+        )
         .exit_code
         == 2
     )
@@ -130,7 +161,9 @@ def test_a_report_replaces_nothing_but_pages(tmp_path):
     folder = written(tmp_path).parent
     for name in ("../scene.yaml", "force_indentation.csv", "new", "new.pdf"):
         before = (folder / name).read_bytes() if (folder / name).exists() else None
-        done = CliRunner().invoke(commands.program, ["report", str(folder), "--output", str(folder / name)])
+        done = CliRunner().invoke(
+            commands.program, ["report", str(folder), "--output", str(folder / name)]
+        )
         assert done.exit_code == 2 and "a report ends in .html, .htm" in done.output
         assert before == ((folder / name).read_bytes() if (folder / name).exists() else None)
     words = ["report", str(folder), "--output", str(tmp_path / "a.HTM")]
@@ -146,19 +179,26 @@ def test_a_report_replaces_nothing_but_pages(tmp_path):
         ("study.json", "[]"),
         ("study.json", "{"),
         ("study.json", '{"program": "indent-sim", "keys": ["b"]}'),
-        ("study.csv", "index,run,a,status,method,force_error_vs,cpu_s\n1,x,2,done,theory,little,1\n"),
+        (
+            "study.csv",
+            "index,run,a,status,method,force_error_vs,cpu_s\n1,x,2,done,theory,little,1\n",
+        ),
     ],
 )
 def test_a_damaged_study_is_told(tmp_path, damage):
     name, text = damage
     (tmp_path / "study.json").write_text('{"program": "indent-sim", "keys": ["a"]}')
-    (tmp_path / "study.csv").write_text("index,run,a,status,method,force_error_vs,cpu_s\n1,x,2,done,theory,,1\n")
+    (tmp_path / "study.csv").write_text(
+        "index,run,a,status,method,force_error_vs,cpu_s\n1,x,2,done,theory,,1\n"
+    )
     assert "1 of 1 runs done" in of_study(tmp_path)
     (tmp_path / name).unlink()
     if text is not None:
         (tmp_path / name).write_bytes(text.encode("latin-1"))
     done = CliRunner().invoke(commands.program, ["report", str(tmp_path)])
-    assert done.exit_code == 2 and re.search("no study that can be read|holds no result", done.stderr)
+    assert done.exit_code == 2 and re.search(
+        "no study that can be read|holds no result", done.stderr
+    )
     assert not (tmp_path / "report.html").exists()
 
 
@@ -186,7 +226,9 @@ def a_study(folder: Path) -> Path:
 
 def test_a_study(tmp_path):
     text = check(a_study(tmp_path))
-    assert "6 of 6 runs done" in text and "compared with" not in text and "height=5_E=1_kPa-" in text
+    assert (
+        "6 of 6 runs done" in text and "compared with" not in text and "height=5_E=1_kPa-" in text
+    )
     assert text.count("<svg") == 1 and "<img" not in text
     words = (
         ">depth δ [µm]<",
@@ -213,12 +255,16 @@ def test_a_study_whose_runs_are_gone_is_still_told(tmp_path):
 def test_in_a_browser_nothing_stands_out_of_the_page(tmp_path, make, width):
     """As wide as the window, whatever its width: what does not fit scrolls in its own box.
 
-    No letters are lower than 6 px: that is what is left where a picture 110 mm wide is shrunk to a window of 400 px.
+    No letters are lower than 6 px: that is what is left where a picture 110 mm wide is shrunk to a
+    window of 400 px.
     """
     page = make(tmp_path)
     each = "[...document.querySelectorAll('{}')].map(s => s.getBoundingClientRect().{})"
     wide, high = each.format("svg", "width"), each.format("svg text", "height")
-    told = f"document.documentElement.scrollWidth + ' ' + Math.min(...{wide}) + ' ' + Math.min(...{high})"
+    told = (
+        f"document.documentElement.scrollWidth + ' ' + Math.min(...{wide}) + ' ' + "
+        f"Math.min(...{high})"
+    )
     script = f"<script>document.title = {told}</script></body>"
     (tmp_path / "probe.html").write_text(page.read_text().replace("</body>", script))
     on_load = 'onload="document.title = this.contentDocument.title"'
@@ -237,7 +283,9 @@ def test_in_a_browser_nothing_stands_out_of_the_page(tmp_path, make, width):
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     title = re.search(r"<title>(\d+) ([\d.]+) ([\d.]+)</title>", done.stdout)
     assert title, done.stdout + done.stderr
-    assert int(title[1]) <= width and float(title[2]) > 0.7 * min(width, 500) and float(title[3]) > 6
+    assert (
+        int(title[1]) <= width and float(title[2]) > 0.7 * min(width, 500) and float(title[3]) > 6
+    )
 
 
 def test_numbers_in_the_page_are_those_of_the_table():
@@ -247,16 +295,22 @@ def test_numbers_in_the_page_are_those_of_the_table():
     result = a_result(units={"length": "m", "force": "N"})
     result.table["force"][-1], result.table["delta"][-1] = 0.0, 0.0
     assert dict(_numbers(result))["depth δ"] == "40 µm"
-    assert np.isclose(float(dict(_numbers(result))["force F"].split()[0]), 1e3 * (4e-5) ** 1.5 * 1e6, rtol=1e-3)
+    assert np.isclose(
+        float(dict(_numbers(result))["force F"].split()[0]), 1e3 * (4e-5) ** 1.5 * 1e6, rtol=1e-3
+    )
 
 
 def test_alike_warnings_are_one_line_with_a_range() -> None:
-    """Forty runs of a study warned alike, of other numbers each: forty lines. What differs in words stays apart."""
+    """Forty runs of a study warned alike, of other numbers each: forty lines.
+
+    What differs in words stays apart.
+    """
     words = "only {:g} elements in the contact radius: the force may be wrong by about {}e-2 %"
     said = [words.format(n / 10, n) for n in range(5, 45)]
     other = ["the contact comes close to the edge of the body", "depth is 12% of the thickness"]
     assert report.gathered([*said, *other, *said]) == [
-        "only 0.5 to 4.4 elements in the contact radius: the force may be wrong by about 5e-2 to 44e-2 % "
+        "only 0.5 to 4.4 elements in the contact radius: the force may be wrong by about "
+        "5e-2 to 44e-2 % "
         "(40 such warnings)",
         *other,
     ]

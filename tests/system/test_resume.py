@@ -1,4 +1,6 @@
-"""`run --resume`: whatever stopped a run, it goes on to the same curve, and what is not its own stays untouched."""
+"""`run --resume`: whatever stopped a run, it goes on to the same curve, and what is not its own
+stays untouched.
+"""
 
 from __future__ import annotations
 
@@ -45,12 +47,18 @@ output: {{fields: all, surface: all, plot: false}}
 DOWN = "delta: 0.15, steps: 15"
 FORCES = "forces: [0.01, 0.03, 0.06, 0.02, 0, 0.04, 0.05]"
 UP_AND_DOWN = "deltas: [0.03, 0.06, 0.09, 0.12, 0.05, -0.01, 0.04, 0.08]"
-STICKY = "deltas: [-0.15, 0.05, -0.06, -0.09, -0.2, 0.0]"  # snaps in, holds on, lets go and snaps in again
-HYPERELASTIC = SCENE.format(material="model: neo_hookean", method="augmented_lagrangian", loading=DOWN)
-CONDENSED = SCENE.format(material="model: linear_elastic", method="augmented_lagrangian", loading=DOWN)
+# snaps in, holds on, lets go and snaps in again
+STICKY = "deltas: [-0.15, 0.05, -0.06, -0.09, -0.2, 0.0]"
+HYPERELASTIC = SCENE.format(
+    material="model: neo_hookean", method="augmented_lagrangian", loading=DOWN
+)
+CONDENSED = SCENE.format(
+    material="model: linear_elastic", method="augmented_lagrangian", loading=DOWN
+)
 SOME = 7  # rows of a run that was stopped
 
-# A run that kills itself at the n-th time it opens for writing, renames, removes or cuts a file of the result folder
+# A run that kills itself at the n-th time it opens for writing, renames, removes or cuts a file of
+# the result folder
 SELF_KILLING = """
 import os, signal, sys
 from pathlib import Path
@@ -76,18 +84,26 @@ def indent_sim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Resume:
     """`run scene.yaml --output out` with more words, in this process."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.yaml").write_text(HYPERELASTIC)
-    return lambda *words: CliRunner().invoke(commands.program, ["run", "scene.yaml", "--output", "out", *words])
+    return lambda *words: CliRunner().invoke(
+        commands.program, ["run", "scene.yaml", "--output", "out", *words]
+    )
 
 
-def interrupt(place: Path, rows: int = SOME, error: type[BaseException] = KeyboardInterrupt) -> list[bytes]:
-    """Run place/scene.yaml into place/out and stop it after some rows; returns the lines of its table."""
+def interrupt(
+    place: Path, rows: int = SOME, error: type[BaseException] = KeyboardInterrupt
+) -> list[bytes]:
+    """Run place/scene.yaml into place/out and stop it after some rows; returns the lines of its
+    table.
+    """
 
     def stop(state, step, total):
         if step == rows:
             raise error
 
     with pytest.raises(error):
-        chain.simulate(load(place / "scene.yaml"), MPI.COMM_SELF, directory=place / "out", progress=stop)
+        chain.simulate(
+            load(place / "scene.yaml"), MPI.COMM_SELF, directory=place / "out", progress=stop
+        )
     lines = (place / "out" / "force_indentation.csv").read_bytes().splitlines(keepends=True)
     assert len(lines) == rows + 1
     return lines
@@ -102,21 +118,31 @@ def snapshot(place: Path) -> dict[str, tuple[bytes, int]]:
 
 
 def same_numbers(out: Path, expected: Path, rtol: float = 1e-8) -> None:
-    """The two folders hold the same files, rows, surfaces and fields; wall_s grows over the seam too."""
+    """The two folders hold the same files, rows, surfaces and fields; wall_s grows over the seam
+    too.
+    """
     assert {entry.name for entry in out.iterdir()} == {entry.name for entry in expected.iterdir()}
     found, wanted = read(out), read(expected)
     assert found.report["status"] == "done" and found.report["rows"] == len(found) == len(wanted)
     for column in set(wanted.table) - {"wall_s", "newton_iterations"}:
         size = np.nanmax(np.abs(wanted[column]), initial=0.0)
-        near = max(rtol, 1e-4) if column == "stiffness" else rtol  # by the last factor, corrected to 1e-5
-        np.testing.assert_allclose(found[column], wanted[column], rtol=near, atol=near * size, err_msg=column)
+        near = (
+            max(rtol, 1e-4) if column == "stiffness" else rtol
+        )  # by the last factor, corrected to 1e-5
+        np.testing.assert_allclose(
+            found[column], wanted[column], rtol=near, atol=near * size, err_msg=column
+        )
     assert np.all(np.diff(found["wall_s"]) >= 0)
     for column, values in wanted.surface.items():
         np.testing.assert_allclose(
-            found.surface[column], values, atol=100 * rtol * np.abs(values).max() + 1e-12, err_msg=column
+            found.surface[column],
+            values,
+            atol=100 * rtol * np.abs(values).max() + 1e-12,
+            err_msg=column,
         )
     without_depths = [
-        re.sub(r'("delta" Value=")[^"]*', r"\1", (place / "fields.xdmf").read_text()) for place in (out, expected)
+        re.sub(r'("delta" Value=")[^"]*', r"\1", (place / "fields.xdmf").read_text())
+        for place in (out, expected)
     ]
     assert without_depths[0] == without_depths[1]  # the depths are those of the table
     assert sorted(os.listdir(out / "fields")) == sorted(os.listdir(expected / "fields"))
@@ -158,8 +184,12 @@ def stopped_at(equilibrium: int) -> Callable:
 
 
 @pytest.fixture
-def interrupt_and_resume(indent_sim: Resume, undisturbed: Callable[[str], Path], tmp_path: Path) -> Callable[..., None]:
-    """Stop a scene after some rows, go on with or without its checkpoint, and hold it to the run nothing stopped."""
+def interrupt_and_resume(
+    indent_sim: Resume, undisturbed: Callable[[str], Path], tmp_path: Path
+) -> Callable[..., None]:
+    """Stop a scene after some rows, go on with or without its checkpoint, and hold it to the run
+    nothing stopped.
+    """
 
     def both(scene: str, rows: int, forget: bool, rtol: float = 1e-8) -> None:
         (tmp_path / "scene.yaml").write_text(scene)
@@ -201,7 +231,8 @@ class TestKilled:
             assert np.array_equal(after[column][: rows[-1]], before[column])
 
     @pytest.mark.parametrize(
-        ("method", "rows", "forget"), [("uzawa", 4, False), ("active_set", 6, True), ("penalty", 5, False)]
+        ("method", "rows", "forget"),
+        [("uzawa", 4, False), ("active_set", 6, True), ("penalty", 5, False)],
     )
     def test_any_path_by_any_method(self, interrupt_and_resume, method, rows, forget):
         scene = SCENE.format(material="model: neo_hookean", method=method, loading=UP_AND_DOWN)
@@ -218,8 +249,12 @@ class TestKilled:
             ("neo_hookean", "stick", UP_AND_DOWN, 2, False),
         ],
     )
-    def test_a_path_with_friction(self, interrupt_and_resume, material, friction, loading, rows, forget):
-        """What the surface remembers is in the checkpoint, or found again on the same path from rest."""
+    def test_a_path_with_friction(
+        self, interrupt_and_resume, material, friction, loading, rows, forget
+    ):
+        """What the surface remembers is in the checkpoint, or found again on the same path from
+        rest.
+        """
         method = f"augmented_lagrangian, friction: {friction}"
         scene = SCENE.format(material=f"model: {material}", method=method, loading=loading)
         interrupt_and_resume(scene, rows, forget)
@@ -233,7 +268,9 @@ class TestKilled:
             ("linear_elastic", "forces: [0, 0.01, -0.02, 0.015]", 2, False),
         ],
     )
-    def test_a_path_with_adhesion(self, interrupt_and_resume, undisturbed, tmp_path, material, loading, rows, forget):
+    def test_a_path_with_adhesion(
+        self, interrupt_and_resume, undisturbed, tmp_path, material, loading, rows, forget
+    ):
         """Which of two stable states holds is in the checkpoint, or found again on the same path
         from far away; and so are the rows between which the largest pull is searched for."""
         scene = adhering(material, loading)
@@ -241,8 +278,12 @@ class TestKilled:
         same_pull_off(tmp_path / "out", undisturbed(scene))
 
     @pytest.mark.parametrize("forget", [False, True])
-    def test_a_search_for_the_largest_pull(self, indent_sim, undisturbed, tmp_path, monkeypatch, forget):
-        """Stopped in the middle of it, when all rows are there, with the checkpoint of an early row or none."""
+    def test_a_search_for_the_largest_pull(
+        self, indent_sim, undisturbed, tmp_path, monkeypatch, forget
+    ):
+        """Stopped in the middle of it, when all rows are there, with the checkpoint of an early row
+        or none.
+        """
         scene = adhering("linear_elastic", STICKY)
         (tmp_path / "scene.yaml").write_text(scene)
         interrupt(tmp_path, 3)
@@ -250,7 +291,12 @@ class TestKilled:
         with monkeypatch.context() as patch:
             patch.setattr(Walk, "_equilibrium_between", stopped_at(2))
             with pytest.raises(KeyboardInterrupt):
-                chain.simulate(load(tmp_path / "scene.yaml"), MPI.COMM_SELF, directory=tmp_path / "out", resume=True)
+                chain.simulate(
+                    load(tmp_path / "scene.yaml"),
+                    MPI.COMM_SELF,
+                    directory=tmp_path / "out",
+                    resume=True,
+                )
         stopped = read(tmp_path / "out")
         assert len(stopped) == 6 and stopped.report["status"] == "interrupted"
         (tmp_path / "out" / "checkpoint.h5").write_bytes(early)
@@ -261,16 +307,23 @@ class TestKilled:
         same_pull_off(tmp_path / "out", undisturbed(scene))
 
     def test_a_search_that_fails_leaves_the_rows(self, indent_sim, tmp_path, monkeypatch):
-        """It is told that the pull-off is missing and why, and the row that pulls most stays what is known."""
+        """It is told that the pull-off is missing and why, and the row that pulls most stays what
+        is known.
+        """
         (tmp_path / "scene.yaml").write_text(adhering("linear_elastic", STICKY))
         monkeypatch.setattr(
-            Walk, "_equilibrium_between", lambda walk, begin, end, delta: PullPoint(delta, 0.0, math.inf, a=0.0)
+            Walk,
+            "_equilibrium_between",
+            lambda walk, begin, end, delta: PullPoint(delta, 0.0, math.inf, a=0.0),
         )
         done = indent_sim()
         adhesion = read(tmp_path / "out").report["adhesion"]
         assert done.exit_code == 0 and adhesion["largest_pull"]["force"] < 0
         assert adhesion["pull_off"] is None
-        assert "pull-off is missing: no equilibrium was found at a depth that the tip has passed" in done.stderr
+        assert (
+            "pull-off is missing: no equilibrium was found at a depth that the tip has passed"
+            in done.stderr
+        )
         assert "largest pull: force" in done.stderr
 
     @pytest.mark.parametrize(
@@ -278,22 +331,32 @@ class TestKilled:
         [("neo_hookean", 5, False), ("neo_hookean", 3, True), ("linear_elastic", 4, False)],
     )
     def test_prescribed_forces(self, interrupt_and_resume, tmp_path, material, rows, forget):
-        """A force is met within 1e-10, and its depth known as well, whatever was known of the curve before."""
-        scene = SCENE.format(material=f"model: {material}", method="augmented_lagrangian", loading=FORCES)
+        """A force is met within 1e-10, and its depth known as well, whatever was known of the curve
+        before.
+        """
+        scene = SCENE.format(
+            material=f"model: {material}", method="augmented_lagrangian", loading=FORCES
+        )
         interrupt_and_resume(scene, rows, forget)
         assert read(tmp_path / "out").report["control"] == "force"
 
 
 class TestCheckpoint:
-    def test_with_it_the_run_goes_on_as_if_nothing_had_been(self, indent_sim, undisturbed, tmp_path):
+    def test_with_it_the_run_goes_on_as_if_nothing_had_been(
+        self, indent_sim, undisturbed, tmp_path
+    ):
         interrupt(tmp_path)
         assert indent_sim("--resume").exit_code == 0
         same_numbers(tmp_path / "out", undisturbed(HYPERELASTIC), 1e-13)
         expected = read(undisturbed(HYPERELASTIC))
-        assert np.array_equal(read(tmp_path / "out")["newton_iterations"], expected["newton_iterations"])
+        assert np.array_equal(
+            read(tmp_path / "out")["newton_iterations"], expected["newton_iterations"]
+        )
 
     @pytest.mark.parametrize("harm", ["missing", "cut", "flipped", "of another mesh", "old"])
-    def test_without_it_the_way_is_found_again(self, indent_sim, undisturbed, tmp_path, monkeypatch, harm):
+    def test_without_it_the_way_is_found_again(
+        self, indent_sim, undisturbed, tmp_path, monkeypatch, harm
+    ):
         file = tmp_path / "out" / "checkpoint.h5"
         if harm == "old":  # as after a kill: the one written at the first row
             monkeypatch.setattr(simulation.Simulation, "_save_checkpoint", lambda *_, **__: None)
@@ -323,7 +386,9 @@ class TestCheckpoint:
                 report = tmp_path / "out" / "run.json"
                 report.write_text(report.read_text().replace('"hash": "', '"hash": "0'))
         done = indent_sim("--resume")
-        assert done.exit_code == 0 and ("computed on another mesh" in done.stderr) == (harm == "of another mesh")
+        assert done.exit_code == 0 and ("computed on another mesh" in done.stderr) == (
+            harm == "of another mesh"
+        )
         same_numbers(tmp_path / "out", undisturbed(HYPERELASTIC))
         assert read(tmp_path / "out").report["resumed_after"][-1] == SOME
 
@@ -349,7 +414,9 @@ class TestStopped:
             again = indent_sim("--resume")
         assert failed.exit_code == again.exit_code == 5 and "--resume goes on" in again.stderr
         assert len(read(tmp_path / "out")) == SOME
-        assert indent_sim("--resume", "--set", "solver.max_iterations=99").exit_code == 3  # another config
+        assert (
+            indent_sim("--resume", "--set", "solver.max_iterations=99").exit_code == 3
+        )  # another config
         assert indent_sim("--resume").exit_code == 0
         same_numbers(tmp_path / "out", undisturbed(HYPERELASTIC))
 
@@ -362,7 +429,11 @@ class TestStopped:
             patch.setattr("indent_sim.results.writer.append_whole", full)
             patch.setattr("indent_sim.results.writer.write_atomically", full)
             failed = indent_sim("--resume")
-        assert failed.exit_code == 5 and "No space left" in failed.stderr and len(read(tmp_path / "out")) == SOME
+        assert (
+            failed.exit_code == 5
+            and "No space left" in failed.stderr
+            and len(read(tmp_path / "out")) == SOME
+        )
         assert indent_sim("--resume").exit_code == 0
         same_numbers(tmp_path / "out", undisturbed(HYPERELASTIC))
 
@@ -398,7 +469,9 @@ class TestStopped:
     def test_on_two_ranks(self, mpirun, undisturbed, tmp_path):
         (tmp_path / "scene.yaml").write_text(HYPERELASTIC)
         interrupt(tmp_path)
-        done = mpirun(2, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output", "out", "--resume")
+        done = mpirun(
+            2, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output", "out", "--resume"
+        )
         assert done.returncode == 0, done.stderr
         found, expected = read(tmp_path / "out"), read(undisturbed(HYPERELASTIC))
         for column in ("step", "delta", "force", "a", "p_max", "energy"):
@@ -417,16 +490,22 @@ def kept_fields(out: Path) -> dict[int, dict[str, np.ndarray]]:
 class TestTheDeepestAndTheLast:
     """`last` keeps two states after unloading: the last alone would be empty."""
 
-    scene = SCENE.format(material="model: linear_elastic", method="augmented_lagrangian", loading=UP_AND_DOWN).replace(
-        "fields: all, surface: all", "fields: last, surface: last"
-    )
+    scene = SCENE.format(
+        material="model: linear_elastic", method="augmented_lagrangian", loading=UP_AND_DOWN
+    ).replace("fields: all, surface: all", "fields: last, surface: last")
 
     @pytest.mark.parametrize("rows", [2, 4, 6])
-    def test_a_run_that_was_stopped_keeps_what_others_keep(self, indent_sim, undisturbed, tmp_path, rows):
+    def test_a_run_that_was_stopped_keeps_what_others_keep(
+        self, indent_sim, undisturbed, tmp_path, rows
+    ):
         (tmp_path / "scene.yaml").write_text(self.scene)
         interrupt(tmp_path, rows)
         wanted = {min(rows, 4), rows}
-        assert set(kept_fields(tmp_path / "out")) == set(read(tmp_path / "out").surface["step"]) == wanted
+        assert (
+            set(kept_fields(tmp_path / "out"))
+            == set(read(tmp_path / "out").surface["step"])
+            == wanted
+        )
         assert indent_sim("--resume").exit_code == 0
         found, expected = read(tmp_path / "out"), read(undisturbed(self.scene))
         for column, values in expected.surface.items():
@@ -436,16 +515,24 @@ class TestTheDeepestAndTheLast:
         for step, arrays in theirs.items():
             for name, values in arrays.items():
                 np.testing.assert_allclose(ours[step][name], values, atol=1e-9, err_msg=name)
-            largest = found["p_max"][step - 1]  # the fields show the nodes: the largest is at one or beside it
+            largest = found["p_max"][
+                step - 1
+            ]  # the fields show the nodes: the largest is at one or beside it
             assert arrays["pressure"].max() == pytest.approx(largest, rel=0.1)
 
     def test_a_path_that_only_goes_in_keeps_one(self, tmp_path):
-        (tmp_path / "scene.yaml").write_text(self.scene.replace(UP_AND_DOWN, "delta: 0.08, steps: 3"))
+        (tmp_path / "scene.yaml").write_text(
+            self.scene.replace(UP_AND_DOWN, "delta: 0.08, steps: 3")
+        )
         chain.simulate(load(tmp_path / "scene.yaml"), MPI.COMM_SELF, directory=tmp_path / "out")
-        assert set(kept_fields(tmp_path / "out")) == set(read(tmp_path / "out").surface["step"]) == {3}
+        assert (
+            set(kept_fields(tmp_path / "out")) == set(read(tmp_path / "out").surface["step"]) == {3}
+        )
 
     def test_two_states_stay_whatever_the_path(self, tmp_path):
-        """Every state written in turn, on paths that go up and down: the two that are named stay as they were."""
+        """Every state written in turn, on paths that go up and down: the two that are named stay as
+        they were.
+        """
         chance = np.random.default_rng(1)
         writer = FieldWriter(tmp_path, *BODY)
         deltas = chance.uniform(size=20)
@@ -486,13 +573,17 @@ class TestNothingToGoOnWith:
 
     @pytest.mark.parametrize("asked", [("--error-bars",), ("--set", "accuracy=0.01")])
     @pytest.mark.parametrize("where", ["outcome", "follow"])
-    def test_stopped_before_the_first_row_with_error_bars(self, indent_sim, tmp_path, monkeypatch, asked, where):
+    def test_stopped_before_the_first_row_with_error_bars(
+        self, indent_sim, tmp_path, monkeypatch, asked, where
+    ):
         """While companions run, before anything says that there will be error bars, and after."""
 
         def stop(*args, **options):
             raise KeyboardInterrupt
 
-        scene = HYPERELASTIC.replace("neo_hookean", "linear_elastic").replace("steps: 15", "steps: 2")
+        scene = HYPERELASTIC.replace("neo_hookean", "linear_elastic").replace(
+            "steps: 15", "steps: 2"
+        )
         mesh = "mesh: {h_contact: 0.12, h_far: 0.6}\n"
         (tmp_path / "scene.yaml").write_text(scene.replace(mesh, "") if "--set" in asked else scene)
         with monkeypatch.context() as patch:
@@ -513,7 +604,11 @@ class TestNothingToGoOnWith:
         assert indent_sim().exit_code == 0
         before = snapshot(tmp_path)
         done = indent_sim("--resume")
-        assert done.exit_code == 0 and done.stdout == "out\n" and "nothing left to compute" in done.stderr
+        assert (
+            done.exit_code == 0
+            and done.stdout == "out\n"
+            and "nothing left to compute" in done.stderr
+        )
         said = json.loads(indent_sim("--resume", "--json").stdout)
         assert len(said["rows"]) == 15 and said["report"]["status"] == "done"
         assert snapshot(tmp_path) == before
@@ -527,12 +622,17 @@ class TestNothingToGoOnWith:
                 path.unlink() if harm is None else path.write_bytes(harm)
                 before = snapshot(tmp_path)
                 done = indent_sim("--resume")
-                assert done.exit_code == 0 and f"warning: {file}: missing or damaged since" in done.stderr
+                assert (
+                    done.exit_code == 0
+                    and f"warning: {file}: missing or damaged since" in done.stderr
+                )
                 assert snapshot(tmp_path) == before
             path.write_bytes(data)
         assert "since" not in indent_sim("--resume").stderr
 
-    @pytest.mark.parametrize("override", ["loading.steps=20", "material.nu=0.31", "output.fields=last"])
+    @pytest.mark.parametrize(
+        "override", ["loading.steps=20", "material.nu=0.31", "output.fields=last"]
+    )
     def test_another_config_is_refused(self, indent_sim, tmp_path, override):
         interrupt(tmp_path)
         before = snapshot(tmp_path)
@@ -543,7 +643,9 @@ class TestNothingToGoOnWith:
 
     @pytest.mark.parametrize("options", ["{}", "{mat_mumps_icntl_14: 60}"])
     def test_a_folder_of_a_version_that_had_solver_petsc(self, indent_sim, tmp_path, options):
-        """It is read as ever, tip and all; only going on with it is refused, with the words of the key."""
+        """It is read as ever, tip and all; only going on with it is refused, with the words of the
+        key.
+        """
         assert indent_sim().exit_code == 0
         config = tmp_path / "out" / "config.yaml"
         usual = scene_of(tmp_path / "out")
@@ -551,10 +653,16 @@ class TestNothingToGoOnWith:
         before = snapshot(tmp_path)
         done = indent_sim("--resume", "--json")
         error = json.loads(done.stdout)["error"]
-        assert done.exit_code == 3 and error["key"] == "solver.petsc" and "is gone" in error["message"]
+        assert (
+            done.exit_code == 3 and error["key"] == "solver.petsc" and "is gone" in error["message"]
+        )
         assert "leave --resume out" in error["remedy"] and "PETSC_OPTIONS" in error["remedy"]
         assert snapshot(tmp_path) == before and scene_of(tmp_path / "out") == usual is not None
-        for words in (["compare", "out", "out"], ["plot", "out", "--what", "force,fields"], ["report", "out"]):
+        for words in (
+            ["compare", "out", "out"],
+            ["plot", "out", "--what", "force,fields"],
+            ["report", "out"],
+        ):
             done = CliRunner().invoke(commands.program, words)
             assert done.exit_code == 0, done.stderr
 

@@ -14,7 +14,15 @@ SLICE_OF_COMMIT = ROOT / "scripts" / "slice_of_commit"
 
 def collected(*options: str) -> subprocess.CompletedProcess[str]:
     """What pytest finds in a small folder of tests."""
-    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", *options, "tests/unit/process"]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "--collect-only",
+        "-q",
+        *options,
+        "tests/unit/process",
+    ]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
 
 
@@ -70,7 +78,9 @@ def test_commits_one_after_another_have_every_slice(tmp_path: Path) -> None:
 
 
 def test_shallow_clones_and_sources_without_a_repository_have_a_slice(tmp_path: Path) -> None:
-    """A shallow clone does not know the number of its commit: the slice is that of its name, in every such clone."""
+    """A shallow clone does not know the number of its commit: the slice is that of its name, in
+    every such clone.
+    """
     whole, shallow, plain = (tmp_path / name for name in ("whole", "shallow", "plain"))
     whole.mkdir()
     git(whole, "init", "-q")

@@ -1,4 +1,6 @@
-"""The job files of scripts/slurm, done by a stand-in for Slurm: the same numbers as without a scheduler."""
+"""The job files of scripts/slurm, done by a stand-in for Slurm: the same numbers as without a
+scheduler.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,9 @@ def call(tmp_path: Path) -> Call:
         written = (ROOT / "tests" / "system" / "stand_in_slurm.py").read_text().split("\n", 1)[1]
         (programs / name).write_text(f"#!{sys.executable}\n{written}")
         (programs / name).chmod(0o755)
-    (programs / "indent-sim").write_text(f'#!/bin/sh\nexec {sys.executable} -m indent_sim.cli.commands "$@"\n')
+    (programs / "indent-sim").write_text(
+        f'#!/bin/sh\nexec {sys.executable} -m indent_sim.cli.commands "$@"\n'
+    )
     (programs / "indent-sim").chmod(0o755)
     environment = (
         os.environ
@@ -90,7 +94,10 @@ def numbers(folder: Path, *varied: str) -> list[list[Any]]:
     """The rows of study.csv: its numbers other than times and memory, then its words."""
     with open(folder / "study.csv", newline="") as stream:
         rows = list(csv.DictReader(stream))
-    measured, kept = ("force", "a", "p_max"), ("index", "run", *varied, "status", "steps_done", "dofs")
+    measured, kept = (
+        ("force", "a", "p_max"),
+        ("index", "run", *varied, "status", "steps_done", "dofs"),
+    )
     return [[*(float(row[k]) for k in measured), *(row[k] for k in kept)] for row in rows]
 
 
@@ -118,9 +125,13 @@ def test_a_run_on_two_ranks(call: Call, tmp_path: Path) -> None:
 
 
 def test_a_run_at_its_time_limit_goes_on(call: Call, tmp_path: Path) -> None:
-    """SIGTERM to the ranks, exit code 143, back into the queue, and the curve is that of one undisturbed run."""
+    """SIGTERM to the ranks, exit code 143, back into the queue, and the curve is that of one
+    undisturbed run.
+    """
     words = ("scene.yaml", "--set", "loading.steps=100")
-    call("sbatch", "--ntasks=2", SLURM / "run.sbatch", *words, "--output", "job", STAND_IN_ROWS="20")
+    call(
+        "sbatch", "--ntasks=2", SLURM / "run.sbatch", *words, "--output", "job", STAND_IN_ROWS="20"
+    )
     assert [end["code"] for end in ends(tmp_path)] == [143, 0]
     report = read(tmp_path / "job").report
     assert report["status"] == "done" and 20 <= report["resumed_after"][0] < 100
@@ -131,16 +142,22 @@ def test_a_run_at_its_time_limit_goes_on(call: Call, tmp_path: Path) -> None:
 def test_exit_codes_come_through(call: Call, tmp_path: Path) -> None:
     """A config error ends the job with 3; it is not queued again."""
     call("sbatch", "--ntasks=2", SLURM / "run.sbatch", "scene.yaml", "--set", "loading.delta=2")
-    assert [end["code"] for end in ends(tmp_path)] == [3] and "beyond the body's thickness" in logs(tmp_path)
+    assert [end["code"] for end in ends(tmp_path)] == [3] and "beyond the body's thickness" in logs(
+        tmp_path
+    )
 
 
 def test_the_worked_example_of_the_page(call: Call, tmp_path: Path) -> None:
-    """An array of three, each stopped at its time limit once, and the last job: the table of the undivided study.
+    """An array of three, each stopped at its time limit once, and the last job: the table of the
+    undivided study.
 
-    SIGUSR1 goes to the job file, SIGTERM from there to the study: what it was at goes on from its last row.
+    SIGUSR1 goes to the job file, SIGTERM from there to the study: what it was at goes on from its
+    last row.
     """
     (tmp_path / "tips.yaml").write_text(block("yaml"))
-    told = call(SLURM / "submit_study", "tips.yaml", "3", "--time=00:10:00", STAND_IN_ROWS="30").stdout
+    told = call(
+        SLURM / "submit_study", "tips.yaml", "3", "--time=00:10:00", STAND_IN_ROWS="30"
+    ).stdout
     assert "3 shards" in told
     assert [end["code"] for end in ends(tmp_path)] == [143, 0] * 3 + [0]
     assert {end["options"]["time"] for end in ends(tmp_path)} == {"00:10:00"}
@@ -163,13 +180,22 @@ def test_the_commands_of_the_page_work(call: Call, tmp_path: Path) -> None:
     (tmp_path / "scripts").symlink_to(ROOT / "scripts")
     (tmp_path / "study.yaml").write_text(STUDY.replace("0.06, 0.05, 0.04", "0.06"))
     (tmp_path / "tips.yaml").write_text(block("yaml").replace("count: 6", "count: 2"))
-    ours = [line for line in block("sh").splitlines() if re.match(r"export|sbatch|scripts/|indent-sim", line)]
+    ours = [
+        line
+        for line in block("sh").splitlines()
+        if re.match(r"export|sbatch|scripts/|indent-sim", line)
+    ]
     assert len(ours) == 9
     call("bash", "-ec", "\n".join(ours))
     assert [end["code"] for end in ends(tmp_path)] == [0] * 11
-    assert numbers(tmp_path / "results" / "study") and read(tmp_path / "results" / "cold").report["ranks"] == 4
+    assert (
+        numbers(tmp_path / "results" / "study")
+        and read(tmp_path / "results" / "cold").report["ranks"] == 4
+    )
 
 
 def test_submit_study_says_how_it_is_used(call: Call) -> None:
-    done = subprocess.run([SLURM / "submit_study", "study.yaml", "none"], capture_output=True, text=True)
+    done = subprocess.run(
+        [SLURM / "submit_study", "study.yaml", "none"], capture_output=True, text=True
+    )
     assert done.returncode == 2 and "usage" in done.stderr

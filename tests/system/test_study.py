@@ -1,4 +1,6 @@
-"""Studies: what a file asks for, that nothing is solved twice, and that a kill or a shard changes no number."""
+"""Studies: what a file asks for, that nothing is solved twice, and that a kill or a shard changes
+no number.
+"""
 
 from __future__ import annotations
 
@@ -74,7 +76,10 @@ def rows_of(folder: Path) -> list[dict[str, str]]:
     """study.csv without what differs from one time to the next."""
     with open(folder / "study.csv", newline="") as stream:
         rows = list(csv.DictReader(stream))
-    return [{k: v for k, v in row.items() if not k.startswith("cpu_") and k not in UNEQUAL} for row in rows]
+    return [
+        {k: v for k, v in row.items() if not k.startswith("cpu_") and k not in UNEQUAL}
+        for row in rows
+    ]
 
 
 def command(*words: str | Path) -> list[str]:
@@ -82,13 +87,22 @@ def command(*words: str | Path) -> list[str]:
 
 
 def environment() -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))}
+    return os.environ | {
+        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    }
 
 
 class TestGrid:
     def test_keys_are_crossed_and_the_last_varies_fastest(self, written):
-        points = grid(written("base: scene.yaml\nvary: {mesh.h_far: [0.4, 0.5], material.nu: [0.1, 0.2, 0.3]}\n"))
-        assert points[:2] == [{"mesh.h_far": 0.4, "material.nu": 0.1}, {"mesh.h_far": 0.4, "material.nu": 0.2}]
+        points = grid(
+            written(
+                "base: scene.yaml\nvary: {mesh.h_far: [0.4, 0.5], material.nu: [0.1, 0.2, 0.3]}\n"
+            )
+        )
+        assert points[:2] == [
+            {"mesh.h_far": 0.4, "material.nu": 0.1},
+            {"mesh.h_far": 0.4, "material.nu": 0.2},
+        ]
         assert len(points) == 6
 
     def test_zipped_keys_go_together(self, written):
@@ -101,10 +115,20 @@ class TestGrid:
     def test_some_keys_zipped_and_the_others_crossed(self, written):
         vary = "{zip: [a.x, a.y], a.x: [1, 2], a.y: [3, 4], b.z: [5, 6]}"
         points = grid(written(f"base: scene.yaml\nvary: {vary}\n"))
-        assert [tuple(point.values()) for point in points] == [(1, 3, 5), (1, 3, 6), (2, 4, 5), (2, 4, 6)]
+        assert [tuple(point.values()) for point in points] == [
+            (1, 3, 5),
+            (1, 3, 6),
+            (2, 4, 5),
+            (2, 4, 6),
+        ]
 
     def test_blocks_follow_one_another(self, written):
-        points = grid(written("base: scene.yaml\nvary:\n  - {mesh.h_far: [0.4, 0.5]}\n  - {contact.method: penalty}\n"))
+        points = grid(
+            written(
+                "base: scene.yaml\nvary:\n  - {mesh.h_far: [0.4, 0.5]}\n  - {contact.method: "
+                "penalty}\n"
+            )
+        )
         assert points == [{"mesh.h_far": 0.4}, {"mesh.h_far": 0.5}, {"contact.method": "penalty"}]
 
     @pytest.mark.parametrize(
@@ -118,7 +142,9 @@ class TestGrid:
         ],
     )
     def test_ranges(self, written, wanted, values):
-        found = [point["k"] for point in grid(written(f"base: scene.yaml\nvary: {{k: {wanted}}}\n"))]
+        found = [
+            point["k"] for point in grid(written(f"base: scene.yaml\nvary: {{k: {wanted}}}\n"))
+        ]
         assert found == values
 
     def test_whole_ends_give_whole_numbers(self, written):
@@ -137,20 +163,32 @@ vary:
         assert grid(path)[0]["contact.epsilon_n"] == Multiple(2.0)
         found = case_list.asked_for(studies.read(path))[0]
         E_star = 1 / (1 - 0.3**2)
-        assert [case.values["contact.epsilon_n"] for case in found] == pytest.approx([20 * E_star, 40 * E_star])
+        assert [case.values["contact.epsilon_n"] for case in found] == pytest.approx(
+            [20 * E_star, 40 * E_star]
+        )
         assert [case.prospect.stiffness for case in found] == pytest.approx([2.0, 2.0])
 
     def test_a_whole_section_is_a_value(self, written):
-        path = written("base: scene.yaml\nvary: {contact: [{method: penalty, epsilon_n: 5.0}, {method: nitsche}]}\n")
-        assert [case.prospect.scene.physics.contact.method for case in case_list.asked_for(studies.read(path))[0]] == [
+        path = written(
+            "base: scene.yaml\nvary: {contact: [{method: penalty, epsilon_n: 5.0}, {method: "
+            "nitsche}]}\n"
+        )
+        assert [
+            case.prospect.scene.physics.contact.method
+            for case in case_list.asked_for(studies.read(path))[0]
+        ] == [
             "penalty",
             "nitsche",
         ]
 
     def test_set_holds_for_every_run_and_an_inline_scene_will_do(self, written):
         indented = "".join(f"  {line}\n" for line in SCENE.splitlines())
-        path = written(f"base:\n{indented}set: {{loading.delta: 0.02}}\nvary: {{mesh.h_far: [0.4, 0.5]}}\n")
-        assert [case.depth for case in case_list.asked_for(studies.read(path))[0]] == pytest.approx([0.02, 0.02])
+        path = written(
+            f"base:\n{indented}set: {{loading.delta: 0.02}}\nvary: {{mesh.h_far: [0.4, 0.5]}}\n"
+        )
+        assert [case.depth for case in case_list.asked_for(studies.read(path))[0]] == pytest.approx(
+            [0.02, 0.02]
+        )
 
 
 class TestIdentity:
@@ -161,19 +199,27 @@ class TestIdentity:
         vary = "vary: {mesh.h_far: [0.4, 0.5]}\n"
         plain = self.ids(written, f"base: scene.yaml\n{vary}")
         (tmp_path / "scene.yaml").write_text(
-            SCENE.replace("A coarse one", "Another") + "units: {length: m, force: N}\noutput: {fields: all}\n"
+            SCENE.replace("A coarse one", "Another")
+            + "units: {length: m, force: N}\noutput: {fields: all}\n"
         )
-        assert self.ids(written, f"title: T\nbase: scene.yaml\noutput: {{plot: true}}\n{vary}") == plain
+        assert (
+            self.ids(written, f"title: T\nbase: scene.yaml\noutput: {{plot: true}}\n{vary}")
+            == plain
+        )
         assert len(set(plain)) == 2
 
     def test_what_auto_chooses_is_the_same_run(self, written):
         auto, given, other = self.ids(
-            written, "base: scene.yaml\nvary: {contact.method: [auto, augmented_lagrangian, penalty]}\n"
+            written,
+            "base: scene.yaml\nvary: {contact.method: [auto, augmented_lagrangian, penalty]}\n",
         )
         assert auto == given != other
 
     def test_steps_and_the_same_depths_one_by_one(self, written):
-        text = "base: scene.yaml\nvary: {loading: [{delta: 0.01, steps: 2}, {deltas: [0.005, 0.01]}, {delta: 0.01}]}\n"
+        text = (
+            "base: scene.yaml\nvary: {loading: [{delta: 0.01, steps: 2}, {deltas: [0.005, "
+            "0.01]}, {delta: 0.01}]}\n"
+        )
         first, second, third = self.ids(written, text)
         assert first == second != third
 
@@ -181,13 +227,38 @@ class TestIdentity:
 MALFORMED = [
     ("vary: {mesh.h_far: [0.4]}\n", None, "base", "give the path"),
     ("base: scene.yaml\n", None, "vary", "says nothing to vary"),
-    ("base: scene.yaml\nvary:\n  mesh.h_contct: [0.1]\n", 3, "mesh.h_contct", "did you mean 'h_contact'"),
-    ("base: scene.yaml\nvary:\n  mesh.h_contact:\n    - 0.1\n    - -0.1\n", 5, "mesh.h_contact", "must be"),
-    ("base: scene.yaml\nvary:\n  loading.delta: [0.1, 2.0]\n", 3, "loading", "beyond the body's thickness"),
+    (
+        "base: scene.yaml\nvary:\n  mesh.h_contct: [0.1]\n",
+        3,
+        "mesh.h_contct",
+        "did you mean 'h_contact'",
+    ),
+    (
+        "base: scene.yaml\nvary:\n  mesh.h_contact:\n    - 0.1\n    - -0.1\n",
+        5,
+        "mesh.h_contact",
+        "must be",
+    ),
+    (
+        "base: scene.yaml\nvary:\n  loading.delta: [0.1, 2.0]\n",
+        3,
+        "loading",
+        "beyond the body's thickness",
+    ),
     ("base: scene.yaml\nvary: {mesh.h_far: []}\n", 2, "vary.mesh.h_far", "has no values"),
     ("base: scene.yaml\nvary: {title: [a, b]}\n", 2, "vary.title", "does not change the physics"),
-    ("base: scene.yaml\nset: {output.plot: true}\nvary: {mesh.h_far: [0.4]}\n", 2, "set.output.plot", "physics"),
-    ("base: scene.yaml\nvary: {k: {from: 0, to: 1, count: 3, spacing: log}}\n", 2, "vary.k.from", "> 0"),
+    (
+        "base: scene.yaml\nset: {output.plot: true}\nvary: {mesh.h_far: [0.4]}\n",
+        2,
+        "set.output.plot",
+        "physics",
+    ),
+    (
+        "base: scene.yaml\nvary: {k: {from: 0, to: 1, count: 3, spacing: log}}\n",
+        2,
+        "vary.k.from",
+        "> 0",
+    ),
     ("base: scene.yaml\nvary: {k: {from: 0, to: 1, cuont: 3}}\n", 2, "vary.k.cuont", "a range has"),
     ("base: scene.yaml\nvary: {k: {from: 0, to: 1}}\n", 2, "vary.k.count", "whole number"),
     ("base: scene.yaml\nvary: {zip: true, a: [1], b: [1, 2]}\n", 2, "vary.zip", "equally many"),
@@ -195,16 +266,51 @@ MALFORMED = [
     ("base: scene.yaml\nvary: {zip: [[]], a: [1]}\n", 2, "vary.zip", "varied here"),
     ("base: scene.yaml\nvaryy: {mesh.h_far: [0.4]}\n", 2, "varyy", "did you mean 'vary'"),
     ("base: scene.yaml\nmesh: {h_far: 0.4}\nvary: {mesh.h_far: [0.4]}\n", 2, "mesh", "base scene"),
-    ("base: scene.yaml\ncompare_to: Theory\nvary: {mesh.h_far: [0.4]}\n", 2, "compare_to", "neither theory nor"),
-    ("base: scene.yaml\ncompare_to: theory\nvary: {material.nu: [0.3, -0.2]}\n", 2, "compare_to", "no theory"),
-    ("base: scene.yaml\noutput: {fields: some}\nvary: {mesh.h_far: [0.4]}\n", 2, "output.fields", "must be"),
+    (
+        "base: scene.yaml\ncompare_to: Theory\nvary: {mesh.h_far: [0.4]}\n",
+        2,
+        "compare_to",
+        "neither theory nor",
+    ),
+    (
+        "base: scene.yaml\ncompare_to: theory\nvary: {material.nu: [0.3, -0.2]}\n",
+        2,
+        "compare_to",
+        "no theory",
+    ),
+    (
+        "base: scene.yaml\noutput: {fields: some}\nvary: {mesh.h_far: [0.4]}\n",
+        2,
+        "output.fields",
+        "must be",
+    ),
     ("base: scene.yaml\nvary: {mesh.h_far: [0.4]\n", None, "", "not YAML"),
     ("base: scene.yaml\nvary: {'': [1]}\n", 2, "vary", "is no key"),
-    ("base: scene.yaml\nset: {mesh..h_far: 0.4}\nvary: {mesh.h_far: [0.4]}\n", 2, "set.mesh..h_far", "is no key"),
-    ("base: scene.yaml\nvary:\n  mesh.h_far: [0.4]\n  mesh: [{h_far: 1}]\n", 3, "vary.mesh.h_far", "contradicts mesh"),
-    ("base: scene.yaml\nset: {mesh.h_far: 1}\nvary: {mesh: [{h_contact: 1.0}]}\n", 2, "set.mesh.h_far", "as a whole"),
+    (
+        "base: scene.yaml\nset: {mesh..h_far: 0.4}\nvary: {mesh.h_far: [0.4]}\n",
+        2,
+        "set.mesh..h_far",
+        "is no key",
+    ),
+    (
+        "base: scene.yaml\nvary:\n  mesh.h_far: [0.4]\n  mesh: [{h_far: 1}]\n",
+        3,
+        "vary.mesh.h_far",
+        "contradicts mesh",
+    ),
+    (
+        "base: scene.yaml\nset: {mesh.h_far: 1}\nvary: {mesh: [{h_contact: 1.0}]}\n",
+        2,
+        "set.mesh.h_far",
+        "as a whole",
+    ),
     ("base: other.yaml\nvary: {mesh.h_far: [0.4]}\n", 1, "base", "cannot read the config"),
-    ("base: scene.yaml\ncompare_to: scene.yaml\nvary: {mesh.h_far: [0.4]}\n", 2, "compare_to", "is not a curve"),
+    (
+        "base: scene.yaml\ncompare_to: scene.yaml\nvary: {mesh.h_far: [0.4]}\n",
+        2,
+        "compare_to",
+        "is not a curve",
+    ),
 ]
 
 
@@ -214,16 +320,33 @@ class TestRefusals:
         """Exit code 3 with file, line and key, before anything is made."""
         done = CliRunner().invoke(commands.program, ["study", str(written(text))])
         place = "STUDY.yaml" if line is None else f"STUDY.yaml:{line}: {key}"
-        assert done.exit_code == 3 and place in done.stderr and key in done.stderr and fragment in done.stderr
-        assert {entry.name for entry in tmp_path.iterdir()} == {"scene.yaml", "STUDY.yaml"} and done.stdout == ""
+        assert (
+            done.exit_code == 3
+            and place in done.stderr
+            and key in done.stderr
+            and fragment in done.stderr
+        )
+        assert {entry.name for entry in tmp_path.iterdir()} == {
+            "scene.yaml",
+            "STUDY.yaml",
+        } and done.stdout == ""
 
     def test_an_error_of_many_points_is_told_once(self, written):
         with pytest.raises(ConfigError) as told:
-            case_list.asked_for(studies.read(written("base: scene.yaml\nvary: {a.b: [1], mesh.h_far: [0.4, 0.5]}\n")))
+            case_list.asked_for(
+                studies.read(
+                    written("base: scene.yaml\nvary: {a.b: [1], mesh.h_far: [0.4, 0.5]}\n")
+                )
+            )
         assert str(told.value).count("unknown key") == 1
 
     @pytest.mark.parametrize(
-        "words", [("missing.yaml",), ("STUDY.yaml", "--shard", "3/2"), ("STUDY.yaml", "--output", "scene.yaml")]
+        "words",
+        [
+            ("missing.yaml",),
+            ("STUDY.yaml", "--shard", "3/2"),
+            ("STUDY.yaml", "--output", "scene.yaml"),
+        ],
     )
     def test_usage(self, written, words):
         written(METHODS)
@@ -256,17 +379,25 @@ class TestRefusals:
         monkeypatch.setattr("indent_sim.studies.study_folder.WORKER_TIMEOUT", 0.0)
         from indent_sim.studies.study_folder import opened
 
-        with opened(tmp_path / "out", resume=False, shared=False), pytest.raises(UsageError, match="in use"):
+        with (
+            opened(tmp_path / "out", resume=False, shared=False),
+            pytest.raises(UsageError, match="in use"),
+        ):
             studies.carry_out(written(METHODS), output=tmp_path / "out")
 
 
 class TestPlan:
     def test_every_run_and_its_cost(self, written, tmp_path):
-        path = written(METHODS.replace("[penalty, active_set]", "[auto, augmented_lagrangian, active_set]"))
+        path = written(
+            METHODS.replace("[penalty, active_set]", "[auto, augmented_lagrangian, active_set]")
+        )
         done = CliRunner().invoke(commands.program, ["plan", str(path), "--json"])
         told = json.loads(done.stdout)
         assert done.exit_code == 0 and told["same"] == 3 and len(told["rows"]) == 6
-        assert told["seconds"] == pytest.approx(sum(row["seconds"] for row in told["rows"])) and told["seconds"] > 0
+        assert (
+            told["seconds"] == pytest.approx(sum(row["seconds"] for row in told["rows"]))
+            and told["seconds"] > 0
+        )
         assert {row["mesh.h_contact"] for row in told["rows"]} == {0.06, 0.05, 0.04}
         text = CliRunner().invoke(commands.program, ["plan", str(path)])
         assert "6 runs, compared with theory; 3 points ask for the same" in text.stdout
@@ -276,29 +407,48 @@ class TestPlan:
         path = written("base: scene.yaml\nvary: {material.nu: [0.2, 0.9]}\n")
         done = CliRunner().invoke(commands.program, ["plan", str(path)])
         assert done.exit_code == 3 and "STUDY.yaml:2: material.nu" in done.stderr
-        assert CliRunner().invoke(commands.program, ["plan", str(path), "--set", "a=1"]).exit_code == 2
+        assert (
+            CliRunner().invoke(commands.program, ["plan", str(path), "--set", "a=1"]).exit_code == 2
+        )
 
 
 class TestRuns:
     def test_the_table_the_picture_and_the_advice(self, written, tmp_path):
-        path = written(METHODS.replace("[penalty, active_set]", "[auto, augmented_lagrangian, active_set]"))
+        path = written(
+            METHODS.replace("[penalty, active_set]", "[auto, augmented_lagrangian, active_set]")
+        )
         done = CliRunner().invoke(commands.program, ["study", str(path), "--output", "out"])
         assert done.exit_code == 0, done.stderr
         assert done.stdout == "out\n" and "for 1 %: contact.method=" in done.stderr
         rows = rows_of(tmp_path / "out")
         assert [row["index"] for row in rows] == [str(i) for i in range(1, 10)]
         assert list(rows[0])[:4] == ["index", "run", "contact.method", "mesh.h_contact"]
-        assert {row["status"] for row in rows} == {"done"} and {row["exit_code"] for row in rows} == {"0"}
+        assert {row["status"] for row in rows} == {"done"} and {
+            row["exit_code"] for row in rows
+        } == {"0"}
         assert all(abs(float(row["force_error_vs"])) < 0.03 for row in rows)  # measured 1.4 %
-        assert all(abs(float(row["p_error_vs"])) < 0.2 and abs(float(row["a_error_vs"])) < 0.2 for row in rows)
-        assert [row["run"] for row in rows[:3]] == [row["run"] for row in rows[3:6]]  # identical physics: solved once
-        assert len(list((tmp_path / "out" / "runs").iterdir())) == 6 and done.stderr.count("force 0.00") == 6
+        assert all(
+            abs(float(row["p_error_vs"])) < 0.2 and abs(float(row["a_error_vs"])) < 0.2
+            for row in rows
+        )
+        assert [row["run"] for row in rows[:3]] == [
+            row["run"] for row in rows[3:6]
+        ]  # identical physics: solved once
+        assert (
+            len(list((tmp_path / "out" / "runs").iterdir())) == 6
+            and done.stderr.count("force 0.00") == 6
+        )
         assert (tmp_path / "out" / "study.png").stat().st_size > 10_000
 
     def test_a_varied_key_with_numbers_and_words(self, written, tmp_path):
-        """`stick` is no number among numbers: it is a colour of the pictures, of the study and of its report."""
+        """`stick` is no number among numbers: it is a colour of the pictures, of the study and of
+        its report.
+        """
         vary = "{contact.friction: [0, 0.1, stick], contact.method: [auto, penalty]}"
-        path = written(f"base: scene.yaml\ncompare_to: finest\nset: {{loading: {{delta: 0.01}}}}\nvary: {vary}\n")
+        path = written(
+            f"base: scene.yaml\ncompare_to: finest\nset: {{loading: {{delta: 0.01}}}}\nvary: "
+            f"{vary}\n"
+        )
         for words in (["study", str(path), "--output", "out"], ["report", "out"]):
             done = CliRunner().invoke(commands.program, words)
             assert done.exit_code == 0, done.stderr
@@ -316,7 +466,9 @@ class TestRuns:
             ("raise NotConverged('x')", 5, "x"),
         ],
     )
-    def test_whatever_ends_a_run_ends_that_run_alone(self, written, tmp_path, monkeypatch, ending, exit_code, reason):
+    def test_whatever_ends_a_run_ends_that_run_alone(
+        self, written, tmp_path, monkeypatch, ending, exit_code, reason
+    ):
         from indent_sim.run import chain
 
         whole = chain.simulate
@@ -335,7 +487,9 @@ class TestRuns:
         assert again.rows == done.rows  # read back, failures too
 
     def test_a_signal_to_the_worker_ends_nothing(self, written, tmp_path, monkeypatch):
-        """Batch systems send SIGTERM to every process of a job; that the study's own one ends is enough."""
+        """Batch systems send SIGTERM to every process of a job; that the study's own one ends is
+        enough.
+        """
         from indent_sim.run import chain
 
         whole = chain.simulate
@@ -359,19 +513,32 @@ class TestRuns:
         table_of_cut.write_text("".join(table_of_cut.read_text().splitlines(keepends=True)[:2]))
         (strange / "config.yaml").write_text("another: 1\n")
         again = studies.carry_out(path, output=out, resume=True)
-        assert [json.loads((f / "run.json").read_text()).get("resumed_after") for f in (cut, strange)] == [[1], None]
+        assert [
+            json.loads((f / "run.json").read_text()).get("resumed_after") for f in (cut, strange)
+        ] == [[1], None]
         costs = {row["run"]: row["cpu_s"] for row in again.rows}
-        assert costs[cut.name] is None and costs[strange.name] > 0  # the seconds before the cut are not known
+        assert (
+            costs[cut.name] is None and costs[strange.name] > 0
+        )  # the seconds before the cut are not known
         assert cut.name not in [row["run"] for row in study_table.measured(again.rows)]
-        assert [row["force"] for row in again.rows] == pytest.approx([row["force"] for row in whole.rows], rel=1e-9)
+        assert [row["force"] for row in again.rows] == pytest.approx(
+            [row["force"] for row in whole.rows], rel=1e-9
+        )
 
     def test_memory_is_given_back(self, written, tmp_path):
-        """Matrices and factors of a run are gone when the next begins: five runs hold about as much as one."""
-        text = f"base: {ROOT}/configs/hertz_cube.yaml\nvary: {{mesh.h_contact: [0.1, 0.099, 0.098, 0.097, 0.096]}}\n"
+        """Matrices and factors of a run are gone when the next begins: five runs hold about as much
+        as one.
+        """
+        text = (
+            f"base: {ROOT}/configs/hertz_cube.yaml\nvary: {{mesh.h_contact: [0.1, 0.099, "
+            f"0.098, 0.097, 0.096]}}\n"
+        )
         rows = studies.carry_out(written(text), output=tmp_path / "out").rows
         first, last = rows[0], rows[-1]
         assert first["memory_MB"] > 20  # something to give back; 74 were measured, 43 later
-        assert last["peak_memory_MB"] - first["peak_memory_MB"] < first["memory_MB"]  # 4 times that without
+        assert (
+            last["peak_memory_MB"] - first["peak_memory_MB"] < first["memory_MB"]
+        )  # 4 times that without
         assert last["memory_MB"] > 0.4 * first["memory_MB"]  # and what a run needed is still seen
 
     def test_no_result_at_all_is_a_failure(self, written, tmp_path, monkeypatch):
@@ -386,23 +553,32 @@ class TestRuns:
     def test_a_second_call_replaces_and_resume_keeps(self, written, tmp_path):
         path, out = written(METHODS), tmp_path / "out"
         studies.carry_out(path, output=out)
-        first = {folder.name: (folder / "run.json").stat().st_mtime_ns for folder in (out / "runs").iterdir()}
+        first = {
+            folder.name: (folder / "run.json").stat().st_mtime_ns
+            for folder in (out / "runs").iterdir()
+        }
         told: list[str] = []
         studies.carry_out(path, output=out, resume=True, tell=told.append)
         assert told == ["6 of 6 runs are there already"]
         path.write_text(METHODS.replace(", 0.04]", "]"))
-        with pytest.raises(UsageError, match=r"2 finished runs that this study does not ask for.*--overwrite"):
+        with pytest.raises(
+            UsageError, match=r"2 finished runs that this study does not ask for.*--overwrite"
+        ):
             studies.carry_out(path, output=out)
         assert len(list((out / "runs").iterdir())) == 6
         studies.carry_out(path, output=out, overwrite=True)
-        second = {folder.name: (folder / "run.json").stat().st_mtime_ns for folder in (out / "runs").iterdir()}
+        second = {
+            folder.name: (folder / "run.json").stat().st_mtime_ns
+            for folder in (out / "runs").iterdir()
+        }
         assert len(second) == 4 and set(second) < set(first) and len(rows_of(out)) == 4
         assert all(second[name] > first[name] for name in second)  # every one was done again
 
     def test_a_study_that_fails_destroys_no_finished_run(self, written, tmp_path, monkeypatch):
         """Each run stays until its new one is done; the table is of what is there."""
         path = written(
-            "base: scene.yaml\nset: {body: {shape: half_space}, mesh: {}}\nvary: {material.nu: [0.2, 0.3]}\n"
+            "base: scene.yaml\nset: {body: {shape: half_space}, mesh: {}}\nvary: "
+            "{material.nu: [0.2, 0.3]}\n"
         )
         studies.carry_out(path, output=tmp_path / "out")
 
@@ -419,14 +595,23 @@ class TestRuns:
         assert content() == before and rows_of(tmp_path / "out") == table
 
     def test_files_of_a_user_stay_among_the_runs(self, written, tmp_path):
-        """Whatever they are called; what a run would have to write over is refused before anything is changed."""
+        """Whatever they are called; what a run would have to write over is refused before anything
+        is changed.
+        """
         path, out = written(METHODS.replace(", 0.04]", "]")), tmp_path / "out"
         studies.carry_out(path, output=out)
         run = min((out / "runs").iterdir())
-        for file in (run / "notes.txt", run / "report.html", out / "runs" / "README", out / "mine.csv"):
+        for file in (
+            run / "notes.txt",
+            run / "report.html",
+            out / "runs" / "README",
+            out / "mine.csv",
+        ):
             file.write_text("mine")
         studies.carry_out(path, output=out)
-        assert {file.name for file in out.rglob("*") if file.is_file() and file.read_bytes() == b"mine"} == {
+        assert {
+            file.name for file in out.rglob("*") if file.is_file() and file.read_bytes() == b"mine"
+        } == {
             "notes.txt",
             "report.html",
             "README",
@@ -440,24 +625,35 @@ class TestRuns:
         assert before == {file: file.read_bytes() for file in out.rglob("*") if file.is_file()}
 
     def test_several_jobs_give_the_table_of_one(self, written, tmp_path):
-        """Whatever the order in which runs end; their curves in long form are the tables of the runs."""
+        """Whatever the order in which runs end; their curves in long form are the tables of the
+        runs.
+        """
         path = written(METHODS)
         for jobs in (1, 2):
             studies.carry_out(path, output=tmp_path / f"{jobs}", jobs=jobs)
         assert rows_of(tmp_path / "1") == rows_of(tmp_path / "2")
-        assert (tmp_path / "1" / "curves.csv").read_text() == (tmp_path / "2" / "curves.csv").read_text()
+        assert (tmp_path / "1" / "curves.csv").read_text() == (
+            tmp_path / "2" / "curves.csv"
+        ).read_text()
         with open(tmp_path / "2" / "curves.csv", newline="") as stream:
             curves = list(csv.DictReader(stream))
         keys = ["contact.method", "mesh.h_contact"]
         assert list(curves[0]) == ["run", *keys, "step", "delta", "force", "a", "force_error"]
         for name in {row["run"] for row in curves}:
-            own, found = [row for row in curves if row["run"] == name], read(tmp_path / "2" / "runs" / name)
+            own, found = (
+                [row for row in curves if row["run"] == name],
+                read(tmp_path / "2" / "runs" / name),
+            )
             assert [float(row["force"]) for row in own] == found["force"].tolist()
-            assert name.startswith(f"method={own[0]['contact.method']}_h_contact={own[0]['mesh.h_contact']}-")
+            assert name.startswith(
+                f"method={own[0]['contact.method']}_h_contact={own[0]['mesh.h_contact']}-"
+            )
         assert (tmp_path / "2" / "curves.png").stat().st_size > 10_000
 
     def test_jobs_killed_and_resumed(self, written, tmp_path):
-        """With two at a time, one killed run and then the whole: the table is that of an undisturbed study."""
+        """With two at a time, one killed run and then the whole: the table is that of an
+        undisturbed study.
+        """
         path = written(METHODS)
         studies.carry_out(path, output=tmp_path / "whole")
         for _ in range(2):
@@ -490,15 +686,22 @@ class TestRuns:
         assert not (tmp_path / "out").exists()
 
     def test_quiet(self, written):
-        done = CliRunner().invoke(commands.program, ["study", str(written(METHODS)), "--quiet", "--output", "out"])
+        done = CliRunner().invoke(
+            commands.program, ["study", str(written(METHODS)), "--quiet", "--output", "out"]
+        )
         assert done.exit_code == 0 and done.stderr == "" and done.stdout == "out\n"
 
     def test_shards_merge(self, written, tmp_path):
         path = written(METHODS)
         for i in (2, 1, 3):
-            part = CliRunner().invoke(commands.program, ["study", str(path), "--output", "parts", "--shard", f"{i}/3"])
+            part = CliRunner().invoke(
+                commands.program, ["study", str(path), "--output", "parts", "--shard", f"{i}/3"]
+            )
             assert part.exit_code == 0 and part.stdout == "parts\n"
-            assert part.stderr.count("force 0.00") == 2 and not (tmp_path / "parts" / "study.csv").exists()
+            assert (
+                part.stderr.count("force 0.00") == 2
+                and not (tmp_path / "parts" / "study.csv").exists()
+            )
         told: list[str] = []
         studies.carry_out(path, output=tmp_path / "parts", resume=True, tell=told.append)
         studies.carry_out(path, output=tmp_path / "whole")
@@ -518,7 +721,9 @@ class TestRuns:
         ids=["8 runs", "40 runs"],
     )
     def test_killed_at_random_and_resumed(self, written, tmp_path, sizes, kills_after):
-        """To the last bit: in one step, so that no run goes on in the middle, where it comes from another side."""
+        """To the last bit: in one step, so that no run goes on in the middle, where it comes from
+        another side.
+        """
         one_step = METHODS.replace("[0.06, 0.05, 0.04]", str(sizes)) + "set: {loading.steps: 1}\n"
         path = written(one_step)
         studies.carry_out(path, output=tmp_path / "whole")
@@ -531,29 +736,43 @@ class TestRuns:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
             ) as process:
-                while process.poll() is None and len(list(tmp_path.glob("killed/runs/*/run.json"))) < runs:
+                while (
+                    process.poll() is None
+                    and len(list(tmp_path.glob("killed/runs/*/run.json"))) < runs
+                ):
                     time.sleep(0.005)
                 time.sleep(random.uniform(0, 0.05))
                 process.send_signal(signal.SIGKILL)
             assert not (tmp_path / "killed" / "study.csv").exists()
         done = subprocess.run(
-            command(path, "--output", "killed", "--resume"), cwd=tmp_path, env=environment(), capture_output=True
+            command(path, "--output", "killed", "--resume"),
+            cwd=tmp_path,
+            env=environment(),
+            capture_output=True,
         )
         assert done.returncode == 0, done.stderr.decode()
         assert rows_of(tmp_path / "killed") == rows_of(tmp_path / "whole")
         assert len(rows_of(tmp_path / "whole")) == 2 * len(sizes)
 
     def test_a_pressure_without_bound_has_an_empty_cell(self, written, tmp_path):
-        cone = METHODS.replace("[0.06, 0.05, 0.04]", "[0.06]") + "set: {indenter: {shape: cone, half_angle: 80}}\n"
+        cone = (
+            METHODS.replace("[0.06, 0.05, 0.04]", "[0.06]")
+            + "set: {indenter: {shape: cone, half_angle: 80}}\n"
+        )
         studies.carry_out(written(cone), output=tmp_path / "cone")
         assert all(
-            (row["p_max"], row["p_error_vs"], row["status"]) == ("", "", "done") for row in rows_of(tmp_path / "cone")
+            (row["p_max"], row["p_error_vs"], row["status"]) == ("", "", "done")
+            for row in rows_of(tmp_path / "cone")
         )
 
     def test_sigterm_leaves_a_table_of_what_is_there(self, written, tmp_path):
         path = written(METHODS.replace("theory", "finest") + "set: {loading.steps: 20000}\n")
         with subprocess.Popen(
-            command(path, "--output", "out"), cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, text=True
+            command(path, "--output", "out"),
+            cwd=tmp_path,
+            env=environment(),
+            stderr=subprocess.PIPE,
+            text=True,
         ) as process:
             deadline = time.monotonic() + 60
             while not list((tmp_path / "out" / "runs").glob("*/force_indentation.csv")):
@@ -574,18 +793,26 @@ class TestRuns:
 
 
 class TestAnotherKindOfFile:
-    @pytest.mark.parametrize("words", [("run",), ("run", "--json"), ("run", "--set", "material.nu=0.2")])
+    @pytest.mark.parametrize(
+        "words", [("run",), ("run", "--json"), ("run", "--set", "material.nu=0.2")]
+    )
     def test_a_study_is_no_scene(self, written, tmp_path, words):
         written(METHODS)
         done = CliRunner().invoke(commands.program, [words[0], "STUDY.yaml", *words[1:]])
         assert done.exit_code == 3 and not (tmp_path / "results").exists()
-        assert "STUDY.yaml:3: this is a study, not a scene; indent-sim study STUDY.yaml\n" in done.stderr
+        assert (
+            "STUDY.yaml:3: this is a study, not a scene; indent-sim study STUDY.yaml\n"
+            in done.stderr
+        )
 
     @pytest.mark.parametrize("text", [SCENE, "title: ten\naccuracy: 0.01\n"])
     def test_a_scene_is_no_study(self, written, tmp_path, text):
         done = CliRunner().invoke(commands.program, ["study", str(written(text))])
         assert done.exit_code == 3 and not (tmp_path / "results").exists()
-        assert f"STUDY.yaml:2: this is a scene, not a study; indent-sim run {tmp_path / 'STUDY.yaml'}\n" in done.stderr
+        assert (
+            "STUDY.yaml:2: this is a scene, not a study; indent-sim run "
+            f"{tmp_path / 'STUDY.yaml'}\n"
+        ) in done.stderr
 
     def test_a_scene_with_a_key_of_a_study_is_still_a_scene(self, written):
         """A stray key is what is wrong then, and it is named."""
@@ -594,10 +821,17 @@ class TestAnotherKindOfFile:
 
 
 class TestComparison:
-    @pytest.mark.parametrize("wanted", ["theory", "finest", "1.6e-3", "result", "result/force_indentation.csv"])
+    @pytest.mark.parametrize(
+        "wanted", ["theory", "finest", "1.6e-3", "result", "result/force_indentation.csv"]
+    )
     def test_every_form(self, written, tmp_path, wanted):
         if wanted.startswith("result"):
-            assert CliRunner().invoke(commands.program, ["run", "scene.yaml", "--output", "result"]).exit_code == 0
+            assert (
+                CliRunner()
+                .invoke(commands.program, ["run", "scene.yaml", "--output", "result"])
+                .exit_code
+                == 0
+            )
         text = f"base: scene.yaml\ncompare_to: {wanted}\nvary: {{mesh.h_contact: [0.06, 0.05]}}\n"
         rows = studies.carry_out(written(text), output=tmp_path / "out").rows
         force = [row["force"] for row in rows]
@@ -625,7 +859,9 @@ class TestComparison:
             studies.carry_out(path, output=tmp_path / "out")
 
     def test_finest_of_each_problem(self, written, tmp_path):
-        path = written("base: scene.yaml\nvary: {material.nu: [0.1, 0.3], mesh.h_contact: [0.06, 0.05]}\n")
+        path = written(
+            "base: scene.yaml\nvary: {material.nu: [0.1, 0.3], mesh.h_contact: [0.06, 0.05]}\n"
+        )
         rows = studies.carry_out(path, output=tmp_path / "out").rows
         assert [row["force_error_vs"] == 0 for row in rows] == [False, True, False, True]
         assert all(abs(row["force_error_vs"]) < 0.01 for row in rows)
@@ -640,28 +876,39 @@ class TestComparison:
         assert "compared with no other" in done.notes[0] and not done.recommendations
 
     def test_accuracy_is_one_more_way_to_solve_the_same_problem(self, written, tmp_path):
-        (tmp_path / "scene.yaml").write_text(SCENE.replace("mesh: {h_contact: 0.05, h_far: 0.5}\n", ""))
-        done = studies.carry_out(
-            written("base: scene.yaml\nvary: {accuracy: [fast, accurate]}\n"), output=tmp_path / "out"
+        (tmp_path / "scene.yaml").write_text(
+            SCENE.replace("mesh: {h_contact: 0.05, h_far: 0.5}\n", "")
         )
-        assert 0 < abs(done.rows[0]["force_error_vs"]) < 0.05 and done.rows[1]["force_error_vs"] == 0
+        done = studies.carry_out(
+            written("base: scene.yaml\nvary: {accuracy: [fast, accurate]}\n"),
+            output=tmp_path / "out",
+        )
+        assert (
+            0 < abs(done.rows[0]["force_error_vs"]) < 0.05 and done.rows[1]["force_error_vs"] == 0
+        )
         assert "accuracy=fast" in done.recommendations[0]
 
     def test_inexact_theory_is_said_to_be(self, written, tmp_path):
         path = written(
-            "base: scene.yaml\nset: {body.sides: free}\ncompare_to: theory\nvary: {mesh.h_contact: [0.06]}\n"
+            "base: scene.yaml\nset: {body.sides: free}\ncompare_to: theory\nvary: "
+            "{mesh.h_contact: [0.06]}\n"
         )
         assert "not exact" in studies.carry_out(path, output=tmp_path / "out").notes[0]
 
     def test_no_peak_where_theory_has_none(self, written):
-        text = "base: scene.yaml\nset: {indenter: {shape: flat_punch, radius: 0.3}}\nvary: {mesh.h_far: [0.4]}\n"
+        text = (
+            "base: scene.yaml\nset: {indenter: {shape: flat_punch, radius: 0.3}}\nvary: "
+            "{mesh.h_far: [0.4]}\n"
+        )
         from indent_sim.studies.reference.truth import of_theory
 
         answer = of_theory(case_list.asked_for(studies.read(written(text)))[0][0])
         assert np.isnan(answer.p_max).all() and np.isfinite(answer.force).all()
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "configs" / "studies").rglob("*.yaml")), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "configs" / "studies").rglob("*.yaml")), ids=lambda path: path.name
+)
 def test_shipped_studies_can_be_run(path):
     planned = studies.read(path)
     found, refused = case_list.sorted_out(planned)
@@ -670,7 +917,9 @@ def test_shipped_studies_can_be_run(path):
     assert len({case.id for case in found}) == len(found) > 1 or planned.members
     if planned.tolerance is None:  # theory at all points of a map takes a minute
         answered = {Truth(planned, found).answer(case) is not None for case in found}
-        assert len(answered) == 1  # a study of accuracy has an answer for each, one of a parameter for none
+        assert (
+            len(answered) == 1
+        )  # a study of accuracy has an answer for each, one of a parameter for none
 
 
 class TestScoreboard:
@@ -688,8 +937,9 @@ cases:
 """
 
     def test_a_study_of_cases_writes_its_scoreboard(self, written, tmp_path):
-        """Columns as they are documented; ours within 1 % of theory on this mesh, and the exact value of the second is
-        what the first one found."""
+        """Columns as they are documented; ours within 1 % of theory on this mesh, and the exact
+        value of the second is what the first one found.
+        """
         path = written(self.CASES)
         done = CliRunner().invoke(commands.program, ["study", str(path), "--output", "out"])
         assert done.exit_code == 0, done.output
@@ -697,10 +947,19 @@ cases:
             first, second = rows = list(csv.DictReader(stream))
         assert list(first)[:6] == ["case", "quantity", "published", "exact", "exact_by", "ours"]
         assert list(first)[6:10] == ["our_error", "difference", "claims", "source"]
-        assert abs(float(first["ours"]) / float(first["exact"]) - 1) < 0.01 and first["exact_by"] == "layer theory"
+        assert (
+            abs(float(first["ours"]) / float(first["exact"]) - 1) < 0.01
+            and first["exact_by"] == "layer theory"
+        )
         assert first["wrong"] == "published" and "claims 1 %" in done.stderr
-        runs = {row["case"]: read(tmp_path / "out" / "runs" / row["run"]) for row in rows_of(tmp_path / "out")}
-        assert float(second["exact"]) == runs["coarse"]["a"][0] and float(second["ours"]) == runs["finer"]["a"][0]
+        runs = {
+            row["case"]: read(tmp_path / "out" / "runs" / row["run"])
+            for row in rows_of(tmp_path / "out")
+        }
+        assert (
+            float(second["exact"]) == runs["coarse"]["a"][0]
+            and float(second["ours"]) == runs["finer"]["a"][0]
+        )
         assert second["exact_by"] == "another mesh" and len(rows) == 2
         assert (tmp_path / "out" / "verification.png").stat().st_size > 10_000
         assert not (tmp_path / "out" / "curves.png").exists()  # scenes that have nothing in common
@@ -723,7 +982,9 @@ cases:
 
     @pytest.mark.verify
     def test_our_numbers_are_within_their_bars_of_the_exact_ones(self, tmp_path):
-        """All published values; those named as wrong are known to be: the pyramid's factor, and Hayes' table."""
+        """All published values; those named as wrong are known to be: the pyramid's factor, and
+        Hayes' table.
+        """
         path = ROOT / "configs" / "studies" / "verification" / "published.yaml"
         board = studies.carry_out(path, output=tmp_path / "out", jobs=2).scoreboard
         assert [row["case"] for row in board if row["wrong"] in ("ours", "both", "unknown")] == []
@@ -740,22 +1001,32 @@ class TestAdvice:
         ]
 
     def test_the_front_is_what_nothing_beats(self):
-        rows = self.rows(("a", 1, 10, 0.1), ("a", 2, 20, -0.01), ("b", 2.5, 10, 0.05), ("b", 3, 20, 0.001))
+        rows = self.rows(
+            ("a", 1, 10, 0.1), ("a", 2, 20, -0.01), ("b", 2.5, 10, 0.05), ("b", 3, 20, 0.001)
+        )
         assert [row["run"] for row in study_table.pareto(rows)] == ["0", "1", "3"]
 
     def test_luck_does_not_count(self):
         """The coarse mesh hits 0.1 % where a finer one misses it."""
-        rows = self.rows(("a", 1, 10, 1e-4), ("a", 2, 20, 0.005), ("a", 4, 40, 1e-4), ("b", 3, 10, 0.004))
-        assert [study_table.recommended(rows, ["method"], target)["run"] for target in (0.01, 0.001)] == ["0", "2"]
+        rows = self.rows(
+            ("a", 1, 10, 1e-4), ("a", 2, 20, 0.005), ("a", 4, 40, 1e-4), ("b", 3, 10, 0.004)
+        )
+        assert [
+            study_table.recommended(rows, ["method"], target)["run"] for target in (0.01, 0.001)
+        ] == ["0", "2"]
         assert study_table.recommended(rows, ["method"], 1e-5) is None
 
     def test_a_run_of_unknown_cost_is_not_advised_but_tells_luck(self):
-        rows = self.rows(("a", 1, 10, 1e-4), ("a", None, 20, 0.005), ("b", None, 10, 1e-5), ("b", 9, 20, 1e-5))
+        rows = self.rows(
+            ("a", 1, 10, 1e-4), ("a", None, 20, 0.005), ("b", None, 10, 1e-5), ("b", 9, 20, 1e-5)
+        )
         assert study_table.recommended(rows, ["method"], 0.001)["run"] == "3"
 
     def test_what_has_no_error_is_not_measured(self):
         rows = self.rows(("a", 1, 10, 0.0), ("a", 1, 10, None))
-        assert study_table.measured(rows) == [] and study_table.recommendations(rows, ["method"]) == []
+        assert (
+            study_table.measured(rows) == [] and study_table.recommendations(rows, ["method"]) == []
+        )
 
     def test_a_run_without_rows_has_no_numbers(self, written):
         case = case_list.asked_for(studies.read(written(METHODS)))[0][0]
@@ -799,9 +1070,18 @@ vary:
         assert abs(soft["force_error_vs"]) <= soft["stated_error"] and "too low" in soft["warnings"]
         assert refused["exit_code"] == 3 and "nitsche gives wrong forces" in refused["reason"]
         assert done.recommendations == ["1 right, 1 flagged, 1 refused, 0 wrong"]
-        beyond = refused | {"reason": "scene.yaml:12: loading: depth 2 is beyond the body's thickness 1"}
-        assert study_table.impossible(done.rows) == 0 and study_table.impossible([*done.rows, beyond]) == 1
-        assert [row["verdict"] for row in rows_of(done.directory)] == ["right", "flagged", "refused"]
+        beyond = refused | {
+            "reason": "scene.yaml:12: loading: depth 2 is beyond the body's thickness 1"
+        }
+        assert (
+            study_table.impossible(done.rows) == 0
+            and study_table.impossible([*done.rows, beyond]) == 1
+        )
+        assert [row["verdict"] for row in rows_of(done.directory)] == [
+            "right",
+            "flagged",
+            "refused",
+        ]
 
     def test_without_one_a_point_that_cannot_be_is_an_error(self, written):
         with pytest.raises(ConfigError, match="nitsche gives wrong forces"):
@@ -813,7 +1093,10 @@ vary:
             studies.read(written(self.MAP.replace("0.005", given)))
 
     def test_out_of_contact_the_truth_is_nothing(self, written):
-        text = "base: scene.yaml\ncompare_to: theory\ntolerance: 0.005\nvary: {loading: [{deltas: [0.01, -0.01]}]}\n"
+        text = (
+            "base: scene.yaml\ncompare_to: theory\ntolerance: 0.005\nvary: {loading: "
+            "[{deltas: [0.01, -0.01]}]}\n"
+        )
         (row,) = studies.carry_out(written(text)).rows
         assert (row["force"], row["force_error_vs"], row["verdict"]) == (0.0, 0.0, "right")
 
@@ -823,7 +1106,9 @@ class TestPicture:
 
     @pytest.fixture
     def drawn(self, tmp_path, monkeypatch):
-        """Draw rows (method, h, seconds, error); returns the figure as it is saved, and its front as it is listed."""
+        """Draw rows (method, h, seconds, error); returns the figure as it is saved, and its front
+        as it is listed.
+        """
         from indent_sim.results.pictures import canvas
         from indent_sim.studies import picture
 
@@ -843,7 +1128,13 @@ class TestPicture:
                 }
                 for i, (m, h, s, e) in enumerate(rows)
             ]
-            picture.draw(table, self.KEYS, "A title that is " + "very " * 40 + "long", "theory", tmp_path / "study.png")
+            picture.draw(
+                table,
+                self.KEYS,
+                "A title that is " + "very " * 40 + "long",
+                "theory",
+                tmp_path / "study.png",
+            )
             figures[-1].draw_without_rendering()
             return figures[-1], figures[-1].axes[-1].texts[0]
 
@@ -856,25 +1147,34 @@ class TestPicture:
 
     def test_numbers_on_a_dense_front_do_not_cover_one_another(self, drawn):
         """Forty points, some almost on one another; best and quickest are named."""
-        rows = [("ab"[i % 2], 0.1 / (1 + i), 0.08 * 1.04 ** (i - i % 3), 0.01 * 0.8**i) for i in range(40)]
+        rows = [
+            ("ab"[i % 2], 0.1 / (1 + i), 0.08 * 1.04 ** (i - i % 3), 0.01 * 0.8**i)
+            for i in range(40)
+        ]
         figure, listed = drawn(rows)
         numbers = [text for text in figure.axes[0].texts if text.get_text().isdigit()]
         assert len(numbers) == 8 and not self.overlap(*numbers)
         assert "8 of its" in listed.get_text() and f"{rows[-1][3]:+.2g}" in listed.get_text()
 
     def test_the_legend_and_the_list_have_room_beside_one_another(self, drawn):
-        figure, listed = drawn([("abcdefg"[i % 7], 0.1 / (1 + i), 0.1 * 1.2**i, 0.01 * 0.7**i) for i in range(14)])
+        figure, listed = drawn(
+            [("abcdefg"[i % 7], 0.1 / (1 + i), 0.1 * 1.2**i, 0.01 * 0.7**i) for i in range(14)]
+        )
         assert not self.overlap(listed, figure.axes[-1].get_legend())
         assert figure.texts[0].get_window_extent().x1 < figure.bbox.x1  # the title
 
     def test_no_line_through_points_of_several_curves(self, drawn):
         """More words than colours: all points are one group."""
-        figure, _ = drawn([(f"word {i % 9}", 0.1 / (1 + i // 9), 1.0 + i, 0.1 / (1 + i)) for i in range(18)])
+        figure, _ = drawn(
+            [(f"word {i % 9}", 0.1 / (1 + i // 9), 1.0 + i, 0.1 / (1 + i)) for i in range(18)]
+        )
         assert figure.axes[1].lines[0].get_linestyle() == "None"
 
     def test_of_keys_that_go_together_the_first_is_named(self):
         from indent_sim.studies.study_table import telling
 
-        rows = [{"method": m, "h": h, "far": 10 * h, "nu": 0.3} for m in ("a", "b") for h in (0.1, 0.2)]
+        rows = [
+            {"method": m, "h": h, "far": 10 * h, "nu": 0.3} for m in ("a", "b") for h in (0.1, 0.2)
+        ]
         assert telling(rows, ["method", "h", "far", "nu"]) == ["method", "h"]
         assert telling(rows[:1], ["method", "h"]) == ["method", "h"]  # nothing varies: all of them

@@ -1,4 +1,6 @@
-"""Pictures of studies, their drawn data read back: many runs in small multiples, and columns over what varies."""
+"""Pictures of studies, their drawn data read back: many runs in small multiples, and columns over
+what varies.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ def force_of(height: float = 8.0, R: float = 5.0, nu: float = 0.3, E: float = 1.
 
 def families(**numbers: tuple[float, ...]) -> Families:
     """A grid of runs over these numbers, in the order given; forces go with the depth to 3/2."""
-    grid = np.stack(np.meshgrid(*numbers.values(), indexing="ij"), axis=-1).reshape(-1, len(numbers))
+    grid = np.stack(np.meshgrid(*numbers.values(), indexing="ij"), axis=-1).reshape(
+        -1, len(numbers)
+    )
     delta = np.linspace(0.1, 0.5, 5)
     curves = []
     for point in grid:
@@ -56,40 +60,59 @@ def panels_of(figure: Any) -> list[Any]:
 
 @pytest.fixture(scope="module")
 def four() -> Families:
-    return families(**{"body.height": HEIGHTS, "material.nu": RATIOS, "indenter.R": RADII, "material.E": MODULI})
+    return families(
+        **{"body.height": HEIGHTS, "material.nu": RATIOS, "indenter.R": RADII, "material.E": MODULI}
+    )
 
 
 def test_two_hundred_runs_of_four_keys_are_told_apart(four: Families) -> None:
-    """Every curve lies in the panel of its R and nu, in the colour of its height, with the dashes of its E."""
+    """Every curve lies in the panel of its R and nu, in the colour of its height, with the dashes
+    of its E.
+    """
     with picture.curves_pictured(four, "200 runs") as figure:
         canvas.lay_out(figure)
         assert faults(figure) == []
         small = panels_of(figure)[: len(RADII) * len(RATIOS)]
         shades, _ = multiples.looks_by(four, "body.height")
-        colours = {curve.values["body.height"]: look["color"] for curve, look in zip(four.curves, shades, strict=True)}
+        colours = {
+            curve.values["body.height"]: look["color"]
+            for curve, look in zip(four.curves, shades, strict=True)
+        }
         for place, axes in enumerate(small):
             nu, R = RATIOS[place // len(RADII)], RADII[place % len(RADII)]
             assert axes.get_title(loc="left") == f"R {R:g}, nu {nu:g}"
             (lines,) = axes.collections
             assert len(lines.get_paths()) == len(HEIGHTS) * len(MODULI)
             ends = sorted(path.vertices[-1, 1] for path in lines.get_paths())
-            assert ends == pytest.approx(sorted(force_of(h, R, nu, E) for h in HEIGHTS for E in MODULI))
+            assert ends == pytest.approx(
+                sorted(force_of(h, R, nu, E) for h in HEIGHTS for E in MODULI)
+            )
             for path, colour, (_, dashes) in zip(
                 lines.get_paths(), lines.get_colors(), lines.get_linestyles(), strict=True
             ):
                 E = MODULI[dashes is not None]
-                (height,) = [h for h in HEIGHTS if path.vertices[-1, 1] == pytest.approx(force_of(h, R, nu, E))]
+                (height,) = [
+                    h
+                    for h in HEIGHTS
+                    if path.vertices[-1, 1] == pytest.approx(force_of(h, R, nu, E))
+                ]
                 assert tuple(colour) == pytest.approx(to_rgba(colours[height]))
         over = panels_of(figure)[len(small) :]
         assert [axes.get_xlabel() for axes in over] == ["height [µm]", "nu", "R [µm]"]
         points = np.concatenate([part.get_offsets() for part in over[0].collections])
         assert len(points) == 200 and {tuple(point) for point in np.round(points, 6)} == {
-            (h, round(force_of(h, R, nu, E), 6)) for h in HEIGHTS for R in RADII for nu in RATIOS for E in MODULI
+            (h, round(force_of(h, R, nu, E), 6))
+            for h in HEIGHTS
+            for R in RADII
+            for nu in RATIOS
+            for E in MODULI
         }
 
 
 def test_the_force_over_two_numbers_is_a_map() -> None:
-    """Colours lie between the smallest and the largest force of the runs, and every run is a dot at its numbers."""
+    """Colours lie between the smallest and the largest force of the runs, and every run is a dot at
+    its numbers.
+    """
     two = families(**{"body.height": HEIGHTS, "indenter.R": RADII})
     with multiples.column_pictured(two, "force", "two") as figure:
         canvas.lay_out(figure)
@@ -98,7 +121,9 @@ def test_the_force_over_two_numbers_is_a_map() -> None:
         (dots,) = axes.get_lines()
         assert set(zip(*dots.get_data(), strict=True)) == {(h, R) for h in HEIGHTS for R in RADII}
         forces = [force_of(h, R) for h in HEIGHTS for R in RADII]
-        levels = next(one for one in figure.findobj(Axes) if one.get_label() == "<colorbar>").get_xlim()
+        levels = next(
+            one for one in figure.findobj(Axes) if one.get_label() == "<colorbar>"
+        ).get_xlim()
         assert levels == pytest.approx((min(forces), max(forces)))
 
 
@@ -109,18 +134,26 @@ def test_columns_over_one_number_are_the_rows(column: str) -> None:
         canvas.lay_out(figure)
         axes = panels_of(figure)[0]
         assert axes.get_xlabel() == "R [µm]"
-        scale = multiples.told(one, column)[0][0] / one.curves[0].results[column][-1]  # of the unit shown
+        scale = (
+            multiples.told(one, column)[0][0] / one.curves[0].results[column][-1]
+        )  # of the unit shown
         points = np.concatenate([part.get_offsets() for part in axes.collections])
-        asked = [(curve.values["indenter.R"], scale * curve.results[column][-1]) for curve in one.curves]
+        asked = [
+            (curve.values["indenter.R"], scale * curve.results[column][-1]) for curve in one.curves
+        ]
         assert np.array(sorted(map(tuple, points))) == pytest.approx(np.array(sorted(asked)))
 
 
 def test_a_study_without_numbers_has_nothing_to_draw_over() -> None:
     two = families(**{"indenter.R": RADII})
     words = Families(
-        tuple(Curve({"contact.method": "penalty"}, curve.results) for curve in two.curves), ("contact.method",)
+        tuple(Curve({"contact.method": "penalty"}, curve.results) for curve in two.curves),
+        ("contact.method",),
     )
-    with pytest.raises(UsageError, match="no number varies"), multiples.column_pictured(words, "force", "words"):
+    with (
+        pytest.raises(UsageError, match="no number varies"),
+        multiples.column_pictured(words, "force", "words"),
+    ):
         pass
 
 
@@ -143,7 +176,10 @@ def test_the_command_draws_a_study(tmp_path: Path) -> None:
     figure = indent_sim.plot(study, "a")
     points = np.concatenate([part.get_offsets() for part in figure.axes[0].collections])
     assert np.asarray(points) == pytest.approx(np.column_stack([[5, 10], study["a"]]))
-    for options, said in ((["--what", "pressure"], "is one of curves"), (["--zoom", "2"], "heeds no zoom")):
+    for options, said in (
+        (["--what", "pressure"], "is one of curves"),
+        (["--zoom", "2"], "heeds no zoom"),
+    ):
         refused = CliRunner().invoke(commands.program, ["plot", str(folder), *options])
         assert refused.exit_code == 2 and said in refused.stderr
 
@@ -153,9 +189,12 @@ def test_the_penetration_is_over_epsilon_n_beside_what_a_penalty_yields() -> Non
     runs = families(**{"indenter.R": RADII}).curves
     stiffness = np.geomspace(1e2, 1e6, len(runs))
     curves = tuple(
-        Curve({"contact.epsilon_n": float(one)}, curve.results) for one, curve in zip(stiffness, runs, strict=True)
+        Curve({"contact.epsilon_n": float(one)}, curve.results)
+        for one, curve in zip(stiffness, runs, strict=True)
     )
-    with multiples.column_pictured(Families(curves, ("contact.epsilon_n",)), "penetration", "penalty") as figure:
+    with multiples.column_pictured(
+        Families(curves, ("contact.epsilon_n",)), "penetration", "penalty"
+    ) as figure:
         canvas.lay_out(figure)
         assert faults(figure) == []
         (axes,) = panels_of(figure)
@@ -165,10 +204,18 @@ def test_the_penetration_is_over_epsilon_n_beside_what_a_penalty_yields() -> Non
             / runs[0].results["penetration"][-1]
         )
         assert np.asarray(points) == pytest.approx(
-            np.array([(k, scale * curve.results["penetration"][-1]) for k, curve in zip(stiffness, runs, strict=True)])
+            np.array(
+                [
+                    (k, scale * curve.results["penetration"][-1])
+                    for k, curve in zip(stiffness, runs, strict=True)
+                ]
+            )
         )
         yields = next(line for line in axes.get_lines() if "epsilon" in str(line.get_label()))
         assert yields.get_ydata() == pytest.approx(
             scale * np.array([run.results["p_max"][-1] for run in runs]) / stiffness
         )
-        assert axes.get_xscale() == axes.get_yscale() == "log" and axes.get_xlabel() == "epsilon_n [nN/µm³]"
+        assert (
+            axes.get_xscale() == axes.get_yscale() == "log"
+            and axes.get_xlabel() == "epsilon_n [nN/µm³]"
+        )

@@ -1,4 +1,6 @@
-"""Pictures of the shipped studies: their runs, keys, names and units, with numbers that nobody computed."""
+"""Pictures of the shipped studies: their runs, keys, names and units, with numbers that nobody
+computed.
+"""
 
 from __future__ import annotations
 
@@ -21,24 +23,45 @@ from indent_sim.studies.study_file import StudyFile
 from indent_sim.studies.study_table import Row
 
 STUDIES = Path(__file__).resolve().parents[2] / "configs" / "studies"
-QUICK = ("thin_gel", "side_by_side", "water_or_chains", "published")  # few runs, many, in time, of published values
+QUICK = (
+    "thin_gel",
+    "side_by_side",
+    "water_or_chains",
+    "published",
+)  # few runs, many, in time, of published values
 SAMPLES, HOLD = 8, 6  # rows of a curve, and of those how many a history holds
 
 
 # Of the rest one of each shape: two keys crossed, sizes of meshes, many methods, tips, units
-OTHERS = ("asked_axi", "layer", "source_model", "cell_on_glass", "stiffness_mesh", "three_dimensions", "tips", "notes")
+OTHERS = (
+    "asked_axi",
+    "layer",
+    "source_model",
+    "cell_on_glass",
+    "stiffness_mesh",
+    "three_dimensions",
+    "tips",
+    "notes",
+)
 
 
 def study_of(path: Path) -> Any:
-    return pytest.param(path, marks=[] if path.stem in QUICK else [pytest.mark.verify], id=path.stem)
+    return pytest.param(
+        path, marks=[] if path.stem in QUICK else [pytest.mark.verify], id=path.stem
+    )
 
 
 def made_up(case: Case, random: np.random.Generator) -> Results:
-    """What a run may have found: a force of the size to expect that rises with depth, or falls while the tip stands."""
+    """What a run may have found: a force of the size to expect that rises with depth, or falls
+    while the tip stands.
+    """
     scene = case.prospect.scene
     deepest, force = case.depth or 1.0, float(scene.plan.prediction.get("force") or 1.0)
     share = np.linspace(1, SAMPLES, SAMPLES) / SAMPLES
-    table: dict[str, Any] = {"delta": deepest * share, "force": force * share**1.5 * random.uniform(0.8, 1.2)}
+    table: dict[str, Any] = {
+        "delta": deepest * share,
+        "force": force * share**1.5 * random.uniform(0.8, 1.2),
+    }
     if scene.history:
         table["t"] = np.linspace(0.0, 10.0, SAMPLES)
         table["branch"] = np.array(["approach"] * (SAMPLES - HOLD) + ["hold"] * HOLD)
@@ -50,11 +73,17 @@ def made_up(case: Case, random: np.random.Generator) -> Results:
         "exit_code": 0,
         "dofs": int(random.integers(1000, 100000)),
         "units": {"length": units.length, "force": units.force},
-        "plan": {"choices": [{"key": "kinematics", "value": scene.physics.part.kinematics.name, "why": ""}]},
+        "plan": {
+            "choices": [
+                {"key": "kinematics", "value": scene.physics.part.kinematics.name, "why": ""}
+            ]
+        },
         "cpu_timings": {"solve": float(random.uniform(0.1, 20.0))},
         "audit": {},
     }
-    return Results(Path("runs") / case.name, {"step": np.arange(1.0, SAMPLES + 1)} | known | table, report)
+    return Results(
+        Path("runs") / case.name, {"step": np.arange(1.0, SAMPLES + 1)} | known | table, report
+    )
 
 
 def board_of(study: StudyFile, random: np.random.Generator) -> list[Row]:
@@ -62,16 +91,29 @@ def board_of(study: StudyFile, random: np.random.Generator) -> list[Row]:
     rows = []
     for member in study.members:
         if published := member.published:
-            off = {"difference": random.uniform(-30, 30), "ours_difference": random.uniform(-0.3, 0.3)}
-            said = {"case": member.name, "quantity": published.quantity, "within": published.within, "wrong": "nobody"}
-            rows.append(said | off | {"exact": published.value, "our_error": 1e-3 * published.value})
+            off = {
+                "difference": random.uniform(-30, 30),
+                "ours_difference": random.uniform(-0.3, 0.3),
+            }
+            said = {
+                "case": member.name,
+                "quantity": published.quantity,
+                "within": published.within,
+                "wrong": "nobody",
+            }
+            rows.append(
+                said | off | {"exact": published.value, "our_error": 1e-3 * published.value}
+            )
     return rows
 
 
 @pytest.mark.parametrize(
-    "path", [study_of(path) for path in sorted(STUDIES.glob("*/*.yaml")) if path.stem in QUICK + OTHERS]
+    "path",
+    [study_of(path) for path in sorted(STUDIES.glob("*/*.yaml")) if path.stem in QUICK + OTHERS],
 )
-def test_no_picture_of_a_shipped_study_has_a_fault(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_picture_of_a_shipped_study_has_a_fault(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Errors of 1e-5 to 1: whatever a run may cost or err, words stay apart and axes have names."""
     drawn: dict[str, list[str]] = {}
 
@@ -83,19 +125,27 @@ def test_no_picture_of_a_shipped_study_has_a_fault(path: Path, monkeypatch: pyte
     random, study = np.random.default_rng(1), study_file.read(path)
     asked = found, _ = cases.asked_for(study)
     done = {case.id: made_up(case, random) for case in found}
-    rows = study_table.rows(study, asked, done, Truth(study, found), {case.id: case.name for case in found})
+    rows = study_table.rows(
+        study, asked, done, Truth(study, found), {case.id: case.name for case in found}
+    )
     for row in rows:
         if row["status"] == "done":
             row["force_error_vs"] = float(10 ** random.uniform(-5, 0))
     picture.draw(rows, study.keys, study.title, "theory", Path("study.png"))
-    picture.draw_curves(curve_table.families(found, study.keys, done), study.title, Path("curves.png"))
+    picture.draw_curves(
+        curve_table.families(found, study.keys, done), study.title, Path("curves.png")
+    )
     picture.draw_scoreboard(board_of(study, random), study.title, Path("verification.png"))
-    assert {"study.png", "curves.png"} <= set(drawn) and ("verification.png" in drawn) == bool(study.members)
+    assert {"study.png", "curves.png"} <= set(drawn) and ("verification.png" in drawn) == bool(
+        study.members
+    )
     assert {name: found for name, found in drawn.items() if found} == {}
 
 
 def test_many_curves_are_drawn_as_few_are() -> None:
-    """Loading and unloading of each, as one collection of lines: the same points, colours, dashes and limits."""
+    """Loading and unloading of each, as one collection of lines: the same points, colours, dashes
+    and limits.
+    """
     random = np.random.default_rng(2)
     depth = np.array([0.2, 0.5, 1.0, 0.6, 0.1])
     runs = []
@@ -117,4 +167,6 @@ def test_many_curves_are_drawn_as_few_are() -> None:
             assert to_rgba(line.get_color()) == tuple(colour)
         dashed = [dashes is not None for _, dashes in lines.get_linestyles()]
         assert dashed == [line.is_dashed() for line in drawn] and sum(dashed) == 12  # the way out
-        np.testing.assert_allclose([many.get_xlim(), many.get_ylim()], [few.get_xlim(), few.get_ylim()], rtol=1e-12)
+        np.testing.assert_allclose(
+            [many.get_xlim(), many.get_ylim()], [few.get_xlim(), few.get_ylim()], rtol=1e-12
+        )

@@ -1,4 +1,6 @@
-"""Where and how the program is started does not matter: same numbers, and one clear word where it cannot go on."""
+"""Where and how the program is started does not matter: same numbers, and one clear word where it
+cannot go on.
+"""
 
 from __future__ import annotations
 
@@ -70,9 +72,20 @@ class TestNumbers:
     @pytest.mark.parametrize(
         "variables",
         [
-            {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "TERM": None, "COLUMNS": "x"},
+            {
+                "LC_ALL": "C",
+                "PYTHONUTF8": "0",
+                "PYTHONCOERCECLOCALE": "0",
+                "TERM": None,
+                "COLUMNS": "x",
+            },
             {"LC_ALL": "de_DE.ISO-8859-1", "LC_NUMERIC": "de_DE", "PYTHONHASHSEED": "7"},
-            {"OMP_NUM_THREADS": "2", "OPENBLAS_NUM_THREADS": "2", "PYTHONHASHSEED": "0", "PYTHONOPTIMIZE": "1"},
+            {
+                "OMP_NUM_THREADS": "2",
+                "OPENBLAS_NUM_THREADS": "2",
+                "PYTHONHASHSEED": "0",
+                "PYTHONOPTIMIZE": "1",
+            },
         ],
         ids=["C", "German", "two threads"],
     )
@@ -81,12 +94,20 @@ class TestNumbers:
         done = shell(place, f"$indent_sim run scene.yaml --output {shlex.quote(name)}", **variables)
         assert done.returncode == 0, done.stderr
         same(read(place / name), plain)
-        again = shell(place, f"$indent_sim run scene.yaml --output {shlex.quote(name)} --resume --json", **variables)
-        assert again.returncode == 0 and json.loads(again.stdout)["report"]["title"] == "Größe ν 漢字"
+        again = shell(
+            place,
+            f"$indent_sim run scene.yaml --output {shlex.quote(name)} --resume --json",
+            **variables,
+        )
+        assert (
+            again.returncode == 0 and json.loads(again.stdout)["report"]["title"] == "Größe ν 漢字"
+        )
 
     def test_another_working_directory_and_a_strict_umask(self, place, plain):
         (place / "elsewhere").mkdir()
-        done = shell(place / "elsewhere", "umask 077; $indent_sim run ../scene.yaml --output ../here/out")
+        done = shell(
+            place / "elsewhere", "umask 077; $indent_sim run ../scene.yaml --output ../here/out"
+        )
         assert done.returncode == 0 and done.stdout == "../here/out\n", done.stderr
         same(read(place / "here" / "out"), plain)
         files = [file for file in (place / "here" / "out").rglob("*") if file.is_file()]
@@ -116,7 +137,11 @@ class TestStreams:
 
     @pytest.mark.parametrize(
         ("line", "code"),
-        [("plan scene.yaml <&- >&- 2>&-", 0), ("schema | head -c 0", 0), ("plan scene.yaml >/dev/full", 5)],
+        [
+            ("plan scene.yaml <&- >&- 2>&-", 0),
+            ("schema | head -c 0", 0),
+            ("plan scene.yaml >/dev/full", 5),
+        ],
     )
     def test_other_commands(self, place, line, code):
         done = shell(place, f"$indent_sim {line}")
@@ -128,7 +153,10 @@ class TestHome:
 
     @pytest.mark.parametrize(
         "variables",
-        [{"HOME": "/dev/null"}, {"HOME": "/proc/nobody", "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": "/dev/null/x"}],
+        [
+            {"HOME": "/dev/null"},
+            {"HOME": "/proc/nobody", "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": "/dev/null/x"},
+        ],
         ids=["no folder", "not writable"],
     )
     def test_without_one_there_is_another_place(self, place, plain, variables):
@@ -148,8 +176,18 @@ class TestHome:
     def test_an_interrupted_compilation_takes_its_claim_back(self, place, plain):
         """Otherwise the next run would wait for it: half a minute, before it compiled itself."""
         cold = {"XDG_CACHE_HOME": str(place / "cache")}
-        words = [sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output", "out"]
-        with subprocess.Popen(words, cwd=place, env=environment() | cold, stderr=subprocess.PIPE, text=True) as process:
+        words = [
+            sys.executable,
+            "-m",
+            "indent_sim.cli.commands",
+            "run",
+            "scene.yaml",
+            "--output",
+            "out",
+        ]
+        with subprocess.Popen(
+            words, cwd=place, env=environment() | cold, stderr=subprocess.PIPE, text=True
+        ) as process:
             assert process.stderr
             while "compiling kernels" not in process.stderr.readline():
                 assert process.poll() is None
@@ -158,7 +196,9 @@ class TestHome:
             process.terminate()
             assert process.wait(60) == 143
         claims = {entry.name for entry in (place / "cache" / "fenics").glob("*.c")}
-        assert {f"{name}.cached" for name in claims} <= {entry.name for entry in (place / "cache" / "fenics").iterdir()}
+        assert {f"{name}.cached" for name in claims} <= {
+            entry.name for entry in (place / "cache" / "fenics").iterdir()
+        }
         done = shell(place, "$indent_sim run scene.yaml --output out", **cold)
         assert done.returncode == 0, done.stderr
         same(read(place / "out"), plain)
@@ -170,7 +210,11 @@ class TestLimits:
     @pytest.mark.parametrize("limit", ["-n 16", "-v 100000", "-v 300000", "-v 600000"])
     def test_too_narrow(self, place, limit):
         done = shell(place, f"ulimit {limit}; $indent_sim run scene.yaml --output out")
-        assert done.returncode == 7 and f"(ulimit {limit[:2]})" in done.stderr and "Traceback" not in done.stderr
+        assert (
+            done.returncode == 7
+            and f"(ulimit {limit[:2]})" in done.stderr
+            and "Traceback" not in done.stderr
+        )
         assert os.listdir(place) == ["scene.yaml"]
 
     def test_too_few_processes(self, place):
@@ -179,48 +223,84 @@ class TestLimits:
             pytest.skip("only root may become somebody else")
         line = f"ulimit -u 6; exec {PROGRAM} run scene.yaml --output out"
         done = shell(place, f"exec setpriv --reuid=65534 bash -c {shlex.quote(line)}")
-        assert done.returncode == 7 and "(ulimit -u)" in done.stderr and "Traceback" not in done.stderr, done.stderr
+        assert (
+            done.returncode == 7 and "(ulimit -u)" in done.stderr and "Traceback" not in done.stderr
+        ), done.stderr
         assert os.listdir(place) == ["scene.yaml"]
 
     def test_no_room_for_temporary_files(self, place):
         """A private /tmp of 16 kB, full."""
-        fill = "mount -t tmpfs -o size=16k tmpfs /tmp; head -c 20k /dev/zero > /tmp/full; cd -P /proc/self/fd/9"
-        line = f"exec 9<.; unshare -m bash -c {shlex.quote(fill + ' && $indent_sim run scene.yaml --output out')}"
+        fill = (
+            "mount -t tmpfs -o size=16k tmpfs /tmp; head -c 20k /dev/zero > /tmp/full; cd -P "
+            "/proc/self/fd/9"
+        )
+        line = (
+            "exec 9<.; unshare -m bash -c "
+            f"{shlex.quote(fill + ' && $indent_sim run scene.yaml --output out')}"
+        )
         if os.geteuid() != 0 or shell(place, "unshare -m true").returncode != 0:
             pytest.skip("only root may mount another /tmp")
         done = shell(place, line)
-        assert done.returncode == 5 and "cannot keep temporary files in /tmp: No space left" in done.stderr, done.stderr
+        assert (
+            done.returncode == 5
+            and "cannot keep temporary files in /tmp: No space left" in done.stderr
+        ), done.stderr
         assert "Traceback" not in done.stderr
 
 
 def test_two_runs_at_once_into_one_folder(place, plain):
     """One does it, the other is refused; which one is the kernel's choice."""
-    words = [sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output", "out"]
-    pair = [subprocess.Popen(words, cwd=place, env=environment(), stderr=subprocess.PIPE, text=True) for _ in "ab"]
+    words = [
+        sys.executable,
+        "-m",
+        "indent_sim.cli.commands",
+        "run",
+        "scene.yaml",
+        "--output",
+        "out",
+    ]
+    pair = [
+        subprocess.Popen(words, cwd=place, env=environment(), stderr=subprocess.PIPE, text=True)
+        for _ in "ab"
+    ]
     told = [process.communicate(timeout=120)[1] for process in pair]
     codes = [process.returncode for process in pair]
-    assert sorted(codes) in ([0, 2], [0, 0]), told  # two zeros: the first was done before the second began
-    assert all("in use by another run" in text for text, code in zip(told, codes, strict=True) if code == 2)
+    assert sorted(codes) in ([0, 2], [0, 0]), (
+        told
+    )  # two zeros: the first was done before the second began
+    assert all(
+        "in use by another run" in text for text, code in zip(told, codes, strict=True) if code == 2
+    )
     same(read(place / "out"), plain)
     assert os.listdir(ROOT) and {entry.name for entry in place.iterdir()} == {"scene.yaml", "out"}
 
 
 def test_petsc_options_of_the_environment_are_the_users(place, plain):
     said = "-ksp_monitor ascii:residuals.txt -log_view ascii:times.txt"
-    done = shell(place, "$indent_sim run scene.yaml --output out --set solver.method=newton", PETSC_OPTIONS=said)
+    done = shell(
+        place,
+        "$indent_sim run scene.yaml --output out --set solver.method=newton",
+        PETSC_OPTIONS=said,
+    )
     assert done.returncode == 0 and done.stdout == "out\n", done.stderr
     assert "KSP Residual norm" in (place / "residuals.txt").read_text()
     assert "KSPSolve" in (place / "times.txt").read_text()
     found = read(place / "out")
-    np.testing.assert_allclose(found["force"], plain["force"], rtol=1e-8)  # the residual of Newton's method: 1e-9
+    np.testing.assert_allclose(
+        found["force"], plain["force"], rtol=1e-8
+    )  # the residual of Newton's method: 1e-9
     assert found.report["PETSC_OPTIONS"] == said and "PETSC_OPTIONS" not in plain.report
 
 
 def test_settings_that_lie_beside_a_scene_are_not_read(place, plain):
-    """Whoever sends a folder with a scene could send these too: they would run commands at the first import."""
+    """Whoever sends a folder with a scene could send these too: they would run commands at the
+    first import.
+    """
     for name in ("petscrc", ".petscrc"):
         (place / name).write_text("-log_view ascii:x\n-ksp_type python\n")
-    wrapper = json.dumps({"cffi_extra_compile_args": ["-wrapper", "touch,PWNED"], "cache_dir": str(place / "cache")})
+    wrapper = json.dumps(
+        {"cffi_extra_compile_args": ["-wrapper", "touch,PWNED"], "cache_dir": str(place / "cache")}
+    )
     for name in ("dolfinx_jit_parameters.json", "dolfinx_jit_options.json"):
         (place / name).write_text(wrapper)
     for name in ("ffcx_parameters.json", "ffcx_options.json"):

@@ -1,4 +1,6 @@
-"""Runs without a mesh, each in processes of their own: what they load, on several ranks, in studies, with --json."""
+"""Runs without a mesh, each in processes of their own: what they load, on several ranks, in
+studies, with --json.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,10 @@ from indent_sim.results.reader import read
 
 COATING = {
     "shape": "half_space",
-    "layers": [{"thickness": 0.1, "material": {"model": "linear_elastic", "E": 10.0, "nu": 0.3}}, {}],
+    "layers": [
+        {"thickness": 0.1, "material": {"model": "linear_elastic", "E": 10.0, "nu": 0.3}},
+        {},
+    ],
 }
 SCENE: dict[str, Any] = {
     "body": COATING,
@@ -54,8 +59,14 @@ from indent_sim.process import forked
 forked.Forked.start = None
 program(sys.argv[1:], standalone_mode=False)
 """
-    words = [command, str(config), *(["--output", str(tmp_path / "out")] if command == "run" else [])]
-    done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True, timeout=120)
+    words = [
+        command,
+        str(config),
+        *(["--output", str(tmp_path / "out")] if command == "run" else []),
+    ]
+    done = subprocess.run(
+        [sys.executable, "-c", program, *words], capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 0, done.stderr
     if command == "run":
         assert len(read(tmp_path / "out")) == 10
@@ -83,7 +94,10 @@ def test_json_has_null_for_what_theory_does_not_say(config: Path, tmp_path: Path
 def test_the_plan_says_why(config: Path) -> None:
     said = json.loads(ran("plan", config, "--json"))
     choices = {choice["key"]: choice for choice in said["choices"]}
-    assert choices["solver.method"]["value"] == "theory" and "nothing is meshed" in choices["solver.method"]["why"]
+    assert (
+        choices["solver.method"]["value"] == "theory"
+        and "nothing is meshed" in choices["solver.method"]["why"]
+    )
     assert {"force_Gao", "force_Perriot-Barthel"} <= set(said["prediction"])
 
 

@@ -1,7 +1,8 @@
-"""README, docs and tutorials: every command and every line of Python in them is run, or it is said where else.
+"""README, docs and tutorials: every command and every line of Python in them is run, or it is said
+where else.
 
-A block of YAML that begins with the comment "# name.yaml" is that file. A block of text behind commands or Python lists
-lines that must have been printed.
+A block of YAML that begins with the comment "# name.yaml" is that file. A block of text behind
+commands or Python lists lines that must have been printed.
 """
 
 from __future__ import annotations
@@ -29,7 +30,11 @@ def environment(folder: Path) -> dict[str, str]:
     script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m indent_sim.cli.commands "$@"\n')
     script.chmod(0o755)
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    return os.environ | {"PATH": f"{bin_}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": path, "MPLBACKEND": "agg"}
+    return os.environ | {
+        "PATH": f"{bin_}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": path,
+        "MPLBACKEND": "agg",
+    }
 
 
 @pytest.mark.slow
@@ -50,9 +55,19 @@ def test_a_tutorial_can_be_followed(page, tmp_path):
             assert not missing, f"{missing} not in\n{printed}"
         else:
             python = python + text if kind == "python" else python
-            command = [sys.executable, "-c", python] if kind == "python" else ["bash", "-euo", "pipefail", "-c", text]
+            command = (
+                [sys.executable, "-c", python]
+                if kind == "python"
+                else ["bash", "-euo", "pipefail", "-c", text]
+            )
             done = subprocess.run(
-                command, cwd=tmp_path, env=before, capture_output=True, text=True, timeout=600, check=False
+                command,
+                cwd=tmp_path,
+                env=before,
+                capture_output=True,
+                text=True,
+                timeout=600,
+                check=False,
             )
             printed = done.stdout + done.stderr
             assert done.returncode == 0, f"{text}\n{printed}"
@@ -65,7 +80,9 @@ def test_every_tutorial_is_named_in_the_readme():
 
 
 def test_commands_of_the_pages_exist():
-    """Every `indent-sim ...` of README, docs and tutorials names a command and options that there are."""
+    """Every `indent-sim ...` of README, docs and tutorials names a command and options that there
+    are.
+    """
     from click.testing import CliRunner
 
     from indent_sim.cli import commands
@@ -80,7 +97,10 @@ def test_commands_of_the_pages_exist():
         if kind == "sh"
         for line in re.findall(r"^(?:\.venv/bin/)?(indent-sim .*?)(?: +#.*)?$", text, re.MULTILINE)
     ]
-    known = {name: CliRunner().invoke(commands.program, [name, "--help"]).output for name in commands.program.commands}
+    known = {
+        name: CliRunner().invoke(commands.program, [name, "--help"]).output
+        for name in commands.program.commands
+    }
     wrong = []
     for line in said:
         words = line.split()
@@ -101,7 +121,8 @@ ELSEWHERE = {  # blocks of commands that are not run here, by their first words
     "indent-sim plan scene.yaml     #": "tests/system/test_slurm.py",
     "export XDG_CACHE_HOME": "tests/system/test_slurm.py",
     "module load": "an installation on a cluster",
-    "   body = Body(scene": "tests/physics/test_terms.py, step by step, with the term that it describes",
+    "   body = Body(scene": "tests/physics/test_terms.py, step by step, "
+    "with the term that it describes",
     "docker build": "needs a Docker daemon",
     **{
         f"indent-sim init {kind}\n": "tests/system/test_journeys.py"
@@ -115,11 +136,14 @@ ELSEWHERE = {  # blocks of commands that are not run here, by their first words
 }
 INSTEAD = {  # the same with fewer runs
     "indent-sim study configs/studies": "indent-sim plan configs/studies",
-    "{from: 0.05, to: 0.005, count: 5, spacing: log}": "{from: 0.1, to: 0.05, count: 2, spacing: log}",
+    "{from: 0.05, to: 0.005, count: 5, spacing: log}": "{from: 0.1, to: 0.05, count: "
+    "2, spacing: log}",
     "set: {loading.steps: 5}": "set: {loading.steps: 2}",
     "base: ../../hertz.yaml": "base: configs/hertz.yaml",
-    "indent-sim fit curves/ --scene scene.yaml --vary material.E": "indent-sim fit --help",  # tests/system/test_fit.py
-    "indent-sim require scene.yaml --curve measured.csv": "indent-sim require --help",  # tests/system/test_fit.py
+    # tests/system/test_fit.py
+    "indent-sim fit curves/ --scene scene.yaml --vary material.E": "indent-sim fit --help",
+    # tests/system/test_fit.py
+    "indent-sim require scene.yaml --curve measured.csv": "indent-sim require --help",
     "indent-sim study STUDY.yaml --jobs 4": "indent-sim study STUDY.yaml --jobs 2",
 }
 DIFFERS = "indent-sim compare results/reference results/current"  # as its page says: exit code 6
@@ -165,7 +189,9 @@ def followed(commands: list[str], folder: Path) -> None:
             timeout=600,
             check=False,
         )
-        assert done.returncode == (6 if command == DIFFERS else 0), f"{command}\n{done.stdout}{done.stderr}"
+        assert done.returncode == (6 if command == DIFFERS else 0), (
+            f"{command}\n{done.stdout}{done.stderr}"
+        )
 
 
 def test_every_block_of_commands_is_run_or_says_where():
@@ -181,7 +207,9 @@ def test_every_block_of_commands_is_run_or_says_where():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RUN)
 def test_the_commands_of_a_page_run(name, tmp_path):
-    """In their order, in a folder beside the configs and a scene and a study of one's own; studies made smaller."""
+    """In their order, in a folder beside the configs and a scene and a study of one's own; studies
+    made smaller.
+    """
     text = (ROOT / name).read_text(encoding="utf-8")
     os.symlink(ROOT / "configs", tmp_path / "configs")
     if "STUDY.yaml" in text:
@@ -198,13 +226,17 @@ def test_the_commands_of_a_page_run(name, tmp_path):
 
 @pytest.mark.slow
 def test_fields_by_pyvista(tmp_path):
-    """The recipe up to its picture, for which there may be no screen; without PyVista the same by meshio."""
+    """The recipe up to its picture, for which there may be no screen; without PyVista the same by
+    meshio.
+    """
     (tmp_path / "scene.yaml").write_text(SCENE)
     followed(["indent-sim run scene.yaml --output results/gel --quiet"], tmp_path)
     page = (ROOT / "docs" / "how_do_i.md").read_text(encoding="utf-8")
     recipe = next(text for _, text in BLOCK.findall(page) if text.startswith("import pyvista"))
     if find_spec("pyvista"):
-        return followed([f'"{sys.executable}" - <<"END"\n{recipe.split("body.plot")[0]}\nEND'], tmp_path)
+        return followed(
+            [f'"{sys.executable}" - <<"END"\n{recipe.split("body.plot")[0]}\nEND'], tmp_path
+        )
     import meshio
 
     with meshio.xdmf.TimeSeriesReader(tmp_path / "results" / "gel" / "fields.xdmf") as reader:
@@ -220,7 +252,9 @@ def test_fields_by_pyvista(tmp_path):
 
 @pytest.mark.slow
 def test_the_answers_of_the_how_do_i_page_run(tmp_path):
-    """Every command in its sentences, in their order, beside a scene, a study, a result and a measured curve."""
+    """Every command in its sentences, in their order, beside a scene, a study, a result and a
+    measured curve.
+    """
     os.symlink(ROOT / "configs", tmp_path / "configs")
     (tmp_path / "scene.yaml").write_text(SCENE)
     (tmp_path / "study.yaml").write_text("base: scene.yaml\nvary: {material.nu: [0.3, 0.4]}\n")
@@ -237,7 +271,9 @@ def test_the_answers_of_the_how_do_i_page_run(tmp_path):
 
 
 def test_commands_in_the_sentences_of_the_theory_run(tmp_path):
-    """What is no scene of the tests: the lines of Python of theory.md; and its measurements are tests."""
+    """What is no scene of the tests: the lines of Python of theory.md; and its measurements are
+    tests.
+    """
     theory = (ROOT / "docs" / "theory.md").read_text(encoding="utf-8")
     lines = re.findall(r"`(python -c [^`]*)`", theory)
     assert len(lines) == 2
@@ -268,12 +304,16 @@ def test_tab_completion(tmp_path, shell, says):
     """What the page tells a shell to evaluate defines a completion, and that completes commands."""
     variables = environment(tmp_path)
     source = variables | {"_INDENT_SIM_COMPLETE": f"{shell}_source"}
-    script = subprocess.run(["indent-sim"], env=source, capture_output=True, text=True, check=True).stdout
+    script = subprocess.run(
+        ["indent-sim"], env=source, capture_output=True, text=True, check=True
+    ).stdout
     assert says in script
     words = {
         "_INDENT_SIM_COMPLETE": f"{shell}_complete",
         "COMP_CWORD": "st" if shell == "fish" else "1",
         "COMP_WORDS": "indent-sim" if shell == "fish" else "indent-sim st",
     }
-    found = subprocess.run(["indent-sim"], env=variables | words, capture_output=True, text=True, check=True).stdout
+    found = subprocess.run(
+        ["indent-sim"], env=variables | words, capture_output=True, text=True, check=True
+    ).stdout
     assert re.findall(r"study", found) and "plot" not in found

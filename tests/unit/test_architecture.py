@@ -1,4 +1,6 @@
-"""The plan of the house, kept true by reading the syntax trees: who may import whom, and who may do what."""
+"""The plan of the house, kept true by reading the syntax trees: who may import whom, and who may do
+what.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +67,12 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "afmformats": ("results/measured/afm_file.py",),
     "pyfmreader": ("results/measured/nanoscope_file.py",),
     "h5py": ("results/", "mesh/mesh_file.py"),
-    "matplotlib": ("results/pictures/", "studies/picture.py", "studies/multiples.py", "fitting/fit_picture.py"),
+    "matplotlib": (
+        "results/pictures/",
+        "studies/picture.py",
+        "studies/multiples.py",
+        "fitting/fit_picture.py",
+    ),
     "scipy": ("theory/", "fe/", "fitting/"),
     "yaml": ("config/strict_yaml.py",),
     "pint": ("config/quantities.py",),
@@ -74,7 +81,16 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "rich": ("cli/",),
 }
 EMPTY_NAMES = {"utils", "util", "helpers", "helper", "common", "manager", "misc"}
-ENDS = {"sys.exit", "os._exit", "os.abort", "SystemExit", "quit", "exit", "MPI.COMM_WORLD", "COMM_WORLD"}
+ENDS = {
+    "sys.exit",
+    "os._exit",
+    "os.abort",
+    "SystemExit",
+    "quit",
+    "exit",
+    "MPI.COMM_WORLD",
+    "COMM_WORLD",
+}
 
 
 def name_of(path: Path) -> str:
@@ -125,7 +141,9 @@ def place(module: str, depth: int) -> str:
 
 def module_of(path: Path) -> str:
     """The dotted name of a file."""
-    return ".".join(["indent_sim", *path.relative_to(PACKAGE).with_suffix("").parts]).removesuffix(".__init__")
+    return ".".join(["indent_sim", *path.relative_to(PACKAGE).with_suffix("").parts]).removesuffix(
+        ".__init__"
+    )
 
 
 def forbidden(files: list[Path], table: dict[str, set[str]], depth: int, within: str) -> list[str]:
@@ -141,7 +159,9 @@ def forbidden(files: list[Path], table: dict[str, set[str]], depth: int, within:
 
 
 def test_rooms_import_as_the_table_says() -> None:
-    assert not forbidden([path for path in FILES if path != PACKAGE / "__init__.py"], ROOMS, 1, "indent_sim.")
+    assert not forbidden(
+        [path for path in FILES if path != PACKAGE / "__init__.py"], ROOMS, 1, "indent_sim."
+    )
 
 
 def test_the_solver_imports_as_its_table_says() -> None:
@@ -152,12 +172,18 @@ def test_the_tables_have_no_circle() -> None:
     """Each room imports only rooms written above it."""
     for table in (ROOMS, FE):
         order = list(table)
-        assert not {(a, b) for a, below in table.items() for b in below if order.index(b) >= order.index(a)}
+        assert not {
+            (a, b) for a, below in table.items() for b in below if order.index(b) >= order.index(a)
+        }
 
 
 def test_no_module_imports_itself_in_a_circle() -> None:
-    """Whatever is imported, also inside functions and for type checking, is imported by nothing above it."""
-    graph = {module_of(path): {m for m in imports(path) if m.startswith("indent_sim.")} for path in FILES}
+    """Whatever is imported, also inside functions and for type checking, is imported by nothing
+    above it.
+    """
+    graph = {
+        module_of(path): {m for m in imports(path) if m.startswith("indent_sim.")} for path in FILES
+    }
     state: dict[str, int] = {}
 
     def visit(module: str, chain: tuple[str, ...]) -> None:
@@ -188,15 +214,22 @@ def test_the_longest_chain_of_rooms_is_seven() -> None:
 
 
 def test_every_room_is_in_the_table() -> None:
-    rooms = {path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name != "__pycache__"}
+    rooms = {
+        path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name != "__pycache__"
+    }
     assert rooms == set(ROOMS)
-    assert {path.name for path in PACKAGE.iterdir() if path.is_file()} == {"__init__.py", "py.typed"}
+    assert {path.name for path in PACKAGE.iterdir() if path.is_file()} == {
+        "__init__.py",
+        "py.typed",
+    }
 
 
 def test_libraries_stay_in_their_rooms() -> None:
     for path in FILES:
         taken = {module.split(".")[0] for module in imports(path)}
-        assert not {lib for lib in taken & LIBRARIES.keys() if not name_of(path).startswith(LIBRARIES[lib])}, path
+        assert not {
+            lib for lib in taken & LIBRARIES.keys() if not name_of(path).startswith(LIBRARIES[lib])
+        }, path
 
 
 def test_only_compat_knows_a_version() -> None:
@@ -260,13 +293,19 @@ def test_the_tree_in_contributing_is_the_tree_on_disk() -> None:
     assert drawn == files | folders
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "configs").glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "configs").glob("*.yaml")), ids=lambda path: path.stem
+)
 def test_a_config_on_its_way_to_a_scene_visits_six_rooms(path: Path) -> None:
     visited: set[str] = set()
 
     def watch(frame: FrameType, event: str, _: Any) -> None:
         module = frame.f_globals.get("__name__", "")
-        if event == "call" and frame.f_code.co_name != "<module>" and module.startswith("indent_sim."):
+        if (
+            event == "call"
+            and frame.f_code.co_name != "<module>"
+            and module.startswith("indent_sim.")
+        ):
             visited.add(place(module, 1))
 
     sys.setprofile(watch)
@@ -274,7 +313,9 @@ def test_a_config_on_its_way_to_a_scene_visits_six_rooms(path: Path) -> None:
         resolve(load(path))
     finally:
         sys.setprofile(None)
-    assert {"config", "scene"} < visited <= {"config", "scene", "model", "theory", "mesh", "process"}
+    assert (
+        {"config", "scene"} < visited <= {"config", "scene", "model", "theory", "mesh", "process"}
+    )
 
 
 def test_what_make_check_runs_starts_no_process_and_solves_nothing() -> None:
@@ -284,15 +325,20 @@ def test_what_make_check_runs_starts_no_process_and_solves_nothing() -> None:
     assert found and not [name for name, libraries in found.items() if libraries]
 
 
-# ---- the tests above can fail ---------------------------------------------------------------------------------
+# ---- the tests above can fail
+# ---------------------------------------------------------------------------------
 
 
 def test_imports_are_found_wherever_they_stand() -> None:
-    assert "indent_sim.fe.solver" in set(imports(PACKAGE / "run" / "simulation.py"))  # inside a function
+    assert "indent_sim.fe.solver" in set(
+        imports(PACKAGE / "run" / "simulation.py")
+    )  # inside a function
     assert "mpi4py" in set(imports(PACKAGE / "run" / "chain.py"))
     assert "indent_sim.theory.solution" in set(imports(PACKAGE / "theory" / "layer.py"))  # relative
 
 
 def test_an_arrow_that_the_table_lacks_is_found() -> None:
     without = ROOMS | {"run": ROOMS["run"] - {"fe"}}
-    assert "run/simulation.py -> indent_sim.fe.solver" in forbidden(FILES, without, 1, "indent_sim.")
+    assert "run/simulation.py -> indent_sim.fe.solver" in forbidden(
+        FILES, without, 1, "indent_sim."
+    )

@@ -21,7 +21,10 @@ DIGITS = 5.1e-8  # relative: eight are printed
 
 @pytest.mark.parametrize(
     ("given", "pressure"),
-    [((1.0, 0.2, 0.9, 1.0, 0.01, 0.1), 0.0039647361), ((10.0, 0.35, 0.002, 2.0, 0.05, 3.0), 8.7538653)],
+    [
+        ((1.0, 0.2, 0.9, 1.0, 0.01, 0.1), 0.0039647361),
+        ((10.0, 0.35, 0.002, 2.0, 0.05, 3.0), 8.7538653),
+    ],
 )
 def test_confined_ramp(given: tuple[float, ...], pressure: float) -> None:
     assert confined_ramp(*given) == pytest.approx(pressure, rel=DIGITS)
@@ -29,7 +32,10 @@ def test_confined_ramp(given: tuple[float, ...], pressure: float) -> None:
 
 @pytest.mark.parametrize(
     ("given", "settlement"),
-    [((1.0, 0.2, 0.9, 1.0, 0.01, 0.1), 0.0032114106), ((10.0, 0.35, 0.002, 2.0, 0.05, 30.0), 0.0034396672)],
+    [
+        ((1.0, 0.2, 0.9, 1.0, 0.01, 0.1), 0.0032114106),
+        ((10.0, 0.35, 0.002, 2.0, 0.05, 30.0), 0.0034396672),
+    ],
 )
 def test_settlement(given: tuple[float, ...], settlement: float) -> None:
     assert terzaghi_settlement(*given) == pytest.approx(settlement, rel=DIGITS)
@@ -37,7 +43,10 @@ def test_settlement(given: tuple[float, ...], settlement: float) -> None:
 
 @pytest.mark.parametrize(
     ("given", "force"),
-    [((1.0, 0.0, 1.0, 1.0, 0.01, 0.1), 0.040848595), ((10.0, 0.3, 0.002, 0.5, 0.02, 1.5), 0.16608819)],
+    [
+        ((1.0, 0.0, 1.0, 1.0, 0.01, 0.1), 0.040848595),
+        ((10.0, 0.3, 0.002, 0.5, 0.02, 1.5), 0.16608819),
+    ],
 )
 def test_unconfined_disc(given: tuple[float, ...], force: float) -> None:
     assert unconfined_force(*given) == pytest.approx(force, rel=DIGITS)
@@ -56,24 +65,35 @@ def test_mandel_strip(given: tuple[float, ...], pressure: float, strain: float) 
 
 @pytest.mark.parametrize(
     ("E", "nu", "fractions", "times", "t", "modulus"),
-    [(1.0, 0.3, [0.4, 0.3], [0.1, 1.0], 0.5, 0.52399882), (10.0, 0.1, [0.6], [2.0], 3.0, 6.2477116)],
+    [
+        (1.0, 0.3, [0.4, 0.3], [0.1, 1.0], 0.5, 0.52399882),
+        (10.0, 0.1, [0.6], [2.0], 3.0, 6.2477116),
+    ],
 )
-def test_bar(E: float, nu: float, fractions: list[float], times: list[float], t: float, modulus: float) -> None:
+def test_bar(
+    E: float, nu: float, fractions: list[float], times: list[float], t: float, modulus: float
+) -> None:
     assert relaxing_bar(E, nu, fractions, times, t) == pytest.approx(modulus, rel=DIGITS)
 
 
 @pytest.mark.parametrize(
-    ("fractions", "times", "t", "left"), [([0.4, 0.3], [0.1, 1.0], 0.5, 0.48465438), ([0.6], [2.0], 3.0, 0.53387810)]
+    ("fractions", "times", "t", "left"),
+    [([0.4, 0.3], [0.1, 1.0], 0.5, 0.48465438), ([0.6], [2.0], 3.0, 0.53387810)],
 )
-def test_held_incompressible_body(fractions: list[float], times: list[float], t: float, left: float) -> None:
+def test_held_incompressible_body(
+    fractions: list[float], times: list[float], t: float, left: float
+) -> None:
     assert held_incompressible(fractions, times, t) == pytest.approx(left, rel=DIGITS)
 
 
-# ---- limits --------------------------------------------------------------------------------------------------------
+# ---- limits
+# --------------------------------------------------------------------------------------------------------
 
 
 def test_a_sudden_disc_is_incompressible_and_then_drained() -> None:
-    """sum A_n = (1 - 2 nu)/(2 (1 + nu)): F(0+) = pi a^2 3 G eps; 400 terms leave 1/(pi^2 n) = 3e-4 of 1."""
+    """sum A_n = (1 - 2 nu)/(2 (1 + nu)): F(0+) = pi a^2 3 G eps; 400 terms leave 1/(pi^2 n) = 3e-4
+    of 1.
+    """
     nu = 0.2
     force = [unconfined_force(1.0, nu, 1.0, 1.0, 0.01, t) / (pi * 0.01) for t in (0.0, 1e3)]
     assert force[0] == pytest.approx(1.5 / (1 + nu), rel=3e-4)
@@ -81,11 +101,17 @@ def test_a_sudden_disc_is_incompressible_and_then_drained() -> None:
 
 
 def test_a_sudden_strip_shares_its_pressure_and_then_drains() -> None:
-    """At once p = F/(2 a) everywhere inside, shortening F/(4 G a); at last the drained modulus 2 G/(1 - nu)."""
+    """At once p = F/(2 a) everywhere inside, shortening F/(4 G a); at last the drained modulus 2
+    G/(1 - nu).
+    """
     E, nu, F, a = 1.0, 0.2, 0.005, 1.0
     G = E / (2 * (1 + nu))
-    assert mandel(E, nu, 0.9, a, 0.0, F, 1e-4) == pytest.approx((F / (2 * a), F / (4 * G * a)), rel=2e-2)
-    assert mandel(E, nu, 0.9, a, 0.0, F, 1e3) == pytest.approx((0.0, F * (1 - nu) / (2 * G * a)), rel=1e-12, abs=1e-15)
+    assert mandel(E, nu, 0.9, a, 0.0, F, 1e-4) == pytest.approx(
+        (F / (2 * a), F / (4 * G * a)), rel=2e-2
+    )
+    assert mandel(E, nu, 0.9, a, 0.0, F, 1e3) == pytest.approx(
+        (0.0, F * (1 - nu) / (2 * G * a)), rel=1e-12, abs=1e-15
+    )
 
 
 def test_mandel_pressure_rises_before_it_falls() -> None:
@@ -102,13 +128,16 @@ def test_a_slow_ramp_is_drained_and_a_step_consolidates() -> None:
 
 
 def test_a_ramp_of_pressure_settles_as_the_ramp_of_depth_presses() -> None:
-    """The two solutions of one layer by convolution: pressures of the ramp, put as steps on the other, bring it back to
-    V t; 400 steps of the midpoint rule, whose steep begin is worth 1e-3."""
+    """The two solutions of one layer by convolution: pressures of the ramp, put as steps on the
+    other, bring it back to V t; 400 steps of the midpoint rule, whose steep begin is worth 1e-3.
+    """
     given, V, t, n = (1.0, 0.2, 0.9, 1.0), 0.01, 0.3, 400
     times = np.linspace(0.0, t, n + 1)
     steps = np.diff([confined_ramp(*given, V, s) for s in times])
     ages = t - (times[1:] + times[:-1]) / 2
-    settled = sum(terzaghi_settlement(*given, step, age) for step, age in zip(steps, ages, strict=True))
+    settled = sum(
+        terzaghi_settlement(*given, step, age) for step, age in zip(steps, ages, strict=True)
+    )
     assert settled == pytest.approx(V * t, rel=2e-3)
 
 
@@ -117,6 +146,8 @@ def test_limits_of_a_bar() -> None:
     E, nu, fractions, times = 2.0, 0.3, [0.4, 0.3], [0.1, 1.0]
     kappa, G = E / (3 * (1 - 2 * nu)), 0.3 * E / (2 * (1 + nu))
     assert relaxing_bar(E, nu, fractions, times, 0.0) == pytest.approx(E, rel=1e-12)
-    assert relaxing_bar(E, nu, fractions, times, 1e3) == pytest.approx(9 * kappa * G / (3 * kappa + G), rel=1e-12)
+    assert relaxing_bar(E, nu, fractions, times, 1e3) == pytest.approx(
+        9 * kappa * G / (3 * kappa + G), rel=1e-12
+    )
     almost = relaxing_bar(E, 0.5 - 1e-9, fractions, times, 0.5) / E
     assert almost == pytest.approx(held_incompressible(fractions, times, 0.5), rel=1e-8)

@@ -29,13 +29,22 @@ SCENES = [kind for kind in commands.TEMPLATES if kind != "study"]
 
 @pytest.mark.parametrize("kind", SCENES)
 def test_a_template_is_a_scene_of_little_cost(kind):
-    """Half a minute at the most on one core, as `plan` predicts; its own comments name the file it is in."""
+    """Half a minute at the most on one core, as `plan` predicts; its own comments name the file it
+    is in.
+    """
     done = said("init", kind)
     assert done.exit_code == 0 and done.stdout == f"{kind}.yaml\n"
     config = load(f"{kind}.yaml")
-    assert resolve(config).plan.prediction.get("seconds", 0.0) < 30 and config.units.length and config.source.quantities
+    assert (
+        resolve(config).plan.prediction.get("seconds", 0.0) < 30
+        and config.units.length
+        and config.source.quantities
+    )
     text = Path(f"{kind}.yaml").read_text()
-    assert text.startswith("# yaml-language-server: $schema=scene.schema.json\n") and f"plan {kind}.yaml" in text
+    assert (
+        text.startswith("# yaml-language-server: $schema=scene.schema.json\n")
+        and f"plan {kind}.yaml" in text
+    )
     assert max(map(len, text.splitlines())) <= 128
     told = json.loads(said("plan", f"{kind}.yaml", "--json").stdout)
     assert told["exit_code"] == 0
@@ -59,13 +68,18 @@ def test_a_file_that_is_there_stays(tmp_path):
     os.symlink("nowhere", "link.yaml")
     assert said("init", "--output", "link.yaml").exit_code == 2 and not os.path.exists("nowhere")
     assert said("init", "gel", "--output", "new.yaml").exit_code == 0
-    assert said("init", "--output", "no/such/folder.yaml").exit_code == 2 and said("init", "metal").exit_code == 2
+    assert (
+        said("init", "--output", "no/such/folder.yaml").exit_code == 2
+        and said("init", "metal").exit_code == 2
+    )
 
 
 def test_what_the_wheel_needs_is_package_data():
     project = (Path(__file__).resolve().parents[2] / "pyproject.toml").read_text()
     there = (Path(commands.__file__).parent / "templates").glob("*.yaml")
-    assert '"*.yaml"' in project and sorted(path.stem for path in there) == sorted(commands.TEMPLATES)
+    assert '"*.yaml"' in project and sorted(path.stem for path in there) == sorted(
+        commands.TEMPLATES
+    )
 
 
 def test_the_schema_that_a_scene_names_is_written_beside_it():

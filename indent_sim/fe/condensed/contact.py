@@ -1,12 +1,14 @@
 """Contact on a condensed body: the laws of `model.contact`, on a small dense compliance.
 
-With nodal forces F (pushing down) the gap at a quadrature point is g = f - delta + N C F, and every law with a
-stiffness is one equation in F alone,
+With nodal forces F (pushing down) the gap at a quadrature point is g = f - delta + N C F, and every
+law with a stiffness is one equation in F alone,
 
-    F = int <p_hat> N,   p_hat = lam - epsilon_n g,   lam = L2 projection of <p_hat> = M^-1 F   (or given, or zero):
+    F = int <p_hat> N,   p_hat = lam - epsilon_n g,   lam = L2 projection of <p_hat> = M^-1 F   (or
+    given, or zero):
 
-the full problem's equations with displacement and multiplier eliminated, so both paths give the same numbers. Forces
-act on the candidates alone; M and lam are those of the whole contact surface, so no number knows the candidates.
+the full problem's equations with displacement and multiplier eliminated, so both paths give the
+same numbers. Forces act on the candidates alone; M and lam are those of the whole contact surface,
+so no number knows the candidates.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ from indent_sim.fe.solve.anchor import anchored
 from indent_sim.fe.solve.newton import softening
 from indent_sim.scene.scene import Scene
 
-NOTHING = 1e-20  # of the nodal forces of the states before: less is none, as under a punch back where it began
+# of the nodal forces of the states before: less is none, as under a punch back where it began
+NOTHING = 1e-20
 MOST_CONTACT_ITERATIONS = 100
 MOST_FULL = 128  # unknowns of a Newton step up to which its matrix is full
 
@@ -40,9 +43,12 @@ class CondensedContact:
     """A tip on a condensed body: finds the nodal forces and pressures at any depth."""
 
     def __init__(self, compliance: Compliance, scene: Scene, iterations: int = 0):
-        self.compliance, self.scene, self.depth = compliance, scene, 0.0
+        self.compliance = compliance
+        self.scene = scene
+        self.depth = 0.0
         self.law: Any = scene.physics.contact
-        self.nodes, self.places = compliance.trace.nodes, compliance.places
+        self.nodes = compliance.trace.nodes
+        self.places = compliance.places
         self.iterations = iterations
         self.failure = ""  # why the last solve did not converge
         # nodal forces down and, with friction, along the horizontal axes
@@ -51,7 +57,9 @@ class CondensedContact:
         self.lam: np.ndarray = np.zeros(1 + compliance.surface.nodes.max(initial=-1))
         self._factored_mass: SuperLU | None = None
         self._recent = [self.F]  # nodal forces of the last equilibria
-        self._expected: np.ndarray | None = None  # which points the next solve takes to be in contact at first
+        self._expected: np.ndarray | None = (
+            None  # which points the next solve takes to be in contact at first
+        )
         self._entries_of: tuple[bytes, int, bytes] | None = None  # of the last Newton step
         self._entries: tuple[np.ndarray, ...] = ()
         self.friction = None if self.law.is_conservative else CondensedFriction(self)
@@ -62,8 +70,11 @@ class CondensedContact:
         return self.forces[0]
 
     def solve(self, delta: float) -> bool:
-        """Find the equilibrium at a depth from the present forces; on failure they are as they were."""
-        before, self.depth = (self.forces, self.lam, self.depth), delta
+        """Find the equilibrium at a depth from the present forces; on failure they are as they
+        were.
+        """
+        before = (self.forces, self.lam, self.depth)
+        self.depth = delta
         if CONDENSED_ALGORITHMS[self.law.multiplier](self):
             self._recent = [*self._recent[-1:], self.F]
             return True
@@ -80,8 +91,10 @@ class CondensedContact:
         return self.friction.dissipation() if self.friction else 0.0
 
     def trial(self) -> np.ndarray:
-        """lam - epsilon_n g of the present forces, above zero in contact: at the points of the contact quadrature, and
-        of nodal pressures at the nodes that carry one, with E*/h_contact [pressure]."""
+        """lam - epsilon_n g of the present forces, above zero in contact: at the points of the
+        contact quadrature, and of nodal pressures at the nodes that carry one, with E*/h_contact
+        [pressure].
+        """
         if self.law.multiplier == "nodal":
             return self._nodal_trial()
         N, _, height = self.quadrature
@@ -95,7 +108,8 @@ class CondensedContact:
 
     def _set_out(self, active: np.ndarray) -> np.ndarray:
         """What is in contact at first: what is expected, or else what is in contact now."""
-        expected, self._expected = self._expected, None
+        expected = self._expected
+        self._expected = None
         return active if expected is None else expected
 
     def nothing(self, size: Callable[[np.ndarray], np.floating]) -> float:
@@ -104,10 +118,13 @@ class CondensedContact:
 
     def rule(self, points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Weighted areas (facets, points) and the tip's height over the undeformed surface there."""
-        trace, scene = self.compliance.trace, self.scene
+        trace = self.compliance.trace
+        scene = self.scene
         x = np.moveaxis(trace.positions(points), -1, 0)
         horizontal = scene.physics.part.kinematics.horizontal(x, scene.physics.center)
-        return self._areas(trace, points, weights), scene.physics.indenter.height(*horizontal) - x[-1]
+        return self._areas(trace, points, weights), scene.physics.indenter.height(*horizontal) - x[
+            -1
+        ]
 
     def _areas(self, trace: Trace, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
         x = np.moveaxis(trace.positions(points), -1, 0)
@@ -115,7 +132,9 @@ class CondensedContact:
 
     @cached_property
     def quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Shape functions (points, nodes), weighted areas and heights (facets, points) of the contact quadrature."""
+        """Shape functions (points, nodes), weighted areas and heights (facets, points) of the
+        contact quadrature.
+        """
         points, weights = contact_quadrature(self.compliance.trace.dim)
         return shapes(points), *self.rule(points, weights)
 
@@ -124,7 +143,9 @@ class CondensedContact:
         """The mass matrix M [area] of the whole contact surface."""
         whole = self.compliance.surface
         points, weights = contact_quadrature(whole.dim)
-        N, W, nodes = shapes(points), self._areas(whole, points, weights), whole.nodes
+        N = shapes(points)
+        W = self._areas(whole, points, weights)
+        nodes = whole.nodes
         rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
         values = np.einsum("fp,pn,pm->fnm", W, N, N).ravel()
         return csc_matrix((values, (rows.ravel(), columns.ravel())), shape=(len(self.lam),) * 2)
@@ -146,14 +167,26 @@ class CondensedContact:
         return np.bincount(self.nodes.ravel(), local.ravel(), self.compliance.size)
 
     def newton(self, inverse_mass: np.ndarray | float = 0.0) -> bool:
-        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, or held as it is where M^-1 is none.
-        From where it stands, with a multiplier through a stiffness of E*/h_contact, whose solution is nearly the law's
-        own; if that is too far, through softer contact to the law's own."""
-        start, epsilon_n = self.forces, self.law.stiffness
+        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, or held as it is
+        where M^-1 is none. From where it stands, with a multiplier through a stiffness of
+        E*/h_contact, whose solution is nearly the law's own; if that is too far, through softer
+        contact to the law's own.
+        """
+        start = self.forces
+        epsilon_n = self.law.stiffness
         unit = self.scene.physics.material.E_star / self.scene.sizes.h_contact
-        is_other = np.ndim(inverse_mass) and not isclose(epsilon_n, unit, rel_tol=1e-9)  # 1e-9: the same in all units
-        solve = self.friction.newton if self.friction else lambda factor: self._newton(factor * epsilon_n, inverse_mass)
-        for factors in ([unit / epsilon_n, 1.0] if is_other else [1.0], softening(self.law, self.scene)):
+        is_other = np.ndim(inverse_mass) and not isclose(
+            epsilon_n, unit, rel_tol=1e-9
+        )  # 1e-9: the same in all units
+        solve = (
+            self.friction.newton
+            if self.friction
+            else lambda factor: self._newton(factor * epsilon_n, inverse_mass)
+        )
+        for factors in (
+            [unit / epsilon_n, 1.0] if is_other else [1.0],
+            softening(self.law, self.scene),
+        ):
             self.forces = start
             if all(map(solve, factors)):
                 return True
@@ -163,8 +196,10 @@ class CondensedContact:
 
     def update(self, mixing: uzawa.Mixing) -> float:
         """Change the multiplier; returns how far it was from its projection, relative to itself."""
-        before, image = self.lam, self.projected(self.F)
-        change, nothing = np.linalg.norm(image - before), self.nothing(lambda F: np.linalg.norm(self.projected(F)))
+        before = self.lam
+        image = self.projected(self.F)
+        change = np.linalg.norm(image - before)
+        nothing = self.nothing(lambda F: np.linalg.norm(self.projected(F)))
         self.lam = mixing(before, image)
         size = max(np.linalg.norm(before), np.linalg.norm(image))
         return 0.0 if change <= nothing else float(change / size)
@@ -176,21 +211,28 @@ class CondensedContact:
         if not np.ndim(inverse_mass):
             offset = offset + self.lam[self.places][self.nodes] @ N.T
         F: np.ndarray = self.F.copy()
-        before, seen, nothing = None, set(), self.nothing(lambda F: np.abs(F).max(initial=0.0))
+        before = None
+        seen = set()
+        nothing = self.nothing(lambda F: np.abs(F).max(initial=0.0))
         for _ in range(MOST_CONTACT_ITERATIONS):
             p_hat = (D @ F)[self.nodes] @ N.T + offset
             active = p_hat > 0
             load = self._load(p_hat, active)
             allowed = NODAL_FORCE_TOLERANCE * np.abs(load).max(initial=0.0) + nothing
-            # between two Newton steps with the same active points the problem is linear: the first was exact
+            # between two Newton steps with the same active points the problem is linear: the first
+            # was exact
             settled = before is not None and np.array_equal(active, before)
             residual = np.abs(F - load).max(initial=0.0)
-            if not np.isfinite(residual):  # p_hat > 0 is False for NaN: it would pass for a body without contact
+            if not np.isfinite(
+                residual
+            ):  # p_hat > 0 is False for NaN: it would pass for a body without contact
                 return False
             if settled or residual <= allowed:
                 self.forces = load[None]
                 return True
-            if active.tobytes() in seen:  # the active points alone say where the next step leads: it is a circle
+            if (
+                active.tobytes() in seen
+            ):  # the active points alone say where the next step leads: it is a circle
                 return False
             before = active = self._set_out(active)
             seen.add(active.tobytes())
@@ -202,15 +244,23 @@ class CondensedContact:
         N, W, _ = self.quadrature
         return self.vector((W * np.where(active, p_hat, 0.0)) @ N)
 
-    def newton_step(self, residual: np.ndarray, slopes: np.ndarray, D: np.ndarray, held: Any = ()) -> np.ndarray:
-        """-(I - A D)^-1 residual, A = int slopes N N with `slopes` (m, m, facets, points) of the m tractions at points.
-        Rows without a point in contact, and those that are `held` (m - 1, nodes), are those of the identity."""
-        (N, W, _), size, m = self.quadrature, self.compliance.size, len(slopes)
+    def newton_step(
+        self, residual: np.ndarray, slopes: np.ndarray, D: np.ndarray, held: Any = ()
+    ) -> np.ndarray:
+        """-(I - A D)^-1 residual, A = int slopes N N with `slopes` (m, m, facets, points) of the m
+        tractions at points. Rows without a point in contact, and those that are `held` (m - 1,
+        nodes), are those of the identity.
+        """
+        (N, W, _) = self.quadrature
+        size = self.compliance.size
+        m = len(slopes)
         touched = np.flatnonzero(slopes[0, 0].any(axis=1))
         weights = (W * slopes)[:, :, touched]
         # of one traction by BLAS, which is faster and adds in another order
         local = (
-            np.einsum("abfp,pij->abfij", weights, self._pairs) if m > 1 else weights @ self._pairs.reshape(len(N), -1)
+            np.einsum("abfp,pij->abfij", weights, self._pairs)
+            if m > 1
+            else weights @ self._pairs.reshape(len(N), -1)
         )
         key = (touched.tobytes(), m, np.asarray(held).tobytes())
         if key != self._entries_of:  # of neighbouring rows they are the same
@@ -229,44 +279,63 @@ class CondensedContact:
 
     @cached_property
     def _pairs(self) -> np.ndarray:
-        """Products of the shape functions at the points of the contact quadrature (points, nodes, nodes)."""
+        """Products of the shape functions at the points of the contact quadrature (points, nodes,
+        nodes).
+        """
         N, _, _ = self.quadrature
         return N[:, :, None] * N[:, None, :]
 
     def stiffness(self) -> float:
-        """d/ddelta of the sum of the nodal forces, by the tangent of the present equilibrium [pressure length].
+        """d/ddelta of the sum of the nodal forces, by the tangent of the present equilibrium
+        [pressure length].
 
-        A multiplier moves with the depth, whether it is solved for or updated in a loop: F is the law's own either way.
+        A multiplier moves with the depth, whether it is solved for or updated in a loop: F is the
+        law's own either way.
         """
         if self.law.multiplier == "nodal":  # the punch on the nodes that carry a pressure
             carriers, _, _, areas, A = self._weighted
             on = np.flatnonzero(self.lam[self.places[carriers]] > 0)
-            return float(areas[on] @ np.linalg.solve(A[np.ix_(on, on)], areas[on])) if len(on) else 0.0
+            return (
+                float(areas[on] @ np.linalg.solve(A[np.ix_(on, on)], areas[on])) if len(on) else 0.0
+            )
         N, W, height = self.quadrature
         epsilon_n = self.law.stiffness
-        D = (0.0 if self.law.multiplier == "none" else self.inverse_mass) - epsilon_n * self.compliance.C
+        D = (
+            0.0 if self.law.multiplier == "none" else self.inverse_mass
+        ) - epsilon_n * self.compliance.C
         active = (D @ self.F)[self.nodes] @ N.T - epsilon_n * (height - self.depth) > 0
         if not active.any():
             return 0.0
-        return float(self.newton_step(-self.vector((W * epsilon_n * active) @ N), active[None, None], D).sum())
+        return float(
+            self.newton_step(
+                -self.vector((W * epsilon_n * active) @ N), active[None, None], D
+            ).sum()
+        )
 
     @cached_property
     def _weighted(self) -> tuple[np.ndarray, ...]:
-        """Nodes with an area; forces per nodal pressure Q, weighted heights, areas, compliance of weighted gaps."""
+        """Nodes with an area; forces per nodal pressure Q, weighted heights, areas, compliance of
+        weighted gaps.
+        """
         points, weights = surface.split_quadrature(self.compliance.trace.dim)
         W, height = self.rule(points, weights)
-        N, psi = shapes(points), pressure_functions(points)
-        local, size = np.einsum("fp,pn,pm->fnm", W, N, psi), self.compliance.size
+        N = shapes(points)
+        psi = pressure_functions(points)
+        local = np.einsum("fp,pn,pm->fnm", W, N, psi)
+        size = self.compliance.size
         places = self.nodes[:, :, None] * size + self.nodes[:, None, :]
         Q = np.bincount(places.ravel(), local.ravel(), size * size).reshape(size, size)
-        heights, areas = self.vector((W * height) @ psi), self.vector(W @ psi)
+        heights = self.vector((W * height) @ psi)
+        areas = self.vector(W @ psi)
         on = np.flatnonzero(areas > 0)
         return on, Q[:, on], heights[on], areas[on], (Q.T @ self.compliance.C @ Q)[np.ix_(on, on)]
 
     @property
     def weighted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Of the nodes that carry a pressure the places x (n, dim - 1) [length], weighted heights, areas, and the
-        compliance A: gaps heights - delta areas + A p >= 0, and areas . p is the force of the modelled part."""
+        """Of the nodes that carry a pressure the places x (n, dim - 1) [length], weighted heights,
+        areas, and the compliance A: gaps heights - delta areas + A p >= 0, and areas . p is the
+        force of the modelled part.
+        """
         carriers, _, heights, areas, A = self._weighted
         trace = self.compliance.trace
         x = np.zeros((self.compliance.size, trace.dim - 1))
@@ -274,9 +343,13 @@ class CondensedContact:
         return x[carriers], heights, areas, A
 
     def active_set(self) -> bool:
-        """Pressures p >= 0 with weighted gaps G = heights - delta areas + A p >= 0 and p G = 0, exactly."""
+        """Pressures p >= 0 with weighted gaps G = heights - delta areas + A p >= 0 and p G = 0,
+        exactly.
+        """
         carriers, Q, heights, areas, A = self._weighted
-        p, solves = complementary(A, heights - self.depth * areas, self._set_out(self._nodal_trial() > 0))
+        p, solves = complementary(
+            A, heights - self.depth * areas, self._set_out(self._nodal_trial() > 0)
+        )
         self.iterations += solves
         self.lam = np.zeros(len(self.lam))
         self.lam[self.places[carriers]] = p
@@ -285,17 +358,21 @@ class CondensedContact:
 
     def _nodal_trial(self) -> np.ndarray:
         carriers, _, heights, areas, A = self._weighted
-        p, scale = self.lam[self.places[carriers]], self.scene.physics.material.E_star / self.scene.sizes.h_contact
+        p = self.lam[self.places[carriers]]
+        scale = self.scene.physics.material.E_star / self.scene.sizes.h_contact
         return np.asarray(p - scale * ((heights - self.depth * areas + A @ p) / areas))
 
     @property
     def multiplier(self) -> np.ndarray:
-        """lam at the nodes of the whole surface [pressure]; of a law without one the projection of its <p_hat>."""
+        """lam at the nodes of the whole surface [pressure]; of a law without one the projection of
+        its <p_hat>.
+        """
         return self.projected(self.F) if self.law.multiplier == "none" else self.lam
 
     def energy(self) -> float:
         """Strain plus contact energy of the modelled part."""
-        X, whole = self.forces.ravel(), self.compliance.whole
+        X = self.forces.ravel()
+        whole = self.compliance.whole
         sunk = whole @ X
         strain = 0.5 * float(X @ sunk)
         if self.law.multiplier == "nodal":
@@ -307,9 +384,11 @@ class CondensedContact:
 
 
 def _entries(at: np.ndarray, size: int, m: int, held: Any) -> tuple[np.ndarray, ...]:
-    """Rows of m tractions at nodes (facets, n) of `size`, but for those `held`; which entries of local matrices (m, m,
-    facets, n, n) are between them, and in which row and column."""
-    block, is_on = size * np.arange(m), np.zeros(size, dtype=bool)
+    """Rows of m tractions at nodes (facets, n) of `size`, but for those `held`; which entries of
+    local matrices (m, m, facets, n, n) are between them, and in which row and column.
+    """
+    block = size * np.arange(m)
+    is_on = np.zeros(size, dtype=bool)
     is_on[at] = True
     rows: np.ndarray = (block[:, None] + np.flatnonzero(is_on)).ravel()
     if np.size(held):
@@ -323,14 +402,19 @@ def _entries(at: np.ndarray, size: int, m: int, held: Any) -> tuple[np.ndarray, 
     return rows, kept, i[kept], j[kept]
 
 
-def complementary(A: np.ndarray, open_gap: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, int]:
-    """p >= 0 with G = open_gap + A p >= 0 and p G = 0, A symmetric positive definite, and the number of solves.
-    Primal-dual active sets, beginning with `active`; when a set comes back they go round in a circle, and the same
-    problem is solved as one of non-negative least squares, which cannot (Lawson & Hanson 1974)."""
+def complementary(
+    A: np.ndarray, open_gap: np.ndarray, active: np.ndarray
+) -> tuple[np.ndarray, int]:
+    """p >= 0 with G = open_gap + A p >= 0 and p G = 0, A symmetric positive definite, and the
+    number of solves. Primal-dual active sets, beginning with `active`; when a set comes back
+    they go round in a circle, and the same problem is solved as one of non-negative least
+    squares, which cannot (Lawson & Hanson 1974).
+    """
     seen: set[bytes] = set()
     while active.tobytes() not in seen:
         seen.add(active.tobytes())
-        p, on = np.zeros(len(A)), np.flatnonzero(active)
+        p = np.zeros(len(A))
+        on = np.flatnonzero(active)
         p[on] = np.linalg.solve(A[np.ix_(on, on)], -open_gap[on])
         if not np.isfinite(p).all():  # what is no number would pass for a node without pressure
             break
@@ -356,7 +440,9 @@ def _augmented_lagrangian(contact: CondensedContact) -> bool:
 
 
 def _uzawa(contact: CondensedContact) -> bool:
-    return uzawa.settle(contact, contact.scene, MPI.COMM_SELF, lambda rtol: contact.newton(), contact.update)
+    return uzawa.settle(
+        contact, contact.scene, MPI.COMM_SELF, lambda rtol: contact.newton(), contact.update
+    )
 
 
 CONDENSED_ALGORITHMS: dict[str, Callable[[CondensedContact], bool]] = {
@@ -368,11 +454,17 @@ CONDENSED_ALGORITHMS: dict[str, Callable[[CondensedContact], bool]] = {
 
 
 class CondensedState:
-    """The present state of a condensed contact, as `observe` wants to see it; the same on every rank."""
+    """The present state of a condensed contact, as `observe` wants to see it; the same on every
+    rank.
+    """
 
     def __init__(self, contact: CondensedContact):
-        self.contact, self.scene, self.comm = contact, contact.scene, MPI.COMM_SELF
-        self.trace, self.friction, self.fluid = contact.compliance.trace, contact.friction, None
+        self.contact = contact
+        self.scene = contact.scene
+        self.comm = MPI.COMM_SELF
+        self.trace = contact.compliance.trace
+        self.friction = contact.friction
+        self.fluid = None
 
     @property
     def depth(self) -> float:
@@ -381,13 +473,18 @@ class CondensedState:
 
     @property
     def E_star(self) -> float:
-        """Plane-strain modulus of what the tip touches [pressure]: nothing of a condensed body takes time."""
+        """Plane-strain modulus of what the tip touches [pressure]: nothing of a condensed body
+        takes time.
+        """
         return float(self.scene.physics.material.E_star)
 
     def nodal_displacement(self) -> np.ndarray:
-        """Displacement (facets, nodes, dim): u_z; the horizontal part has no say in a reference gap."""
+        """Displacement (facets, nodes, dim): u_z; the horizontal part has no say in a reference
+        gap.
+        """
         u = np.zeros(self.trace.X.shape)
-        compliance, forces = self.contact.compliance, self.contact.forces
+        compliance = self.contact.compliance
+        forces = self.contact.forces
         u[..., -1] = -(compliance.whole @ forces.ravel())[: compliance.size][self.trace.nodes]
         return u
 
@@ -401,14 +498,19 @@ class CondensedState:
         return pressure_functions(points) if is_nodal else shapes(points)
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
-        """lam (facets, points) as a pressure to be looked at: without its ripples at the vertices of triangles."""
+        """lam (facets, points) as a pressure to be looked at: without its ripples at the vertices
+        of triangles.
+        """
         return self.nodal_pressure()[self.contact.places][self.trace.nodes] @ self.basis(points).T
 
     def nodal_pressure(self) -> np.ndarray:
         """Values at the nodes of the whole surface for `pressure_at` [pressure]."""
-        lam, nodes = self.contact.multiplier, self.contact.compliance.surface.nodes
+        lam = self.contact.multiplier
+        nodes = self.contact.compliance.surface.nodes
         if self.scene.physics.contact.multiplier == "nodal" or not self.trace.ripples:
             return lam
         pressure = lam.copy()
-        pressure[nodes] = surface.from_midpoints(lam[nodes], lambda v: np.bincount(nodes.ravel(), v.ravel())[nodes])
+        pressure[nodes] = surface.from_midpoints(
+            lam[nodes], lambda v: np.bincount(nodes.ravel(), v.ravel())[nodes]
+        )
         return pressure

@@ -1,4 +1,5 @@
-"""Bonded flat punches of every radius on a condensed axisymmetric body, from one Cholesky of its compliance.
+"""Bonded flat punches of every radius on a condensed axisymmetric body, from one Cholesky of its
+compliance.
 
 With the nodes in the order of their radius and C = L L^T, the leading block of every size has the factor's leading
 block, so that L one = 1, L h = heights give at once, for the punch on the first n nodes and the tip's shape there,
@@ -15,20 +16,27 @@ from scipy.linalg.lapack import dpotrf
 
 from indent_sim.fe.condensed.contact import CondensedContact
 
-# Of the element inside the edge: so much larger than the last vertex's is the radius of the punch that a mesh finds, by
-# formulation, with nu = 0 and what it loses with nu. Measured against theory on half-spaces and layers: 0.111 at nu = 0
-# and 0.092 at 0.3 (displacement), 0.059 at 0.45 and 0.050 at 0.5 (mixed), to 0.004 each.
+# Of the element inside the edge: so much larger than the last vertex's is the radius of the punch
+# that a mesh finds, by formulation, with nu = 0 and what it loses with nu. Measured against theory
+# on half-spaces and layers: 0.111 at nu = 0 and 0.092 at 0.3 (displacement), 0.059 at 0.45 and
+# 0.050 at 0.5 (mixed), to 0.004 each.
 SHIFT = {"displacement": (0.111, 0.063), "mixed": (0.140, 0.180)}
-YIELDS = 1e-8  # of a node's compliance, what is left of it when those inside are held; less is rounding
+YIELDS = (
+    1e-8  # of a node's compliance, what is left of it when those inside are held; less is rounding
+)
 
 
 def punches(contact: CondensedContact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Radii a [length], stiffness K [pressure length] and P [pressure length^2] of the punches that end at a vertex.
-    The body's own, from the first vertex off the axis to the last that is condensed to and yields."""
-    compliance, physics = contact.compliance, contact.scene.physics
+    """Radii a [length], stiffness K [pressure length] and P [pressure length^2] of the punches that
+    end at a vertex. The body's own, from the first vertex off the axis to the last that is
+    condensed to and yields.
+    """
+    compliance = contact.compliance
+    physics = contact.scene.physics
     trace = compliance.trace
     x = trace.positions(trace.node_points())
-    r, heights = np.zeros(compliance.size), np.zeros(compliance.size)
+    r = np.zeros(compliance.size)
+    heights = np.zeros(compliance.size)
     r[trace.nodes] = x[..., 0]
     heights[trace.nodes] = physics.indenter.height(x[..., 0], 0.0) - x[..., 1]
     order = np.argsort(r)
@@ -39,9 +47,13 @@ def punches(contact: CondensedContact) -> tuple[np.ndarray, np.ndarray, np.ndarr
     n = int(np.argmax(np.append(is_stiff, True)))
     given = np.column_stack([np.ones(n), heights[order][:n]])
     one, h = solve_triangular(L[:n, :n], given, lower=True).T if n else given.T
-    ends = np.searchsorted(r[order], np.sort(r[np.unique(trace.nodes[:, :2])]))[1:]  # of the vertices but the axis
+    ends = np.searchsorted(r[order], np.sort(r[np.unique(trace.nodes[:, :2])]))[
+        1:
+    ]  # of the vertices but the axis
     ends = ends[ends < n]
-    K, P, a = np.cumsum(one**2)[ends], np.cumsum(one * h)[ends], r[order][ends]
+    K = np.cumsum(one**2)[ends]
+    P = np.cumsum(one * h)[ends]
+    a = r[order][ends]
     elements = np.diff(a, prepend=0.0)
     region = physics.part.regions[0]
     at_zero, falls = SHIFT[region.formulation]

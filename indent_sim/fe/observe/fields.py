@@ -1,4 +1,6 @@
-"""Fields of a state: values at the vertices and cells of the grid, gathered on rank 0 in the grid's own order."""
+"""Fields of a state: values at the vertices and cells of the grid, gathered on rank 0 in the grid's
+own order.
+"""
 
 from __future__ import annotations
 
@@ -17,15 +19,24 @@ from indent_sim.model.materials import Gel
 
 
 class WholeBody:
-    """A whole body at the present state, whose fields can be read off.
-    strains: of each region stress (3, 3) [pressure], J and psi [pressure] in UFL, and its cells on this rank; fluid:
-    the term of what its pores hold, None without any."""
+    """A whole body at the present state, whose fields can be read off. strains: of each region
+    stress (3, 3) [pressure], J and psi [pressure] in UFL, and its cells on this rank; fluid: the
+    term of what its pores hold, None without any.
+    """
 
     def __init__(self, body: Any, strains: Sequence[Any], friction: Any, fluid: Any = None):
-        self.scene, self.comm, self.trace, self.body_mesh = body.scene, body.comm, body.trace, body.body_mesh
-        self.mesh, self.unknowns, self.strains, self.friction = body.mesh, body.unknowns, strains, friction
-        self.nodal_displacement, self.local_array = body.nodal_displacement, body.local_array
-        self.dofs, self.fluid = body.active_dofs, fluid
+        self.scene = body.scene
+        self.comm = body.comm
+        self.trace = body.trace
+        self.body_mesh = body.body_mesh
+        self.mesh = body.mesh
+        self.unknowns = body.unknowns
+        self.strains = strains
+        self.friction = friction
+        self.nodal_displacement = body.nodal_displacement
+        self.local_array = body.local_array
+        self.dofs = body.active_dofs
+        self.fluid = fluid
 
     @property
     def E_star(self) -> float:
@@ -33,7 +44,9 @@ class WholeBody:
         return float(self.strains[0].E_star)
 
     def crushed(self) -> Any:
-        """Where the body is deformed most, see `terms.strain.Crushed` (collective); None at small strain."""
+        """Where the body is deformed most, see `terms.strain.Crushed` (collective); None at small
+        strain.
+        """
         found = [crushed for strain in self.strains if (crushed := strain.crushed())]
         return reduce(lambda one, other: one.with_worst(other), found) if found else None
 
@@ -41,12 +54,14 @@ class WholeBody:
 class Fields:
     """The fields of a solution by name.
 
-    At the vertices displacement (points, dim) [length], pressure and with friction shear (points,), the mean of the
-    facets that meet, as in the surface table, and with fluid its pore_pressure. At the cells' centroids stress (cells,
-    3, 3) (Cauchy, of solid and fluid together), von_mises, principal_stresses (cells, 3) from the largest,
-    energy_density per undeformed volume [pressure] (of the drained law), J = det(I + grad u), with fluid its
-    fluid_content per undeformed volume, and with a gel swelling, J from the dry state. A quadratic displacement is
-    shown by its values at the vertices. With `nodal_stress`, that and nodal_von_mises at the vertices."""
+    At the vertices displacement (points, dim) [length], pressure and with friction shear (points,),
+    the mean of the facets that meet, as in the surface table, and with fluid its pore_pressure. At
+    the cells' centroids stress (cells, 3, 3) (Cauchy, of solid and fluid together), von_mises,
+    principal_stresses (cells, 3) from the largest, energy_density per undeformed volume [pressure]
+    (of the drained law), J = det(I + grad u), with fluid its fluid_content per undeformed volume,
+    and with a gel swelling, J from the dry state. A quadratic displacement is shown by its values
+    at the vertices. With `nodal_stress`, that and nodal_von_mises at the vertices.
+    """
 
     def __init__(self, body: Any, nodal_stress: bool = False):
         self.body = body
@@ -55,36 +70,55 @@ class Fields:
     @property
     def more(self) -> tuple[str, ...]:
         """Names of those that not every body has."""
-        kinds = {"shear": self.body.friction, "pore_pressure": self.body.fluid, "fluid_content": self.body.fluid}
+        kinds = {
+            "shear": self.body.friction,
+            "pore_pressure": self.body.fluid,
+            "fluid_content": self.body.fluid,
+        }
         gels = [strain for strain in self.body.strains if isinstance(strain.region.material, Gel)]
         nodal = ("nodal_stress", "nodal_von_mises") if self._nodal_stress else ()
-        return (*(name for name, there in kinds.items() if there is not None), *(["swelling"] if gels else []), *nodal)
+        return (
+            *(name for name, there in kinds.items() if there is not None),
+            *(["swelling"] if gels else []),
+            *nodal,
+        )
 
     @cached_property
     def _expressions(self) -> list[tuple[fem.Expression, np.ndarray]]:
         centroid = np.full((1, self.body.body_mesh.dim), 1 / (self.body.body_mesh.dim + 1))
-        return [(fem.Expression(ufl.as_vector(self._in_cell(s)), centroid), s.cells) for s in self.body.strains]
+        return [
+            (fem.Expression(ufl.as_vector(self._in_cell(s)), centroid), s.cells)
+            for s in self.body.strains
+        ]
 
     def _in_cell(self, strain: Any) -> list[Any]:
         """Stress, J, psi and, where there is fluid, its content: UFL scalars."""
-        stress, fluid = total_stress(self.body, strain), self.body.fluid
+        stress = total_stress(self.body, strain)
+        fluid = self.body.fluid
         content = [] if fluid is None else [fluid.content_in(strain.region)]
         return [*(stress[i, j] for i, j in np.ndindex(3, 3)), strain.J, strain.psi, *content]
 
     def gather(self) -> dict[str, np.ndarray] | None:
         """The fields on rank 0, None on the others."""
         mesh = self.body.mesh
-        nodes, cells = mesh.geometry.input_global_indices, mesh.topology.original_cell_index
+        nodes = mesh.geometry.input_global_indices
+        cells = mesh.topology.original_cell_index
         mine = (nodes, self._at_vertices(), *self._tractions(), cells, self._in_cells())
         parts: Any = self.body.comm.gather(mine, root=0)
         averaged = (
-            self._nodal_stress.gather_averages(mesh.topology.index_map(0).size_global) if self._nodal_stress else None
+            self._nodal_stress.gather_averages(mesh.topology.index_map(0).size_global)
+            if self._nodal_stress
+            else None
         )
         if parts is None:
             return None
-        nodes, u, touched, acting, cells, inside = (np.concatenate(column) for column in zip(*parts, strict=True))
+        nodes, u, touched, acting, cells, inside = (
+            np.concatenate(column) for column in zip(*parts, strict=True)
+        )
         stress, inner = np.split(_in_order(cells, inside), [9], axis=1)
-        dim, last = self.body.body_mesh.dim, mesh.topology.index_map(0).size_global  # those of curved cells are last
+        # those of curved cells are last
+        dim = self.body.body_mesh.dim
+        last = mesh.topology.index_map(0).size_global
         displacement, fluid = np.split(_in_order(nodes, u)[:last], [dim], axis=1)
         tractions = [_means(touched, column, len(displacement)) for column in acting.T]
         return {
@@ -92,7 +126,9 @@ class Fields:
             **dict(zip(("pressure", "shear"), tractions, strict=False)),
             **dict(zip(("pore_pressure",), fluid.T, strict=False)),
             **_stresses(stress.reshape(-1, 3, 3)),
-            **dict(zip(("swelling", "J", "energy_density", "fluid_content"), inner.T, strict=False)),
+            **dict(
+                zip(("swelling", "J", "energy_density", "fluid_content"), inner.T, strict=False)
+            ),
             **({} if averaged is None else _nodal(averaged)),
         }
 
@@ -104,20 +140,30 @@ class Fields:
 
     def _at_vertices(self) -> np.ndarray:
         """The displacement and, where there is fluid, its pressure (points, dim or dim + 1)."""
-        body, corners = self.body, compat.geometry_dofs(self.body.mesh)
-        values = np.zeros((len(body.mesh.geometry.x), body.body_mesh.dim + (body.fluid is not None)))
+        body = self.body
+        corners = compat.geometry_dofs(self.body.mesh)
+        values = np.zeros(
+            (len(body.mesh.geometry.x), body.body_mesh.dim + (body.fluid is not None))
+        )
         dim = body.body_mesh.dim
-        values[corners, :dim] = body.local_array()[body.unknowns.displacement_places(self._vertices)]
+        values[corners, :dim] = body.local_array()[
+            body.unknowns.displacement_places(self._vertices)
+        ]
         if body.fluid is not None:
             values[corners, dim] = body.fluid.at_corners()
         return values
 
     def _tractions(self) -> tuple[np.ndarray, np.ndarray]:
-        """The grid's points (n,) at corners of contact facets; the pressure, with friction shear, there (n, 1 or 2)."""
-        body, dim = self.body, self.body.body_mesh.dim
+        """The grid's points (n,) at corners of contact facets; the pressure, with friction shear,
+        there (n, 1 or 2).
+        """
+        body = self.body
+        dim = self.body.body_mesh.dim
         corners = body.trace.node_points()[:dim]
         node = np.zeros(self._vertices.max(initial=0) + 1, dtype=np.int64)
-        node[self._vertices] = np.asarray(body.mesh.geometry.input_global_indices)[compat.geometry_dofs(body.mesh)]
+        node[self._vertices] = np.asarray(body.mesh.geometry.input_global_indices)[
+            compat.geometry_dofs(body.mesh)
+        ]
         acting = measure.tractions(body, measure.sample(body, corners), corners)
         return node[body.trace.nodes[:, :dim]].ravel(), acting.reshape(-1, acting.shape[-1])
 
@@ -127,7 +173,9 @@ class Fields:
         values = np.zeros((len(self.body.mesh.topology.original_cell_index), 1 + width))
         for (expression, cells), strain in zip(self._expressions, self.body.strains, strict=True):
             found = compat.evaluate(expression, self.body.mesh, cells).reshape(-1, width)
-            values[cells] = np.insert(found, 9, strain.region.material.swelling(found[:, 9]), axis=1)
+            values[cells] = np.insert(
+                found, 9, strain.region.material.swelling(found[:, 9]), axis=1
+            )
         return values
 
 
@@ -137,7 +185,9 @@ def _nodal(stress: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _stresses(stress: np.ndarray) -> dict[str, np.ndarray]:
-    """A stress (n, 3, 3), its principal values from the largest, and sqrt(3/2 s:s) of its deviator s."""
+    """A stress (n, 3, 3), its principal values from the largest, and sqrt(3/2 s:s) of its deviator
+    s.
+    """
     principal = np.linalg.eigvalsh((stress + np.swapaxes(stress, 1, 2)) / 2)[:, ::-1]
     deviator = principal - principal.mean(axis=1, keepdims=True)
     von_mises = np.sqrt(1.5 * (deviator**2).sum(axis=1))

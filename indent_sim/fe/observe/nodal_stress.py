@@ -1,10 +1,11 @@
-"""Stress at the vertices: extrapolated from points inside each cell, and averaged over the cells of one region.
+"""Stress at the vertices: extrapolated from points inside each cell, and averaged over the cells of
+one region.
 
-The stress of quadratic elements is best at points inside a cell. From as many points as a cell has vertices it is
-extrapolated linearly to these, and at each vertex averaged over the cells of one region that meet there, weighted by
-their volumes. Nothing is averaged across the face between two regions, where the stress jumps.
-Source: Hinton & Campbell (1974), Int. J. Numer. Methods Eng. 8, 461; Zienkiewicz, Taylor & Zhu (2013), The Finite
-Element Method, 15.
+The stress of quadratic elements is best at points inside a cell. From as many points as a cell has
+vertices it is extrapolated linearly to these, and at each vertex averaged over the cells of one
+region that meet there, weighted by their volumes. Nothing is averaged across the face between two
+regions, where the stress jumps. Source: Hinton & Campbell (1974), Int. J. Numer. Methods Eng. 8,
+461; Zienkiewicz, Taylor & Zhu (2013), The Finite Element Method, 15.
 """
 
 from __future__ import annotations
@@ -19,13 +20,16 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 
-# The barycentric coordinate of a point along its own vertex: the points of the quadrature of degree 2, by dimension
+# The barycentric coordinate of a point along its own vertex: the points of the quadrature of degree
+# 2, by dimension
 OWN_SHARE = {2: 2 / 3, 3: (5 + 3 * 5**0.5) / 20}
 
 
 class _CellStress(NamedTuple):
-    """Of some cells: numbers of their vertices in the grid (cells, dim + 1), their regions (cells,), their volumes
-    (cells,), of an axisymmetric body without 2 pi, and the stress at their vertices (cells, dim + 1, 9) [pressure]."""
+    """Of some cells: numbers of their vertices in the grid (cells, dim + 1), their regions
+    (cells,), their volumes (cells,), of an axisymmetric body without 2 pi, and the stress at
+    their vertices (cells, dim + 1, 9) [pressure].
+    """
 
     vertices: np.ndarray
     regions: np.ndarray
@@ -34,7 +38,9 @@ class _CellStress(NamedTuple):
 
 
 def total_stress(body: Any, strain: Any) -> Expr:
-    """The Cauchy stress (3, 3) [pressure] in a region of a body, of solid and fluid together, in UFL."""
+    """The Cauchy stress (3, 3) [pressure] in a region of a body, of solid and fluid together, in
+    UFL.
+    """
     if body.fluid is None:
         return strain.stress
     return strain.stress - body.fluid.pressure_in(strain.region) * ufl.Identity(3)
@@ -46,9 +52,14 @@ class NodalStress:
     def __init__(self, body: Any):
         self._body = body
         dim = body.body_mesh.dim
-        own, other = OWN_SHARE[dim], (1 - OWN_SHARE[dim]) / dim
-        shares = np.full((dim + 1, dim + 1), other) + (own - other) * np.eye(dim + 1)  # (points, vertices)
-        self._points = shares[:, 1:]  # the vertices of the reference cell are the origin and the unit vectors
+        own = OWN_SHARE[dim]
+        other = (1 - OWN_SHARE[dim]) / dim
+        shares = np.full((dim + 1, dim + 1), other) + (own - other) * np.eye(
+            dim + 1
+        )  # (points, vertices)
+        self._points = shares[
+            :, 1:
+        ]  # the vertices of the reference cell are the origin and the unit vectors
         self._to_vertices = np.linalg.inv(shares)
 
     @cached_property
@@ -81,8 +92,12 @@ class NodalStress:
             return None
         cells = _CellStress(*(np.concatenate(column) for column in zip(*parts, strict=True)))
         first = np.full(points, np.iinfo(np.int64).max)
-        np.minimum.at(first, cells.vertices.ravel(), np.repeat(cells.regions, cells.vertices.shape[1]))
-        weights = np.where(first[cells.vertices] == cells.regions[:, None], cells.volumes[:, None], 0.0)
+        np.minimum.at(
+            first, cells.vertices.ravel(), np.repeat(cells.regions, cells.vertices.shape[1])
+        )
+        weights = np.where(
+            first[cells.vertices] == cells.regions[:, None], cells.volumes[:, None], 0.0
+        )
         total = np.bincount(cells.vertices.ravel(), weights.ravel(), points)
         columns = (weights[..., None] * cells.stress).reshape(-1, 9).T
         sums = [np.bincount(cells.vertices.ravel(), column, points) for column in columns]
@@ -90,7 +105,8 @@ class NodalStress:
 
     def _of_own_cells(self) -> _CellStress:
         """Of the cells that this rank owns: the ghosts are another rank's."""
-        body, mesh = self._body, self._body.mesh
+        body = self._body
+        mesh = self._body.mesh
         dim = body.body_mesh.dim
         own = mesh.topology.index_map(dim).size_local
         corners = compat.geometry_dofs(mesh)

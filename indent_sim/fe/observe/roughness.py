@@ -18,9 +18,10 @@ import numpy as np
 from indent_sim.model.tips import Indenter
 
 SAME = 1e-9  # of the extent of the surface: nodes closer to each other are one
-# Facets between one that is looked at and the rim of contact or a crease, by the nodes of a facet: those beside it are
-# part of its patch. A ball on a cube (three elements in the contact radius, no friction) is 0.08 rough with two of
-# them, where the elements that the rim crosses smear the pressure
+# Facets between one that is looked at and the rim of contact or a crease, by the nodes of a facet:
+# those beside it are part of its patch. A ball on a cube (three elements in the contact radius, no
+# friction) is 0.08 rough with two of them, where the elements that the rim crosses smear the
+# pressure
 RINGS = {3: 2, 6: 3}
 # Facets of a hole inside the contact that counts as an oscillation, by the nodes of a facet: under
 # a rounded punch with friction two elements in a row opened (depth 0.24 thicknesses, nu 0.49, two
@@ -30,7 +31,8 @@ HOLE = {3: 4, 6: 12}
 
 @dataclass(frozen=True)
 class Patches:
-    """Every facet with the facets that share a side with it, and what is left there of a pressure that is no quadratic.
+    """Every facet with the facets that share a side with it, and what is left there of a pressure
+    that is no quadratic.
 
     Attributes
     ----------
@@ -57,7 +59,8 @@ def patches_of(X: np.ndarray) -> Patches:
         Places of the nodes of its facets (facets, nodes, dim) [length], vertices first, then midpoints.
     """
     dim = X.shape[2]
-    read, sides = _read(X), X[:, :dim] if dim == 2 else X[:, dim:]
+    read = _read(X)
+    sides = X[:, :dim] if dim == 2 else X[:, dim:]
     members = _members(_numbered(sides))
     near = read[members]
     patch = near.reshape(len(members), near.shape[1] * near.shape[2], dim)
@@ -69,7 +72,9 @@ def patches_of(X: np.ndarray) -> Patches:
 
 
 def _read(nodal: np.ndarray) -> np.ndarray:
-    """The nodes at which a pressure is read: those of a triangle that are no vertex (see `from_midpoints`)."""
+    """The nodes at which a pressure is read: those of a triangle that are no vertex (see
+    `from_midpoints`).
+    """
     return nodal if nodal.shape[1] == 3 else nodal[:, 3:]
 
 
@@ -89,16 +94,20 @@ def _members(sides: np.ndarray) -> np.ndarray:
     order = np.argsort(sides, axis=None, kind="stable")
     numbers = sides.ravel()[order]
     is_pair = numbers[1:] == numbers[:-1]
-    first, second = order[:-1][is_pair], order[1:][is_pair]
+    first = order[:-1][is_pair]
+    second = order[1:][is_pair]
     beside = np.full(sides.size, -1)
-    beside[first], beside[second] = second // count, first // count
+    beside[first] = second // count
+    beside[second] = first // count
     beside = beside.reshape(sides.shape)
     inner = np.flatnonzero((beside >= 0).all(axis=1))
     return np.column_stack([inner, beside[inner]])
 
 
 def _quadratics(patch: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """The monomials up to the second degree (patches, nodes, monomials) along each facet, about its middle."""
+    """The monomials up to the second degree (patches, nodes, monomials) along each facet, about its
+    middle.
+    """
     middle = vertices.mean(axis=1, keepdims=True)
     along = vertices[:, 1:] - vertices[:, :1]
     size = np.linalg.norm(along[:, 0], axis=-1)[:, None]
@@ -134,7 +143,9 @@ def roughness(
         Whose creases are left out.
     """
     rings = RINGS[pressure.shape[1]]
-    is_inner = _without_holes(touches.all(axis=1), distance, patches.members, HOLE[pressure.shape[1]])
+    is_inner = _without_holes(
+        touches.all(axis=1), distance, patches.members, HOLE[pressure.shape[1]]
+    )
     is_inner &= ~_is_creased(distance, tip)
     told = np.zeros(len(patches.members), dtype=bool)
     for _ in range(rings):
@@ -143,7 +154,8 @@ def roughness(
         is_inner[patches.members[told, 0]] = True
     if not told.any():
         return 0.0
-    values, nodes = _read(pressure), patches.nodes
+    values = _read(pressure)
+    nodes = patches.nodes
     total = np.bincount(nodes.ravel(), values.ravel())
     count = np.bincount(nodes.ravel())
     mean = (total / np.maximum(count, 1))[nodes]  # the deformed area has a kink between facets
@@ -151,7 +163,9 @@ def roughness(
     return float(np.abs(patches.remainders[told] @ near).max())
 
 
-def _without_holes(is_inner: np.ndarray, distance: np.ndarray, members: np.ndarray, most: int) -> np.ndarray:
+def _without_holes(
+    is_inner: np.ndarray, distance: np.ndarray, members: np.ndarray, most: int
+) -> np.ndarray:
     """Return which facets are in contact or in a small hole of it (facets,).
 
     A hole is a connected set of facets without contact that does not reach the farthest facet. A
@@ -189,7 +203,8 @@ def _without_holes(is_inner: np.ndarray, distance: np.ndarray, members: np.ndarr
 
 def _is_creased(distance: np.ndarray, tip: Any) -> np.ndarray:
     """Which facets (facets,) a circle crosses at which the slope or the curvature of a tip jumps."""
-    nearest, farthest = distance.min(axis=1), distance.max(axis=1)
+    nearest = distance.min(axis=1)
+    farthest = distance.max(axis=1)
     found = np.zeros(len(distance), dtype=bool)
     for radius, width in tip.creases():
         for circle in {radius, radius + width}:

@@ -1,7 +1,8 @@
 """The contact surface in numpy: traces of fields on its facets, for measuring results.
 
-The solver integrates over this surface with UFL; what is measured afterwards (contact radius, peak pressure,
-penetration, the surface table) is evaluated here from the dofs on the facets, at any points.
+The solver integrates over this surface with UFL; what is measured afterwards (contact radius, peak
+pressure, penetration, the surface table) is evaluated here from the dofs on the facets, at any
+points.
 """
 
 from __future__ import annotations
@@ -17,18 +18,28 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 
-QUADRATURE_DEGREE = {2: 20, 3: 10}  # by dimension: 11 points an edge, 25 a triangle, for the kink at the contact edge
-PAIRS = {2: ((0, 1),), 3: ((1, 2), (0, 2), (0, 1))}  # of a facet's vertices, between which its midpoints are
+QUADRATURE_DEGREE = {
+    2: 20,
+    3: 10,
+}  # by dimension: 11 points an edge, 25 a triangle, for the kink at the contact edge
+PAIRS = {
+    2: ((0, 1),),
+    3: ((1, 2), (0, 2), (0, 1)),
+}  # of a facet's vertices, between which its midpoints are
 SUBDIVISIONS = {2: 32, 3: 8}  # of a facet edge, to find the contact edge inside it
 
 
 def barycentric(points: np.ndarray) -> np.ndarray:
-    """Barycentric coordinates (points, vertices) of points (n, 1) or (n, 2) of the unit interval or triangle."""
+    """Barycentric coordinates (points, vertices) of points (n, 1) or (n, 2) of the unit interval or
+    triangle.
+    """
     return np.column_stack([1 - points.sum(axis=1), points])
 
 
 def shapes(points: np.ndarray) -> np.ndarray:
-    """Quadratic shape functions (points, nodes) on a facet; vertices first, then edge midpoints opposite them."""
+    """Quadratic shape functions (points, nodes) on a facet; vertices first, then edge midpoints
+    opposite them.
+    """
     return _shapes(points.tobytes(), points.shape[1])
 
 
@@ -36,17 +47,21 @@ def shapes(points: np.ndarray) -> np.ndarray:
 def _shapes(places: bytes, columns: int) -> np.ndarray:
     bary = barycentric(np.frombuffer(places).reshape(-1, columns))
     vertices = bary * (2 * bary - 1)
-    found = np.column_stack([vertices, *(4 * bary[:, i] * bary[:, j] for i, j in PAIRS[bary.shape[1]])])
+    found = np.column_stack(
+        [vertices, *(4 * bary[:, i] * bary[:, j] for i, j in PAIRS[bary.shape[1]])]
+    )
     found.flags.writeable = False
     return found
 
 
 def pressure_functions(points: np.ndarray) -> np.ndarray:
-    """Functions (points, nodes) of the nodal pressures p_i >= 0 of a facet, which sum to one and are never negative.
+    """Functions (points, nodes) of the nodal pressures p_i >= 0 of a facet, which sum to one and
+    are never negative.
 
-    On an edge the hats of all its nodes, piecewise linear between them. On a triangle those of its vertices alone,
-    zero for the midpoints: the integral of a quadratic displacement's vertex function is zero there, so that a
-    pressure at every node would be known only up to a ripple."""
+    On an edge the hats of all its nodes, piecewise linear between them. On a triangle those of its
+    vertices alone, zero for the midpoints: the integral of a quadratic displacement's vertex
+    function is zero there, so that a pressure at every node would be known only up to a ripple.
+    """
     vertices = barycentric(points)
     if points.shape[1] == 2:
         return np.pad(vertices, ((0, 0), (0, 3)))
@@ -55,20 +70,26 @@ def pressure_functions(points: np.ndarray) -> np.ndarray:
 
 
 def from_midpoints(nodal: np.ndarray, gathered: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """A quadratic multiplier (facets, nodes) of triangles with each vertex value from the midpoints next to it.
+    """A quadratic multiplier (facets, nodes) of triangles with each vertex value from the midpoints
+    next to it.
 
-    The integral of a triangle's vertex function is zero, so a multiplier ripples there and is right at the midpoints.
-    The mean of the midpoints on the edges that meet in a vertex is exact for a constant. `gathered` sums contributions
-    (facets, nodes) over the facets that share a node."""
+    The integral of a triangle's vertex function is zero, so a multiplier ripples there and is right
+    at the midpoints. The mean of the midpoints on the edges that meet in a vertex is exact for a
+    constant. `gathered` sums contributions (facets, nodes) over the facets that share a node.
+    """
     midpoints = nodal[:, 3:]
-    means, ones = np.zeros_like(nodal), np.zeros_like(nodal)
-    means[:, :3], ones[:, :3] = (midpoints.sum(axis=1, keepdims=True) - midpoints) / 2, 1.0
+    means = np.zeros_like(nodal)
+    ones = np.zeros_like(nodal)
+    means[:, :3] = (midpoints.sum(axis=1, keepdims=True) - midpoints) / 2
+    ones[:, :3] = 1.0
     return np.hstack([gathered(means)[:, :3] / gathered(ones)[:, :3], midpoints])
 
 
 @cache
 def split_quadrature(dim: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points and weights on the reference facet, a rule for each part on which `pressure_functions` are smooth."""
+    """Points and weights on the reference facet, a rule for each part on which `pressure_functions`
+    are smooth.
+    """
     if dim == 3:
         return contact_quadrature(dim)
     points, weights = compat.quadrature("interval", 12)
@@ -80,10 +101,16 @@ def lattice(dim: int) -> tuple[np.ndarray, np.ndarray]:
     """Equally spaced points on the reference facet and the small simplices between them."""
     n = SUBDIVISIONS[dim]
     if dim == 2:
-        return np.linspace(0, 1, n + 1)[:, None], np.column_stack([np.arange(n), np.arange(1, n + 1)])
-    index = {place: k for k, place in enumerate((i, j) for i in range(n + 1) for j in range(n + 1 - i))}
+        return np.linspace(0, 1, n + 1)[:, None], np.column_stack(
+            [np.arange(n), np.arange(1, n + 1)]
+        )
+    index = {
+        place: k for k, place in enumerate((i, j) for i in range(n + 1) for j in range(n + 1 - i))
+    }
     upward = [(index[i, j], index[i + 1, j], index[i, j + 1]) for i, j in index if i + j < n]
-    downward = [(index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]) for i, j in index if i + j < n - 1]
+    downward = [
+        (index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]) for i, j in index if i + j < n - 1
+    ]
     return np.array(list(index), dtype=float) / n, np.array(upward + downward)
 
 
@@ -102,14 +129,18 @@ def node_points(dim: int) -> np.ndarray:
 
 @cache
 def reading_points(dim: int) -> np.ndarray:
-    """The points at which a row is read off: those of the lattice, of the contact quadrature, and the nodes."""
+    """The points at which a row is read off: those of the lattice, of the contact quadrature, and
+    the nodes.
+    """
     return np.vstack([lattice(dim)[0], contact_quadrature(dim)[0], node_points(dim)])
 
 
 @dataclass(frozen=True)
 class Trace:
-    """The facets of the contact surface on this rank and the dofs on them. nodes (facets, n) block dofs, X (facets, n,
-    dim) their coordinates [length], dofs (facets, n, dim) indices into the solution's local array."""
+    """The facets of the contact surface on this rank and the dofs on them. nodes (facets, n) block
+    dofs, X (facets, n, dim) their coordinates [length], dofs (facets, n, dim) indices into the
+    solution's local array.
+    """
 
     nodes: np.ndarray
     X: np.ndarray
@@ -134,21 +165,29 @@ class Trace:
 
     @property
     def ripples(self) -> bool:
-        """Whether a multiplier of these nodes has vertex functions without integral (see `from_midpoints`)."""
+        """Whether a multiplier of these nodes has vertex functions without integral (see
+        `from_midpoints`).
+        """
         return self.dim == 3
 
     @cached_property
     def sizes(self) -> np.ndarray:
-        """Length of each facet, of a triangle that of the equilateral one with its area (facets,) [length]."""
+        """Length of each facet, of a triangle that of the equilateral one with its area (facets,)
+        [length].
+        """
         edges = self.X[:, 1 : self.dim] - self.X[:, :1]
         squares = np.linalg.det(edges @ np.swapaxes(edges, 1, 2))
         return np.sqrt(squares) if self.dim == 2 else np.sqrt(2 / np.sqrt(3) * np.sqrt(squares))
 
     def positions(self, points: np.ndarray) -> np.ndarray:
         """Reference coordinates (facets, points, dim) [length], which stay what they are."""
-        return self.kept("positions", None, points, lambda: np.einsum("pn,fnd->fpd", shapes(points), self.X))
+        return self.kept(
+            "positions", None, points, lambda: np.einsum("pn,fnd->fpd", shapes(points), self.X)
+        )
 
-    def kept(self, what: str, of: Hashable, points: np.ndarray, find: Callable[[], np.ndarray]) -> np.ndarray:
+    def kept(
+        self, what: str, of: Hashable, points: np.ndarray, find: Callable[[], np.ndarray]
+    ) -> np.ndarray:
         """What is found once at points, and stays what it is; of the last thing that was asked for."""
         key = what, points.tobytes()
         if key not in self._known or self._known[key][0] != of:
@@ -162,10 +201,14 @@ class Trace:
         return shapes(points) @ nodal
 
     def tangents(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Derivatives (facets, points, dim, facet dim) of a nodal field along the facet's coordinates."""
+        """Derivatives (facets, points, dim, facet dim) of a nodal field along the facet's
+        coordinates.
+        """
         step = 1e-3  # central differences are exact for quadratics
         shifts = step * np.eye(points.shape[1])
-        slopes = np.stack([(shapes(points + by) - shapes(points - by)) / (2 * step) for by in shifts], axis=-1)
+        slopes = np.stack(
+            [(shapes(points + by) - shapes(points - by)) / (2 * step) for by in shifts], axis=-1
+        )
         return np.einsum("pnk,fnd->fpdk", slopes, nodal)
 
     def measures(self, points: np.ndarray) -> np.ndarray:
@@ -181,15 +224,20 @@ class Trace:
 def adjacent_cells(mesh: Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The cell behind each boundary facet, and the facet's local number in it."""
     dim = mesh.topology.dim
-    to_cell, to_facet = mesh.topology.connectivity(dim - 1, dim), mesh.topology.connectivity(dim, dim - 1)
+    to_cell = mesh.topology.connectivity(dim - 1, dim)
+    to_facet = mesh.topology.connectivity(dim, dim - 1)
     cells = np.array([to_cell.links(facet)[0] for facet in facets], dtype=np.int32)
     pairs = zip(cells, facets, strict=True)
-    local = np.array([int(np.flatnonzero(to_facet.links(c) == f)[0]) for c, f in pairs], dtype=np.int32)
+    local = np.array(
+        [int(np.flatnonzero(to_facet.links(c) == f)[0]) for c, f in pairs], dtype=np.int32
+    )
     return cells, local
 
 
 def facet_nodes(mesh: Mesh, space: fem.FunctionSpace, facets: np.ndarray) -> np.ndarray:
-    """Block dofs (facets, n) of a Lagrange space on the closure of each facet, vertices first, then edges."""
+    """Block dofs (facets, n) of a Lagrange space on the closure of each facet, vertices first, then
+    edges.
+    """
     dim = mesh.topology.dim
     cells, local = adjacent_cells(mesh, facets)
     layout = space.dofmap.dof_layout
@@ -198,7 +246,9 @@ def facet_nodes(mesh: Mesh, space: fem.FunctionSpace, facets: np.ndarray) -> np.
 
 
 def heights_above(mesh: Mesh, facets: np.ndarray) -> np.ndarray:
-    """How far the cell of each facet reaches from it (facets,) [length]: dim times its volume over the facet's area."""
+    """How far the cell of each facet reaches from it (facets,) [length]: dim times its volume over
+    the facet's area.
+    """
     dim = mesh.topology.dim
     cells, local = adjacent_cells(mesh, facets)
     corners = mesh.geometry.x[compat.cell_dofs(mesh.geometry.dofmap)[cells][:, : dim + 1], :dim]
@@ -216,13 +266,19 @@ class FacetValues:
     """A UFL expression at points of the reference facet, on every one of this rank's facets."""
 
     def __init__(self, mesh: Mesh, facets: np.ndarray, expression: Expr, points: np.ndarray):
-        """Collective: all ranks compile what any of them needs, or those with few facets would leave others waiting."""
+        """Collective: all ranks compile what any of them needs, or those with few facets would
+        leave others waiting.
+        """
         self._mesh = mesh
         self._cells, self._local = adjacent_cells(mesh, facets)
         self._points = len(points)
         numbers = sorted(set().union(*mesh.comm.allgather(set(self._local.tolist()))))
-        corners = np.vstack([np.zeros(mesh.topology.dim), np.eye(mesh.topology.dim)])  # of the reference cell
-        places = {k: barycentric(points) @ np.delete(corners, k, axis=0) for k in numbers}  # on its facet k
+        corners = np.vstack(
+            [np.zeros(mesh.topology.dim), np.eye(mesh.topology.dim)]
+        )  # of the reference cell
+        places = {
+            k: barycentric(points) @ np.delete(corners, k, axis=0) for k in numbers
+        }  # on its facet k
         self._compiled = {k: fem.Expression(expression, places[k]) for k in numbers}
         self._size = int(np.prod(expression.ufl_shape, dtype=int))
 

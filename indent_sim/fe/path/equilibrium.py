@@ -1,4 +1,6 @@
-"""Equilibrium: the interface of a body that finds its state at a depth and can be put back, for `Walk`."""
+"""Equilibrium: the interface of a body that finds its state at a depth and can be put back, for
+`Walk`.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,9 @@ from indent_sim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Effort:
-    """Linear solves, and iterations of these, None where none is iterative; equilibria that were found, stages of
-    steps in time among them, and changes of what a tip seals."""
+    """Linear solves, and iterations of these, None where none is iterative; equilibria that were
+    found, stages of steps in time among them, and changes of what a tip seals.
+    """
 
     newton: int
     krylov: int | None = None
@@ -24,14 +27,18 @@ class Effort:
     switches: int = 0
 
     def __sub__(self, earlier: Effort) -> Effort:
-        krylov = None if self.krylov is None or earlier.krylov is None else self.krylov - earlier.krylov
-        stages, switches = self.stages - earlier.stages, self.switches - earlier.switches
+        krylov = (
+            None if self.krylov is None or earlier.krylov is None else self.krylov - earlier.krylov
+        )
+        stages = self.stages - earlier.stages
+        switches = self.switches - earlier.switches
         return Effort(self.newton - earlier.newton, krylov, stages, switches)
 
 
 class Equilibrium(Protocol):
-    """A body under the tip: the whole mesh, or condensed to its contact surface. A step is `solve`, after `predict` or
-    not, and `accept`; `restore` takes back what was not accepted."""
+    """A body under the tip: the whole mesh, or condensed to its contact surface. A step is `solve`,
+    after `predict` or not, and `accept`; `restore` takes back what was not accepted.
+    """
 
     scene: Scene
     has_memory: bool  # whether an equilibrium depends on the path to it
@@ -53,28 +60,34 @@ class Equilibrium(Protocol):
         """Force of the whole body on the tip [force]."""
 
     def sharpen(self) -> float:
-        """Converge as far as round-off lets, and say how well a force can be met then, relative. What jumps with the
-        depth stands still from here on, until `is_settled` is asked."""
+        """Converge as far as round-off lets, and say how well a force can be met then, relative.
+        What jumps with the depth stands still from here on, until `is_settled` is asked.
+        """
 
     def is_settled(self) -> bool:
-        """Whether what stood still while a force was searched for fits the state that was found; else it does from
-        here on, and the force is to be searched for again."""
+        """Whether what stood still while a force was searched for fits the state that was found;
+        else it does from here on, and the force is to be searched for again.
+        """
         return True
 
     def predict(self, depth: float, earlier: Sequence[Any]) -> None:
         """Take the unknowns that earlier snapshots lead to expect at a depth as the present ones."""
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:
-        """Find the equilibrium at a depth, `dt` [time] after the last accepted one, from the present unknowns; where it
-        fails they are as they were."""
+        """Find the equilibrium at a depth, `dt` [time] after the last accepted one, from the
+        present unknowns; where it fails they are as they were.
+        """
 
     def settle(self, depth: float, dt: float = 0.0) -> bool:
-        """Find where a body that adheres comes to rest at a depth, let go of in the present state, and what it is `dt`
-        [time] later; else as `solve`."""
+        """Find where a body that adheres comes to rest at a depth, let go of in the present state,
+        and what it is `dt` [time] later; else as `solve`.
+        """
         return False
 
     def accept(self) -> float:
-        """Take the present equilibrium as the one that the next step sets out from; what was lost in this [energy]."""
+        """Take the present equilibrium as the one that the next step sets out from; what was lost
+        in this [energy].
+        """
 
     def snapshot(self) -> Any:
         """A copy of the state that was accepted last, with its depth."""
@@ -87,7 +100,9 @@ class Equilibrium(Protocol):
         return []
 
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Any:
-        """The snapshot of packed arrays at a depth and a time; None where they are none of this body."""
+        """The snapshot of packed arrays at a depth and a time; None where they are none of this
+        body.
+        """
         return None
 
     def numbers(self) -> dict[str, Any]:
@@ -95,7 +110,8 @@ class Equilibrium(Protocol):
 
 
 def reactions(part: Part, borne: Mapping[Surface, float]) -> dict[str, Any]:
-    """What a State says of reactions [force]: the z-reaction of the whole body's supports, and that of each support.
+    """What a State says of reactions [force]: the z-reaction of the whole body's supports, and that
+    of each support.
 
     borne: what the supports of the modelled part bear.
     """

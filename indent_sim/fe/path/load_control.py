@@ -1,15 +1,15 @@
 """Load control: the depth at which a body pushes back with a given force.
 
-The force of a frictionless elastic body grows with the depth, nearly as a power of it, whatever the path before. So
-the depth is found by inverse interpolation in (log force, log delta), where a power is a straight line, from what is
-known of the curve: the rows before, and the depths tried for this one. A bracket keeps every try between those that
-pushed less and those that pushed more.
+The force of a frictionless elastic body grows with the depth, nearly as a power of it, whatever the
+path before. So the depth is found by inverse interpolation in (log force, log delta), where a power
+is a straight line, from what is known of the curve: the rows before, and the depths tried for this
+one. A bracket keeps every try between those that pushed less and those that pushed more.
 
-Where time passes the curve is another one at every row, and begins where the body has risen or sunk to: there the depth
-is found by secants, from that of the row before.
+Where time passes the curve is another one at every row, and begins where the body has risen or sunk
+to: there the depth is found by secants, from that of the row before.
 
-A tip that adheres pulls where it first touches, at delta = 0. Forces are counted from there: that curve begins with no
-force, too, and grows with the depth.
+A tip that adheres pulls where it first touches, at delta = 0. Forces are counted from there: that
+curve begins with no force, too, and grows with the depth.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ import math
 from bisect import bisect_left, insort
 from collections.abc import Callable, Sequence
 
-FORCE_SLACK = 1e-8  # of the force, where round-off leaves no depth between two tries: that of the audit
+FORCE_SLACK = (
+    1e-8  # of the force, where round-off leaves no depth between two tries: that of the audit
+)
 TRIES = 60
 FURTHER = 4.0  # times the step before, the next one at most
 NEIGHBOURS = 3  # points of the curve taken on each side of a force
@@ -27,15 +29,19 @@ Pair = tuple[float, float]  # force, depth
 
 
 class LoadControl:
-    """Finds depths of forces on a curve that `reach` follows: it goes to a depth, or as near as it can, and returns
-    that depth and the force there."""
+    """Finds depths of forces on a curve that `reach` follows: it goes to a depth, or as near as it
+    can, and returns that depth and the force there.
+    """
 
     def __init__(self, reach: Callable[[float], Pair], deepest: float, *, from_row: bool = False):
-        """reach: depth -> (force, depth) where it then stands; deepest: no depth beyond this is tried; from_row: it
-        sets out from the last row each time, and what stops it once stops it again."""
+        """reach: depth -> (force, depth) where it then stands; deepest: no depth beyond this is
+        tried; from_row: it sets out from the last row each time, and what stops it once stops it
+        again.
+        """
         self.failure = ""  # why the last force was not found, "" when a depth was not reached
         self._reach = reach
-        self._deepest, self._from_row = deepest, from_row
+        self._deepest = deepest
+        self._from_row = from_row
         self.tolerance = 1e-10  # of the force, relative
         self._curve: list[Pair] = []  # in order of the force
         self._slope = 0.0  # of the curve as it was last, 0: not known
@@ -47,11 +53,17 @@ class LoadControl:
         self._curve = []
 
     def renew(self, force: float, delta: float, slope: float) -> bool:
-        """Stand at the depth of a force on a curve that is another one now, near `delta`, where it rises by about
-        `slope` if nothing better is known; by secants, and by halves of the bracket where these leave it. A force of 0
-        only of a tip that adheres: else it has many depths."""
-        tried, low, high, longest = list[Pair](), -math.inf, math.inf, math.inf
-        slope, pull = self._slope or slope, self._pull or 0.0
+        """Stand at the depth of a force on a curve that is another one now, near `delta`, where it
+        rises by about `slope` if nothing better is known; by secants, and by halves of the
+        bracket where these leave it. A force of 0 only of a tip that adheres: else it has many
+        depths.
+        """
+        tried = list[Pair]()
+        low = -math.inf
+        high = math.inf
+        longest = math.inf
+        slope = self._slope or slope
+        pull = self._pull or 0.0
         for _ in range(TRIES):
             found, reached = self._reach(delta)
             if reached != delta:  # it stands where it set out from, at another time
@@ -66,12 +78,18 @@ class LoadControl:
             if math.isfinite(high - low) and high - low <= 4e-16 * max(abs(high), abs(low)):
                 self.failure = "the force jumps over it"
                 return abs(found - force) <= FORCE_SLACK * (force + pull)
-            if len(tried) > 1 and (rise := tried[1][0] - tried[0][0]) * (run := tried[1][1] - tried[0][1]) > 0:
+            if (
+                len(tried) > 1
+                and (rise := tried[1][0] - tried[0][0]) * (run := tried[1][1] - tried[0][1]) > 0
+            ):
                 slope = self._slope = rise / run
             elif not found:
                 slope /= 2  # out of contact: it may be further away
-            step = min(max((force - found) / slope, -longest), longest)  # a first touch tells little of the rest
-            delta, longest = reached + step, FURTHER * abs(step)
+            step = min(
+                max((force - found) / slope, -longest), longest
+            )  # a first touch tells little of the rest
+            delta = reached + step
+            longest = FURTHER * abs(step)
             if not low < delta < high:
                 delta = (low + high) / 2
         self.failure = f"{TRIES} depths gave other forces"
@@ -84,15 +102,21 @@ class LoadControl:
             insort(self._curve, (force, delta))
 
     def press(self, force: float, expected: float) -> bool:
-        """Stand at the depth of a force, near `expected` if nothing better is known; 0 where the tip just touches."""
+        """Stand at the depth of a force, near `expected` if nothing better is known; 0 where the
+        tip just touches.
+        """
         if self._pull is not None:
             if force < -self._pull:
-                self.failure = "the tip pulls with less where it first touches, and harder pulls are not sought"
+                self.failure = (
+                    "the tip pulls with less where it first touches, "
+                    "and harder pulls are not sought"
+                )
                 return False
             force += self._pull
         elif force == 0:
             return self._reach(0.0)[1] == 0.0
-        known, tried = self._around(force), list[Pair]()
+        known = self._around(force)
+        tried = list[Pair]()
         delta = min(predicted(force, known) or expected, self._deepest)
         for _ in range(TRIES):
             found, reached = self._reach(delta)
@@ -101,7 +125,9 @@ class LoadControl:
             if abs(found - force) <= self.tolerance * force:
                 self.know(found, reached)
                 return True
-            lower = max((depth for push, depth in tried if push < force), default=0.0)  # the deepest that pushed less
+            lower = max(
+                (depth for push, depth in tried if push < force), default=0.0
+            )  # the deepest that pushed less
             upper = min((depth for push, depth in tried if push >= force), default=math.inf)
             if self._is_at_its_end(force, tried[-1], delta, lower, upper):
                 return abs(found - force) <= FORCE_SLACK * force
@@ -113,8 +139,12 @@ class LoadControl:
         place = bisect_left(self._curve, (force, 0.0))
         return self._curve[max(0, place - NEIGHBOURS) : place + NEIGHBOURS]
 
-    def _is_at_its_end(self, force: float, last: Pair, wanted: float, lower: float, upper: float) -> bool:
-        """Whether no other depth is worth a try; `failure` says why, where it is not the equilibrium that failed."""
+    def _is_at_its_end(
+        self, force: float, last: Pair, wanted: float, lower: float, upper: float
+    ) -> bool:
+        """Whether no other depth is worth a try; `failure` says why, where it is not the
+        equilibrium that failed.
+        """
         found, reached = last
         is_blocked_out = self._from_row and found > force and reached > wanted
         if (found < force and reached != wanted) or is_blocked_out:
@@ -129,15 +159,22 @@ class LoadControl:
 
 
 def predicted(force: float, points: Sequence[Pair]) -> float | None:
-    """The depth of a force by inverse interpolation in logarithms of the nearest points; None without any. Far outside
-    of what is known by the power law of the nearest two."""
-    near = sorted({f: d for f, d in points if f > 0 and d > 0}.items(), key=lambda p: abs(math.log(p[0] / force)))[:3]
+    """The depth of a force by inverse interpolation in logarithms of the nearest points; None
+    without any. Far outside of what is known by the power law of the nearest two.
+    """
+    near = sorted(
+        {f: d for f, d in points if f > 0 and d > 0}.items(),
+        key=lambda p: abs(math.log(p[0] / force)),
+    )[:3]
     if not near:
         return None
-    x, y = [math.log(f / force) for f, _ in near], [math.log(d) for _, d in near]
+    x = [math.log(f / force) for f, _ in near]
+    y = [math.log(d) for _, d in near]
     span = max(x) - min(x)
     if len(near) == 1 or abs(x[0]) > span:
-        slope = (y[-1] - y[0]) / (x[-1] - x[0]) if len(near) > 1 else 2 / 3  # delta ~ force^(2/3) of a paraboloid
+        slope = (
+            (y[-1] - y[0]) / (x[-1] - x[0]) if len(near) > 1 else 2 / 3
+        )  # delta ~ force^(2/3) of a paraboloid
         return math.exp(y[0] - min(max(slope, 0.0), 1.0) * x[0])
     return math.exp(_at_zero(x, y))
 
@@ -152,11 +189,19 @@ def _at_zero(x: Sequence[float], y: Sequence[float]) -> float:
 
 
 def _next(force: float, points: Sequence[Pair], lower: float, upper: float, tries: int) -> float:
-    """The next depth to try: what the points predict, or a middle of the bracket where that leads nowhere."""
+    """The next depth to try: what the points predict, or a middle of the bracket where that leads
+    nowhere.
+    """
     guess = predicted(force, points)
     stuck = tries > 10 and tries % 2 == 0
     if guess is not None and lower < guess < upper and not stuck:
         return min(guess, 4 * lower) if lower > 0 and math.isinf(upper) else guess
     if math.isinf(upper):
         return 2 * lower
-    return (lower + upper) / 2 if lower > upper / 4 else math.sqrt(lower * upper) if lower > 0 else upper / 4
+    return (
+        (lower + upper) / 2
+        if lower > upper / 4
+        else math.sqrt(lower * upper)
+        if lower > 0
+        else upper / 4
+    )

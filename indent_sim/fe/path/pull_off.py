@@ -95,11 +95,17 @@ class UnloadingBranch:
         point = replace(point, number=last.number + 1 if last else 1)
         if last is None or point.delta >= last.delta:
             return replace(self, last=point)
-        before, lowest, after = self.before, self.lowest, self.after
+        before = self.before
+        lowest = self.lowest
+        after = self.after
         if lowest is None or last.force < lowest.force:  # unloading begins at the last point
-            before, lowest, after = None, last, None
+            before = None
+            lowest = last
+            after = None
         if point.force < lowest.force:
-            before, lowest, after = last, point, None
+            before = last
+            lowest = point
+            after = None
         elif before is not None and lowest.number == last.number:
             after = point
         return UnloadingBranch(point, before, lowest, after)
@@ -107,7 +113,9 @@ class UnloadingBranch:
     @property
     def bracket(self) -> tuple[PullPoint, PullPoint, PullPoint] | None:
         """Three points in the order of the path that bracket the smallest force; None without any."""
-        before, lowest, after = self.before, self.lowest, self.after
+        before = self.before
+        lowest = self.lowest
+        after = self.after
         if before is None or lowest is None or after is None or lowest.force >= 0:
             return None
         return before, lowest, after
@@ -119,7 +127,9 @@ class UnloadingBranch:
         return tuple(point for point in points if point is not None)
 
     @classmethod
-    def from_search_points(cls, points: tuple[PullPoint, ...], last: PullPoint | None) -> UnloadingBranch:
+    def from_search_points(
+        cls, points: tuple[PullPoint, ...], last: PullPoint | None
+    ) -> UnloadingBranch:
         """Return the branch that has these `search_points`."""
         if len(points) < 2:
             return cls(last, lowest=points[0] if points else None)
@@ -195,13 +205,17 @@ def find_largest_pull(
         widths = [widths[-1], search.width]
         delta = search.midpoint if parabola is None or is_slow else search.next_depth(parabola)
         if delta in (search.inner.delta, search.best.delta, search.outer.delta):
-            return LargestPull(search.best, 0.0, equilibria)  # no floating-point number lies between
+            return LargestPull(
+                search.best, 0.0, equilibria
+            )  # no floating-point number lies between
         is_inside = delta > search.best.delta
         interval = (search.inner, search.best) if is_inside else (search.best, search.outer)
         point = solve_between(*interval, delta)
         equilibria += 1
         if is_inside and not isfinite(point.force):
-            raise NotConverged("no equilibrium was found at a depth that the tip has passed during unloading")
+            raise NotConverged(
+                "no equilibrium was found at a depth that the tip has passed during unloading"
+            )
         search = search.narrowed(point)
         error = search.error_bound(point, parabola)
     return LargestPull(search.best, error, equilibria)
@@ -238,7 +252,9 @@ class _Bracket:
         It is the longer part; next to a fold the inner part must be FOLD_LENGTH_RATIO times as
         long.
         """
-        inner, best, outer = self.inner.delta, self.best.delta, self.outer.delta
+        inner = self.inner.delta
+        best = self.best.delta
+        outer = self.outer.delta
         ratio = FOLD_LENGTH_RATIO if self.has_fold else 1.0
         return inner if inner - best > ratio * (best - outer) else outer
 

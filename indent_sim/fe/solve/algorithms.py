@@ -1,8 +1,8 @@
 """The contact algorithms: how each method finds the equilibrium at one depth.
 
-A method is one function from a Newton solver and the tip's terms to success; what they share is `Newton` and the terms
-of `Problem`. Adding one is a function and an entry in ALGORITHMS. Where they find nothing a body that adheres comes to
-rest.
+A method is one function from a Newton solver and the tip's terms to success; what they share is
+`Newton` and the terms of `Problem`. Adding one is a function and an entry in ALGORITHMS. Where they
+find nothing a body that adheres comes to rest.
 """
 
 from __future__ import annotations
@@ -21,20 +21,34 @@ from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.scene_terms import Touch
 from indent_sim.fe.terms.surface_tension import FIRMNESS
 
-# Times Newton's tolerance: so well is the first pass of a step found, which says where new contact sticks. The force
-# feels a few hundredths of what it is off, and Newton's last step leaves less than asked. At most LOOSEST_TOLERANCE.
-LOOSELY, LOOSEST_TOLERANCE = 1e3, 1e-6
-# Firmness of a drop (`terms.surface_tension`) from which its equilibria are followed to its own, the first ratio of one
-# to the next, and the ratio beyond which they are given up: decades were enough but for one row in ten
-FIRM, SOFTER, LEAST_SOFTER = 1.0, 0.1, 0.8
+# Times Newton's tolerance: so well is the first pass of a step found, which says where new contact
+# sticks. The force feels a few hundredths of what it is off, and Newton's last step leaves less
+# than asked. At most LOOSEST_TOLERANCE.
+LOOSELY = 1e3
+LOOSEST_TOLERANCE = 1e-6
+# Firmness of a drop (`terms.surface_tension`) from which its equilibria are followed to its own,
+# the first ratio of one to the next, and the ratio beyond which they are given up: decades were
+# enough but for one row in ten
+FIRM = 1.0
+SOFTER = 0.1
+LEAST_SOFTER = 0.8
 # Of a body that comes to rest:
-FIRST_DRAG, LIGHTER, HEAVIER = 2.0, 0.5, 3.0  # drag, of work/range^2; at least, and at most, of the step before
-SAFE = 3.0  # times the curvature by which a body runs away: the step has its minimum nearby, for the next one has more
-STEPS, MOST_STEP_ITERATIONS = 60, 12  # found or not, and of one; snaps took 15 to 40 steps of 1 to 8 iterations
+# drag, of work/range^2; at least, and at most, of the step before
+FIRST_DRAG = 2.0
+LIGHTER = 0.5
+HEAVIER = 3.0
+# times the curvature by which a body runs away: the step has its minimum nearby, for the next one
+# has more
+SAFE = 3.0
+# found or not, and of one; snaps took 15 to 40 steps of 1 to 8 iterations
+STEPS = 60
+MOST_STEP_ITERATIONS = 12
 
 
 def _approaching(newton: Newton, touch: Touch) -> Callable[[], bool]:
-    """Penalty, augmented Lagrangian: one Newton, through softer contacts to a stiff one, or at once if they mislead."""
+    """Penalty, augmented Lagrangian: one Newton, through softer contacts to a stiff one, or at once
+    if they mislead.
+    """
     if newton.problem.law.may_snap and not stages(newton.problem.law, newton.problem.scene):
         return newton.solve
 
@@ -47,20 +61,26 @@ def algorithm_of(newton: Newton, touch: Touch) -> Callable[[], bool]:
     algorithm = ALGORITHMS[newton.problem.law.multiplier](newton, touch)
     if newton.problem.can_firm:
         algorithm = through_firmer_bodies(newton, algorithm)
-    return algorithm if newton.problem.law.is_conservative else _with_friction(newton, touch.friction, algorithm)
+    return (
+        algorithm
+        if newton.problem.law.is_conservative
+        else _with_friction(newton, touch.friction, algorithm)
+    )
 
 
 def through_firmer_bodies(newton: Newton, algorithm: Callable[[], bool]) -> Callable[[], bool]:
-    """An algorithm for a drop that, where it finds nothing at once, finds the equilibrium of a firm body first and then
-    of ever softer ones, each from the one before: what Newton cannot do over a depth it does over a modulus.
+    """An algorithm for a drop that, where it finds nothing at once, finds the equilibrium of a firm
+    body first and then of ever softer ones, each from the one before: what Newton cannot do over
+    a depth it does over a modulus.
 
-    Measured on a ball between plates of gamma/(mu R) = 1000: 30 iterations for a row that took 170 to 450 in 9 to 33
-    shorter and shorter steps of the depth.
+    Measured on a ball between plates of gamma/(mu R) = 1000: 30 iterations for a row that took 170
+    to 450 in 9 to 33 shorter and shorter steps of the depth.
     """
     problem = newton.problem
 
     def from_firm_to_soft() -> bool:
-        firmness, ratio = FIRM, SOFTER
+        firmness = FIRM
+        ratio = SOFTER
         problem.firm(firmness)
         if not (algorithm() and problem.is_admissible()):
             return False
@@ -91,10 +111,14 @@ def through_firmer_bodies(newton: Newton, algorithm: Callable[[], bool]) -> Call
     return find
 
 
-def _with_friction(newton: Newton, friction: Anchored | None, algorithm: Callable[[], bool]) -> Callable[[], bool]:
+def _with_friction(
+    newton: Newton, friction: Anchored | None, algorithm: Callable[[], bool]
+) -> Callable[[], bool]:
     """The algorithm in as many passes as the anchor of new contact takes."""
     problem = newton.problem
-    loosely = 1.0 if problem.scene.physics.path.control == "force" else LOOSELY  # forces are found by their differences
+    loosely = (
+        1.0 if problem.scene.physics.path.control == "force" else LOOSELY
+    )  # forces are found by their differences
 
     def find() -> bool:
         exact = newton.rtol
@@ -103,7 +127,9 @@ def _with_friction(newton: Newton, friction: Anchored | None, algorithm: Callabl
         newton.rtol = exact
         return found
 
-    return _or_as_before(problem, lambda: anchored(friction, problem.scene.physics.anchor, algorithm, find))
+    return _or_as_before(
+        problem, lambda: anchored(friction, problem.scene.physics.anchor, algorithm, find)
+    )
 
 
 def _or_as_before(problem: Problem, algorithm: Callable[[], bool]) -> Callable[[], bool]:
@@ -121,9 +147,11 @@ def _or_as_before(problem: Problem, algorithm: Callable[[], bool]) -> Callable[[
 
 def _uzawa(newton: Newton, touch: Touch) -> Callable[[], bool]:
     """Newton with lam held, in Uzawa's loop; on the way to its own stiffness lam is updated too."""
-    problem, contact = newton.problem, touch.pressure
+    problem = newton.problem
+    contact = touch.pressure
     assert isinstance(contact, Traction)
-    newton.rtol, update = min(newton.rtol, finest(problem)), contact.projection.update
+    newton.rtol = min(newton.rtol, finest(problem))
+    update = contact.projection.update
     approach = _or_as_before(problem, lambda: newton.approach(update))
 
     def settle() -> bool:
@@ -143,23 +171,30 @@ ALGORITHMS: dict[str, Callable[[Newton, Touch], Callable[[], bool]]] = {
 
 
 def come_to_rest(newton: Newton, surface: Drag) -> bool:
-    """Let go of a body that adheres at the problem's delta; False where it finds no rest, and its state is as it was.
+    """Let go of a body that adheres at the problem's delta; False where it finds no rest, and its
+    state is as it was.
 
     Its surface moves against a drag, by implicit steps
 
         u_k+1 = the minimum next to u_k of  Pi(u; delta) + drag/2 int |u - u_k|^2 dGamma .
 
-    The energy falls in each, as it does after a snap: they lead to the stable state in whose valley the body was. The
-    drag begins above the curvature work/range^2 of an attraction, where a step has one minimum. A step leaves the
-    traction drag x way to the next: how the way answers says with which curvature the body runs away, below zero on
-    the way to its rest. There the drag is left out as soon as the body is stiffer."""
-    problem, law = newton.problem, newton.problem.law.adhesion
+    The energy falls in each, as it does after a snap: they lead to the stable state in whose valley
+    the body was. The drag begins above the curvature work/range^2 of an attraction, where a step
+    has one minimum. A step leaves the traction drag x way to the next: how the way answers says
+    with which curvature the body runs away, below zero on the way to its rest. There the drag is
+    left out as soon as the body is stiffer.
+    """
+    problem = newton.problem
+    law = newton.problem.law.adhesion
     assert law and law.range
-    before, drag, traction = problem.guess(), FIRST_DRAG * law.work / law.range**2, 0.0
+    before = problem.guess()
+    drag = FIRST_DRAG * law.work / law.range**2
+    traction = 0.0
     for _ in range(STEPS):
         moved = _step(newton, surface, drag, 1e-4)  # relative residual: on the way
         if moved is None:
-            drag, traction = HEAVIER * drag, 0.0
+            drag = HEAVIER * drag
+            traction = 0.0
             continue
         runaway = drag - traction / moved if traction and moved else 0.0
         if -runaway > drag and _step(newton, surface, 0.0, 0.0) is not None:
@@ -171,8 +206,11 @@ def come_to_rest(newton: Newton, surface: Drag) -> bool:
 
 
 def _step(newton: Newton, surface: Drag, drag: float, rtol: float) -> float | None:
-    """How far the minimum under this drag is [length]; None where none is found, and the solution is as it was."""
-    problem, start = newton.problem, newton.problem.x.copy()
+    """How far the minimum under this drag is [length]; None where none is found, and the solution
+    is as it was.
+    """
+    problem = newton.problem
+    start = newton.problem.x.copy()
     surface.hold(drag)
     found = newton.solve(rtol, MOST_STEP_ITERATIONS) and newton.is_stable
     surface.hold(0.0)

@@ -12,16 +12,21 @@ class Anchored(Protocol):
     """A surface with friction, whose new points of contact stick where they are told to."""
 
     def hold_new(self, anchor: Anchor) -> None:
-        """At their places at the step's beginning (`implicit`), nowhere (`glue`), or on the way from there to the
-        present state, the farther the later they touched (`mid`)."""
+        """At their places at the step's beginning (`implicit`), nowhere (`glue`), or on the way
+        from there to the present state, the farther the later they touched (`mid`).
+        """
 
 
 def anchored(
-    surface: Anchored | None, anchor: Anchor, solve: Callable[[], bool], find: Callable[[], bool] | None = None
+    surface: Anchored | None,
+    anchor: Anchor,
+    solve: Callable[[], bool],
+    find: Callable[[], bool] | None = None,
 ) -> bool:
-    """Solve a step with the anchor `implicit` or `glue`, or both ways of it: with `mid` new points stick on the way
-    through the step that the first of two solves, `find` if there is one, has found without friction for them. Without
-    such a surface just solve."""
+    """Solve a step with the anchor `implicit` or `glue`, or both ways of it: with `mid` new points
+    stick on the way through the step that the first of two solves, `find` if there is one, has
+    found without friction for them. Without such a surface just solve.
+    """
     if surface is None:
         return solve()
     if anchor == "mid":

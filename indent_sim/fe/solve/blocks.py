@@ -1,10 +1,12 @@
-"""The tangent of a problem in blocks of its fields, each over a space of its own: what a Krylov method multiplies by.
+"""The tangent of a problem in blocks of its fields, each over a space of its own: what a Krylov
+method multiplies by.
 
     | A    B_1  B_2 |     A over the displacement, in point blocks; B_k between it and a field beside it (a pressure q,
     | B_1' C_1      |     the multiplier lam), C_k of that field alone. Symmetric, and the fields beside the
     | B_2'      C_2 |     displacement do not meet.
 
-Rows and columns of the fields are scaled so that every residual is a force: lam by the contact's stiffness, q by E.
+Rows and columns of the fields are scaled so that every residual is a force: lam by the contact's
+stiffness, q by E.
 """
 
 from __future__ import annotations
@@ -27,33 +29,47 @@ from indent_sim.fe.discrete_body import held, zero
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.terms.term import Term
 
-SURFACE_STIFFNESS = 10.0  # E*/h_contact: of the body to its surface's shortest waves; 6 and 30 are worse, measured
+SURFACE_STIFFNESS = (
+    10.0  # E*/h_contact: of the body to its surface's shortest waves; 6 and 30 are worse, measured
+)
 
 
 class Stiffness:
-    """The tangent over the displacements of a space: of matter once where it is linear, of contact every time."""
+    """The tangent over the displacements of a space: of matter once where it is linear, of contact
+    every time.
+    """
 
     def __init__(self, problem: Problem, space: fem.FunctionSpace, kind: str):
-        """kind: PETSc's type of matrix; of `sbaij` the upper half is kept: multiplying takes as long as reading it."""
+        """kind: PETSc's type of matrix; of `sbaij` the upper half is kept: multiplying takes as
+        long as reading it.
+        """
         self._bcs = _bcs(problem, space)
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         dofs = np.concatenate([bc.dof_indices()[0] for bc in self._bcs])
         self.held = dofs[dofs < owned]
-        test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
+        test = ufl.TestFunction(space)
+        trial = ufl.TrialFunction(space)
         matter = [term for term in problem.terms if term.is_matter]
         touch = [term for term in problem.terms if not term.is_matter]
-        self._matter, self._contact = (_form(problem, terms, ("u", test), ("u", trial)) for terms in (matter, touch))
+        self._matter, self._contact = (
+            _form(problem, terms, ("u", test), ("u", trial)) for terms in (matter, touch)
+        )
         self.matrix = fem_petsc.create_matrix(self._matter, kind.removeprefix("s"))
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         self._assemble_matter()
         if kind == "sbaij":
-            whole, self.matrix = self.matrix, self.matrix.convert("sbaij", PETSc.Mat())
-            self.matrix.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)  # of what is assembled from now on
+            whole = self.matrix
+            self.matrix = self.matrix.convert("sbaij", PETSc.Mat())
+            self.matrix.setOption(
+                PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True
+            )  # of what is assembled from now on
             _discard(whole)
         self._constant = self.matrix.copy() if all(term.is_constant for term in matter) else None
 
     def assemble(self) -> None:
-        """Fill `matrix` at the present solution; rows and columns of what is held are those of the identity."""
+        """Fill `matrix` at the present solution; rows and columns of what is held are those of the
+        identity.
+        """
         if self._constant is None:
             self._assemble_matter()
         else:
@@ -68,37 +84,49 @@ class Stiffness:
 
 
 class FieldBlocks:
-    """A field beside the displacement: its free dofs, its blocks B and C, and S that stands for C - B' A^-1 B.
+    """A field beside the displacement: its free dofs, its blocks B and C, and S that stands for C -
+    B' A^-1 B.
 
     With the mass M of the field, a pressure has S = C - M/(2 mu).
 
-    The multiplier, whose C is -(M - M_A)/eps with the mass M_A of the surface in contact, has
-    S = C - M_A (K + eps M_A)^-1 M_A with the stiffness K = E* |k|/2 that a half-space shows to waves k of its surface.
-    In place of 1/(eps + E* |k|/2) there is
+    The multiplier, whose C is -(M - M_A)/eps with the mass M_A of the surface in contact, has S = C
+    - M_A (K + eps M_A)^-1 M_A with the stiffness K = E* |k|/2 that a half-space shows to waves k of
+    its surface. In place of 1/(eps + E* |k|/2) there is
 
-        (alpha + (1 - alpha)/(1 + gamma k^2))/eps,   alpha = eps/(eps + s),   s = SURFACE_STIFFNESS E*/h_contact,
+        (alpha + (1 - alpha)/(1 + gamma k^2))/eps,   alpha = eps/(eps + s),   s = SURFACE_STIFFNESS
+        E*/h_contact,
 
-    right for long waves and half way to those with K = s. A constant instead takes half as many iterations again."""
+    right for long waves and half way to those with K = s. A constant instead takes half as many
+    iterations again.
+    """
 
     def __init__(self, problem: Problem, name: str):
-        self.problem, self.name = problem, name
+        self.problem = problem
+        self.name = name
         unknowns = problem.unknowns
         self._term: Any = next(term for term in problem.terms if name in term.fields)
         self._over = partial(problem.body.over, unknowns.kinds[name])
-        space, displacements = unknowns.own_space(name), unknowns.own_space("u")
+        space = unknowns.own_space(name)
+        displacements = unknowns.own_space("u")
         first, last = space.dofmap.index_map.local_range
         places = unknowns.places(name)[: last - first]
         is_free = ~np.isin(places, problem.body.constrained)
         self.places = places[is_free]
         self.weight = unknowns.kinds[name].weight
-        self._free = PETSc.IS().createGeneral((first + np.flatnonzero(is_free)).astype(np.int32), problem.comm)
-        u, test, trial = ufl.TestFunction(displacements), ufl.TestFunction(space), ufl.TrialFunction(space)
+        self._free = PETSc.IS().createGeneral(
+            (first + np.flatnonzero(is_free)).astype(np.int32), problem.comm
+        )
+        u = ufl.TestFunction(displacements)
+        test = ufl.TestFunction(space)
+        trial = ufl.TrialFunction(space)
         self._bcs = _bcs(problem, displacements)
         ways = (("u", u), (name, trial)), ((name, test), (name, trial))
         self._forms = [_form(problem, [self._term], *way) for way in ways]
         self._whole = [fem_petsc.create_matrix(form) for form in self._forms]
         self._M = self._product(test * trial)
-        self._L = self._product(ufl.dot(self._slope(test), self._slope(trial))) if name == "lam" else None
+        self._L = (
+            self._product(ufl.dot(self._slope(test), self._slope(trial))) if name == "lam" else None
+        )
         low, high = self._whole[0].getOwnershipRange()
         self._all = PETSc.IS().createStride(high - low, low, 1, problem.comm)
         self.B: PETSc.Mat = None
@@ -111,7 +139,8 @@ class FieldBlocks:
         self._known.set(0.0)
 
     def _slope(self, field: Expr) -> Expr:
-        slope, n = ufl.grad(field), ufl.FacetNormal(self.problem.mesh)
+        slope = ufl.grad(field)
+        n = ufl.FacetNormal(self.problem.mesh)
         return slope - ufl.dot(slope, n) * n
 
     def _product(self, density: Expr) -> PETSc.Mat:
@@ -136,7 +165,9 @@ class FieldBlocks:
     def factor(self) -> None:
         """Factor S at the present solution."""
         now = self._schur()
-        now.copy(self._S, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)  # a new matrix would be analysed anew
+        now.copy(
+            self._S, PETSc.Mat.Structure.SAME_NONZERO_PATTERN
+        )  # a new matrix would be analysed anew
         self._ksp.setOperators(self._S)
         self._ksp.setUp()
         _discard(now)
@@ -159,13 +190,19 @@ class FieldBlocks:
         return S
 
     def _of_multiplier(self) -> PETSc.Mat:
-        """S as the Schur complement in [[C - alpha M_A/eps, M_A], [M_A, eps/(1 - alpha) (M + gamma L)]]."""
-        eps, scene = self._term.stiffness, self.problem.scene
+        """S as the Schur complement in [[C - alpha M_A/eps, M_A], [M_A, eps/(1 - alpha) (M + gamma
+        L)]].
+        """
+        eps = self._term.stiffness
+        scene = self.problem.scene
         E_star = scene.physics.material.E_star
         s = SURFACE_STIFFNESS * E_star / scene.sizes.h_contact
-        q, same = np.sqrt(1 + s / eps), PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+        q = np.sqrt(1 + s / eps)
+        same = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
         gamma = q * (q + 1) ** 2 * (E_star / (2 * s)) ** 2
-        M_A, own, waves = self._M.copy(), self._M.copy(), self._M.copy()
+        M_A = self._M.copy()
+        own = self._M.copy()
+        waves = self._M.copy()
         M_A.axpy(eps, self.C, same)
         own.scale(-1 / eps)
         own.axpy((1 - 1 / q**2) / eps, M_A, same)  # C - alpha M_A/eps, with M_A = M + eps C
@@ -185,7 +222,9 @@ def _discard(*matrices: PETSc.Mat) -> None:
 
 
 def by_factors(ksp: PETSc.KSP, kind: str = "cholesky") -> None:
-    """Factor a solver's systems by MUMPS: `cholesky` (L D L^T) is half the work of `lu`, for symmetric ones."""
+    """Factor a solver's systems by MUMPS: `cholesky` (L D L^T) is half the work of `lu`, for
+    symmetric ones.
+    """
     ksp.setType("preonly")
     ksp.getPC().setType(kind)
     ksp.getPC().setFactorSolverType("mumps")
@@ -196,7 +235,12 @@ def _bcs(problem: Problem, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
     return [zero(space.sub(c), dofs) for c, dofs in supports + pins]
 
 
-def _form(problem: Problem, terms: Sequence[Term], test: tuple[str, Expr], trial: tuple[str, Expr]) -> fem.Form:
-    unknowns, body = problem.unknowns, problem.body
+def _form(
+    problem: Problem, terms: Sequence[Term], test: tuple[str, Expr], trial: tuple[str, Expr]
+) -> fem.Form:
+    unknowns = problem.unknowns
+    body = problem.body
     now = replace(body.now, test=unknowns.variation(*test), trial=unknowns.variation(*trial))
-    return fem.form(compat.differentiated(reduce(add, (term.tangent(now, now, body.dt) for term in terms))))
+    return fem.form(
+        compat.differentiated(reduce(add, (term.tangent(now, now, body.dt) for term in terms)))
+    )

@@ -28,9 +28,12 @@ from indent_sim.model.loading import LoadPath
 from indent_sim.model.tips import deepest_inside
 
 MOST_SETS = 6  # of vertices under a tip that seals, in one stage
-# Depths that are tried for the force of a stage between, and how near it is: rows do not tell then where they set out
-MOST_BETWEEN, BETWEEN = 8, 1e-9
-INSIDE_OUT = 0.2  # of the contact radius; the singular edge of a punch has J < 0 in 0.003 of it, which no force feels
+# Depths that are tried for the force of a stage between, and how near it is: rows do not tell then
+# where they set out
+MOST_BETWEEN = 8
+BETWEEN = 1e-9
+# of the contact radius; the singular edge of a punch has J < 0 in 0.003 of it, which no force feels
+INSIDE_OUT = 0.2
 
 
 class BodyEquilibrium:
@@ -49,11 +52,14 @@ class BodyEquilibrium:
         self._forces = None if problem.law.may_snap else _forces_over_time(scene.physics.path)
         self._rise = 0.0  # of the force over depth, at the last stage between
         self._algorithm = self._with_valve(algorithm_of(self.newton, touch))
-        self.snapshot, self.restore = problem.snapshot, problem.restore
+        self.snapshot = problem.snapshot
+        self.restore = problem.restore
         self._a = scene.plan.prediction["a"] / scene.physics.scales.length
         self._largest_inside_out = INSIDE_OUT * self._a
         self._deepest = deepest_inside(scene.physics.indenter)
-        if problem.law.multiplier == "stress":  # other zeros of Nitsche's residual lie about an element deep in the tip
+        if (
+            problem.law.multiplier == "stress"
+        ):  # other zeros of Nitsche's residual lie about an element deep in the tip
             self._deepest = min(self._deepest, scene.sizes.h_contact / 2)
 
     @property
@@ -79,8 +85,10 @@ class BodyEquilibrium:
         return self.newton.stiffness()
 
     def sharpen(self) -> float:
-        """Converge as far as round-off lets, and say how well a force can be met then, relative. The vertices that the
-        tip seals stand still from here on, until `is_settled` is asked: with them the force would jump."""
+        """Converge as far as round-off lets, and say how well a force can be met then, relative.
+        The vertices that the tip seals stand still from here on, until `is_settled` is asked:
+        with them the force would jump.
+        """
         if self.matter.valve:
             self.matter.valve.hold()
         self.newton.rtol = min(self.newton.rtol, finest(self.problem))
@@ -92,22 +100,32 @@ class BodyEquilibrium:
         return valve is None or not valve.look(measure.touching(self.observed))
 
     def accept(self) -> float:
-        """Take the present equilibrium as the one that the next step sets out from; what was lost in this [energy]."""
+        """Take the present equilibrium as the one that the next step sets out from; what was lost
+        in this [energy].
+        """
         lost = self.problem.dissipation()
         self.problem.accept()
         self.newton.accept()
         return lost
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:
-        """True when converged to a state that a body can have, in every stage; else the unknowns are as they were."""
-        began, before = self.problem.body.before_depth, self.problem.guess()
-        leading, self._leading = self._leading, ()
+        """True when converged to a state that a body can have, in every stage; else the unknowns
+        are as they were.
+        """
+        began = self.problem.body.before_depth
+        before = self.problem.guess()
+        leading = self._leading
+        self._leading = ()
         for stage in self.problem.stages(dt):
             is_last = stage.end == 1.0
             if leading and dt:
                 self._guess(began + stage.end * (depth - began), leading)
             self.problem.begin(stage)
-            if not (self._find(depth, self._algorithm) if is_last else self._between(began, depth, stage.end)):
+            if not (
+                self._find(depth, self._algorithm)
+                if is_last
+                else self._between(began, depth, stage.end)
+            ):
                 self.problem.take(before)
                 return False
             self.problem.end(stage)
@@ -115,9 +133,12 @@ class BodyEquilibrium:
         return True
 
     def _between(self, began: float, depth: float, share: float) -> bool:
-        """True when found before the end of a step, at the share of it: where the depth is straight in time, or where
-        forces are prescribed, the force. A depth that goes with the root of time, as after a sudden force, is not."""
-        delta, tried = began + share * (depth - began), list[tuple[float, float]]()
+        """True when found before the end of a step, at the share of it: where the depth is straight
+        in time, or where forces are prescribed, the force. A depth that goes with the root of
+        time, as after a sudden force, is not.
+        """
+        delta = began + share * (depth - began)
+        tried = list[tuple[float, float]]()
         asked = self._forces(float(self.problem.body.now.t.value)) if self._forces else 0.0
         if not self._find(delta, self._algorithm):
             return False
@@ -137,8 +158,9 @@ class BodyEquilibrium:
         return self._find(began + share * (depth - began), self._algorithm)
 
     def _with_valve(self, algorithm: Callable[[], bool]) -> Callable[[], bool]:
-        """The algorithm with the surface sealed where that very equilibrium touches the tip: found, looked at, found
-        again, until nothing changes."""
+        """The algorithm with the surface sealed where that very equilibrium touches the tip: found,
+        looked at, found again, until nothing changes.
+        """
         valve = self.matter.valve
         if valve is None:
             return algorithm
@@ -154,9 +176,11 @@ class BodyEquilibrium:
         return find
 
     def settle(self, depth: float, dt: float = 0.0) -> bool:
-        """True when found where the body comes to rest at a depth, let go of in the present state, and then what `dt`
-        makes of that; else as `solve`. A snap takes no time."""
-        drag, at_once = self.touch.drag, Stage(0.0)
+        """True when found where the body comes to rest at a depth, let go of in the present state,
+        and then what `dt` makes of that; else as `solve`. A snap takes no time.
+        """
+        drag = self.touch.drag
+        at_once = Stage(0.0)
         assert drag
         self.problem.begin(at_once)
         if not self._find(depth, lambda: come_to_rest(self.newton, drag)):
@@ -165,7 +189,8 @@ class BodyEquilibrium:
         return dt == 0 or self.solve(depth, dt)
 
     def _find(self, depth: float, algorithm: Callable[[], bool]) -> bool:
-        before, self.problem.delta.value = self.problem.guess(), depth
+        before = self.problem.guess()
+        self.problem.delta.value = depth
         self._follow(depth)
         if not algorithm():
             return False
@@ -189,15 +214,26 @@ class BodyEquilibrium:
             return ""
         if measure.penetration(self.observed) > self._deepest:
             return "Newton ends where the tip has passed through the surface"
-        if self.scene.physics.small_strain and self.observed.inside_out() > self._largest_inside_out:
-            return "the linear body turns inside out (J < 0), and only a hyperelastic one has a deformed surface then"
+        if (
+            self.scene.physics.small_strain
+            and self.observed.inside_out() > self._largest_inside_out
+        ):
+            return (
+                "the linear body turns inside out (J < 0), and only a hyperelastic one has a "
+                "deformed surface then"
+            )
         return ""
 
     @cached_property
     def _numbering(self) -> list[list[Numbering]]:
-        """For each array of a state the numbering of each of its fields: the unknowns, what is frozen, the history."""
-        unknowns, problem = self.problem.unknowns, self.problem
-        whole = [Numbering(unknowns.own_space(name), unknowns.places(name)) for name in unknowns.names]
+        """For each array of a state the numbering of each of its fields: the unknowns, what is
+        frozen, the history.
+        """
+        unknowns = self.problem.unknowns
+        problem = self.problem
+        whole = [
+            Numbering(unknowns.own_space(name), unknowns.places(name)) for name in unknowns.names
+        ]
         beside = [*problem.frozen, *problem.histories]
         return [whole, *([Numbering(f.function_space, np.arange(len(f.x.array)))] for f in beside)]
 
@@ -207,15 +243,20 @@ class BodyEquilibrium:
         return self.scene.physics.part.regions[0].relaxing is not None
 
     def pack(self, state: Snapshot) -> list[np.ndarray]:
-        """A state as arrays on rank 0, for a checkpoint, in an order that does not know the ranks (collective)."""
+        """A state as arrays on rank 0, for a checkpoint, in an order that does not know the ranks
+        (collective).
+        """
         arrays = [*(vector.array_r for vector in state.unknowns), *state.history]
         pairs = zip(arrays, self._numbering, strict=True)
         packed = [field.gathered(values) for values, fields in pairs for field in fields]
         return [*packed, np.array([state.softer])] if self._softens else packed
 
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Snapshot | None:
-        """The state of packed arrays, which all ranks have (collective); None when they are none of this problem."""
-        state, numbering = replace(self.snapshot(), depth=depth, t=t), self._numbering
+        """The state of packed arrays, which all ranks have (collective); None when they are none of
+        this problem.
+        """
+        state = replace(self.snapshot(), depth=depth, t=t)
+        numbering = self._numbering
         shapes: list[tuple[int, ...]] = [field.shape for fields in numbering for field in fields]
         shapes += [(1,)] if self._softens else []
         if [np.shape(values) for values in arrays] != shapes:
@@ -224,14 +265,17 @@ class BodyEquilibrium:
             *arrays, softer = arrays
             state = replace(state, softer=float(softer[0]))
         rest = iter(arrays)
-        for values, fields in zip([*(v.array for v in state.unknowns), *state.history], numbering, strict=True):
+        for values, fields in zip(
+            [*(v.array for v in state.unknowns), *state.history], numbering, strict=True
+        ):
             for field in fields:
                 field.scatter(next(rest), values)
         return state
 
     def predict(self, depth: float, earlier: Sequence[Snapshot]) -> None:
-        """Take the unknowns that earlier states lead to expect at a depth as the present ones; in the next `solve` at
-        the depth of each of its stages."""
+        """Take the unknowns that earlier states lead to expect at a depth as the present ones; in
+        the next `solve` at the depth of each of its stages.
+        """
         self._leading = earlier
         self._guess(depth, earlier)
 
@@ -244,15 +288,20 @@ class BodyEquilibrium:
             vector.maxpy(shares(depths, depth), [state.unknowns[k] for state in earlier])
         self.problem.delta.value = depth
         self.problem.take(guess)
-        if trial is not None:  # the multiplier changes where the guess is in contact and this is not, or the reverse
+        if (
+            trial is not None
+        ):  # the multiplier changes where the guess is in contact and this is not, or the reverse
             assert isinstance(self.touch.pressure, Traction)
-            (lam, gap), stiffness = self._contact_at_nodes(), stiffness_scale(self.scene)
+            (lam, gap) = self._contact_at_nodes()
+            stiffness = stiffness_scale(self.scene)
             agrees = (lam > stiffness * gap) == (trial > 0)
             self.touch.pressure.field.fill(np.where(agrees, lam, trial + stiffness * gap))
 
     @cached_property
     def _foresees(self) -> bool:
-        """Whether lam can say what is in contact next: not by another stiffness, nor with attraction in the gap."""
+        """Whether lam can say what is in contact next: not by another stiffness, nor with
+        attraction in the gap.
+        """
         law = self.scene.physics.contact
         return law.multiplier == "unknown" and not law.may_snap and not stages(law, self.scene)
 
@@ -263,17 +312,23 @@ class BodyEquilibrium:
             self.problem.take(state.unknowns)
             lam, gap = self._contact_at_nodes()
             trials.append(lam - stiffness_scale(self.scene) * gap)
-        largest = self.problem.comm.allreduce(max(trial.max(initial=0.0) for trial in trials), op=MPI.MAX)
+        largest = self.problem.comm.allreduce(
+            max(trial.max(initial=0.0) for trial in trials), op=MPI.MAX
+        )
         return expected(trials, [state.depth for state in earlier], depth, largest)
 
     def _contact_at_nodes(self) -> tuple[np.ndarray, np.ndarray]:
-        """lam [pressure] and gap [length] at the nodes of the contact surface's facets (facets, nodes)."""
+        """lam [pressure] and gap [length] at the nodes of the contact surface's facets (facets,
+        nodes).
+        """
         points = self.observed.trace.node_points()
         return self.touch.pressure.multiplier_at(points), measure.gap(self.observed, points)
 
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
-        energy = nan if self.scene.physics.relaxing else self.problem.energy()  # what relaxes has stored none
+        energy = (
+            nan if self.scene.physics.relaxing else self.problem.energy()
+        )  # what relaxes has stored none
         numbers: dict[str, Any] = {"force": self.force, "energy": energy}
         borne, numbers["stray_reaction"] = self.problem.reactions()
         numbers |= reactions(self.scene.physics.part, borne)
@@ -285,16 +340,24 @@ class BodyEquilibrium:
         return numbers | measure.contact(self.observed)
 
     def _of_fluid(self) -> dict[str, Any]:
-        """What has left the whole body or moved in it, what is neither there nor gone, and the largest pressure; of a
-        sudden step what its drained faces are about to lose."""
-        flow, valve, comm = self.matter.flow, self.matter.valve, self.problem.comm
+        """What has left the whole body or moved in it, what is neither there nor gone, and the
+        largest pressure; of a sudden step what its drained faces are about to lose.
+        """
+        flow = self.matter.flow
+        valve = self.matter.valve
+        comm = self.problem.comm
         if flow is None or valve is None:
             return {}
         content = flow.content()
         shares = (valve.outflow(), content.sum(), np.abs(content).sum())
         left, kept, moved = (self.problem.whole(float(mine)) for mine in shares)
         largest = comm.allreduce(flow.largest(), op=MPI.MAX)
-        found = {"outflow": left, "moved": moved, "unbalanced": abs(left + kept), "pore_pressure_max": largest}
+        found = {
+            "outflow": left,
+            "moved": moved,
+            "unbalanced": abs(left + kept),
+            "pore_pressure_max": largest,
+        }
         is_sudden = float(self.problem.body.dt.value) == 0
         return found | ({"drained": valve.drained()} if is_sudden else {})
 
@@ -304,7 +367,8 @@ class SolvedBody(WholeBody):
 
     def __init__(self, body: Body, matter: Matter, touch: Touch):
         super().__init__(body, matter.strains, touch.friction, matter.flow)
-        self.multiplier_at, self.pressure_at = touch.pressure.multiplier_at, touch.pressure.pressure_at
+        self.multiplier_at = touch.pressure.multiplier_at
+        self.pressure_at = touch.pressure.pressure_at
         self._delta = body.now.delta
 
     @property
@@ -318,8 +382,12 @@ class SolvedBody(WholeBody):
 
 
 def _forces_over_time(path: LoadPath) -> Callable[[float], float] | None:
-    """The force that is asked for [force] at a time since the path's begin; None of a path that asks for none."""
+    """The force that is asked for [force] at a time since the path's begin; None of a path that
+    asks for none.
+    """
     if path.control == "depth" or path.begin is None:
         return None
-    forces, times = zip(*(place for step in range(1, len(path.values) + 1) for place in path.leg(step)), strict=True)
+    forces, times = zip(
+        *(place for step in range(1, len(path.values) + 1) for place in path.leg(step)), strict=True
+    )
     return lambda t: float(np.interp(t, times, forces))

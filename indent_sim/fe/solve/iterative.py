@@ -1,8 +1,8 @@
 """The linear systems of Newton's method by FGMRES, as exactly as each is worth.
 
-The preconditioner is the upper block factor of the tangent's Schur complement: S for each field beside the
-displacement, one cycle of multigrid for the displacement. It is kept until it has cost as many iterations more as a new
-one is worth.
+The preconditioner is the upper block factor of the tangent's Schur complement: S for each field
+beside the displacement, one cycle of multigrid for the displacement. It is kept until it has cost
+as many iterations more as a new one is worth.
 """
 
 from __future__ import annotations
@@ -19,15 +19,22 @@ from indent_sim.fe.solve.blocks import FieldBlocks, Stiffness
 from indent_sim.fe.solve.multigrid import Multigrid
 
 MOST_KRYLOV_ITERATIONS = 200  # iterations of one system
-INEXACT_REDUCTION = 1e-2  # what an inexact step leaves of a residual: asked for more, Newton needs no fewer steps
+INEXACT_REDUCTION = (
+    1e-2  # what an inexact step leaves of a residual: asked for more, Newton needs no fewer steps
+)
 
 
 class Iterative:
-    """Solves one system after another: `assemble`, then `apply` as the preconditioner of PETSc's SNES."""
+    """Solves one system after another: `assemble`, then `apply` as the preconditioner of PETSc's
+    SNES.
+    """
 
     def __init__(self, problem: Problem):
-        self.iterations, self.rtol, self.failed = 0, 0.0, False
-        unknowns, space = problem.unknowns, problem.unknowns.own_space("u")
+        self.iterations = 0
+        self.rtol = 0.0
+        self.failed = False
+        unknowns = problem.unknowns
+        space = problem.unknowns.own_space("u")
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self._problem = problem
         self._A = Stiffness(problem, space, "sbaij")
@@ -35,12 +42,16 @@ class Iterative:
         self._places = [unknowns.places("u")[:owned], *(field.places for field in self._beside)]
         self._weights = [1.0, *(field.weight for field in self._beside)]
         self._multigrid = Multigrid(problem, self._A)
-        self._wear, self._solves, self._least = inf, 0, inf
+        self._wear = inf
+        self._solves = 0
+        self._least = inf
         self._ksp = self._create()
         self.tangent = PETSc.Mat().createPython((problem.x.getSizes(),) * 2, comm=problem.comm)
 
     def attach(self, ksp: PETSc.KSP) -> None:
-        """Solve the systems of Newton's method; options of the environment without a prefix are the solver's own."""
+        """Solve the systems of Newton's method; options of the environment without a prefix are the
+        solver's own.
+        """
         ksp.setOptionsPrefix("newton_")
         ksp.setType("preonly")
         ksp.getPC().setType("python")
@@ -66,7 +77,9 @@ class Iterative:
         return ksp
 
     def assemble(self, rtol: float) -> None:
-        """The tangent at the present solution, which will be solved to `rtol`; the preconditioner where it is worn."""
+        """The tangent at the present solution, which will be solved to `rtol`; the preconditioner
+        where it is worn.
+        """
         self.rtol = rtol
         self._A.assemble()
         for field in self._beside:
@@ -78,7 +91,8 @@ class Iterative:
 
     def _renew(self) -> None:
         self._multigrid.renew()
-        self._wear, self._solves = 0.0, 0
+        self._wear = 0.0
+        self._solves = 0
 
     def apply(self, residual: PETSc.Vec, step: PETSc.Vec) -> None:
         """Solve for a step to the tolerance; what is held and idle stays."""
@@ -89,24 +103,33 @@ class Iterative:
             self._renew()
             self._solve()
         step.set(0.0)
-        for block, places, weight in zip(self._x.getNestSubVecs(), self._places, self._weights, strict=True):
+        for block, places, weight in zip(
+            self._x.getNestSubVecs(), self._places, self._weights, strict=True
+        ):
             step.array[places] = weight * block.array_r
         if self.failed:
             step.set(np.nan)  # a system that was not solved makes the step no number
 
     def energy(self, residual: PETSc.Vec) -> float:
-        """The energy r . A^-1 r of a residual r, by the preconditioner; fields added up, whatever their sign."""
+        """The energy r .
+
+        A^-1 r of a residual r, by the preconditioner; fields added up, whatever their sign.
+        """
         self._take(residual)
         self.precondition(self._b, self._x)
         pairs = zip(self._b.getNestSubVecs(), self._x.getNestSubVecs(), strict=True)
         return float(sum(abs(known.dot(found)) for known, found in pairs))
 
     def _take(self, residual: PETSc.Vec) -> None:
-        for block, places, weight in zip(self._b.getNestSubVecs(), self._places, self._weights, strict=True):
+        for block, places, weight in zip(
+            self._b.getNestSubVecs(), self._places, self._weights, strict=True
+        ):
             block.array[:] = weight * residual.array_r[places]
 
     def _solve(self) -> None:
-        """Solve for the blocks; count the iterations, and those beyond the fewest that a digit has ever cost."""
+        """Solve for the blocks; count the iterations, and those beyond the fewest that a digit has
+        ever cost.
+        """
         self._ksp.solve(self._b, self._x)
         iterations = self._ksp.getIterationNumber()
         digits = -log10(min(self.rtol, INEXACT_REDUCTION))  # of few digits the first costs most
@@ -134,7 +157,9 @@ class Iterative:
 
 
 class _Weakly:
-    """A method as PETSc calls a preconditioner; held weakly, for Python finds no circle that goes through PETSc."""
+    """A method as PETSc calls a preconditioner; held weakly, for Python finds no circle that goes
+    through PETSc.
+    """
 
     def __init__(self, method: Callable[[PETSc.Vec, PETSc.Vec], None]):
         self._method = WeakMethod(method)

@@ -1,7 +1,8 @@
-"""Two-level p-multigrid of a displacement block: quadratic elements, corrected by linear ones on the same mesh.
+"""Two-level p-multigrid of a displacement block: quadratic elements, corrected by linear ones on
+the same mesh.
 
-Smoothing by Chebyshev polynomials and the diagonal; on linear elements a factorisation while it is cheap, and algebraic
-multigrid by smoothed aggregation with the rigid-body modes (W-cycles) beyond.
+Smoothing by Chebyshev polynomials and the diagonal; on linear elements a factorisation while it is
+cheap, and algebraic multigrid by smoothed aggregation with the rigid-body modes (W-cycles) beyond.
 """
 
 from __future__ import annotations
@@ -18,24 +19,43 @@ from indent_sim.fe.solve.blocks import Stiffness
 from indent_sim.fe.solve.options import defaults
 
 PREFIX = "pmultigrid_"
-FACTORED = 20_000  # unknowns of the linear elements, up to which they are factored: on several ranks that gains little
+# unknowns of the linear elements, up to which they are factored: on several ranks that gains little
+FACTORED = 20_000
 # by the diagonal alone: PETSc 3.22 keeps inverses of the nodes' blocks from matrix to matrix
-SMOOTHER: dict[str, Any] = {"ksp_type": "chebyshev", "ksp_max_it": 3, "pc_type": "jacobi", "esteig_ksp_type": "cg"}
+SMOOTHER: dict[str, Any] = {
+    "ksp_type": "chebyshev",
+    "ksp_max_it": 3,
+    "pc_type": "jacobi",
+    "esteig_ksp_type": "cg",
+}
 SMOOTHER |= {"ksp_chebyshev_esteig": "0,0.1,0,1.1", "ksp_chebyshev_esteig_steps": 12}
 FACTORISATION = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
-# aggressive on the finest level alone; aggregates of one node leave zero rows, which only jacobi takes
+# aggressive on the finest level alone; aggregates of one node leave zero rows, which only jacobi
+# takes
 AGGREGATION: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "gamg", "pc_mg_cycle_type": "w"}
-AGGREGATION |= {"pc_gamg_agg_nsmooths": 1, "pc_gamg_threshold": 0, "pc_gamg_aggressive_coarsening": 1}
+AGGREGATION |= {
+    "pc_gamg_agg_nsmooths": 1,
+    "pc_gamg_threshold": 0,
+    "pc_gamg_aggressive_coarsening": 1,
+}
 AGGREGATION |= {"pc_gamg_coarse_eq_limit": 1000, "pc_gamg_esteig_ksp_type": "cg"}
-AGGREGATION |= {"mg_levels_ksp_type": "chebyshev", "mg_levels_ksp_max_it": 2, "mg_levels_pc_type": "jacobi"}
+AGGREGATION |= {
+    "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_ksp_max_it": 2,
+    "mg_levels_pc_type": "jacobi",
+}
 
 
 class Multigrid:
-    """One cycle for the stiffness over a problem's displacements; built for one solution, and good near it."""
+    """One cycle for the stiffness over a problem's displacements; built for one solution, and good
+    near it.
+    """
 
     def __init__(self, problem: Problem, fine: Stiffness):
         space = problem.unknowns.own_space("u")
-        linear = compat.function_space(problem.mesh, compat.lagrange(problem.unknowns.dim, 1, problem.unknowns.dim))
+        linear = compat.function_space(
+            problem.mesh, compat.lagrange(problem.unknowns.dim, 1, problem.unknowns.dim)
+        )
         self._coarse = Stiffness(problem, linear, "aij")
         self._coarse.matrix.setNearNullSpace(_rigid_modes(linear))
         self._pc = PETSc.PC().create(problem.comm)
@@ -43,16 +63,23 @@ class Multigrid:
         self._pc.setOperators(fine.matrix)
         self._pc.setType("mg")
         self._pc.setMGLevels(2)
-        interpolation, free = compat.interpolation_matrix(linear, space), self._coarse.matrix.createVecRight()
+        interpolation = compat.interpolation_matrix(linear, space)
+        free = self._coarse.matrix.createVecRight()
         free.set(1.0)
-        free.array[self._coarse.held] = 0.0  # a held dof would move those beside it by a force over 1
+        free.array[self._coarse.held] = (
+            0.0  # a held dof would move those beside it by a force over 1
+        )
         interpolation.diagonalScale(R=free)
         self._pc.setMGInterpolation(1, interpolation)
         self._pc.getMGCoarseSolve().setOperators(self._coarse.matrix)
         self._pc.getMGSmoother(1).setOperators(fine.matrix)
         coarsest = FACTORISATION if self._coarse.matrix.getSize()[0] <= FACTORED else AGGREGATION
         levels = {"mg_levels_": SMOOTHER, "mg_coarse_": coarsest}
-        self._options = {level + name: value for level, options in levels.items() for name, value in options.items()}
+        self._options = {
+            level + name: value
+            for level, options in levels.items()
+            for name, value in options.items()
+        }
         with defaults(self._options, PREFIX):
             self._pc.setFromOptions()
 
@@ -60,7 +87,10 @@ class Multigrid:
         """Build the levels for the present solution."""
         self._coarse.assemble()
         self._pc.getMGCoarseSolve().setOperators(self._coarse.matrix)  # or it is not factored again
-        levels = self._pc, self._pc.getMGCoarseSolve().getPC()  # kept with their factors; the diagonal is the matrix's
+        levels = (
+            self._pc,
+            self._pc.getMGCoarseSolve().getPC(),
+        )  # kept with their factors; the diagonal is the matrix's
         for pc in levels:
             pc.setReusePreconditioner(False)
         with defaults(self._options, PREFIX):
@@ -75,7 +105,8 @@ class Multigrid:
 
 def _rigid_modes(space: fem.FunctionSpace) -> PETSc.NullSpace:
     X = space.tabulate_dof_coordinates()
-    dim, owned = space.dofmap.index_map_bs, space.dofmap.index_map.size_local
+    dim = space.dofmap.index_map_bs
+    owned = space.dofmap.index_map.size_local
     turns = [(i, j) for i in range(dim) for j in range(i)]
     modes = np.zeros((dim + len(turns), len(X), dim))
     for k in range(dim):

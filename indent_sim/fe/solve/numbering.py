@@ -1,7 +1,8 @@
-"""Numbers of dofs that do not depend on how many ranks share a mesh, so that a state can go from one run to another.
+"""Numbers of dofs that do not depend on how many ranks share a mesh, so that a state can go from
+one run to another.
 
-A node of a Lagrange space is a point of the grid or the middle of two; sorted by these points all nodes have a place.
-Values at points inside cells have the place of their cell in the grid.
+A node of a Lagrange space is a point of the grid or the middle of two; sorted by these points all
+nodes have a place. Values at points inside cells have the place of their cell in the grid.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ class Numbering:
 
     def __init__(self, space: fem.FunctionSpace, places: np.ndarray):
         """places: of the space's dofs in the local array of the vector that holds them."""
-        owned, width = space.dofmap.index_map.size_local, space.dofmap.index_map_bs
+        owned = space.dofmap.index_map.size_local
+        width = space.dofmap.index_map_bs
         self._comm = space.mesh.comm
         self._own = places.reshape(-1, width)[:owned]
         is_in_cells = space.dofmap.dof_layout.num_entity_dofs(0) == 0
@@ -43,15 +45,19 @@ class Numbering:
 
 def _keys(space: fem.FunctionSpace) -> np.ndarray:
     """A number for every local node: of its point in the grid, or of the two that it lies between."""
-    mesh, dofs = space.mesh, compat.cell_dofs(space.dofmap)
-    corners = np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)[compat.geometry_dofs(mesh)]
+    mesh = space.mesh
+    dofs = compat.cell_dofs(space.dofmap)
+    corners = np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)[
+        compat.geometry_dofs(mesh)
+    ]
     n = corners.shape[1]
     edges = reversed([*combinations(range(n), 2)]) if dofs.shape[1] > n else ()
     pairs = [*((k, k) for k in range(n)), *edges]
     total = mesh.geometry.index_map().size_global
     keys = np.zeros(dofs.max(initial=-1) + 1, dtype=np.int64)
     for node, (a, b) in zip(dofs.T, pairs, strict=True):
-        low, high = np.minimum(corners[:, a], corners[:, b]), np.maximum(corners[:, a], corners[:, b])
+        low = np.minimum(corners[:, a], corners[:, b])
+        high = np.maximum(corners[:, a], corners[:, b])
         keys[node] = low * total + high
     return keys
 

@@ -11,7 +11,9 @@ from petsc4py import PETSc
 
 @contextmanager
 def defaults(options: Mapping[str, Any], prefix: str = "") -> Iterator[None]:
-    """Options that PETSc finds inside the block, where the environment says nothing of them; prefix: before each."""
+    """Options that PETSc finds inside the block, where the environment says nothing of them;
+    prefix: before each.
+    """
     database = PETSc.Options(prefix)
     ours = [name for name in options if not database.hasName(name)]
     for name in ours:

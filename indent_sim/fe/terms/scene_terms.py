@@ -23,8 +23,9 @@ from indent_sim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Matter:
-    """The terms of a body without contact: strain energies, first of the region under the tip, a curved wall, the fluid
-    in its pores with its way out, and the tension of its surface."""
+    """The terms of a body without contact: strain energies, first of the region under the tip, a
+    curved wall, the fluid in its pores with its way out, and the tension of its surface.
+    """
 
     strains: tuple[Strain, ...]
     walls: tuple[Wall, ...]
@@ -33,13 +34,18 @@ class Matter:
     tension: SurfaceTension | None = None
 
     def __iter__(self) -> Iterator[Term]:
-        yield from (term for term in (*self.strains, *self.walls, self.flow, self.valve, self.tension) if term)
+        yield from (
+            term
+            for term in (*self.strains, *self.walls, self.flow, self.valve, self.tension)
+            if term
+        )
 
 
 @dataclass(frozen=True)
 class Touch:
-    """The terms of the tip: its pressure, by the scene's contact method, its friction where there is some, and what
-    holds the surface back while it snaps to a tip that adheres."""
+    """The terms of the tip: its pressure, by the scene's contact method, its friction where there
+    is some, and what holds the surface back while it snaps to a tip that adheres.
+    """
 
     pressure: Traction | NodalContact
     friction: Friction | None = None
@@ -52,7 +58,9 @@ class Touch:
 def matter_of(body: Body) -> Matter:
     """The terms of a scene's body."""
     physics = body.scene.physics
-    strains = tuple((Relaxing if region.relaxing else Strain)(body, region) for region in physics.part.regions)
+    strains = tuple(
+        (Relaxing if region.relaxing else Strain)(body, region) for region in physics.part.regions
+    )
     walls = (Wall(body),) if physics.wall_stiffness else ()
     tension = SurfaceTension(body) if physics.surface_tension else None
     flow, valve = (Flow(body), Valve(body)) if physics.permeable else (None, None)
@@ -65,7 +73,11 @@ def touch_of(body: Body, below: Strain) -> Touch:
     if law.multiplier == "nodal":
         return Touch(NodalContact(body))
     normal = Traction(body, below)
-    return Touch(normal, None if law.is_conservative else Friction(body, normal), Drag(body) if law.may_snap else None)
+    return Touch(
+        normal,
+        None if law.is_conservative else Friction(body, normal),
+        Drag(body) if law.may_snap else None,
+    )
 
 
 def fields_of(scene: Scene) -> list[Field]:

@@ -22,8 +22,9 @@ from indent_sim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Crushed:
-    """The smallest volume ratio J and the largest principal stretch in the body, and the undeformed points that have
-    them [length]."""
+    """The smallest volume ratio J and the largest principal stretch in the body, and the undeformed
+    points that have them [length].
+    """
 
     J: float
     X: tuple[float, ...]
@@ -38,18 +39,25 @@ class Crushed:
             return ", ".join(f"{x * scene.physics.scales.length:.4g}" for x in X)
 
         stretched = f"the largest stretch, {self.stretch:.3g}, is at ({place(self.X_stretched)})"
-        return f", where J is smallest, {self.J:.3g}, at ({axes}) = ({place(self.X)}) and {stretched}"
+        return (
+            f", where J is smallest, {self.J:.3g}, at ({axes}) = ({place(self.X)}) and {stretched}"
+        )
 
     def with_worst(self, other: Crushed) -> Crushed:
         """The smaller J of two places or regions and the larger stretch."""
         J, X = min((self.J, self.X), (other.J, other.X))
-        stretch, X_stretched = max((self.stretch, self.X_stretched), (other.stretch, other.X_stretched))
+        stretch, X_stretched = max(
+            (self.stretch, self.X_stretched), (other.stretch, other.X_stretched)
+        )
         return Crushed(J, X, stretch, X_stretched)
 
 
 def pressures(scene: Scene) -> list[Field]:
-    """The pressure q of each mixed region, one each because they jump between materials. A volume that an
-    incompressible region lacks pushes what is around it: it is worth the stiffest region's E."""
+    """The pressure q of each mixed region, one each because they jump between materials.
+
+    A volume that an incompressible region lacks pushes what is around it: it is worth the stiffest
+    region's E.
+    """
     regions = scene.physics.part.regions
     E = max(region.material.constants.E for region in regions)
     mixed = [(f"q{k}", region) for k, region in enumerate(regions) if region.formulation == "mixed"]
@@ -57,24 +65,30 @@ def pressures(scene: Scene) -> list[Field]:
 
 
 class Strain(Term):
-    """int psi dOmega of a region's material. nominal_stress P = dpsi/dH and stress (Cauchy, P F^T/J; P itself at small
-    strain) are UFL tensors (3, 3) [pressure], psi [pressure] and J = det F UFL scalars.
+    """int psi dOmega of a region's material. nominal_stress P = dpsi/dH and stress (Cauchy, P
+    F^T/J; P itself at small strain) are UFL tensors (3, 3) [pressure], psi [pressure] and J =
+    det F UFL scalars.
 
-    E_star [pressure] is the plane-strain modulus of the moment: the stress over the strain."""
+    E_star [pressure] is the plane-strain modulus of the moment: the stress over the strain.
+    """
 
     is_matter = True
     psi: Expr
 
     def __init__(self, body: Body, region: Region):
-        self.body, self.region = body, region
-        scene, fields = body.scene, body.now.fields
+        self.body = body
+        self.region = region
+        scene = body.scene
+        fields = body.now.fields
         self.is_constant = region.material.small_strain
         self.E_star = region.material.E_star
         self.fields = tuple(field.name for field in pressures(scene) if field.where == (region,))
         material = symbolic(region.material, body.mesh)
         self._H = H = ufl.variable(scene.physics.part.kinematics.gradient(fields["u"], body.X))
         q = fields[self.fields[0]] if self.fields else None
-        self._density, potential = self._densities(material, H, None if q is None else ufl.variable(q))
+        self._density, potential = self._densities(
+            material, H, None if q is None else ufl.variable(q)
+        )
         F = ufl.Identity(3) + H
         self.nominal_stress = self.stress = ufl.diff(potential, H)
         if not region.material.small_strain:
@@ -83,14 +97,17 @@ class Strain(Term):
         self.energy = body.over_region(self._density, region)
 
     def _densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
-        """The potential of the virtual work, per volume, and the same as it can be read off at any point of a cell."""
+        """The potential of the virtual work, per volume, and the same as it can be read off at any
+        point of a cell.
+        """
         self.psi = material.energy(H) if q is None else material.mixed_energy(H, q)
         return self.psi, self.psi
 
     @cached_property
     def cells(self) -> np.ndarray:
         """This rank's own cells in the region (n,)."""
-        body, number = self.body, self.body.scene.physics.part.regions.index(self.region)
+        body = self.body
+        number = self.body.scene.physics.part.regions.index(self.region)
         owned = body.mesh.topology.index_map(body.body_mesh.dim).size_local
         return np.flatnonzero(body.body_mesh.regions[:owned] == number).astype(np.int32)
 
@@ -114,21 +131,29 @@ class Strain(Term):
         return self.body.over_region(variations(self._density, now)[1], self.region)
 
     def crushed(self) -> Crushed | None:
-        """The smallest J = det F and the largest principal stretch at the quadrature points, and where (collective);
-        none at small strain."""
+        """The smallest J = det F and the largest principal stretch at the quadrature points, and
+        where (collective); none at small strain.
+        """
         body = self.body
         if self.region.material.small_strain:
             return None
         dim = body.body_mesh.dim
         points, _ = compat.quadrature(compat.CELL_NAMES[dim], VOLUME_DEGREE[dim])
         F = ufl.Identity(3) + self._H
-        values = ufl.as_vector([*(F[i, k] for i in range(3) for k in range(3)), *(body.X[k] for k in range(dim))])
-        table = compat.evaluate(fem.Expression(values, points), body.mesh, self.cells).reshape(-1, 9 + dim)
+        values = ufl.as_vector(
+            [*(F[i, k] for i in range(3) for k in range(3)), *(body.X[k] for k in range(dim))]
+        )
+        table = compat.evaluate(fem.Expression(values, points), body.mesh, self.cells).reshape(
+            -1, 9 + dim
+        )
         own = Crushed(np.inf, (np.inf,) * dim, 0.0, (np.inf,) * dim)
         if len(table):
-            gradients, X = table[:, :9].reshape(-1, 3, 3), table[:, 9:]
-            J, stretches = np.linalg.det(gradients), np.linalg.norm(gradients, ord=2, axis=(1, 2))
-            least, most = int(np.argmin(J)), int(np.argmax(stretches))
+            gradients = table[:, :9].reshape(-1, 3, 3)
+            X = table[:, 9:]
+            J = np.linalg.det(gradients)
+            stretches = np.linalg.norm(gradients, ord=2, axis=(1, 2))
+            least = int(np.argmin(J))
+            most = int(np.argmax(stretches))
             places = tuple(map(float, X[least])), tuple(map(float, X[most]))
             own = Crushed(float(J[least]), places[0], float(stretches[most]), places[1])
         return reduce(Crushed.with_worst, body.comm.allgather(own))

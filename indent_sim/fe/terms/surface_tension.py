@@ -15,27 +15,31 @@ from indent_sim.model.materials import NeoHookean
 
 SURFACE_DEGREE = 6  # of the quadrature: squares of slopes, and at finite strain the root of them
 
-# Of gamma, that holds the surface of a drop in its plane; it adds 0.45 times itself to the force. Measured on a ball
-# between plates, 10 to 20 elements in the contact radius: without it no row is found below mu = 1.7e-3 gamma/R, with
-# 3e-4 three of four are at 1e-3, with 1e-3 all of them, and three of four at 1e-4 (tests/physics/test_drops.py)
+# Of gamma, that holds the surface of a drop in its plane; it adds 0.45 times itself to the force.
+# Measured on a ball between plates, 10 to 20 elements in the contact radius: without it no row is
+# found below mu = 1.7e-3 gamma/R, with 3e-4 three of four are at 1e-3, with 1e-3 all of them, and
+# three of four at 1e-4 (tests/physics/test_drops.py)
 FIRMNESS = 1e-3
 
 
 class SurfaceTension(Term):
-    """gamma (A - A0) - (2 gamma/R)(V - V0), less its slope at rest; R the radius of a spherical top, a flat one has no
-    pressure. A is the area of the whole contact surface, touched or not, V the body's volume.
+    """gamma (A - A0) - (2 gamma/R)(V - V0), less its slope at rest; R the radius of a spherical
+    top, a flat one has no pressure. A is the area of the whole contact surface, touched or not,
+    V the body's volume.
 
-    So rest is an equilibrium, also on facets that are no sphere: what is left of the slope there, and at a rim that
-    nothing holds, is a load that the reference state bears. With H the displacement gradient, N the undeformed normal
-    and P = 1 - N N, the area of a part grows by sqrt(1 + e), e = 2 tr PH + m, m = tr(P H^T H P) + det C of
-    C = P (H + H^T + H^T H) P, and sqrt(1 + e) - 1 - tr PH = m/2 - e^2/(2 (1 + sqrt(1 + e))^2) has no first order. At
-    small strain it is the second order of that: gamma/2 |grad_s u_n|^2 on a flat surface.
+    So rest is an equilibrium, also on facets that are no sphere: what is left of the slope there,
+    and at a rim that nothing holds, is a load that the reference state bears. With H the
+    displacement gradient, N the undeformed normal and P = 1 - N N, the area of a part grows by
+    sqrt(1 + e), e = 2 tr PH + m, m = tr(P H^T H P) + det C of C = P (H + H^T + H^T H) P, and sqrt(1
+    + e) - 1 - tr PH = m/2 - e^2/(2 (1 + sqrt(1 + e))^2) has no first order. At small strain it is
+    the second order of that: gamma/2 |grad_s u_n|^2 on a flat surface.
 
-    A tension does not hold the points of a surface in its plane, and of a drop, gamma/(mu R) >> 1, nothing else does:
-    what a mesh makes of the curvature, which jumps at the edge of contact, pushes them along until elements fold. So a
-    drop has a membrane of the shear modulus `firmness` gamma [force/length] on its surface, stress-free at rest,
-    firmness gamma [(tr C_s - 2)/2 - ln J_s], C_s = P (1 + H)^T (1 + H) P, J_s its area ratio. On the way to an
-    equilibrium it may be firmer, and the body with it by as much, over R: see `solve.algorithms.through_firmer_bodies`.
+    A tension does not hold the points of a surface in its plane, and of a drop, gamma/(mu R) >> 1,
+    nothing else does: what a mesh makes of the curvature, which jumps at the edge of contact,
+    pushes them along until elements fold. So a drop has a membrane of the shear modulus `firmness`
+    gamma [force/length] on its surface, stress-free at rest, firmness gamma [(tr C_s - 2)/2 - ln
+    J_s], C_s = P (1 + H)^T (1 + H) P, J_s its area ratio. On the way to an equilibrium it may be
+    firmer, and the body with it by as much, over R: see `solve.algorithms.through_firmer_bodies`.
     """
 
     is_matter = True
@@ -64,10 +68,14 @@ class SurfaceTension(Term):
         if self.can_firm:
             sheared, _ = NeoHookean(E=3.0, nu=0.5).parts(H)  # of mu = 1
             firmer = (self._firmness - fem.Constant(body.mesh, FIRMNESS)) * pressure / 2 * sheared
-            self.energy += reduce(add, (body.over_region(firmer, region) for region in physics.part.regions))
+            self.energy += reduce(
+                add, (body.over_region(firmer, region) for region in physics.part.regions)
+            )
 
     def firm(self, firmness: float) -> None:
-        """Hold the surface of a drop by so much of gamma in its plane, and the body by as much, over R, more."""
+        """Hold the surface of a drop by so much of gamma in its plane, and the body by as much,
+        over R, more.
+        """
         self._firmness.value = firmness
 
 

@@ -1,8 +1,10 @@
 """Term: a part of the virtual work over one step, with what it remembers of the steps before.
 
-A step leads from the state that was accepted last to a new one in one stage or two, each an equilibrium of its own:
+A step leads from the state that was accepted last to a new one in one stage or two, each an
+equilibrium of its own:
 
-    begin(stage), Newton, end(stage)   for each stage;   accept() after the last one, or back to before the first.
+    begin(stage), Newton, end(stage)   for each stage;   accept() after the last one, or back to
+    before the first.
 """
 
 from __future__ import annotations
@@ -19,8 +21,10 @@ from indent_sim.mesh.reactions import Surface
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of a step: backward Euler over `dt` [time], to the share `end` of the step, `passed` [time] after its
-    begin. It sets out from before + share (one - before), with the result `one` of the stage before."""
+    """A part of a step: backward Euler over `dt` [time], to the share `end` of the step, `passed`
+    [time] after its begin. It sets out from before + share (one - before), with the result `one`
+    of the stage before.
+    """
 
     dt: float
     passed: float = 0.0
@@ -33,17 +37,22 @@ GAMMA = 1 - 0.5**0.5  # of SDIRK2, which is L-stable and of second order with it
 
 def flowing_stages(dt: float) -> list[Stage]:
     """The two stages of SDIRK2 for a step of `dt` [time]."""
-    first, second = GAMMA * dt, (1 - GAMMA) / GAMMA
+    first = GAMMA * dt
+    second = (1 - GAMMA) / GAMMA
     return [Stage(first, first, end=GAMMA), Stage(first, dt, share=second)]
 
 
 class Term:
-    """A part of the virtual work. What a term does not have it does not say: these are the answers of a plain energy.
+    """A part of the virtual work.
 
-    energy: its share of the potential, a UFL form, or None. fields: the names of the fields that came with it. history:
-    functions that carry what it remembers beside the unknowns; they are kept with every state, never extrapolated, and
-    change in `accept` alone. frozen: functions of the present guess that Newton does not solve for. has_memory: whether
-    an equilibrium depends on the path to it. setting: changes with what the tangent depends on beside the state."""
+    What a term does not have it does not say: these are the answers of a plain energy.
+
+    energy: its share of the potential, a UFL form, or None. fields: the names of the fields that
+    came with it. history: functions that carry what it remembers beside the unknowns; they are kept
+    with every state, never extrapolated, and change in `accept` alone. frozen: functions of the
+    present guess that Newton does not solve for. has_memory: whether an equilibrium depends on the
+    path to it. setting: changes with what the tangent depends on beside the state.
+    """
 
     energy: ufl.Form = None
     fields: tuple[str, ...] = ()
@@ -95,13 +104,16 @@ class Term:
         """Hold the surface of a drop by so much of its tension in its plane."""
 
     def follow(self, softer: float) -> None:
-        """Let the stiffness of contact follow the modulus of what the tip touches: that of the moment is so many times
-        that of the first moment."""
+        """Let the stiffness of contact follow the modulus of what the tip touches: that of the
+        moment is so many times that of the first moment.
+        """
         self._softer = softer
         self.scale_stiffness(self._softened * self._softer)
 
     def scale_stiffness(self, factor: float) -> None:
-        """Set the penalty stiffness to `factor` times that of the contact law; terms without a penalty ignore it."""
+        """Set the penalty stiffness to `factor` times that of the contact law; terms without a
+        penalty ignore it.
+        """
 
     def force(self) -> float:
         """The virtual work of pressing deeper [force], this rank's share of the modelled part."""
@@ -112,10 +124,13 @@ class Term:
         return 0.0
 
     def reactions(self) -> dict[Surface, float]:
-        """Forces on the body [force] of a support that this term stands for, by `mesh.reactions.bearing_surfaces`:
-        this rank's share on the modelled part."""
+        """Forces on the body [force] of a support that this term stands for, by
+        `mesh.reactions.bearing_surfaces`: this rank's share on the modelled part.
+        """
         return {}
 
     def dissipation(self) -> float:
-        """What is lost in the step to the present state [energy], this rank's share of the modelled part."""
+        """What is lost in the step to the present state [energy], this rank's share of the modelled
+        part.
+        """
         return 0.0

@@ -1,4 +1,6 @@
-"""The curved roller wall of a cylinder in three dimensions: u . n = 0 with the cylinder's own normal, weakly."""
+"""The curved roller wall of a cylinder in three dimensions: u . n = 0 with the cylinder's own
+normal, weakly.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +18,18 @@ from indent_sim.mesh.reactions import Surface
 
 
 class Wall(Term):
-    """The wall's points stay on r = radius, by the energy stiffness/2 w^2; w = u . n at small strain. n is the
-    cylinder's own normal, the stiffness `scene.physics.wall_stiffness` in pressure/length."""
+    """The wall's points stay on r = radius, by the energy stiffness/2 w^2; w = u . n at small
+    strain. n is the cylinder's own normal, the stiffness `scene.physics.wall_stiffness` in
+    pressure/length.
+    """
 
     is_matter = True
 
     def __init__(self, body: Body):
         self._body = body
         self.is_constant = body.scene.physics.small_strain
-        X, u = body.X, body.now.fields["u"]
+        X = body.X
+        u = body.now.fields["u"]
         r = ufl.sqrt(X[0] ** 2 + X[1] ** 2)
         if body.scene.physics.small_strain:
             outward = (u[0] * X[0] + u[1] * X[1]) / r
@@ -44,7 +49,9 @@ class Wall(Term):
         return fem.form(self._push)
 
     def reactions(self) -> dict[Surface, float]:
-        """Return the force of the curved roller wall on the body along x and y [force], this rank's part of the sum."""
+        """Return the force of the curved roller wall on the body along x and y [force], this rank's
+        part of the sum.
+        """
         found: dict[Surface, float] = {}
         for axis in (0, 1):
             self._axis.value = np.eye(2)[axis]
@@ -52,8 +59,9 @@ class Wall(Term):
         return found
 
     def rows(self) -> dict[Surface, np.ndarray]:
-        """What each dof of a linear body adds to `reactions` [force], an entry for each of this rank's own dofs
-        (collective)."""
+        """What each dof of a linear body adds to `reactions` [force], an entry for each of this
+        rank's own dofs (collective).
+        """
         body = self._body
         form = fem.form(ufl.derivative(self._push, body.now.function, body.now.test))
         found: dict[Surface, np.ndarray] = {}

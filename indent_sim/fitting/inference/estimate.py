@@ -2,8 +2,8 @@
 
     F_i = b0 + b1 (x_i - mean)/range + f(x_i - c; theta) + noise
 
-Ordinary least squares finds the parameters, their noise the intervals; the fit is repeated in the likeliest noise
-unless that forgives residuals: a long correlation forgives any.
+Ordinary least squares finds the parameters, their noise the intervals; the fit is repeated in the
+likeliest noise unless that forgives residuals: a long correlation forgives any.
 """
 
 from __future__ import annotations
@@ -19,22 +19,45 @@ from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, Averaged, Noise
 from indent_sim.fitting.scene_curve.lattice import NoTable
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 
-FEWEST_POINTS, FEWEST_PUSHING = 30, 20
-SATURATED_SHARE, MOST_SATURATED = 0.02, 5  # of the points at the largest force
+FEWEST_POINTS = 30
+FEWEST_PUSHING = 20
+# of the points at the largest force
+SATURATED_SHARE = 0.02
+MOST_SATURATED = 5
 BLOCKS = 50  # of a curve, whose means tell a contact from noise
 WORST_FACTOR = 4.0  # a modulus known to a larger factor is not known
 LEAST_RISE = 4.0  # rms of the residuals: a smaller rise is noise
-MOST_PILOT, MOST_MEANS = 400, 1500  # block means
-CONTACTS, CONTACT_PERCENTILES = 80, (2.0, 97.0)  # contact points that are tried, between these percentiles of x
-BASELINE_KEPT, LEAST_BASELINE = 1.5, 0.02  # depths before contact that count, and share of the range at least
-FIT_ROUNDS, LARGEST_STEP, LARGEST_SHIFT = 40, 1.0, 0.3  # of a fit, in coordinates and of the contact point in depths
-SETTLED_SQUARES = 1e-6  # relative change of the sum of squares: with n samples n 1e-6 of a deviation squared
+# block means
+MOST_PILOT = 400
+MOST_MEANS = 1500
+# contact points that are tried, between these percentiles of x
+CONTACTS = 80
+CONTACT_PERCENTILES = (2.0, 97.0)
+# depths before contact that count, and share of the range at least
+BASELINE_KEPT = 1.5
+LEAST_BASELINE = 0.02
+# of a fit, in coordinates and of the contact point in depths
+FIT_ROUNDS = 40
+LARGEST_STEP = 1.0
+LARGEST_SHIFT = 0.3
+SETTLED_SQUARES = (
+    1e-6  # relative change of the sum of squares: with n samples n 1e-6 of a deviation squared
+)
 WORSE = 1.1  # of the rms: a fit in correlated noise that leaves more forgives residuals
-OFFSETS = (0.0, -1.2, 1.2, -2.4, 2.4)  # of a parameter's coordinate from the scene's own, where fits begin
+OFFSETS = (
+    0.0,
+    -1.2,
+    1.2,
+    -2.4,
+    2.4,
+)  # of a parameter's coordinate from the scene's own, where fits begin
 LINEAR_OFFSETS = (0.0, -0.1, 0.1)
 BEGINNINGS = 3  # that are followed to their end
 AT_BOUND = 1e-6
-SNAPS, SNAP_ROUNDS, MOST_SNAPS = (-3, -2, -1, 0, 1, 2, 3), 6, 5  # samples by which a contact point is moved, and rounds
+# samples by which a contact point is moved, and rounds
+SNAPS = (-3, -2, -1, 0, 1, 2, 3)
+SNAP_ROUNDS = 6
+MOST_SNAPS = 5
 CLEAR_SNAP = 5.0  # deviations of the noise: a snap-in that shows between which samples it lies
 
 
@@ -44,7 +67,9 @@ class Refused(Exception):
 
 @dataclass(frozen=True)
 class Samples:
-    """A curve as a fit sees it: x [length], force [force], t [s] or None, each (n,), in order of time."""
+    """A curve as a fit sees it: x [length], force [force], t [s] or None, each (n,), in order of
+    time.
+    """
 
     x: np.ndarray
     force: np.ndarray
@@ -55,21 +80,29 @@ class Samples:
 
     def where(self, chosen: np.ndarray) -> Samples:
         """Some of the samples."""
-        return Samples(self.x[chosen], self.force[chosen], None if self.t is None else self.t[chosen])
+        return Samples(
+            self.x[chosen], self.force[chosen], None if self.t is None else self.t[chosen]
+        )
 
     def means(self, most: int) -> Samples:
         """Means of blocks of neighbours, so many at most."""
         if len(self) <= most:
             return self
         size = math.ceil(len(self) / most)
-        first = len(self) % size  # at equal times they stay so: what is left over goes with the baseline
+        first = (
+            len(self) % size
+        )  # at equal times they stay so: what is left over goes with the baseline
         x, force = (one[first:].reshape(-1, size).mean(axis=1) for one in (self.x, self.force))
-        return Samples(x, force, None if self.t is None else self.t[first:].reshape(-1, size).mean(axis=1))
+        return Samples(
+            x, force, None if self.t is None else self.t[first:].reshape(-1, size).mean(axis=1)
+        )
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Whether contact point and slope of the baseline are fitted: a number is a contact point that is known."""
+    """Whether contact point and slope of the baseline are fitted: a number is a contact point that
+    is known.
+    """
 
     contact_point: float | None = None
     has_slope: bool = True
@@ -77,7 +110,8 @@ class Origin:
 
 @dataclass(frozen=True)
 class Model:
-    """Forces of a scene on a baseline, of the parameters [theta..., c, b0, b1] (p,), at some samples.
+    """Forces of a scene on a baseline, of the parameters [theta..., c, b0, b1] (p,), at some
+    samples.
 
     held: coordinates that are not fitted.
     """
@@ -108,7 +142,8 @@ class Model:
 
     def contact(self, p: np.ndarray) -> np.ndarray:
         """The forces without the baseline."""
-        theta, c = p[: self.size], p[self.size]
+        theta = p[: self.size]
+        c = p[self.size]
         return self.forces(theta, self.samples.x - c, self.samples.t)
 
     def baseline(self, p: np.ndarray) -> np.ndarray:
@@ -130,7 +165,8 @@ class Model:
     def _along(self, p: np.ndarray, k: int, h: float) -> np.ndarray:
         step = np.zeros(len(p))
         step[k] = h
-        low, high = (self._inside(p - step), self._inside(p + step))
+        low = self._inside(p - step)
+        high = self._inside(p + step)
         return (self.contact(high) - self.contact(low)) / max(high[k] - low[k], 1e-300)
 
     def _snaps(self, p: np.ndarray, h: float) -> np.ndarray:
@@ -147,18 +183,27 @@ class Model:
         low, high = self.forces.bounds
         return np.concatenate([np.clip(p[: self.size], low, high), p[self.size :]])
 
-    def fitted(self, p: np.ndarray, noise: Noise = WHITE, rounds: int = FIT_ROUNDS) -> tuple[np.ndarray, float]:
-        """The least squares of the residuals in a noise from these parameters on, by Levenberg-Marquardt."""
-        p, damping = self._inside(p), 1e-3
-        r, J = self.residual(p), self.jacobian(p)
+    def fitted(
+        self, p: np.ndarray, noise: Noise = WHITE, rounds: int = FIT_ROUNDS
+    ) -> tuple[np.ndarray, float]:
+        """The least squares of the residuals in a noise from these parameters on, by
+        Levenberg-Marquardt.
+        """
+        p = self._inside(p)
+        damping = 1e-3
+        r = self.residual(p)
+        J = self.jacobian(p)
         size = _norm(r, noise)
         for _ in range(rounds):
             VJ = noise.whitened(J)[0]
-            A, g = J.T @ VJ, VJ.T @ r
+            A = J.T @ VJ
+            g = VJ.T @ r
             if not (np.isfinite(A).all() and np.isfinite(g).all()):
                 raise ValueError("the forces are no numbers")
             scale = np.sqrt(np.where(np.diag(A) > 0, np.diag(A), 1.0))
-            A, g, done = A / np.outer(scale, scale), g / scale, True
+            A = A / np.outer(scale, scale)
+            g = g / scale
+            done = True
             for _ in range(8):
                 step = np.linalg.solve(A + damping * np.eye(len(g)), g) / scale
                 new = self._inside(p + self._shortened(step))
@@ -169,7 +214,10 @@ class Model:
                     smaller = math.inf
                 if smaller < size:
                     done = size - smaller < SETTLED_SQUARES * size
-                    p, r, size, damping = new, r_new, smaller, max(0.2 * damping, 1e-9)
+                    p = new
+                    r = r_new
+                    size = smaller
+                    damping = max(0.2 * damping, 1e-9)
                     break
                 damping *= 6.0
             if done:
@@ -179,7 +227,13 @@ class Model:
 
     def _shortened(self, step: np.ndarray) -> np.ndarray:
         depth = max(float(np.ptp(self.samples.x)), 1e-300)
-        longest = max([*np.abs(step[: self.size]) / LARGEST_STEP, abs(step[self.size]) / (LARGEST_SHIFT * depth), 1.0])
+        longest = max(
+            [
+                *np.abs(step[: self.size]) / LARGEST_STEP,
+                abs(step[self.size]) / (LARGEST_SHIFT * depth),
+                1.0,
+            ]
+        )
         return step / longest
 
 
@@ -190,7 +244,8 @@ def _norm(r: np.ndarray, noise: Noise) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A model fitted to a curve: parameters p [theta..., c, b0, b1], those by ordinary least squares, and the noise.
+    """A model fitted to a curve: parameters p [theta..., c, b0, b1], those by ordinary least
+    squares, and the noise.
 
     profiles: intervals of coordinates that are too wide for a parabola.
     """
@@ -240,7 +295,9 @@ class Estimate:
         """The 95 % interval of a varied key's coordinate, within its bounds."""
         low, high = self.model.forces.parameters[k].bounds
         half = NORMAL_95 * float(self.sd[k])
-        begin, end = self.profiles.get(k, (float(self.theta[k]) - half, float(self.theta[k]) + half))
+        begin, end = self.profiles.get(
+            k, (float(self.theta[k]) - half, float(self.theta[k]) + half)
+        )
         return max(low, begin), min(high, end)
 
     def at_bound(self, k: int) -> bool:
@@ -263,15 +320,18 @@ def estimated(model: Model, start: np.ndarray) -> Estimate:
 
 
 def _beside_snaps(model: Model, p: np.ndarray) -> np.ndarray:
-    """The parameters with the contact point between the samples where it leaves least: a tip that snaps in makes the
-    sum of squares jump at each of them, and descents end there."""
+    """The parameters with the contact point between the samples where it leaves least: a tip that
+    snaps in makes the sum of squares jump at each of them, and descents end there.
+    """
     if not model.forces.adheres or model.origin.contact_point is not None:
         return p
     held = replace(model, held=model.held | {model.size})
     size = math.inf
     for _ in range(MOST_SNAPS):
         moved = [p + shift * model.spacing * np.eye(len(p))[model.size] for shift in SNAPS]
-        best, least = min((held.fitted(one, rounds=SNAP_ROUNDS) for one in moved), key=lambda found: found[1])
+        best, least = min(
+            (held.fitted(one, rounds=SNAP_ROUNDS) for one in moved), key=lambda found: found[1]
+        )
         if least >= size * (1 - SETTLED_SQUARES):
             break
         p, size = model.fitted(best)
@@ -279,17 +339,22 @@ def _beside_snaps(model: Model, p: np.ndarray) -> np.ndarray:
 
 
 def averaged_at(model: Model, p: np.ndarray, noises: list[Noise] | None = None) -> Averaged:
-    """What the residuals at these parameters say of the fitted ones; of those that are known nothing varies."""
+    """What the residuals at these parameters say of the fitted ones; of those that are known
+    nothing varies.
+    """
     free = model.free
     found = averaged(model.jacobian(p)[:, free], model.residual(p), noises)
-    covariance, step = np.zeros((len(free), len(free))), np.zeros(len(free))
-    covariance[np.ix_(free, free)], step[free] = found.covariance, found.step
+    covariance = np.zeros((len(free), len(free)))
+    step = np.zeros(len(free))
+    covariance[np.ix_(free, free)] = found.covariance
+    step[free] = found.step
     return replace(found, covariance=_beside_snap(covariance, model, p, found.s2), step=step)
 
 
 def _beside_snap(covariance: np.ndarray, model: Model, p: np.ndarray, s2: float) -> np.ndarray:
-    """The covariance where a tip snaps in and tells the contact point to a sample's distance d: deviation d/sqrt(3),
-    since the least squares end at either of two samples."""
+    """The covariance where a tip snaps in and tells the contact point to a sample's distance d:
+    deviation d/sqrt(3), since the least squares end at either of two samples.
+    """
     if not model.free[model.size] or _snap_of(model, p) < CLEAR_SNAP * math.sqrt(s2):
         return covariance
     along = covariance[model.size]
@@ -300,15 +365,18 @@ def _snap_of(model: Model, p: np.ndarray) -> float:
     """The force with which a tip snaps in [force]; 0 of one that does not adhere."""
     if not model.forces.adheres:
         return 0.0
-    theta, touch = p[: model.size], np.array([0.0])
+    theta = p[: model.size]
+    touch = np.array([0.0])
     return abs(float(model.forces.rigid(theta)(touch)[0]))
 
 
 def deviation(estimate: Estimate, k: int, known: Sequence[int] = ()) -> float:
-    """Standard deviation of a coordinate in the likeliest noise, s sqrt((J'V^-1 J)^-1_kk); infinite where nothing
-    depends on it. known: the varied keys that are not fitted beside it."""
+    """Standard deviation of a coordinate in the likeliest noise, s sqrt((J'V^-1 J)^-1_kk); infinite
+    where nothing depends on it. known: the varied keys that are not fitted beside it.
+    """
     model = replace(estimate.model, held=estimate.model.held | set(known))
-    free, noise = model.free, estimate.found.likeliest
+    free = model.free
+    noise = estimate.found.likeliest
     J = model.jacobian(estimate.p)
     scale = np.sqrt((J * J).sum(axis=0))
     if not scale[k] > 0:
@@ -316,8 +384,12 @@ def deviation(estimate: Estimate, k: int, known: Sequence[int] = ()) -> float:
     J = J[:, free] / np.where(scale > 0, scale, 1.0)[free]
     inverted, _ = inverse(J.T @ noise.whitened(J)[0])
     covariance = np.zeros((len(free), len(free)))
-    covariance[np.ix_(free, free)] = estimate.found.s2 * inverted / np.outer(scale[free], scale[free])
-    return math.sqrt(max(float(_beside_snap(covariance, model, estimate.p, estimate.found.s2)[k, k]), 0.0))
+    covariance[np.ix_(free, free)] = (
+        estimate.found.s2 * inverted / np.outer(scale[free], scale[free])
+    )
+    return math.sqrt(
+        max(float(_beside_snap(covariance, model, estimate.p, estimate.found.s2)[k, k]), 0.0)
+    )
 
 
 def _rms(model: Model, p: np.ndarray) -> float:
@@ -326,7 +398,8 @@ def _rms(model: Model, p: np.ndarray) -> float:
 
 def refuse_hopeless(samples: Samples) -> None:
     """Refused for a curve that no scene is worth fitting to."""
-    n, force = len(samples), samples.force
+    n = len(samples)
+    force = samples.force
     if n < FEWEST_POINTS:
         raise Refused(f"{n} points" if n != 1 else "1 point")
     for name, values in (("depth", samples.x), ("force", force)):
@@ -343,10 +416,15 @@ def refuse_hopeless(samples: Samples) -> None:
 
 
 def beginnings(forces: SceneForces, samples: Samples, origin: Origin) -> list[np.ndarray]:
-    """Parameters from which a fit may begin, the likeliest first: contact points and coordinates that are tried, with
-    the baseline and the size of the force solved for."""
+    """Parameters from which a fit may begin, the likeliest first: contact points and coordinates
+    that are tried, with the baseline and the size of the force solved for.
+    """
     few = samples.means(MOST_PILOT)
-    wanted = np.percentile(few.x, np.linspace(*CONTACT_PERCENTILES, CONTACTS)) if origin.contact_point is None else []
+    wanted = (
+        np.percentile(few.x, np.linspace(*CONTACT_PERCENTILES, CONTACTS))
+        if origin.contact_point is None
+        else []
+    )
     contacts = [origin.contact_point] if origin.contact_point is not None else list(wanted)
     softness = forces.experiment.compliance
     depth = few.x - softness * (few.force - far_level(few))
@@ -375,9 +453,16 @@ def _tried(forces: SceneForces) -> list[np.ndarray]:
 
 
 def _begun(
-    forces: SceneForces, theta: np.ndarray, few: Samples, depth: np.ndarray, contacts: Sequence[float], origin: Origin
+    forces: SceneForces,
+    theta: np.ndarray,
+    few: Samples,
+    depth: np.ndarray,
+    contacts: Sequence[float],
+    origin: Origin,
 ) -> tuple[float, np.ndarray] | None:
-    """The best contact point for some coordinates, as (residual, parameters); None where there is none."""
+    """The best contact point for some coordinates, as (residual, parameters); None where there is
+    none.
+    """
     best: tuple[float, np.ndarray] | None = None
     line = (few.x - few.x.mean()) / max(float(np.ptp(few.x)), 1e-300)
     scaling = forces.scaling
@@ -404,16 +489,25 @@ def _begun(
     return best
 
 
-def fit(forces: SceneForces, samples: Samples, origin: Origin, near: Estimate | None = None) -> Estimate:
-    """The best estimate of a scene's parameters on a curve; Refused with the reason where it tells nothing of them.
+def fit(
+    forces: SceneForces, samples: Samples, origin: Origin, near: Estimate | None = None
+) -> Estimate:
+    """The best estimate of a scene's parameters on a curve; Refused with the reason where it tells
+    nothing of them.
 
     near: an estimate of almost the same forces on this curve, from which alone the fit begins.
     """
     few = Model(forces, samples.means(MOST_PILOT), origin)
-    starts = beginnings(forces, samples, origin) if near is None else [rebased(near.model, few, near.p)]
+    starts = (
+        beginnings(forces, samples, origin) if near is None else [rebased(near.model, few, near.p)]
+    )
     if not starts:
         other = Samples(samples.x, -samples.force, samples.t)
-        turned = " (it falls: one that pushes in counts > 0)" if beginnings(forces, other, origin) else ""
+        turned = (
+            " (it falls: one that pushes in counts > 0)"
+            if beginnings(forces, other, origin)
+            else ""
+        )
         raise Refused(f"no contact: the force does not rise with the depth{turned}")
     followed = [_followed(few, start) for start in starts]
     best = min((one for one in followed if one), key=lambda one: one[1], default=None)
@@ -436,14 +530,20 @@ def _followed(model: Model, start: np.ndarray) -> tuple[np.ndarray, float] | Non
 
 
 def nearby(samples: Samples, c: float) -> Samples:
-    """The samples in contact and beside it; a long baseline would drown the contact and fit its own waves."""
-    depth, span = float(samples.x.max()) - c, float(np.ptp(samples.x))
-    return samples.where(samples.x > c - max(BASELINE_KEPT * depth, LEAST_BASELINE * span)).means(MOST_MEANS)
+    """The samples in contact and beside it; a long baseline would drown the contact and fit its own
+    waves.
+    """
+    depth = float(samples.x.max()) - c
+    span = float(np.ptp(samples.x))
+    return samples.where(samples.x > c - max(BASELINE_KEPT * depth, LEAST_BASELINE * span)).means(
+        MOST_MEANS
+    )
 
 
 def rebased(old: Model, new: Model, p: np.ndarray) -> np.ndarray:
     """The same line of the baseline in the mean and range of other samples."""
-    span, spans = float(np.ptp(old.samples.x)), float(np.ptp(new.samples.x))
+    span = float(np.ptp(old.samples.x))
+    spans = float(np.ptp(new.samples.x))
     slope = p[-1] / max(span, 1e-300)
     level = p[-2] + slope * (float(new.samples.x.mean()) - float(old.samples.x.mean()))
     return np.array([*p[:-2], level, slope * spans])
@@ -456,6 +556,8 @@ def _refuse_weak(estimate: Estimate) -> None:
     if estimate.rise < LEAST_RISE * estimate.rms:
         raise Refused("no contact: the force does not rise above its noise")
     for k, one in enumerate(estimate.model.forces.parameters):
-        factor = math.exp(min(NORMAL_95 * float(estimate.sd[k]), 100.0)) if one.role == "scale" else 1.0
+        factor = (
+            math.exp(min(NORMAL_95 * float(estimate.sd[k]), 100.0)) if one.role == "scale" else 1.0
+        )
         if factor > WORST_FACTOR:
             raise Refused(f"{one.key} is known to a factor of {factor:.2g} only")

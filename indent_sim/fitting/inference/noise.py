@@ -1,14 +1,16 @@
-"""Noise of a measurement: white and first-order autoregressive noise together, its weights by restricted likelihood.
+"""Noise of a measurement: white and first-order autoregressive noise together, its weights by
+restricted likelihood.
 
     V = w I + (1 - w) R,   R_ij = rho^|i - j|,   tau = -1/ln rho [samples]
 
-With T = R^-1, tridiagonal, V^-1 X = T (w T + (1 - w) I)^-1 X costs O(n). For a linear model r = J p + noise
+With T = R^-1, tridiagonal, V^-1 X = T (w T + (1 - w) I)^-1 X costs O(n). For a linear model r = J p
++ noise
 
     A = J'V^-1 J,   s^2 = r'P r/(n - p),   -2 ln L = ln|V| + ln|A| + (n - p) ln s^2
 
-and what is said of p is averaged over a grid of (tau, w) with the weights L: its maximum alone makes intervals that are
-too narrow, since a correlation is never known well.
-Sources: Patterson & Thompson (1971), Biometrika 58, 545; Kenward & Roger (1997), Biometrics 53, 983.
+and what is said of p is averaged over a grid of (tau, w) with the weights L: its maximum alone
+makes intervals that are too narrow, since a correlation is never known well. Sources: Patterson &
+Thompson (1971), Biometrika 58, 545; Kenward & Roger (1997), Biometrics 53, 983.
 """
 
 from __future__ import annotations
@@ -30,7 +32,9 @@ NORMAL_95 = 1.96
 
 @dataclass(frozen=True)
 class Noise:
-    """A covariance up to its size: correlation time tau [samples], 0 for none, and white share w of the variance."""
+    """A covariance up to its size: correlation time tau [samples], 0 for none, and white share w of
+    the variance.
+    """
 
     tau: float = 0.0
     w: float = 1.0
@@ -44,7 +48,8 @@ class Noise:
         """T as a banded matrix, upper diagonal and diagonal (2, n)."""
         rho = self.rho
         band = np.empty((2, n))
-        band[0], band[1] = -rho, 1.0 + rho * rho
+        band[0] = -rho
+        band[1] = 1.0 + rho * rho
         band[1, 0] = band[1, -1] = 1.0
         return band / (1.0 - rho * rho)
 
@@ -58,7 +63,8 @@ class Noise:
         mixed[1] += 1.0 - self.w
         factor = cholesky_banded(mixed)
         Y = cho_solve_banded((factor, False), X)
-        off, on = T[0, 1:], T[1]
+        off = T[0, 1:]
+        on = T[1]
         side = (slice(None), None) if X.ndim == 2 else (slice(None),)
         Z = on[side] * Y
         Z[:-1] += off[side] * Y[1:]
@@ -86,8 +92,10 @@ WHITE = Noise()
 
 @dataclass(frozen=True)
 class Averaged:
-    """What residuals say of a linear model: the likeliest noise and its variance s2, the covariance (p, p) of the
-    parameters averaged over all noises, and their mean step (p,) from where the model was linearised."""
+    """What residuals say of a linear model: the likeliest noise and its variance s2, the covariance
+    (p, p) of the parameters averaged over all noises, and their mean step (p,) from where the
+    model was linearised.
+    """
 
     likeliest: Noise
     s2: float
@@ -131,11 +139,15 @@ def averaged(J: np.ndarray, r: np.ndarray, noises: list[Noise] | None = None) ->
     return Averaged(noises[best], found[best][3], covariance / np.outer(scale, scale), mean / scale)
 
 
-def _under(noise: Noise, X: np.ndarray, freedom: int) -> tuple[float, np.ndarray, np.ndarray, float]:
+def _under(
+    noise: Noise, X: np.ndarray, freedom: int
+) -> tuple[float, np.ndarray, np.ndarray, float]:
     """ln L, covariance, step and s2 under one noise."""
     VX, log_V = noise.whitened(X)
     M = X.T @ VX
-    A, b, c = M[:-1, :-1], M[:-1, -1], float(M[-1, -1])
+    A = M[:-1, :-1]
+    b = M[:-1, -1]
+    c = float(M[-1, -1])
     cov, log_A = inverse(A)
     step = cov @ b
     s2 = max((c - float(b @ step)) / max(freedom, 1), 1e-300)
@@ -143,16 +155,21 @@ def _under(noise: Noise, X: np.ndarray, freedom: int) -> tuple[float, np.ndarray
 
 
 def inverse(A: np.ndarray) -> tuple[np.ndarray, float]:
-    """Inverse and ln|A| of a symmetric matrix, directions on which nothing depends having large variances."""
+    """Inverse and ln|A| of a symmetric matrix, directions on which nothing depends having large
+    variances.
+    """
     values, vectors = np.linalg.eigh(0.5 * (A + A.T))
     values = np.maximum(values, 1e-14 * max(values[-1], 1e-300))
     return (vectors / values) @ vectors.T, float(np.log(values).sum())
 
 
 def gain(J: np.ndarray, extra: np.ndarray, r: np.ndarray, noise: Noise) -> float:
-    """Probability that columns `extra` (n, m) beside J explain as much of r by accident: an F test in a noise."""
+    """Probability that columns `extra` (n, m) beside J explain as much of r by accident: an F test
+    in a noise.
+    """
     X = np.column_stack([J, extra, r])
-    p, m = J.shape[1], extra.shape[1]
+    p = J.shape[1]
+    m = extra.shape[1]
     without, with_them = (_rest(X[:, [*range(k), -1]], noise) for k in (p, p + m))
     return f_test(max(without - with_them, 0.0), m, with_them, len(r) - p - m)
 

@@ -1,7 +1,8 @@
 """Verdict: whether a scene explains a curve, and the interval that is stated for each parameter.
 
-It does not where the residuals have a shape, where a window's fit moves, where the contact is noisier than the
-baseline, or where another model is better. The interval is then widened until nothing contradicts it.
+It does not where the residuals have a shape, where a window's fit moves, where the contact is
+noisier than the baseline, or where another model is better. The interval is then widened until
+nothing contradicts it.
 """
 
 from __future__ import annotations
@@ -18,12 +19,24 @@ from indent_sim.fitting.inference.models import Other
 from indent_sim.fitting.inference.noise import NORMAL_95, averaged, f_test, gain
 from indent_sim.fitting.inference.windows import Window
 
-COSINES, BEFORE = 8, 0.35  # that a shape is looked for with, from so many depths before contact on
+# that a shape is looked for with, from so many depths before contact on
+COSINES = 8
+BEFORE = 0.35
 NEAR_CONTACT = 0.2  # depths before first touch that are no baseline
-FEWEST_BEFORE_CONTACT, LEAST_EFFECTIVE = 40, 8.0  # points before contact, of a baseline that tells its noise
+# points before contact, of a baseline that tells its noise
+FEWEST_BEFORE_CONTACT = 40
+LEAST_EFFECTIVE = 8.0
 # Where other models are asked
-SUSPECT_SHAPE, SUSPECT_POWER, SUSPECT_SNAP, SUSPECT_Z, SUSPECT_BASELINE = 1e-2, 1e-2, 1e-3, 2.5, 1e-3
-WRONG_SHAPE, WRONG_Z, WRONG_BASELINE, NAMED = 1e-3, 3.5, 1e-4, 1e-3  # where the scene does not explain the curve
+SUSPECT_SHAPE = 1e-2
+SUSPECT_POWER = 1e-2
+SUSPECT_SNAP = 1e-3
+SUSPECT_Z = 2.5
+SUSPECT_BASELINE = 1e-3
+# where the scene does not explain the curve
+WRONG_SHAPE = 1e-3
+WRONG_Z = 3.5
+WRONG_BASELINE = 1e-4
+NAMED = 1e-3
 MEDIAN_TO_DEVIATION = 1.4826  # of normal numbers
 NEGLIGIBLE = 1e-5  # of the largest force: residuals that say nothing
 UNKNOWN_FACTOR = 3.0  # an interval beyond it is none
@@ -42,7 +55,8 @@ class Interval:
 class Verdict:
     """A fit judged: what the residuals, windows and other models say of it.
 
-    uncertain: half-widths of each coordinate from the mesh and from calibration (k,), added in quadrature.
+    uncertain: half-widths of each coordinate from the mesh and from calibration (k,), added in
+    quadrature.
     """
 
     estimate: Estimate
@@ -59,8 +73,9 @@ class Verdict:
 
     @cached_property
     def cause(self) -> list[str]:
-        """What stands against the scene: names of models, and shape, window, baseline; nothing where the residuals are
-        those of arithmetic, as of a curve that was simulated."""
+        """What stands against the scene: names of models, and shape, window, baseline; nothing
+        where the residuals are those of arithmetic, as of a curve that was simulated.
+        """
         if self.estimate.rms < NEGLIGIBLE * self.estimate.rise:
             return []
         moved = any(self._moves(k) for k in range(self.estimate.model.size))
@@ -69,7 +84,9 @@ class Verdict:
         return [*(one.name for one in self.named), *(name for name, is_so in told.items() if is_so)]
 
     def _moves(self, k: int) -> bool:
-        """Whether a window's value lies too far off, or its own interval misses that of the whole curve."""
+        """Whether a window's value lies too far off, or its own interval misses that of the whole
+        curve.
+        """
         low, high = self._uncertain(k, *self.statistical(k))
         for window in self.windows:
             own_low, own_high = window.interval(k)
@@ -87,22 +104,25 @@ class Verdict:
         return self.estimate.interval(k)
 
     def interval(self, k: int) -> tuple[float, float]:
-        """The stated interval of a coordinate: with mesh and calibration; spanning all windows and the named models
-        where the scene does not explain the curve."""
+        """The stated interval of a coordinate: with mesh and calibration; spanning all windows and
+        the named models where the scene does not explain the curve.
+        """
         low, high = self.statistical(k)
         if not self.explained:
             low = min([low, *(float(window.theta[k]) for window in self.windows)])
             high = max([high, *(float(window.theta[k]) for window in self.windows)])
             for other in self.named:
                 other_low, other_high = other.estimate.interval(k)
-                low, high = min(low, other_low), max(high, other_high)
+                low = min(low, other_low)
+                high = max(high, other_high)
         low, high = self._uncertain(k, low, high)
         least, most = self.estimate.model.forces.parameters[k].bounds
         return max(low, least), min(high, most)
 
     def _uncertain(self, k: int, low: float, high: float) -> tuple[float, float]:
         """An interval with mesh and calibration in quadrature."""
-        value, more = float(self.estimate.theta[k]), self.uncertain[k] if self.uncertain else 0.0
+        value = float(self.estimate.theta[k])
+        more = self.uncertain[k] if self.uncertain else 0.0
         return value - math.hypot(value - low, more), value + math.hypot(high - value, more)
 
     def stated(self, k: int) -> Interval:
@@ -127,8 +147,9 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Bends:
-    """Probabilities that the residuals bend so by accident: in any shape, along another power of the depth, and in a
-    fall between two samples, as where a tip snaps in."""
+    """Probabilities that the residuals bend so by accident: in any shape, along another power of
+    the depth, and in a fall between two samples, as where a tip snaps in.
+    """
 
     shape: float
     power: float
@@ -144,18 +165,24 @@ def is_suspect(windows: Sequence[Window], bends: Bends, p_baseline: float | None
 
 
 def bends_of(estimate: Estimate) -> Bends:
-    """F tests of eight cosines in the contact, and of the one direction F ln(delta/depth), in which thickness, adhesion
-    and other tips bend a curve, where eight waves may see nothing.
+    """F tests of eight cosines in the contact, and of the one direction F ln(delta/depth), in which
+    thickness, adhesion and other tips bend a curve, where eight waves may see nothing.
 
-    The noise is found with and without the cosines; of the shape the larger probability counts, since either may take
-    one for the other. The power is tested beside them: it only asks.
+    The noise is found with and without the cosines; of the shape the larger probability counts,
+    since either may take one for the other. The power is tested beside them: it only asks.
     """
-    model, p = estimate.model, estimate.ordinary
-    J, r = model.jacobian(p)[:, model.free], model.residual(p)
-    c, x = estimate.contact_point, model.samples.x
-    begin, end = c - BEFORE * estimate.depth, float(x.max())
+    model = estimate.model
+    p = estimate.ordinary
+    J = model.jacobian(p)[:, model.free]
+    r = model.residual(p)
+    c = estimate.contact_point
+    x = model.samples.x
+    begin = c - BEFORE * estimate.depth
+    end = float(x.max())
     u = np.clip((x - begin) / (end - begin), 0.0, 1.0)
-    waves = np.column_stack([np.where(x >= begin, np.cos(np.pi * k * u), 0.0) for k in range(1, COSINES + 1)])
+    waves = np.column_stack(
+        [np.where(x >= begin, np.cos(np.pi * k * u), 0.0) for k in range(1, COSINES + 1)]
+    )
     beside = averaged(np.column_stack([J, waves]), r).likeliest
     shape = max(gain(J, waves, r, noise) for noise in {beside, estimate.found.likeliest})
     snap = 1.0 if model.forces.adheres else _snap(model.samples.force[np.argsort(x, kind="stable")])
@@ -163,7 +190,8 @@ def bends_of(estimate: Estimate) -> Bends:
 
 
 def _snap(force: np.ndarray) -> float:
-    """The probability of the largest fall between two samples (n,) in order of depth, their median being that of noise.
+    """The probability of the largest fall between two samples (n,) in order of depth, their median
+    being that of noise.
 
     Slow noise, which hides the attraction before and after it, does not hide the fall itself.
     """
@@ -171,7 +199,9 @@ def _snap(force: np.ndarray) -> float:
     deviation = MEDIAN_TO_DEVIATION * float(np.median(np.abs(changes)))
     if not deviation > 0:  # a curve of few digits, or none at all
         return 1.0
-    return min(1.0, 0.5 * len(changes) * math.erfc(-float(changes.min()) / deviation / math.sqrt(2.0)))
+    return min(
+        1.0, 0.5 * len(changes) * math.erfc(-float(changes.min()) / deviation / math.sqrt(2.0))
+    )
 
 
 def _along_power(model: Model, p: np.ndarray) -> np.ndarray:
@@ -182,11 +212,18 @@ def _along_power(model: Model, p: np.ndarray) -> np.ndarray:
 
 
 def baseline_of(estimate: Estimate) -> float | None:
-    """The probability that the contact is as noisy as the baseline by accident; None where the baseline is short."""
-    model, r = estimate.model, estimate.residual
-    c, x = estimate.contact_point, model.samples.x
-    before = x < c - NEAR_CONTACT * estimate.depth  # a tip that snaps in is missed by its model there
-    n, m = int(np.count_nonzero(before)), int(np.count_nonzero(~before))
+    """The probability that the contact is as noisy as the baseline by accident; None where the
+    baseline is short.
+    """
+    model = estimate.model
+    r = estimate.residual
+    c = estimate.contact_point
+    x = model.samples.x
+    before = (
+        x < c - NEAR_CONTACT * estimate.depth
+    )  # a tip that snaps in is missed by its model there
+    n = int(np.count_nonzero(before))
+    m = int(np.count_nonzero(~before))
     if n < FEWEST_BEFORE_CONTACT or not m:
         return None
     line = np.column_stack([np.ones(n), x[before] - x[before].mean()])
@@ -201,23 +238,30 @@ def tied(estimate: Estimate) -> list[float]:
     """Half width of each coordinate over that with all other varied keys known."""
     size = estimate.model.size
     others = [[j for j in range(size) if j != k] for k in range(size)]
-    pairs = ((deviation(estimate, k), deviation(estimate, k, known)) for k, known in enumerate(others))
+    pairs = (
+        (deviation(estimate, k), deviation(estimate, k, known)) for k, known in enumerate(others)
+    )
     return [whole / max(alone, 1e-300) for whole, alone in pairs]
 
 
 def shifted(estimate: Estimate, change: np.ndarray) -> np.ndarray:
     """By how much the coordinates move where the modelled force is off by `change` (n,)."""
-    model, noise = estimate.model, estimate.found.likeliest
+    model = estimate.model
+    noise = estimate.found.likeliest
     J = model.jacobian(estimate.p)[:, model.free]
     VJ = noise.whitened(J)[0]
     return np.abs(np.linalg.lstsq(J.T @ VJ, VJ.T @ change, rcond=1e-13)[0][: model.size])
 
 
 def half_widths(estimate: Estimate, mesh: float, calibration: float) -> tuple[float, ...]:
-    """What a relative error of the force, from the mesh and from calibration at one standard deviation, adds, and what
-    its steps in time miss."""
-    force, model = estimate.model.contact(estimate.p), estimate.model
+    """What a relative error of the force, from the mesh and from calibration at one standard
+    deviation, adds, and what its steps in time miss.
+    """
+    force = estimate.model.contact(estimate.p)
+    model = estimate.model
     of = shifted(estimate, math.hypot(mesh, NORMAL_95 * calibration) * force)
     samples = model.samples
-    of_steps = shifted(estimate, model.forces.missed(estimate.theta, samples.x - estimate.contact_point, samples.t))
+    of_steps = shifted(
+        estimate, model.forces.missed(estimate.theta, samples.x - estimate.contact_point, samples.t)
+    )
     return tuple(np.hypot(of, of_steps).tolist())

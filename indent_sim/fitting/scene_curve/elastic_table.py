@@ -1,7 +1,8 @@
-"""Elastic tables: force over depth of a scene at any values of its parameters, each solved once on a lattice.
+"""Elastic tables: force over depth of a scene at any values of its parameters, each solved once on
+a lattice.
 
-A table is the polynomial g of F = delta^p exp g(sqrt(delta/deepest)), a smooth function of depth and parameters;
-between the nodes of a lattice its coefficients are interpolated.
+A table is the polynomial g of F = delta^p exp g(sqrt(delta/deepest)), a smooth function of depth
+and parameters; between the nodes of a lattice its coefficients are interpolated.
 """
 
 from __future__ import annotations
@@ -23,13 +24,19 @@ from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.run.prospect import Prospect
 from indent_sim.run.walks.elastic_curve import ElasticForces, forces_at, punches_to
 
-SOLVED_DEPTHS, DEGREE = 20, 12  # depths at which a scene is solved, and of the polynomial through them: 5e-11 by theory
+# depths at which a scene is solved, and of the polynomial through them: 5e-11 by theory
+SOLVED_DEPTHS = 20
+DEGREE = 12
 SHALLOWEST_ROOT = 0.02  # of sqrt(delta/deepest): a power law below
-ON_MESH, MESH_DEGREE = 0.2236, 5  # a contact of 5 % of the depth has few elements; degree of what a mesh adds to theory
+# a contact of 5 % of the depth has few elements; degree of what a mesh adds to theory
+ON_MESH = 0.2236
+MESH_DEGREE = 5
 NODES = 6  # of the lattice around a value: 2e-6 of the force at steps of 0.2
 HALF = 0.5  # exponents of depth are multiples of it, up to SAME_EXPONENT, or as they are
 SAME_EXPONENT = 0.02
-RADIUS_DEGREE, LEAST_RADIUS = 12, 0.02  # of the polynomials through flat punches
+# of the polynomials through flat punches
+RADIUS_DEGREE = 12
+LEAST_RADIUS = 0.02
 NODE_ANGLES = np.pi * (np.arange(SOLVED_DEPTHS) + 0.5) / SOLVED_DEPTHS
 S = 0.5 * (1 + SHALLOWEST_ROOT) - 0.5 * (1 - SHALLOWEST_ROOT) * np.cos(NODE_ANGLES)
 DOMAIN = (SHALLOWEST_ROOT, 1.0)
@@ -37,11 +44,12 @@ DOMAIN = (SHALLOWEST_ROOT, 1.0)
 
 @dataclass(frozen=True)
 class ElasticTable:
-    """The elastic curve of one scene: F = delta^power exp g(s), s = sqrt(delta/deepest), in the scene's units.
+    """The elastic curve of one scene: F = delta^power exp g(s), s = sqrt(delta/deepest), in the
+    scene's units.
 
-    coefficients (13,) of Chebyshev's polynomials of s; punches (4, 13) of ln delta_1, ln F_1, ln K, ln K' over ln a up
-    to the radius `widest`, where adhesion asks for them; error: relative half-width of the force's error bar; radius
-    [length]: of the contact at the deepest.
+    coefficients (13,) of Chebyshev's polynomials of s; punches (4, 13) of ln delta_1, ln F_1, ln K,
+    ln K' over ln a up to the radius `widest`, where adhesion asks for them; error: relative
+    half-width of the force's error bar; radius [length]: of the contact at the deepest.
     """
 
     deepest: float
@@ -53,7 +61,9 @@ class ElasticTable:
     radius: float = 0.0
 
     def force(self, delta: np.ndarray) -> np.ndarray:
-        """The force [force] at depths [length] (n,), 0 out of contact; beyond the deepest it goes on as a power."""
+        """The force [force] at depths [length] (n,), 0 out of contact; beyond the deepest it goes
+        on as a power.
+        """
         inside = np.maximum(delta, 1e-300)
         s = np.clip(np.sqrt(inside / self.deepest), *DOMAIN)
         g = np.polynomial.chebyshev.chebval(_unit(s), self.coefficients)
@@ -71,7 +81,13 @@ class ElasticLattice:
     wants_punches: for an adhering tip. ConfigError where the scene as it stands cannot exist.
     """
 
-    def __init__(self, config: Config, shape: Sequence[Parameter], deepest: float, wants_punches: bool = False):
+    def __init__(
+        self,
+        config: Config,
+        shape: Sequence[Parameter],
+        deepest: float,
+        wants_punches: bool = False,
+    ):
         self.first = solved(config, deepest, wants_punches)
 
         def solve(scene: Config) -> np.ndarray:
@@ -84,8 +100,11 @@ class ElasticLattice:
         if not self._lattice.shape:
             return self.first
         array = self._lattice.at(theta)
-        coefficients, rest = array[: DEGREE + 1], array[DEGREE + 1 :]
-        punches, widest = (rest[:-1].reshape(4, -1), math.exp(rest[-1])) if len(rest) else (None, 0.0)
+        coefficients = array[: DEGREE + 1]
+        rest = array[DEGREE + 1 :]
+        punches, widest = (
+            (rest[:-1].reshape(4, -1), math.exp(rest[-1])) if len(rest) else (None, 0.0)
+        )
         return replace(self.first, coefficients=coefficients, punches=punches, widest=widest)
 
 
@@ -96,19 +115,28 @@ def _array(table: ElasticTable) -> np.ndarray:
 
 
 def elastic_prospect(config: Config, deepest: float) -> Prospect:
-    """The scene without its experiment, of matter that is drained and does not relax, pressed to a depth, by a load
-    path to the depths of a table; ConfigError where it cannot exist."""
+    """The scene without its experiment, of matter that is drained and does not relax, pressed to a
+    depth, by a load path to the depths of a table; ConfigError where it cannot exist.
+    """
     if config.contact.adhesion:
-        raise ConfigError("contact.adhesion", "a fit takes adhesion without range", "give experiment.adhesion")
+        raise ConfigError(
+            "contact.adhesion", "a fit takes adhesion without range", "give experiment.adhesion"
+        )
     document = _at_once(config)
-    prospect = Prospect.of(from_mapping(document | {"loading": {"delta": float(deepest), "steps": 1}}))
+    prospect = Prospect.of(
+        from_mapping(document | {"loading": {"delta": float(deepest), "steps": 1}})
+    )
     if prospect.is_of_any_depth:
         return prospect
-    return Prospect.of(from_mapping(document | {"loading": {"deltas": [float(deepest * s * s) for s in S]}}))
+    return Prospect.of(
+        from_mapping(document | {"loading": {"deltas": [float(deepest * s * s) for s in S]}})
+    )
 
 
 def _at_once(config: Config) -> dict[str, Any]:
-    """The sections of a scene without its experiment, of matter that does not relax and has no fluid."""
+    """The sections of a scene without its experiment, of matter that does not relax and has no
+    fluid.
+    """
     document = to_mapping(config)
     document.pop("experiment", None)
     document.pop("drainage", None)
@@ -122,14 +150,19 @@ def _at_once(config: Config) -> dict[str, Any]:
 
 
 def at_once(config: Config, deepest: float) -> Config:
-    """The scene without its experiment, of matter that is drained and does not relax, pressed to a depth."""
+    """The scene without its experiment, of matter that is drained and does not relax, pressed to a
+    depth.
+    """
     return from_mapping(_at_once(config) | {"loading": {"delta": float(deepest)}})
 
 
-def solved(config: Config, deepest: float, wants_punches: bool = False, power: float | None = None) -> ElasticTable:
+def solved(
+    config: Config, deepest: float, wants_punches: bool = False, power: float | None = None
+) -> ElasticTable:
     """The table of a scene by its own solver: theory, a condensed body, or a load path.
 
-    power: of the depth, where it is known. NoTable where there is no solution, ConfigError where there is no scene.
+    power: of the depth, where it is known. NoTable where there is no solution, ConfigError where
+    there is no scene.
     """
     prospect = elastic_prospect(config, deepest)
     try:
@@ -150,7 +183,9 @@ def _of_theory(found: ElasticForces, deepest: float, power: float | None) -> Ela
 
 def _of_mesh(found: ElasticForces, deepest: float, power: float | None) -> ElasticTable:
     """The same where a mesh is solved: what it adds to theory is smoothed, and its error bar kept."""
-    depths, forces, base = deepest * S**2, found.forces, found.of_theory
+    depths = deepest * S**2
+    forces = found.forces
+    base = found.of_theory
     base = base if base is not None and (base > 0).all() else None
     used = (S >= ON_MESH) & (forces > 0)
     if np.count_nonzero(used) <= MESH_DEGREE:
@@ -161,11 +196,15 @@ def _of_mesh(found: ElasticForces, deepest: float, power: float | None) -> Elast
     scatter = float(np.std(ratio(S[used]) - (np.log(forces[used]) - known[used])))
     added = np.where(S[used][0] > S, ratio(S[used][0]), ratio(S))
     g = Chebyshev.fit(S, known + added - power * np.log(depths), DEGREE, domain=DOMAIN)
-    return ElasticTable(deepest, power, g.coef, error=math.hypot(scatter, found.error), radius=found.radius)
+    return ElasticTable(
+        deepest, power, g.coef, error=math.hypot(scatter, found.error), radius=found.radius
+    )
 
 
 def _power(depths: np.ndarray, forces: np.ndarray) -> float:
-    """The exponent of depth at the shallowest points, a multiple of one half where it is nearly one."""
+    """The exponent of depth at the shallowest points, a multiple of one half where it is nearly
+    one.
+    """
     slope = float(np.log(forces[1] / forces[0]) / np.log(depths[1] / depths[0]))
     nearest = HALF * round(slope / HALF)
     return nearest if abs(slope - nearest) < SAME_EXPONENT else slope
@@ -174,6 +213,10 @@ def _power(depths: np.ndarray, forces: np.ndarray) -> float:
 def _punches(prospect: Prospect, deepest: float) -> tuple[np.ndarray, float]:
     """ln delta_1, F_1, K, K' over ln a, in the scene's units, and the widest radius."""
     shares, columns, widest = punches_to(prospect, deepest, LEAST_RADIUS)
-    x, logs = np.log(shares), np.log(columns)
-    fits = [Chebyshev.fit(x, values, RADIUS_DEGREE, domain=(math.log(LEAST_RADIUS), 0.0)).coef for values in logs]
+    x = np.log(shares)
+    logs = np.log(columns)
+    fits = [
+        Chebyshev.fit(x, values, RADIUS_DEGREE, domain=(math.log(LEAST_RADIUS), 0.0)).coef
+        for values in logs
+    ]
     return np.array(fits), widest

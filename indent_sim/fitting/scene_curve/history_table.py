@@ -1,10 +1,12 @@
-"""History table: the force of a body that drains, or whose shear relaxes, along the way of one measured curve.
+"""History table: the force of a body that drains, or whose shear relaxes, along the way of one
+measured curve.
 
     F(x, t) = scale G(t) x^p,   G = F_run/delta_run^p
 
-The scene is run along the way of the tip as it was measured, at the nodes of a lattice of its parameters; x is the
-depth and t the time from first touch on, p the exponent of the elastic force at the deepest. Where a fit moves first
-touch by little, depth enters by the power alone; where by more, the way is another, and so is the table.
+The scene is run along the way of the tip as it was measured, at the nodes of a lattice of its
+parameters; x is the depth and t the time from first touch on, p the exponent of the elastic force
+at the deepest. Where a fit moves first touch by little, depth enters by the power alone; where by
+more, the way is another, and so is the table.
 """
 
 from __future__ import annotations
@@ -25,24 +27,39 @@ from indent_sim.run.chain import states
 from indent_sim.run.prospect import Prospect
 
 CORNER = 0.003  # of the deepest: by as much a measured way may miss its corners
-SHALLOW_CONTACT = 0.05  # of the deepest: contacts of few elements, whose G is taken from deeper ones
-TIMES_OF_PIECE, EARLIEST = 40, 1e-4  # times in every piece of a way, from so much of its length on
+SHALLOW_CONTACT = (
+    0.05  # of the deepest: contacts of few elements, whose G is taken from deeper ones
+)
+# times in every piece of a way, from so much of its length on
+TIMES_OF_PIECE = 40
+EARLIEST = 1e-4
 JUDGED_FINER = 2  # times shorter steps, by which those of a table are judged
-RUN_NODES, LOG_RUN_STEP, LINEAR_RUN_STEP = 4, 0.4, 0.05  # of the lattice: 3e-4 of the force of a draining layer
+# of the lattice: 3e-4 of the force of a draining layer
+RUN_NODES = 4
+LOG_RUN_STEP = 0.4
+LINEAR_RUN_STEP = 0.05
 LARGEST_DRAINED_NU = 0.45  # of a body that drains, whose diffusivity loses its sense at 0.5
 
 
 def remembers(config: Config) -> bool:
-    """Whether the force depends on the way in time so that it has to be run along it; ConfigError for a gel."""
+    """Whether the force depends on the way in time so that it has to be run along it; ConfigError
+    for a gel.
+    """
     for key, law in config.materials():
         if law.model == "gel":
-            raise ConfigError(f"{key}.model", "a fit does not follow a gel that swells", "fit a body that drains")
-    return any(law.flow or (law.relaxation and law.relaxation.of != "all") for _, law in config.materials())
+            raise ConfigError(
+                f"{key}.model", "a fit does not follow a gel that swells", "fit a body that drains"
+            )
+    return any(
+        law.flow or (law.relaxation and law.relaxation.of != "all") for _, law in config.materials()
+    )
 
 
 @dataclass(frozen=True)
 class MeasuredWay:
-    """The way of the tip from first touch on: corners (t [s], delta [length]), straight between them."""
+    """The way of the tip from first touch on: corners (t [s], delta [length]), straight between
+    them.
+    """
 
     corners: tuple[tuple[float, float], ...]
 
@@ -53,25 +70,37 @@ class MeasuredWay:
 
     @property
     def times(self) -> np.ndarray:
-        """Times (n,) at which a smooth force is known well by its values: graded after every corner."""
+        """Times (n,) at which a smooth force is known well by its values: graded after every
+        corner.
+        """
         t = np.unique([t for t, _ in self.corners])
         share = np.geomspace(EARLIEST, 1.0, TIMES_OF_PIECE)
-        return np.unique(np.concatenate([t[:1], *(a + (b - a) * share for a, b in itertools.pairwise(t.tolist()))]))
+        return np.unique(
+            np.concatenate(
+                [t[:1], *(a + (b - a) * share for a, b in itertools.pairwise(t.tolist()))]
+            )
+        )
 
 
 def way_of(t: np.ndarray, delta: np.ndarray, blur: float = 0.0) -> MeasuredWay:
-    """The way through samples at times (n,) and depths (n,), of which those before first touch are < 0.
+    """The way through samples at times (n,) and depths (n,), of which those before first touch are
+    < 0.
 
-    Its corners are those of Douglas and Peucker that miss no sample by 0.3 % of the deepest, or by `blur` [length].
-    NoTable without depth.
+    Its corners are those of Douglas and Peucker that miss no sample by 0.3 % of the deepest, or by
+    `blur` [length]. NoTable without depth.
     """
     first = int(np.argmax(delta > 0))
     if not delta[first] > 0 or first == len(t) - 1:
         raise NoTable("the curve has no way in contact")
-    t, delta = t[first:] - touched(t, delta), np.maximum(delta[first:], 0.0)
-    begin = [(0.0, 0.0), *([(0.0, float(delta[0]))] if t[0] <= 0 else [])]  # held from its first sample on: a jump
+    t = t[first:] - touched(t, delta)
+    delta = np.maximum(delta[first:], 0.0)
+    begin = [
+        (0.0, 0.0),
+        *([(0.0, float(delta[0]))] if t[0] <= 0 else []),
+    ]  # held from its first sample on: a jump
     t, delta = (t, delta) if t[0] <= 0 else (np.append(0.0, t), np.append(0.0, delta))
-    kept, open_pieces = {0, len(t) - 1}, [(0, len(t) - 1)]
+    kept = {0, len(t) - 1}
+    open_pieces = [(0, len(t) - 1)]
     while open_pieces:
         i, j = open_pieces.pop()
         off = np.abs(delta[i : j + 1] - np.interp(t[i : j + 1], t[[i, j]], delta[[i, j]]))
@@ -84,11 +113,14 @@ def way_of(t: np.ndarray, delta: np.ndarray, blur: float = 0.0) -> MeasuredWay:
 
 
 def touched(t: np.ndarray, delta: np.ndarray) -> float:
-    """The time of first touch: between the samples at which the depth becomes > 0; of the first where it is."""
+    """The time of first touch: between the samples at which the depth becomes > 0; of the first
+    where it is.
+    """
     first = int(np.argmax(delta > 0))
     if first == 0:
         return float(t[0])
-    (t_0, t_1), (below, above) = t[first - 1 : first + 1], delta[first - 1 : first + 1]
+    (t_0, t_1) = t[first - 1 : first + 1]
+    (below, above) = delta[first - 1 : first + 1]
     return float(t_0 + (t_1 - t_0) * -below / (above - below))
 
 
@@ -99,20 +131,27 @@ class HistoryTable:
     """
 
     def __init__(self, config: Config, shape: Sequence[Parameter], way: MeasuredWay, power: float):
-        self.way, self.power = way, power
+        self.way = way
+        self.power = power
 
         def solve(scene: Config) -> np.ndarray:
             return _gains(scene, way, power)
 
-        self.lattice = Lattice(config, [_spaced(one) for one in shape], solve(config), solve, RUN_NODES)
+        self.lattice = Lattice(
+            config, [_spaced(one) for one in shape], solve(config), solve, RUN_NODES
+        )
 
     def gain(self, theta: Sequence[float], t: np.ndarray) -> np.ndarray:
-        """G [force/length^p] at times (n,) after first touch, at coordinates of the shape parameters."""
+        """G [force/length^p] at times (n,) after first touch, at coordinates of the shape
+        parameters.
+        """
         known = self.way.times
         return _smooth(known, self.lattice.at(theta), np.clip(t, known[0], known[-1]))
 
     def missed(self, scene: Config, theta: Sequence[float], t: np.ndarray) -> np.ndarray:
-        """What G lacks of a run of the scene, which has these coordinates, in steps of half the length."""
+        """What G lacks of a run of the scene, which has these coordinates, in steps of half the
+        length.
+        """
         known = self.way.times
         off = _gains(scene, self.way, self.power, JUDGED_FINER) - self.lattice.at(theta)
         return np.interp(t, known, off)
@@ -143,16 +182,22 @@ def _gains(config: Config, way: MeasuredWay, power: float, finer: int = 1) -> np
     except NUMBERS as error:
         raise NoTable(str(error)) from error
     if not found or not found[-1].converged:
-        raise NoTable(f"the measured way was not followed: {found[-1].reason if found else 'no row'}")
+        raise NoTable(
+            f"the measured way was not followed: {found[-1].reason if found else 'no row'}"
+        )
     t, delta, force = np.array([(one.t, one.delta, one.force) for one in found], dtype=float).T
     used = delta > SHALLOW_CONTACT * way.deepest
     used[:-1] &= np.diff(t) > 0  # of a jump the row after it
     known = way.times
-    return _smooth(t[used], force[used] / delta[used] ** power, np.clip(known, t[used][0], t[used][-1]))
+    return _smooth(
+        t[used], force[used] / delta[used] ** power, np.clip(known, t[used][0], t[used][-1])
+    )
 
 
 def _smooth(t: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Between points by cubics without overshoot."""
-    from scipy.interpolate import PchipInterpolator  # a tenth of a second to import, which other fits need not spend
+    from scipy.interpolate import (
+        PchipInterpolator,
+    )  # a tenth of a second to import, which other fits need not spend
 
     return PchipInterpolator(t, values)(at)  # type: ignore[no-any-return]

@@ -1,4 +1,5 @@
-"""Lattice: numbers of a scene between values of its parameters, solved where they are asked for and kept.
+"""Lattice: numbers of a scene between values of its parameters, solved where they are asked for and
+kept.
 
 Between its nodes they are interpolated by polynomials, of degree five through six nodes.
 """
@@ -26,7 +27,8 @@ class NoTable(Exception):
 class Lattice:
     """What `solve` makes of a scene, an array (m,), over parameters that it varies.
 
-    first: that of the scene as it stands; nodes: along every parameter, between which polynomials run.
+    first: that of the scene as it stands; nodes: along every parameter, between which polynomials
+    run.
     """
 
     def __init__(
@@ -37,8 +39,11 @@ class Lattice:
         solve: Callable[[Config], np.ndarray],
         nodes: int,
     ):
-        self.config, self.shape, self.first = config, tuple(shape), first
-        self._solve, self._count = solve, nodes
+        self.config = config
+        self.shape = tuple(shape)
+        self.first = first
+        self._solve = solve
+        self._count = nodes
         self._nodes: dict[tuple[int, ...], np.ndarray | None] = {}
 
     def at(self, theta: Sequence[float]) -> np.ndarray:
@@ -56,24 +61,31 @@ class Lattice:
 
     def _window(self, axis: int, value: float) -> tuple[list[int], list[float]]:
         """Nodes around a value along one axis, those that exist, and Lagrange's weights."""
-        parameter, count = self.shape[axis], self._count
+        parameter = self.shape[axis]
+        count = self._count
         low, high = parameter.bounds
         value = min(max(value, low), high)
         at = value / parameter.step
         least = math.ceil(low / parameter.step - 1e-9) if math.isfinite(low) else -(10**9)
         most = math.floor(high / parameter.step + 1e-9) if math.isfinite(high) else 10**9
         first = min(max(math.floor(at) - count // 2 + 1, least), most - count + 1)
-        for shift in sorted(range(-count, count + 1), key=abs):  # beside what does not exist, all on one side
+        for shift in sorted(
+            range(-count, count + 1), key=abs
+        ):  # beside what does not exist, all on one side
             nodes = list(range(first + shift, first + shift + count))
             if nodes[0] >= least and nodes[-1] <= most and self._exist(nodes):
                 break
         else:
-            raise NoTable(f"no scene near {parameter.key} = {parameter.value(value):.4g} has a solution")
+            raise NoTable(
+                f"no scene near {parameter.key} = {parameter.value(value):.4g} has a solution"
+            )
         weights = [math.prod((at - m) / (k - m) for m in nodes if m != k) for k in nodes]
         return nodes, weights
 
     def _exist(self, nodes: Sequence[int]) -> bool:
-        """Whether all nodes along the only parameter exist; of several it is found when they are solved."""
+        """Whether all nodes along the only parameter exist; of several it is found when they are
+        solved.
+        """
         return len(self.shape) > 1 or all(self._node((k,)) is not None for k in nodes)
 
     def _node(self, place: tuple[int, ...]) -> np.ndarray | None:

@@ -1,4 +1,6 @@
-"""Parameters of a fit: keys of the scene that vary, what each of them does to the curve, and within which bounds."""
+"""Parameters of a fit: keys of the scene that vary, what each of them does to the curve, and within
+which bounds.
+"""
 
 from __future__ import annotations
 
@@ -14,21 +16,33 @@ from indent_sim.config.strict_yaml import key_path
 from indent_sim.process.errors import ConfigError
 
 Role = Literal["scale", "shape", "work", "relaxation", "spring", "power"]
-FREE_EXPONENT, EXPONENTS = "exponent", (-1.0, 1.0)  # of the depth beside the scene's own, no key of it; its range
-MEASURABLE = ("body", "material", "indenter", "contact", "experiment")  # sections of what a curve may tell
+# of the depth beside the scene's own, no key of it; its range
+FREE_EXPONENT = "exponent"
+EXPONENTS = (-1.0, 1.0)
+MEASURABLE = (
+    "body",
+    "material",
+    "indenter",
+    "contact",
+    "experiment",
+)  # sections of what a curve may tell
 WORK = "experiment.adhesion.work"
 SPRINGS = ("experiment.cantilever.stiffness", "experiment.frame.compliance")
-LARGEST_NU, LARGEST_FRACTION = 0.5, 0.999
+LARGEST_NU = 0.5
+LARGEST_FRACTION = 0.999
 SHALLOWEST_BODY = 1.15  # depths: a thinner body is pressed through
-LOG_STEP, LINEAR_STEP = 0.2, 0.02  # of the lattice on which scenes are solved
+# of the lattice on which scenes are solved
+LOG_STEP = 0.2
+LINEAR_STEP = 0.02
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One key that varies: theta = ln value of a positive number, the value itself of a Poisson ratio.
+    """One key that varies: theta = ln value of a positive number, the value itself of a Poisson
+    ratio.
 
-    role: scale multiplies the force; shape asks for another solution; the others are the experiment's. step: of the
-    lattice of solutions, in theta.
+    role: scale multiplies the force; shape asks for another solution; the others are the
+    experiment's. step: of the lattice of solutions, in theta.
     """
 
     key: str
@@ -59,7 +73,8 @@ def _log(value: float) -> float:
 
 
 def parameters_of(config: Config, keys: Sequence[str], deepest: float) -> tuple[Parameter, ...]:
-    """The parameters of some keys; ConfigError for one that is no number of the scene, or that is named twice.
+    """The parameters of some keys; ConfigError for one that is no number of the scene, or that is
+    named twice.
 
     deepest: the largest depth [length] of the fit, of which a body must have more.
     """
@@ -75,32 +90,48 @@ def _parameter(config: Config, key: str, deepest: float) -> Parameter:
     if last.startswith("nu"):
         return Parameter(key, start, "shape", 0.0, LARGEST_NU, is_linear=True, step=LINEAR_STEP)
     if not start > 0:
-        raise ConfigError(key, f"is {start:g}: a fit begins from a number above 0", f"--set {key}=...")
+        raise ConfigError(
+            key, f"is {start:g}: a fit begins from a number above 0", f"--set {key}=..."
+        )
     if key == WORK:
         return Parameter(key, start, "work", 0.0, math.inf)
     if "relaxation" in key_path(key):
         is_fraction = key.endswith("[0]") or last == "exponent"
-        in_shear = any(law.relaxation and law.relaxation.of != "all" for _, law in config.materials())
+        in_shear = any(
+            law.relaxation and law.relaxation.of != "all" for _, law in config.materials()
+        )
         role: Role = "shape" if in_shear else "relaxation"
         return Parameter(key, start, role, 0.0, LARGEST_FRACTION if is_fraction else math.inf)
     if key in SPRINGS:
         return Parameter(key, start, "spring", 0.0, math.inf)
     if pressures(config) == [key]:
         return Parameter(key, start, "scale", 0.0, math.inf)
-    low = SHALLOWEST_BODY * deepest if last in ("height", "thickness") and "layers" not in key else 0.0
+    low = (
+        SHALLOWEST_BODY * deepest
+        if last in ("height", "thickness") and "layers" not in key
+        else 0.0
+    )
     return Parameter(key, start, "shape", low, math.inf)
 
 
 def number_at(config: Config, key: str) -> float:
-    """The number at a key of the scene; ConfigError where there is none, or none that a curve tells of."""
+    """The number at a key of the scene; ConfigError where there is none, or none that a curve tells
+    of.
+    """
     if str(next(iter(key_path(key)), "")) not in MEASURABLE:
-        raise ConfigError(key, "is nothing that a curve tells of", f"--vary names a key of {', '.join(MEASURABLE)}")
+        raise ConfigError(
+            key,
+            "is nothing that a curve tells of",
+            f"--vary names a key of {', '.join(MEASURABLE)}",
+        )
     section: Any = to_mapping(config)
     for part in key_path(key):
         try:
             section = section[part]
         except (KeyError, IndexError, TypeError):
-            raise ConfigError(key, "is no number of the scene", f"--vary names one; --set {key}=... adds it") from None
+            raise ConfigError(
+                key, "is no number of the scene", f"--vary names one; --set {key}=... adds it"
+            ) from None
     if isinstance(section, bool) or not isinstance(section, int | float):
         raise ConfigError(key, f"is {section!r}, no number", "--vary names a number of the scene")
     return float(section)

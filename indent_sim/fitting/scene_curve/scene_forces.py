@@ -1,8 +1,10 @@
 """Forces: a scene as a function of depth and of its parameters, with what its experiment adds.
 
-    F(x, t; theta),   x the depth delta, or with a spring the way z = delta + compliance F of its base
+    F(x, t; theta),   x the depth delta, or with a spring the way z = delta + compliance F of its
+    base
 
-Signs as everywhere: x > 0 in, F > 0 pushing; 0 before first touch. Units of the scene, times in seconds.
+Signs as everywhere: x > 0 in, F > 0 pushing; 0 before first touch. Units of the scene, times in
+seconds.
 """
 
 from __future__ import annotations
@@ -17,8 +19,18 @@ import numpy as np
 from indent_sim.config.scene_file import to_yaml
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.scene_curve.elastic_table import LEAST_RADIUS, ElasticLattice, ElasticTable, elastic_prospect
-from indent_sim.fitting.scene_curve.history_table import HistoryTable, MeasuredWay, remembers, touched
+from indent_sim.fitting.scene_curve.elastic_table import (
+    LEAST_RADIUS,
+    ElasticLattice,
+    ElasticTable,
+    elastic_prospect,
+)
+from indent_sim.fitting.scene_curve.history_table import (
+    HistoryTable,
+    MeasuredWay,
+    remembers,
+    touched,
+)
 from indent_sim.fitting.scene_curve.lattice import NoTable
 from indent_sim.fitting.scene_curve.parameters import (
     EXPONENTS,
@@ -34,11 +46,15 @@ from indent_sim.run.experiment import modulus_of
 
 SAMPLES_OF_WAY = 1500  # of the table of depths behind a spring
 SAMPLES_OF_RADIUS = 600  # of the branch of a tip that adheres
-MOST_ROUNDS, SETTLED_DEPTH = 60, 1e-9  # of depths behind a spring in a body that relaxes, relative to the depth
+# of depths behind a spring in a body that relaxes, relative to the depth
+MOST_ROUNDS = 60
+SETTLED_DEPTH = 1e-9
 NEAR_ZERO = 1e-9  # of the depth, from where on a free power of it goes on as a number
 MOST_TABLES = 100
-# Contact radii that a height may have: a thicker body is a half-space, a thinner one is solved for long
-THINNEST_BODY, WIDEST_BODY = 0.2, 20.0
+# Contact radii that a height may have: a thicker body is a half-space, a thinner one is solved for
+# long
+THINNEST_BODY = 0.2
+WIDEST_BODY = 20.0
 # What relaxation makes, at some times, of the elastic forces there
 Relaxed = Callable[[np.ndarray], Callable[[np.ndarray], np.ndarray]]
 
@@ -58,12 +74,17 @@ class Settings:
 class SceneForces:
     """The force of a scene at depths, or ways of the base, for any values of its varied keys.
 
-    config: the scene; keys: what varies; deepest [length]: of the table; way: of the tip, for matter that drains or
-    relaxes in shear. ConfigError for a scene that cannot exist, NoTable for one without a solution.
+    config: the scene; keys: what varies; deepest [length]: of the table; way: of the tip, for
+    matter that drains or relaxes in shear. ConfigError for a scene that cannot exist, NoTable for
+    one without a solution.
     """
 
-    def __init__(self, config: Config, keys: Sequence[str], deepest: float, way: MeasuredWay | None = None):
-        self.config, self.keys, self.deepest = config, tuple(keys), deepest
+    def __init__(
+        self, config: Config, keys: Sequence[str], deepest: float, way: MeasuredWay | None = None
+    ):
+        self.config = config
+        self.keys = tuple(keys)
+        self.deepest = deepest
         self.parameters = parameters_of(config, keys, deepest)
         self.experiment = config.instrument
         self.pivot = deepest
@@ -87,7 +108,11 @@ class SceneForces:
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """The least and largest coordinates."""
-        low, high = zip(*(one.bounds for one in self.parameters), strict=True) if self.parameters else ((), ())
+        low, high = (
+            zip(*(one.bounds for one in self.parameters), strict=True)
+            if self.parameters
+            else ((), ())
+        )
         return np.array(low, dtype=float), np.array(high, dtype=float)
 
     @property
@@ -132,7 +157,8 @@ class SceneForces:
 
     def rigid(self, theta: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """The forces over the depth, without spring and relaxation: where a fit begins."""
-        at, history = self._settings(theta), self.history
+        at = self._settings(theta)
+        history = self.history
         if history is not None:
             return lambda delta: at.scale * history.first * np.maximum(delta, 0.0) ** history.power
         table = self.lattice.at(at.shape)
@@ -146,11 +172,14 @@ class SceneForces:
         force = at.scale * table.force(delta)
         return force * np.maximum(delta / self.pivot, NEAR_ZERO) ** at.power if at.power else force
 
-    def _remembered(self, history: HistoryTable, at: Settings, x: np.ndarray, t: np.ndarray) -> np.ndarray:
+    def _remembered(
+        self, history: HistoryTable, at: Settings, x: np.ndarray, t: np.ndarray
+    ) -> np.ndarray:
         """The force of a body with a memory."""
         if not (x > 0).any():
             return np.zeros(len(x))
-        power, way = history.power + at.power, np.maximum(x, 0.0)
+        power = history.power + at.power
+        way = np.maximum(x, 0.0)
         gain = at.scale * history.gain(at.shape, t - touched(t, x)) * self.pivot**-at.power
         if not at.compliance:
             return gain * way**power  # type: ignore[no-any-return]
@@ -162,22 +191,36 @@ class SceneForces:
         return self._behind_spring(way, at.compliance, pushed)
 
     def missed(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None) -> np.ndarray:
-        """What the force of a body with a memory lacks of one solved by itself, in shorter steps (n,); else nothing."""
-        history, at = self.history, self._settings(theta)
+        """What the force of a body with a memory lacks of one solved by itself, in shorter steps
+        (n,); else nothing.
+        """
+        history = self.history
+        at = self._settings(theta)
         if history is None or t is None or not (x > 0).any():
             return np.zeros(len(x))
-        values = {one.key: one.value(float(theta[k])) for k in self._shape for one in (self.parameters[k],)}
+        values = {
+            one.key: one.value(float(theta[k]))
+            for k in self._shape
+            for one in (self.parameters[k],)
+        }
         off = history.missed(with_numbers(self.config, values), at.shape, t - touched(t, x))
         depth = np.maximum(x - at.compliance * self(theta, x, t), 0.0)
         return at.scale * off * depth**history.power  # type: ignore[no-any-return]
 
     def _settings(self, theta: np.ndarray) -> Settings:
-        values = {one.key: one.value(float(x)) for one, x in zip(self.parameters, theta, strict=True)}
-        scale = math.prod(values[one.key] / one.start for one in self.parameters if one.role == "scale")
+        values = {
+            one.key: one.value(float(x)) for one, x in zip(self.parameters, theta, strict=True)
+        }
+        scale = math.prod(
+            values[one.key] / one.start for one in self.parameters if one.role == "scale"
+        )
         adhesion = self.experiment.adhesion
         work = values.get(WORK, adhesion.work if adhesion else 0.0)
-        held, frame = self.experiment.cantilever, self.experiment.frame
-        compliance = 1.0 / values.get("experiment.cantilever.stiffness", held.stiffness) if held else 0.0
+        held = self.experiment.cantilever
+        frame = self.experiment.frame
+        compliance = (
+            1.0 / values.get("experiment.cantilever.stiffness", held.stiffness) if held else 0.0
+        )
         compliance += values.get("experiment.frame.compliance", frame.compliance) if frame else 0.0
         varied = {one.key: values[one.key] for one in self.parameters if one.role == "relaxation"}
         power = values.get(FREE_EXPONENT, 0.0)
@@ -185,22 +228,32 @@ class SceneForces:
         return Settings(scale, tuple(theta[self._shape]), work, compliance, relaxed, power)
 
     def with_free_power(self, pivot: float) -> SceneForces:
-        """The same scene whose force rises with a free power of the depth beside its own, as under another tip; at the
-        depth `pivot` [length] the force is the scene's."""
+        """The same scene whose force rises with a free power of the depth beside its own, as under
+        another tip; at the depth `pivot` [length] the force is the scene's.
+        """
         other = copy.copy(self)
-        other.parameters = (*self.parameters, Parameter(FREE_EXPONENT, 0.0, "power", *EXPONENTS, is_linear=True))
-        other.keys, other.pivot = (*self.keys, FREE_EXPONENT), pivot
+        other.parameters = (
+            *self.parameters,
+            Parameter(FREE_EXPONENT, 0.0, "power", *EXPONENTS, is_linear=True),
+        )
+        other.keys = (*self.keys, FREE_EXPONENT)
+        other.pivot = pivot
         return other
 
     def _adhering(self, table: ElasticTable, at: Settings, x: np.ndarray) -> np.ndarray:
-        """JKR's stable branch by the contact radius, from first touch at x = 0 until the tip comes off."""
+        """JKR's stable branch by the contact radius, from first touch at x = 0 until the tip comes
+        off.
+        """
         assert table.punches is not None
         end = math.log(LEAST_RADIUS)
         ln_a = np.linspace(end, 0.0, SAMPLES_OF_RADIUS)
-        logs = [np.polynomial.chebyshev.chebval(1.0 - 2.0 * ln_a / end, one) for one in table.punches]
+        logs = [
+            np.polynomial.chebyshev.chebval(1.0 - 2.0 * ln_a / end, one) for one in table.punches
+        ]
         delta, force, K, slope = np.exp(logs)
         q = np.sqrt(4.0 * np.pi * table.widest * np.exp(ln_a) * at.work / (at.scale * slope))
-        delta, force = delta - q, at.scale * (force - K * q)
+        delta = delta - q
+        force = at.scale * (force - K * q)
         way = delta + at.compliance * force
         falls = np.flatnonzero(np.diff(way) <= 0)
         first = int(falls[-1]) + 1 if len(falls) else 0
@@ -208,7 +261,11 @@ class SceneForces:
         return np.where(touches & (x >= way[first]), np.interp(x, way[first:], force[first:]), 0.0)
 
     def _relaxed(
-        self, table: ElasticTable, at: Settings, x: np.ndarray, relaxed: Callable[[np.ndarray], np.ndarray]
+        self,
+        table: ElasticTable,
+        at: Settings,
+        x: np.ndarray,
+        relaxed: Callable[[np.ndarray], np.ndarray],
     ) -> np.ndarray:
         """The force of a relaxing body."""
         h = 1e-6 * self.deepest
@@ -222,7 +279,10 @@ class SceneForces:
         return self._behind_spring(x, at.compliance, pushed)
 
     def _behind_spring(
-        self, x: np.ndarray, compliance: float, pushed: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+        self,
+        x: np.ndarray,
+        compliance: float,
+        pushed: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     ) -> np.ndarray:
         """Forces at ways of a base (n,) behind a spring, by rounds of Newton's kind.
 
@@ -243,9 +303,17 @@ def _history(
 ) -> HistoryTable:
     """The table along a way, with the exponent of the elastic force at its deepest."""
     if config.experiment and config.experiment.adhesion:
-        raise ConfigError("experiment.adhesion", "a fit does not follow a tip that adheres in time", "leave it out")
+        raise ConfigError(
+            "experiment.adhesion",
+            "a fit does not follow a tip that adheres in time",
+            "leave it out",
+        )
     if way is None:
-        raise ConfigError("loading", "matter that drains, or relaxes in shear, needs a way in time", "give a history")
+        raise ConfigError(
+            "loading",
+            "matter that drains, or relaxes in shear, needs a way in time",
+            "give a history",
+        )
     less, more = elastic.force(np.array([0.95, 1.05]) * way.deepest)
     return HistoryTable(config, shape, way, math.log(more / less) / math.log(1.05 / 0.95))
 
@@ -254,22 +322,31 @@ def _within(parameter: Parameter, radius: float) -> Parameter:
     """A height between those that are worth solving, for a contact of this radius [length]."""
     if parameter.key.rpartition(".")[2] not in ("height", "thickness"):
         return parameter
-    thinnest, thickest = THINNEST_BODY * radius, WIDEST_BODY * radius
+    thinnest = THINNEST_BODY * radius
+    thickest = WIDEST_BODY * radius
     low = max(parameter.low, min(thinnest, 0.99 * parameter.start))
     return replace(parameter, low=low, high=max(thickest, 1.01 * parameter.start))
 
 
 def relaxation_of(config: Config, values: Mapping[str, float] | None = None) -> Relaxed | None:
-    """The relaxation of a scene, with other numbers at some of its keys; None where it does not relax."""
+    """The relaxation of a scene, with other numbers at some of its keys; None where it does not
+    relax.
+    """
     law = next((law.relaxation for _, law in config.materials() if law.relaxation), None)
     if law is None:
         return None
     numbers = {_inside(key): value for key, value in (values or {}).items()}
     if own := law.power_law:
-        changed = {name: numbers.get(("power_law", name), getattr(own, name)) for name in ("exponent", "time")}
+        changed = {
+            name: numbers.get(("power_law", name), getattr(own, name))
+            for name in ("exponent", "time")
+        }
         return modulus_of(replace(law, power_law=replace(own, **changed))).over
     given = enumerate(law.prony or ())
-    terms = tuple(tuple(numbers.get(("prony", k, i), value) for i, value in enumerate(term)) for k, term in given)
+    terms = tuple(
+        tuple(numbers.get(("prony", k, i), value) for i, value in enumerate(term))
+        for k, term in given
+    )
     return modulus_of(replace(law, prony=terms)).over
 
 
@@ -293,7 +370,9 @@ class Tables:
     def forces(
         self, config: Config, keys: tuple[str, ...], deepest: float, way: MeasuredWay | None = None
     ) -> SceneForces:
-        """The forces of a scene; NoTable where it does not exist at this depth, ConfigError where at none."""
+        """The forces of a scene; NoTable where it does not exist at this depth, ConfigError where
+        at none.
+        """
         name = to_yaml(config), keys, deepest, way
         if name not in self._known:
             if len(self._known) >= MOST_TABLES:
@@ -302,14 +381,18 @@ class Tables:
         return self._known[name]
 
 
-def _new(config: Config, keys: tuple[str, ...], deepest: float, way: MeasuredWay | None) -> SceneForces:
+def _new(
+    config: Config, keys: tuple[str, ...], deepest: float, way: MeasuredWay | None
+) -> SceneForces:
     for key in keys:
         number_at(config, key)
     try:
         return SceneForces(config, keys, deepest, way)
     except ConfigError as error:
         elastic_prospect(config, _own_depth(config))  # wrong whatever the depth
-        raise NoTable(f"deeper than the scene is made for, {deepest:.4g}: {error.problem}") from error
+        raise NoTable(
+            f"deeper than the scene is made for, {deepest:.4g}: {error.problem}"
+        ) from error
 
 
 def _own_depth(config: Config) -> float:

@@ -1,4 +1,6 @@
-"""AFM file -> measured curves, by the optional package afmformats: JPK, Asylum, NT-MDT, Optics11, AFM workshop."""
+"""AFM file -> measured curves, by the optional package afmformats: JPK, Asylum, NT-MDT, Optics11,
+AFM workshop.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,14 @@ from typing import Any
 import numpy as np
 
 from indent_sim.process.errors import BackendError
-from indent_sim.results.measured.measurement import INSTALL, SI, STIFFNESS_KEY, Measured, NoCurve, Uncalibrated
+from indent_sim.results.measured.measurement import (
+    INSTALL,
+    SI,
+    STIFFNESS_KEY,
+    Measured,
+    NoCurve,
+    Uncalibrated,
+)
 
 SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".h5", ".zip")
 MAYBE = (".txt", ".csv", ".tab")  # text that may be an AFM's
@@ -21,15 +30,17 @@ OF_RELAXATION = {1: "approach", 2: "hold", 3: "retract"}  # 0: a pause before it
 def read_afm(path: Path, stiffness: float | None = None) -> list[Measured] | None:
     """The curves of an AFM file in SI units; None for text that is no AFM's.
 
-    stiffness [N/m] of the cantilever, for a file that says none. NoCurve with the reason for a file that cannot be
-    read, or that lacks what forces need; BackendError where the package is missing.
+    stiffness [N/m] of the cantilever, for a file that says none. NoCurve with the reason for a file
+    that cannot be read, or that lacks what forces need; BackendError where the package is missing.
     """
     try:
         from afmformats import errors, formats
     except ImportError as error:
         if path.suffix.lower() in MAYBE:
             return None
-        raise BackendError(f"{path} is an AFM file, and afmformats is missing ({error}); {INSTALL}") from error
+        raise BackendError(
+            f"{path} is an AFM file, and afmformats is missing ({error}); {INSTALL}"
+        ) from error
     logging.getLogger("afmformats").setLevel(logging.CRITICAL)  # it logs whole tracebacks
     broken = (errors.AFMFileFormatError, errors.MissingMetaDataError)  # which are no Exception
     try:
@@ -39,7 +50,9 @@ def read_afm(path: Path, stiffness: float | None = None) -> list[Measured] | Non
             return None
         raise NoCurve(f"no file that afmformats knows ({_words(error)})", str(path)) from None
     try:
-        return [_curve(path, data, k) for k, data in enumerate(_data(formats, errors, path, stiffness))]
+        return [
+            _curve(path, data, k) for k, data in enumerate(_data(formats, errors, path, stiffness))
+        ]
     except errors.MissingMetaDataError as error:
         missing = ", ".join(sorted(error.meta_keys, reverse=True))
         raise Uncalibrated(f"lacks {missing}: {STIFFNESS_KEY}", str(path)) from None
@@ -68,7 +81,10 @@ def _curve(path: Path, data: Any, index: int) -> Measured:
     columns = set(data.columns)
     height = next((name for name in HEIGHT_COLUMNS if name in columns), None)
     if "force" not in columns or height is None:
-        raise NoCurve(f"{path.name} has no {'force' if height else 'height'}, only {', '.join(sorted(columns))}")
+        raise NoCurve(
+            f"{path.name} has no {'force' if height else 'height'}, only "
+            f"{', '.join(sorted(columns))}"
+        )
     rows = _rows(data)
     order = np.concatenate([np.arange(len(data[height]))[where] for where in rows.values()])
     ends = np.cumsum([0, *(np.count_nonzero(where) for where in rows.values())]).tolist()
@@ -86,7 +102,9 @@ def _curve(path: Path, data: Any, index: int) -> Measured:
 
 
 def _rows(data: Any) -> dict[str, np.ndarray]:
-    """The rows of each part: force-distance files have approach and retract, others number what they did."""
+    """The rows of each part: force-distance files have approach and retract, others number what
+    they did.
+    """
     segment = np.asarray(data["segment"]).astype(int)
     words = OF_RELAXATION if data.modality != "force-distance" else {0: "approach", 1: "retract"}
     found = {word: segment == number for number, word in words.items()}

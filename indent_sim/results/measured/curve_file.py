@@ -22,7 +22,9 @@ TEXT = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
 
 
 def curve_files(path: Path) -> list[Path]:
-    """The file itself, or the files of a folder that may hold curves, by name; UsageError where there is none."""
+    """The file itself, or the files of a folder that may hold curves, by name; UsageError where
+    there is none.
+    """
     if not path.is_dir():
         if not path.exists():
             raise UsageError(f"there is no curve {path}", file=str(path))
@@ -33,7 +35,9 @@ def curve_files(path: Path) -> list[Path]:
         if one.suffix.lower() in (*TEXT, *afm_file.SUFFIXES, *nanoscope_file.SUFFIXES)
     ]
     if not found:
-        raise UsageError(f"{path} holds no file of curves", f"they end in {', '.join(TEXT)}", str(path))
+        raise UsageError(
+            f"{path} holds no file of curves", f"they end in {', '.join(TEXT)}", str(path)
+        )
     return found
 
 
@@ -45,9 +49,10 @@ def read_measured(
 ) -> list[Measured]:
     """The measured curves of a file, in the units that it says, `given` for those that it does not.
 
-    columns: depth, force and time by title or by number from 1, for text. stiffness [N/m] of the cantilever, for AFM
-    files that lack it. NoCurve with the reason for what is no curve; ConfigError for a column that is not there;
-    UsageError for a file that cannot be read; BackendError for an AFM file without the package that reads it.
+    columns: depth, force and time by title or by number from 1, for text. stiffness [N/m] of the
+    cantilever, for AFM files that lack it. NoCurve with the reason for what is no curve;
+    ConfigError for a column that is not there; UsageError for a file that cannot be read;
+    BackendError for an AFM file without the package that reads it.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -67,7 +72,9 @@ def read_measured(
 
 
 def _refuse_unreadable(path: Path) -> None:
-    """UsageError for what is no file that can be opened: other packages' own words would stand for that."""
+    """UsageError for what is no file that can be opened: other packages' own words would stand for
+    that.
+    """
     try:
         with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
@@ -84,13 +91,19 @@ def _content(path: Path) -> bytes:
 
 
 def _unreadable(path: Path, error: Exception) -> UsageError:
-    return UsageError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}", file=str(path))
+    return UsageError(
+        f"cannot read {path}: {getattr(error, 'strerror', None) or error}", file=str(path)
+    )
 
 
 def _stiffness(metadata: str) -> float | None:
     """The spring constant [N/m] of a .tab file's metadata."""
     try:
-        value = float(json.loads("\n".join(line.lstrip("#") for line in metadata.splitlines()))["spring constant"])
+        value = float(
+            json.loads("\n".join(line.lstrip("#") for line in metadata.splitlines()))[
+                "spring constant"
+            ]
+        )
     except (ValueError, KeyError, TypeError):
         return None
     return value if 0 < value < 1e30 else None

@@ -1,4 +1,6 @@
-"""Delimited text -> a measured curve: any separator, decimal comma, header or none, units in titles."""
+"""Delimited text -> a measured curve: any separator, decimal comma, header or none, units in
+titles.
+"""
 
 from __future__ import annotations
 
@@ -13,29 +15,52 @@ import numpy as np
 
 from indent_sim.config.quantities import size_of
 from indent_sim.process.errors import ConfigError
-from indent_sim.results.measured.measurement import DIMENSIONS, Measured, NoCurve, parts_by_name, parts_of
+from indent_sim.results.measured.measurement import (
+    DIMENSIONS,
+    Measured,
+    NoCurve,
+    parts_by_name,
+    parts_of,
+)
 
 HEAD_LINES = 2000  # in which the first line of numbers is looked for
 LONGEST_LINE = 100_000  # letters
-BLOCK_LETTERS = 1_000_000  # letters that are taken apart at once: as lists of cells they fill some hundred megabytes
+# letters that are taken apart at once: as lists of cells they fill some hundred megabytes
+BLOCK_LETTERS = 1_000_000
 MOST_UNKNOWN = 0.5  # share of rows that may lack depth or force
 LARGEST_MEASURED = 1e100  # of a measurement, whatever its unit
 TITLES = {
-    "delta": ("delta", "indentation", "depth", "indentation depth", "penetration", "tip position", "δ"),
+    "delta": (
+        "delta",
+        "indentation",
+        "depth",
+        "indentation depth",
+        "penetration",
+        "tip position",
+        "δ",
+    ),
     "z": ("z", "height", "height (measured)", "piezo", "stage", "displacement"),
     "force": ("force", "load", "f", "p"),
     "t": ("t", "time"),
     "part": ("segment", "branch", "part", "phase"),
 }
-FALLING = ("height", "height (measured)", "tip position")  # of the tip above the body: they fall on the way in
+FALLING = (
+    "height",
+    "height (measured)",
+    "tip position",
+)  # of the tip above the body: they fall on the way in
 WITHOUT_HEADER = {2: ("delta", "force")}
-UNIT_AT_END = re.compile(r"^(?P<name>.*?)\s*(?:[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]|[ _,/]\s*(?P<bare>[a-zA-Zµμ]{1,3}))$")
+UNIT_AT_END = re.compile(
+    r"^(?P<name>.*?)\s*(?:[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]|[ _,/]\s*(?P<bare>[a-zA-Zµμ]{1,3}))$"
+)
 Cells = list[str]
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """How a text is written: separator (None: blanks), decimal sign, titles (none without a header), first row."""
+    """How a text is written: separator (None: blanks), decimal sign, titles (none without a
+    header), first row.
+    """
 
     separator: str | None
     decimal: str
@@ -63,18 +88,27 @@ class _Layout:
 
 
 def read_text(
-    path: Path, data: bytes, columns: Sequence[str] | None = None, given: Mapping[str, str] | None = None
+    path: Path,
+    data: bytes,
+    columns: Sequence[str] | None = None,
+    given: Mapping[str, str] | None = None,
 ) -> Measured:
-    """The curve of a text table, in its own units; `columns` [depth, force, time] by title or number from 1.
+    """The curve of a text table, in its own units; `columns` [depth, force, time] by title or
+    number from 1.
 
-    NoCurve for what is no table of numbers, with the reason and the line; ConfigError for columns that are not there.
+    NoCurve for what is no table of numbers, with the reason and the line; ConfigError for columns
+    that are not there.
     """
     text = _decoded(data)
     layout = _layout(text)
     chosen = _chosen(layout, columns, str(path))
     units = {kind: (given or {}).get(kind, "") for kind in set(DIMENSIONS.values())}
     for column, index in chosen.items():
-        if column in DIMENSIONS and layout.titles and (unit := _title(layout.titles[index], DIMENSIONS[column])[1]):
+        if (
+            column in DIMENSIONS
+            and layout.titles
+            and (unit := _title(layout.titles[index], DIMENSIONS[column])[1])
+        ):
             units[DIMENSIONS[column]] = unit
     numbers = {name: index for name, index in chosen.items() if name != "part"}
     table = _table(text, layout, list(numbers.values()))
@@ -113,7 +147,9 @@ def _plain(text: str) -> str:
 
 
 def _layout(text: str) -> _Layout:
-    """Separator and decimal sign by the line in the middle; the header ends before the first line of numbers."""
+    """Separator and decimal sign by the line in the middle; the header ends before the first line
+    of numbers.
+    """
     if not text.strip():
         raise NoCurve("the file is empty")
     middle = _middle(text)
@@ -145,7 +181,9 @@ def _middle(text: str) -> str:
 def _is_decimal(line: str) -> bool:
     """Whether the commas of a line stand in numbers between blanks: 0,1 2,5."""
     cells = line.split()
-    return len(cells) > 1 and all(re.fullmatch(r"[-+]?\d*,?\d+(?:[eE][-+]?\d+)?", cell) for cell in cells)
+    return len(cells) > 1 and all(
+        re.fullmatch(r"[-+]?\d*,?\d+(?:[eE][-+]?\d+)?", cell) for cell in cells
+    )
 
 
 def _is_row(shape: _Layout, line: str, width: int) -> bool:
@@ -164,18 +202,25 @@ def _titles(shape: _Layout, head: Sequence[str], width: int) -> tuple[str, ...]:
         return ()
     *above, last = rows
     is_comment = next(line for line in reversed(head) if line.strip()).lstrip()[0] in "#%"
-    if is_comment and width in WITHOUT_HEADER and not any(map(_is_title, last)):  # words about something else
+    if (
+        is_comment and width in WITHOUT_HEADER and not any(map(_is_title, last))
+    ):  # words about something else
         return ()
     units = [cell.strip("[]()") for cell in last]
     if above and any(units) and all(not unit or _is_unit(unit) for unit in units):
-        return tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(above[-1], units, strict=True))
+        return tuple(
+            f"{name} [{unit}]" if unit else name
+            for name, unit in zip(above[-1], units, strict=True)
+        )
     return tuple(last)
 
 
 def _is_title(cell: str) -> bool:
     """Whether a cell names a column of a curve, or has a unit of one."""
     names = {_title(cell, kind) for kind in ("length", "force", "time")}
-    return any(unit for _, unit in names) or any(name in known for name, _ in names for known in TITLES.values())
+    return any(unit for _, unit in names) or any(
+        name in known for name, _ in names for known in TITLES.values()
+    )
 
 
 def _is_unit(text: str) -> bool:
@@ -190,7 +235,9 @@ def _has_kind(unit: str, kind: str) -> bool:
 
 
 def _title(title: str, kind: str) -> tuple[str, str]:
-    """Name in small letters and unit of a title such as Force [nN], force (nN), Force nN; "" without one."""
+    """Name in small letters and unit of a title such as Force [nN], force (nN), Force nN; ""
+    without one.
+    """
     match = UNIT_AT_END.match(title.strip())
     unit = match and (match["unit"] or match["bare"])
     if match and unit and _has_kind(unit, kind):
@@ -201,7 +248,10 @@ def _title(title: str, kind: str) -> tuple[str, str]:
 def _chosen(layout: _Layout, asked: Sequence[str] | None, file: str) -> dict[str, int]:
     """The places of delta, z, force, t and part."""
     if asked:
-        return {name: _place(layout, word, file) for name, word in zip(("delta", "force", "t"), asked, strict=False)}
+        return {
+            name: _place(layout, word, file)
+            for name, word in zip(("delta", "force", "t"), asked, strict=False)
+        }
     if not layout.titles:
         if layout.width not in WITHOUT_HEADER:
             what = "1 column" if layout.width == 1 else f"{layout.width} columns without a header"
@@ -210,7 +260,9 @@ def _chosen(layout: _Layout, asked: Sequence[str] | None, file: str) -> dict[str
     found: dict[str, int] = {}
     for name, known in TITLES.items():
         kind = DIMENSIONS.get(name, "")
-        titles = [_title(title, kind)[0] if kind else title.strip().lower() for title in layout.titles]
+        titles = [
+            _title(title, kind)[0] if kind else title.strip().lower() for title in layout.titles
+        ]
         places = [titles.index(word) for word in known if word in titles]
         if places:
             found[name] = places[0]
@@ -218,12 +270,16 @@ def _chosen(layout: _Layout, asked: Sequence[str] | None, file: str) -> dict[str
         found = _by_units(layout)
     if "force" not in found or not {"delta", "z"} & found.keys():
         missing = "force" if "force" not in found else "depth"
-        raise NoCurve(f"no column of {missing} among {', '.join(layout.titles)[:200]}: say it with --columns")
+        raise NoCurve(
+            f"no column of {missing} among {', '.join(layout.titles)[:200]}: say it with --columns"
+        )
     return found
 
 
 def _by_units(layout: _Layout) -> dict[str, int]:
-    """The only column of a length as depth and the only one of a force, whatever their titles are in."""
+    """The only column of a length as depth and the only one of a force, whatever their titles are
+    in.
+    """
     found = {}
     for name in ("delta", "force", "t"):
         places = [k for k, title in enumerate(layout.titles) if _title(title, DIMENSIONS[name])[1]]
@@ -235,7 +291,9 @@ def _by_units(layout: _Layout) -> dict[str, int]:
 def _place(layout: _Layout, word: str, file: str) -> int:
     """The place of a column by its title, with or without its unit, or by its number from 1."""
     titles = [title.strip().lower() for title in layout.titles]
-    bare = [_title(title, kind)[0] for kind in ("length", "force", "time") for title in layout.titles]
+    bare = [
+        _title(title, kind)[0] for kind in ("length", "force", "time") for title in layout.titles
+    ]
     for names in (titles, bare):
         if word.strip().lower() in names:
             return names.index(word.strip().lower()) % len(titles)
@@ -253,7 +311,8 @@ def _table(text: str, layout: _Layout, places: Sequence[int]) -> np.ndarray:
 
 def _blocks(text: str, layout: _Layout) -> Iterator[tuple[int, str]]:
     """Pieces of whole lines below the titles, each with the number of its first line."""
-    begin, number = 0, layout.first + 1
+    begin = 0
+    number = layout.first + 1
     for _ in range(layout.first):
         begin = text.index("\n", begin) + 1
     while begin < len(text):
@@ -278,7 +337,9 @@ def _numbers(number: int, block: str, layout: _Layout, places: Sequence[int]) ->
 
 
 def _slow_numbers(number: int, block: str, layout: _Layout, places: Sequence[int]) -> np.ndarray:
-    """The same line by line, where cells are empty or in quotes; NoCurve with the line that is wrong."""
+    """The same line by line, where cells are empty or in quotes; NoCurve with the line that is
+    wrong.
+    """
     rows = []
     for at, cells in _rows(number, block, layout):
         if len(cells) <= max(places):
@@ -287,7 +348,9 @@ def _slow_numbers(number: int, block: str, layout: _Layout, places: Sequence[int
             rows.append([layout.number(cells[i]) if cells[i] else np.nan for i in places])
         except ValueError:
             wrong = next(i for i in places if cells[i] and not layout.is_number(cells[i]))
-            raise NoCurve(f"line {at}, column {wrong + 1}: '{cells[wrong][:40]}' is no number") from None
+            raise NoCurve(
+                f"line {at}, column {wrong + 1}: '{cells[wrong][:40]}' is no number"
+            ) from None
     return np.array(rows, dtype=float).reshape(-1, len(places))
 
 
@@ -301,7 +364,11 @@ def _rows(number: int, block: str, layout: _Layout) -> Iterator[tuple[int, Cells
 def _words(text: str, layout: _Layout, place: int) -> np.ndarray:
     """The cells of a column of words, one a row: few words of many rows, each kept once."""
     known: dict[str, int] = {}
-    rows = (cells for number, block in _blocks(text, layout) for _, cells in _rows(number, block, layout))
+    rows = (
+        cells
+        for number, block in _blocks(text, layout)
+        for _, cells in _rows(number, block, layout)
+    )
     words = (cells[place] if len(cells) > place else "" for cells in rows)
     codes = np.fromiter((known.setdefault(word, len(known)) for word in words), dtype=np.int64)
     return np.array(list(known), dtype=object)[codes]
@@ -326,11 +393,15 @@ def _known(
 
 
 def _rising(values: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """A way of the base that grows towards the body: turned round where the largest force stands at its low end."""
+    """A way of the base that grows towards the body: turned round where the largest force stands at
+    its low end.
+    """
     if "z" not in values or "delta" in values or len(values["z"]) < 2:
         return values, ()
-    z, at = values["z"], int(np.argmax(values["force"]))
-    low, high = float(z.min()), float(z.max())
+    z = values["z"]
+    at = int(np.argmax(values["force"]))
+    low = float(z.min())
+    high = float(z.max())
     if z[at] - low >= high - z[at]:
         return values, ()
     return values | {"z": -z}, ("z falls towards the body: its sign is turned",)

@@ -15,12 +15,16 @@ from indent_sim.process.errors import ConfigError, UsageError, printable
 Part = Literal["approach", "hold", "retract", "all"]
 Along = Literal["delta", "z"]
 PLATEAU = 0.01  # of the range of depths: what is nearer to the deepest may be a hold
-# A steady pace in and out spends 2 % of the rows there; with five times as many, and ten at least, it is a hold
-LEAST_HOLD, FEWEST_HELD = 0.1, 10
+# A steady pace in and out spends 2 % of the rows there; with five times as many, and ten at least,
+# it is a hold
+LEAST_HOLD = 0.1
+FEWEST_HELD = 10
 TURNED = 0.1  # of the range: a path that goes back by less has not turned
 DIMENSIONS = {"delta": "length", "z": "length", "force": "force", "t": "time"}
 SI = {"length": "m", "force": "N", "time": "s"}
-PACKAGES = "afmformats igor2 jprops pyfmreader tifffile 'pandas<3' pytz tzdata"  # that read AFM files
+PACKAGES = (
+    "afmformats igor2 jprops pyfmreader tifffile 'pandas<3' pytz tzdata"  # that read AFM files
+)
 INSTALL = f"install it with `make setup AFM=1`, or `pip install --no-deps {PACKAGES}`"
 STIFFNESS_KEY = "--set experiment.cantilever.stiffness=..."
 UNITS_REMEDY = "add units: {length: um, force: nN} to the scene"
@@ -45,10 +49,11 @@ class Uncalibrated(NoCurve):
 class Measured:
     """One measured curve, in the order of time.
 
-    delta (n,) depth [length] > 0 in, z (n,) way of the base [length], which grows towards the body; one of them may be
-    unknown. force (n,) > 0 pushing, t (n,) [time] or None. parts: rows of approach, hold and retract, those that there
-    are. stiffness [force/length] of the cantilever, where the file says it; units: names of length, force and time,
-    "" where the file says none; notes: what was assumed, in words.
+    delta (n,) depth [length] > 0 in, z (n,) way of the base [length], which grows towards the body;
+    one of them may be unknown. force (n,) > 0 pushing, t (n,) [time] or None. parts: rows of
+    approach, hold and retract, those that there are. stiffness [force/length] of the cantilever,
+    where the file says it; units: names of length, force and time, "" where the file says none;
+    notes: what was assumed, in words.
     """
 
     name: str
@@ -74,7 +79,9 @@ class Measured:
         return cast(np.ndarray, getattr(self, along))
 
     def part(self, name: Part) -> Measured:
-        """The rows of one part, of hold those of the approach before it too; NoCurve where there is no such part."""
+        """The rows of one part, of hold those of the approach before it too; NoCurve where there is
+        no such part.
+        """
         if name == "all":
             return self
         if name not in self.parts:
@@ -84,16 +91,23 @@ class Measured:
         return self._rows(slice(0, rows.stop) if name == "hold" else rows)
 
     def _rows(self, rows: slice) -> Measured:
-        cut = {name: None if (values := getattr(self, name)) is None else values[rows] for name in DIMENSIONS}
+        cut = {
+            name: None if (values := getattr(self, name)) is None else values[rows]
+            for name in DIMENSIONS
+        }
         return replace(self, parts={}, **cut)  # type: ignore[arg-type]
 
     def in_units(self, units: Mapping[str, str]) -> Measured:
-        """The curve in the units of a scene; numbers without a unit are the scene's, times in seconds.
+        """The curve in the units of a scene; numbers without a unit are the scene's, times in
+        seconds.
 
         ConfigError where the curve has a unit, and the scene says none of its kind.
         """
         wanted = dict(units) | {"time": "s"}
-        factors = {kind: _factor(kind, self.units.get(kind, ""), wanted.get(kind, "")) for kind in DIMENSIONS.values()}
+        factors = {
+            kind: _factor(kind, self.units.get(kind, ""), wanted.get(kind, ""))
+            for kind in DIMENSIONS.values()
+        }
         known = {name: one for name in DIMENSIONS if (one := getattr(self, name)) is not None}
         columns = {name: one * factors[DIMENSIONS[name]] for name, one in known.items()}
         stiffness = self.stiffness and self.stiffness * factors["force"] / factors["length"]
@@ -105,27 +119,34 @@ def _factor(kind: str, own: str, wanted: str) -> float:
     if not own or own == wanted:
         return 1.0
     if not wanted:
-        raise ConfigError("units", f"the curve has the {kind} in {own}, and the scene says no unit", UNITS_REMEDY)
+        raise ConfigError(
+            "units", f"the curve has the {kind} in {own}, and the scene says no unit", UNITS_REMEDY
+        )
     return size_of(own, kind) / size_of(wanted, kind)
 
 
 def parts_of(x: np.ndarray) -> dict[str, slice]:
-    """The rows of approach, hold and retract of a path (n,) that goes in, may stay, and may come back.
+    """The rows of approach, hold and retract of a path (n,) that goes in, may stay, and may come
+    back.
 
     A path that only goes out is an approach read backwards, as files that are sorted are.
     """
-    n, span = len(x), float(np.ptp(x))
+    n = len(x)
+    span = float(np.ptp(x))
     if n < 2 or not span > 0:
         return {"approach": slice(0, n)}
-    deepest, top = int(np.argmax(x)), float(x.max())
+    deepest = int(np.argmax(x))
+    top = float(x.max())
     if top - x[0] < TURNED * span:  # it begins at the deepest
         return {"approach": slice(0, n)}
     high = np.flatnonzero(x > top - PLATEAU * span)
-    first, last = int(high[0]), int(high[-1]) + 1
+    first = int(high[0])
+    last = int(high[-1]) + 1
     if len(high) > max(LEAST_HOLD * n, FEWEST_HELD):
         parts = {"approach": slice(0, first + 1), "hold": slice(first + 1, last)}
     else:
-        parts, last = {"approach": slice(0, deepest + 1)}, deepest + 1
+        parts = {"approach": slice(0, deepest + 1)}
+        last = deepest + 1
     if last < n and top - x[last:].min() > TURNED * span:
         return parts | {"retract": slice(last, n)}
     if "hold" in parts:
@@ -134,7 +155,9 @@ def parts_of(x: np.ndarray) -> dict[str, slice]:
 
 
 def parts_by_name(names: np.ndarray) -> dict[str, slice]:
-    """The same of a column of words (approach, extend, hold, pause, retract, ...) or of numbers in order of time."""
+    """The same of a column of words (approach, extend, hold, pause, retract, ...) or of numbers in
+    order of time.
+    """
     changes = np.flatnonzero(names[1:] != names[:-1]) + 1
     ends = [0, *map(int, changes), len(names)]
     parts: dict[str, slice] = {}
@@ -142,7 +165,9 @@ def parts_by_name(names: np.ndarray) -> dict[str, slice]:
     by_number = dict(zip(sorted(spoken), ("approach", "retract"), strict=False))
     for begin, end in itertools.pairwise(ends):
         word = str(names[begin]).strip().lower()
-        part = PART_WORDS.get(word) or (by_number.get(str(names[begin])) if len(spoken) <= 2 else None)
+        part = PART_WORDS.get(word) or (
+            by_number.get(str(names[begin])) if len(spoken) <= 2 else None
+        )
         if part is None:
             raise NoCurve(f"'{word}' is no name of a part: approach, hold, retract")
         if part not in parts:
@@ -154,4 +179,6 @@ def parts_by_name(names: np.ndarray) -> dict[str, slice]:
 
 PART_WORDS = dict.fromkeys(("approach", "extend", "loading", "load", "trace", "appr"), "approach")
 PART_WORDS |= dict.fromkeys(("hold", "pause", "dwell", "intermediate"), "hold")
-PART_WORDS |= dict.fromkeys(("retract", "unloading", "unload", "withdraw", "retrace", "retr"), "retract")
+PART_WORDS |= dict.fromkeys(
+    ("retract", "unloading", "unload", "withdraw", "retrace", "retr"), "retract"
+)

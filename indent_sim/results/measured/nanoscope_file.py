@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 
 from indent_sim.process.errors import BackendError
-from indent_sim.results.measured.measurement import INSTALL, SI, STIFFNESS_KEY, Measured, NoCurve, Uncalibrated
+from indent_sim.results.measured.measurement import (
+    INSTALL,
+    SI,
+    STIFFNESS_KEY,
+    Measured,
+    NoCurve,
+    Uncalibrated,
+)
 
 SUFFIXES = (".spm", ".pfc")
 MOST_WAYS = 1.5  # ways of the base that a deflection may span, with the snap-in
@@ -18,14 +25,16 @@ MOST_WAYS = 1.5  # ways of the base that a deflection may span, with the snap-in
 def read_nanoscope(path: Path, stiffness: float | None = None) -> list[Measured]:
     """The curves of a NanoScope file in SI units, of a force volume all of them.
 
-    stiffness [N/m] of the cantilever, for a file that says none. NoCurve with the reason for a file that cannot be
-    read, or whose deflections are none; BackendError where the package is missing.
+    stiffness [N/m] of the cantilever, for a file that says none. NoCurve with the reason for a file
+    that cannot be read, or whose deflections are none; BackendError where the package is missing.
     """
     try:
         from pyfmreader.nanosc.loadnanosccurve import loadNANOSCcurve
         from pyfmreader.nanosc.parsenanoscheader import parseNANOSCheader
     except ImportError as error:
-        raise BackendError(f"{path} is a NanoScope file, and pyfmreader is missing ({error}); {INSTALL}") from error
+        raise BackendError(
+            f"{path} is a NanoScope file, and pyfmreader is missing ({error}); {INSTALL}"
+        ) from error
     try:
         with np.errstate(all="ignore"):
             header = parseNANOSCheader(str(path))
@@ -45,11 +54,20 @@ def _curve(path: Path, data: Any, index: int, header: Mapping[str, Any], k: floa
     segments = [segment.segment_formated_data for _, segment in data.get_segments()]
     ways = [np.asarray(one["height"], dtype=float) for one in segments]
     volts = [np.asarray(one["vDeflection"], dtype=float) for one in segments]
-    if np.ptp(ways[-1]) and ways[-1][0] < ways[-1][-1]:  # the retraction is kept from its far end on
+    if (
+        np.ptp(ways[-1]) and ways[-1][0] < ways[-1][-1]
+    ):  # the retraction is kept from its far end on
         ways[-1], volts[-1] = ways[-1][::-1], volts[-1][::-1]
-    z, deflection = np.concatenate(ways), 1e-9 * float(header["defl_sens_nmbyV"]) * np.concatenate(volts)
-    if not np.isfinite(z).all() or not np.isfinite(deflection).all() or np.ptp(deflection) > MOST_WAYS * np.ptp(z):
-        raise NoCurve("pyfmreader makes deflections of it that go farther than the base moved", str(path))
+    z = np.concatenate(ways)
+    deflection = 1e-9 * float(header["defl_sens_nmbyV"]) * np.concatenate(volts)
+    if (
+        not np.isfinite(z).all()
+        or not np.isfinite(deflection).all()
+        or np.ptp(deflection) > MOST_WAYS * np.ptp(z)
+    ):
+        raise NoCurve(
+            "pyfmreader makes deflections of it that go farther than the base moved", str(path)
+        )
     times = [np.asarray(one["time"], dtype=float) for one in segments]
     t = np.concatenate([times[0], times[0][-1] + times[0][1] + times[-1]])
     turn = len(ways[0])

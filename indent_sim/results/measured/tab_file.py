@@ -20,16 +20,20 @@ DEPTHS_PER_SECOND = 1.0
 def tab_of(results: Results) -> str:
     """The text of a .tab file: approach, after a way without force, and retract, of a result.
 
-    height (measured) [m] is that of the base, -(delta + force/k), tip position [m] -delta, k the spring constant of the
-    metadata. UsageError for a result without units, which no other program could read.
+    height (measured) [m] is that of the base, -(delta + force/k), tip position [m] -delta, k the
+    spring constant of the metadata. UsageError for a result without units, which no other program
+    could read.
     """
     units = results.report.get("units") or {}
     if not (units.get("length") and units.get("force")):
-        raise UsageError(f"{results.path} says no units", "add units: {length: um, force: nN} to its scene")
+        raise UsageError(
+            f"{results.path} says no units", "add units: {length: um, force: nN} to its scene"
+        )
     if not results["delta"].max(initial=0.0) > 0:
         raise UsageError(f"{results.path} has no row in contact", file=str(results.path))
     delta, force = (
-        results[name] * size_of(units[kind], kind) for name, kind in (("delta", "length"), ("force", "force"))
+        results[name] * size_of(units[kind], kind)
+        for name, kind in (("delta", "length"), ("force", "force"))
     )
     turn = int(np.argmax(delta)) + 1
     step = delta.max() / max(turn, 2)
@@ -39,15 +43,24 @@ def tab_of(results: Results) -> str:
     delta = np.concatenate([free, delta[:turn], back])
     force = np.concatenate([0.0 * free, force[:turn], back_force])
     k = STIFF_SPRING * float(np.max(np.abs(force) / np.maximum(np.abs(delta), 1e-3 * step)))
-    time = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(delta)))]) / (DEPTHS_PER_SECOND * delta.max())
+    time = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(delta)))]) / (
+        DEPTHS_PER_SECOND * delta.max()
+    )
     retracts = np.arange(len(delta)) >= len(free) + turn
     table = zip(force, -(delta + force / k), -delta, time, retracts, strict=True)
-    lines = ["\t".join([*(f"{value:.12e}" for value in row[:4]), str(bool(row[4]))]) for row in table]
+    lines = [
+        "\t".join([*(f"{value:.12e}" for value in row[:4]), str(bool(row[4]))]) for row in table
+    ]
     return "\n".join([*_head(k, len(delta)), *lines, ""])
 
 
 def _head(stiffness: float, points: int) -> list[str]:
-    said = {"imaging mode": "force-distance", "spring constant": stiffness, "point count": points, "enum": 0}
+    said = {
+        "imaging mode": "force-distance",
+        "spring constant": stiffness,
+        "point count": points,
+        "enum": 0,
+    }
     told = json.dumps(said | {"software": f"indent-sim {VERSION}"}, indent=2).splitlines()
     metadata = [f"# {line}" for line in told]
     return ["# BEGIN METADATA", *metadata, "# END METADATA", "#", "# " + "\t".join(TAB_COLUMNS)]

@@ -17,10 +17,19 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 PREFIXES = {"p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "": 0, "k": 3, "M": 6, "G": 9}
-KIND_EXAMPLES = {"length": "nm, um, mm", "force": "pN, nN, mN", "pressure": "Pa, kPa, MPa", "line": "mN/m, N/m"}
+KIND_EXAMPLES = {
+    "length": "nm, um, mm",
+    "force": "pN, nN, mN",
+    "pressure": "Pa, kPa, MPa",
+    "line": "mN/m, N/m",
+}
 BASE_UNITS = {"length": "m", "force": "N", "pressure": "Pa", "line": "N/m"}
 SHOWN_UNITS = "shown_units"  # entry of a report: units asked for in a picture, by kind
-NAMES = {"delta": ("depth δ", "length"), "force": ("force F", "force"), "a": ("contact radius a", "length")}
+NAMES = {
+    "delta": ("depth δ", "length"),
+    "force": ("force F", "force"),
+    "a": ("contact radius a", "length"),
+}
 NAMES |= {"pore_pressure_max": ("largest pore pressure p", "pressure")}
 NAMES |= {"p_max": ("largest pressure p", "pressure"), "penetration": ("penetration", "length")}
 FLAT_NAMES = {"a": ("contact half-width a", "length"), "force": ("force F per length", "line")}
@@ -55,11 +64,15 @@ def in_print(unit: str) -> str:
 
 
 def in_picture(text: str, most: int = 60) -> str:
-    """Text of a stranger as a picture shows it: on one line, shortened, a dollar sign being no formula."""
+    """Text of a stranger as a picture shows it: on one line, shortened, a dollar sign being no
+    formula.
+    """
     text = printable(text)
     text = text if len(text) <= most else f"{text[: most - 1]}…"
     text = text.replace("$", r"\$")
-    return f" {text}" if text.startswith("_") else text  # what begins with _ is left out of a legend
+    return (
+        f" {text}" if text.startswith("_") else text
+    )  # what begins with _ is left out of a legend
 
 
 def choice(report: Report, key: str) -> str | None:
@@ -91,7 +104,9 @@ def middle_of(runs: Sequence[Results], along: Literal[0, 1] = 0) -> tuple[float,
 
 def time_axis(runs: Sequence[Results], name: str = "time t") -> Axis:
     """The axis of times: seconds, of runs whose numbers have units."""
-    return Axis(name, unit="s" if all((run.report.get("units") or {}).get("length") for run in runs) else "")
+    return Axis(
+        name, unit="s" if all((run.report.get("units") or {}).get("length") for run in runs) else ""
+    )
 
 
 def time_said(run: Results, t: float) -> str:
@@ -112,8 +127,9 @@ def axis(column: str, runs: Sequence[Results]) -> Axis:
 def scaled(kind: str, runs: Sequence[Results], values: ArrayLike, name: str) -> Axis:
     """An axis in the common unit of the runs.
 
-    A length or force in m or N, and every pressure of an SI length and force, gets the prefix that makes its largest
-    number readable; a length in mm stays one. What the picture was asked to show comes before that.
+    A length or force in m or N, and every pressure of an SI length and force, gets the prefix that
+    makes its largest number readable; a length in mm stays one. What the picture was asked to show
+    comes before that.
     """
     unit = _common(unit_of(kind, run.report.get("units") or {}) for run in runs)
     wanted = _common((run.report.get(SHOWN_UNITS) or {}).get(kind, "") for run in runs)
@@ -121,7 +137,10 @@ def scaled(kind: str, runs: Sequence[Results], values: ArrayLike, name: str) -> 
     if power is None:
         if wanted:
             problem = f"the {kind} of these results has {'the unit ' + unit if unit else 'no unit'}"
-            raise UsageError(f"{problem}: it cannot be shown in {wanted}; say units: {{length, force}} in the scene")
+            raise UsageError(
+                f"{problem}: it cannot be shown in {wanted}; say units: {{length, force}} in the "
+                "scene"
+            )
         return Axis(name, 1.0, unit)
     if wanted:
         asked = _prefix(wanted, BASE_UNITS[kind])
@@ -129,7 +148,11 @@ def scaled(kind: str, runs: Sequence[Results], values: ArrayLike, name: str) -> 
             raise UsageError(f"{wanted} is no unit of {kind}: for example {KIND_EXAMPLES[kind]}")
         return Axis(name, 10.0 ** (power - asked), wanted)
     is_chosen = unit not in BASE_UNITS.values() and kind in ("length", "force")
-    return Axis(name, 1.0, unit) if is_chosen else _prefixed(kind, power, np.asarray(values, dtype=float), name)
+    return (
+        Axis(name, 1.0, unit)
+        if is_chosen
+        else _prefixed(kind, power, np.asarray(values, dtype=float), name)
+    )
 
 
 def _common(units: Iterable[str]) -> str:
@@ -148,17 +171,26 @@ def _prefixed(kind: str, power: int, values: np.ndarray, name: str) -> Axis:
 
 
 def unit_of(kind: str, units: Mapping[str, str]) -> str:
-    """The label of a kind of number (length, force, line, pressure, pressure/length) from those of length and force."""
-    length, force = units.get("length", ""), units.get("force", "")
+    """The label of a kind of number (length, force, line, pressure, pressure/length) from those of
+    length and force.
+    """
+    length = units.get("length", "")
+    force = units.get("force", "")
     if kind == "length" or not (length and force):
         return {"length": length, "force": force}.get(kind, "")
-    over = {"force": "", "line": f"/{length}", "pressure": f"/{length}²", "pressure/length": f"/{length}³"}
+    over = {
+        "force": "",
+        "line": f"/{length}",
+        "pressure": f"/{length}²",
+        "pressure/length": f"/{length}³",
+    }
     return f"{force}{over[kind]}"
 
 
 def unit_of_key(key: str, run: Results) -> str:
-    """The label of the unit of a key of the scene, as in material.E; "" of what is no length, force or pressure, nor a
-    pressure over a length."""
+    """The label of the unit of a key of the scene, as in material.E; "" of what is no length, force
+    or pressure, nor a pressure over a length.
+    """
     section, _, name = key.rpartition(".")
     symbol = lookup(name, section.split(".")[0])
     if symbol is None or symbol.dimension not in ("length", "force", "pressure", "pressure/length"):
@@ -171,7 +203,8 @@ def _power(kind: str, unit: str) -> int | None:
     if kind in ("length", "force"):
         return _prefix(unit, BASE_UNITS[kind])
     force, _, length = unit.rstrip("²").partition("/")
-    of_force, of_length = _prefix(force, "N"), _prefix(length, "m")
+    of_force = _prefix(force, "N")
+    of_length = _prefix(length, "m")
     if of_force is None or of_length is None:
         return None
     return of_force - (2 if kind == "pressure" else 1) * of_length

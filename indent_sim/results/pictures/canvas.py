@@ -28,32 +28,51 @@ if TYPE_CHECKING:
 else:
     Axes = Figure = SubFigure = object  # matplotlib is loaded where something is drawn
 
-INK, GREY = "#222222", "#6e6e6e"
+INK = "#222222"
+GREY = "#6e6e6e"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 FORCE_PICTURE = "force_indentation.png"
 FONT = 10.0  # points
 PICTURE_FORMATS = (".png", ".svg", ".pdf")
 DPI = {"png": 160, "svg": 200, "pdf": 300}  # of what is drawn point by point
-MOST_TICKS, TICK_LABEL_GAP = 6, 3.0  # bins of an axis, and pixels between its numbers
-# Pixels along a side that Agg can draw, and of a picture: each takes 11 bytes until it is packed, of which 1 GB is much
-LONGEST_SIDE, MOST_PIXELS = 2**16 - 1, 1e8
+# bins of an axis, and pixels between its numbers
+MOST_TICKS = 6
+TICK_LABEL_GAP = 3.0
+# Pixels along a side that Agg can draw, and of a picture: each takes 11 bytes until it is packed,
+# of which 1 GB is much
+LONGEST_SIDE = 2**16 - 1
+MOST_PIXELS = 1e8
 RAISED = str.maketrans("-\N{MINUS SIGN}0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")  # an exponent
 MANY = 40  # points from which a line carries no markers
-LETTER, LINE = 0.07, 0.2  # inches: width of a letter and height of a line in a legend
+# inches: width of a letter and height of a line in a legend
+LETTER = 0.07
+LINE = 0.2
 LEGEND_LEFT = 0.6  # inches: of a legend below all panels
-HANDLE, FEWEST_LETTERS = 0.45, 12  # inches: width of what stands before a name there; letters of a line at least
+# inches: width of what stands before a name there; letters of a line at least
+HANDLE = 0.45
+FEWEST_LETTERS = 12
 GAP = 0.15  # inches: between two columns of a legend
 FEW_NAMES = 6  # of a legend under a panel, which stand below one another
-# Inches at the standard font size: from the end of a panel to what stands below the numbers and the name of its axis,
-# numbers and name to the left of a panel, and the height of a bar of colours under one
-UNDER_PANEL, BESIDE_PANEL, BAR_HEIGHT = 0.58, 0.75, 0.12
+# Inches at the standard font size: from the end of a panel to what stands below the numbers and the
+# name of its axis, numbers and name to the left of a panel, and the height of a bar of colours
+# under one
+UNDER_PANEL = 0.58
+BESIDE_PANEL = 0.75
+BAR_HEIGHT = 0.12
 Where = Literal["right", "bottom"]  # where the bar of the colours of maps stands
 LETTERS = 9.0  # of a title to the inch
-SUBTITLE, LABEL_LETTERS = 200, 120  # most letters
+# most letters
+SUBTITLE = 200
+LABEL_LETTERS = 120
 Look = dict[str, Any]  # matplotlib's words for how something is drawn
 THEORY_STYLE: Look = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
-FORMULA_STYLE: Look = {"color": GREY, "ls": ":", "lw": 1.2, "zorder": 2}  # of a half-space, beside any body
+FORMULA_STYLE: Look = {
+    "color": GREY,
+    "ls": ":",
+    "lw": 1.2,
+    "zorder": 2,
+}  # of a half-space, beside any body
 STYLE: Look = {
     "figure.dpi": 100,  # in which labels are measured
     "legend.framealpha": 0.85,  # a long line of text may cross a steep curve
@@ -71,7 +90,9 @@ STYLE: Look = {
 def canvas(size: tuple[float, float] = (9.2, 4.8), font: float = FONT) -> Iterator[Figure]:
     """An empty figure of this size [inches] and font size [points] in the style of all pictures."""
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Unable to import Axes3D")  # not wanted here, where two matplotlibs are
+        warnings.filterwarnings(
+            "ignore", "Unable to import Axes3D"
+        )  # not wanted here, where two matplotlibs are
         import matplotlib
         from matplotlib.figure import Figure
     with matplotlib.rc_context(STYLE | {"font.size": font}):
@@ -79,15 +100,20 @@ def canvas(size: tuple[float, float] = (9.2, 4.8), font: float = FONT) -> Iterat
 
 
 def from_zero(axes: Axes, *curves: np.ndarray) -> None:
-    """Show from 0, or a little below the lowest point where one is negative, to a little above the highest one."""
+    """Show from 0, or a little below the lowest point where one is negative, to a little above the
+    highest one.
+    """
     known = np.concatenate([np.ravel(curve) for curve in curves])
     known = known[np.isfinite(known)]
-    lowest, highest = known.min(initial=0), known.max(initial=-np.inf)
+    lowest = known.min(initial=0)
+    highest = known.max(initial=-np.inf)
     axes.set_ylim(1.08 * lowest, 1.08 * highest if highest > 0 else 1)
 
 
 def legend_in(axes: Axes, named: Axes, columns: int = 1, wide: float = np.inf) -> None:
-    """The legend of a panel in one of its own, where it hides nothing; its lines broken where it would be wider."""
+    """The legend of a panel in one of its own, where it hides nothing; its lines broken where it
+    would be wider.
+    """
     axes.axis("off")
     handles, names = named.get_legend_handles_labels()
     names = broken(names, wide)
@@ -98,7 +124,9 @@ def broken(names: Sequence[str], wide: float) -> list[str]:
     """Names of a legend in lines that fit into so many inches with their handles."""
     most = (wide / (figure_font() / FONT) - HANDLE) / LETTER
     room = max(FEWEST_LETTERS, most)
-    return ["\n".join(textwrap.wrap(name, int(room))) if len(name) > most else name for name in names]
+    return [
+        "\n".join(textwrap.wrap(name, int(room))) if len(name) > most else name for name in names
+    ]
 
 
 def legend_under(axes: Axes) -> None:
@@ -108,7 +136,9 @@ def legend_under(axes: Axes) -> None:
     """
     from matplotlib.transforms import ScaledTranslation
 
-    figure, scale, wide = axes.get_figure(), figure_font() / FONT, _width(axes)
+    figure = axes.get_figure()
+    scale = figure_font() / FONT
+    wide = _width(axes)
     handles, names = axes.get_legend_handles_labels()
     if not names:
         return
@@ -131,20 +161,30 @@ def legend_under(axes: Axes) -> None:
 def title_over(axes: Axes, words: str) -> None:
     """What a panel shows, small above it, in as many lines as its width asks for."""
     letters = _width(axes) / (LETTER * figure_font() / FONT)
-    lines = [part for line in words.split("\n") for part in textwrap.wrap(line, max(FEWEST_LETTERS, int(letters)))]
+    lines = [
+        part
+        for line in words.split("\n")
+        for part in textwrap.wrap(line, max(FEWEST_LETTERS, int(letters)))
+    ]
     axes.set_title("\n".join(lines), loc="left", fontsize="small", color=GREY)
 
 
 def _width(axes: Axes) -> float:
     """The width of a panel [inches]: in a grid about, before it has its place."""
-    figure, spec = axes.get_figure(), getattr(axes, "get_subplotspec", lambda: None)()
+    figure = axes.get_figure()
+    spec = getattr(axes, "get_subplotspec", lambda: None)()
     if spec is None:  # it has its place
         return float(axes.get_window_extent().width / figure.dpi)
-    return float(figure.bbox.width / figure.dpi / spec.get_gridspec().ncols - BESIDE_PANEL * figure_font() / FONT)
+    return float(
+        figure.bbox.width / figure.dpi / spec.get_gridspec().ncols
+        - BESIDE_PANEL * figure_font() / FONT
+    )
 
 
 def colour_bar(panels: Sequence[Axes], drawn: Any, label: str, where: Where, **look: Any) -> Any:
-    """The bar of the colours of some maps: to the right of all, as high as they are, or under the one panel."""
+    """The bar of the colours of some maps: to the right of all, as high as they are, or under the
+    one panel.
+    """
     figure = panels[0].get_figure()
     if where == "right":
         bar = figure.colorbar(drawn, ax=list(panels), label=label, aspect=25, **look)
@@ -162,7 +202,8 @@ def _room_under(axes: Axes) -> Axes:
     scale = figure_font() / FONT
 
     def place(_: Axes, renderer: Any) -> Any:
-        figure, box = axes.get_figure(), axes.get_position()
+        figure = axes.get_figure()
+        box = axes.get_position()
         inch = figure.dpi / figure.bbox.height
         top = box.y0 - UNDER_PANEL * scale * inch
         return Bbox.from_extents(box.x0, top - BAR_HEIGHT * scale * inch, box.x1, top)
@@ -183,14 +224,24 @@ def legend_below(figure: Figure, named: Axes) -> None:
     figure.set_size_inches(width, height + lines)
     _keep_free(figure, below=lines)
     at = LEGEND_LEFT / width, lines / (height + lines)
-    figure.legend(handles, names, loc="upper left", bbox_to_anchor=at, ncol=columns, borderaxespad=0, borderpad=0.2)
+    figure.legend(
+        handles,
+        names,
+        loc="upper left",
+        bbox_to_anchor=at,
+        ncol=columns,
+        borderaxespad=0,
+        borderpad=0.2,
+    )
 
 
 def _keep_free(figure: Figure, above: float = 0.0, below: float = 0.0) -> None:
     """Leave so many inches above or below the panels to words."""
-    height, engine = figure.get_figheight(), figure.get_layout_engine()
+    height = figure.get_figheight()
+    engine = figure.get_layout_engine()
     x, y, wide, high = engine.get()["rect"]  # type: ignore[union-attr]
-    low, top = y + below / height, y + high - above / height
+    low = y + below / height
+    top = y + high - above / height
     engine.set(rect=(x, low, wide, top - low))  # type: ignore[union-attr, call-arg]
 
 
@@ -203,16 +254,39 @@ def figure_font() -> float:
 
 def head(figure: Figure, title: str, subtitle: str) -> None:
     """Title, as far as it fits, and subtitle above the panels."""
-    height, fits = figure.get_figheight(), int(LETTERS * figure.get_figwidth())  # inches
+    # inches
+    height = figure.get_figheight()
+    fits = int(LETTERS * figure.get_figwidth())
     _keep_free(figure, above=0.64)
-    figure.text(0.01, 1 - 0.12 / height, in_picture(title, fits), ha="left", va="top", fontsize=13, fontweight="bold")
-    figure.text(0.01, 1 - 0.46 / height, in_picture(subtitle, SUBTITLE), ha="left", va="top", color=GREY, fontsize=9)
+    figure.text(
+        0.01,
+        1 - 0.12 / height,
+        in_picture(title, fits),
+        ha="left",
+        va="top",
+        fontsize=13,
+        fontweight="bold",
+    )
+    figure.text(
+        0.01,
+        1 - 0.46 / height,
+        in_picture(subtitle, SUBTITLE),
+        ha="left",
+        va="top",
+        color=GREY,
+        fontsize=9,
+    )
 
 
 def refuse_foreign(path: Path) -> None:
-    """UsageError when a picture with a name that nobody chose would replace a file that this program did not make."""
+    """UsageError when a picture with a name that nobody chose would replace a file that this
+    program did not make.
+    """
     if os.path.lexists(path) and not is_own_file(path):
-        raise UsageError(f"{path} is there already and no picture of indent-sim; choose another name with --output")
+        raise UsageError(
+            f"{path} is there already and no picture of indent-sim; choose another name with "
+            "--output"
+        )
 
 
 def format_of(path: Path) -> str:
@@ -223,8 +297,8 @@ def format_of(path: Path) -> str:
 
 
 def element(draw: Callable[[Path], None]) -> str:
-    """What `draw` draws into a file as an element of a page: text that can be selected, no prolog, no metadata, and no
-    name that another one may have. Empty where it draws nothing.
+    """What `draw` draws into a file as an element of a page: text that can be selected, no prolog,
+    no metadata, and no name that another one may have. Empty where it draws nothing.
     """
     import matplotlib
 
@@ -234,7 +308,9 @@ def element(draw: Callable[[Path], None]) -> str:
         if not drawn.exists():
             return ""
         text = drawn.read_text(encoding="utf-8")
-    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL)
+    text = re.sub(
+        r"<metadata>.*?</metadata>|<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL
+    )
     text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
     own = hashlib.sha256(text.encode()).hexdigest()[:8]
     text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>p{own}-", text)
@@ -242,7 +318,9 @@ def element(draw: Callable[[Path], None]) -> str:
 
 
 def _write_powers(figure: Figure) -> None:
-    """Write the power of ten beside a linear axis as "×10⁻³", where matplotlib writes "1e-3" or a formula."""
+    """Write the power of ten beside a linear axis as "×10⁻³", where matplotlib writes "1e-3" or a
+    formula.
+    """
     from matplotlib.ticker import ScalarFormatter
 
     class Numbers(ScalarFormatter):
@@ -256,16 +334,20 @@ def _write_powers(figure: Figure) -> None:
 
 
 def _with_power(offset: str) -> str:
-    """What matplotlib writes beside an axis, "1e-3+2e2", with its powers as one reads them: "×10⁻³+2×10²"."""
-    powers = re.sub(r"e([-+\N{MINUS SIGN}]?\d+)", lambda found: f"×10{found[1].translate(RAISED)}", offset)
+    """What matplotlib writes beside an axis, "1e-3+2e2", with its powers as one reads them:
+    "×10⁻³+2×10²".
+    """
+    powers = re.sub(
+        r"e([-+\N{MINUS SIGN}]?\d+)", lambda found: f"×10{found[1].translate(RAISED)}", offset
+    )
     return re.sub(r"(?<![\d.])1(?=×)", "", powers)
 
 
 def lay_out(figure: Figure) -> None:
     """Find the places of all panels once and for all, by matplotlib's constrained layout.
 
-    Where numbers along an axis would touch, it gets fewer of them. The layout is found twice: fewer numbers, and
-    panels that are true to scale, need another room than the first one left them.
+    Where numbers along an axis would touch, it gets fewer of them. The layout is found twice: fewer
+    numbers, and panels that are true to scale, need another room than the first one left them.
     """
     _write_powers(figure)
     find_places(figure)
@@ -294,14 +376,19 @@ def thin_numbers(figure: Figure) -> None:
 
 
 def _touch(along: Any) -> bool:
-    boxes = [label.get_window_extent() for label in along.get_ticklabels() if label.get_text() and label.get_visible()]
+    boxes = [
+        label.get_window_extent()
+        for label in along.get_ticklabels()
+        if label.get_text() and label.get_visible()
+    ]
     side = 0 if along.axis_name == "x" else 1
     ends = sorted((box.min[side], box.max[side]) for box in boxes)
     return any(after[0] - before[1] < TICK_LABEL_GAP for before, after in pairwise(ends))
 
 
 def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
-    """Write PNG, SVG or PDF after the suffix, all at once; dpi [DPI] of what is drawn point by point.
+    """Write PNG, SVG or PDF after the suffix, all at once; dpi [DPI] of what is drawn point by
+    point.
 
     UsageError for more pixels than can be drawn.
     """
@@ -315,16 +402,24 @@ def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
 
 
 def _refuse_too_many_pixels(figure: Figure, dpi: float) -> None:
-    """UsageError for a picture that matplotlib cannot draw point by point, or that would take gigabytes."""
+    """UsageError for a picture that matplotlib cannot draw point by point, or that would take
+    gigabytes.
+    """
     width, height = (float(inches) for inches in figure.get_size_inches())
     most = min((MOST_PIXELS / (width * height)) ** 0.5, LONGEST_SIDE / max(width, height))
     if dpi > most:
         size = f"{width * dpi:.0f} x {height * dpi:.0f} pixels"
-        raise UsageError(f"{size} are too many for a picture", f"--dpi {int(most)} is possible at this size")
+        raise UsageError(
+            f"{size} are too many for a picture", f"--dpi {int(most)} is possible at this size"
+        )
 
 
 def _write(figure: Figure, path: Path, kind: str, dpi: float) -> None:
-    metadata: Look = {"png": {"Software": "indent-sim"}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    metadata: Look = {
+        "png": {"Software": "indent-sim"},
+        "svg": {"Date": None},
+        "pdf": {"CreationDate": None},
+    }
     picture = io.BytesIO()
     figure.savefig(picture, format=kind, dpi=dpi, metadata=metadata[kind])
     write_atomically(path, picture.getvalue(), sync=False)

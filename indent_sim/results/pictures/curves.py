@@ -20,7 +20,9 @@ Colour = Any  # as matplotlib takes it
 
 
 def look(i: int, of: int) -> Look:
-    """Colour and mark of the i-th of so many curves; of many, colours of a map from dark to light, without marks."""
+    """Colour and mark of the i-th of so many curves; of many, colours of a map from dark to light,
+    without marks.
+    """
     if of <= 10:
         return {"color": COLOURS[i % len(COLOURS)], "marker": MARKERS[i % len(MARKERS)]}
     return {"color": shade(i, of), "marker": ""}
@@ -34,8 +36,9 @@ def shade(i: int, of: int) -> Colour:
 
 
 def branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
-    """The rows between turning points of a path, which belong to both branches; whether the tip goes out there. Where
-    it stands still it has not turned yet."""
+    """The rows between turning points of a path, which belong to both branches; whether the tip
+    goes out there. Where it stands still it has not turned yet.
+    """
     if len(delta) < 2:
         return [(slice(0, len(delta)), False)]
     steps = np.sign(np.diff(delta))
@@ -47,11 +50,13 @@ def branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
 
 
 def smooth(x: np.ndarray, y: np.ndarray) -> Points:
-    """A smooth curve through points in order of x, up or down, that rises and falls only where they do.
+    """A smooth curve through points in order of x, up or down, that rises and falls only where they
+    do.
 
-    Piecewise cubic in y^(1/n), n from the first and last point: a power law from first touch on, as the force and the
-    radius of a contact nearly are, is drawn exactly. Slopes limited as in Hyman, SIAM J. Sci. Stat. Comput. 4 (1983)
-    645: no overshoot. Points that do not go on in x, and forces that pull, which may jump, are joined by chords.
+    Piecewise cubic in y^(1/n), n from the first and last point: a power law from first touch on, as
+    the force and the radius of a contact nearly are, is drawn exactly. Slopes limited as in Hyman,
+    SIAM J. Sci. Stat. Comput. 4 (1983) 645: no overshoot. Points that do not go on in x, and forces
+    that pull, which may jump, are joined by chords.
     """
     h = np.diff(x)
     goes_on = (h > 0).all() or (h < 0).all()
@@ -65,7 +70,9 @@ def smooth(x: np.ndarray, y: np.ndarray) -> Points:
 
 
 def _power(x: np.ndarray, y: np.ndarray) -> float:
-    """The n of y ~ x^n between the points nearest to and farthest from x = 0; 1 where x begins before it."""
+    """The n of y ~ x^n between the points nearest to and farthest from x = 0; 1 where x begins
+    before it.
+    """
     known = (x > 0) & (y > 0)
     if x.min() < 0 or known.sum() < 2:
         return 1.0
@@ -86,12 +93,16 @@ def _cubic(x: np.ndarray, y: np.ndarray, h: np.ndarray) -> Points:
 
 
 def _slopes(h: np.ndarray, secant: np.ndarray) -> np.ndarray:
-    """dy/dx at the points by parabolas through three of them, as steep as three secants at most, 0 at an extremum."""
+    """dy/dx at the points by parabolas through three of them, as steep as three secants at most, 0
+    at an extremum.
+    """
     share = h[1:] / (h[:-1] + h[1:])
     inside = share * secant[:-1] + (1 - share) * secant[1:]
-    first, last = 2 * secant[0] - inside[0], 2 * secant[-1] - inside[-1]
+    first = 2 * secant[0] - inside[0]
+    last = 2 * secant[-1] - inside[-1]
     slopes = np.concatenate([[first], inside, [last]])
-    before, after = np.append(secant[0], secant), np.append(secant, secant[-1])
+    before = np.append(secant[0], secant)
+    after = np.append(secant, secant[-1])
     most = 3 * np.minimum(np.abs(before), np.abs(after))
     rises = np.sign(before) * ((before * after > 0) & (slopes * before > 0))
     return rises * np.minimum(np.abs(slopes), most)
@@ -102,8 +113,12 @@ def chords(x: np.ndarray, y: np.ndarray) -> Points:
     return x, y
 
 
-def lines(rows: Rows, begin: Sequence[float] = (), joined: Joined = smooth) -> Iterator[tuple[Points, slice, bool]]:
-    """The lines through the branches of rows, with the places of the rows, and whether the tip goes out."""
+def lines(
+    rows: Rows, begin: Sequence[float] = (), joined: Joined = smooth
+) -> Iterator[tuple[Points, slice, bool]]:
+    """The lines through the branches of rows, with the places of the rows, and whether the tip goes
+    out.
+    """
     delta, x, y = rows
     for part, goes_out in branches(delta):
         before = [] if part.start or goes_out else begin
@@ -111,24 +126,45 @@ def lines(rows: Rows, begin: Sequence[float] = (), joined: Joined = smooth) -> I
 
 
 def draw(
-    axes: Axes, rows: Rows, look: Look, label: str | None = None, begin: Sequence[float] = (), joined: Joined = smooth
+    axes: Axes,
+    rows: Rows,
+    look: Look,
+    label: str | None = None,
+    begin: Sequence[float] = (),
+    joined: Joined = smooth,
 ) -> None:
-    """Draw rows (delta, x, y) of a path of depths: lines, and marks where the rows are unless there are very many.
+    """Draw rows (delta, x, y) of a path of depths: lines, and marks where the rows are unless there
+    are very many.
 
-    Unloading is dashed and its marks are hollow. begin: x = y of points before the rows of the first branch, if it goes
-    in; joined: the line through points, `smooth` or `chords`.
+    Unloading is dashed and its marks are hollow. begin: x = y of points before the rows of the
+    first branch, if it goes in; joined: the line through points, `smooth` or `chords`.
     """
-    (_, x, y), colour = rows, look["color"]
+    (_, x, y) = rows
+    colour = look["color"]
     marks = look["marker"] if len(x) <= MANY else ""
     if len(x) == 1:  # which no line goes through: it would say that the curve is straight
-        marks, begin = marks or MARKERS[0], ()
+        marks = marks or MARKERS[0]
+        begin = ()
     for curve, part, goes_out in lines(rows, begin, joined):
-        line = {"ls": UNLOADING_STYLE["ls"] if goes_out else look.get("ls", "-"), "lw": 1.2 if marks else 1.6}
+        line = {
+            "ls": UNLOADING_STYLE["ls"] if goes_out else look.get("ls", "-"),
+            "lw": 1.2 if marks else 1.6,
+        }
         axes.plot(*curve, color=colour, zorder=2, label=None if marks else label, **line)
         if marks:
             own = slice(part.start + goes_out, part.stop)  # the turning point is one of loading
             ink = {"mec": "white", "mew": 0.6}
             if goes_out:
                 ink = {"mec": colour, "mew": 1.0, "mfc": UNLOADING_STYLE["mfc"]}
-            axes.plot(x[own], y[own], ls="", marker=marks, ms=5.5, color=colour, label=label, zorder=4, **ink)
+            axes.plot(
+                x[own],
+                y[own],
+                ls="",
+                marker=marks,
+                ms=5.5,
+                color=colour,
+                label=label,
+                zorder=4,
+                **ink,
+            )
         label = None

@@ -1,4 +1,6 @@
-"""The deformed body with the tip in it and a field on it, in the vertical plane through the tip's axis."""
+"""The deformed body with the tip in it and a field on it, in the vertical plane through the tip's
+axis.
+"""
 
 from __future__ import annotations
 
@@ -19,24 +21,32 @@ from indent_sim.results.reader import Results
 from indent_sim.results.xdmf import read_fields
 
 # Contact radii or depths around the tip that are shown, and of a thin body at least
-FIELD_VIEW, THIN_BODY_VIEW = 3.0, 1.5
-THIN = 4.0  # heights of a body to either side of the tip: of a thin one nothing would be seen on more
+FIELD_VIEW = 3.0
+THIN_BODY_VIEW = 1.5
+THIN = (
+    4.0  # heights of a body to either side of the tip: of a thin one nothing would be seen on more
+)
 ABOVE = 0.35  # contact radii or depths of room for the tip above the surface
 LIFTED = 0.01  # of the way that a tip is lifted: it sinks in no deeper
 WHOLE_BODY_RATIO = 1.6  # times that a body may be wider or deeper to be shown whole
-COLOURED_PERCENT = 99.8  # of the shown area, inside the colours: at an edge, with many points, a stress is infinite
+# of the shown area, inside the colours: at an edge, with many points, a stress is infinite
+COLOURED_PERCENT = 99.8
 SLIVER = 2e-3  # of the width of the frame: about half a pixel
 FACE_WIDTH = 0.6  # points: of the lines between regions
-Part = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # points, moved points, cells, values at the points
+Part = tuple[
+    np.ndarray, np.ndarray, np.ndarray, np.ndarray
+]  # points, moved points, cells, values at the points
 
 
 @dataclass(frozen=True)
 class ShownField:
-    """What a picture can show on the body: its name in words, its kind of number, and how it is made of the arrays.
+    """What a picture can show on the body: its name in words, its kind of number, and how it is
+    made of the arrays.
 
-    {r} and {t} in the name stand for the first two axes: r and theta where the body is of revolution, else x and y.
-    middle: the value that is white, of a field with two signs; None for one that begins at `least`, or, where that is
-    None too, at its smallest value. only: of which bodies, where not all have it.
+    {r} and {t} in the name stand for the first two axes: r and theta where the body is of
+    revolution, else x and y. middle: the value that is white, of a field with two signs; None for
+    one that begins at `least`, or, where that is None too, at its smallest value. only: of which
+    bodies, where not all have it.
     """
 
     name: str
@@ -47,30 +57,53 @@ class ShownField:
     only: str = "every body"
 
 
-POROUS, SWOLLEN = "bodies with fluid in their pores (material.flow)", "gels (material.model: gel)"
+POROUS = "bodies with fluid in their pores (material.flow)"
+SWOLLEN = "gels (material.model: gel)"
 FIELDS = {
     "von_mises": ShownField("von Mises stress", "pressure", lambda f: f["von_mises"]),
-    "principal_1": ShownField("principal stress σ₁", "pressure", lambda f: f["principal_stresses"][:, 0], 0.0),
-    "principal_2": ShownField("principal stress σ₂", "pressure", lambda f: f["principal_stresses"][:, 1], 0.0),
-    "principal_3": ShownField("principal stress σ₃", "pressure", lambda f: f["principal_stresses"][:, 2], 0.0),
-    "sigma_xx": ShownField(r"stress $\sigma_{{{r}{r}}}$", "pressure", lambda f: f["stress"][:, 0], 0.0),
-    "sigma_yy": ShownField(r"stress $\sigma_{{{t}{t}}}$", "pressure", lambda f: f["stress"][:, 4], 0.0),
+    "principal_1": ShownField(
+        "principal stress σ₁", "pressure", lambda f: f["principal_stresses"][:, 0], 0.0
+    ),
+    "principal_2": ShownField(
+        "principal stress σ₂", "pressure", lambda f: f["principal_stresses"][:, 1], 0.0
+    ),
+    "principal_3": ShownField(
+        "principal stress σ₃", "pressure", lambda f: f["principal_stresses"][:, 2], 0.0
+    ),
+    "sigma_xx": ShownField(
+        r"stress $\sigma_{{{r}{r}}}$", "pressure", lambda f: f["stress"][:, 0], 0.0
+    ),
+    "sigma_yy": ShownField(
+        r"stress $\sigma_{{{t}{t}}}$", "pressure", lambda f: f["stress"][:, 4], 0.0
+    ),
     "sigma_zz": ShownField(r"stress $\sigma_{{zz}}$", "pressure", lambda f: f["stress"][:, 8], 0.0),
-    "sigma_xz": ShownField(r"stress $\sigma_{{{r}z}}$", "pressure", lambda f: f["stress"][:, 2], 0.0),
+    "sigma_xz": ShownField(
+        r"stress $\sigma_{{{r}z}}$", "pressure", lambda f: f["stress"][:, 2], 0.0
+    ),
     "J": ShownField("volume ratio J", "1", lambda f: f["J"], 1.0),
     "energy_density": ShownField("energy density ψ", "pressure", lambda f: f["energy_density"]),
-    "displacement": ShownField("displacement |u|", "length", lambda f: np.linalg.norm(f["displacement"], axis=1)),
-    "pore_pressure": ShownField("pore pressure p", "pressure", lambda f: f["pore_pressure"], 0.0, only=POROUS),
-    "fluid_content": ShownField("fluid content ζ", "1", lambda f: f["fluid_content"], 0.0, only=POROUS),
-    "swelling": ShownField("swelling ratio J", "1", lambda f: f["swelling"], least=None, only=SWOLLEN),
+    "displacement": ShownField(
+        "displacement |u|", "length", lambda f: np.linalg.norm(f["displacement"], axis=1)
+    ),
+    "pore_pressure": ShownField(
+        "pore pressure p", "pressure", lambda f: f["pore_pressure"], 0.0, only=POROUS
+    ),
+    "fluid_content": ShownField(
+        "fluid content ζ", "1", lambda f: f["fluid_content"], 0.0, only=POROUS
+    ),
+    "swelling": ShownField(
+        "swelling ratio J", "1", lambda f: f["swelling"], least=None, only=SWOLLEN
+    ),
 }
 
 
 @dataclass(frozen=True)
 class Section:
-    """A cut through the deformed body: triangles (m, 3) of points (n, 2) [length], and values (n,) of a field there.
+    """A cut through the deformed body: triangles (m, 3) of points (n, 2) [length], and values (n,)
+    of a field there.
 
-    faces: pairs (k, 2) of the points at the ends of lines between two regions: layers, skins, inclusions.
+    faces: pairs (k, 2) of the points at the ends of lines between two regions: layers, skins,
+    inclusions.
     """
 
     points: np.ndarray
@@ -83,7 +116,9 @@ class Section:
         image = np.column_stack([2 * middle - self.points[:, 0], self.points[:, 1]])
         triangles = np.concatenate([self.triangles, self.triangles[:, ::-1] + len(image)])
         faces = np.concatenate([self.faces, self.faces + len(image)])
-        return Section(np.concatenate([self.points, image]), triangles, np.tile(self.values, 2), faces)
+        return Section(
+            np.concatenate([self.points, image]), triangles, np.tile(self.values, 2), faces
+        )
 
     @cached_property
     def areas(self) -> np.ndarray:
@@ -92,7 +127,9 @@ class Section:
         return np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
 
     def slivers(self, least: float) -> np.ndarray:
-        """Which triangles are lower than `least` [length]: graded colours would be drawn beyond their sides."""
+        """Which triangles are lower than `least` [length]: graded colours would be drawn beyond
+        their sides.
+        """
         corners = self.points[self.triangles]
         longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
         return 2 * self.areas <= least * longest
@@ -113,42 +150,58 @@ def field_of(name: str) -> ShownField:
 
 
 def section_of(results: Results, step: float, field: ShownField) -> Section:
-    """The deformed section of a step in the plane through the tip's axis, its other half mirrored where it is one;
-    UsageError for a field that the result does not have."""
+    """The deformed section of a step in the plane through the tip's axis, its other half mirrored
+    where it is one; UsageError for a field that the result does not have.
+    """
     fields = read_fields(results.path, int(step))
     try:
         values = field.values(fields)
     except KeyError as missing:
-        raise UsageError(f"{results.path} has no field {missing.args[0]}", f"it is of {field.only}") from None
-    parts = [_part(fields, values, fields["region"] == region) for region in np.unique(fields["region"])]
+        raise UsageError(
+            f"{results.path} has no field {missing.args[0]}", f"it is of {field.only}"
+        ) from None
+    parts = [
+        _part(fields, values, fields["region"] == region) for region in np.unique(fields["region"])
+    ]
     center = np.array([*results.report.get("center", [0.0]), 0.0][:2])
     if fields["cells"].shape[1] == 4:
         y = fields["points"][:, 1]
         inside = np.clip(center[1], y.min() + 1e-6 * np.ptp(y), y.max() - 1e-6 * np.ptp(y))
         parts = [_cut(*part, inside) for part in parts]
     starts = np.cumsum([0, *(len(moved) for _, moved, *_ in parts[:-1])])
-    triangles = np.concatenate([cells + start for (_, _, cells, _), start in zip(parts, starts, strict=True)])
-    points, shown = np.concatenate([part[1] for part in parts]), np.concatenate([part[3] for part in parts])
+    triangles = np.concatenate(
+        [cells + start for (_, _, cells, _), start in zip(parts, starts, strict=True)]
+    )
+    points = np.concatenate([part[1] for part in parts])
+    shown = np.concatenate([part[3] for part in parts])
     regions = np.repeat(np.arange(len(parts)), [len(cells) for _, _, cells, _ in parts])
     section = Section(points[:, [0, 2]], triangles, shown, _faces(points, triangles, regions))
     left = fields["points"][:, 0].min()
-    is_half = choice(results.report, "symmetry") != "full" and left >= center[0] - 1e-9 * np.ptp(fields["points"][:, 0])
+    is_half = choice(results.report, "symmetry") != "full" and left >= center[0] - 1e-9 * np.ptp(
+        fields["points"][:, 0]
+    )
     return section.mirrored(center[0]) if is_half else section
 
 
 def _faces(points: np.ndarray, triangles: np.ndarray, regions: np.ndarray) -> np.ndarray:
-    """The edges (k, 2) that triangles of two regions, each with points of its own, have at one place."""
+    """The edges (k, 2) that triangles of two regions, each with points of its own, have at one
+    place.
+    """
     _, first, places = np.unique(points, axis=0, return_index=True, return_inverse=True)
     edges = np.sort(places.ravel()[triangles][:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
     found, which = np.unique(edges, axis=0, return_inverse=True)
-    low, high = np.full(len(found), regions.max()), np.zeros(len(found), dtype=regions.dtype)
+    low = np.full(len(found), regions.max())
+    high = np.zeros(len(found), dtype=regions.dtype)
     np.minimum.at(low, which.ravel(), np.repeat(regions, 3))
     np.maximum.at(high, which.ravel(), np.repeat(regions, 3))
     return np.asarray(first[found[low < high]])
 
 
 def _part(fields: dict[str, np.ndarray], values: np.ndarray, own: np.ndarray) -> Part:
-    """One region by itself: its field jumps where it ends. Values of cells become those of vertices, by volume."""
+    """One region by itself: its field jumps where it ends.
+
+    Values of cells become those of vertices, by volume.
+    """
     used, cells = np.unique(fields["cells"][own], return_inverse=True)
     cells = cells.reshape(-1, fields["cells"].shape[1])
     points = fields["points"][used]
@@ -166,15 +219,21 @@ def _at_vertices(points: np.ndarray, cells: np.ndarray, values: np.ndarray) -> n
     return total / np.bincount(cells.ravel(), np.repeat(weights, corners), len(points))
 
 
-def _cut(points: np.ndarray, moved: np.ndarray, cells: np.ndarray, values: np.ndarray, y: float) -> Part:
+def _cut(
+    points: np.ndarray, moved: np.ndarray, cells: np.ndarray, values: np.ndarray, y: float
+) -> Part:
     """The triangles in which the undeformed plane y cuts tetrahedra."""
     side = points[:, 1] - y
     count = (side[cells] > 0).sum(axis=1)
-    order = np.take_along_axis(cells, np.argsort(-side[cells], axis=1), axis=1)  # those in front come first
+    order = np.take_along_axis(
+        cells, np.argsort(-side[cells], axis=1), axis=1
+    )  # those in front come first
     corners = {1: [(0, 1), (0, 2), (0, 3)], 3: [(0, 3), (1, 3), (2, 3)]}
     pairs = [order[count == n][:, np.array(edges)] for n, edges in corners.items()]
     quads = order[count == 2]
-    pairs += [quads[:, np.array(edges)] for edges in ([(0, 2), (0, 3), (1, 3)], [(0, 2), (1, 3), (1, 2)])]
+    pairs += [
+        quads[:, np.array(edges)] for edges in ([(0, 2), (0, 3), (1, 3)], [(0, 2), (1, 3), (1, 2)])
+    ]
     ends = np.concatenate(pairs).reshape(-1, 2)
     share = (side[ends[:, 0]] / (side[ends[:, 0]] - side[ends[:, 1]]))[:, None]
     columns = np.column_stack([points, moved, values])
@@ -184,11 +243,15 @@ def _cut(points: np.ndarray, moved: np.ndarray, cells: np.ndarray, values: np.nd
 
 @dataclass(frozen=True)
 class FieldRow:
-    """A field of several results or steps, each with its words, side by side in one frame and with the same colours."""
+    """A field of several results or steps, each with its words, side by side in one frame and with
+    the same colours.
+    """
 
     shown: Sequence[tuple[Results, float, str]]
     field: ShownField
-    limits: tuple[float, float] | None = None  # of the colours, in the unit shown; None: those of the field
+    limits: tuple[float, float] | None = (
+        None  # of the colours, in the unit shown; None: those of the field
+    )
     # Contact radii to either side of the tip; infinite: the whole body; None: as it is seen best
     zoom: float | None = None
 
@@ -199,7 +262,9 @@ class FieldRow:
         for results, step, _ in self.shown:
             section = section_of(results, step, self.field)
             away = self.middle - middle_of([results])[0]
-            found.append(replace(section, points=section.points + np.array([away, 0.0])) if away else section)
+            found.append(
+                replace(section, points=section.points + np.array([away, 0.0])) if away else section
+            )
         return found
 
     @property
@@ -209,13 +274,18 @@ class FieldRow:
 
     @cached_property
     def frame(self) -> np.ndarray:
-        """(left, right, bottom, top) [length]: every contact with what is below it, or the whole of a small body."""
+        """(left, right, bottom, top) [length]: every contact with what is below it, or the whole of
+        a small body.
+        """
         points = np.concatenate([section.points for section in self.sections])
-        (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
+        (left, bottom) = points.min(axis=0)
+        (right, top) = points.max(axis=0)
         depths = [_at(run, step, "delta") for run, step, _ in self.shown]
         touched = max(_at(run, step, "a") for run, step, _ in self.shown)
         size = max(touched, *np.abs(depths))
-        if not touched > 0 and max(depths) <= LIFTED * size:  # by what swells: no contact to look at
+        if (
+            not touched > 0 and max(depths) <= LIFTED * size
+        ):  # by what swells: no contact to look at
             size = (top - bottom) / 2
         if self.zoom is not None:
             reach = self.zoom * size
@@ -225,7 +295,9 @@ class FieldRow:
         sides = (self.middle - reach, self.middle + reach)
         if right - left <= 2 * WHOLE_BODY_RATIO * reach:
             sides = (left, right)
-        return np.array([*sides, bottom if -bottom <= WHOLE_BODY_RATIO * reach else -reach, top + ABOVE * size])
+        return np.array(
+            [*sides, bottom if -bottom <= WHOLE_BODY_RATIO * reach else -reach, top + ABOVE * size]
+        )
 
     @property
     def aspect(self) -> float:
@@ -253,42 +325,64 @@ class FieldRow:
 
         aspect: height over width of the panels, where they are higher than the frame.
         """
-        runs, frame = [run for run, *_ in self.shown], self._framed(aspect)
+        runs = [run for run, *_ in self.shown]
+        frame = self._framed(aspect)
         length = scaled("length", runs, np.ptp(frame[:2]) / 2, middle_of(runs)[1])
         inside, areas = map(
-            np.concatenate, zip(*(section.inside(self.frame) for section in self.sections), strict=True)
+            np.concatenate,
+            zip(*(section.inside(self.frame) for section in self.sections), strict=True),
         )
-        first, kind = first_axis(runs[0]), self.field.kind
+        first = first_axis(runs[0])
+        kind = self.field.kind
         name = self.field.name.format(r=first, t={"r": r"\theta", "x": "y"}[first])
         axis = Axis(name) if kind == "1" else scaled(kind, runs, inside, name)
         low, high, colours = _colours(axis(inside), areas, self.field)
         low, high = self.limits or (low, high)
-        for axes, (run, step, words), section in zip(panels, self.shown[some], self.sections[some], strict=True):
+        for axes, (run, step, words), section in zip(
+            panels, self.shown[some], self.sections[some], strict=True
+        ):
             look = {"vmin": low, "vmax": high, "cmap": colours, "rasterized": True}
             drawn = _draw_section(axes, section, length, axis, SLIVER * np.ptp(frame[:2]), look)
             if (scene := scene_of(run.path)) is not None:
-                draw_tip(axes, scene, _at(run, step, "delta"), self.middle, float(np.ptp(frame[:2])), length)
+                draw_tip(
+                    axes,
+                    scene,
+                    _at(run, step, "delta"),
+                    self.middle,
+                    float(np.ptp(frame[:2])),
+                    length,
+                )
             axes.set(aspect="equal", xlim=length(frame[:2]), ylim=length(frame[2:]))
             axes.locator_params(nbins=5)
             title_over(axes, titled(run, step, words, apart="\n"))
             axes.set(xlabel=length.label, ylabel=Axis("z", unit=length.unit).label)
         ends = [axis(inside).min() < low, axis(inside).max() > high]
-        beyond = {(False, True): "max", (True, False): "min", (True, True): "both"}.get(tuple(ends), "neither")
+        beyond = {(False, True): "max", (True, False): "min", (True, True): "both"}.get(
+            tuple(ends), "neither"
+        )
         colour_bar(panels, drawn, axis.label, where, extend=beyond)
         if where == "right":
             for axes in panels:
                 axes.label_outer()
 
 
-def _draw_section(axes: Axes, section: Section, length: Axis, axis: Axis, least: float, look: dict[str, Any]) -> Any:
-    """The triangles of a section in graded colours, and those lower than `least` [length] in one colour each."""
+def _draw_section(
+    axes: Axes, section: Section, length: Axis, axis: Axis, least: float, look: dict[str, Any]
+) -> Any:
+    """The triangles of a section in graded colours, and those lower than `least` [length] in one
+    colour each.
+    """
     x, z, values = *length(section.points).T, axis(section.values)
     is_sliver = section.slivers(least)
     if is_sliver.any():
         small = section.triangles[is_sliver]
-        axes.tripcolor(x, z, small, facecolors=values[small].mean(axis=1), edgecolors="face", lw=0.3, **look)
+        axes.tripcolor(
+            x, z, small, facecolors=values[small].mean(axis=1), edgecolors="face", lw=0.3, **look
+        )
     if len(section.faces):
-        lines = np.pad(length(section.points[section.faces]), ((0, 0), (0, 1), (0, 0)), constant_values=np.nan)
+        lines = np.pad(
+            length(section.points[section.faces]), ((0, 0), (0, 1), (0, 0)), constant_values=np.nan
+        )
         axes.plot(*lines.reshape(-1, 2).T, color=GREY, lw=FACE_WIDTH)
     return axes.tripcolor(x, z, section.triangles[~is_sliver], values, shading="gouraud", **look)
 
@@ -298,11 +392,23 @@ def _at(results: Results, step: float, column: str) -> float:
 
 
 def _colours(values: np.ndarray, areas: np.ndarray, field: ShownField) -> tuple[float, float, Any]:
-    """The limits of the colours and their map: from the least up, or as far to both sides of the middle."""
+    """The limits of the colours and their map: from the least up, or as far to both sides of the
+    middle.
+    """
     middle = field.middle
-    begin = middle if middle is not None else field.least if field.least is not None else float(values.min())
+    begin = (
+        middle
+        if middle is not None
+        else field.least
+        if field.least is not None
+        else float(values.min())
+    )
     away = np.abs(values - begin)
     order = np.argsort(away)
     covered = np.cumsum(areas[order])
     high = float(away[order[np.searchsorted(covered, COLOURED_PERCENT / 100 * covered[-1])]]) or 1.0
-    return (begin, begin + high, "viridis") if middle is None else (begin - high, begin + high, "RdBu_r")
+    return (
+        (begin, begin + high, "viridis")
+        if middle is None
+        else (begin - high, begin + high, "RdBu_r")
+    )

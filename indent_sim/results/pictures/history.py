@@ -1,4 +1,6 @@
-"""A history of a body that is followed row by row: force over depth, and over time what the tip and the fluid do."""
+"""A history of a body that is followed row by row: force over depth, and over time what the tip and
+the fluid do.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,12 @@ from indent_sim.results.pictures.experiment import draw_branches, pieces
 from indent_sim.results.pictures.forces import subtitle
 from indent_sim.results.reader import Results
 
-PANEL_SIZE, LONE_WIDTH = (4.6, 3.5), 6.4  # inches of a panel, and the width of one that is alone
-LOG_RATIO = 1e3  # last time over the first one that is seen, from which on the axis of times is logarithmic
+# inches of a panel, and the width of one that is alone
+PANEL_SIZE = (4.6, 3.5)
+LONE_WIDTH = 6.4
+LOG_RATIO = (
+    1e3  # last time over the first one that is seen, from which on the axis of times is logarithmic
+)
 LEAST_SEEN = 1e-3  # of the largest force, or depth, from which on something is seen
 STATES = 5  # of a film
 LIMIT_STYLES = ("--", ":")  # before anything has flowed or relaxed, and when all has
@@ -35,36 +41,54 @@ def draw(results: Results, path: Path) -> None:
     across = 2 if len(panels) in (2, 4) else min(len(panels), 3)
     rows = [panels[k : k + across] for k in range(0, len(panels), across)]
     rows[-1] += ["."] * (across - len(rows[-1]))
-    with canvas((PANEL_SIZE[0] * across if across > 1 else LONE_WIDTH, PANEL_SIZE[1] * len(rows))) as figure:
+    with canvas(
+        (PANEL_SIZE[0] * across if across > 1 else LONE_WIDTH, PANEL_SIZE[1] * len(rows))
+    ) as figure:
         drawn: dict[str, Axes] = figure.subplot_mosaic(rows)
         time = results.report.get("time") or {}
         said = [f"in time by {time.get('method', 'steps')}", subtitle(results)]
         for name in panels:
             if name == "curve":
-                draw_branches(drawn[name], results.table, "delta", axis("delta", [results]), axis("force", [results]))
+                draw_branches(
+                    drawn[name],
+                    results.table,
+                    "delta",
+                    axis("delta", [results]),
+                    axis("force", [results]),
+                )
             else:
                 _draw_over_time(drawn[name], results, name)
         _draw_limits(results, drawn, drawn[panels[0]])
         legend_below(figure, drawn[panels[0]])
-        head(figure, results.report.get("title") or path.parent.name, "  \N{MIDDLE DOT}  ".join(filter(None, said)))
+        head(
+            figure,
+            results.report.get("title") or path.parent.name,
+            "  \N{MIDDLE DOT}  ".join(filter(None, said)),
+        )
         save(figure, path)
 
 
 def shown(results: Results) -> list[str]:
-    """The panels: "curve", the force over a depth that changes, and columns that change over time; one at least."""
-    force, delta = results["force"], results["delta"]
+    """The panels: "curve", the force over a depth that changes, and columns that change over time;
+    one at least.
+    """
+    force = results["force"]
+    delta = results["delta"]
     is_loaded = bool(np.any(force != 0))
     found = ["curve"] if is_loaded and np.ptp(delta) > 0 else []
     found += ["force"] if np.ptp(force) > 0 else []
     found += ["delta"] if results.report.get("control") == "force" else []
     found += ["a"] if is_loaded else []
-    found += ["pore_pressure_max"] if np.any(results.table.get("pore_pressure_max", 0.0) > 0) else []
+    found += (
+        ["pore_pressure_max"] if np.any(results.table.get("pore_pressure_max", 0.0) > 0) else []
+    )
     return found or ["force"]
 
 
 def _draw_over_time(axes: Axes, results: Results, name: str) -> None:
     """A column over the time, logarithmic where most would else stand at its left end."""
-    t, column = time_axis([results]), axis(name, [results])
+    t = time_axis([results])
+    column = axis(name, [results])
     if not _spans_decades(results):
         draw_branches(axes, results.table, "t", t, column, name)
         return
@@ -74,25 +98,34 @@ def _draw_over_time(axes: Axes, results: Results, name: str) -> None:
 
 
 def draw_over_time(axes: Axes, runs: Sequence[Results], names: Sequence[str]) -> None:
-    """What answers in each of several runs over their times: the force, or where all prescribe it the depth.
+    """What answers in each of several runs over their times: the force, or where all prescribe it
+    the depth.
 
     UsageError for a run without times.
     """
     if bare := [run for run in runs if np.isnan(run.table.get("t", np.nan)).all()]:
-        raise UsageError(f"{bare[0].path} has no times", "loading.history and force_history give some")
+        raise UsageError(
+            f"{bare[0].path} has no times", "loading.history and force_history give some"
+        )
     asked = "delta" if all(run.report.get("control") == "force" for run in runs) else "force"
-    t, column = time_axis(runs), axis(asked, runs)
+    t = time_axis(runs)
+    column = axis(asked, runs)
     is_wide = all(_spans_decades(run) for run in runs)
     for i, (run, name) in enumerate(zip(runs, names, strict=True)):
-        colour, label = curves.look(i, len(runs))["color"], name
+        colour = curves.look(i, len(runs))["color"]
+        label = name
         for begin, end in pieces(run.table.get("branch", np.zeros(len(run)))):
             piece = slice(max(begin - 1, 0), end)
-            points = (_smooth_in_log if is_wide else smooth)(t(run["t"][piece]), column(run[asked][piece]))
+            points = (_smooth_in_log if is_wide else smooth)(
+                t(run["t"][piece]), column(run[asked][piece])
+            )
             axes.plot(*points, color=colour, lw=1.5, label=label)
             label = "_"  # named once
     if is_wide:
         axes.set_xscale("log")
-        axes.set_xlim(min(t(first_seen(run)) for run in runs), 1.2 * max(t(run["t"][-1]) for run in runs))
+        axes.set_xlim(
+            min(t(first_seen(run)) for run in runs), 1.2 * max(t(run["t"][-1]) for run in runs)
+        )
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
     axes.set(xlabel=t.label, ylabel=column.label)
 
@@ -105,8 +138,9 @@ def _smooth_in_log(t: np.ndarray, y: np.ndarray) -> Points:
 
 
 def _draw_limits(results: Results, drawn: dict[str, Axes], named: Axes) -> None:
-    """What a linear body does before anything has flowed or relaxed, and when all has: the force at the deepest depth,
-    or the depth of the largest force."""
+    """What a linear body does before anything has flowed or relaxed, and when all has: the force at
+    the deepest depth, or the depth of the largest force.
+    """
     asked = "delta" if results.report.get("control") == "force" else "force"
     limits = (results.report.get("time") or {}).get("limits") or {}
     if asked not in drawn or choice(results.report, "strain") != "small":
@@ -120,8 +154,12 @@ def _draw_limits(results: Results, drawn: dict[str, Axes], named: Axes) -> None:
 
 
 def first_seen(results: Results) -> float:
-    """The first time after 0 at which a force, or where forces are prescribed a depth, is there to be seen."""
-    size = np.abs(np.nan_to_num(results["delta" if results.report.get("control") == "force" else "force"]))
+    """The first time after 0 at which a force, or where forces are prescribed a depth, is there to
+    be seen.
+    """
+    size = np.abs(
+        np.nan_to_num(results["delta" if results.report.get("control") == "force" else "force"])
+    )
     later = results["t"] > 0
     seen = later & (size >= LEAST_SEEN * size.max(initial=0.0))
     return float(results["t"][np.argmax(seen if seen.any() else later)])
@@ -134,8 +172,9 @@ def _spans_decades(results: Results) -> bool:
 
 
 def spread(results: Results, steps: Sequence[int]) -> list[int]:
-    """About STATES of some steps for a film: evenly, of a body in time over the logarithm of time from what is first
-    seen on, and with that of the largest force."""
+    """About STATES of some steps for a film: evenly, of a body in time over the logarithm of time
+    from what is first seen on, and with that of the largest force.
+    """
     if len(steps) <= STATES + 1:
         return list(steps)
     if not is_of_body(results.report):
@@ -143,7 +182,9 @@ def spread(results: Results, steps: Sequence[int]) -> list[int]:
     rows = np.searchsorted(results["step"], steps)
     begin = min(results["t"][0], 0.0)
     t = np.log(np.maximum(results["t"][rows] - begin, first_seen(results) - begin))
-    chosen = {int(np.argmin(np.abs(t - at))) for at in np.linspace(t[0], t[-1], STATES)} | {len(steps) - 1}
+    chosen = {int(np.argmin(np.abs(t - at))) for at in np.linspace(t[0], t[-1], STATES)} | {
+        len(steps) - 1
+    }
     if np.any(results["force"][rows] > 0):
         chosen.add(int(np.argmax(results["force"][rows])))
     return [steps[k] for k in sorted(chosen)]

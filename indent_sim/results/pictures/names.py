@@ -22,7 +22,9 @@ def in_order(name: str) -> list[tuple[float, str]]:
 
 
 def names_of(runs: Sequence[Results]) -> list[str]:
-    """Short names: titles where they differ, else the keys of the configs that do, else the folders' own."""
+    """Short names: titles where they differ, else the keys of the configs that do, else the
+    folders' own.
+    """
     titles = [run.report.get("title", "") for run in runs]
     if all(titles) and len(set(titles)) == len(titles) and len(titles) > 1:
         return titles
@@ -40,11 +42,21 @@ def _differences(runs: Sequence[Results]) -> list[str]:
         return [""] * len(runs)
     chosen = {key for run in runs for key in run.report.get("plan", {}).get("auto", [])}
     keys = list(dict.fromkeys(key for config in configs for key in config))
-    keys = [key for key in keys if key not in chosen and key.split(".")[0] not in ("title", "units", "output")]
+    keys = [
+        key
+        for key in keys
+        if key not in chosen and key.split(".")[0] not in ("title", "units", "output")
+    ]
     told = [key for key in keys if len({str(config.get(key)) for config in configs}) > 1]
     settings = [[(key.rpartition(".")[2], config.get(key)) for key in told] for config in configs]
-    words = [", ".join(f"{name} {short(value)}" for name, value in one if value is not None) for one in settings]
-    return [text if len(text) <= MOST_NAME_LETTERS else f"{text[: MOST_NAME_LETTERS - 1]}…" for text in words]
+    words = [
+        ", ".join(f"{name} {short(value)}" for name, value in one if value is not None)
+        for one in settings
+    ]
+    return [
+        text if len(text) <= MOST_NAME_LETTERS else f"{text[: MOST_NAME_LETTERS - 1]}…"
+        for text in words
+    ]
 
 
 def config_of(folder: Path) -> Report:

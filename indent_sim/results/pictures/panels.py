@@ -42,20 +42,27 @@ OF_PANELS = {
 MM = 1 / 25.4  # inches
 PANEL_WIDTH = 4.4  # inches: width of a panel where no width is asked for
 LINE_ASPECT = 0.72  # height over width of panels of curves
-WORDS = (
-    1.6  # inches: around the panels of a line for words, numbers and bars, before the layout says how much they take
-)
+# inches: around the panels of a line for words, numbers and bars, before the layout says how much
+# they take
+WORDS = 1.6
 FITTINGS = 2  # the second time the layout knows how high the panels are
-MOST_IN_ROW, MOST_IN_FILM, MOST_WIDE, MOST_PANELS = 4, 6, 3, 40
+MOST_IN_ROW = 4
+MOST_IN_FILM = 6
+MOST_WIDE = 3
+MOST_PANELS = 40
 T = TypeVar("T")
 NARROWEST_CELL = 1.5  # inches: a panel of a layout at the standard font size
-NARROWEST_LINES, NARROWEST_MAPS = 2.6, 1.8  # inches: panels at the standard font size
+# inches: panels at the standard font size
+NARROWEST_LINES = 2.6
+NARROWEST_MAPS = 1.8
 Shown = tuple[Results, float, str]  # a result, a step, and what tells them from the others in words
 
 
 @dataclass(frozen=True)
 class Wish:
-    """What a picture shall show. steps: numbers, last or all; "": the step of the largest force; width [mm]."""
+    """What a picture shall show. steps: numbers, last or all; "": the step of the largest force;
+    width [mm].
+    """
 
     what: tuple[str, ...]
     fields: tuple[str, ...] = ("von_mises",)
@@ -66,11 +73,17 @@ class Wish:
     layout: tuple[int, int] | None = None  # rows and columns of all panels; None: as they have room
     letters: Literal["", "a"] = ""  # before the panels: none, or (a), (b), ...
     dpi: float | None = None  # of what is drawn point by point
-    limits: tuple[float, float] | None = None  # of the colours of maps and of pressures, in the unit shown
-    zoom: float | None = None  # contact radii around the tip that fields show; infinite: the whole body
+    limits: tuple[float, float] | None = (
+        None  # of the colours of maps and of pressures, in the unit shown
+    )
+    zoom: float | None = (
+        None  # contact radii around the tip that fields show; infinite: the whole body
+    )
 
     def side_by_side(self, narrowest: float, most: int) -> int:
-        """How many panels stand side by side, none narrower than so many inches at the standard font size."""
+        """How many panels stand side by side, none narrower than so many inches at the standard
+        font size.
+        """
         room = self.width * MM / (narrowest * self.font / canvas.FONT) if self.width else most
         return int(np.clip(room, 1, most))
 
@@ -81,7 +94,9 @@ class Wish:
 
 
 def wish(given: Mapping[str, Any]) -> Wish:
-    """The wish of some options; UsageError for words that are none, and for options that would have no effect."""
+    """The wish of some options; UsageError for words that are none, and for options that would have
+    no effect.
+    """
     found = Wish(**{"what": ("force",), **given})
     if unknown := [word for word in found.what if word not in WHAT]:
         raise UsageError(f"--what {unknown[0]} is none of {', '.join(WHAT)}")
@@ -89,9 +104,13 @@ def wish(given: Mapping[str, Any]) -> Wish:
         if name in given and not set(found.what) & set(heeding):
             raise UsageError(f"{option} belongs to --what {' or '.join(heeding)}")
     if found.limits is not None and not found.limits[0] < found.limits[1]:
-        raise UsageError(f"--limits {found.limits[0]:g}:{found.limits[1]:g}: the first must be below the second")
+        raise UsageError(
+            f"--limits {found.limits[0]:g}:{found.limits[1]:g}: the first must be below the second"
+        )
     if "steps" in given and not set(found.what) & set(OF_STEPS):
-        raise UsageError(f"--steps belongs to --what {' or '.join(OF_STEPS)}: the force is drawn at every step")
+        raise UsageError(
+            f"--steps belongs to --what {' or '.join(OF_STEPS)}: the force is drawn at every step"
+        )
     if wrong := [word for word in found.steps if not (word in ("last", "all") or word.isdecimal())]:
         raise UsageError(f"--steps {wrong[0]} is neither a step nor last nor all")
     if wrong := [kind for kind in found.units if kind not in BASE_UNITS]:
@@ -105,8 +124,8 @@ def wish(given: Mapping[str, Any]) -> Wish:
 class _Panel:
     """One panel.
 
-    draw: draws into it, when it is told its height over its width; draw_alone: the same in a figure of somebody else;
-    aspect: what the height over the width is at least, None where any will do.
+    draw: draws into it, when it is told its height over its width; draw_alone: the same in a figure
+    of somebody else; aspect: what the height over the width is at least, None where any will do.
     """
 
     draw: Callable[[Axes, float], None]
@@ -116,7 +135,9 @@ class _Panel:
 
 @dataclass(frozen=True)
 class _Row:
-    """Panels of one size in so many lines and columns: their height over their width, and what draws them."""
+    """Panels of one size in so many lines and columns: their height over their width, and what
+    draws them.
+    """
 
     lines: int
     columns: int
@@ -125,15 +146,18 @@ class _Row:
 
 
 def draw(runs: Sequence[Results], wish: Wish, path: Path | str) -> None:
-    """Draw what was wished for into a file; UsageError as `pictured`, and for a file that is no picture."""
+    """Draw what was wished for into a file; UsageError as `pictured`, and for a file that is no
+    picture.
+    """
     canvas.format_of(Path(path))
     with pictured(runs, wish) as figure:
         canvas.save(figure, path, *([wish.dpi] if wish.dpi else []))
 
 
 def draw_results(runs: Sequence[Results], path: Path | str) -> None:
-    """The picture of results of which nothing was wished for: of a body in time its history, of several forces over
-    time and depth, else forces over depth."""
+    """The picture of results of which nothing was wished for: of a body in time its history, of
+    several forces over time and depth, else forces over depth.
+    """
     if not all(history.is_of_body(run.report) for run in runs):
         overlay(runs, path)
     elif len(runs) == 1:
@@ -144,15 +168,24 @@ def draw_results(runs: Sequence[Results], path: Path | str) -> None:
 
 @contextmanager
 def pictured(runs: Sequence[Results], wish: Wish) -> Iterator[Figure]:
-    """The figure of what was wished for; UsageError for steps, fields and panels that the results do not have."""
+    """The figure of what was wished for; UsageError for steps, fields and panels that the results
+    do not have.
+    """
     if wish.units:
         runs = [replace(run, report=run.report | {SHOWN_UNITS: dict(wish.units)}) for run in runs]
     runs, names = named_apart(runs) if len(runs) > 1 else (list(runs), [""])
     _refuse_too_many(runs, names, wish)
     rows = _laid_out(runs, names, wish) if wish.layout else _as_they_have_room(runs, names, wish)
-    width = wish.width * MM if wish.width else PANEL_WIDTH * min(MOST_WIDE, max(row.columns for row in rows))
+    width = (
+        wish.width * MM
+        if wish.width
+        else PANEL_WIDTH * min(MOST_WIDE, max(row.columns for row in rows))
+    )
     words = WORDS + canvas.LINE * (len(runs) + len(wish.what))
-    heights = [row.lines * (row.aspect * width / row.columns + words) * wish.font / canvas.FONT for row in rows]
+    heights = [
+        row.lines * (row.aspect * width / row.columns + words) * wish.font / canvas.FONT
+        for row in rows
+    ]
     with canvas.canvas((width, sum(heights)), wish.font) as figure:
         grid = figure.add_gridspec(len(rows), 1, height_ratios=heights)
         parts = [figure.add_subfigure(place) for place in grid]
@@ -160,7 +193,9 @@ def pictured(runs: Sequence[Results], wish: Wish) -> Iterator[Figure]:
         if wish.letters:
             _letter(figure)
         true = [axes for axes in figure.axes if axes.get_aspect() != "auto"]
-        for axes in true:  # the layout leaves no room for the numbers of one that is smaller than its place
+        for axes in (
+            true
+        ):  # the layout leaves no room for the numbers of one that is smaller than its place
             axes.set_aspect("auto")
         for _ in range(FITTINGS):
             canvas.find_places(figure)
@@ -175,25 +210,35 @@ def pictured(runs: Sequence[Results], wish: Wish) -> Iterator[Figure]:
 
 
 def _height(row: _Row, part: SubFigure, panels: Sequence[Axes], dpi: float) -> float:
-    """The height of a row [inches] in which its panels have the height over width that they are drawn for."""
-    wide, high = part.bbox.width / dpi, part.bbox.height / dpi
+    """The height of a row [inches] in which its panels have the height over width that they are
+    drawn for.
+    """
+    wide = part.bbox.width / dpi
+    high = part.bbox.height / dpi
     panel = panels[0].get_position(original=True)
     return high + row.lines * (row.aspect * panel.width * wide - panel.height * high)
 
 
 def draw_into(axes: Axes, runs: Sequence[Results], wish: Wish) -> None:
-    """Draw the one panel that was wished for into axes of somebody else's figure, with its legend inside.
+    """Draw the one panel that was wished for into axes of somebody else's figure, with its legend
+    inside.
 
-    UsageError as `pictured`, for several panels, and for a wish of the whole picture (width, font, layout, letters).
+    UsageError as `pictured`, for several panels, and for a wish of the whole picture (width, font,
+    layout, letters).
     """
     if (wish.width, wish.font, wish.layout, wish.letters) != (None, canvas.FONT, None, ""):
-        raise UsageError("width, font, layout and letters are those of the figure that ax belongs to")
+        raise UsageError(
+            "width, font, layout and letters are those of the figure that ax belongs to"
+        )
     if wish.units:
         runs = [replace(run, report=run.report | {SHOWN_UNITS: dict(wish.units)}) for run in runs]
     runs, names = named_apart(runs) if len(runs) > 1 else (list(runs), [""])
     panels = _every_panel(runs, names, wish)
     if len(panels) != 1:
-        raise UsageError(f"ax is for one panel, these are {len(panels)}", "name one of --what, --field and --steps")
+        raise UsageError(
+            f"ax is for one panel, these are {len(panels)}",
+            "name one of --what, --field and --steps",
+        )
     panels[0].draw_alone(axes)
 
 
@@ -208,7 +253,9 @@ def _every_panel(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> l
 
 
 def _refuse_too_many(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> None:
-    """UsageError for more panels than a picture has; all kinds, fields and steps of all results are counted."""
+    """UsageError for more panels than a picture has; all kinds, fields and steps of all results are
+    counted.
+    """
     count = 0
     for what in wish.what:
         if what in MAPPED:
@@ -233,7 +280,9 @@ def _letter(figure: Figure) -> None:
 
 
 def _as_they_have_room(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Row]:
-    """Panels that stand alone side by side, then every map of which there are several, with one bar of colours."""
+    """Panels that stand alone side by side, then every map of which there are several, with one bar
+    of colours.
+    """
     alone: list[_Panel] = []
     together: list[_Row] = []
     for what in wish.what:
@@ -242,7 +291,9 @@ def _as_they_have_room(runs: Sequence[Results], names: Sequence[str], wish: Wish
             if len(maps.shown) == 1:
                 alone.append(_map_panel(maps, 0))
             else:
-                most = wish.side_by_side(NARROWEST_MAPS, MOST_IN_FILM if what == "film" else MOST_IN_ROW)
+                most = wish.side_by_side(
+                    NARROWEST_MAPS, MOST_IN_FILM if what == "film" else MOST_IN_ROW
+                )
                 together.append(_map_row(maps, most))
     most = wish.side_by_side(NARROWEST_LINES, MOST_WIDE)
     columns = 2 if len(alone) == 4 and most > 2 else min(most, max(1, len(alone)))
@@ -258,15 +309,23 @@ def _laid_out(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list
         raise UsageError(problem, f"a picture has {MOST_PANELS} at most")
     panels = _every_panel(runs, names, wish)
     if len(panels) > count * columns:
-        raise UsageError(f"--layout {count}x{columns} has room for {count * columns} panels; these are {len(panels)}")
+        raise UsageError(
+            f"--layout {count}x{columns} has room for {count * columns} panels; these are "
+            f"{len(panels)}"
+        )
     narrow = NARROWEST_CELL * wish.font / canvas.FONT
     if wish.width and wish.width * MM < columns * narrow:
         least = columns * narrow / MM
-        raise UsageError(f"{columns} panels side by side with letters of {wish.font:g} pt need --width {least:.0f}")
+        raise UsageError(
+            f"{columns} panels side by side with letters of {wish.font:g} pt need --width "
+            f"{least:.0f}"
+        )
     return [_side_by_side(part, columns) for part in _in_rows(panels, columns)]
 
 
-def _line_panels(runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str) -> list[_Panel]:
+def _line_panels(
+    runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str
+) -> list[_Panel]:
     """The panels of curves of one kind."""
     named = names if len(runs) > 1 else ("this run",)
     if what == "force":
@@ -275,7 +334,9 @@ def _line_panels(runs: Sequence[Results], names: Sequence[str], wish: Wish, what
     if what == "time":
         return [_line_panel(partial(history.draw_over_time, runs=runs, names=named))]
     if what == "profile":
-        return [_line_panel(partial(draw_profiles, shown=_coloured(_shown(runs, names, wish, what))))]
+        return [
+            _line_panel(partial(draw_profiles, shown=_coloured(_shown(runs, names, wish, what))))
+        ]
     if what in PRESSED:
         return _pressure_curves(runs, names, wish, what)
     return []
@@ -295,22 +356,34 @@ def _line_panel(draw: Callable[[Axes], None]) -> _Panel:
     return _Panel(into, alone)
 
 
-def _pressure_curves(runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str) -> list[_Panel]:
-    """Pressures as curves: over the radius, or of a surface of two dimensions on a line through the tip's axis."""
+def _pressure_curves(
+    runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str
+) -> list[_Panel]:
+    """Pressures as curves: over the radius, or of a surface of two dimensions on a line through the
+    tip's axis.
+    """
     along: Literal[0, 1] = 1 if what == "pressure_y" else 0
     told = []
     for run, step, name, colour in _coloured(_shown(runs, names, wish, what)):
         contact = contact_of(run, step)
         has_two = np.ptp(contact.y) > 0
         if along == 1 and not has_two:
-            raise UsageError(f"{run.path} has no y axis: --what pressure_y is of bodies in three dimensions")
+            raise UsageError(
+                f"{run.path} has no y axis: --what pressure_y is of bodies in three dimensions"
+            )
         if has_two and what == "pressure":
             continue  # which is a map
         told.append((run, on_axis(contact, along) if has_two else contact, name, colour))
-    return [_line_panel(partial(draw_pressures, shown=told, limits=wish.limits, along=along))] if told else []
+    return (
+        [_line_panel(partial(draw_pressures, shown=told, limits=wish.limits, along=along))]
+        if told
+        else []
+    )
 
 
-def _maps(runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str) -> Iterator[FieldRow | PressureMaps]:
+def _maps(
+    runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str
+) -> Iterator[FieldRow | PressureMaps]:
     """The maps of one kind, those of one quantity together."""
     if what == "pressure":
         found = _shown(runs, names, wish, what)
@@ -332,8 +405,12 @@ def _map_panel(maps: FieldRow | PressureMaps, i: int) -> _Panel:
 
 
 def _side_by_side(panels: Sequence[_Panel], columns: int) -> _Row:
-    """Panels side by side, of one height and one baseline, each as wide as the others, be the row full or not."""
-    aspect = max((panel.aspect for panel in panels if panel.aspect is not None), default=LINE_ASPECT)
+    """Panels side by side, of one height and one baseline, each as wide as the others, be the row
+    full or not.
+    """
+    aspect = max(
+        (panel.aspect for panel in panels if panel.aspect is not None), default=LINE_ASPECT
+    )
 
     def into(part: SubFigure) -> Sequence[Axes]:
         places = list(part.subplots(1, columns, squeeze=False)[0])
@@ -353,7 +430,9 @@ def _map_row(maps: FieldRow | PressureMaps, most: int) -> _Row:
 
     def into(part: SubFigure) -> Sequence[Axes]:
         is_shared = isinstance(maps, FieldRow)  # each pressure is seen around its own tip
-        axes = part.subplots(lines, columns, squeeze=False, sharex=is_shared, sharey=is_shared).ravel()
+        axes = part.subplots(
+            lines, columns, squeeze=False, sharex=is_shared, sharey=is_shared
+        ).ravel()
         for unused in axes[len(maps.shown) :]:
             unused.remove()
         maps.draw(list(axes[: len(maps.shown)]))
@@ -368,23 +447,37 @@ def _in_rows(panels: Sequence[T], most: int) -> list[Sequence[T]]:
 
 
 def _coloured(shown: Sequence[Shown]) -> list[tuple[Results, float, str, Any]]:
-    """With the words that tell a curve from the others and its colour: steps from dark to light, results by hue."""
+    """With the words that tell a curve from the others and its colour: steps from dark to light,
+    results by hue.
+    """
     many = len(shown)
     single = len({id(run) for run, *_ in shown}) == 1
-    colours = [curves.shade(i, many) if single and many > 1 else curves.look(i, many)["color"] for i in range(many)]
+    colours = [
+        curves.shade(i, many) if single and many > 1 else curves.look(i, many)["color"]
+        for i in range(many)
+    ]
     return [(*one[:2], titled(*one), colour) for one, colour in zip(shown, colours, strict=True)]
 
 
 def _shown(runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str) -> list[Shown]:
     """Every result at every step asked for; UsageError where one is missing."""
-    found = [(run, step, name) for run, name in zip(runs, names, strict=True) for step in _steps(run, wish, what)]
+    found = [
+        (run, step, name)
+        for run, name in zip(runs, names, strict=True)
+        for step in _steps(run, wish, what)
+    ]
     if len(found) > MOST_PANELS:
-        raise UsageError(f"{len(found)} curves or panels of {what} are too many for one picture; name fewer --steps")
+        raise UsageError(
+            f"{len(found)} curves or panels of {what} are too many for one picture; name "
+            "fewer --steps"
+        )
     return found
 
 
 def _steps(run: Results, wish: Wish, what: str) -> list[float]:
-    """The steps of a result that are shown: those asked for, or that of the largest force, of a film some of all."""
+    """The steps of a result that are shown: those asked for, or that of the largest force, of a
+    film some of all.
+    """
     key = "fields" if what in MAPPED else "surface"
     known = kept_steps(run.path, run["step"]) if key == "fields" else run.surface.get("step", ())
     there = sorted(set(map(int, known)))
@@ -393,13 +486,21 @@ def _steps(run: Results, wish: Wish, what: str) -> list[float]:
         raise UsageError(f"{run.path} has no {key}; run it with --set output.{key}={kept}")
     if what == "film" and not wish.steps:
         if len(there) < len(run):
-            problem = f"{run.path} has fields of {len(there)} of {len(run)} steps, and a film is of all"
+            problem = (
+                f"{run.path} has fields of {len(there)} of {len(run)} steps, and a film is of all"
+            )
             raise UsageError(problem, "run it with --set output.fields=all, or name --steps")
         return [float(step) for step in history.spread(run, there)]
     asked = [there[-1] if word == "last" else word for word in wish.steps]
     drawn = replace(run, surface={"step": np.array(there, dtype=float)})
-    steps = there if "all" in asked else [int(word) for word in asked] or [int(strongest_step(drawn) or there[-1])]
+    steps = (
+        there
+        if "all" in asked
+        else [int(word) for word in asked] or [int(strongest_step(drawn) or there[-1])]
+    )
     if missing := [step for step in steps if step not in there]:
-        problem = f"{run.path} has no {key} of step {missing[0]}, only of {', '.join(map(str, there))}"
+        problem = (
+            f"{run.path} has no {key} of step {missing[0]}, only of {', '.join(map(str, there))}"
+        )
         raise UsageError(f"{problem}; output.{key}: all keeps every step")
     return [float(step) for step in steps]

@@ -11,32 +11,65 @@ import numpy as np
 
 from indent_sim.model.tips import reach
 from indent_sim.results.outline import scene_of
-from indent_sim.results.pictures.axes import Axis, axis, choice, first_axis, middle_of, scaled, time_said
-from indent_sim.results.pictures.canvas import COLOURS, GREY, Axes, Look, Where, colour_bar, from_zero, title_over
+from indent_sim.results.pictures.axes import (
+    Axis,
+    axis,
+    choice,
+    first_axis,
+    middle_of,
+    scaled,
+    time_said,
+)
+from indent_sim.results.pictures.canvas import (
+    COLOURS,
+    GREY,
+    Axes,
+    Look,
+    Where,
+    colour_bar,
+    from_zero,
+    title_over,
+)
 from indent_sim.results.pictures.profile import on_line
 from indent_sim.results.reader import Results
 
-# Medians inside the contact up to which a peak is shown: beside a singular edge nothing else would be seen
+# Medians inside the contact up to which a peak is shown: beside a singular edge nothing else would
+# be seen
 PEAK_MEDIANS = 5.0
 PRESSURE_VIEW = 1.5  # contact radii around the tip in which the pressure is shown
-PRESSED_SHARE = 0.02  # of the median pressure within the contact radius: beyond it there is contact, below a ripple
-BESIDE_KINK = 1.5  # elements beside a kink of the tip, an infinite pressure, in which the mesh says what it is
+# of the median pressure within the contact radius: beyond it there is contact, below a ripple
+PRESSED_SHARE = 0.02
+# elements beside a kink of the tip, an infinite pressure, in which the mesh says what it is
+BESIDE_KINK = 1.5
 BESIDE_END = 4.0  # the same beside its end: one over a square root, no logarithm
-TOUCHED_RADII = 1.02  # contact radii up to which the tip touches, for the radius of a row is of its nodes
-OFF_MIDDLE = 0.1  # of an element: how far its deformed middle node may be from halfway between its ends
+TOUCHED_RADII = (
+    1.02  # contact radii up to which the tip touches, for the radius of a row is of its nodes
+)
+OFF_MIDDLE = (
+    0.1  # of an element: how far its deformed middle node may be from halfway between its ends
+)
 AT_REST = 1e-6  # of the largest depth: a search for a force of 0 ends as near to 0 as that
-UNPRESSED = "#00224e"  # the darkest of the map's colours: behind words that may stand beside the body
-BAR = (1.07, 0.0, 0.07, 1.0)  # of colours beside a map: left, bottom, width, height in parts of the map
+UNPRESSED = (
+    "#00224e"  # the darkest of the map's colours: behind words that may stand beside the body
+)
+BAR = (
+    1.07,
+    0.0,
+    0.07,
+    1.0,
+)  # of colours beside a map: left, bottom, width, height in parts of the map
 
 
 @dataclass(frozen=True)
 class PressedSurface:
-    """The contact surface of one step around the tip: places (n,) from the tip's axis, pressure (n,), as modelled.
+    """The contact surface of one step around the tip: places (n,) from the tip's axis, pressure
+    (n,), as modelled.
 
-    Places are those of the deformed surface where the gap is tested there, as the contact radius is then.
-    mirrored: the axes (x, y) along which the modelled part ends at the tip's axis; a [length] of the contact;
-    infinite: distances from the axis at which the pressure has no bound, and how far from there a mesh finds what its
-    own size makes it. With friction the shear (n,) and the radius [length] of what sticks.
+    Places are those of the deformed surface where the gap is tested there, as the contact radius is
+    then. mirrored: the axes (x, y) along which the modelled part ends at the tip's axis; a [length]
+    of the contact; infinite: distances from the axis at which the pressure has no bound, and how
+    far from there a mesh finds what its own size makes it. With friction the shear (n,) and the
+    radius [length] of what sticks.
     """
 
     x: np.ndarray
@@ -52,45 +85,68 @@ class PressedSurface:
     @property
     def typical(self) -> float:
         """The median of the pressure's size inside the contact."""
-        inside, size = np.hypot(self.x, self.y) <= self.a, np.abs(self.p)
+        inside = np.hypot(self.x, self.y) <= self.a
+        size = np.abs(self.p)
         return float(np.median(size[inside])) if inside.any() else float(size.max(initial=0.0))
 
     @property
     def reach(self) -> float:
-        """The half width of the frame around the tip [length]: PRESSURE_VIEW radii, and all that is pressed or pulled.
+        """The half width of the frame around the tip [length]: PRESSURE_VIEW radii, and all that is
+        pressed or pulled.
 
-        Corners of a contact with few sides are farther from the tip than PRESSURE_VIEW radii of a circle with its area.
+        Corners of a contact with few sides are farther from the tip than PRESSURE_VIEW radii of a
+        circle with its area.
         """
         pressed = np.abs(self.p) > PRESSED_SHARE * self.typical
-        farthest = max(np.abs(self.x[pressed]).max(initial=0.0), np.abs(self.y[pressed]).max(initial=0.0))
+        farthest = max(
+            np.abs(self.x[pressed]).max(initial=0.0), np.abs(self.y[pressed]).max(initial=0.0)
+        )
         return max(PRESSURE_VIEW * self.a, farthest + 0.1 * self.a)  # around what is pressed
 
     def bounded(self) -> np.ndarray:
         """Which points are not beside a place of infinite pressure (n,)."""
         r = np.hypot(self.x, self.y)
-        return np.all([np.ones(len(r)), *(np.abs(r - place) > beside for place, beside in self.infinite)], axis=0)
+        return np.all(
+            [np.ones(len(r)), *(np.abs(r - place) > beside for place, beside in self.infinite)],
+            axis=0,
+        )
 
     def profile(self, middle: float) -> tuple[np.ndarray, np.ndarray]:
-        """Places along a line [length], the tip at `middle`, and the pressure there, NaN beside an infinite one."""
+        """Places along a line [length], the tip at `middle`, and the pressure there, NaN beside an
+        infinite one.
+        """
         order = np.argsort(self.x)
-        return self._along_line(self.x[order], np.where(self.bounded(), self.p, np.nan)[order], middle)
+        return self._along_line(
+            self.x[order], np.where(self.bounded(), self.p, np.nan)[order], middle
+        )
 
     def shear_profile(self, middle: float) -> tuple[np.ndarray, np.ndarray]:
-        """Places along a line [length], the tip at `middle`, and the size of the shear's means over the elements there.
+        """Places along a line [length], the tip at `middle`, and the size of the shear's means over
+        the elements there.
 
-        Between the nodes of an element it says in which step each came into contact: under a tip that sticks it goes
-        up and down by as much as its mean.
+        Between the nodes of an element it says in which step each came into contact: under a tip
+        that sticks it goes up and down by as much as its mean.
         """
         assert self.shear is not None
         order = np.argsort(self.x)
-        x, tau = self.x[order], self.shear[order]
-        if len(x) % 2 and (np.abs(x[1::2] - (x[:-2:2] + x[2::2]) / 2) <= OFF_MIDDLE * (x[2::2] - x[:-2:2])).all():
-            x, tau = x[1::2], (tau[:-2:2] + 4 * tau[1::2] + tau[2::2]) / 6
+        x = self.x[order]
+        tau = self.shear[order]
+        if (
+            len(x) % 2
+            and (
+                np.abs(x[1::2] - (x[:-2:2] + x[2::2]) / 2) <= OFF_MIDDLE * (x[2::2] - x[:-2:2])
+            ).all()
+        ):
+            x = x[1::2]
+            tau = (tau[:-2:2] + 4 * tau[1::2] + tau[2::2]) / 6
         return self._along_line(x, np.abs(tau), middle)
 
-    def _along_line(self, x: np.ndarray, p: np.ndarray, middle: float) -> tuple[np.ndarray, np.ndarray]:
+    def _along_line(
+        self, x: np.ndarray, p: np.ndarray, middle: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         if self.mirrored[0]:
-            x, p = np.concatenate([-x[::-1], x]), np.concatenate([p[::-1], p])
+            x = np.concatenate([-x[::-1], x])
+            p = np.concatenate([p[::-1], p])
         return x + middle, p
 
 
@@ -100,26 +156,42 @@ def contact_of(results: Results, step: float) -> PressedSurface:
     known = (surface["step"] == step) & np.isfinite(surface["pressure"])
     x, y, p = (surface[name][known] for name in ("x", "y", "pressure"))
     if is_deformed(results):
-        x, y = x + surface["u_x"][known], y + surface["u_y"][known]
+        x = x + surface["u_x"][known]
+        y = y + surface["u_y"][known]
     said = results.report.get("center")  # of an older result: where the pressure is largest
     center = np.array([*said, 0.0][:2]) if said else np.array([x[p.argmax()], y[p.argmax()]])
-    x, y = x - center[0], y - center[1]
+    x = x - center[0]
+    y = y - center[1]
     small = 1e-9 * max(np.ptp(x), np.ptp(y), 1e-300)
     is_part = choice(results.report, "symmetry") != "full"
-    ends = [bool(np.ptp(along) > 0 and (along.min() > -small or along.max() < small)) for along in (x, y)]
+    ends = [
+        bool(np.ptp(along) > 0 and (along.min() > -small or along.max() < small))
+        for along in (x, y)
+    ]
     mirrored = (is_part and ends[0], is_part and ends[1])
-    radius, pulled = results["a"][results["step"] == step], p < -PRESSED_SHARE * np.abs(p).max(initial=0.0)
+    radius = results["a"][results["step"] == step]
+    pulled = p < -PRESSED_SHARE * np.abs(p).max(initial=0.0)
     a = float(radius[0]) if len(radius) else 0.0
     if not a > 0:  # how far it is pulled, or else the size of the surface
-        a = float(np.hypot(x, y)[pulled].max()) if pulled.any() else float(np.hypot(np.ptp(x), np.ptp(y)))
-    infinite = tuple((place, beside) for place, beside in _infinite(results, step) if place <= TOUCHED_RADII * a)
+        a = (
+            float(np.hypot(x, y)[pulled].max())
+            if pulled.any()
+            else float(np.hypot(np.ptp(x), np.ptp(y)))
+        )
+    infinite = tuple(
+        (place, beside) for place, beside in _infinite(results, step) if place <= TOUCHED_RADII * a
+    )
     shear = surface["shear"][known] if "shear" in surface else None
     sticks = results.table.get("stick_radius", np.zeros(len(results)))[results["step"] == step]
-    return PressedSurface(x, y, p, center, mirrored, a, infinite, shear, float(sticks.max(initial=0.0)))
+    return PressedSurface(
+        x, y, p, center, mirrored, a, infinite, shear, float(sticks.max(initial=0.0))
+    )
 
 
 def is_deformed(results: Results) -> bool:
-    """Whether the gap of a run is tested on the deformed surface, of which its contact radius is then."""
+    """Whether the gap of a run is tested on the deformed surface, of which its contact radius is
+    then.
+    """
     return results.report.get("gap") == "current"
 
 
@@ -132,14 +204,18 @@ def name_of_places(name: str, runs: Sequence[Results]) -> str:
 
 
 def _infinite(results: Results, step: float) -> tuple[tuple[float, float], ...]:
-    """Where a sharp tip makes the pressure infinite, and how far beside that a mesh does not know it [length]."""
+    """Where a sharp tip makes the pressure infinite, and how far beside that a mesh does not know
+    it [length].
+    """
     peak = results.table.get("p_max", np.zeros(len(results)))[results["step"] == step]
     if not len(peak) or np.isfinite(peak[0]) or (scene := scene_of(results.path)) is None:
         return ()
-    tip, mesh = scene.indenter, scene.mesh
+    tip = scene.indenter
+    mesh = scene.mesh
     size = mesh.h_contact if isinstance(mesh.h_contact, float) else 0.0
     own = {True: mesh.h_axis or size, False: mesh.h_edge or size}
-    radii, end = [radius for radius, _ in tip.creases()], reach(tip)
+    radii = [radius for radius, _ in tip.creases()]
+    end = reach(tip)
     return tuple((r, (BESIDE_END if r >= end else BESIDE_KINK) * own[r == 0]) for r in radii)
 
 
@@ -152,11 +228,18 @@ def draw_pressure(axes: Axes, results: Results, step: float) -> None:
         draw_pressures(axes, [(results, contact, "", COLOURS[0])])
         if contact.shear is not None:
             axes.legend(loc="upper right")
-    axes.set_title(f"step {step:g}, depth {depth_text(results, step)}", color=GREY, loc="left", fontsize="small")
+    axes.set_title(
+        f"step {step:g}, depth {depth_text(results, step)}",
+        color=GREY,
+        loc="left",
+        fontsize="small",
+    )
 
 
 def on_axis(contact: PressedSurface, along: Literal[0, 1]) -> PressedSurface:
-    """The pressure of a surface of two dimensions on the line through the tip's axis along x (0) or y (1)."""
+    """The pressure of a surface of two dimensions on the line through the tip's axis along x (0) or
+    y (1).
+    """
     x, y = (contact.x, contact.y) if along == 0 else (contact.y, contact.x)
     values = [contact.p] if contact.shear is None else [contact.p, contact.shear]
     places, p, *shear = on_line(y, x, *values)
@@ -177,7 +260,8 @@ def draw_pressures(
     limits: tuple[float, float] | None = None,
     along: Literal[0, 1] = 0,
 ) -> None:
-    """Draw pressures over the radius, in plane strain over x, of surfaces in three dimensions along one of their axes.
+    """Draw pressures over the radius, in plane strain over x, of surfaces in three dimensions along
+    one of their axes.
 
     Parameters
     ----------
@@ -194,22 +278,37 @@ def draw_pressures(
     length = scaled("length", runs, reach, name_of_places(name_of_axis, runs))
     pressures = np.concatenate([contact.p[contact.bounded()] for contact in contacts])
     pressure = scaled("pressure", runs, pressures, "pressure p")
-    sides, tops, marked = (1,) if is_half else (-1, 1), [], False
+    sides = (1,) if is_half else (-1, 1)
+    tops = []
+    marked = False
     for contact, (*_, name, colour) in zip(contacts, shown, strict=True):
         places, p = contact.profile(middle)
-        x, y = length(places), pressure(p)
+        x = length(places)
+        y = pressure(p)
         if not name:
             axes.fill_between(x, y, color=colour, alpha=0.12, lw=0)
         axes.plot(x, y, color=colour, label=name or None)
-        tops += [min(np.nanmax(y, initial=0.0), PEAK_MEDIANS * pressure(contact.typical)), np.nanmin(y, initial=0.0)]
+        tops += [
+            min(np.nanmax(y, initial=0.0), PEAK_MEDIANS * pressure(contact.typical)),
+            np.nanmin(y, initial=0.0),
+        ]
     for contact, (*_, name, colour) in zip(contacts, shown, strict=True):
         if contact.shear is None:
             continue
         x, shear = contact.shear_profile(middle)
-        own, radius = colour if name else COLOURS[1], contact.sticks
-        axes.plot(length(x), pressure(shear), color=own, ls="--", label=", ".join(filter(None, [name, "shear"])))
+        own = colour if name else COLOURS[1]
+        radius = contact.sticks
+        axes.plot(
+            length(x),
+            pressure(shear),
+            color=own,
+            ls="--",
+            label=", ".join(filter(None, [name, "shear"])),
+        )
         for side in sides if radius else ():
-            axes.axvline(length(middle + side * radius), color=own if name else GREY, lw=0.8, ls=":")
+            axes.axvline(
+                length(middle + side * radius), color=own if name else GREY, lw=0.8, ls=":"
+            )
         marked |= radius > 0
     if marked:  # named once
         axes.plot([], [], color=GREY, lw=0.8, ls=":", label="stick radius")
@@ -228,13 +327,17 @@ def draw_pressures(
 
 @dataclass(frozen=True)
 class PressureMaps:
-    """Pressures of several results or steps as seen from above, in one frame and one range of colours.
+    """Pressures of several results or steps as seen from above, in one frame and one range of
+    colours.
 
-    Each is centred on its tip and mirrored where a part of the body is modelled. The frame has all that is pressed.
+    Each is centred on its tip and mirrored where a part of the body is modelled. The frame has all
+    that is pressed.
     """
 
     shown: Sequence[tuple[Results, float, str]]
-    limits: tuple[float, float] | None = None  # of the colours, in the unit shown; None: those of all pressures
+    limits: tuple[float, float] | None = (
+        None  # of the colours, in the unit shown; None: those of all pressures
+    )
     aspect: ClassVar[float] = 1.0  # height of the frame over its width
 
     @cached_property
@@ -275,7 +378,9 @@ class PressureMaps:
         bounded = np.concatenate([contact.p[contact.bounded()] for contact in self.contacts])
         pressure = scaled("pressure", runs, bounded, "pressure p")
         low, top = self.limits or self._colours(pressure)
-        for axes, (run, step, words), contact in zip(panels, self.shown[some], self.contacts[some], strict=True):
+        for axes, (run, step, words), contact in zip(
+            panels, self.shown[some], self.contacts[some], strict=True
+        ):
             drawn = self._draw_one(axes, contact, length, pressure, (low, top), aspect)
             title_over(axes, titled(run, step, words))
         ticks = [tick for tick in MaxNLocator(5).tick_values(low, top) if low <= tick <= top]
@@ -287,17 +392,26 @@ class PressureMaps:
             colour_bar(panels, drawn, pressure.label, where, ticks=ticks)
 
     def _colours(self, pressure: Axis) -> tuple[float, float]:
-        """The smallest and the largest pressure of all that is shown; of a peak without bound PEAK_MEDIANS of the
-        median in its contact."""
+        """The smallest and the largest pressure of all that is shown; of a peak without bound
+        PEAK_MEDIANS of the median in its contact.
+        """
         highest = []
         for contact in self.contacts:
             largest = float(contact.p[contact.bounded()].max(initial=0.0))
-            highest.append(min(largest, PEAK_MEDIANS * contact.typical) if contact.infinite else largest)
-        low = min(float(pressure(self._near(contact)[2].min(initial=0.0))) for contact in self.contacts)
+            highest.append(
+                min(largest, PEAK_MEDIANS * contact.typical) if contact.infinite else largest
+            )
+        low = min(
+            float(pressure(self._near(contact)[2].min(initial=0.0))) for contact in self.contacts
+        )
         return low, float(pressure(max(highest))) or float(low == 0.0)
 
-    def _near(self, contact: PressedSurface, aspect: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The points in the frame and around it, for triangles reach beyond it, from the tip's axis."""
+    def _near(
+        self, contact: PressedSurface, aspect: float = 1.0
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The points in the frame and around it, for triangles reach beyond it, from the tip's
+        axis.
+        """
         x, y, p = _whole(contact)
         near = (np.abs(x) < 2 * self.reach) & (np.abs(y) < 2 * aspect * self.reach)
         if near.sum() < 3 or np.ptp(x[near]) == 0 or np.ptp(y[near]) == 0:
@@ -318,27 +432,43 @@ class PressureMaps:
         low, top = colours
         levels = np.linspace(low, top, 25)
         beyond = {(False, True): "max", (True, False): "min", (True, True): "both"}
-        extend = beyond.get((bool(pressure(p.min()) < low), bool(top < pressure(p.max()))), "neither")
-        places = (length(along + middle) for along, middle in zip((x, y), contact.center, strict=True))
+        extend = beyond.get(
+            (bool(pressure(p.min()) < low), bool(top < pressure(p.max()))), "neither"
+        )
+        places = (
+            length(along + middle) for along, middle in zip((x, y), contact.center, strict=True)
+        )
         drawn = axes.tricontourf(*places, pressure(p), levels=levels, cmap="cividis", extend=extend)
         _draw_rubbed(axes, contact, length)
         axes.set_aspect("equal")
         for set_limits, middle, half in zip(
-            (axes.set_xlim, axes.set_ylim), contact.center, (self.reach, aspect * self.reach), strict=True
+            (axes.set_xlim, axes.set_ylim),
+            contact.center,
+            (self.reach, aspect * self.reach),
+            strict=True,
         ):
             set_limits(length(middle - half), length(middle + half))
         axes.locator_params(nbins=5)
-        axes.set(xlabel=length.label, ylabel=Axis(name_of_places("y", self._runs), unit=length.unit).label)
+        axes.set(
+            xlabel=length.label,
+            ylabel=Axis(name_of_places("y", self._runs), unit=length.unit).label,
+        )
         return drawn
 
 
 def _whole(contact: PressedSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The surface with its mirror images: what is modelled may be a half or a quarter."""
-    x, y, p = contact.x, contact.y, contact.p
+    x = contact.x
+    y = contact.y
+    p = contact.p
     if contact.mirrored[0]:
-        x, y, p = np.concatenate([x, -x]), np.tile(y, 2), np.tile(p, 2)
+        x = np.concatenate([x, -x])
+        y = np.tile(y, 2)
+        p = np.tile(p, 2)
     if contact.mirrored[1]:
-        x, y, p = np.tile(x, 2), np.concatenate([y, -y]), np.tile(p, 2)
+        x = np.tile(x, 2)
+        y = np.concatenate([y, -y])
+        p = np.tile(p, 2)
     _, first = np.unique(np.round(np.column_stack([x, y]), 12), axis=0, return_index=True)
     return x[first], y[first], p[first]
 
@@ -353,13 +483,20 @@ def _draw_rubbed(axes: Axes, contact: PressedSurface, length: Axis) -> None:
     angle = np.linspace(0.0, 2 * np.pi, 181)
     around = contact.sticks * np.array([np.cos(angle), np.sin(angle)]) + contact.center[:, None]
     axes.plot(*map(length, around), color="black", lw=1.4, ls=":")
-    look: Look = {"color": "white", "fontsize": "x-small", "bbox": {"facecolor": UNPRESSED, "lw": 0, "pad": 1.5}}
-    axes.annotate("lines: equal shear\ndots: what sticks", (0.03, 0.03), xycoords="axes fraction", **look)
+    look: Look = {
+        "color": "white",
+        "fontsize": "x-small",
+        "bbox": {"facecolor": UNPRESSED, "lw": 0, "pad": 1.5},
+    }
+    axes.annotate(
+        "lines: equal shear\ndots: what sticks", (0.03, 0.03), xycoords="axes fraction", **look
+    )
 
 
 def strongest_step(results: Results) -> float | None:
-    """The step of the largest force among those whose surface is known, of the widest contact or else of the largest
-    pull where none pushes; None without any force."""
+    """The step of the largest force among those whose surface is known, of the widest contact or
+    else of the largest pull where none pushes; None without any force.
+    """
     shown = np.isin(results["step"], results.surface["step"]) if results.surface else np.array([])
     if not np.any(results["force"][shown] if shown.any() else 0.0):
         return None

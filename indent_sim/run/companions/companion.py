@@ -11,7 +11,8 @@ from indent_sim.model.state import State
 from indent_sim.scene import fineness
 from indent_sim.scene.scene import Scene
 
-RATIO = 1.6  # of the element sizes of the companion to those of the run; its reason stands in `error_bars`
+# of the element sizes of the companion to those of the run; its reason stands in `error_bars`
+RATIO = 1.6
 
 Curve = dict[int, State]
 States = Sequence[State]
@@ -42,8 +43,12 @@ def curve_of(states: States) -> Curve:
 def coarser(scene: Scene, ratio: float) -> Scene:
     """The same scene on a mesh whose sizes are that much larger, near and far alike."""
     physics = scene.physics
-    sizes = fineness.coarser(scene.sizes, ratio, physics.part.height, is_column=physics.is_porous_column)
-    return replace(scene.with_physics(wall_stiffness=scene.physics.wall_stiffness / ratio), sizes=sizes)
+    sizes = fineness.coarser(
+        scene.sizes, ratio, physics.part.height, is_column=physics.is_porous_column
+    )
+    return replace(
+        scene.with_physics(wall_stiffness=scene.physics.wall_stiffness / ratio), sizes=sizes
+    )
 
 
 def beside(scene: Scene, earlier: Scene | None = None) -> tuple[float, Scene]:
@@ -72,7 +77,9 @@ def beside(scene: Scene, earlier: Scene | None = None) -> tuple[float, Scene]:
 
 
 def on_finer_mesh(scene: Scene, ratio: float) -> Scene:
-    """The same scene on a mesh whose sizes are that much smaller, or halved where it is from a file."""
+    """The same scene on a mesh whose sizes are that much smaller, or halved where it is from a
+    file.
+    """
     level = scene.sizes.refinements
     return coarser(scene, 1 / ratio) if level is None else _refined(scene, level + 1)
 

@@ -1,8 +1,9 @@
-"""What films beside drained faces cost the force on the elements of a run, from one undrained equilibrium.
+"""What films beside drained faces cost the force on the elements of a run, from one undrained
+equilibrium.
 
-At once nothing has drained, and the pressure p of the fluid at the drained faces is known from the run's own mesh. What
-elements there then lose too much is known, too (`scene.boundary_films`), and what that takes from the force follows by
-reciprocity:
+At once nothing has drained, and the pressure p of the fluid at the drained faces is known from the
+run's own mesh. What elements there then lose too much is known, too (`scene.boundary_films`), and
+what that takes from the force follows by reciprocity:
 
     dF(row) = 1/2 d/ddelta sum_i p_i^2 A_i E(h_i)/M
 
@@ -31,8 +32,9 @@ NEAR = 0.95  # of the largest depth or force: the second equilibrium, for the sl
 class DrainedFilm:
     """The error that films leave in the force of each row [force].
 
-    heights, losses: at each vertex of a drained face the height of its elements [length], and the force [force/length]
-    that is lost per `excess_length` at the largest value of the history. All without units, but for the force.
+    heights, losses: at each vertex of a drained face the height of its elements [length], and the
+    force [force/length] that is lost per `excess_length` at the largest value of the history. All
+    without units, but for the force.
     """
 
     rows: Sequence[PathRow]
@@ -43,27 +45,32 @@ class DrainedFilm:
 
     def error(self, state: State, coarser: float = 1.0) -> float:
         """Of a row's force, at its depth [force]; on elements that are so many times as large."""
-        row, heights = self.rows[state.step - 1], coarser * self.heights
+        row = self.rows[state.step - 1]
+        heights = coarser * self.heights
         if self.is_column:
             return self._of_column(row, state, heights)
         return float(self.losses @ row.excess(heights, self.diffusivity))
 
     def _of_column(self, row: PathRow, state: State, heights: np.ndarray) -> float:
-        """Of a column that gives way by what has drained alone: the share of that length which is too much."""
+        """Of a column that gives way by what has drained alone: the share of that length which is
+        too much.
+        """
         drained = row.drained(self.diffusivity)
         excess = float(np.max(row.excess(heights, self.diffusivity), initial=0.0))
         return abs(state.force) * excess / drained if drained else 0.0
 
 
 def film_of(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> DrainedFilm | None:
-    """The errors of films in a scene's rows; None where there are none: no fluid, or a gel that its bath swells.
+    """The errors of films in a scene's rows; None where there are none: no fluid, or a gel that its
+    bath swells.
 
     `follow` solves a scene. Where the undrained body finds no equilibrium, the errors are NaN.
     """
     physics = scene.physics
     if not _has_films(scene):
         return None
-    rows, D = boundary_films.rows_of(physics.path), boundary_films.slowest(physics)
+    rows = boundary_films.rows_of(physics.path)
+    D = boundary_films.slowest(physics)
     sudden = at_once(scene)
     if sudden is None:
         at_faces = [film.h for film in scene.sizes.films] or [scene.sizes.h_contact]
@@ -74,23 +81,38 @@ def film_of(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> Drained
         return DrainedFilm(rows, D, np.ones(1), np.array([nan]))
     (heights, before), (_, there) = (one.T for one in found if one is not None)
     way = (states[1].delta - states[0].delta) / physics.scales.depth
-    lost = physics.part.copies * (there - before) / (2 * way) * boundary_films.softening(physics) * physics.scales.force
+    lost = (
+        physics.part.copies
+        * (there - before)
+        / (2 * way)
+        * boundary_films.softening(physics)
+        * physics.scales.force
+    )
     return DrainedFilm(rows, D, heights, lost)
 
 
 def _has_films(scene: Scene) -> bool:
     """Whether films beside drained faces cost something: not those of a gel that its bath swells."""
-    physics, path = scene.physics, scene.physics.path
-    return bool(physics.permeable) and not physics.swells and path.begin is not None and max(path.values) > 0
+    physics = scene.physics
+    path = scene.physics.path
+    return (
+        bool(physics.permeable)
+        and not physics.swells
+        and path.begin is not None
+        and max(path.values) > 0
+    )
 
 
 def at_once(scene: Scene) -> Scene | None:
-    """The scene whose largest depth or force comes at once, in two steps, which tells what films cost; None where
-    nothing is asked of it: without films, or of a column that has no undrained equilibrium."""
+    """The scene whose largest depth or force comes at once, in two steps, which tells what films
+    cost; None where nothing is asked of it: without films, or of a column that has no undrained
+    equilibrium.
+    """
     path = scene.physics.path
     if not _has_films(scene) or is_locked(scene.physics):
         return None
-    largest, deepest = max(path.values), max(scene.physics.deltas)
+    largest = max(path.values)
+    deepest = max(scene.physics.deltas)
     sudden = LoadPath(
         path.control,
         (NEAR * largest, largest),

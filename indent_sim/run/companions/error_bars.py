@@ -1,24 +1,28 @@
 """Half-widths of the error bars of a run's rows, from one companion on a coarser mesh.
 
-Elements of the size h give a number f, elements of q h the number f_q. Where the error falls as h^p, Richardson's
-extrapolation says that f is off by |f_q - f|/(q^p - 1), and Roache's grid convergence index takes SAFETY = 3 of it
-where two meshes alone are known, since nothing then tests whether the error falls so. Two meshes may agree by accident
-(which elements touch changes from step to step, and the difference passes through zero): so no bar is narrower than a
-floor, a share of the error that so many elements in a contact radius have cost in general.
+Elements of the size h give a number f, elements of q h the number f_q. Where the error falls as
+h^p, Richardson's extrapolation says that f is off by |f_q - f|/(q^p - 1), and Roache's grid
+convergence index takes SAFETY = 3 of it where two meshes alone are known, since nothing then tests
+whether the error falls so. Two meshes may agree by accident (which elements touch changes from step
+to step, and the difference passes through zero): so no bar is narrower than a floor, a share of the
+error that so many elements in a contact radius have cost in general.
 
     force    max(SAFETY |F_q - F|/(q^RATE - 1), FLOOR CONSTANT n^-RATE |F|, edge) + corners
     a        RADIUS times the element in which the contact ends
     p_max    max(SAFETY |p_q - p|/(q^PRESSURE_RATE - 1), PEAK n^-PRESSURE_RATE p)
 
-with n elements in the contact radius of the row (for p_max beneath a punch's rounded edge in its part on the arc). The
-rule has eight numbers: the ratio q of the meshes, SAFETY, RATE, FLOOR, RADIUS, PRESSURE_RATE, PEAK, and that of an
-edge, of a sharp punch in three dimensions or of a contact that ends where the tip's slope jumps (`doubts.EDGE`).
-CONSTANT is that by which `accuracy` chooses its meshes. To this come the parts that no mesh shows, each measured by a
-run of its own or known beforehand: see `Budget`. No bar of a force is narrower than its distance from a theory that is
-exact for the body. `scripts/make_error_bar_table` measures coverage and width with and without each number of the rule.
+with n elements in the contact radius of the row (for p_max beneath a punch's rounded edge in its
+part on the arc). The rule has eight numbers: the ratio q of the meshes, SAFETY, RATE, FLOOR,
+RADIUS, PRESSURE_RATE, PEAK, and that of an edge, of a sharp punch in three dimensions or of a
+contact that ends where the tip's slope jumps (`doubts.EDGE`). CONSTANT is that by which `accuracy`
+chooses its meshes. To this come the parts that no mesh shows, each measured by a run of its own or
+known beforehand: see `Budget`. No bar of a force is narrower than its distance from a theory that
+is exact for the body. `scripts/make_error_bar_table` measures coverage and width with and without
+each number of the rule.
 
-Roache, J. Fluids Eng. 116, 405 (1994); Annu. Rev. Fluid Mech. 29, 123 (1997), whose safety factors are 3 for two grids
-and 1.25 for three; Verification and Validation in Computational Science and Engineering (Hermosa, 1998).
+Roache, J. Fluids Eng. 116, 405 (1994); Annu. Rev. Fluid Mech. 29, 123 (1997), whose safety factors
+are 3 for two grids and 1.25 for three; Verification and Validation in Computational Science and
+Engineering (Hermosa, 1998).
 """
 
 from __future__ import annotations
@@ -39,12 +43,16 @@ from indent_sim.scene.doubts import EDGE, PER_DEPTH, edge_error
 from indent_sim.scene.fineness import CONSTANT, RATE, fading
 from indent_sim.scene.scene import Scene
 
-# ---- the numbers of the rule: docs/accuracy.md has coverage and width with and without each ------------------------
+# ---- the numbers of the rule: docs/accuracy.md has coverage and width with and without each
+# ------------------------
 
 SAFETY = 3.0  # Roache's, where two meshes alone are known
-FLOOR = 0.2  # of CONSTANT n^-RATE, from which `accuracy` chooses n elements in a contact radius (see `fineness`)
+# of CONSTANT n^-RATE, from which `accuracy` chooses n elements in a contact radius (see `fineness`)
+FLOOR = 0.2
 RADIUS = 0.09  # of the element where the contact ends, to which the radius is read off
-PRESSURE_RATE, PEAK = 2.0, 0.2  # of the largest pressure: quadratic elements have stresses of order 2
+# of the largest pressure: quadratic elements have stresses of order 2
+PRESSURE_RATE = 2.0
+PEAK = 0.2
 
 BESIDE = ("a", "p_max", "stick_radius", "dissipation")  # numbers beside the force that have bars
 
@@ -53,10 +61,11 @@ BESIDE = ("a", "p_max", "stick_radius", "dissipation")  # numbers beside the for
 class Budget:
     """What makes up the half-width of the error bar of a row's force [force].
 
-    discretisation: the mesh. enforcement: the penalty's stiffness. truncation: the finite body that stands for a
-    half-space, or flat facets for a curved surface. theory: the distance from a theory that is exact for this body.
-    path: with friction the steps of the path. time: of a body that evolves the steps in time. film: of a body that
-    drains, the films beside its drained faces. bath: of a gel, the time that a sudden bath takes to come.
+    discretisation: the mesh. enforcement: the penalty's stiffness. truncation: the finite body that
+    stands for a half-space, or flat facets for a curved surface. theory: the distance from a theory
+    that is exact for this body. path: with friction the steps of the path. time: of a body that
+    evolves the steps in time. film: of a body that drains, the films beside its drained faces.
+    bath: of a gel, the time that a sudden bath takes to come.
     """
 
     step: int
@@ -81,7 +90,9 @@ class Budget:
 
     @property
     def total(self) -> float:
-        """The half-width [force]: the sum of the parts, but never less than what exact theory knows to be wrong."""
+        """The half-width [force]: the sum of the parts, but never less than what exact theory knows
+        to be wrong.
+        """
         return self.theory if self.theory > self.estimated else self.estimated
 
 
@@ -104,11 +115,12 @@ def ridge_pressure(turn: float, refinements: int) -> float:
     """Return the largest excess pressure over E* at the ridges of a faceted mesh that stands for a
     curved surface.
 
-    Two facets that meet at the angle theta are a cone of the slope theta/2 to a tip that is flat there, whose pressure
-    grows as E* theta/4 arccosh(l/r) towards the ridge (Sneddon 1965, Int. J. Eng. Sci. 3, 47; Johnson, Contact
-    Mechanics, 5.2). l is the length of a facet, and no pressure is read off nearer than a quarter of an element, so
-    that this is the most. On meshes of caps under balls and plates, refined one to three times, p_max was 0.57 to 0.67,
-    0.67 to 0.72 and 0.83 to 0.87 of E* theta too large, where this says 0.69, 0.87 and 1.04.
+    Two facets that meet at the angle theta are a cone of the slope theta/2 to a tip that is flat
+    there, whose pressure grows as E* theta/4 arccosh(l/r) towards the ridge (Sneddon 1965, Int. J.
+    Eng. Sci. 3, 47; Johnson, Contact Mechanics, 5.2). l is the length of a facet, and no pressure
+    is read off nearer than a quarter of an element, so that this is the most. On meshes of caps
+    under balls and plates, refined one to three times, p_max was 0.57 to 0.67, 0.67 to 0.72 and
+    0.83 to 0.87 of E* theta too large, where this says 0.69, 0.87 and 1.04.
 
     Parameters
     ----------
@@ -122,28 +134,37 @@ def ridge_pressure(turn: float, refinements: int) -> float:
 
 @dataclass(frozen=True)
 class Ways:
-    """The path of a scene with friction, or of a body that evolves, in its own steps and in steps half as long."""
+    """The path of a scene with friction, or of a body that evolves, in its own steps and in steps
+    half as long.
+    """
 
     own: Curve
     finer: Curve
 
     def error(self, state: State, name: str) -> float:
-        """The error of a number of a step: SAFETY times what steps half as long change; NaN without such a step.
+        """The error of a number of a step: SAFETY times what steps half as long change; NaN without
+        such a step.
 
-        Twice that change is Richardson's error of first order, 2.6 times that of order 0.7, with which a path converges
-        whose new contact sticks where its step began.
+        Twice that change is Richardson's error of first order, 2.6 times that of order 0.7, with
+        which a path converges whose new contact sticks where its step began.
         """
         return SAFETY * _difference(self.own, self.finer, state.step, name)
 
 
 def ways(run: Companion, follow: Callable[[Scene], States]) -> Ways | None:
-    """What the steps of a path may cost, by a run and steps half as long; None where it does not matter."""
+    """What the steps of a path may cost, by a run and steps half as long; None where it does not
+    matter.
+    """
     finer = in_half_steps(run.scene) if run.scene else None
     if run.scene is None or finer is None:
         return None
     halves = follow(finer)
     kept = [
-        replace(last, step=last.step // 2, dissipation=(first.dissipation or 0.0) + (last.dissipation or 0.0))
+        replace(
+            last,
+            step=last.step // 2,
+            dissipation=(first.dissipation or 0.0) + (last.dissipation or 0.0),
+        )
         for first, last in zip(halves[::2], halves[1::2], strict=False)
     ]
     return Ways(run.curve, curve_of(kept))
@@ -152,8 +173,8 @@ def ways(run: Companion, follow: Callable[[Scene], States]) -> Ways | None:
 class ErrorBars:
     """Judges one row after another against the companion's curve.
 
-    Where forces are prescribed and depths found, the error of the force is that at the row's depth, and the error of
-    the depth what the curve makes of it.
+    Where forces are prescribed and depths found, the error of the force is that at the row's depth,
+    and the error of the depth what the curve makes of it.
 
     Parameters
     ----------
@@ -193,13 +214,16 @@ class ErrorBars:
         self._sizes = scene.sizes
         self._scales = scene.physics.scales
         self._finds_depths = scene.physics.path.control == "force"
-        self._truncation = sum(doubt.force_error for doubt in scene.plan.doubts if doubt.key == "truncation")
+        self._truncation = sum(
+            doubt.force_error for doubt in scene.plan.doubts if doubt.key == "truncation"
+        )
         part = scene.physics.part
         near = scene.physics.center, scene.sizes.a, scene.sizes.refinements or 0
         self._sag = part.sag(*near)
         sharpened = ridge_pressure(part.turn(*near), scene.sizes.refinements or 0)
         self._ridged = scene.physics.material.E_star * sharpened * self._scales.pressure
-        own, theirs = scene.physics.contact, (companion.scene or scene).physics.contact
+        own = scene.physics.contact
+        theirs = (companion.scene or scene).physics.contact
         self._stiffer = 1.0  # than its companion, whose penalty may be that of an earlier attempt
         if isinstance(own, Penalty) and isinstance(theirs, Penalty):
             self._stiffer = own.stiffness / theirs.stiffness
@@ -210,10 +234,15 @@ class ErrorBars:
         parts = self._missing(state) if self._is_missed(state) else self._parts(state)
         budget = Budget(state.step, theory=self._from_theory(state), **parts)
         self.budgets.append(budget)
-        bars: dict[str, Any] = {f"{name}_error": self._beside_force(state, name) for name in self._known(state)}
-        return replace(state, force_error=budget.total, delta_error=self._of_depth(state, budget.total), **bars)
+        bars: dict[str, Any] = {
+            f"{name}_error": self._beside_force(state, name) for name in self._known(state)
+        }
+        return replace(
+            state, force_error=budget.total, delta_error=self._of_depth(state, budget.total), **bars
+        )
 
-    # ---- the force ---------------------------------------------------------------------------------------------------
+    # ---- the force
+    # ---------------------------------------------------------------------------------------------------
 
     def _parts(self, state: State) -> dict[str, float]:
         """The parts of the force's error [force], as `Budget` names them; one line each."""
@@ -236,14 +265,18 @@ class ErrorBars:
         least = FLOOR * CONSTANT[dim] * fading(self._elements(state)) * force
         edge = edge_error(self._sizes) * force if dim == 3 else 0.0
         crease = self._at_a_crease(state) * force
-        return float(np.max([said, least, edge, crease])) + self._sizes.corner_error * force  # NaN where one is
+        return (
+            float(np.max([said, least, edge, crease])) + self._sizes.corner_error * force
+        )  # NaN where one is
 
     def _at_a_crease(self, state: State) -> float:
-        """The relative error of a contact that ends within an element of a circle where the tip's slope jumps.
+        """The relative error of a contact that ends within an element of a circle where the tip's
+        slope jumps.
 
-        Elements that end there stand for a contact that is narrower or wider, as at the edge of a sharp punch: EDGE
-        times their size over the radius. Under profiles and rounded punches 0.02 to 0.1 of that ratio was measured
-        (tests/physics/test_accuracy.py). At a sharp punch's own edge elements are refined.
+        Elements that end there stand for a contact that is narrower or wider, as at the edge of a
+        sharp punch: EDGE times their size over the radius. Under profiles and rounded punches 0.02
+        to 0.1 of that ratio was measured (tests/physics/test_accuracy.py). At a sharp punch's own
+        edge elements are refined.
         """
         tip = self._physics.indenter
         a = state.a / self._scales.length
@@ -255,16 +288,22 @@ class ErrorBars:
         return error
 
     def _elements(self, state: State) -> float:
-        """Elements in the contact radius, as they were chosen from an accuracy: not those near an edge or a corner."""
+        """Elements in the contact radius, as they were chosen from an accuracy: not those near an
+        edge or a corner.
+        """
         chosen = replace(self._sizes, corners=(), edge=None)
         return chosen.elements(state.a / self._scales.length)
 
     def _off(self, step: int) -> float:
-        """How far the companion's force is from the run's at the same depth; NaN where one has no such step."""
-        run, coarse = self._run, self._coarse
+        """How far the companion's force is from the run's at the same depth; NaN where one has no
+        such step.
+        """
+        run = self._run
+        coarse = self._coarse
         if step not in run or step not in coarse:
             return nan
-        own, other = run[step], coarse[step]
+        own = run[step]
+        other = coarse[step]
         if self._physics.evolves:  # no other row is on its curve
             return self._off_in_time(own, other)
         return abs(force_at(other, own.delta, coarse) - own.force)
@@ -272,7 +311,8 @@ class ErrorBars:
     def _off_in_time(self, own: State, other: State) -> float:
         """The same of a row in time, which has a curve of its own.
 
-        What the films beside drained faces take from the force is known on both meshes, and has a part of the bar.
+        What the films beside drained faces take from the force is known on both meshes, and has a
+        part of the bar.
         """
         more = other.force - own.force - (other.delta - own.delta) * self._slope(own)
         if self._film:
@@ -280,10 +320,13 @@ class ErrorBars:
         return abs(more)
 
     def _enforcement(self, step: int) -> float:
-        """The relative error of a penalty, whose 1/force is linear in 1/epsilon_n from stiff to soft."""
+        """The relative error of a penalty, whose 1/force is linear in 1/epsilon_n from stiff to
+        soft.
+        """
         if self._soft is None:
             return 0.0
-        own, soft = self._coarse.get(step), self._soft.get(step)
+        own = self._coarse.get(step)
+        soft = self._soft.get(step)
         if own is None or soft is None:
             return nan
         low = force_at(soft, own.delta, self._soft)
@@ -293,14 +336,22 @@ class ErrorBars:
         return abs(1 / inverse - 1) / self._stiffer if inverse > 0 else inf
 
     def _misshapen(self, state: State) -> float:
-        """The relative error of a body that stands for a half-space, or of facets by which a tip is less deep."""
-        faceted = PER_DEPTH * self._sag * self._scales.depth / state.delta if state.delta > 0 else 0.0
+        """The relative error of a body that stands for a half-space, or of facets by which a tip is
+        less deep.
+        """
+        faceted = (
+            PER_DEPTH * self._sag * self._scales.depth / state.delta if state.delta > 0 else 0.0
+        )
         return self._truncation + faceted
 
     def _from_theory(self, state: State) -> float:
-        """|F - F_theory| where theory is exact for the body [force]; 0 where it is not, or ends before this depth."""
+        """|F - F_theory| where theory is exact for the body [force]; 0 where it is not, or ends
+        before this depth.
+        """
         theory = self._scene.exact_theory
-        solution = theory.at(state.delta / self._scales.depth) if theory and state.delta > 0 else None
+        solution = (
+            theory.at(state.delta / self._scales.depth) if theory and state.delta > 0 else None
+        )
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _of_depth(self, state: State, error: float) -> float | None:
@@ -311,17 +362,23 @@ class ErrorBars:
         return error / slope if slope > 0 else error
 
     def _slope(self, state: State) -> float:
-        """dF/ddelta of the companion; of a body that evolves at its time: a paraboloid's power of the depth, or that of
-        the contact on a half-space, whichever is more."""
+        """dF/ddelta of the companion; of a body that evolves at its time: a paraboloid's power of
+        the depth, or that of the contact on a half-space, whichever is more.
+        """
         if self._physics.evolves:
             of_contact = self._physics.material.E_star * self._scales.pressure
             of_contact *= 2 * state.a if self._scales.dim == 3 else 1.0
-            return max(of_contact, PER_DEPTH * state.force / state.delta if state.delta > 0 else 0.0)
+            return max(
+                of_contact, PER_DEPTH * state.force / state.delta if state.delta > 0 else 0.0
+            )
         if state.delta <= 0:
             return 0.0
-        return _exponent(self._coarse.get(state.step, state), self._coarse) * state.force / state.delta
+        return (
+            _exponent(self._coarse.get(state.step, state), self._coarse) * state.force / state.delta
+        )
 
-    # ---- the numbers beside the force --------------------------------------------------------------------------------
+    # ---- the numbers beside the force
+    # --------------------------------------------------------------------------------
 
     def _known(self, state: State) -> list[str]:
         return [name for name in BESIDE if getattr(state, name) is not None]
@@ -351,17 +408,20 @@ class ErrorBars:
         least = RADIUS * at_end / state.a * value if state.a > 0 else 0.0
         if name == "p_max":
             if self._physics.is_closed_by_swelling(state.delta / self._scales.depth, state.a / L):
-                return nan  # the pressure of the element that closed last, which no other mesh shares
+                return (
+                    nan  # the pressure of the element that closed last, which no other mesh shares
+                )
             least = PEAK * self._coarseness_of_peak(state, at_end) ** PRESSURE_RATE * value
         off = _difference(self._coarse, self._run, state.step, name)
         said = grid_convergence(off, self.companion.ratio, PRESSURE_RATE)
         return float(np.max([said, least]))  # NaN where one is
 
     def _coarseness_of_peak(self, state: State, at_end: float) -> float:
-        """The size at_end [length] of the element where the contact ends, over the width of what bears the peak.
+        """The size at_end [length] of the element where the contact ends, over the width of what
+        bears the peak.
 
-        That is the contact radius. Where the contact ends at a punch's rounded edge, it is the part that lies on the
-        arc.
+        That is the contact radius. Where the contact ends at a punch's rounded edge, it is the part
+        that lies on the arc.
         """
         if state.a <= 0:
             return 0.0
@@ -376,10 +436,13 @@ class ErrorBars:
             return 0.0
         return _difference(self._coarse, self._soft, step, name) / self._stiffer
 
-    # ---- the path ----------------------------------------------------------------------------------------------------
+    # ---- the path
+    # ----------------------------------------------------------------------------------------------------
 
     def _path(self, state: State, name: str) -> float:
-        """What the steps of the path may cost a number, in a force of the depth that prescribed forces have found."""
+        """What the steps of the path may cost a number, in a force of the depth that prescribed
+        forces have found.
+        """
         if self._ways is None:
             return 0.0
         if name == "force" and self._finds_depths:
@@ -388,23 +451,32 @@ class ErrorBars:
         return self._ways.error(state, name) + unseen
 
     def _of_bath(self, state: State, name: str) -> float:
-        """What it costs a number, in a force of the depth that is found, that a sudden bath takes some time to come.
+        """What it costs a number, in a force of the depth that is found, that a sudden bath takes
+        some time to come.
 
-        A bath that takes twice as long changes a number by as much as this one does, as soon as it is all there.
+        A bath that takes twice as long changes a number by as much as this one does, as soon as it
+        is all there.
         """
         if self._bath is None:
             return 0.0
         if name == "force" and self._finds_depths:
-            return SAFETY * _difference(self._coarse, self._bath, state.step, "delta") * self._slope(state)
+            return (
+                SAFETY
+                * _difference(self._coarse, self._bath, state.step, "delta")
+                * self._slope(state)
+            )
         return SAFETY * _difference(self._coarse, self._bath, state.step, name)
 
     def _unseen(self, state: State, name: str) -> float:
-        """What halves of a step that is long beside its contact may not show of where and how far the surface slips.
+        """What halves of a step that is long beside its contact may not show of where and how far
+        the surface slips.
 
-        All of it may differ in the share of the contact radius that the step adds or takes, of the dissipation, which
-        is one of the area, in the square of that share. After one step from rest neither is known.
+        All of it may differ in the share of the contact radius that the step adds or takes, of the
+        dissipation, which is one of the area, in the square of that share. After one step from rest
+        neither is known.
         """
-        before, value = self._run.get(state.step - 1), getattr(state, name)
+        before = self._run.get(state.step - 1)
+        value = getattr(state, name)
         moved = _share(before.a if before else 0.0, state.a)
         if name == "dissipation":
             return float(moved**2 * value)
@@ -419,7 +491,8 @@ class ErrorBars:
         r = stick / self._scales.length
         return max(self._sizes.on_surface(r) - r, 0.0) / 2 * self._scales.length
 
-    # ---- a contact that no point of the mesh notices -----------------------------------------------------------------
+    # ---- a contact that no point of the mesh notices
+    # -----------------------------------------------------------------
 
     def _is_missed(self, state: State) -> bool:
         """Whether the tip is pressed in so little that no point of the mesh notices."""
@@ -429,8 +502,14 @@ class ErrorBars:
         return {"discretisation": self._beyond(state, "force")}
 
     def _beyond(self, state: State, name: str) -> float:
-        """A number of the companion's shallowest contact from this depth on, where what grows with it is more."""
-        deeper = (other for other in self._coarse.values() if other.delta >= state.delta and other.force > 0)
+        """A number of the companion's shallowest contact from this depth on, where what grows with
+        it is more.
+        """
+        deeper = (
+            other
+            for other in self._coarse.values()
+            if other.delta >= state.delta and other.force > 0
+        )
         shallowest = min(deeper, key=lambda other: other.delta, default=None)
         return float(getattr(shallowest, name)) if shallowest else nan
 
@@ -446,12 +525,14 @@ class TheoryBars:
     def __init__(self, scene: Scene):
         assert scene.plan.theory is not None
         self.budgets: list[Budget] = []
-        self._error, self._finds_depths = scene.plan.theory.error, scene.physics.path.control == "force"
+        self._error = scene.plan.theory.error
+        self._finds_depths = scene.physics.path.control == "force"
         self._of_contact = 1.0 if scene.plan.theory.pull else self._error
 
     def judged(self, state: State) -> State:
         """The state with its error bars."""
-        force, contact = self._error * abs(state.force), self._of_contact
+        force = self._error * abs(state.force)
+        contact = self._of_contact
         self.budgets.append(Budget(state.step, theory=force))
         depth = self._error * abs(state.delta) if self._finds_depths else None
         found = replace(state, a_error=contact * state.a, p_max_error=contact * state.p_max)
@@ -474,7 +555,8 @@ def _difference(one: Curve, other: Curve, step: int, name: str) -> float:
 
 
 def force_at(state: State, delta: float, curve: Curve) -> float:
-    """The force of a curve at a depth near one of its states: force (delta/its depth)^m, m the slope of their logs.
+    """The force of a curve at a depth near one of its states: force (delta/its depth)^m, m the
+    slope of their logs.
 
     At the state's own depth it is the state's force, to the last digit.
     """
@@ -486,7 +568,8 @@ def force_at(state: State, delta: float, curve: Curve) -> float:
 def _exponent(state: State, curve: Curve) -> float:
     """dlnF/dlndelta between the states beside one; that of a paraboloid where there are none."""
     beside = [curve[k] for k in (state.step - 1, state.step, state.step + 1) if k in curve]
-    first, last = min(beside, key=lambda s: s.delta), max(beside, key=lambda s: s.delta)
+    first = min(beside, key=lambda s: s.delta)
+    last = max(beside, key=lambda s: s.delta)
     if first.force <= 0 or first.delta <= 0 or last.delta <= first.delta:
         return 1.5
     return float(np.log(last.force / first.force) / np.log(last.delta / first.delta))

@@ -1,8 +1,9 @@
 """Remedies of a load path that ended too early: which were tried, and how far each came.
 
-At finite strain a tip with an edge ends because few elements go around the edge, or because they are stretched beyond
-what Newton's method can follow. A rounder edge and other elements are the two ways out, and which one helps is not
-known before it is tried. All tries together cost no more iterations than the run itself had spent.
+At finite strain a tip with an edge ends because few elements go around the edge, or because they
+are stretched beyond what Newton's method can follow. A rounder edge and other elements are the two
+ways out, and which one helps is not known before it is tried. All tries together cost no more
+iterations than the run itself had spent.
 """
 
 from __future__ import annotations
@@ -18,10 +19,13 @@ from indent_sim.model.tips import FlatPunch
 from indent_sim.process.errors import IndentSimError
 from indent_sim.scene.scene import Scene
 
-# Of the radius at which a tip's edge ends: the least rounding that is tried. Rods of the edge radii 1 and 0.99 R went
-# to 4.75 R into neo-Hookean rubber, punches of 0.1 R to 1.3 R and of 0.001 R to a few per cent of R
+# Of the radius at which a tip's edge ends: the least rounding that is tried. Rods of the edge radii
+# 1 and 0.99 R went to 4.75 R into neo-Hookean rubber, punches of 0.1 R to 1.3 R and of 0.001 R to a
+# few per cent of R
 LEAST_ROUNDING = 0.2
-FINER, COARSER = 0.5, 2.0  # times the elements in the contact
+# times the elements in the contact
+FINER = 0.5
+COARSER = 2.0
 
 Walk = Callable[[Scene], Iterator[State]]
 
@@ -36,8 +40,9 @@ class Remedy:
 
 
 def are_tried(scene: Scene) -> bool:
-    """Whether remedies are tried for a scene: of a hyperelastic section, its gap at the deformed point, whose depths
-    are prescribed without times."""
+    """Whether remedies are tried for a scene: of a hyperelastic section, its gap at the deformed
+    point, whose depths are prescribed without times.
+    """
     physics = scene.physics
     is_section = scene.is_meshed and physics.part.dim == 2 and scene.sizes.refinements is None
     is_finite = not physics.small_strain and physics.gap == "current"
@@ -45,8 +50,13 @@ def are_tried(scene: Scene) -> bool:
 
 
 def remedies(config: Config, scene: Scene) -> list[Remedy]:
-    """What may help, in the order in which it is tried: rounder edges, smaller elements, larger ones."""
-    found = [Remedy("indenter.edge_radius", rho, _rounded(config, rho)) for rho in _roundings(config, scene)]
+    """What may help, in the order in which it is tried: rounder edges, smaller elements, larger
+    ones.
+    """
+    found = [
+        Remedy("indenter.edge_radius", rho, _rounded(config, rho))
+        for rho in _roundings(config, scene)
+    ]
     h_contact = scene.sizes.h_contact * scene.physics.scales.length
     for factor in (FINER, COARSER):
         h = float(f"{factor * h_contact:.3g}")
@@ -55,9 +65,15 @@ def remedies(config: Config, scene: Scene) -> list[Remedy]:
 
 
 def _roundings(config: Config, scene: Scene) -> list[float]:
-    """Larger edge radii of a punch [user's lengths]: twice its own, at least LEAST_ROUNDING, and half a ball."""
+    """Larger edge radii of a punch [user's lengths]: twice its own, at least LEAST_ROUNDING, and
+    half a ball.
+    """
     tip = config.indenter
-    if not isinstance(tip, FlatPunch) or scene.physics.is_compressed or tip.edge_radius >= tip.radius:
+    if (
+        not isinstance(tip, FlatPunch)
+        or scene.physics.is_compressed
+        or tip.edge_radius >= tip.radius
+    ):
         return []
     rounder = min(max(2 * tip.edge_radius, LEAST_ROUNDING * tip.radius), tip.radius)
     return list(dict.fromkeys([float(f"{rounder:.3g}"), tip.radius]))
@@ -66,16 +82,23 @@ def _roundings(config: Config, scene: Scene) -> list[float]:
 def _rounded(config: Config, edge_radius: float) -> Config:
     tip: Any = config.indenter
     mesh = replace(config.mesh, h_edge=None)  # of a sharp edge, which this one may not be
-    return config.model_copy(update={"indenter": replace(tip, edge_radius=edge_radius), "mesh": mesh})
+    return config.model_copy(
+        update={"indenter": replace(tip, edge_radius=edge_radius), "mesh": mesh}
+    )
 
 
 def _with_elements(config: Config, h_contact: float) -> Config:
-    mesh = replace(config.mesh, h_contact=h_contact, h_axis=None, h_edge=None, h_corner=None, h_far="auto")
+    mesh = replace(
+        config.mesh, h_contact=h_contact, h_axis=None, h_edge=None, h_corner=None, h_far="auto"
+    )
     return config.model_copy(update={"accuracy": None, "mesh": mesh})
 
 
-def tried(found: list[Remedy], step: int, spent: int, resolve: Callable[[Config], Scene], walk: Walk) -> str:
-    """How far the remedies came, in words, up to the first that comes to the step at which the run ended.
+def tried(
+    found: list[Remedy], step: int, spent: int, resolve: Callable[[Config], Scene], walk: Walk
+) -> str:
+    """How far the remedies came, in words, up to the first that comes to the step at which the run
+    ended.
 
     Parameters
     ----------
@@ -105,7 +128,9 @@ def tried(found: list[Remedy], step: int, spent: int, resolve: Callable[[Config]
                 break
         name = f"{remedy.key}: {remedy.value:g}"
         if last is not None and last.step == step:
-            words.append(f"{name} comes to delta = {last.delta:.6g} with the force {last.force:.6g}")
+            words.append(
+                f"{name} comes to delta = {last.delta:.6g} with the force {last.force:.6g}"
+            )
             break
         end = f"ends after delta = {last.delta:.6g}" if last else "comes to no row"
         words.append(f"{name} {end}")

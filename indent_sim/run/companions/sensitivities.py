@@ -1,7 +1,9 @@
-"""Sensitivities: derivatives of the force with respect to keys of a scene, at every row, on one mesh.
+"""Sensitivities: derivatives of the force with respect to keys of a scene, at every row, on one
+mesh.
 
-The mesh of a changed scene is that of the scene itself, moved with the body's sides, with the interfaces of its layers
-and with the edge of the contact, so that what the elements miss is the same part of every force and divides out.
+The mesh of a changed scene is that of the scene itself, moved with the body's sides, with the
+interfaces of its layers and with the edge of the contact, so that what the elements miss is the
+same part of every force and divides out.
 """
 
 from __future__ import annotations
@@ -23,21 +25,29 @@ from indent_sim.scene.scene import Scene, resolve
 
 MESH_ERROR = 1e-3  # relative, of a force at automatic sizes
 STEP = 0.02  # relative; the second difference has twice as much
-CENTRAL, BACKWARD = (-2.0, -1.0, 1.0, 2.0), (-4.0, -2.0, -1.0, 0.0)  # steps of a key that are tried, in this order
+# steps of a key that are tried, in this order
+CENTRAL = (-2.0, -1.0, 1.0, 2.0)
+BACKWARD = (-4.0, -2.0, -1.0, 0.0)
 Derivatives = dict[str, dict[str, list[float]]]
 
 
 def sensitivities(config: Config, keys: Sequence[str], step: float = STEP) -> Derivatives:
-    """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}} in the user's units per unit of the key.
+    """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}} in the user's units per
+    unit of the key.
 
-    By differences over relative steps h and 2 h, D = (4 D_h - D_2h)/3, central where the scene may go both ways, else
-    backward; error: what the two differ by, |D_h - D_2h|/3, and F/key times the relative error of the forces, that of
-    a mesh MESH_ERROR where no accuracy is asked for. Depths and their number stay.
-    ConfigError for a key that is no number of the scene, or a scene that prescribes forces; NotConverged.
+    By differences over relative steps h and 2 h, D = (4 D_h - D_2h)/3, central where the scene may
+    go both ways, else backward; error: what the two differ by, |D_h - D_2h|/3, and F/key times the
+    relative error of the forces, that of a mesh MESH_ERROR where no accuracy is asked for. Depths
+    and their number stay. ConfigError for a key that is no number of the scene, or a scene that
+    prescribes forces; NotConverged.
     """
     base = resolve(config)
     if base.physics.path.control != "depth" or base.takes_time:
-        raise ConfigError("loading", "derivatives of the force are at given depths", "give loading.delta or deltas")
+        raise ConfigError(
+            "loading",
+            "derivatives of the force are at given depths",
+            "give loading.delta or deltas",
+        )
     pinned = resolved(config, base)
     body = _Body(base)
     found: Derivatives = {}
@@ -62,12 +72,18 @@ class _Body:
         plan = self.scene.plan
         if self._grid is None:
             return plan.theory.error if plan.theory else 0.0
-        return plan.prediction.get("force_error", 0.0) + (plan.fineness.error if plan.fineness else MESH_ERROR)
+        return plan.prediction.get("force_error", 0.0) + (
+            plan.fineness.error if plan.fineness else MESH_ERROR
+        )
 
     def forces(self, config: Config) -> np.ndarray:
         """The force of another scene at every row [user's units]."""
         scene = resolve(config)
-        mesher = Scene.grid if self._grid is None else partial(Scene.grid_like, other=self.scene, grid=self._grid)
+        mesher = (
+            Scene.grid
+            if self._grid is None
+            else partial(Scene.grid_like, other=self.scene, grid=self._grid)
+        )
         states = list(chain.states(scene, with_surface=False, mesher=mesher))
         if not all(state.converged for state in states):
             raise NotConverged(f"a scene beside this one: {states[-1].reason}")
@@ -84,9 +100,11 @@ def _derivative(
             scenes = [_changed(config, path, value * (1 + n * step)) for n in steps]
             for scene in scenes:
                 resolve(scene)
-            found, h = [forces(scene) for scene in scenes], step * value
+            found = [forces(scene) for scene in scenes]
+            h = step * value
             if steps is CENTRAL:
-                near, far = (found[2] - found[1]) / (2 * h), (found[3] - found[0]) / (4 * h)
+                near = (found[2] - found[1]) / (2 * h)
+                far = (found[3] - found[0]) / (4 * h)
             else:  # of second order each
                 near = (3 * found[3] - 4 * found[2] + found[1]) / (2 * h)
                 far = (3 * found[3] - 4 * found[1] + found[0]) / (4 * h)
@@ -104,7 +122,9 @@ def _number(config: Config, path: KeyPath) -> float:
         if isinstance(value, (int, float)) and not isinstance(value, bool) and value != 0:
             return float(value)
     key = ".".join(map(str, path))
-    raise ConfigError(key, "is no number of this scene other than 0", "give a key such as material.E")
+    raise ConfigError(
+        key, "is no number of this scene other than 0", "give a key such as material.E"
+    )
 
 
 def _changed(config: Config, path: KeyPath, value: float) -> Config:

@@ -18,15 +18,18 @@ from indent_sim.scene.expected import NEARLY_STICK, Stick, pulling_rim
 from indent_sim.scene.scene import Scene
 
 ANCHORS: tuple[Anchor, ...] = ("mid", "implicit", "glue")
-STICK_STEPS = {2: 10, 3: 4}  # by dim: new contact sticks on the way through each, to 0.05 % and 0.15 % of the force
+STICK_STEPS = {
+    2: 10,
+    3: 4,
+}  # by dim: new contact sticks on the way through each, to 0.05 % and 0.15 % of the force
 
 
 def sticks(run: Companion, follow: Callable[[Scene], States]) -> Stick | None:
-    """What pure stick instead of no friction would change of the deepest force of a run or a companion, on its mesh:
-    with the anchor `mid`, between its two ends.
+    """What pure stick instead of no friction would change of the deepest force of a run or a
+    companion, on its mesh: with the anchor `mid`, between its two ends.
 
-    None where there is no such number: friction or adhesion already, no contact, a body that may slide away, or a run
-    that fails.
+    None where there is no such number: friction or adhesion already, no contact, a body that may
+    slide away, or a run that fails.
     """
     deepest = max((state.delta for state in run.curve.values()), default=0.0)
     if run.scene is None:
@@ -40,12 +43,14 @@ def sticks(run: Companion, follow: Callable[[Scene], States]) -> Stick | None:
 
 
 def sticking(scene: Scene, depth: float) -> list[Scene]:
-    """The scenes that tell what stick would change of a scene's force at a depth: without friction, and with each
-    anchor; none where there is no such number."""
+    """The scenes that tell what stick would change of a scene's force at a depth: without friction,
+    and with each anchor; none where there is no such number.
+    """
     smooth = _smooth(scene) if depth > 0 else None
     if smooth is None:
         return []
-    rough, steps = _rough(smooth), STICK_STEPS[scene.physics.part.dim]
+    rough = _rough(smooth)
+    steps = STICK_STEPS[scene.physics.part.dim]
     return [_to(smooth, depth, 1), *(_to(rough, depth, steps, anchor) for anchor in ANCHORS)]
 
 
@@ -71,7 +76,8 @@ def _smooth(scene: Scene) -> Scene | None:
 
 def _factored(scene: Scene) -> Scene | None:
     """The same scene for a solver that knows friction; None where that does not fit this machine."""
-    physics, part = scene.physics, scene.physics.part
+    physics = scene.physics
+    part = scene.physics.part
     is_linear = physics.small_strain and physics.gap == "reference"
     is_small = candidates(scene.sizes, part) * part.dim <= MOST_CANDIDATES
     method: Literal["condensed", "newton"] = "condensed" if is_linear and is_small else "newton"
@@ -83,14 +89,22 @@ def _factored(scene: Scene) -> Scene | None:
 
 
 def _rough(scene: Scene) -> Scene:
-    """A frictionless scene whose surface sticks, on the whole body where a compliance along it would be too large."""
-    law, part = scene.physics.contact, scene.physics.part
+    """A frictionless scene whose surface sticks, on the whole body where a compliance along it
+    would be too large.
+    """
+    law = scene.physics.contact
+    part = scene.physics.part
     assert isinstance(law, AugmentedLagrangian)
-    would_pull = pulling_rim(scene.physics.indenter, part.regions[0].material.constants.nu, scene.sizes, part.dim)
+    would_pull = pulling_rim(
+        scene.physics.indenter, part.regions[0].material.constants.nu, scene.sizes, part.dim
+    )
     bound: Friction = NEARLY_STICK if would_pull else "stick"
     is_large = candidates(scene.sizes, part) * part.dim > MOST_CANDIDATES
     solver = replace(scene.solver, method="newton") if is_large else scene.solver
-    return replace(scene.with_physics(contact=replace(law, friction=bound, epsilon_t=law.epsilon_n)), solver=solver)
+    return replace(
+        scene.with_physics(contact=replace(law, friction=bound, epsilon_t=law.epsilon_n)),
+        solver=solver,
+    )
 
 
 def _to(scene: Scene, depth: float, steps: int, anchor: Anchor = "implicit") -> Scene:

@@ -1,8 +1,9 @@
 """Effects that a model may leave out, in per cent of the force.
 
-An effect is 100 (force with it / force without it - 1) at the deepest row, both at one depth and both forces of scenes
-that this program solves: by theory where it is exact, else on one mesh, whose error is in both. What the scene has no
-parameter of is followed over that parameter, and said as the value from which on it matters.
+An effect is 100 (force with it / force without it - 1) at the deepest row, both at one depth and
+both forces of scenes that this program solves: by theory where it is exact, else on one mesh, whose
+error is in both. What the scene has no parameter of is followed over that parameter, and said as
+the value from which on it matters.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.run.requirements.bench import Bench
 from indent_sim.theory.solution import UNSOLVED
 
-FIRST_STEP_RATIO = 1.5  # between values of a parameter that is followed: a change of sign is seen that lasts as long
+# between values of a parameter that is followed: a change of sign is seen that lasts as long
+FIRST_STEP_RATIO = 1.5
 LEAST_STEP_RATIO = 1.03  # of steps towards where nothing is solved
 FOLLOWED_RANGE = 1e6  # times nearer to nothing than where a parameter is followed from, if need be
 FOLLOWED = 0.5  # relative change of the force up to which an effect is followed
@@ -28,10 +30,11 @@ SHARP = 0.01  # relative, of a threshold's parameter: between, an effect is a st
 
 @dataclass(frozen=True)
 class Effect:
-    """What an effect does to the force [per cent]: between low and high, None where that side has no bound, and the
-    number itself where it is one.
+    """What an effect does to the force [per cent]: between low and high, None where that side has
+    no bound, and the number itself where it is one.
 
-    source: where that comes from; needs: the value of a parameter that the scene lacks from which on it matters.
+    source: where that comes from; needs: the value of a parameter that the scene lacks from which
+    on it matters.
     """
 
     name: str
@@ -50,7 +53,9 @@ class Effect:
 
     def times(self, gain: float) -> Effect:
         """The effect on a force that is smaller by this factor."""
-        percent, low, high = (None if one is None else gain * one for one in (self.percent, self.low, self.high))
+        percent, low, high = (
+            None if one is None else gain * one for one in (self.percent, self.low, self.high)
+        )
         return replace(self, percent=percent, low=low, high=high)
 
     @property
@@ -85,7 +90,9 @@ def absent(why: str) -> Known:
 
 @dataclass(frozen=True)
 class Unknown:
-    """That the force is not known with it or without it, and why; needs: what is known of its parameter."""
+    """That the force is not known with it or without it, and why; needs: what is known of its
+    parameter.
+    """
 
     why: str
     needs: str = ""
@@ -104,8 +111,8 @@ class Pair:
 class Start:
     """A parameter that the scene lacks: force with some of it over that without, small where x is.
 
-    key: its name; value(x): what is said of it; side: where it matters, in words; first: an x to begin with; end: the
-    largest there is.
+    key: its name; value(x): what is said of it; side: where it matters, in words; first: an x to
+    begin with; end: the largest there is.
     """
 
     key: str
@@ -123,13 +130,17 @@ Said = Known | Unknown | Pair | Start
 
 @dataclass(frozen=True)
 class Requirement:
-    """A row of the table: the name of an effect, and the scenes with it and without, or where following it starts."""
+    """A row of the table: the name of an effect, and the scenes with it and without, or where
+    following it starts.
+    """
 
     name: str
     said: Callable[[Bench, float], Said]
 
     def effect(self, bench: Bench, within: float) -> Effect:
-        """What it does to the force; a scene that could not be solved is said to be that, with the reason."""
+        """What it does to the force; a scene that could not be solved is said to be that, with the
+        reason.
+        """
         return solved(self.name, lambda: self._effect(self.said(bench, within), bench, within))
 
     def _effect(self, said: Said, bench: Bench, within: float) -> Effect:
@@ -149,11 +160,17 @@ class Requirement:
         passed = enumerate(crossings(start, samples, within))
         limits = [f"{start.value(x):.{start.digits + (k > 0)}g}" for k, x in passed]
         never = f"{start.key}: below {100 * within:g} % as far as it was followed"
-        words = f"above {100 * within:g} % from {start.key} = {limits[0]}{start.side}" if limits else never
+        words = (
+            f"above {100 * within:g} % from {start.key} = {limits[0]}{start.side}"
+            if limits
+            else never
+        )
         source = f"{start.source}, followed to {last}{why}"
         ends = [*limits[1:], last][: 2 * (len(limits) // 2)]
         small = " and ".join(f"{a} to {b}" for a, b in zip(ends[::2], ends[1::2], strict=True))
-        return Effect(self.name, None, None, None, source, words + (f", but for {small}" if small else ""))
+        return Effect(
+            self.name, None, None, None, source, words + (f", but for {small}" if small else "")
+        )
 
 
 Sample = tuple[float, float]
@@ -161,22 +178,31 @@ Samples = list[Sample]
 
 
 def follow(start: Start, within: float) -> tuple[Samples, str]:
-    """Relative changes of the force over the parameter's x, from where they are small to where they are as large as is
-    followed or nothing is solved, and why there, in words; NotConverged where nothing is solved at all."""
-    x, why = start.first, ""
+    """Relative changes of the force over the parameter's x, from where they are small to where they
+    are as large as is followed or nothing is solved, and why there, in words; NotConverged where
+    nothing is solved at all.
+    """
+    x = start.first
+    why = ""
     change = start.change(x) - 1
     while abs(change) >= within:
         x /= FIRST_STEP_RATIO**2
         change = start.change(x) - 1
         if x < start.first / FOLLOWED_RANGE:
             raise NotConverged(f"{start.key} is felt however little there is of it")
-    samples, step = [(x, change)], FIRST_STEP_RATIO
-    while abs(change) < FOLLOWED and x < min(start.end, start.first * FOLLOWED_RANGE) and step > LEAST_STEP_RATIO:
+    samples = [(x, change)]
+    step = FIRST_STEP_RATIO
+    while (
+        abs(change) < FOLLOWED
+        and x < min(start.end, start.first * FOLLOWED_RANGE)
+        and step > LEAST_STEP_RATIO
+    ):
         further = min(x * (step if abs(change) > within / 10 else step**2), start.end)
         try:
             change = start.change(further) - 1
         except (NotConverged, ConfigError, *UNSOLVED) as error:
-            why, step = f"; beyond, {error}", step**0.5
+            why = f"; beyond, {error}"
+            step = step**0.5
             continue
         x = further
         samples.append((x, change))
@@ -186,7 +212,9 @@ def follow(start: Start, within: float) -> tuple[Samples, str]:
 def crossings(start: Start, samples: Samples, within: float) -> list[float]:
     """Where the change becomes as large as the tolerance, or small again, of either sign, in order."""
     both = [(low, high, level) for low, high in pairwise(samples) for level in (within, -within)]
-    passed = [(level, low, high) for low, high, level in both if (low[1] - level) * (high[1] - level) < 0]
+    passed = [
+        (level, low, high) for low, high, level in both if (low[1] - level) * (high[1] - level) < 0
+    ]
     return sorted(_between(lambda x: start.change(x) - 1, *one) for one in passed)
 
 

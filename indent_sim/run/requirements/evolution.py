@@ -1,8 +1,9 @@
-"""What time makes of the force of a body that drains, or whose shear relaxes, between the elastic bodies of its limits.
+"""What time makes of the force of a body that drains, or whose shear relaxes, between the elastic
+bodies of its limits.
 
-At the row of the largest force, on one mesh and without friction: the scene along its history, beside elastic bodies
-at the depth of that row. Drained and undrained are the limits of `drainage`, unrelaxed and relaxed those of `rate`; an
-effect is what is over the first of them.
+At the row of the largest force, on one mesh and without friction: the scene along its history,
+beside elastic bodies at the depth of that row. Drained and undrained are the limits of `drainage`,
+unrelaxed and relaxed those of `rate`; an effect is what is over the first of them.
 """
 
 from __future__ import annotations
@@ -21,7 +22,14 @@ from indent_sim.process.errors import NotConverged
 from indent_sim.run.chain import states
 from indent_sim.run.requirements.bench import Bench
 from indent_sim.run.requirements.effects import Effect, solved
-from indent_sim.run.requirements.variations import drained, elastic, rounded_law, undrained, varied, with_matter
+from indent_sim.run.requirements.variations import (
+    drained,
+    elastic,
+    rounded_law,
+    undrained,
+    varied,
+    with_matter,
+)
 from indent_sim.scene.given import fastest, remaining
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.scene.theories import relaxed
@@ -35,8 +43,9 @@ LIMITS = {"drainage": ("drained", "undrained"), "rate": ("unrelaxed", "relaxed")
 
 @dataclass(frozen=True)
 class Limit:
-    """An elastic body in place of one that evolves: which effect it leaves out, which limit it is, and by how many per
-    cent the scene's force is off its own; None where that is not known."""
+    """An elastic body in place of one that evolves: which effect it leaves out, which limit it is,
+    and by how many per cent the scene's force is off its own; None where that is not known.
+    """
 
     effect: str
     name: str
@@ -45,17 +54,23 @@ class Limit:
     @property
     def dropped(self) -> Effect:
         """What a model of that body leaves out."""
-        return Effect(self.effect, self.percent, self.percent, self.percent, f"the {self.name} body")
+        return Effect(
+            self.effect, self.percent, self.percent, self.percent, f"the {self.name} body"
+        )
 
 
 class Evolution:
     """What time makes of the force of a scene; every force is solved once."""
 
     def __init__(self, config: Config, scene: Scene):
-        self.config, self.physics = config, scene.physics
-        pressures = [one.material.bath_pressure(p) for one in scene.physics.permeable for p in self._baths]
+        self.config = config
+        self.physics = scene.physics
+        pressures = [
+            one.material.bath_pressure(p) for one in scene.physics.permeable for p in self._baths
+        ]
         self.is_bathed = any(abs(pressure) > NO_BATH for pressure in pressures)
-        self._bench, self._known = Bench(self.config, scene), dict[tuple[str, ...], float]()
+        self._bench = Bench(self.config, scene)
+        self._known = dict[tuple[str, ...], float]()
 
     @property
     def _baths(self) -> tuple[float, ...]:
@@ -74,7 +89,9 @@ class Evolution:
     @property
     def nearest(self) -> tuple[Limit, ...]:
         """Of each effect the limit whose force is nearest."""
-        return tuple(min(limits_of(effect), key=lambda limit: limit.dropped.size) for effect in self.effects)
+        return tuple(
+            min(limits_of(effect), key=lambda limit: limit.dropped.size) for effect in self.effects
+        )
 
     @property
     def elastic(self) -> Config:
@@ -97,18 +114,27 @@ class Evolution:
             return self._swelling()
         words = f"the scene over its drained body, the range up to its undrained one{self._where}"
         own = self._top.force / self._force("drained") - 1
-        return _effect("drainage", own, self._force("undrained") / self._force("drained") - 1, words)
+        return _effect(
+            "drainage", own, self._force("undrained") / self._force("drained") - 1, words
+        )
 
     def _swelling(self) -> Effect:
         """Beside what its force becomes in the bath of that row, at that depth."""
-        words = f"the scene over the same at rest in its bath, the range from before any fluid came{self._where}"
-        rested, at_once = self._rested, self._force("undrained") if self._top.delta > 0 else 0.0
+        words = (
+            "the scene over the same at rest in its bath, the range from before any fluid "
+            f"came{self._where}"
+        )
+        rested = self._rested
+        at_once = self._force("undrained") if self._top.delta > 0 else 0.0
         if not rested > 0:
             raise NotConverged("at rest in its bath it does not push")
         return _effect("drainage", self._top.force / rested - 1, at_once / rested - 1, words)
 
     def _rate(self) -> Effect:
-        words = f"the scene over that of an elastic body, the range down to its relaxed one{self._where}"
+        words = (
+            "the scene over that of an elastic body, the range down to its relaxed "
+            f"one{self._where}"
+        )
         dry = ("drained",) if self.physics.permeable else ()
         own = self._force(*dry) if dry else self._top.force
         alone = self._force(*dry, "unrelaxed")
@@ -117,19 +143,28 @@ class Evolution:
     @property
     def _where(self) -> str:
         smooth = ", without friction" if self._bench.in_contact else ""
-        return f", at t = {self._top.t:.4g}, delta = {self._top.delta:.4g}, on one mesh{smooth}{self._bench.how}"
+        return (
+            f", at t = {self._top.t:.4g}, delta = {self._top.delta:.4g}, on one "
+            f"mesh{smooth}{self._bench.how}"
+        )
 
     @cached_property
     def _whole(self) -> Config:
-        """The scene on the body that stands for its own, all but that as usual, as far as its force may grow."""
+        """The scene on the body that stands for its own, all but that as usual, as far as its force
+        may grow.
+        """
         own = self.config
         usual = {
             "contact": AugmentedLagrangian(gap=own.contact.gap),
             "solver": SolverSettings(),
             "output": OutputSettings(),
         }
-        loading = replace(own.loading, times="auto") if self.is_bathed else _to_last_rise(own.loading)
-        whole = varied(own, **usual, indenter=self._bench.tip, accuracy=None, experiment=None, loading=loading)
+        loading = (
+            replace(own.loading, times="auto") if self.is_bathed else _to_last_rise(own.loading)
+        )
+        whole = varied(
+            own, **usual, indenter=self._bench.tip, accuracy=None, experiment=None, loading=loading
+        )
         whole = self._bench.stand_in(whole)
         scene = resolve(whole)
         h = scene.sizes.h_contact * scene.physics.scales.length
@@ -146,7 +181,9 @@ class Evolution:
         return top
 
     def _force(self, *limits: str) -> float:
-        """Force at that row with other laws: of an elastic body at its depth, of one that still relaxes on its way."""
+        """Force at that row with other laws: of an elastic body at its depth, of one that still
+        relaxes on its way.
+        """
         if limits not in self._known:
             config = self._with_laws(self._whole, limits)
             evolves = any(law.evolves for _, law in config.materials())
@@ -157,7 +194,9 @@ class Evolution:
     @cached_property
     def _rested(self) -> float:
         """Force at the depth of that row when no fluid flows any more in the bath of its time."""
-        t, delta, drainage = self._top.t, self._top.delta, self._whole.drainage or Drainage()
+        t = self._top.t
+        delta = self._top.delta
+        drainage = self._whole.drainage or Drainage()
         end = RESTED * self.physics.body.height**2 / fastest(self.physics)
         held = Loading(history=((0.0, delta), (end, delta)), times=(end,), per_doubling=2)
         bath = replace(drainage, bath=drainage.bath_at(t or 0.0))
@@ -170,7 +209,12 @@ class Evolution:
         def soft(law: Material) -> Material:
             return relaxed(law.canonical(), remaining(law.relaxation, history))
 
-        changes = {"drained": drained, "undrained": undrained, "unrelaxed": elastic, "relaxed": soft}
+        changes = {
+            "drained": drained,
+            "undrained": undrained,
+            "unrelaxed": elastic,
+            "relaxed": soft,
+        }
 
         def changed(law: Material) -> Material:
             for limit in limits:
@@ -181,18 +225,26 @@ class Evolution:
         drainage = config.drainage if any(law.flow for law in laws) else None
         per_doubling = config.loading.per_doubling if any(law.evolves for law in laws) else None
         return with_matter(
-            config, changed, drainage=drainage, loading=replace(config.loading, per_doubling=per_doubling)
+            config,
+            changed,
+            drainage=drainage,
+            loading=replace(config.loading, per_doubling=per_doubling),
         )
 
     def _way_there(self) -> Loading:
         """The way to that row of a body whose depth is prescribed."""
-        own, top = self._whole.loading, self._top
+        own = self._whole.loading
+        top = self._top
         if own.history is None or top.t is None:
-            raise NotConverged("under prescribed forces a body that both drains and relaxes is not taken apart")
+            raise NotConverged(
+                "under prescribed forces a body that both drains and relaxes is not taken apart"
+            )
         passed = tuple(point for point in own.history if point[0] <= top.t)
         is_at_once = top.t == own.history[0][0]
         there = () if passed[-1][0] == top.t else ((top.t, top.delta),)
-        return replace(own, history=own.history if is_at_once else (*passed, *there), times=(top.t,))
+        return replace(
+            own, history=own.history if is_at_once else (*passed, *there), times=(top.t,)
+        )
 
 
 def _effect(name: str, own: float, other: float, words: str) -> Effect:
@@ -212,10 +264,14 @@ def limits_of(effect: Effect) -> tuple[Limit, Limit]:
 
 
 def _to_last_rise(loading: Loading) -> Loading:
-    """A loading in time up to where its value rises for the last time: what follows pushes no harder."""
+    """A loading in time up to where its value rises for the last time: what follows pushes no
+    harder.
+    """
     (way,) = loading.given
     points = getattr(loading, way)
-    rises = [k for k, (before, after) in enumerate(pairwise(points), start=1) if after[1] > before[1]]
+    rises = [
+        k for k, (before, after) in enumerate(pairwise(points), start=1) if after[1] > before[1]
+    ]
     end = max(rises, default=0) + 1
     while points[end - 1][0] == points[0][0]:  # a jump from rest, and what holds it
         end += 1

@@ -31,21 +31,33 @@ class TheoryWalk:
 
     def __init__(self, scene: Scene, comm: Comm, started: float | None = None):
         assert scene.plan.theory is not None
-        self.scene, self.theory, self._comm = scene, scene.plan.theory, comm
+        self.scene = scene
+        self.theory = scene.plan.theory
+        self._comm = comm
         self._started = time.perf_counter() if started is None else started
 
-    def states(self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
-        """One State per requested value after the first `done`; after one that theory does not reach no other."""
+    def states(
+        self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0
+    ) -> Iterator[State]:
+        """One State per requested value after the first `done`; after one that theory does not
+        reach no other.
+        """
         known = on_root(self._comm, self._together, path.values) or [None] * len(path.values)
-        rows = list(zip(path.values, known, strict=True))  # of the whole path: a row does not know where a run goes on
+        rows = list(
+            zip(path.values, known, strict=True)
+        )  # of the whole path: a row does not know where a run goes on
         for step, (value, solution) in enumerate(rows[done:], start=done + 1):
-            state = self._comm.bcast(on_root(self._comm, self._state, step, value, solution, wants_surface))
+            state = self._comm.bcast(
+                on_root(self._comm, self._state, step, value, solution, wants_surface)
+            )
             yield state
             if not state.converged:
                 return
 
     def _together(self, asked: Sequence[float]) -> Sequence[Solution | None] | None:
-        """The contacts of all rows at once, which cost little more than a few; None where theory ends before."""
+        """The contacts of all rows at once, which cost little more than a few; None where theory
+        ends before.
+        """
         return self.theory.under(asked) if self._is_of_force else self.theory.curve(asked)
 
     @property
@@ -59,12 +71,19 @@ class TheoryWalk:
             depth = self.theory.depth(value, inf) if value > 0 else 0.0
         return None if depth is None else self.theory.at(depth)
 
-    def _state(self, step: int, value: float, known: Solution | None, wants_surface: Callable[[int], bool]) -> State:
+    def _state(
+        self, step: int, value: float, known: Solution | None, wants_surface: Callable[[int], bool]
+    ) -> State:
         solution = known or self._alone(value)
         seconds = time.perf_counter() - self._started
         if solution is None:
-            reason = "theory finds no contact, or ends before: at a wall, the tip's end, or 100 thicknesses"
-            return State(step, nan, nan, nan, nan, nan, nan, 0, seconds, converged=False, reason=reason)
+            reason = (
+                "theory finds no contact, or ends before: at a wall, the tip's end, or 100 "
+                "thicknesses"
+            )
+            return State(
+                step, nan, nan, nan, nan, nan, nan, 0, seconds, converged=False, reason=reason
+            )
         numbers = solution.delta, solution.force, solution.a, solution.largest_pressure()
         state = State(step, *numbers, 0.0, nan, 0, seconds, stiffness=solution.stiffness)
         return replace(state, surface=self._surface(solution)) if wants_surface(step) else state
@@ -75,21 +94,28 @@ class TheoryWalk:
 
     def _surface(self, solution: Solution) -> Surface:
         """Pressure (not a number where it is infinite), u_z and gap; theory does not say u_x."""
-        r, tip = self._radii, self.scene.physics.indenter
-        p, u_z = np.asarray(solution.pressure(r)), np.asarray(solution.u_z(r))
-        gap = below(tip, np.where(r <= solution.a, 0.0, tip.height(r, 0 * r) - solution.delta - u_z))
+        r = self._radii
+        tip = self.scene.physics.indenter
+        p = np.asarray(solution.pressure(r))
+        u_z = np.asarray(solution.u_z(r))
+        gap = below(
+            tip, np.where(r <= solution.a, 0.0, tip.height(r, 0 * r) - solution.delta - u_z)
+        )
         u = np.column_stack([np.full_like(r, nan), 0 * r, u_z])
         axis = float(self.scene.physics.center[0])
         return Surface(r + axis, 0 * r, u, gap, np.where(np.isfinite(p), p, nan), 0 * r)
 
 
 def radii(scene: Scene) -> np.ndarray:
-    """Distances from the tip's axis at which the surface is written: to its rim, or SEEN radii of the widest contact.
+    """Distances from the tip's axis at which the surface is written: to its rim, or SEEN radii of
+    the widest contact.
 
     One of them is where the widest contact ends.
     """
-    sizes, rim = scene.sizes, scene.physics.body.rim_distance(scene.physics.center)
-    end, distances = min(SEEN * sizes.a, rim), [0.0]
+    sizes = scene.sizes
+    rim = scene.physics.body.rim_distance(scene.physics.center)
+    end = min(SEEN * sizes.a, rim)
+    distances = [0.0]
     while distances[-1] < end * (1 - 1e-9):
         distances.append(distances[-1] + float(sizes.at(np.array(distances[-1]), np.array(0.0))))
     r = np.array(distances)

@@ -27,8 +27,9 @@ PUNCH_RADII = 40  # flat punches
 
 @dataclass(frozen=True)
 class ElasticForces:
-    """Forces (n,) at depths, theory's beside them where it has them all, the contact radius at the deepest, and the
-    relative half-width of the error bar of the deep ones."""
+    """Forces (n,) at depths, theory's beside them where it has them all, the contact radius at the
+    deepest, and the relative half-width of the error bar of the deep ones.
+    """
 
     forces: np.ndarray
     of_theory: np.ndarray | None
@@ -37,17 +38,25 @@ class ElasticForces:
 
 
 def forces_at(prospect: Prospect, depths: np.ndarray) -> ElasticForces:
-    """The forces of an elastic scene at depths, increasing; those of the load path where neither theory solves it nor
-    it condenses. NotConverged where one is not reached, UNSOLVED where theory has no solution."""
-    scene, scales = prospect.scene, prospect.scene.physics.scales
-    asked, theory = [float(depth / scales.depth) for depth in depths], scene.plan.theory
+    """The forces of an elastic scene at depths, increasing; those of the load path where neither
+    theory solves it nor it condenses. NotConverged where one is not reached, UNSOLVED where
+    theory has no solution.
+    """
+    scene = prospect.scene
+    scales = prospect.scene.physics.scales
+    asked = [float(depth / scales.depth) for depth in depths]
+    theory = scene.plan.theory
     if not scene.is_meshed:
         assert theory is not None
         exact = theory.contact.curve(asked)
-        return ElasticForces(np.array([one.force for one in exact]) * scales.force, None, exact[-1].a * scales.length)
+        return ElasticForces(
+            np.array([one.force for one in exact]) * scales.force, None, exact[-1].a * scales.length
+        )
     found = _solved(scene, depths)
     if len(found) < len(depths) or not found[-1].converged:
-        raise NotConverged(next((state.reason for state in found if not state.converged), "the path ended"))
+        raise NotConverged(
+            next((state.reason for state in found if not state.converged), "the path ended")
+        )
     curve = theory.curve(asked) if theory else None
     of_theory = np.array([one.force for one in curve]) * scales.force if curve else None
     forces = np.array([state.force for state in found])
@@ -64,16 +73,29 @@ def _bar(scene: Scene, found: list[State], depths: np.ndarray) -> float:
     """The relative error bar of the deepest forces, from a coarser mesh."""
     ratio, other = beside(scene)
     soft = softer(other)
-    bars = ErrorBars(scene, Companion(ratio, _solved(other, depths), other), _solved(soft, depths) if soft else None)
+    bars = ErrorBars(
+        scene,
+        Companion(ratio, _solved(other, depths), other),
+        _solved(soft, depths) if soft else None,
+    )
     judged = [bars.judged(state) for state in found]  # each knows those before it
-    deep = [state for state in judged if state.delta > DEEP * depths[-1] and np.isfinite(state.force_error or 0.0)]
+    deep = [
+        state
+        for state in judged
+        if state.delta > DEEP * depths[-1] and np.isfinite(state.force_error or 0.0)
+    ]
     return max(((state.force_error or 0.0) / state.force for state in deep), default=0.0)
 
 
-def punches_to(prospect: Prospect, deepest: float, least: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Flat punches under the tip: radii (n,) over the widest, that of an adhering contact at a depth, from `least` on;
-    depth, force, stiffness and its slope over the radius (4, n); the widest radius. UNSOLVED where there are none."""
-    scene, scales = prospect.scene, prospect.scene.physics.scales
+def punches_to(
+    prospect: Prospect, deepest: float, least: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Flat punches under the tip: radii (n,) over the widest, that of an adhering contact at a
+    depth, from `least` on; depth, force, stiffness and its slope over the radius (4, n); the
+    widest radius. UNSOLVED where there are none.
+    """
+    scene = prospect.scene
+    scales = prospect.scene.physics.scales
     equilibrium = None
     if scene.is_meshed:
         equilibrium = condense(scene).equilibrium
@@ -85,16 +107,23 @@ def punches_to(prospect: Prospect, deepest: float, least: float) -> tuple[np.nda
         widest = 0.999 * punches.largest
     radii = np.geomspace(max(least * widest, punches.smallest), widest, PUNCH_RADII)
     rows = [punches.at(float(a)) for a in radii]
-    units = scales.depth, scales.force, scales.force / scales.depth, scales.force / scales.depth / scales.length
+    units = (
+        scales.depth,
+        scales.force,
+        scales.force / scales.depth,
+        scales.force / scales.depth / scales.length,
+    )
     columns = zip(*((one.delta, one.force, one.stiffness, one.slope) for one in rows), strict=True)
     values = [np.array(column) * unit for column, unit in zip(columns, units, strict=True)]
     return radii / widest, np.array(values), widest * scales.length
 
 
 def half_space_modulus(prospect: Prospect, delta: np.ndarray, force: np.ndarray) -> float | None:
-    """The modulus E that a least-squares fit of the half-space formula to a curve (n,) reads; None where there is no
-    formula or no contact."""
-    scene, scales = prospect.scene, prospect.scene.physics.scales
+    """The modulus E that a least-squares fit of the half-space formula to a curve (n,) reads; None
+    where there is no formula or no contact.
+    """
+    scene = prospect.scene
+    scales = prospect.scene.physics.scales
     try:
         known = [force or 0.0 for force in hertz_forces(scene, map(float, delta / scales.depth))]
     except UNSOLVED:
@@ -102,4 +131,10 @@ def half_space_modulus(prospect: Prospect, delta: np.ndarray, force: np.ndarray)
     total = sum(one * one for one in known)
     if not total:
         return None
-    return float(np.dot(known, force)) / total / scales.force * scene.physics.material.constants.E * scales.pressure
+    return (
+        float(np.dot(known, force))
+        / total
+        / scales.force
+        * scene.physics.material.constants.E
+        * scales.pressure
+    )

@@ -1,4 +1,6 @@
-"""Published values: what a source states of a scene, what it claims of that, and how the exact value is known."""
+"""Published values: what a source states of a scene, what it claims of that, and how the exact
+value is known.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,9 @@ EXACT = ("value", "case", "by")
 class Published:
     """A value [user's units] that a source states of a row of a scene.
 
-    at: what names the row, (delta | t | step, number), None for the last; claims: what the source says that it is, and
-    within: how far off the exact value, relative, it may be by its own account; None where the source says nothing
-    of that, and its value is not judged.
+    at: what names the row, (delta | t | step, number), None for the last; claims: what the source
+    says that it is, and within: how far off the exact value, relative, it may be by its own
+    account; None where the source says nothing of that, and its value is not judged.
     """
 
     quantity: str
@@ -40,7 +42,9 @@ class Published:
 
 @dataclass(frozen=True)
 class Exact:
-    """How the exact value is known where theory does not: a number, or the run of another case; `by` in words."""
+    """How the exact value is known where theory does not: a number, or the run of another case;
+    `by` in words.
+    """
 
     by: str
     value: float | None = None
@@ -50,34 +54,57 @@ class Exact:
 def read_published(given: Any, keys: KeyPath) -> Published:
     """The section `published` of a case; ConfigError, without its place, for anything wrong in it."""
     section = _section(given, keys, PUBLISHED_KEYS, REQUIRED_KEYS)
-    quantity, claims = section["quantity"], section["claims"]
+    quantity = section["quantity"]
+    claims = section["claims"]
     if quantity not in QUANTITIES:
         near = closest(str(quantity), QUANTITIES)
-        said = f"is no number of a result, did you mean '{near}'?" if near else "is no number of a result"
-        raise _error((*keys, "quantity"), said, f"force, a, p_max, {PULL_OFF}, E_hertz or another column")
+        said = (
+            f"is no number of a result, did you mean '{near}'?"
+            if near
+            else "is no number of a result"
+        )
+        raise _error(
+            (*keys, "quantity"), said, f"force, a, p_max, {PULL_OFF}, E_hertz or another column"
+        )
     if claims not in CLAIMS:
-        raise _error((*keys, "claims"), "is none of exact, fit, elements", "what the source says that its value is")
+        raise _error(
+            (*keys, "claims"),
+            "is none of exact, fit, elements",
+            "what the source says that its value is",
+        )
     within = _number(section, "within", keys) if section.get("within") is not None else None
     if within is not None and not 0 < within < 1:
         raise _error((*keys, "within"), "must be between 0 and 1", "0.01: the source claims 1 %")
     if not _number(section, "value", keys):
         raise _error((*keys, "value"), "must not be 0", "differences are parts of it")
     words = _words(section, "source", keys)
-    return Published(quantity, float(section["value"]), _place(section, keys), claims, within, words)
+    return Published(
+        quantity, float(section["value"]), _place(section, keys), claims, within, words
+    )
 
 
 def read_exact(given: Any, keys: KeyPath) -> Exact:
     """The section `exact` of a case; ConfigError, without its place, for anything wrong in it."""
     section = _section(given, keys, EXACT, ("by",))
     if ("value" in section) == ("case" in section):
-        raise _error(keys, "must have one of value and case", "a number, or the name of a case that is run beside")
+        raise _error(
+            keys,
+            "must have one of value and case",
+            "a number, or the name of a case that is run beside",
+        )
     value = _number(section, "value", keys) if "value" in section else None
     if value == 0:
         raise _error((*keys, "value"), "must not be 0", "differences are parts of it")
-    return Exact(_words(section, "by", keys), value, _words(section, "case", keys) if "case" in section else "")
+    return Exact(
+        _words(section, "by", keys),
+        value,
+        _words(section, "case", keys) if "case" in section else "",
+    )
 
 
-def _section(given: Any, keys: KeyPath, known: tuple[str, ...], needed: tuple[str, ...]) -> Mapping[str, Any]:
+def _section(
+    given: Any, keys: KeyPath, known: tuple[str, ...], needed: tuple[str, ...]
+) -> Mapping[str, Any]:
     if not isinstance(given, dict):
         raise _error(keys, "must be a section of keys", f"it has {', '.join(known)}")
     if unknown := [key for key in given if key not in known]:
@@ -92,7 +119,9 @@ def _place(section: Mapping[str, Any], keys: KeyPath) -> tuple[str, float] | Non
     if at is None:
         return None
     if not isinstance(at, dict) or len(at) != 1 or next(iter(at)) not in PLACES:
-        raise _error((*keys, "at"), "must name one row", "write {delta: 0.01}, {t: 1.5} or {step: 3}")
+        raise _error(
+            (*keys, "at"), "must name one row", "write {delta: 0.01}, {t: 1.5} or {step: 3}"
+        )
     name = next(iter(at))
     return name, _number(at, name, (*keys, "at"))
 

@@ -1,7 +1,8 @@
 """Scoreboard: published values beside exact ones and ours, and which of them is wrong by how much.
 
-A row per case with a published value. The exact value is that of a second method: the theory of the very body where
-the run is one of finite elements, the run of another case, or a number with its derivation.
+A row per case with a published value. The exact value is that of a second method: the theory of the
+very body where the run is one of finite elements, the run of another case, or a number with its
+derivation.
 """
 
 from __future__ import annotations
@@ -24,10 +25,25 @@ from indent_sim.studies.study_file import CASE, Member
 SAME_PLACE = 1e-9  # relative
 OWN_COLUMNS = ("within", "ours_difference", "wrong")
 SCOREBOARD_COLUMNS = (
-    *("case", "quantity", "published", "exact", "exact_by", "ours", "our_error", "difference", "claims", "source"),
+    *(
+        "case",
+        "quantity",
+        "published",
+        "exact",
+        "exact_by",
+        "ours",
+        "our_error",
+        "difference",
+        "claims",
+        "source",
+    ),
     *OWN_COLUMNS,
 )
-NOBODY, PUBLISHED, OURS, BOTH, UNKNOWN = "nobody", "published", "ours", "both", "unknown"
+NOBODY = "nobody"
+PUBLISHED = "published"
+OURS = "ours"
+BOTH = "both"
+UNKNOWN = "unknown"
 TEXT_COLUMNS = ("case", "quantity", "exact_by", "claims", "source", "wrong")  # columns of text
 ROUNDING = 1e-9  # relative, of a number that is exact
 Row = dict[str, Any]
@@ -35,7 +51,9 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Value:
-    """A number [user's units], half the width of its error bar (None: not known) and how it was found."""
+    """A number [user's units], half the width of its error bar (None: not known) and how it was
+    found.
+    """
 
     number: float
     error: float | None = None
@@ -46,30 +64,48 @@ def check(members: Sequence[Member], cases: Sequence[Case]) -> None:
     """ConfigError, with its place, for a published value of a row that the scene does not have."""
     of = {case.values.get(CASE): case for case in cases}
     for member in members:
-        case, published = of.get(member.name), member.published
-        if case is None or published is None or published.at is None or case.prospect.scene.takes_time:
+        case = of.get(member.name)
+        published = member.published
+        if (
+            case is None
+            or published is None
+            or published.at is None
+            or case.prospect.scene.takes_time
+        ):
             continue
         name, wanted = published.at
         depths = case.prospect.depths
-        known = {"step": np.arange(1.0, len(depths) + 1), "delta": np.array(depths), "t": np.empty(0)}
+        known = {
+            "step": np.arange(1.0, len(depths) + 1),
+            "delta": np.array(depths),
+            "t": np.empty(0),
+        }
         is_found = name == "delta" and case.prospect.finds_depths
         if not is_found and not np.isclose(known[name], wanted, rtol=SAME_PLACE, atol=0).any():
             problem = f"the scene of {member.name} has no row with {name} {wanted:g}"
             raise ConfigError("published.at", problem, "add it to loading.deltas", *member.place)
 
 
-def rows(members: Sequence[Member], cases: Sequence[Case], done: Mapping[str, Results]) -> list[Row]:
-    """The scoreboard, a row for every case with a published value, in the order of the file; what is unknown is
-    None. difference and ours_difference are in per cent of the exact value; `wrong` is nobody, published, ours, both
-    or unknown."""
+def rows(
+    members: Sequence[Member], cases: Sequence[Case], done: Mapping[str, Results]
+) -> list[Row]:
+    """The scoreboard, a row for every case with a published value, in the order of the file; what
+    is unknown is None. difference and ours_difference are in per cent of the exact value;
+    `wrong` is nobody, published, ours, both or unknown.
+    """
     found = {str(case.values.get(CASE)): (case, done.get(case.id)) for case in cases}
     return [_row(member, found) for member in members if member.published is not None]
 
 
 def read_row(row: Mapping[str, str]) -> Row:
-    """A row as `rows` gave it, from the cells of verification.csv; KeyError or ValueError where it is none."""
+    """A row as `rows` gave it, from the cells of verification.csv; KeyError or ValueError where it
+    is none.
+    """
     cells = {name: row[name] for name in SCOREBOARD_COLUMNS}
-    return {name: (text if name in TEXT_COLUMNS else float(text)) if text else None for name, text in cells.items()}
+    return {
+        name: (text if name in TEXT_COLUMNS else float(text)) if text else None
+        for name, text in cells.items()
+    }
 
 
 def read(text: str) -> list[Row]:
@@ -117,13 +153,18 @@ def _wrong(published: Published, exact: Value | None, ours: Value | None) -> str
     spread = (exact.error or 0.0) + ROUNDING * abs(exact.number)
     claimed = math.inf if published.within is None else published.within
     is_theirs = abs(published.value - exact.number) > claimed * abs(exact.number) + spread
-    is_ours = ours is not None and ours.error is not None and abs(ours.number - exact.number) > ours.error + spread
+    is_ours = (
+        ours is not None
+        and ours.error is not None
+        and abs(ours.number - exact.number) > ours.error + spread
+    )
     return {(0, 0): NOBODY, (1, 0): PUBLISHED, (0, 1): OURS, (1, 1): BOTH}[is_theirs, is_ours]
 
 
 def _exact(member: Member, found: Mapping[str, tuple[Case, Results | None]]) -> Value | None:
     """The exact value of a case by its second method; None where there is none, or its run failed."""
-    published, exact = member.published, member.exact
+    published = member.published
+    exact = member.exact
     assert published is not None
     if exact is None:
         return _by_theory(published, *found.get(member.name, (None, None)))
@@ -172,7 +213,8 @@ def _pull_off(results: Results) -> Value | None:
     known = without_range or adhesion.get(PULL_OFF) or adhesion.get("largest_pull")
     if not known:
         return None
-    force, missed = float(known["force"]), known.get("error", 0.0)
+    force = float(known["force"])
+    missed = known.get("error", 0.0)
     row = None if without_range else adhesion["largest_pull"]["step"]
     error = _pull_off_error(force, row, results)
     return Value(force, None if error is None or missed is None else error + missed)
@@ -183,15 +225,19 @@ def _pull_off_error(force: float, step: int | None, results: Results) -> float |
     as the widest of the elastic curve that it is found from. None without bars."""
     if "force_error" not in results.table or not len(results):
         return None
-    forces, errors = np.abs(results["force"]), results["force_error"]
+    forces = np.abs(results["force"])
+    errors = results["force_error"]
     if step is not None:
-        forces, errors = forces[results["step"] == step], errors[results["step"] == step]
+        forces = forces[results["step"] == step]
+        errors = errors[results["step"] == step]
     parts = errors[forces > 0] / forces[forces > 0]
     return abs(force) * float(parts.max()) if len(parts) and np.isfinite(parts).all() else None
 
 
 def _by_theory(published: Published, case: Case | None, results: Results | None) -> Value | None:
-    """What the theory of the very body says of a row that elements found; None where it is not exact for it."""
+    """What the theory of the very body says of a row that elements found; None where it is not
+    exact for it.
+    """
     if (
         case is None
         or results is None
@@ -200,10 +246,15 @@ def _by_theory(published: Published, case: Case | None, results: Results | None)
         or not len(results)
     ):
         return None
-    row, theory, physics = _row_at(published, results), case.prospect.scene.exact_theory, case.prospect.scene.physics
+    row = _row_at(published, results)
+    theory = case.prospect.scene.exact_theory
+    physics = case.prospect.scene.physics
     if row is None or theory is None:
         return _beside(published, results, row)
-    L, D, P, F = physics.scales.length, physics.scales.depth, physics.scales.pressure, physics.scales.force
+    L = physics.scales.length
+    D = physics.scales.depth
+    P = physics.scales.pressure
+    F = physics.scales.force
     depth: float | None = float(results["delta"][row]) / D
     if case.prospect.finds_depths:
         depth = theory.depth(float(results["force"][row]) / F, physics.body.height)
@@ -211,7 +262,11 @@ def _by_theory(published: Published, case: Case | None, results: Results | None)
     if solution is None:
         return None
     numbers = {"force": solution.force * F, "a": solution.a * L, "delta": solution.delta * D}
-    number = solution.largest_pressure() * P if published.quantity == "p_max" else numbers.get(published.quantity)
+    number = (
+        solution.largest_pressure() * P
+        if published.quantity == "p_max"
+        else numbers.get(published.quantity)
+    )
     return Value(number, 0.0, theory.name) if number is not None and math.isfinite(number) else None
 
 

@@ -23,17 +23,22 @@ SAME_DEPTH = 1e-9  # relative
 MOST_DEPTHS = 200  # at which theory is asked
 DEPTH_FACTOR = 1.3  # times an expected depth the one found may be
 PEAK_RADII = 200  # at which theory's pressure is looked at for its peak
-ALONE = "every run asks a question of its own and is compared with no other; curves.csv and curves.png have the curves"
+ALONE = (
+    "every run asks a question of its own and is compared with no other; curves.csv "
+    "and curves.png have the curves"
+)
 BY_APPROACH = "of the history that is compared with, the rows of its approach count"
 NAN = math.nan
 
 
 @dataclass(frozen=True)
 class Answer:
-    """Force, contact radius and peak pressure at given depths, in the user's units; NaN where unknown.
+    """Force, contact radius and peak pressure at given depths, in the user's units; NaN where
+    unknown.
 
-    `between`: the depths asked for are found, not prescribed, and lie near those known rather than on them.
-    `measured`: they are those of a measured curve, between any two of which it is straight.
+    `between`: the depths asked for are found, not prescribed, and lie near those known rather than
+    on them. `measured`: they are those of a measured curve, between any two of which it is
+    straight.
     """
 
     delta: np.ndarray
@@ -44,10 +49,14 @@ class Answer:
     measured: bool = field(default=False, kw_only=True)
 
     def at(self, delta: float) -> tuple[float, float, float]:
-        """(force, a, p_max) at a depth, if need be by power laws between those known; NaN when it is not known."""
+        """(force, a, p_max) at a depth, if need be by power laws between those known; NaN when it
+        is not known.
+        """
         columns = self.force, self.a, self.p_max
         if self.measured:
-            return tuple(float(np.interp(delta, self.delta, column, NAN, NAN)) for column in columns)  # type: ignore[return-value]
+            return tuple(
+                float(np.interp(delta, self.delta, column, NAN, NAN)) for column in columns
+            )  # type: ignore[return-value]
         if self.between:
             return tuple(_power_law(delta, self.delta, column) for column in columns)  # type: ignore[return-value]
         match = np.flatnonzero(np.isclose(self.delta, delta, rtol=SAME_DEPTH, atol=0))[-1:]
@@ -55,9 +64,13 @@ class Answer:
 
 
 def _power_law(x: float, known: np.ndarray, values: np.ndarray) -> float:
-    """The value at x of the power law through the two nearest of the known points; NaN where there are no two."""
+    """The value at x of the power law through the two nearest of the known points; NaN where there
+    are no two.
+    """
     near = [i for i in np.argsort(np.abs(known - x)) if known[i] > 0 and values[i] > 0]
-    other = next((i for i in near if not np.isclose(known[i], known[near[0]], rtol=SAME_DEPTH, atol=0)), None)
+    other = next(
+        (i for i in near if not np.isclose(known[i], known[near[0]], rtol=SAME_DEPTH, atol=0)), None
+    )
     if x <= 0 or other is None:
         return NAN
     slope = np.log(values[other] / values[near[0]]) / np.log(known[other] / known[near[0]])
@@ -69,30 +82,52 @@ class Truth:
 
     def __init__(self, study: StudyFile, cases: Sequence[Case]):
         self.notes: tuple[str, ...] = ()
-        self._wanted, self._apart = study.compare_to, bool(study.members)  # cases ask a question each
+        # cases ask a question each
+        self._wanted = study.compare_to
+        self._apart = bool(study.members)
         self._answers: dict[str, Answer] = {}
         self._file: Answer | None = None
-        self._finest: dict[str, Case] = {}  # the run that answers each problem, where runs are compared with such
+        self._finest: dict[
+            str, Case
+        ] = {}  # the run that answers each problem, where runs are compared with such
         where = study.compare_place
         if self._wanted != "finest" and any(case.prospect.scene.takes_time for case in cases):
-            raise _error(where, "rows are compared by depth, and a history passes one several times", "leave it out")
+            raise _error(
+                where,
+                "rows are compared by depth, and a history passes one several times",
+                "leave it out",
+            )
         if self._wanted == "theory":
             self._take_theory(cases, where)
         elif isinstance(self._wanted, float):
             if any(case.prospect.finds_depths for case in cases):
-                raise _error(where, "forces are prescribed, and depths found", "give theory, finest or a result")
+                raise _error(
+                    where,
+                    "forces are prescribed, and depths found",
+                    "give theory, finest or a result",
+                )
         elif not isinstance(self._wanted, str):
             try:
                 found = _read(self._wanted, cases)
                 self._file = of_results(found)
-                self.notes = (BY_APPROACH,) if "t" in found.table and not found.report.get(reader.MEASURED) else ()
+                self.notes = (
+                    (BY_APPROACH,)
+                    if "t" in found.table and not found.report.get(reader.MEASURED)
+                    else ()
+                )
             except UsageError as error:
                 raise _error(
-                    where, str(error), "give a result folder, its force_indentation.csv or a measured curve"
+                    where,
+                    str(error),
+                    "give a result folder, its force_indentation.csv or a measured curve",
                 ) from None
-            missing = [case for case in cases if math.isnan(_for(case, self._file).at(case.depth)[0])]
+            missing = [
+                case for case in cases if math.isnan(_for(case, self._file).at(case.depth)[0])
+            ]
             if missing:
-                raise _error(where, f"has no depth {missing[0].depth:g}, the last of {missing[0].words}")
+                raise _error(
+                    where, f"has no depth {missing[0].depth:g}, the last of {missing[0].words}"
+                )
 
     @property
     def name(self) -> str:
@@ -109,7 +144,9 @@ class Truth:
         return {case.id for case in self._finest.values()}
 
     def reference(self, case: Case) -> str | None:
-        """What a case is compared with: the id of a run, theory, a force or the name of a result; None for nothing."""
+        """What a case is compared with: the id of a run, theory, a force or the name of a result;
+        None for nothing.
+        """
         if self._wanted == "finest":
             return self._finest[case.problem].id if case.problem in self._finest else None
         return self.name if self.answer(case) else None
@@ -117,23 +154,33 @@ class Truth:
     def find_finest(self, cases: Sequence[Case], done: Mapping[str, Results]) -> None:
         """Where the finest run is the reference: choose it, for every problem the study asks about.
 
-        It has the most unknowns, and among such the least penetration: what a penalty lets sink in is no answer.
+        It has the most unknowns, and among such the least penetration: what a penalty lets sink in
+        is no answer.
         """
         if self._wanted != "finest":
             return
         asked: dict[str, list[Case]] = {}
-        comparable = (case for case in cases if case.id in done and not case.prospect.scene.takes_time)  # by depth
+        comparable = (
+            case for case in cases if case.id in done and not case.prospect.scene.takes_time
+        )  # by depth
         for case in sorted(comparable, key=lambda case: _fineness(case, done)):
             asked.setdefault(case.problem, []).append(case)  # the finest comes last
         # none is its own answer
-        self._finest = {problem: runs[-1] for problem, runs in asked.items() if len({run.id for run in runs}) > 1}
+        self._finest = {
+            problem: runs[-1]
+            for problem, runs in asked.items()
+            if len({run.id for run in runs}) > 1
+        }
         self._answers = {problem: of_results(done[run.id]) for problem, run in self._finest.items()}
         if asked and not self._finest and not self._apart:
             self.notes = (ALONE,)
         if len(self._finest) == 1:
             (run,) = self._finest.values()
             unknowns = done[run.id].report.get("dofs") or "no"
-            self.notes = (f"compared with the finest run, {run.words}: {unknowns} unknowns{_sunk(done[run.id])}",)
+            self.notes = (
+                f"compared with the finest run, {run.words}: {unknowns} "
+                f"unknowns{_sunk(done[run.id])}",
+            )
 
     def answer(self, case: Case) -> Answer | None:
         """What the case is compared with; None when there is nothing."""
@@ -146,12 +193,18 @@ class Truth:
         for case in cases:
             answer = self._answers.get(case.problem) or of_theory(case)
             if answer is None:
-                raise _error(where, f"there is no theory for {case.words}", "compare_to: finest always works")
+                raise _error(
+                    where, f"there is no theory for {case.words}", "compare_to: finest always works"
+                )
             self._answers[case.problem] = answer
-        inexact = next((case.prospect.scene for case in cases if not case.prospect.scene.exact_theory), None)
+        inexact = next(
+            (case.prospect.scene for case in cases if not case.prospect.scene.exact_theory), None
+        )
         if inexact is not None:
             why = "; ".join(inexact.differences)
-            self.notes = (f"theory is not exact for this body ({why}): the errors include the difference",)
+            self.notes = (
+                f"theory is not exact for this body ({why}): the errors include the difference",
+            )
 
 
 def _for(case: Case, answer: Answer) -> Answer:
@@ -160,20 +213,27 @@ def _for(case: Case, answer: Answer) -> Answer:
 
 
 def of_theory(case: Case) -> Answer | None:
-    """Layer theory at the depths of a case, of very many at some, and around those to expect; None without theory."""
+    """Layer theory at the depths of a case, of very many at some, and around those to expect; None
+    without theory.
+    """
     scene = case.prospect.scene
     depths = [delta for delta in scene.physics.deltas if delta > 0]
     depths = depths[:: -max(1, len(depths) // MOST_DEPTHS)][::-1]  # the last among them
     if case.prospect.finds_depths and depths:
         around = np.geomspace(
-            min(depths) / DEPTH_FACTOR, min(max(depths) * DEPTH_FACTOR, scene.physics.body.height), MOST_DEPTHS
+            min(depths) / DEPTH_FACTOR,
+            min(max(depths) * DEPTH_FACTOR, scene.physics.body.height),
+            MOST_DEPTHS,
         )
         depths = [float(depth) for depth in around]
     curve = (scene.plan.theory.curve(depths) if scene.plan.theory else None) if depths else []
     if curve is None:
         return None
     scales = scene.physics.scales
-    L, D, P, F = scales.length, scales.depth, scales.pressure, scales.force
+    L = scales.length
+    D = scales.depth
+    P = scales.pressure
+    F = scales.force
     open_depths = sorted({delta for delta in scene.physics.deltas if delta <= 0})
     rows = [(s.delta * D, s.force * F, s.a * L, _peak(s) * P) for s in curve]
     rows += [(delta * D, 0.0, 0.0, 0.0) for delta in open_depths]  # out of contact: nothing
@@ -181,23 +241,31 @@ def of_theory(case: Case) -> Answer | None:
 
 
 def _read(path: Path, cases: Sequence[Case]) -> Results:
-    """A result or a measured curve, which is taken in the units of the cases; UsageError for a result in others."""
+    """A result or a measured curve, which is taken in the units of the cases; UsageError for a
+    result in others.
+    """
     found = reader.read(path)
     if not cases:
         return found
     units = cases[0].prospect.config.units
-    scene = Results(Path("the study"), {}, {"units": {"length": units.length, "force": units.force}})
+    scene = Results(
+        Path("the study"), {}, {"units": {"length": units.length, "force": units.force}}
+    )
     both = reader.in_common_units([scene, found])
     reader.refuse_other_units(both, "run that scene in the units of the study")
     return both[1]
 
 
 def of_results(found: Results) -> Answer:
-    """The table of a result, by depth, of a history its approach; of a measured curve the same in order of depth."""
+    """The table of a result, by depth, of a history its approach; of a measured curve the same in
+    order of depth.
+    """
     unknown = np.full(len(found), NAN)
     if "t" in found.table and not found.report.get(reader.MEASURED):
         rows = parts_of(found["delta"])["approach"]
-        return Answer(*(found.table.get(name, unknown)[rows] for name in ("delta", "force", "a", "p_max")))
+        return Answer(
+            *(found.table.get(name, unknown)[rows] for name in ("delta", "force", "a", "p_max"))
+        )
     if found.report.get(reader.MEASURED):
         rows = parts_of(found["delta"])["approach"]
         order = np.argsort(found["delta"][rows], kind="stable")
@@ -216,8 +284,11 @@ def _peak(solution: Any) -> float:
 
 
 def _fineness(case: Case, done: Mapping[str, Results]) -> tuple[Any, ...]:
-    """Sorts cases from coarse to fine, and among equal meshes those into which the tip sinks least last."""
-    scene, found = case.prospect.scene, done[case.id]
+    """Sorts cases from coarse to fine, and among equal meshes those into which the tip sinks least
+    last.
+    """
+    scene = case.prospect.scene
+    found = done[case.id]
     dofs = found.report.get("dofs", 0) if scene.is_meshed else math.inf
     return dofs, -_penetration(found), -scene.sizes.h_contact, -case.index
 

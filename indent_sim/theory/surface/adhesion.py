@@ -1,13 +1,16 @@
-"""Adhesion without range (JKR) on any linear axisymmetric body, from its frictionless curve; Maugis-Dugdale beside it.
+"""Adhesion without range (JKR) on any linear axisymmetric body, from its frictionless curve;
+Maugis-Dugdale beside it.
 
-Griffith's balance G = q^2 K'(a)/(4 pi a) = work at the contact's edge gives, with the flat punches K(a) of the body and
-the tip's frictionless delta_1(a), F_1(a) (`punches`), the whole equilibrium curve by the radius:
+Griffith's balance G = q^2 K'(a)/(4 pi a) = work at the contact's edge gives, with the flat punches
+K(a) of the body and the tip's frictionless delta_1(a), F_1(a) (`punches`), the whole equilibrium
+curve by the radius:
 
     q = sqrt(4 pi a work/K'(a)),   delta = delta_1(a) - q,   F = F_1(a) - K(a) q.
 
-Exact for small strain without friction, where the attraction's range is short (Tabor number above about 5). delta > 0
-pushes in, force > 0 pushes and < 0 pulls. Lengths [L], forces [F], work [F/L].
-Sources: Johnson, Kendall & Roberts (1971), Proc. R. Soc. A 324, 301; Maugis (1992), J. Colloid Interface Sci. 150, 243.
+Exact for small strain without friction, where the attraction's range is short (Tabor number above
+about 5). delta > 0 pushes in, force > 0 pushes and < 0 pulls. Lengths [L], forces [F], work [F/L].
+Sources: Johnson, Kendall & Roberts (1971), Proc. R. Soc. A 324, 301; Maugis (1992), J. Colloid
+Interface Sci. 150, 243.
 """
 
 from __future__ import annotations
@@ -25,12 +28,21 @@ from scipy.optimize import brentq, minimize_scalar
 from indent_sim.theory.solution import require_positive
 from indent_sim.theory.surface.punches import Punches
 
-MAUGIS = 1e-10, 1e5  # parameters beyond which the edge of the attraction is not to be told from that of the contact
+MAUGIS = (
+    1e-10,
+    1e5,
+)  # parameters beyond which the edge of the attraction is not to be told from that of the contact
 LAMBDA_PER_TABOR = 2.0 * (9.0 / (16.0 * math.pi)) ** (1.0 / 3.0)  # 1.1272
-NARROW, EXTREMUM_POINTS = 0.05, 13  # of ln a about an extremum, and points of the polynomial that finds it to 1e-10
+# of ln a about an extremum, and points of the polynomial that finds it to 1e-10
+NARROW = 0.05
+EXTREMUM_POINTS = 13
 BRANCH_SAMPLES = 120  # of a stable branch
-MOST_EQUILIBRIA = 500  # equilibria that are remembered: searches come back to the ends of their brackets
-LEAST_UNSTABLE_RADIUS = 1e-3  # of the radius without force: no instability has a smaller contact, on any layer or tip
+MOST_EQUILIBRIA = (
+    500  # equilibria that are remembered: searches come back to the ends of their brackets
+)
+LEAST_UNSTABLE_RADIUS = (
+    1e-3  # of the radius without force: no instability has a smaller contact, on any layer or tip
+)
 NEARER = 1.25  # steps of a radius from the largest one down
 LEAST_RIM_DISTANCE = 1e-9  # relative distance from the largest radius that is looked at
 
@@ -47,13 +59,15 @@ class Contact:
 class Jkr:
     """The equilibria of a tip that adheres with a work of adhesion [F/L], by the contact radius.
 
-    pull_off(compliance=0): the last stable one on the way out, where dF/ddelta = -1/compliance, infinite for 0:
-    compliance [L/F] is that of a spring between the tip and what moves it; 0 depth control, infinite force control.
+    pull_off(compliance=0): the last stable one on the way out, where dF/ddelta = -1/compliance,
+    infinite for 0: compliance [L/F] is that of a spring between the tip and what moves it; 0 depth
+    control, infinite force control.
     """
 
     def __init__(self, punches: Punches, work: float):
         require_positive(work=work)
-        self.punches, self.work = punches, work
+        self.punches = punches
+        self.work = work
         self.pull_off, self._at = cache(self._pull_off), lru_cache(MOST_EQUILIBRIA)(self._found)
 
     def at(self, a: float) -> Contact:
@@ -63,12 +77,17 @@ class Jkr:
     def _found(self, a: float) -> Contact:
         punch = self.punches.at(a)
         if punch.slope <= 0.0:
-            raise ValueError(f"flat punches of radius {a:.3g} are not known well enough: give a smaller mesh.h_contact")
+            raise ValueError(
+                f"flat punches of radius {a:.3g} are not known well enough: give a smaller "
+                "mesh.h_contact"
+            )
         q = math.sqrt(4.0 * math.pi * a * self.work / punch.slope)
         return Contact(a, punch.delta - q, punch.force - punch.stiffness * q)
 
     def way(self, a: float, compliance: float) -> float:
-        """z = delta + compliance force [L]: what prescribes the tip's place through a spring of 1/compliance [L/F]."""
+        """z = delta + compliance force [L]: what prescribes the tip's place through a spring of
+        1/compliance [L/F].
+        """
         found = self.at(a)
         return found.delta + compliance * found.force
 
@@ -80,60 +99,99 @@ class Jkr:
     @cached_property
     def _radius_at_rest(self) -> float:
         """The radius without force, beyond which the contact is stable however it is held."""
-        low, high = self.punches.smallest, self.punches.largest * (1.0 - LEAST_RIM_DISTANCE)
+        low = self.punches.smallest
+        high = self.punches.largest * (1.0 - LEAST_RIM_DISTANCE)
         low = max(low, 1e-9 * high)
         if self.at(low).force > 0.0:
-            raise ValueError(f"adhesion is weak: what pulls is smaller than {low:g}, of which nothing is known")
+            raise ValueError(
+                f"adhesion is weak: what pulls is smaller than {low:g}, of which nothing is known"
+            )
         widest = high
-        while self.at(high).force < 0.0:  # beside a wall, where no edge gives way, every contact pulls
+        while (
+            self.at(high).force < 0.0
+        ):  # beside a wall, where no edge gives way, every contact pulls
             high /= NEARER
             if high <= low:
-                raise ValueError(f"adhesion is strong: contacts pull beyond {widest:g}, of which nothing is known")
-        return math.exp(brentq(lambda x: self.at(math.exp(x)).force, math.log(low), math.log(high), xtol=1e-10))
+                raise ValueError(
+                    "adhesion is strong: contacts pull beyond "
+                    f"{widest:g}, of which nothing is known"
+                )
+        return math.exp(
+            brentq(lambda x: self.at(math.exp(x)).force, math.log(low), math.log(high), xtol=1e-10)
+        )
 
     def _extremum(self, value: Callable[[float], float], low: float, high: float) -> float:
-        """Radius [L] of the smallest value between two ln a, to about 1e-10; ValueError where it lies at an end."""
-        found = float(minimize_scalar(lambda x: value(math.exp(x)), bounds=(low, high), method="bounded").x)
+        """Radius [L] of the smallest value between two ln a, to about 1e-10; ValueError where it
+        lies at an end.
+        """
+        found = float(
+            minimize_scalar(lambda x: value(math.exp(x)), bounds=(low, high), method="bounded").x
+        )
         around = max(found - NARROW, low), min(found + NARROW, high)
-        near = Chebyshev.interpolate(np.vectorize(lambda x: value(math.exp(x))), EXTREMUM_POINTS, domain=around)
+        near = Chebyshev.interpolate(
+            np.vectorize(lambda x: value(math.exp(x))), EXTREMUM_POINTS, domain=around
+        )
         flat = np.asarray(near.deriv().roots(), dtype=complex)
         inside = [x.real for x in flat if abs(x.imag) < 1e-6 and around[0] < x.real < around[1]]
         if not inside:
-            raise ValueError(f"the contact at pull-off, about {math.exp(found):.3g}, is too small to be known")
+            raise ValueError(
+                f"the contact at pull-off, about {math.exp(found):.3g}, is too small to be known"
+            )
         return math.exp(min(inside, key=near))
 
     def stable(self, z: float, compliance: float = 0.0) -> Contact | None:
-        """The stable equilibrium at a way z [L] (see `way`); None where the tip has come off. With an infinite
-        compliance z is the force [F]."""
+        """The stable equilibrium at a way z [L] (see `way`); None where the tip has come off.
+
+        With an infinite compliance z is the force [F].
+        """
         last = self.pull_off(compliance)
         value = self._value(compliance)
         if z < value(last.a):
             return None
         high = self._beyond(z, value, last.a)
-        return self.at(math.exp(brentq(lambda x: value(math.exp(x)) - z, math.log(last.a), math.log(high), xtol=1e-13)))
+        return self.at(
+            math.exp(
+                brentq(
+                    lambda x: value(math.exp(x)) - z, math.log(last.a), math.log(high), xtol=1e-13
+                )
+            )
+        )
 
     def _value(self, compliance: float) -> Callable[[float], float]:
-        """What is prescribed through a spring, by the radius: the way, or the force for an infinite compliance."""
-        return (lambda a: self.at(a).force) if math.isinf(compliance) else (lambda a: self.way(a, compliance))
+        """What is prescribed through a spring, by the radius: the way, or the force for an infinite
+        compliance.
+        """
+        return (
+            (lambda a: self.at(a).force)
+            if math.isinf(compliance)
+            else (lambda a: self.way(a, compliance))
+        )
 
     def _beyond(self, z: float, value: Callable[[float], float], a: float) -> float:
         """A radius [L] not far beyond the one with this value."""
         high = self.punches.largest * (1.0 - LEAST_RIM_DISTANCE)
         while value(a) < z:
             if a >= high:
-                raise ValueError(f"the contact would be wider than {high:g}, of which nothing is known")
+                raise ValueError(
+                    f"the contact would be wider than {high:g}, of which nothing is known"
+                )
             a = min(1.5 * a, high)
         return a
 
     def branch(self, largest: float, compliance: float = 0.0) -> Callable[[float], Contact | None]:
-        """`stable` for many ways up to the `largest` [L], from some of its equilibria: to 1e-7 of the largest. The way
-        is smooth in the root of its distance from pull-off, where the radius goes with that root."""
-        last, value = self.pull_off(compliance), self._value(compliance)
+        """`stable` for many ways up to the `largest` [L], from some of its equilibria: to 1e-7 of
+        the largest. The way is smooth in the root of its distance from pull-off, where the
+        radius goes with that root.
+        """
+        last = self.pull_off(compliance)
+        value = self._value(compliance)
         lowest = value(last.a)
         high = self._beyond(largest, value, last.a)
         a = last.a * (high / last.a) ** (np.linspace(0.0, 1.0, BRANCH_SAMPLES) ** 1.5)
         contacts = [last, *(self.at(float(x)) for x in a[1:])]
-        ways = [c.force if math.isinf(compliance) else c.delta + compliance * c.force for c in contacts]
+        ways = [
+            c.force if math.isinf(compliance) else c.delta + compliance * c.force for c in contacts
+        ]
         root = np.sqrt(np.maximum(np.array(ways) - lowest, 0.0))
         table = CubicSpline(root, [[c.a, c.delta, c.force] for c in contacts])
 
@@ -144,19 +202,25 @@ class Jkr:
 
 
 def tabor(work: float, reach: float, R: float, E_star: float) -> float:
-    """Tabor number (R work^2/(E*^2 reach^3))^(1/3) of an attraction with a range `reach` [L]; JKR above about 5."""
+    """Tabor number (R work^2/(E*^2 reach^3))^(1/3) of an attraction with a range `reach` [L]; JKR
+    above about 5.
+    """
     require_positive(work=work, range=reach, R=R, E_star=E_star)
     return (R * work**2 / (E_star**2 * reach**3)) ** (1.0 / 3.0)
 
 
 def maugis_lambda(work: float, reach: float, R: float, E_star: float) -> float:
-    """Maugis' parameter lambda = 2 (work/reach) (R/(pi work (4E*/3)^2))^(1/3) = 1.127 of the Tabor number."""
+    """Maugis' parameter lambda = 2 (work/reach) (R/(pi work (4E*/3)^2))^(1/3) = 1.127 of the Tabor
+    number.
+    """
     return LAMBDA_PER_TABOR * tabor(work, reach, R, E_star)
 
 
 def maugis_pull_off(parameter: float) -> float:
-    """Pull-off force under force control over pi work R of a paraboloid on a half-space, by Maugis-Dugdale. -2 for
-    lambda -> 0 (DMT), -3/2 for lambda -> infinity (JKR), both to 1e-10 at the ends of MAUGIS."""
+    """Pull-off force under force control over pi work R of a paraboloid on a half-space, by
+    Maugis-Dugdale. -2 for lambda -> 0 (DMT), -3/2 for lambda -> infinity (JKR), both to 1e-10 at
+    the ends of MAUGIS.
+    """
     require_positive(parameter=parameter)
     parameter = min(max(parameter, MAUGIS[0]), MAUGIS[1])
     how = {"bounds": (-25.0, 25.0), "method": "bounded", "options": {"xatol": 1e-9}}
@@ -165,7 +229,8 @@ def maugis_pull_off(parameter: float) -> float:
 
 def _maugis_force(m: float, parameter: float) -> float:
     """Force over pi work R of the contact whose attraction ends at m times its radius."""
-    root, angle = math.sqrt(m * m - 1.0), math.acos(1.0 / m)
+    root = math.sqrt(m * m - 1.0)
+    angle = math.acos(1.0 / m)
     square = 0.5 * parameter * ((m * m - 2.0) * angle + root)
     linear = 4.0 / 3.0 * parameter**2 * (root * angle - m + 1.0)
     A = 2.0 / (linear + math.sqrt(linear**2 + 4.0 * square))

@@ -1,18 +1,22 @@
-"""Coulomb friction between a tip and an elastic half-space on the way in: its force, contact radius and stick radius.
+"""Coulomb friction between a tip and an elastic half-space on the way in: its force, contact radius
+and stick radius.
 
-Under a flat punch of radius 1 and depth 1 pressure p and outward traction q on the body are Abel transforms of phi and
-x chi, and so are the displacements inside, with beta = (1 - 2 nu)/(2 (1 - nu)), in units of mu/(1 - nu) and 1:
+Under a flat punch of radius 1 and depth 1 pressure p and outward traction q on the body are Abel
+transforms of phi and x chi, and so are the displacements inside, with beta = (1 - 2 nu)/(2 (1 -
+nu)), in units of mu/(1 - nu) and 1:
 
-    int_r^1 s p ds = int_r^1 phi x/sqrt(x^2 - r^2) dx,          int_r^1 q ds = int_r^1 chi x/sqrt(x^2 - r^2) dx,
-    u_z(r) = int_0^r phi/sqrt(r^2 - x^2) dx - beta int_r^1 q ds = 1,
-    u_r(r) = int_0^r chi x^2/(r sqrt(r^2 - x^2)) dx - beta/r int_0^r s p ds = 0 (stick)   or   q = f p (slip).
+    int_r^1 s p ds = int_r^1 phi x/sqrt(x^2 - r^2) dx,          int_r^1 q ds = int_r^1 chi
+    x/sqrt(x^2 - r^2) dx, u_z(r) = int_0^r phi/sqrt(r^2 - x^2) dx - beta int_r^1 q ds = 1, u_r(r) =
+    int_0^r chi x^2/(r sqrt(r^2 - x^2)) dx - beta/r int_0^r s p ds = 0 (stick)   or   q = f p
+    (slip).
 
-With phi and chi constant on rings all of it is elementary. Under f = B r^n each increment of the depth is that of a
-punch of the present radius: the stick radius is the same part of all of them, so what has slipped slips, and what has
-stuck sticks. Then delta = alpha a^n as in `no_slip`, the surface beside a punch of radius 1 lying as deep as
-int_0^1 phi/sqrt(r^2 - x^2) dx.
+With phi and chi constant on rings all of it is elementary. Under f = B r^n each increment of the
+depth is that of a punch of the present radius: the stick radius is the same part of all of them, so
+what has slipped slips, and what has stuck sticks. Then delta = alpha a^n as in `no_slip`, the
+surface beside a punch of radius 1 lying as deep as int_0^1 phi/sqrt(r^2 - x^2) dx.
 
-Sources: Spence (1975), J. Elasticity 5, 297, for the problem and its self-similarity; the collocation is our own.
+Sources: Spence (1975), J. Elasticity 5, 297, for the problem and its self-similarity; the
+collocation is our own.
 """
 
 from __future__ import annotations
@@ -30,14 +34,16 @@ from indent_sim.theory.surface.no_slip import Rubbed
 
 FRICTION_RINGS = 200  # forces to 2e-5; twice as many cost five times as much for half of it
 FINER = 4.0  # power of their widths towards the edge, where p and q are singular
-LARGEST_FRICTION = 0.8  # friction beta up to which that holds; from 1 on the rings find another singularity at the edge
+# friction beta up to which that holds; from 1 on the rings find another singularity at the edge
+LARGEST_FRICTION = 0.8
 
 
 def rubbed(nu: float, friction: float | Literal["stick"], power: float = math.inf) -> Rubbed:
-    """Force, contact and stick radius under f = B r^power with friction, to 2e-5 (`sticks` to a ring, 0.01 at worst).
+    """Force, contact and stick radius under f = B r^power with friction, to 2e-5 (`sticks` to a
+    ring, 0.01 at worst).
 
-    An infinite power is a flat punch. Raises ValueError unless -1 < nu <= 0.5, power >= 1, and friction is stick or
-    between 0 and 0.8/beta, which is 1.6 at nu = 0 and 2.8 at nu = 0.3.
+    An infinite power is a flat punch. Raises ValueError unless -1 < nu <= 0.5, power >= 1, and
+    friction is stick or between 0 and 0.8/beta, which is 1.6 at nu = 0 and 2.8 at nu = 0.3.
     """
     if friction == "stick":
         return no_slip.stuck(nu, power)
@@ -47,13 +53,19 @@ def rubbed(nu: float, friction: float | Literal["stick"], power: float = math.in
         largest = LARGEST_FRICTION / beta if beta else math.inf
         raise ValueError(f"friction must lie in [0, {largest:.3g}], got {friction!r}")
     punch = _punch(beta, friction)
-    radius = 1.0 if math.isinf(power) else (punch.sinking(power) / SMOOTH.sinking(power)) ** (1.0 / power)
+    radius = (
+        1.0
+        if math.isinf(power)
+        else (punch.sinking(power) / SMOOTH.sinking(power)) ** (1.0 / power)
+    )
     return Rubbed(punch.force * radius, radius, punch.sticks)
 
 
 @dataclass(frozen=True)
 class FrictionalPunch:
-    """The flat punch of radius 1: phi on each ring, over the edges x of the rings; those before `stuck` stick."""
+    """The flat punch of radius 1: phi on each ring, over the edges x of the rings; those before
+    `stuck` stick.
+    """
 
     x: np.ndarray
     phi: np.ndarray
@@ -70,22 +82,30 @@ class FrictionalPunch:
         return float(self.x[self.stuck])
 
     def sinking(self, n: float) -> float:
-        """int_0^1 (1 - W(1/s)) s^(n-1) ds = B/(n alpha), W(q) = int_0^1 phi/sqrt(q^2 - x^2) dx beside the punch."""
+        """int_0^1 (1 - W(1/s)) s^(n-1) ds = B/(n alpha), W(q) = int_0^1 phi/sqrt(q^2 - x^2) dx
+        beside the punch.
+        """
         from scipy.special import hyp2f1
 
         x = self.x
-        over_s = hyp2f1(0.5, (n + 1.0) / 2.0, (n + 3.0) / 2.0, x * x) / (n + 1.0)  # int_0^1 s^n/sqrt(1 - s^2 x^2) ds
+        over_s = hyp2f1(0.5, (n + 1.0) / 2.0, (n + 3.0) / 2.0, x * x) / (
+            n + 1.0
+        )  # int_0^1 s^n/sqrt(1 - s^2 x^2) ds
         return float(1.0 - self.phi @ np.diff(np.arcsin(x) - x * over_s)) / n
 
 
 @lru_cache(maxsize=16)
 def _punch(beta: float, friction: float) -> FrictionalPunch:
-    return Rings(1.0 - (1.0 - np.linspace(0.0, 1.0, FRICTION_RINGS + 1)) ** FINER).pressed(beta, friction)
+    return Rings(1.0 - (1.0 - np.linspace(0.0, 1.0, FRICTION_RINGS + 1)) ** FINER).pressed(
+        beta, friction
+    )
 
 
 @dataclass(frozen=True)
 class Rings:
-    """Rings between the edges x (n + 1,), their middles r, and the integrals over them (n, n), seen from r."""
+    """Rings between the edges x (n + 1,), their middles r, and the integrals over them (n, n), seen
+    from r.
+    """
 
     x: np.ndarray
 
@@ -100,13 +120,16 @@ class Rings:
 
     def pressed(self, beta: float, friction: float) -> FrictionalPunch:
         """The punch that presses on them: slip begins at a ring found by bisection."""
-        n, angle = len(self.r), np.arcsin(self._below)
+        n = len(self.r)
+        angle = np.arcsin(self._below)
         under = np.diff(angle)  # int_0^r 1/sqrt(r^2 - x^2) dx
         along = self.r[:, None] / 2.0 * np.diff(angle - self._below * np.sqrt(1.0 - self._below**2))
         beyond = self._beyond(self.r)
         pushed = (np.diff(self.x) - beyond) / self.r[:, None]
         stuck = np.block([[under, -beta * beyond], [-beta * pushed, along]])
-        on_rings = -np.diff(self._beyond(self.x), axis=0)  # q of chi, r p of phi, integrated over each ring
+        on_rings = -np.diff(
+            self._beyond(self.x), axis=0
+        )  # q of chi, r p of phi, integrated over each ring
         slipping = np.hstack([-friction / self.r[:, None] * on_rings, on_rings])
         one = np.repeat([1.0, 0.0], n)
 

@@ -1,18 +1,19 @@
-"""Indentation of a linear porous body full of fluid (Biot), between the sudden load and the drained rest.
+"""Indentation of a linear porous body full of fluid (Biot), between the sudden load and the drained
+rest.
 
-Fluid content alpha e + storage p, flux -permeability grad p, stress 2 G eps + lambda e - alpha p. At once nothing
-flows: the force is that of an elastic body with the same G and the undrained Poisson ratio; at last p = 0 and nu is the
-drained one. What a held depth loses between the two is here that of a flat punch of radius a on a half-space, drained
-or sealed over all its surface: in Laplace space (s in D/a^2, lengths in a), with r = (nu_u - nu)/(1 - nu) and
-gamma^2 = k^2 + s,
+Fluid content alpha e + storage p, flux -permeability grad p, stress 2 G eps + lambda e - alpha p.
+At once nothing flows: the force is that of an elastic body with the same G and the undrained
+Poisson ratio; at last p = 0 and nu is the drained one. What a held depth loses between the two is
+here that of a flat punch of radius a on a half-space, drained or sealed over all its surface: in
+Laplace space (s in D/a^2, lengths in a), with r = (nu_u - nu)/(1 - nu) and gamma^2 = k^2 + s,
 
-    phi(x) - int_0^1 K(x, y) phi(y) dy = 1,    F/F(0+) = (1 - r)/s int_0^1 phi dx,
-    K = (2/pi) int_0^inf (1 - 1/(1 + r q/(1 - r))) cos kx cos ky dk,
-    q = (gamma - k)/(gamma + k) of a drained surface,   1 - 2 k^2/(gamma (gamma + k)) of a sealed one.
+    phi(x) - int_0^1 K(x, y) phi(y) dy = 1,    F/F(0+) = (1 - r)/s int_0^1 phi dx, K = (2/pi)
+    int_0^inf (1 - 1/(1 + r q/(1 - r))) cos kx cos ky dk, q = (gamma - k)/(gamma + k) of a drained
+    surface,   1 - 2 k^2/(gamma (gamma + k)) of a sealed one.
 
-delta > 0 pushes in, force > 0 pushes, p > 0 in compressed fluid. Any consistent units, any unit of time.
-Sources: Biot (1941), J. Appl. Phys. 12, 155; Agbezuge & Deresiewicz (1974), Israel J. Technol. 12, 322; Talbot's
-contour by Weideman (2006), SIAM J. Numer. Anal. 44, 2342.
+delta > 0 pushes in, force > 0 pushes, p > 0 in compressed fluid. Any consistent units, any unit of
+time. Sources: Biot (1941), J. Appl. Phys. 12, 155; Agbezuge & Deresiewicz (1974), Israel J.
+Technol. 12, 322; Talbot's contour by Weideman (2006), SIAM J. Numer. Anal. 44, 2342.
 """
 
 from __future__ import annotations
@@ -33,22 +34,37 @@ from indent_sim.theory.theory import Theory
 Surface = Literal["drained", "sealed"]
 CONTOUR = 24  # points of Talbot's contour, of which half are conjugates of the others: 12 digits
 CONTACT_POINTS = 64  # of the integral equation
-LARGEST_WAVE, GRADED = 120.0, 1e-6  # largest k [1/a], and the first panel in it: what is subtracted leaves k^-6
-WAVE_POINTS, WAVE_PHASE_POINTS = 24, 0.7  # Gauss points of a panel, and more of them for each unit of the phase k x
-SUDDEN = 1e-6  # of the time since: a pressure that grows in less is sudden, and the difference of powers loses digits
-SHORT = 1e-3  # a^2/D: before it 1 - g = sqrt(tau)(A - B ln tau), of boundary layers too thin for these points
+# largest k [1/a], and the first panel in it: what is subtracted leaves k^-6
+LARGEST_WAVE = 120.0
+GRADED = 1e-6
+# Gauss points of a panel, and more of them for each unit of the phase k x
+WAVE_POINTS = 24
+WAVE_PHASE_POINTS = 0.7
+# of the time since: a pressure that grows in less is sudden, and the difference of powers loses
+# digits
+SUDDEN = 1e-6
+# a^2/D: before it 1 - g = sqrt(tau)(A - B ln tau), of boundary layers too thin for these points
+SHORT = 1e-3
 SHORT_ENDS = SHORT, 4.0 * SHORT  # times that give A and B
-# (F - F(inf))/(F(0+) - F(inf)) of a paraboloid at D t/a^2 = AT after it was pressed in at once, and at the end of a
-# ramp as long, by what the tip lets through: finite elements, a/h = 0.16, nu = 0.2, the surface beside the tip drained
+# (F - F(inf))/(F(0+) - F(inf)) of a paraboloid at D t/a^2 = AT after it was pressed in at once, and
+# at the end of a ramp as long, by what the tip lets through: finite elements, a/h = 0.16, nu = 0.2,
+# the surface beside the tip drained
 AT = (0.01, 0.1, 1.0, 10.0, 100.0)
-PRESSED_LEFT = {"sealed": (0.964, 0.745, 0.228, 0.0369, 1e-3), "drained": (0.792, 0.498, 0.182, 0.0355, 1e-3)}
-RAMPED_LEFT = {"sealed": (0.980, 0.865, 0.462, 0.1417, 0.0225), "drained": (0.873, 0.671, 0.3455, 0.1196, 0.0199)}
+PRESSED_LEFT = {
+    "sealed": (0.964, 0.745, 0.228, 0.0369, 1e-3),
+    "drained": (0.792, 0.498, 0.182, 0.0355, 1e-3),
+}
+RAMPED_LEFT = {
+    "sealed": (0.980, 0.865, 0.462, 0.1417, 0.0225),
+    "drained": (0.873, 0.671, 0.3455, 0.1196, 0.0199),
+}
 
 
 @dataclass(frozen=True)
 class PorousSolid:
-    """Constants of a linear porous body: drained E [F/L^2] and nu, permeability over viscosity [L^4/(F T)], Biot's
-    alpha and the storage 1/M [L^2/F]; 1 and 0 where grains and fluid are incompressible.
+    """Constants of a linear porous body: drained E [F/L^2] and nu, permeability over viscosity
+    [L^4/(F T)], Biot's alpha and the storage 1/M [L^2/F]; 1 and 0 where grains and fluid are
+    incompressible.
 
     ValueError unless E > 0, permeability > 0, -1 < nu < 0.5, 0 < alpha <= 1 and storage >= 0.
     """
@@ -64,7 +80,9 @@ class PorousSolid:
         check_nu(self.nu)
         if not (self.nu < 0.5 and self.alpha <= 1.0 and 0.0 <= self.storage < math.inf):
             given = f"nu = {self.nu!r}, alpha = {self.alpha!r}, storage = {self.storage!r}"
-            raise ValueError(f"a porous body has a drained nu < 0.5, alpha <= 1 and storage >= 0, got {given}")
+            raise ValueError(
+                f"a porous body has a drained nu < 0.5, alpha <= 1 and storage >= 0, got {given}"
+            )
 
     @property
     def shear_modulus(self) -> float:
@@ -102,8 +120,8 @@ class PorousSolid:
 def drained_length(diffusivity: float, since: np.ndarray, over: np.ndarray) -> np.ndarray:
     """The depth (n,) [length] of undrained body whose fluid has left through a drained face.
 
-    A half-space whose pressure p grows evenly over the time `over`, and stays then, has lost this times
-    p permeability/D of fluid per area at the time `since` its begin:
+    A half-space whose pressure p grows evenly over the time `over`, and stays then, has lost this
+    times p permeability/D of fluid per area at the time `since` its begin:
 
         (4/3) (D/pi)^(1/2) (since^(3/2) - (since - over)^(3/2))/over,
 
@@ -118,15 +136,22 @@ def drained_length(diffusivity: float, since: np.ndarray, over: np.ndarray) -> n
     is_sudden = over < SUDDEN * since
     took = np.where(is_sudden, since, over)
     ramped = (since**1.5 - (since - took) ** 1.5) / took
-    return 4.0 / 3.0 * np.sqrt(diffusivity / math.pi) * np.where(is_sudden, 1.5 * np.sqrt(since), ramped)
+    return (
+        4.0
+        / 3.0
+        * np.sqrt(diffusivity / math.pi)
+        * np.where(is_sudden, 1.5 * np.sqrt(since), ramped)
+    )
 
 
 def excess_length(h: np.ndarray, drained: np.ndarray) -> np.ndarray:
-    """By how much elements of linear pressure and the height h [length] at a drained face overstate `drained_length`.
+    """By how much elements of linear pressure and the height h [length] at a drained face overstate
+    `drained_length`.
 
-    In Laplace space a half-space drains (D/s)^(1/2), and a row of elements with p = 0 at its end (D/s + h^2/12)^(1/2),
-    h/12^(1/2) if no time passes at all. At a time t the difference is at most (drained^2 + h^2/12)^(1/2) - drained:
-    equal to it where h is large, 1.2 (ramp) to 1.6 (jump) times too large where h is small.
+    In Laplace space a half-space drains (D/s)^(1/2), and a row of elements with p = 0 at its end
+    (D/s + h^2/12)^(1/2), h/12^(1/2) if no time passes at all. At a time t the difference is at most
+    (drained^2 + h^2/12)^(1/2) - drained: equal to it where h is large, 1.2 (ramp) to 1.6 (jump)
+    times too large where h is small.
 
     Parameters
     ----------
@@ -136,7 +161,9 @@ def excess_length(h: np.ndarray, drained: np.ndarray) -> np.ndarray:
 
 
 class DrainageTimes(NamedTuple):
-    """a^2/D and H^2/D [T]: what the fluid needs over a contact radius, and over the height of the body."""
+    """a^2/D and H^2/D [T]: what the fluid needs over a contact radius, and over the height of the
+    body.
+    """
 
     contact: float
     height: float
@@ -144,8 +171,9 @@ class DrainageTimes(NamedTuple):
 
 @dataclass(frozen=True)
 class DrainingContact:
-    """A tip on a porous body pressed in at once and held: by its elastic theories with the undrained constants and with
-    the drained ones, and the flat punch's g between them."""
+    """A tip on a porous body pressed in at once and held: by its elastic theories with the
+    undrained constants and with the drained ones, and the flat punch's g between them.
+    """
 
     solid: PorousSolid
     undrained: Theory
@@ -154,18 +182,25 @@ class DrainingContact:
 
     def limits(self, delta: float) -> tuple[float, float] | None:
         """Force at once and at last [F] at a depth [L]; None where theory ends."""
-        first, last = self.undrained.at(delta), self.drained.at(delta)
+        first = self.undrained.at(delta)
+        last = self.drained.at(delta)
         return (first.force, last.force) if first and last else None
 
     def times(self, delta: float, height: float) -> DrainageTimes | None:
-        """The times that matter at a depth [L] on a body of that height [L]; None where theory ends."""
-        contact, D = self.undrained.at(delta), self.solid.diffusivity
+        """The times that matter at a depth [L] on a body of that height [L]; None where theory
+        ends.
+        """
+        contact = self.undrained.at(delta)
+        D = self.solid.diffusivity
         return DrainageTimes(contact.a**2 / D, height**2 / D) if contact else None
 
     def force(self, delta: float, t: float) -> float | None:
-        """The force [F] a time t [T] after the tip was pressed in; None where theory ends. That of a half-space: over a
-        thin layer fluid has other ways to go."""
-        limits, contact = self.limits(delta), self.undrained.at(delta)
+        """The force [F] a time t [T] after the tip was pressed in; None where theory ends.
+
+        That of a half-space: over a thin layer fluid has other ways to go.
+        """
+        limits = self.limits(delta)
+        contact = self.undrained.at(delta)
         if limits is None or contact is None:
             return None
         tau = self.solid.diffusivity * t / contact.a**2 if contact.a > 0.0 else math.inf
@@ -175,42 +210,56 @@ class DrainingContact:
 
 
 def paraboloid_left(tau: float, tip: Surface, after: Literal["step", "ramp"]) -> float:
-    """About what is left of F(0+) - F(inf) of a paraboloid at tau = D t/a^2 after a sudden depth that is held, or at
-    the end of a ramp of that length: from 1 to 0.
+    """About what is left of F(0+) - F(inf) of a paraboloid at tau = D t/a^2 after a sudden depth
+    that is held, or at the end of a ramp of that length: from 1 to 0.
 
-    Within 0.02 of it up to tau = 0.1, else 0.1, for nu = 0 to 0.4 and a/h = 0.05 to 0.5. Between and beyond what was
-    computed ln(left/(1 - left)) is straight over ln tau.
+    Within 0.02 of it up to tau = 0.1, else 0.1, for nu = 0 to 0.4 and a/h = 0.05 to 0.5. Between
+    and beyond what was computed ln(left/(1 - left)) is straight over ln tau.
     """
     if tau <= 0.0 or math.isinf(tau):
         return float(tau <= 0.0)
     known = np.array((PRESSED_LEFT if after == "step" else RAMPED_LEFT)[tip])
-    x, y = np.log(AT), np.log(known / (1.0 - known))
+    x = np.log(AT)
+    y = np.log(known / (1.0 - known))
     k = int(np.clip(np.searchsorted(x, math.log(tau)), 1, len(x) - 1))
     odds = y[k - 1] + (y[k] - y[k - 1]) * (math.log(tau) - x[k - 1]) / (x[k] - x[k - 1])
     return 1.0 / (1.0 + math.exp(min(-odds, 700.0)))
 
 
 @lru_cache(maxsize=4096)
-def drop_left(tau: float, nu: float, undrained_nu: float = 0.5, surface: Surface = "drained") -> float:
-    """g = (F - F(inf))/(F(0+) - F(inf)) of a flat punch on a porous half-space at tau = D t/a^2: from 1 to 0.
+def drop_left(
+    tau: float, nu: float, undrained_nu: float = 0.5, surface: Surface = "drained"
+) -> float:
+    """g = (F - F(inf))/(F(0+) - F(inf)) of a flat punch on a porous half-space at tau = D t/a^2:
+    from 1 to 0.
 
-    8 digits from tau = 1e-3 on, 3 before. ValueError unless tau >= 0 and -1 < nu < undrained_nu <= 0.5.
+    8 digits from tau = 1e-3 on, 3 before. ValueError unless tau >= 0 and -1 < nu < undrained_nu <=
+    0.5.
     """
     check_nu(nu)
     if not (tau >= 0.0 and nu < undrained_nu <= 0.5):
-        raise ValueError(f"needs tau >= 0 and nu < undrained_nu <= 0.5, got {tau!r}, {nu!r}, {undrained_nu!r}")
+        raise ValueError(
+            f"needs tau >= 0 and nu < undrained_nu <= 0.5, got {tau!r}, {nu!r}, {undrained_nu!r}"
+        )
     if tau == 0.0 or math.isinf(tau):
         return float(tau == 0.0)
     if tau < SHORT:
         return _soon(tau, nu, undrained_nu, surface)
     r = (undrained_nu - nu) / (1.0 - nu)
     points, weights = _contour(CONTOUR)
-    ratio = sum((w * _transform(z / tau, r, surface)).real for z, w in zip(points, weights, strict=True)) / tau
+    ratio = (
+        sum(
+            (w * _transform(z / tau, r, surface)).real for z, w in zip(points, weights, strict=True)
+        )
+        / tau
+    )
     return (ratio - (1.0 - r)) / r
 
 
 def _soon(tau: float, nu: float, undrained_nu: float, surface: Surface) -> float:
-    """The fluid has left a thin layer alone; the punch's edge, whose pressure is infinite, brings the logarithm."""
+    """The fluid has left a thin layer alone; the punch's edge, whose pressure is infinite, brings
+    the logarithm.
+    """
     slopes = [(1.0 - drop_left(t, nu, undrained_nu, surface)) / math.sqrt(t) for t in SHORT_ENDS]
     per_log = (slopes[1] - slopes[0]) / math.log(SHORT_ENDS[1] / SHORT_ENDS[0])
     return 1.0 - math.sqrt(tau) * (slopes[0] + per_log * math.log(tau / SHORT_ENDS[0]))
@@ -218,9 +267,14 @@ def _soon(tau: float, nu: float, undrained_nu: float, surface: Surface) -> float
 
 @lru_cache
 def _contour(count: int) -> Nodes:
-    """Points z of the upper half of Talbot's contour and weights: f(t) = Re sum w F(z/t)/t (Weideman 2006)."""
+    """Points z of the upper half of Talbot's contour and weights: f(t) = Re sum w F(z/t)/t
+    (Weideman 2006).
+    """
     angle = (2.0 * np.arange(count // 2) + 1.0) * math.pi / count
-    a, b, c, d = 0.5017, 0.6407, 0.6122, 0.2645
+    a = 0.5017
+    b = 0.6407
+    c = 0.6122
+    d = 0.2645
     z = count * (a * angle / np.tan(b * angle) - c + 1j * d * angle)
     slope = count * (a / np.tan(b * angle) - a * b * angle / np.sin(b * angle) ** 2 + 1j * d)
     return z, 2.0 * np.exp(z) * slope / (1j * count)
@@ -229,9 +283,13 @@ def _contour(count: int) -> Nodes:
 @lru_cache
 def _waves() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Wavenumbers k, their weights, and cos(k x) at the points of the equation."""
-    edges = [0.0, *np.geomspace(GRADED, LARGEST_WAVE, math.ceil(math.log(LARGEST_WAVE / GRADED, 3.0)))]
+    edges = [
+        0.0,
+        *np.geomspace(GRADED, LARGEST_WAVE, math.ceil(math.log(LARGEST_WAVE / GRADED, 3.0))),
+    ]
     parts = [
-        gauss(low, high, WAVE_POINTS + math.ceil(WAVE_PHASE_POINTS * (high - low))) for low, high in pairwise(edges)
+        gauss(low, high, WAVE_POINTS + math.ceil(WAVE_PHASE_POINTS * (high - low)))
+        for low, high in pairwise(edges)
     ]
     k, weights = joined(parts)
     return k, weights, np.cos(np.outer(gauss(0.0, 1.0, CONTACT_POINTS)[0], k))
@@ -241,7 +299,8 @@ def _transform(s: complex, r: float, surface: Surface) -> complex:
     """Laplace transform of F/F(0+) at s [D/a^2]."""
     x, w = gauss(0.0, 1.0, CONTACT_POINTS)
     k, weights, cosines = _waves()
-    contrast, root = r / (1.0 - r), np.sqrt(s)
+    contrast = r / (1.0 - r)
+    root = np.sqrt(s)
     first, second = _large_waves(contrast, surface)
     share = s / (k * k + s)
     rest = _softer(k, s, contrast, surface) - first * share - second * share**2
@@ -252,19 +311,31 @@ def _transform(s: complex, r: float, surface: Surface) -> complex:
 
     def integral(z: np.ndarray) -> np.ndarray:
         """int_0^z kernel."""
-        return (first + second) / 2.0 * (1.0 - np.exp(-root * z)) - second / 4.0 * root * z * np.exp(-root * z)
+        return (first + second) / 2.0 * (
+            1.0 - np.exp(-root * z)
+        ) - second / 4.0 * root * z * np.exp(-root * z)
 
     near = kernel(np.abs(x[:, None] - x)) * w
     smooth = (2.0 / math.pi * (cosines * (rest * weights)) @ cosines.T + kernel(x[:, None] + x)) * w
-    kink = integral(x) + integral(1.0 - x) - near.sum(axis=1)  # what the points miss of a constant, all on the diagonal
-    phi = np.linalg.solve(np.eye(CONTACT_POINTS) - smooth - near - np.diag(kink), np.ones(CONTACT_POINTS))
+    kink = (
+        integral(x) + integral(1.0 - x) - near.sum(axis=1)
+    )  # what the points miss of a constant, all on the diagonal
+    phi = np.linalg.solve(
+        np.eye(CONTACT_POINTS) - smooth - near - np.diag(kink), np.ones(CONTACT_POINTS)
+    )
     return complex((1.0 - r) / s * (w @ phi))
 
 
 def _softer(k: np.ndarray, s: complex, contrast: float, surface: Surface) -> np.ndarray:
-    """1 - 1/(1 + contrast q): by how much less a wave finds the surface compliant than when drained."""
+    """1 - 1/(1 + contrast q): by how much less a wave finds the surface compliant than when
+    drained.
+    """
     gamma = np.sqrt(k * k + s)
-    q = s / (gamma + k) ** 2 if surface == "drained" else s * (1.0 + k / (gamma + k)) / (gamma * (gamma + k))
+    q = (
+        s / (gamma + k) ** 2
+        if surface == "drained"
+        else s * (1.0 + k / (gamma + k)) / (gamma * (gamma + k))
+    )
     return contrast * q / (1.0 + contrast * q)
 
 

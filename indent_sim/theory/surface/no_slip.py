@@ -1,13 +1,15 @@
-"""No slip between a tip and an elastic half-space: what it adds to the force of frictionless contact.
+"""No slip between a tip and an elastic half-space: what it adds to the force of frictionless
+contact.
 
-Under a tip f = B r^n each increment of the depth is that of a bonded flat punch of the present radius a, so the force
-grows by dF = 4 mu a ln(3 - 4 nu)/(1 - 2 nu) d delta, and the surface beside a punch of radius a moves by the share
-W(r/a) of its depth,
+Under a tip f = B r^n each increment of the depth is that of a bonded flat punch of the present
+radius a, so the force grows by dF = 4 mu a ln(3 - 4 nu)/(1 - 2 nu) d delta, and the surface beside
+a punch of radius a moves by the share W(r/a) of its depth,
 
     W(q) = 4 (1 - nu)/(pi sqrt(3 - 4 nu)) int_0^1 cos(theta ln((1 + t)/(1 - t)))/sqrt(q^2 - t^2) dt,
     theta = ln(3 - 4 nu)/(2 pi),   W(1) = 1,
 
-so that delta = alpha a^n with B = alpha n int_0^1 (1 - W(1/s)) s^(n-1) ds. At nu = 1/2 all of this is frictionless.
+so that delta = alpha a^n with B = alpha n int_0^1 (1 - W(1/s)) s^(n-1) ds. At nu = 1/2 all of this
+is frictionless.
 
 Sources: Mossakovskii (1963), J. Appl. Math. Mech. 27, 627; Spence (1968), Proc. R. Soc. A 305, 55.
 """
@@ -24,9 +26,10 @@ import numpy as np
 from indent_sim.theory.half_space import check_nu
 from indent_sim.theory.hankel import Nodes, gauss, joined
 
-# Force without slip over the frictionless one on a layer bonded to its base, by contact radius over thickness (columns)
-# and Poisson ratio (rows), to 0.5 %: paraboloid and cone at the depth where the frictionless tip has the radius, punch
-# of that radius; solved by finite elements in twenty steps (configs/studies/friction)
+# Force without slip over the frictionless one on a layer bonded to its base, by contact radius over
+# thickness (columns) and Poisson ratio (rows), to 0.5 %: paraboloid and cone at the depth where the
+# frictionless tip has the radius, punch of that radius; solved by finite elements in twenty steps
+# (configs/studies/friction)
 MAPPED_SLENDERNESS = (0.1, 0.3, 1.0, 2.0, 3.0, 5.0, 10.0)
 COMPRESSIBLE = (0.0, 0.3, 0.4, 0.45, 0.49, 0.5)
 LAYER = {
@@ -58,16 +61,22 @@ LAYER = {
 MAP_ERROR = 0.005  # of the force
 DIGIT = 0.001  # of the map
 # Beyond corners of a cell: up, of the effect, and down, of the force, where slip turns about
-MAP_PEAK, DIP = 0.02, 0.004
+MAP_PEAK = 0.02
+DIP = 0.004
 
-FAR_ANGLE = 20.0  # of the hyperbolic angle whose tanh is t: beyond it 1/cosh^2 is below 1e-17 of its peak
-PANEL_LENGTH, POINTS_PER_PANEL = 2.0, 24  # the integrands are analytic to pi/2 beside the angle: rounding remains
+FAR_ANGLE = (
+    20.0  # of the hyperbolic angle whose tanh is t: beyond it 1/cosh^2 is below 1e-17 of its peak
+)
+# the integrands are analytic to pi/2 beside the angle: rounding remains
+PANEL_LENGTH = 2.0
+POINTS_PER_PANEL = 24
 
 
 @dataclass(frozen=True)
 class Rubbed:
-    """What friction makes of a frictionless contact at the same depth: factors of force and contact radius, and the
-    stick radius over the contact radius."""
+    """What friction makes of a frictionless contact at the same depth: factors of force and contact
+    radius, and the stick radius over the contact radius.
+    """
 
     force: float
     radius: float
@@ -79,14 +88,17 @@ FRICTIONLESS = Rubbed(1.0, 1.0, 0.0)
 
 def stuck(nu: float, power: float = math.inf) -> Rubbed:
     """What no slip makes of it, under f = B r^power; ValueError as `force_ratio`."""
-    return Rubbed(force_ratio(nu, power), 1.0 if math.isinf(power) else radius_ratio(nu, power), 1.0)
+    return Rubbed(
+        force_ratio(nu, power), 1.0 if math.isinf(power) else radius_ratio(nu, power), 1.0
+    )
 
 
 def force_ratio(nu: float, power: float = math.inf) -> float:
-    """Force without slip over the frictionless one at the same depth under f = B r^power; infinite: a flat punch.
+    """Force without slip over the frictionless one at the same depth under f = B r^power; infinite:
+    a flat punch.
 
-    (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) times the ratio of the contact radii, to 1e-10. Raises ValueError unless
-    -1 < nu <= 0.5 and power >= 1.
+    (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) times the ratio of the contact radii, to 1e-10. Raises
+    ValueError unless -1 < nu <= 0.5 and power >= 1.
     """
     check(nu, power)
     return punch_ratio(nu) * (1.0 if math.isinf(power) else radius_ratio(nu, power))
@@ -102,17 +114,24 @@ def check(nu: float, power: float) -> None:
 def layer_range(nu: float, slenderness: float, power: float) -> tuple[float, float] | None:
     """Least and largest force ratio in the map's cell around a bonded layer; None beyond the map.
 
-    Those at the corners of the cell, or at the ends of the line of the map that the layer is on, down by DIP and up by
-    MAP_PEAK, which hold what lies between them. slenderness: contact radius over thickness; power: that of the tip's
-    profile, 1, 2 or infinite. Below a slenderness of 0.1 the other corners are the half-space's.
+    Those at the corners of the cell, or at the ends of the line of the map that the layer is on,
+    down by DIP and up by MAP_PEAK, which hold what lies between them. slenderness: contact radius
+    over thickness; power: that of the tip's profile, 1, 2 or infinite. Below a slenderness of 0.1
+    the other corners are the half-space's.
     """
-    is_inside = COMPRESSIBLE[0] <= nu <= COMPRESSIBLE[-1] and 0 <= slenderness <= MAPPED_SLENDERNESS[-1]
+    is_inside = (
+        COMPRESSIBLE[0] <= nu <= COMPRESSIBLE[-1] and 0 <= slenderness <= MAPPED_SLENDERNESS[-1]
+    )
     if power not in LAYER or not is_inside:
         return None
-    rows, columns = _beside(COMPRESSIBLE, nu), _beside((0.0, *MAPPED_SLENDERNESS), slenderness)
-    known = {row: (force_ratio(COMPRESSIBLE[row], power), *LAYER[power][row]) for row in rows}  # from the half-space on
+    rows = _beside(COMPRESSIBLE, nu)
+    columns = _beside((0.0, *MAPPED_SLENDERNESS), slenderness)
+    known = {
+        row: (force_ratio(COMPRESSIBLE[row], power), *LAYER[power][row]) for row in rows
+    }  # from the half-space on
     corners = [known[row][column] for row in rows for column in columns]
-    low, high = min(corners), max(corners)
+    low = min(corners)
+    high = max(corners)
     return low - DIP, high + DIGIT + MAP_PEAK * (high - 1.0)
 
 
@@ -124,7 +143,9 @@ def _beside(lines: Sequence[float], at: float) -> list[int]:
 
 
 def punch_ratio(nu: float) -> float:
-    """Force of a bonded flat punch over that of a frictionless one, (1 - nu) ln(3 - 4 nu)/(1 - 2 nu)."""
+    """Force of a bonded flat punch over that of a frictionless one, (1 - nu) ln(3 - 4 nu)/(1 - 2
+    nu).
+    """
     e = 1.0 - 2.0 * nu
     return (1.0 + e) / 2.0 * (math.log1p(2.0 * e) / e if e > 0.0 else 2.0)
 
@@ -151,10 +172,14 @@ def _sinking(nu: float, n: float) -> float:
 
 
 def _moment(t: np.ndarray, n: float) -> np.ndarray:
-    """int_0^1 s^n/sqrt(1 - t^2 s^2) ds = int_0^asin(t) sin(w)^n dw / t^(n+1), with w ~ v^2: n need not be whole."""
+    """int_0^1 s^n/sqrt(1 - t^2 s^2) ds = int_0^asin(t) sin(w)^n dw / t^(n+1), with w ~ v^2: n need
+    not be whole.
+    """
     v, weights = gauss(0.0, 1.0, 2 * POINTS_PER_PANEL)
     end = np.arcsin(t)
-    return np.asarray((np.sin(np.outer(end, v * v)) / t[:, None]) ** n @ (2.0 * v * weights) * end / t)
+    return np.asarray(
+        (np.sin(np.outer(end, v * v)) / t[:, None]) ** n @ (2.0 * v * weights) * end / t
+    )
 
 
 def _angles(end: float) -> Nodes:

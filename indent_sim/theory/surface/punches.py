@@ -1,15 +1,17 @@
-"""Bonded flat punches of every radius: the one function of a linear axisymmetric body that its load curve is made of.
+"""Bonded flat punches of every radius: the one function of a linear axisymmetric body that its load
+curve is made of.
 
-With K(a) the force per depth of a flat punch of radius a that cannot lift off, a smooth tip that touches a circle of
-radius a at the depth delta is pushed with
+With K(a) the force per depth of a flat punch of radius a that cannot lift off, a smooth tip that
+touches a circle of radius a at the depth delta is pushed with
 
     F = K(a) delta - P(a),      P' = K' delta_1,      dF/ddelta = K(a),
 
-delta_1(a) being the depth at which it does so without adhesion, and the energy release rate of its edge is
-G = (delta - delta_1)^2 K'(a)/(4 pi a). Exact for every linear, frictionless, axisymmetric body.
+delta_1(a) being the depth at which it does so without adhesion, and the energy release rate of its
+edge is G = (delta - delta_1)^2 K'(a)/(4 pi a). Exact for every linear, frictionless, axisymmetric
+body.
 
-delta > 0 pushes in, force > 0 pushes. Lengths [L], forces [F].
-Sources: Barthel (2008), J. Phys. D 41, 163001; Popov & Hess (2015), Method of Dimensionality Reduction.
+delta > 0 pushes in, force > 0 pushes. Lengths [L], forces [F]. Sources: Barthel (2008), J. Phys. D
+41, 163001; Popov & Hess (2015), Method of Dimensionality Reduction.
 """
 
 from __future__ import annotations
@@ -37,8 +39,9 @@ QUADRATURE = 32  # points of the integral of g on each smooth piece of the tip
 
 @dataclass(frozen=True)
 class Punch:
-    """One contact radius a [L]: the tip's depth delta_1 [L] and force [F] there without adhesion, the punch's stiffness
-    K [F/L] and its slope dK/da [F/L^2]."""
+    """One contact radius a [L]: the tip's depth delta_1 [L] and force [F] there without adhesion,
+    the punch's stiffness K [F/L] and its slope dK/da [F/L^2].
+    """
 
     a: float
     delta: float
@@ -58,8 +61,10 @@ class Punches(Protocol):
 
 
 def radius_at(punches: Punches, delta: float, near: float = 0.0) -> float:
-    """Contact radius [L] of the tip at a depth [L] > 0, without adhesion, sought from one `near` it. ValueError where
-    it would be beyond `largest`, or below half of `smallest`, of which nothing is known."""
+    """Contact radius [L] of the tip at a depth [L] > 0, without adhesion, sought from one `near`
+    it. ValueError where it would be beyond `largest`, or below half of `smallest`, of which
+    nothing is known.
+    """
     start = near if 0.0 < near < punches.largest else 0.1 * punches.largest
     found = increasing_root(lambda a: punches.at(a).delta, delta, start, punches.largest)
     if found < 0.5 * punches.smallest:
@@ -68,16 +73,21 @@ def radius_at(punches: Punches, delta: float, near: float = 0.0) -> float:
 
 
 class LayerPunches:
-    """Punches of a layer theory, to its own digits: K = 2 E* h int one, K' = 2 E* one(a)^2 of its linear solutions."""
+    """Punches of a layer theory, to its own digits: K = 2 E* h int one, K' = 2 E* one(a)^2 of its
+    linear solutions.
+    """
 
     def __init__(self, contact: Layer):
         self._contact = contact
-        self.smallest, self.largest = 0.0, contact.largest() * contact.h
+        self.smallest = 0.0
+        self.largest = contact.largest() * contact.h
 
     def at(self, a: float) -> Punch:
         """The punch of radius a [L]."""
         contact = self._contact
-        h, E_star, linear = contact.h, contact.E_star, contact.at(a / contact.h)
+        h = contact.h
+        E_star = contact.E_star
+        linear = contact.at(a / contact.h)
         force = 2.0 * E_star * h**2 * float(linear.w @ (linear.touch * linear.one - linear.shape))
         stiffness = 2.0 * E_star * h * float(linear.w @ linear.one)
         return Punch(a, linear.touch * h, force, stiffness, 2.0 * E_star * linear.one_edge**2)
@@ -86,37 +96,61 @@ class LayerPunches:
 class FittedPunches:
     """Punches of a body that is known by K and P at some radii only, as from a mesh.
 
-    Fitted are ln K/K_0 and ln P/P_0 as polynomials of the radius, K_0 = 2 E* a and P_0 = 2 E* int_0^a g being those of
-    the tip on a half-space: what is left is smooth, whatever the tip. radii a, K, P (n,); g the tip's Abel transform.
-    ValueError for less than `FEWEST_RADII` radii.
+    Fitted are ln K/K_0 and ln P/P_0 as polynomials of the radius, K_0 = 2 E* a and P_0 = 2 E*
+    int_0^a g being those of the tip on a half-space: what is left is smooth, whatever the tip.
+    radii a, K, P (n,); g the tip's Abel transform. ValueError for less than `FEWEST_RADII` radii.
     """
 
-    def __init__(self, a: np.ndarray, K: np.ndarray, P: np.ndarray, tip: Tip, E_star: float, degree: int = FIT_DEGREE):
+    def __init__(
+        self,
+        a: np.ndarray,
+        K: np.ndarray,
+        P: np.ndarray,
+        tip: Tip,
+        E_star: float,
+        degree: int = FIT_DEGREE,
+    ):
         self._given = a, K, P, tip, E_star
         self._nodes = gauss(0.0, 1.0, QUADRATURE)
-        self._tip, self._E_star = tip, E_star
+        self._tip = tip
+        self._E_star = E_star
         a, K, P = (values[a < tip.reach] for values in (a, K, P))  # beyond its end g is unknown
         P_0 = np.array([self._half_space(radius) for radius in a])
-        curved = FLAT_TIP_FORCE * P_0.max(initial=0.0) < P_0  # a punch's rounded edge begins somewhere
+        curved = (
+            FLAT_TIP_FORCE * P_0.max(initial=0.0) < P_0
+        )  # a punch's rounded edge begins somewhere
         if np.count_nonzero(curved) < FEWEST_RADII:
-            raise ValueError(f"{np.count_nonzero(curved)} radii are too few to be smoothed, at least {FEWEST_RADII}")
-        a, K, P, P_0 = a[curved], K[curved], P[curved], P_0[curved]
+            raise ValueError(
+                f"{np.count_nonzero(curved)} radii are too few to be smoothed, at least "
+                f"{FEWEST_RADII}"
+            )
+        a = a[curved]
+        K = K[curved]
+        P = P[curved]
+        P_0 = P_0[curved]
         logs = np.log([K / (2.0 * E_star * a), P / P_0])
-        n, misfit = len(a), math.inf
+        n = len(a)
+        misfit = math.inf
         # towards the wall of a sealed body K grows without bound, and no polynomial follows
         while misfit > LARGEST_MISFIT:
             if n < FEWEST_RADII:
                 raise ValueError("the punches are too rough to be smoothed")
-            weights, power = a[:n] / a[n - 1], min(degree, n // 2)  # what is wrong is a part of an element everywhere
+            # what is wrong is a part of an element everywhere
+            weights = a[:n] / a[n - 1]
+            power = min(degree, n // 2)
             ln_K, ln_P = (Chebyshev.fit(a[:n], values[:n], power, w=weights) for values in logs)
             fits = zip((ln_K, ln_P), logs, strict=True)
             misfit = max(np.max(weights * np.abs(fit(a[:n]) - values[:n])) for fit, values in fits)
-            n, known = int(0.95 * n), n
-        self.smallest, self.largest = float(a[0]), float(a[known - 1])
+            known = n
+            n = int(0.95 * n)
+        self.smallest = float(a[0])
+        self.largest = float(a[known - 1])
         # both and their derivatives in one: every row asks for several radii
         self._begin, self._scale = ln_K.mapparms()
         series = [cheb2poly(one.coef) for one in (ln_K, ln_P, ln_K.deriv(), ln_P.deriv())]
-        self._series = np.stack([np.pad(one, (0, len(ln_K.coef) - len(one))) for one in series], axis=1)
+        self._series = np.stack(
+            [np.pad(one, (0, len(ln_K.coef) - len(one))) for one in series], axis=1
+        )
         self._powers = np.arange(len(self._series))
 
     @property
@@ -135,10 +169,15 @@ class FittedPunches:
 
     def at(self, a: float) -> Punch:
         """The punch of radius a [L]."""
-        unit, P_0 = 2.0 * self._E_star, self._half_space(a)
-        log_K, log_P, dK, dP = ((self._begin + self._scale * a) ** self._powers @ self._series).tolist()
-        ratio_K, ratio_P = math.exp(log_K), math.exp(log_P)
-        K, slope = unit * a * ratio_K, unit * ratio_K * (1.0 + a * dK)
+        unit = 2.0 * self._E_star
+        P_0 = self._half_space(a)
+        log_K, log_P, dK, dP = (
+            (self._begin + self._scale * a) ** self._powers @ self._series
+        ).tolist()
+        ratio_K = math.exp(log_K)
+        ratio_P = math.exp(log_P)
+        K = unit * a * ratio_K
+        slope = unit * ratio_K * (1.0 + a * dK)
         P = P_0 * ratio_P
         delta = ratio_P * (unit * float(self._tip.g(np.array(a))) + P_0 * dP) / slope
         return Punch(a, delta, K * delta - P, K, slope)

@@ -1,29 +1,36 @@
-"""Indentation of an elastic half-space, layer or stack whose surface is under tension, axisymmetric and frictionless.
+"""Indentation of an elastic half-space, layer or stack whose surface is under tension, axisymmetric
+and frictionless.
 
-A surface tension gamma pulls a curved surface flat with the pressure gamma lap u_z. A tip's pressure of wavenumber k
-then displaces the surface by C/(1 + gamma k^2 C) p instead of C p, with C = (2/E*) L(k)/k of the stack (`stack`), so
+A surface tension gamma pulls a curved surface flat with the pressure gamma lap u_z. A tip's
+pressure of wavenumber k then displaces the surface by C/(1 + gamma k^2 C) p instead of C p, with C
+= (2/E*) L(k)/k of the stack (`stack`), so
 
     L_gamma = L/(1 + b k L),  b = 2 gamma/E*,
 
-takes the place of L. With L_gamma = 1/(1 + b k) - M/((1 + b k L)(1 + b k)) the equation of `layer` becomes
+takes the place of L. With L_gamma = 1/(1 + b k) - M/((1 + b k L)(1 + b k)) the equation of `layer`
+becomes
 
-    (1/pi) ∫_-a^a phi(t) k0(x - t) dt - (2/pi) ∫_0^a phi(t) K(x, t) dt = (E*/pi) (delta - g(x)),  0 <= x <= a,
+    (1/pi) ∫_-a^a phi(t) k0(x - t) dt - (2/pi) ∫_0^a phi(t) K(x, t) dt = (E*/pi) (delta - g(x)),  0
+    <= x <= a,
 
-K = ∫_0^inf M/((1 + b k L)(1 + b k)) cos kx cos kt dk, which is smooth, and k0(s) = ∫_0^inf cos ks/(1 + b k) dk =
-G(|s|/b)/b with G(z) = ∫_0^inf cos t/(t + z) dt, which has a logarithm at s = 0 and a width b. In t = a cos(theta) the
-even solutions are
+K = ∫_0^inf M/((1 + b k L)(1 + b k)) cos kx cos kt dk, which is smooth, and k0(s) = ∫_0^inf cos
+ks/(1 + b k) dk = G(|s|/b)/b with G(z) = ∫_0^inf cos t/(t + z) dt, which has a logarithm at s = 0
+and a width b. In t = a cos(theta) the even solutions are
 
     phi = c/sin(theta) + sum_n d_n sin((2n + 1) theta),
 
-a line force along the edge and the pressures p = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1), which end there without
-a peak. A smooth tip has c = 0: the surface leaves it without a kink. Collocation finds c and d_n.
+a line force along the edge and the pressures p = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1),
+which end there without a peak. A smooth tip has c = 0: the surface leaves it without a kink.
+Collocation finds c and d_n.
 
-Where the contact is much smaller than gamma/E* the surface is a membrane: under a paraboloid p = 2 gamma/R,
-F = 2 pi gamma a^2/R and, on a half-space, delta = a^2/R (ln(4 gamma/(E* a)) + 1/2 - 0.5772...).
+Where the contact is much smaller than gamma/E* the surface is a membrane: under a paraboloid p = 2
+gamma/R, F = 2 pi gamma a^2/R and, on a half-space, delta = a^2/R (ln(4 gamma/(E* a)) + 1/2 -
+0.5772...).
 
-Small strain, gap at the reference radius. delta > 0 pushes in; force, pressure > 0 push. Any consistent units.
-Sources: Hajji (1978), J. Appl. Mech. 45, 320; Long & Wang (2013), Proc. R. Soc. A 469, 20120567; Abramowitz & Stegun
-5.2.13 (G); Sneddon (1966), Mixed Boundary Value Problems, 2.1 (the transforms).
+Small strain, gap at the reference radius. delta > 0 pushes in; force, pressure > 0 push. Any
+consistent units. Sources: Hajji (1978), J. Appl. Mech. 45, 320; Long & Wang (2013), Proc. R. Soc. A
+469, 20120567; Abramowitz & Stegun 5.2.13 (G); Sneddon (1966), Mixed Boundary Value Problems, 2.1
+(the transforms).
 """
 
 from __future__ import annotations
@@ -42,22 +49,24 @@ from indent_sim.theory.layer import Layer
 from indent_sim.theory.march import LayerContact, pointwise
 from indent_sim.theory.solution import Solution
 
-FEWEST, PER_ROOT, MOST = (
-    16,
-    1.5,
-    100,
-)  # functions of phi: and more for each sqrt(a/b), as phi ends in a layer of width b
-# Of the force, against three times as many functions: 1.4e-4 at most was found under a tip with kinks (a profile of
-# straight pieces), 3e-6 under a sharp punch, 3e-9 under smooth tips
-KINKED_ERROR, EDGED_ERROR, SMOOTH_ERROR = 5e-4, 1e-5, 1e-8
+# functions of phi: and more for each sqrt(a/b), as phi ends in a layer of width b
+FEWEST = 16
+PER_ROOT = 1.5
+MOST = 100
+# Of the force, against three times as many functions: 1.4e-4 at most was found under a tip with
+# kinks (a profile of straight pieces), 3e-6 under a sharp punch, 3e-9 under smooth tips
+KINKED_ERROR = 5e-4
+EDGED_ERROR = 1e-5
+SMOOTH_ERROR = 1e-8
 PANEL_POINTS = 10  # Gauss points on a panel of the angle
 INNERMOST = 20  # and where the logarithm is, towards which they crowd as v^3
 POINTS_BESIDE = 24  # Chebyshev's points beside the contact, where the surface is looked at
 
 
 class Terms(NamedTuple):
-    """The coefficients (c, d_0, d_1, ...) of phi [h], in units of E*/pi, at one contact radius, for unit depth and for
-    the tip's shape: phi = delta one - shape."""
+    """The coefficients (c, d_0, d_1, ...) of phi [h], in units of E*/pi, at one contact radius, for
+    unit depth and for the tip's shape: phi = delta one - shape.
+    """
 
     one: np.ndarray
     shape: np.ndarray
@@ -90,7 +99,9 @@ class TensedLayer(LayerContact):
         theta = (np.arange(count) + 0.5) * math.pi / (2 * count)
         x = a * np.cos(theta)
         right = np.column_stack([np.ones(count), self._shape(a, theta)])
-        matrix = np.array([self._row(a, angle, count) for angle in theta]) - self._beneath(a, x, count)
+        matrix = np.array([self._row(a, angle, count) for angle in theta]) - self._beneath(
+            a, x, count
+        )
         return Terms(*np.linalg.solve(matrix, right).T)
 
     def _count(self, a: float) -> int:
@@ -116,17 +127,28 @@ class TensedLayer(LayerContact):
         breaks = [math.acos(b / (a * self.h)) for b in self.tip.breaks if b < a * self.h]
         if not self.has_kinks:
             return self.profile(a * np.cos(theta))
-        edges = [0.0, *reversed(breaks), 0.5 * math.pi]  # beside a break g rises like the root, towards the edge
+        edges = [
+            0.0,
+            *reversed(breaks),
+            0.5 * math.pi,
+        ]  # beside a break g rises like the root, towards the edge
         fine = 2 * theta.size
-        parts = [_towards(hi, lo, fine) if hi in breaks else gauss(lo, hi, fine) for lo, hi in pairwise(edges)]
+        parts = [
+            _towards(hi, lo, fine) if hi in breaks else gauss(lo, hi, fine)
+            for lo, hi in pairwise(edges)
+        ]
         angle, weight = joined(parts)
         m = 2 * np.arange(theta.size)
-        moments = 4.0 / math.pi * (weight * self.profile(a * np.cos(angle))) @ np.cos(np.outer(angle, m))
+        moments = (
+            4.0 / math.pi * (weight * self.profile(a * np.cos(angle))) @ np.cos(np.outer(angle, m))
+        )
         moments[0] *= 0.5
         return np.asarray(np.cos(np.outer(theta, m)) @ moments)
 
     def _row(self, a: float, angle: float, count: int) -> np.ndarray:
-        """(1/pi) ∫ phi(t) k0(a cos(angle) - t) dt of each function of phi; an angle i eta stands for a cosh(eta)."""
+        """(1/pi) ∫ phi(t) k0(a cos(angle) - t) dt of each function of phi; an angle i eta stands
+        for a cosh(eta).
+        """
         levels = max(2, math.ceil(math.log2(1.0 + a / self.b)) + 3)
         away, weight = _angles(angle, levels, count)
         apart = 2.0 * a * np.sin(angle + 0.5 * away) * np.abs(np.sin(0.5 * away))
@@ -139,13 +161,16 @@ class TensedLayer(LayerContact):
         k, weight = wavenumbers(reach, self.scaled.finest)
         M = self.scaled.complement(k)
         weight = weight * M / ((1.0 + self.b * k * (1.0 - M)) * (1.0 + self.b * k))
-        theta, w = gauss(0.0, 0.5 * math.pi, count + math.ceil(20 + 2.0 * a * min(22.0, float(k.max()))))
+        theta, w = gauss(
+            0.0, 0.5 * math.pi, count + math.ceil(20 + 2.0 * a * min(22.0, float(k.max())))
+        )
         modes = np.cos(np.outer(k, a * np.cos(theta))) @ (a * w[:, None] * _functions(theta, count))
         return 2.0 / math.pi * np.cos(np.outer(x, k)) @ (weight[:, None] * modes)
 
     def solution(self, delta: float, a: float, found: Terms | None = None) -> Solution:
         """Turn the linear solutions at the contact radius a [h] into physical quantities."""
-        depth, found = delta / self.h, found or self.at(a)
+        depth = delta / self.h
+        found = found or self.at(a)
         phi = depth * found.one - found.shape
         if self.tip.edge is None:
             phi[0] = 0.0
@@ -153,12 +178,19 @@ class TensedLayer(LayerContact):
         along = _functions(theta, phi.size)
         whole = a * weight @ along  # ∫_0^a phi dt of each
         energy = (
-            self.E_star * self.h**3 * a * float(weight @ ((along @ phi) * (depth - self.profile(a * np.cos(theta)))))
+            self.E_star
+            * self.h**3
+            * a
+            * float(weight @ ((along @ phi) * (depth - self.profile(a * np.cos(theta)))))
         )
-        force, stiffness = 2.0 * self.E_star * self.h**2 * float(whole @ phi), 2.0 * self.E_star * self.h
-        pressure, u_z = pointwise(_pressure, self, a, phi), pointwise(_u_z, self, a, phi, depth)
+        force = 2.0 * self.E_star * self.h**2 * float(whole @ phi)
+        stiffness = 2.0 * self.E_star * self.h
+        pressure = pointwise(_pressure, self, a, phi)
+        u_z = pointwise(_u_z, self, a, phi, depth)
         slope = stiffness * float(whole @ found.one)
-        return Solution(float(delta), force, float(a * self.h), self.area(a), energy, slope, pressure, u_z)
+        return Solution(
+            float(delta), force, float(a * self.h), self.area(a), energy, slope, pressure, u_z
+        )
 
     def sinking(self, a: float, phi: np.ndarray, x: np.ndarray) -> np.ndarray:
         """What the left of the equation is at places x > a [h]: of the surface beside the contact."""
@@ -167,7 +199,9 @@ class TensedLayer(LayerContact):
 
     def _beside(self, a: float, x: float, count: int) -> np.ndarray:
         """As `_row`, for a place x > a [h]: angles crowd towards the edge."""
-        theta, weight = _angles(0.0, max(2, math.ceil(math.log2(1.0 + a / min(self.b, x - a))) + 3), count)
+        theta, weight = _angles(
+            0.0, max(2, math.ceil(math.log2(1.0 + a / min(self.b, x - a))) + 3), count
+        )
         kernel = auxiliary((x - a + 2.0 * a * np.sin(0.5 * theta) ** 2) / self.b) / self.b
         return a / math.pi * ((weight * kernel) @ _functions(theta, count))
 
@@ -183,22 +217,28 @@ def auxiliary(z: np.ndarray) -> np.ndarray:
     from scipy.special import exp1
 
     far = z > 1e4  # where the next term is 1e-15 of it
-    near, square = np.where(far, 1.0, z), np.maximum(z, 1.0) ** 2
+    near = np.where(far, 1.0, z)
+    square = np.maximum(z, 1.0) ** 2
     return np.where(far, (1.0 - 6.0 / square) / square, (np.exp(1j * near) * exp1(1j * near)).real)
 
 
 def _functions(theta: np.ndarray, count: int) -> np.ndarray:
-    """phi dt/(a d theta) of each function at angles (len(theta), count): 1, then sin((2n + 1) theta) sin(theta)."""
+    """phi dt/(a d theta) of each function at angles (len(theta), count): 1, then sin((2n + 1)
+    theta) sin(theta).
+    """
     n = np.arange(count - 1)
-    return np.column_stack([np.ones(theta.size), np.sin(np.outer(theta, 2 * n + 1)) * np.sin(theta)[:, None]])
+    return np.column_stack(
+        [np.ones(theta.size), np.sin(np.outer(theta, 2 * n + 1)) * np.sin(theta)[:, None]]
+    )
 
 
 @lru_cache(maxsize=4096)
 def _angles(angle: float, levels: int, count: int) -> Nodes:
-    """Nodes and weights on [0, pi] for a logarithm at an angle, and functions of count oscillations.
+    """Nodes and weights on [0, pi] for a logarithm at an angle, and functions of count
+    oscillations.
 
-    The nodes are told as seen from the angle: where they crowd, far closer than the angle has digits, the difference of
-    two angles would be zero, and the logarithm infinite.
+    The nodes are told as seen from the angle: where they crowd, far closer than the angle has
+    digits, the difference of two angles would be zero, and the logarithm infinite.
     """
     longest = 2.0 * PANEL_POINTS / (3.0 * count)
     parts = []
@@ -215,22 +255,31 @@ def _angles(angle: float, levels: int, count: int) -> Nodes:
 
 
 def _pressure(layer: TensedLayer, a: float, phi: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """p(r) = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1) [F/L^2]; infinite where there is a line force."""
+    """p(r) = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1) [F/L^2]; infinite where there is a line
+    force.
+    """
     n = np.arange(phi.size - 1)
     p = np.where((r == a) & (phi[0] > 0.0), np.inf, 0.0)
     inside = r < a if phi[0] > 0.0 else r <= a
-    polynomials = np.polynomial.legendre.legval(2.0 * (r[inside] / a) ** 2 - 1.0, (2 * n + 1) * phi[1:])
+    polynomials = np.polynomial.legendre.legval(
+        2.0 * (r[inside] / a) ** 2 - 1.0, (2 * n + 1) * phi[1:]
+    )
     p[inside] = layer.E_star / (2.0 * a) * polynomials
     return p
 
 
 def _u_z(layer: TensedLayer, a: float, phi: np.ndarray, depth: float, r: np.ndarray) -> np.ndarray:
-    """u_z(r) = -(2/pi) ∫_0^r s(x)/sqrt(r^2 - x^2) dx [L], s = delta - g inside the contact and `sinking` beside it."""
+    """u_z(r) = -(2/pi) ∫_0^r s(x)/sqrt(r^2 - x^2) dx [L], s = delta - g inside the contact and
+    `sinking` beside it.
+    """
     q, w = gauss(0.0, 1.0, 64)
-    beside, end = None, float(np.arccosh(max(1.0, r.max() / a)))
+    beside = None
+    end = float(np.arccosh(max(1.0, r.max() / a)))
     if end > 0.0:
         beside = Chebyshev.interpolate(
-            lambda y: layer.sinking(a, phi, a * np.cosh(np.maximum(y, 1e-9))), POINTS_BESIDE, [0.0, end]
+            lambda y: layer.sinking(a, phi, a * np.cosh(np.maximum(y, 1e-9))),
+            POINTS_BESIDE,
+            [0.0, end],
         )
     value = np.empty_like(r)
     for k, radius in enumerate(r):
@@ -238,6 +287,8 @@ def _u_z(layer: TensedLayer, a: float, phi: np.ndarray, depth: float, r: np.ndar
         sunk = top * float(w @ (depth - layer.profile(radius * np.sin(top * q))))
         if radius > a and beside is not None:
             angle = top + (0.5 * math.pi - top) * q
-            sunk += (0.5 * math.pi - top) * float(w @ beside(np.arccosh(np.maximum(radius * np.sin(angle) / a, 1.0))))
+            sunk += (0.5 * math.pi - top) * float(
+                w @ beside(np.arccosh(np.maximum(radius * np.sin(angle) / a, 1.0)))
+            )
         value[k] = 2.0 / math.pi * sunk
     return -layer.h * value

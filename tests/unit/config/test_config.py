@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 import yaml
 
-from indent_sim.config.scene_file import from_mapping, load, loads, located, read_document, to_mapping, to_yaml
+from indent_sim.config.scene_file import (
+    from_mapping,
+    load,
+    loads,
+    located,
+    read_document,
+    to_mapping,
+    to_yaml,
+)
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import parse
 from indent_sim.model.body import Box, BoxSides, Cylinder
@@ -63,7 +71,11 @@ def test_defaults():
     assert config.loading.path().values == pytest.approx([0.001 * i for i in range(1, 11)])
     assert config.loading.path().control == "depth"
     assert (config.mesh.h_contact, config.mesh.order, config.mesh.symmetry) == ("auto", 2, "auto")
-    assert (config.output.fields, config.output.plot, config.output.directory) == ("auto", True, None)
+    assert (config.output.fields, config.output.plot, config.output.directory) == (
+        "auto",
+        True,
+        None,
+    )
     assert config.center is None
 
 
@@ -129,7 +141,10 @@ def test_walls_one_by_one():
 
 
 def test_overrides_use_the_same_reader():
-    config = loads(SCENE, overrides=["contact.method=penalty", "contact.epsilon_n=1e3", "mesh.grading=1", "title=on"])
+    config = loads(
+        SCENE,
+        overrides=["contact.method=penalty", "contact.epsilon_n=1e3", "mesh.grading=1", "title=on"],
+    )
     assert config.contact == Penalty(epsilon_n=1000.0)
     assert config.mesh.grading == 1
     assert config.title == "on"
@@ -141,7 +156,9 @@ def test_an_override_reaches_a_section_the_file_does_not_have():
 
 
 def test_changing_the_method_reports_what_the_new_one_does_not_have():
-    with pytest.raises(ConfigError, match=r"scene.yaml:4: contact.epsilon_n: the chosen method 'auto' has no"):
+    with pytest.raises(
+        ConfigError, match=r"scene.yaml:4: contact.epsilon_n: the chosen method 'auto' has no"
+    ):
         loads(BOX, "scene.yaml", ["contact.method=auto"])
 
 
@@ -152,7 +169,10 @@ def test_changing_the_method_reports_what_the_new_one_does_not_have():
             "contact.methd=penalty",
             "--set contact.methd=penalty: contact.methd: unknown key, did you mean 'method'?",
         ),
-        ("mesh.h_contact=-1", "--set mesh.h_contact=-1: mesh.h_contact: must be > 0 or auto, got -1"),
+        (
+            "mesh.h_contact=-1",
+            "--set mesh.h_contact=-1: mesh.h_contact: must be > 0 or auto, got -1",
+        ),
         ("nonsense", "--set nonsense: is not key=value"),
         ("=1", "--set =1: is not key=value"),
         ("a..b=1", "is not key=value"),
@@ -209,7 +229,11 @@ def test_an_error_that_knows_its_file_keeps_it():
 
 
 def test_all_errors_of_a_file_come_together():
-    text = SCENE.replace("radius: 1", "radius: -1").replace("R: 1.0", "r: 1.0").replace("nu: 0.3", "nu: x")
+    text = (
+        SCENE.replace("radius: 1", "radius: -1")
+        .replace("R: 1.0", "r: 1.0")
+        .replace("nu: 0.3", "nu: x")
+    )
     with pytest.raises(ConfigErrors) as caught:
         loads(text, "f.yaml")
     assert str(caught.value).splitlines() == [
@@ -220,8 +244,14 @@ def test_all_errors_of_a_file_come_together():
 
 
 def test_mistakes_of_every_kind_come_together():
-    """Misspelt sections and what stands in them, quantities, numbers, what contradicts itself, and overrides."""
-    text = SCENE.replace("material:", "materal:").replace("nu: 0.3", "nu: 0.7").replace("radius: 1", "radius: 1 kg")
+    """Misspelt sections and what stands in them, quantities, numbers, what contradicts itself, and
+    overrides.
+    """
+    text = (
+        SCENE.replace("material:", "materal:")
+        .replace("nu: 0.3", "nu: 0.7")
+        .replace("radius: 1", "radius: 1 kg")
+    )
     with pytest.raises(ConfigErrors) as caught:
         loads(text, "f", ["nonsense", "mesh.h_far=-1", "contact.epsilon_n=1", "mesh.h_far=2"])
     found = {error.key: error.line for error in caught.value.errors}
@@ -323,7 +353,8 @@ def test_scalars_are_those_of_yaml_1_2(text, value):
 
 
 @pytest.mark.parametrize(
-    "text", [" lead", "on", "1e5", "a: b", "# no", "q\"'\\", "line\nline\t", "\x7f\x85\ufeffé😀", ""]
+    "text",
+    [" lead", "on", "1e5", "a: b", "# no", "q\"'\\", "line\nline\t", "\x7f\x85\ufeffé😀", ""],
 )
 def test_any_title_survives(text):
     config = from_mapping({**parse(SCENE)[0], "title": text})

@@ -1,4 +1,6 @@
-"""Fluid in the pores in a scene file: what is refused, with its key and what would be right, and what it becomes."""
+"""Fluid in the pores in a scene file: what is refused, with its key and what would be right, and
+what it becomes.
+"""
 
 from __future__ import annotations
 
@@ -32,20 +34,44 @@ SCENE: dict[str, Any] = {
         ({"material": WET | {"flow": FLOW | {"diffusivity": 1.0}}}, "material", "exactly one"),
         ({"material": WET | {"nu": 0.5}}, "material", "leaves no pores to drain"),
         ({"loading": {"delta": 0.02}}, "material.flow", "needs a time"),
-        ({"material": RUBBER | {"flow": FLOW | {"alpha": 0.9}}}, "material.flow.alpha", "incompressible"),
-        ({"material": RUBBER | {"flow": FLOW | {"storage": 0.9}}}, "material.flow.storage", "incompressible"),
-        ({"material": WET | {"flow": FLOW | {"holmes_mow": {"phi0": 0.2}}}}, "flow.holmes_mow", "finite strain"),
-        ({"material": WET | {"relaxation": {"prony": [[0.5, 1]]}}}, "material.relaxation.of", "linear, frictionless"),
+        (
+            {"material": RUBBER | {"flow": FLOW | {"alpha": 0.9}}},
+            "material.flow.alpha",
+            "incompressible",
+        ),
+        (
+            {"material": RUBBER | {"flow": FLOW | {"storage": 0.9}}},
+            "material.flow.storage",
+            "incompressible",
+        ),
+        (
+            {"material": WET | {"flow": FLOW | {"holmes_mow": {"phi0": 0.2}}}},
+            "flow.holmes_mow",
+            "finite strain",
+        ),
+        (
+            {"material": WET | {"relaxation": {"prony": [[0.5, 1]]}}},
+            "material.relaxation.of",
+            "linear, frictionless",
+        ),
         ({"material": WET | {"flow": None}, "drainage": {}}, "drainage", "no material has a flow"),
         (
             {"material": WET | {"flow": None}, "loading": {"history": HISTORY, "per_doubling": 4}},
             "per_doubling",
             "takes",
         ),
-        ({"loading": {"history": HISTORY, "times": [2.0]}}, r"loading.times\[0\]", "outside the history"),
+        (
+            {"loading": {"history": HISTORY, "times": [2.0]}},
+            r"loading.times\[0\]",
+            "outside the history",
+        ),
         ({"drainage": {"bath": [[1, 0], [1, 0.1]]}}, r"drainage.bath\[1\]", "does not go on"),
         ({"drainage": {"tip": {"conductance": 0}}}, "drainage.tip.conductance", "must be > 0"),
-        ({"contact": {"method": "nitsche"}}, "contact.method", "nitsche takes the body's own stress"),
+        (
+            {"contact": {"method": "nitsche"}},
+            "contact.method",
+            "nitsche takes the body's own stress",
+        ),
         ({"solver": {"method": "theory"}}, "solver.method", "no fluid in the pores"),
         ({"solver": {"method": "condensed"}}, "solver.method", "inside the body"),
         ({"experiment": {"adhesion": {"work": 1e-3}}}, "experiment.adhesion", "made of a curve"),
@@ -56,7 +82,9 @@ SCENE: dict[str, Any] = {
         ),
     ],
 )
-def test_what_does_not_go_with_fluid_is_refused(sections: dict[str, Any], key: str, words: str) -> None:
+def test_what_does_not_go_with_fluid_is_refused(
+    sections: dict[str, Any], key: str, words: str
+) -> None:
     with pytest.raises(ConfigError, match=words) as error:
         resolve(from_mapping(SCENE | sections))
     assert key.replace("\\", "") in str(error.value)
@@ -71,7 +99,9 @@ def test_a_scene_comes_back_from_its_own_text() -> None:
 
 
 def test_quantities_and_scales() -> None:
-    """Lengths become heights and pressures E; times stay, but for the begin of the history, which is 0."""
+    """Lengths become heights and pressures E; times stay, but for the begin of the history, which
+    is 0.
+    """
     flow = {"diffusivity": "40 um^2/s"}
     drainage = {"base": {"conductance": "2 um/(kPa s)"}, "bath": [[3, "1 kPa"], [4, "500 Pa"]]}
     body = {"shape": "cylinder", "radius": "20 um", "height": "0.01 mm"}
@@ -92,22 +122,34 @@ def test_quantities_and_scales() -> None:
     base = physics.drainage.base
     assert isinstance(base, Conductance) and base.conductance == pytest.approx(2.0, rel=1e-12)
     (region,) = physics.permeable
-    assert [physics.bath_pressure(region, t) for t in (0.0, 0.5, 9.0)] == pytest.approx([0.0, 0.075, 0.05], rel=1e-12)
+    assert [physics.bath_pressure(region, t) for t in (0.0, 0.5, 9.0)] == pytest.approx(
+        [0.0, 0.075, 0.05], rel=1e-12
+    )
     alone = resolve(from_mapping(sections | {"drainage": {"bath": "1 kPa"}})).physics.drainage
     assert alone.bath_at(1.0) == pytest.approx(0.1, rel=1e-12)
 
 
 def test_every_step_is_a_row() -> None:
-    """Steps double from the first one on, in a piece that moves up to a twentieth; a jump is a row of its own."""
-    path = resolve(from_mapping(SCENE | {"loading": {"history": HISTORY, "per_doubling": 3}})).physics.path
+    """Steps double from the first one on, in a piece that moves up to a twentieth; a jump is a row
+    of its own.
+    """
+    path = resolve(
+        from_mapping(SCENE | {"loading": {"history": HISTORY, "per_doubling": 3}})
+    ).physics.path
     steps = [after - before for before, after in zip(path.times, path.times[1:], strict=False)]
     ramp = [dt for dt, branch in zip(steps, path.branches[1:], strict=True) if branch == "approach"]
     hold = [dt for dt, branch in zip(steps, path.branches[1:], strict=True) if branch == "hold"]
-    assert ramp[0] == pytest.approx(ramp[2], rel=1e-9) and ramp[3] == pytest.approx(2 * ramp[0], rel=1e-9)
+    assert ramp[0] == pytest.approx(ramp[2], rel=1e-9) and ramp[3] == pytest.approx(
+        2 * ramp[0], rel=1e-9
+    )
     assert max(ramp) <= 1 / 15 * (1 + 1e-9) and sum(ramp) == pytest.approx(1.0, rel=1e-12)
     assert hold[:4] == pytest.approx([ramp[0]] * 3 + [2 * ramp[0]], rel=1e-9)
-    assert path.leg(1) == ((0.0, 0.0),) and path.leg(len(path.values))[-1][1] == pytest.approx(5.0, rel=1e-12)
-    jump = resolve(from_mapping(SCENE | {"loading": {"history": [[3, 0.02], [8, 0.02]]}})).physics.path
+    assert path.leg(1) == ((0.0, 0.0),) and path.leg(len(path.values))[-1][1] == pytest.approx(
+        5.0, rel=1e-12
+    )
+    jump = resolve(
+        from_mapping(SCENE | {"loading": {"history": [[3, 0.02], [8, 0.02]]}})
+    ).physics.path
     assert jump.leg(1) == ((0.02, 0.0),) and jump.branches[:2] == ("approach", "hold")
 
 
@@ -120,7 +162,9 @@ def test_rows_at_some_times_pass_the_other_steps() -> None:
 
 
 def test_half_steps_halve_the_time() -> None:
-    path = resolve(from_mapping(SCENE | {"loading": {"history": HISTORY, "times": [3.5, 8.0]}})).physics.path
+    path = resolve(
+        from_mapping(SCENE | {"loading": {"history": HISTORY, "times": [3.5, 8.0]}})
+    ).physics.path
     fine = path.halved()
     assert fine.values[1::2] == path.values and fine.times[1::2] == path.times
     coarse = [place for step in (1, 2) for place in path.leg(step)]
@@ -143,13 +187,17 @@ def test_what_is_doubtful_is_said() -> None:
     assert "sealing" in keys()
     assert "sealing" not in keys(drainage={"tip": "drained"}) | keys(mesh={"h_contact": 0.01})
     assert "sealed" in keys(drainage={"surface": "sealed"})
-    assert "early" in keys(loading=jump, drainage={"tip": "drained"})  # a tip that seals has no film below it
+    assert "early" in keys(
+        loading=jump, drainage={"tip": "drained"}
+    )  # a tip that seals has no film below it
     endless = {"shape": "half_space"}
     assert "diffusion" in keys(body=endless, loading={"history": [[0, 0], [1, 0.02], [1e6, 0.02]]})
 
 
 def test_a_sudden_force_on_a_closed_column_comes_with_the_first_step() -> None:
-    """Nothing gives way before the fluid does, to a force or a depth; between free sides, or with storage, it does."""
+    """Nothing gives way before the fluid does, to a force or a depth; between free sides, or with
+    storage, it does.
+    """
     punch = {"shape": "flat_punch", "radius": 2.0}
     sudden = {"force_history": [[0, 0.1], [1, 0.1]]}
 
@@ -161,4 +209,6 @@ def test_a_sudden_force_on_a_closed_column_comes_with_the_first_step() -> None:
     assert first() > 0
     assert first(body=SCENE["body"] | {"sides": "free"}) == 0
     assert first(material=WET | {"flow": FLOW | {"storage": 1.0}}) == 0
-    assert first(loading={"history": [[0, 0.02], [1, 0.02]]}) > 0  # a depth at once would take an infinite force
+    assert (
+        first(loading={"history": [[0, 0.02], [1, 0.02]]}) > 0
+    )  # a depth at once would take an infinite force

@@ -1,4 +1,6 @@
-"""The experiment section: what is refused, with its key and what would be right, and what stands in for a loading."""
+"""The experiment section: what is refused, with its key and what would be right, and what stands in
+for a loading.
+"""
 
 from __future__ import annotations
 
@@ -27,30 +29,66 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
     ("experiment", "sections", "key", "words"),
     [
         ({}, {}, "experiment", "says nothing"),
-        ({"history": RAMP, "force_history": RAMP}, {}, "loading.force_history", "contradicts history"),
+        (
+            {"history": RAMP, "force_history": RAMP},
+            {},
+            "loading.force_history",
+            "contradicts history",
+        ),
         ({"history": [[1, 0], [0, 0.01]]}, {}, r"loading.history\[1\]", "time goes back"),
         ({"history": [[0, 0], [0, 0.01]]}, {}, "loading.history", "lasts no time"),
         ({"history": [[0, -1], [1, 0]]}, {}, "loading.history", "never presses"),
-        ({"force_history": [[0, 1e-3], [1, -1e-3]]}, {}, "loading.force_history", "nothing holds on"),
+        (
+            {"force_history": [[0, 1e-3], [1, -1e-3]]},
+            {},
+            "loading.force_history",
+            "nothing holds on",
+        ),
         ({"relaxation": SLOW}, {}, "material.relaxation", "needs a time"),
         ({"relaxation": {}, "history": RAMP}, {}, "material.relaxation", "one of two laws"),
-        ({"relaxation": SLOW | {"of": "bulk"}, "history": RAMP}, {}, "material.relaxation.of", "all"),
-        ({"relaxation": {"prony": [[0.6, 1], [0.4, 2]]}, "history": RAMP}, {}, "material.relaxation.prony", "sum to"),
-        ({"relaxation": {"prony": [[0.6, 0]]}, "history": RAMP}, {}, r"material.relaxation.prony\[0\]", "no term"),
         (
-            {"relaxation": {"power_law": {"exponent": 0.2, "time": 1}}, "history": [[0, 0], [0, 0.01], [1, 0.01]]},
+            {"relaxation": SLOW | {"of": "bulk"}, "history": RAMP},
+            {},
+            "material.relaxation.of",
+            "all",
+        ),
+        (
+            {"relaxation": {"prony": [[0.6, 1], [0.4, 2]]}, "history": RAMP},
+            {},
+            "material.relaxation.prony",
+            "sum to",
+        ),
+        (
+            {"relaxation": {"prony": [[0.6, 0]]}, "history": RAMP},
+            {},
+            r"material.relaxation.prony\[0\]",
+            "no term",
+        ),
+        (
+            {
+                "relaxation": {"power_law": {"exponent": 0.2, "time": 1}},
+                "history": [[0, 0], [0, 0.01], [1, 0.01]],
+            },
             {},
             "loading.history",
             "jumps",
         ),
         (
-            {"relaxation": {"power_law": {"exponent": 0.2, "time": 1}}, "history": [[0, 0.01], [1, 0.01]]},
+            {
+                "relaxation": {"power_law": {"exponent": 0.2, "time": 1}},
+                "history": [[0, 0.01], [1, 0.01]],
+            },
             {},
             "loading.history",
             "jumps",
         ),
         ({"frequencies": [1.0]}, {}, "experiment.frequencies", "relaxes"),
-        ({"adhesion": {"work": 1e-3}, "relaxation": SLOW, "history": RAMP}, {}, "experiment.adhesion", "together"),
+        (
+            {"adhesion": {"work": 1e-3}, "relaxation": SLOW, "history": RAMP},
+            {},
+            "experiment.adhesion",
+            "together",
+        ),
         ({"adhesion": {"work": 1e-3}}, {"body": BOX}, "experiment.adhesion", "disc"),
         (
             {"adhesion": {"work": 1e-3}},
@@ -70,7 +108,12 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
             "experiment.adhesion.range",
             "no R",
         ),
-        ({"calibration": {"stiffness": 0.1}, "history": RAMP}, {}, "experiment.calibration.stiffness", "cantilever"),
+        (
+            {"calibration": {"stiffness": 0.1}, "history": RAMP},
+            {},
+            "experiment.calibration.stiffness",
+            "cantilever",
+        ),
         (
             {"calibration": {"R": 0.1}, "history": RAMP},
             {"indenter": {"shape": "cone", "half_angle": 70.0}},
@@ -79,7 +122,12 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
         ),
         ({"adhesion": {"work": -1.0}}, {}, "experiment.adhesion.work", "> 0"),
         ({"cantilever": {"k": 1.0}}, {}, "experiment.cantilever.k", "unknown key"),
-        ({"history": RAMP, "relaxation": SLOW}, {"material": HYPERELASTIC}, "material.relaxation.of", "not linear"),
+        (
+            {"history": RAMP, "relaxation": SLOW},
+            {"material": HYPERELASTIC},
+            "material.relaxation.of",
+            "not linear",
+        ),
         (
             {"history": RAMP, "cantilever": {"stiffness": 1.0}},
             {"contact": {"method": "nitsche"}},
@@ -93,7 +141,12 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
             "friction, or adhesion over a range",
         ),
         ({"history": RAMP}, {"output": {"fields": "all"}}, "output.fields", "no fields"),
-        ({"adhesion": {"work": 1e-3}}, {"contact": {"friction": "stick"}}, "experiment", "without friction"),
+        (
+            {"adhesion": {"work": 1e-3}},
+            {"contact": {"friction": "stick"}},
+            "experiment",
+            "without friction",
+        ),
         (
             {"adhesion": {"work": 1e-3}},
             {"body": {"shape": "strip", "width": 4.0, "height": 1.0}},
@@ -108,7 +161,12 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
         ),
         ({"history": [[0, 0], [1, 2.0]]}, {}, "loading", "beyond the body's thickness"),
         ({"adhesion": {"work": 1e15}}, {}, "experiment.adhesion", "wider than theory"),
-        ({"adhesion": {"work": 1e-12}}, {"solver": {"method": "condensed"}}, "experiment.adhesion.work", "comes? off"),
+        (
+            {"adhesion": {"work": 1e-12}},
+            {"solver": {"method": "condensed"}},
+            "experiment.adhesion.work",
+            "comes? off",
+        ),
         (
             {"adhesion": {"work": 10.0}},
             {"body": {"shape": "cylinder", "radius": 1.0, "height": 1.0}},
@@ -117,7 +175,10 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
         ),
         (
             {"adhesion": {"work": 1e-3}},
-            {"body": {"shape": "cylinder", "radius": 2.0, "height": 1.0}, "mesh": {"symmetry": "full"}},
+            {
+                "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0},
+                "mesh": {"symmetry": "full"},
+            },
             "experiment.adhesion",
             "disc",
         ),
@@ -132,7 +193,9 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
         ),
     ],
 )
-def test_refusals(experiment: dict[str, Any], sections: dict[str, Any], key: str, words: str) -> None:
+def test_refusals(
+    experiment: dict[str, Any], sections: dict[str, Any], key: str, words: str
+) -> None:
     with pytest.raises(ConfigError, match=words) as refused:
         resolve(from_mapping(placed(SCENE | {"experiment": experiment} | sections)))
     errors = getattr(refused.value, "errors", [refused.value])
@@ -152,7 +215,8 @@ def test_a_history_is_a_loading() -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "section"), [("history", "loading"), ("force_history", "loading"), ("relaxation", "material")]
+    ("key", "section"),
+    [("history", "loading"), ("force_history", "loading"), ("relaxation", "material")],
 )
 def test_keys_that_have_moved(key: str, section: str) -> None:
     with pytest.raises(ConfigError) as refused:
@@ -164,7 +228,11 @@ def test_keys_that_have_moved(key: str, section: str) -> None:
 def test_what_relaxes_does_so_alike_everywhere() -> None:
     law = {"model": "linear_elastic", "E": 1.0, "nu": 0.3}
     unlike = [law | {"relaxation": SLOW}, law]
-    body = {"shape": "layer", "height": 1.0, "layers": [{"thickness": 0.5, "material": one} for one in unlike]}
+    body = {
+        "shape": "layer",
+        "height": 1.0,
+        "layers": [{"thickness": 0.5, "material": one} for one in unlike],
+    }
     given = {"body": body, "indenter": SCENE["indenter"], "loading": {"history": RAMP}}
     with pytest.raises(ConfigError, match=r"not that of body.layers\[1\].material") as refused:
         from_mapping(given)
@@ -174,7 +242,8 @@ def test_what_relaxes_does_so_alike_everywhere() -> None:
 
 
 @pytest.mark.parametrize(
-    ("times", "words"), [([0.5, 0.2], "does not go on"), ([2.0], "outside the history"), ([-1.0, 0.5], "outside")]
+    ("times", "words"),
+    [([0.5, 0.2], "does not go on"), ([2.0], "outside the history"), ([-1.0, 0.5], "outside")],
 )
 def test_times_are_those_of_the_history(times: list[float], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
@@ -184,37 +253,56 @@ def test_times_are_those_of_the_history(times: list[float], words: str) -> None:
 
 
 def test_times_of_forces_on_a_whole_body_pass_the_other_steps() -> None:
-    given = SCENE | {"material": HYPERELASTIC, "loading": {"force_history": [[0, 0], [1, 1e-3]], "times": [0.5]}}
+    given = SCENE | {
+        "material": HYPERELASTIC,
+        "loading": {"force_history": [[0, 0], [1, 1e-3]], "times": [0.5]},
+    }
     path = resolve(from_mapping(given)).physics.path
     assert path.control == "force" and path.times == (0.5,) and len(path.leg(1)) > 5
 
 
 def test_a_soft_spring_keeps_the_tip_back() -> None:
-    """z = 1 through a compliance of 1e3: the depth is where the spring balances a half-space, far below 1."""
-    given = {"experiment": {"cantilever": {"stiffness": 1e-3}}, "loading": {"history": [[0, 0], [1, 1.0]]}}
+    """z = 1 through a compliance of 1e3: the depth is where the spring balances a half-space, far
+    below 1.
+    """
+    given = {
+        "experiment": {"cantilever": {"stiffness": 1e-3}},
+        "loading": {"history": [[0, 0], [1, 1.0]]},
+    }
     depth = max(resolve(from_mapping(SCENE | given)).physics.deltas)
     assert depth + 1e3 * 4 / 3 / 0.91 * depth**1.5 == pytest.approx(1.0, rel=1e-6)
 
 
 def test_a_deeper_history_sizes_the_mesh() -> None:
     shallow, deep = (
-        resolve(from_mapping(SCENE | {"loading": {"history": [[0, 0], [1, depth]]}}, ["solver.method=condensed"]))
+        resolve(
+            from_mapping(
+                SCENE | {"loading": {"history": [[0, 0], [1, depth]]}}, ["solver.method=condensed"]
+            )
+        )
         for depth in (0.01, 0.04)
     )
     assert deep.sizes.patch == pytest.approx(2 * shallow.sizes.patch, rel=0.1)
 
 
 def test_the_section_is_written_and_read_back() -> None:
-    given = placed(SCENE | {"experiment": {"relaxation": SLOW, "history": RAMP, "frequencies": [1.0, 2.0]}})
+    given = placed(
+        SCENE | {"experiment": {"relaxation": SLOW, "history": RAMP, "frequencies": [1.0, 2.0]}}
+    )
     config = from_mapping(given | {"loading": {"history": RAMP, "times": [0.5, 1.0]}})
     assert loads(to_yaml(config)) == config
-    assert loads(to_yaml(config), overrides=["material.relaxation.prony[0][0]=0.4"]).material != config.material
+    assert (
+        loads(to_yaml(config), overrides=["material.relaxation.prony[0][0]=0.4"]).material
+        != config.material
+    )
 
 
 def test_plan_says_what_is_exact() -> None:
     def said(experiment: dict[str, Any]) -> dict[str, str]:
         choices = resolve(from_mapping(placed(SCENE | {"experiment": experiment}))).plan.choices
-        return {choice.key: f"{choice.value}: {choice.why}" for choice in choices if choice.key in KEYS}
+        return {
+            choice.key: f"{choice.value}: {choice.why}" for choice in choices if choice.key in KEYS
+        }
 
     assert "JKR" in said({"adhesion": {"work": 1e-3}})["experiment.adhesion"]
     assert "Ting" in said({"relaxation": SLOW, "history": RAMP})["time"]

@@ -1,4 +1,6 @@
-"""Gels in a scene file: what is refused, with its key and what would be right, and what they become."""
+"""Gels in a scene file: what is refused, with its key and what would be right, and what they
+become.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,10 @@ SCENE: dict[str, Any] = {
 
 
 def layers(*materials: dict[str, Any]) -> dict[str, Any]:
-    return {"body": BODY | {"layers": [{"thickness": 1.0 / len(materials), "material": one} for one in materials]}}
+    return {
+        "body": BODY
+        | {"layers": [{"thickness": 1.0 / len(materials), "material": one} for one in materials]}
+    }
 
 
 @pytest.mark.parametrize(
@@ -38,18 +43,34 @@ def layers(*materials: dict[str, Any]) -> dict[str, Any]:
             "material.flow.permeability",
             "follows from its swelling",
         ),
-        ({"material": GEL | {"flow": {"diffusivity": 1.0, "alpha": 0.9}}}, "material.flow.alpha", "incompressible"),
+        (
+            {"material": GEL | {"flow": {"diffusivity": 1.0, "alpha": 0.9}}},
+            "material.flow.alpha",
+            "incompressible",
+        ),
         (
             {"material": GEL | {"flow": {"diffusivity": 1.0, "holmes_mow": {"phi0": 0.2}}}},
             "material.flow.holmes_mow",
             "its solvent",
         ),
         ({"material": WET | {"stretch": 1.0}}, "material.stretch", "must be > 1"),
-        ({"material": WET | {"stretch": "auto"}, "drainage": {"bath": 5.0}}, "material.stretch", "no free swelling"),
-        ({"material": WET | {"relaxation": {"prony": [[0.5, 1.0]]}}}, "material.relaxation", "never verified"),
+        (
+            {"material": WET | {"stretch": "auto"}, "drainage": {"bath": 5.0}},
+            "material.stretch",
+            "no free swelling",
+        ),
+        (
+            {"material": WET | {"relaxation": {"prony": [[0.5, 1.0]]}}},
+            "material.relaxation",
+            "never verified",
+        ),
         ({"material": WET | {"formulation": "mixed"}}, "material.formulation", "displacement"),
         (layers(WET, OTHER), "body.layers[1].material.flow", "chemical potential"),
-        (layers(WET, WET | {"n_omega": 2e-3}), "body.layers[1].material.n_omega", "one ratio for all gels"),
+        (
+            layers(WET, WET | {"n_omega": 2e-3}),
+            "body.layers[1].material.n_omega",
+            "one ratio for all gels",
+        ),
         ({"material": GEL, "drainage": {"bath": 0.0}}, "drainage", "no material has a flow"),
         (
             {"material": GEL | {"stretch": "auto"}, "drainage": {"bath": [[0, 0], [1, 0]]}},
@@ -61,7 +82,9 @@ def layers(*materials: dict[str, Any]) -> dict[str, Any]:
         ({"contact": {"method": "nitsche"}}, "contact.method", "own stress"),
     ],
 )
-def test_what_does_not_go_with_a_gel_is_refused(sections: dict[str, Any], key: str, words: str) -> None:
+def test_what_does_not_go_with_a_gel_is_refused(
+    sections: dict[str, Any], key: str, words: str
+) -> None:
     with pytest.raises(ConfigError) as error:
         resolve(from_mapping(SCENE | sections))
     assert key in str(error.value) and words in str(error.value)
@@ -97,10 +120,12 @@ def test_a_bath_comes_within_some_steps() -> None:
     (region,) = physics.part.regions
     whole = region.material.bath_pressure(0.0)
     ramp = physics.bath_ramp
-    assert whole == pytest.approx(8.7678581 / physics.scales.pressure, rel=1e-6)  # of this gel, by the closed form
-    assert [physics.bath_pressure(region, share * ramp) / whole for share in (0, 0.5, 1, 2)] == pytest.approx(
-        [0, 0.5, 1, 1], rel=1e-12
-    )
+    assert whole == pytest.approx(
+        8.7678581 / physics.scales.pressure, rel=1e-6
+    )  # of this gel, by the closed form
+    assert [
+        physics.bath_pressure(region, share * ramp) / whole for share in (0, 0.5, 1, 2)
+    ] == pytest.approx([0, 0.5, 1, 1], rel=1e-12)
     assert physics.path.times[1] <= ramp / 8
 
 
@@ -109,10 +134,14 @@ def test_how_soon_a_bath_comes_is_no_matter_of_the_mesh(h: float) -> None:
     """A 75th of the time that fluid takes through the contact, followed in eight steps at least."""
     scene = found(mesh={"h_contact": h})
     physics = scene.physics
-    assert physics.bath_ramp == pytest.approx(found(mesh={"h_contact": 0.05}).physics.bath_ramp, rel=1e-12)
+    assert physics.bath_ramp == pytest.approx(
+        found(mesh={"h_contact": 0.05}).physics.bath_ramp, rel=1e-12
+    )
     (region,) = physics.permeable
     a = scene.plan.prediction["a"] / physics.scales.length
-    assert physics.bath_ramp == pytest.approx(min(a, 1.0) ** 2 / region.material.diffusivity / 75, rel=1e-9)
+    assert physics.bath_ramp == pytest.approx(
+        min(a, 1.0) ** 2 / region.material.diffusivity / 75, rel=1e-9
+    )
     steps = [t for _, t in physics.path.leg(1)]
     assert steps[0] <= physics.bath_ramp / 8 * (1 + 1e-12)
 
@@ -123,7 +152,10 @@ def test_a_given_bath_ramp_is_kept_and_one_that_is_found_is_written_down() -> No
     own = resolved(config, scene)
     assert own.drainage is not None and own.drainage.bath_ramp == scene.physics.bath_ramp > 0
     again = resolve(own)
-    assert again.physics.bath_ramp == scene.physics.bath_ramp and again.physics.path == scene.physics.path
+    assert (
+        again.physics.bath_ramp == scene.physics.bath_ramp
+        and again.physics.path == scene.physics.path
+    )
     assert "drainage.bath_ramp" in left_open(config, own)
     assert found(drainage={"bath": 0.0, "bath_ramp": 0.25}).physics.bath_ramp == 0.25
 
@@ -138,12 +170,26 @@ def test_a_bath_ramp_of_a_bath_that_is_there_already_is_said_to_be_of_no_use() -
 @pytest.mark.parametrize("bath", [0.0, -0.013])
 @pytest.mark.parametrize("chi", [0.2, 0.37, 0.6])
 def test_a_gel_at_rest_in_its_own_bath_is_not_warned_of_it(chi: float, bath: float) -> None:
-    """The first case of a report, and its like: the stretch of free swelling is found to rounding alone."""
+    """The first case of a report, and its like: the stretch of free swelling is found to rounding
+    alone.
+    """
     scene = resolve(
         from_mapping(
             {
-                "body": {"shape": "cylinder", "radius": 10, "height": 1, "base": "roller", "sides": "free"},
-                "material": {"model": "gel", "G": 1, "n_omega": 0.001, "chi": chi, "flow": {"diffusivity": 1}},
+                "body": {
+                    "shape": "cylinder",
+                    "radius": 10,
+                    "height": 1,
+                    "base": "roller",
+                    "sides": "free",
+                },
+                "material": {
+                    "model": "gel",
+                    "G": 1,
+                    "n_omega": 0.001,
+                    "chi": chi,
+                    "flow": {"diffusivity": 1},
+                },
                 "drainage": {"bath": bath},
                 "indenter": {"shape": "sphere", "R": 1},
                 "loading": {"history": [[0, 0], [0.001, 0.02], [100, 0.02]], "times": [0.001, 100]},

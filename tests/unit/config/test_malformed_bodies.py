@@ -50,7 +50,13 @@ def ball(x: float, y: float, z: float, radius: float = 0.2, **others: Any) -> di
 
 
 def upright(x: float, y: float, z: float, radius: float, height: float) -> dict[str, Any]:
-    return {"shape": "cylinder", "center": [x, y, z], "radius": radius, "height": height, "material": ELASTIC}
+    return {
+        "shape": "cylinder",
+        "center": [x, y, z],
+        "radius": radius,
+        "height": height,
+        "material": ELASTIC,
+    }
 
 
 def brick(x: float, y: float, z: float, *size: float) -> dict[str, Any]:
@@ -58,7 +64,12 @@ def brick(x: float, y: float, z: float, *size: float) -> dict[str, Any]:
 
 
 def egg(x: float, y: float, z: float, *semi_axes: float) -> dict[str, Any]:
-    return {"shape": "ellipsoid", "center": [x, y, z], "semi_axes": list(semi_axes), "material": ELASTIC}
+    return {
+        "shape": "ellipsoid",
+        "center": [x, y, z],
+        "semi_axes": list(semi_axes),
+        "material": ELASTIC,
+    }
 
 
 def holding(body: dict[str, Any], *inclusions: Any) -> dict[str, Any]:
@@ -68,7 +79,11 @@ def holding(body: dict[str, Any], *inclusions: Any) -> dict[str, Any]:
 # body, key, fragment of the message
 MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     # layers
-    (CYLINDER | layers(0.4, 2.0), "body.layers", "the layers are 2.4 thick together, and the body is 1 high"),
+    (
+        CYLINDER | layers(0.4, 2.0),
+        "body.layers",
+        "the layers are 2.4 thick together, and the body is 1 high",
+    ),
     (CYLINDER | layers(0.4), "body.layers", "make their thicknesses add up to the height"),
     (BOX | layers(0.4, -0.6), "body.layers[1].thickness", "must be > 0, got -0.6"),
     (STRIP | layers(0.4, 0.0), "body.layers[1].thickness", "must be > 0, got 0"),
@@ -76,22 +91,38 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (CYLINDER | {"layers": []}, "body.layers", "a list of 1 to 50 sections, got []"),
     (CYLINDER | {"layers": {"thickness": 1.0}}, "body.layers", "a list of 1 to 50 sections"),
     (CYLINDER | {"layers": [1.0]}, "body.layers[0]", "must be a section of keys, got 1.0"),
-    (CYLINDER | {"layers": [{"thickness": 1.0, "matter": "gel"}]}, "body.layers[0].matter", "unknown key"),
+    (
+        CYLINDER | {"layers": [{"thickness": 1.0, "matter": "gel"}]},
+        "body.layers[0].matter",
+        "unknown key",
+    ),
     (
         CYLINDER | {"layers": [{"thickness": 1.0, "material": {"model": "jelly"}}]},
         "body.layers[0].material.model",
         "there is no material 'jelly'",
     ),
     (CYLINDER | layers(1e-7, 1 - 1e-7), "body.layers[0].thickness", "too small beside"),
-    (HALF_SPACE | layers(0.4, 1.0), "body.layers[1].thickness", "its substrate, which has no thickness"),
+    (
+        HALF_SPACE | layers(0.4, 1.0),
+        "body.layers[1].thickness",
+        "its substrate, which has no thickness",
+    ),
     (HALF_SPACE | layers(None, None), "body.layers[0].thickness", "missing"),
     (LAYER | layers(0.4, None), "body.layers[1].thickness", "missing"),
     # sizes of bodies
     (BOX | {"size": [2.0, 2.0]}, "body.size", "a list of 3 numbers > 0"),
-    (CYLINDER | {"radius": 1e6}, "body.height", "lengths of a body may differ by a factor of 100000"),
+    (
+        CYLINDER | {"radius": 1e6},
+        "body.height",
+        "lengths of a body may differ by a factor of 100000",
+    ),
     (CAP | {"contact_angle": 53.0}, "body.contact_angle", "contradicts height"),
     # skins
-    (CAP | layers(0.1, 0.9), "body.layers[1].thickness", "the last layer of a cap is its core, which has no thickness"),
+    (
+        CAP | layers(0.1, 0.9),
+        "body.layers[1].thickness",
+        "the last layer of a cap is its core, which has no thickness",
+    ),
     (BALL | layers(0.1, 0.2), "body.layers[1].thickness", "the last layer of a ball is its core"),
     (BALL | layers(0.1), "body.layers[0].thickness", "is its core"),
     (BALL | layers(None, None), "body.layers[0].thickness", "missing"),
@@ -104,8 +135,16 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (BALL | {"base": "fixed"} | layers(1.2, None), "body.layers", "which leaves no core"),
     (CAP | layers(1.0, None), "body.layers", "a core that does not reach the base"),
     (CAP | layers(0.99, None), "body.layers", "a core that does not reach the base"),
-    (CAP | {"base_radius": 0.5} | layers(0.3, None), "body.layers", "a core that does not reach the base"),
-    (BALL | layers(5e-4, None), "body.layers", "0.0005 thick on a ball of radius 1 is too thin to mesh"),
+    (
+        CAP | {"base_radius": 0.5} | layers(0.3, None),
+        "body.layers",
+        "a core that does not reach the base",
+    ),
+    (
+        BALL | layers(5e-4, None),
+        "body.layers",
+        "0.0005 thick on a ball of radius 1 is too thin to mesh",
+    ),
     (BALL | {"layers": [{"thickness": 0.1, "stuff": 1}, {}]}, "body.layers[0].stuff", ""),
     (BALL | {"layers": []}, "body.layers", "a list of 1 to 50 sections"),
     (BALL | {"layers": {"thickness": 0.1}}, "body.layers", "list"),
@@ -142,7 +181,11 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     # surface tension
     (BALL | {"surface_tension": -0.1}, "body.surface_tension", "must be >= 0"),
     (BALL | {"surface_tension": "wet"}, "body.surface_tension", "a number"),
-    (FILE | {"surface_tension": 0.1}, "body.surface_tension", "'mesh' has no parameter 'surface_tension'"),
+    (
+        FILE | {"surface_tension": 0.1},
+        "body.surface_tension",
+        "'mesh' has no parameter 'surface_tension'",
+    ),
     (
         CYLINDER | {"layers": [{"thickness": 1.0, "surface_tension": 0.1}]},
         "body.layers[0].surface_tension",
@@ -164,17 +207,37 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
         "body.inclusions[0]",
         "leaves the body through its side, by 0.1",
     ),
-    (holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2)), "body.inclusions[0].semi_axes", "a list of 3 numbers > 0"),
-    (holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2, -0.1)), "body.inclusions[0].semi_axes[2]", "must be > 0"),
-    (holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2, 0.0)), "body.inclusions[0].semi_axes[2]", "must be > 0"),
-    (holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2, 0.1) | {"radius": 1.0}), "body.inclusions[0].radius", "no parameter"),
+    (
+        holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2)),
+        "body.inclusions[0].semi_axes",
+        "a list of 3 numbers > 0",
+    ),
+    (
+        holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2, -0.1)),
+        "body.inclusions[0].semi_axes[2]",
+        "must be > 0",
+    ),
+    (
+        holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2, 0.0)),
+        "body.inclusions[0].semi_axes[2]",
+        "must be > 0",
+    ),
+    (
+        holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2, 0.1) | {"radius": 1.0}),
+        "body.inclusions[0].radius",
+        "no parameter",
+    ),
     (
         holding(CAP, egg(0, 0, -0.5, 0.3, 0.2, 0.1)),
         "body.inclusions[0]",
         "semi-axes of 0.3 along x and 0.2 along y differ",
     ),
     (holding(CAP, egg(0.1, 0, -0.5, 0.2, 0.2, 0.1)), "body.inclusions[0]", "it is off the axis"),
-    (holding(STRIP, egg(2.0, 0.1, -0.5, 0.2, 0.2, 0.1)), "body.inclusions[0]", "a strip is the same all along y"),
+    (
+        holding(STRIP, egg(2.0, 0.1, -0.5, 0.2, 0.2, 0.1)),
+        "body.inclusions[0]",
+        "a strip is the same all along y",
+    ),
     (
         holding(CYLINDER, egg(0, 0, -0.5, 0.5, 0.5, 0.1), ball(0, 0, -0.2505, radius=0.15)),
         "body.inclusions[1]",
@@ -196,19 +259,43 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
         "is 0.001 from the inner face of body.layers[0]",
     ),
     # inclusions
-    (holding(CYLINDER, ball(0, 0, -0.1)), "body.inclusions[0]", "crosses the top at z = 0: it spans z = -0.3 to 0.1"),
+    (
+        holding(CYLINDER, ball(0, 0, -0.1)),
+        "body.inclusions[0]",
+        "crosses the top at z = 0: it spans z = -0.3 to 0.1",
+    ),
     (holding(CYLINDER, ball(0, 0, -0.9)), "body.inclusions[0]", "crosses the base at z = -1"),
-    (holding(CYLINDER, ball(0, 0, 0.5)), "body.inclusions[0]", "is outside the body, which spans z = -1 to 0"),
+    (
+        holding(CYLINDER, ball(0, 0, 0.5)),
+        "body.inclusions[0]",
+        "is outside the body, which spans z = -1 to 0",
+    ),
     (holding(CYLINDER, ball(0, 0, -3.0)), "body.inclusions[0]", "is outside the body"),
     (
         holding(CYLINDER, ball(0, 0, -0.2005)),
         "body.inclusions[0]",
         "is 0.0005 from the top at z = 0; move it, or make it smaller: 0.002 must be left",
     ),
-    (holding(CYLINDER, ball(1.5, 1.5, -0.5)), "body.inclusions[0]", "leaves the body through its side, by 0.3213"),
-    (holding(CYLINDER, brick(1.3, 1.3, -0.5, 0.3, 0.3, 0.3)), "body.inclusions[0]", "leaves the body through its side"),
-    (holding(BOX, ball(0.1, 1.0, -0.5)), "body.inclusions[0]", "leaves the body through its side, by 0.1"),
-    (holding(STRIP, ball(3.9, 0, -0.5)), "body.inclusions[0]", "leaves the body through its side, by 0.1"),
+    (
+        holding(CYLINDER, ball(1.5, 1.5, -0.5)),
+        "body.inclusions[0]",
+        "leaves the body through its side, by 0.3213",
+    ),
+    (
+        holding(CYLINDER, brick(1.3, 1.3, -0.5, 0.3, 0.3, 0.3)),
+        "body.inclusions[0]",
+        "leaves the body through its side",
+    ),
+    (
+        holding(BOX, ball(0.1, 1.0, -0.5)),
+        "body.inclusions[0]",
+        "leaves the body through its side, by 0.1",
+    ),
+    (
+        holding(STRIP, ball(3.9, 0, -0.5)),
+        "body.inclusions[0]",
+        "leaves the body through its side, by 0.1",
+    ),
     (holding(STRIP, ball(2.0, 0.1, -0.5)), "body.inclusions[0]", "a strip is the same all along y"),
     (
         holding(CYLINDER | layers(0.4, 0.6), ball(0, 0, -0.5)),
@@ -225,20 +312,48 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
         "body.inclusions[1]",
         "overlaps or touches body.inclusions[0]",
     ),
-    (holding(CYLINDER, ball(0, 0, -0.3), ball(0, 0, -0.7)), "body.inclusions[1]", "overlaps or touches"),
-    (holding(CYLINDER, upright(0, 0, -0.5, 0.5, 0.4), ball(0.6, 0, -0.5)), "body.inclusions[1]", "overlaps"),
+    (
+        holding(CYLINDER, ball(0, 0, -0.3), ball(0, 0, -0.7)),
+        "body.inclusions[1]",
+        "overlaps or touches",
+    ),
+    (
+        holding(CYLINDER, upright(0, 0, -0.5, 0.5, 0.4), ball(0.6, 0, -0.5)),
+        "body.inclusions[1]",
+        "overlaps",
+    ),
     (
         holding(CYLINDER, brick(0, 0, -0.5, 1, 1, 0.4), upright(0.6, 0, -0.5, 0.2, 0.2)),
         "body.inclusions[1]",
         "overlaps or touches",
     ),
     (holding(CYLINDER, ball(0, 0, -0.3), ball(0, 0, -0.3)), "body.inclusions[1]", "overlaps"),
-    (holding(CAP, ball(0.1, 0, -0.5)), "body.inclusions[0]", "a cap is modelled about its axis: it is off the axis"),
-    (holding(CAP, brick(0, 0, -0.5, 0.1, 0.1, 0.1)), "body.inclusions[0]", "a box is no body of revolution"),
-    (holding(CAP, upright(0, 0, -0.5, 1.9, 0.2)), "body.inclusions[0]", "leaves the body through its side"),
+    (
+        holding(CAP, ball(0.1, 0, -0.5)),
+        "body.inclusions[0]",
+        "a cap is modelled about its axis: it is off the axis",
+    ),
+    (
+        holding(CAP, brick(0, 0, -0.5, 0.1, 0.1, 0.1)),
+        "body.inclusions[0]",
+        "a box is no body of revolution",
+    ),
+    (
+        holding(CAP, upright(0, 0, -0.5, 1.9, 0.2)),
+        "body.inclusions[0]",
+        "leaves the body through its side",
+    ),
     (holding(BALL, ball(0, 0, -0.9)), "body.inclusions[0]", "crosses the mirror plane at z = -1"),
-    (holding(BALL, ball(0, 0, -1.5)), "body.inclusions[0]", "is outside the body, which spans z = -1 to 0"),
-    (holding(CYLINDER, ball(0, 0, -0.5, radius=-0.1)), "body.inclusions[0].radius", "must be > 0, got -0.1"),
+    (
+        holding(BALL, ball(0, 0, -1.5)),
+        "body.inclusions[0]",
+        "is outside the body, which spans z = -1 to 0",
+    ),
+    (
+        holding(CYLINDER, ball(0, 0, -0.5, radius=-0.1)),
+        "body.inclusions[0].radius",
+        "must be > 0, got -0.1",
+    ),
     (
         holding(CYLINDER, ball(0, 0, -0.5, height=0.1)),
         "body.inclusions[0].height",
@@ -254,7 +369,11 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
         "body.inclusions[0].material",
         "needs exactly two of E, nu",
     ),
-    (holding(CYLINDER, ball(0, 0, -0.5, shape="egg")), "body.inclusions[0].shape", "choose one of ball, cylinder, box"),
+    (
+        holding(CYLINDER, ball(0, 0, -0.5, shape="egg")),
+        "body.inclusions[0].shape",
+        "choose one of ball, cylinder, box",
+    ),
     (
         holding(CYLINDER, {"shape": "ball", "center": [0, 0, -0.5], "radius": 0.1}),
         "body.inclusions[0].material",
@@ -265,9 +384,21 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     # meshes from files
     (FILE | {"file": "none.msh"}, "body.file", "cannot read the mesh 'none.msh'"),
     (FILE | {"file": "../part.msh"}, "body.file", "must be below the scene's folder"),
-    (FILE | {"surfaces": {"contact": "lid", "base": "bottom"}}, "body.surfaces.contact", "has no group 'lid'"),
-    (FILE | {"surfaces": {"contact": "gel", "base": "bottom"}}, "body.surfaces.contact", "is a group of triangles"),
-    (FILE | {"surfaces": {"contact": "bottom", "base": "top"}}, "body.surfaces.contact", "face down"),
+    (
+        FILE | {"surfaces": {"contact": "lid", "base": "bottom"}},
+        "body.surfaces.contact",
+        "has no group 'lid'",
+    ),
+    (
+        FILE | {"surfaces": {"contact": "gel", "base": "bottom"}},
+        "body.surfaces.contact",
+        "is a group of triangles",
+    ),
+    (
+        FILE | {"surfaces": {"contact": "bottom", "base": "top"}},
+        "body.surfaces.contact",
+        "face down",
+    ),
     (FILE | {"kinematics": "3d"}, "body.kinematics", "made of tetrahedra"),
     (FILE | {"regions": {"bone": ELASTIC}}, "body.regions.bone", "has no group 'bone'"),
 ]
@@ -282,7 +413,8 @@ NO_BODY = [
 
 
 @pytest.mark.parametrize(
-    ("body", "key", "words", "code"), [*((*row, 3) for row in MALFORMED), *((*row, 4) for row in NO_BODY)]
+    ("body", "key", "words", "code"),
+    [*((*row, 3) for row in MALFORMED), *((*row, 4) for row in NO_BODY)],
 )
 def test_a_malformed_body_has_its_message(
     tmp_path: Path, body: dict[str, Any], key: str, words: str, code: int

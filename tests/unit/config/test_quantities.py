@@ -1,4 +1,6 @@
-"""Quantities in a scene: the same digits as in one system of units, and for wrong ones a message that helps."""
+"""Quantities in a scene: the same digits as in one system of units, and for wrong ones a message
+that helps.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,17 @@ from indent_sim.scene.scene import resolve
 
 LENGTHS = {"pm": -12, "nm": -9, "um": -6, "µm": -6, "mm": -3, "cm": -2, "m": 0, "km": 3}
 FORCES = {"pN": -12, "nN": -9, "uN": -6, "mN": -3, "N": 0, "kN": 3}
-PRESSURES = {"mPa": -3, "Pa": 0, "kPa": 3, "MPa": 6, "GPa": 9, "N/m^2": 0, "N/mm²": 6, "mN/um**2": 9, "J/m^3": 0}
+PRESSURES = {
+    "mPa": -3,
+    "Pa": 0,
+    "kPa": 3,
+    "MPa": 6,
+    "GPa": 9,
+    "N/m^2": 0,
+    "N/mm²": 6,
+    "mN/um**2": 9,
+    "J/m^3": 0,
+}
 BASE = """\
 units: {length: um, force: nN}
 body: {shape: cylinder, radius: 30, height: 10}
@@ -43,7 +55,12 @@ def a_scene(chance: random.Random) -> dict:
         "body": {
             "shape": "cylinder",
             "radius": number(30, 60),
-            "layers": [{"thickness": height, "material": {"model": "linear_elastic", "mu": E, "nu": number(0, 0.4)}}],
+            "layers": [
+                {
+                    "thickness": height,
+                    "material": {"model": "linear_elastic", "mu": E, "nu": number(0, 0.4)},
+                }
+            ],
             "height": height,
         },
         "indenter": {"shape": "sphere", "R": number(1, 9)},
@@ -97,19 +114,37 @@ def test_mixed_units_give_the_digits_of_one_system(seed):
         ("body.height=10 deg", "body.height", "an angle, not a length", "for example 2.5 um"),
         ("indenter.half_angle=70 um", "indenter.half_angle", "is no angle", "70 deg"),
         ("loading={force: 3 Pa}", "loading.force", "a pressure, not a force", "for example 3 nN"),
-        ("loading={deltas: [0.1, 2 s]}", "loading.deltas[1]", "a time, not a length", "for example 2.5 um"),
-        ("contact={method: penalty, epsilon_n: 3 kPa}", "contact.epsilon_n", "not a pressure per length", "kPa/um"),
+        (
+            "loading={deltas: [0.1, 2 s]}",
+            "loading.deltas[1]",
+            "a time, not a length",
+            "for example 2.5 um",
+        ),
+        (
+            "contact={method: penalty, epsilon_n: 3 kPa}",
+            "contact.epsilon_n",
+            "not a pressure per length",
+            "kPa/um",
+        ),
         ("mesh.h_contact=0.1 apples", "mesh.h_contact", "no unit 'apples'", "for example um"),
         ("units={length: um}", "material.E", "units say no force", "length: um, force: nN"),
         ("units={length: zorp, force: nN}", "units.length", "no unit 'zorp'", ""),
-        ("units={length: kPa, force: nN}", "units.length", "a pressure, no length", "for example um"),
+        (
+            "units={length: kPa, force: nN}",
+            "units.length",
+            "a pressure, no length",
+            "for example um",
+        ),
     ],
 )
 def test_wrong_ones_name_key_and_remedy(override, key, problem, remedy):
     base = BASE.replace("E: 1,", "E: 1 kPa,").replace("delta: 0.5", "delta: 500 nm")
     with pytest.raises(ConfigError) as caught:
         loads(base, "scene.yaml", [override])
-    found = next((one for one in getattr(caught.value, "errors", [caught.value]) if one.key == key), caught.value)
+    found = next(
+        (one for one in getattr(caught.value, "errors", [caught.value]) if one.key == key),
+        caught.value,
+    )
     assert found.key == key and problem in found.problem and remedy in found.remedy and found.file
 
 
@@ -149,7 +184,10 @@ def test_forces_on_a_strip_are_per_length():
     ],
 )
 def test_springs_of_a_strip_are_per_length(given, value):
-    """In um and nN 1 kPa is 1 nN/um^2. Where every force is per length, a spring's constant F/d is a pressure."""
+    """In um and nN 1 kPa is 1 nN/um^2.
+
+    Where every force is per length, a spring's constant F/d is a pressure.
+    """
     text = BASE.replace("cylinder, radius: 30", "strip, width: 30").replace(
         "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: sphere, R: 5}"
     )
@@ -159,7 +197,9 @@ def test_springs_of_a_strip_are_per_length(given, value):
     else:
         found = loads(text, "", [f"experiment={{{given}}}"]).experiment
         assert value in (found.compliance, 1 / found.compliance)
-    assert loads(text, "", ["loading={force_history: [[0, 0], [1, 2 mN/m]]}"]).loading.force_history[-1] == (1.0, 2.0)
+    assert loads(
+        text, "", ["loading={force_history: [[0, 0], [1, 2 mN/m]]}"]
+    ).loading.force_history[-1] == (1.0, 2.0)
     with pytest.raises(ConfigError, match="not a force per length"):
         loads(text, "", ["loading={force_history: [[0, 0], [1, 2 nN]]}"])
 
@@ -181,13 +221,24 @@ def test_times_are_in_seconds():
 
 def test_experiments_take_them_too():
     """Rows of numbers with a dimension each, times in seconds, frequencies in 1/s."""
-    relaxation, history = "material.relaxation={prony: [[0.4, 100 ms]]}", "loading={history: [[0, 0], [2 s, 200 nm]]}"
-    given = [relaxation, history, "loading.times=[1 ms, 2 s]", "experiment={frequencies: [0.1 kHz]}"]
+    relaxation, history = (
+        "material.relaxation={prony: [[0.4, 100 ms]]}",
+        "loading={history: [[0, 0], [2 s, 200 nm]]}",
+    )
+    given = [
+        relaxation,
+        history,
+        "loading.times=[1 ms, 2 s]",
+        "experiment={frequencies: [0.1 kHz]}",
+    ]
     text = BASE.replace("cylinder, radius: 30, height: 10", "half_space").replace(
         "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: paraboloid, R: 5}"
     )
     found = loads(text, "", given)
-    assert found.material.relaxation.prony == ((0.4, 0.1),) and found.loading.history == ((0.0, 0.0), (2.0, 0.2))
+    assert found.material.relaxation.prony == ((0.4, 0.1),) and found.loading.history == (
+        (0.0, 0.0),
+        (2.0, 0.2),
+    )
     assert found.loading.times == (1e-3, 2.0) and found.experiment.frequencies == (100.0,)
     with pytest.raises(ConfigError, match="a length, not a time"):
         loads(text, "", [relaxation, history.replace("2 s", "2 um")])
@@ -197,22 +248,31 @@ def test_experiments_take_them_too():
 
 
 def test_relative_uncertainties_have_no_unit():
-    """`stiffness` and `R` have units where they are the cantilever's and the tip's, here they are parts of those."""
+    """`stiffness` and `R` have units where they are the cantilever's and the tip's, here they are
+    parts of those.
+    """
     text = BASE.replace("cylinder, radius: 30, height: 10", "half_space").replace(
         "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: paraboloid, R: 5 um}"
     )
-    experiment = "experiment={cantilever: {stiffness: 0.05 N/m}, calibration: {stiffness: 0.1, R: 0.05}}"
+    experiment = (
+        "experiment={cantilever: {stiffness: 0.05 N/m}, calibration: {stiffness: 0.1, R: 0.05}}"
+    )
     assert loads(text, "", [experiment]).experiment.calibration.stiffness == 0.1
     for key, given, remedy in (("stiffness", "0.0001 N/m", "0.0001"), ("R", "0.05 um", "0.05")):
         with pytest.raises(ConfigError) as caught:
             loads(text, "", [experiment, f"experiment.calibration.{key}={given}"])
-        assert caught.value.key == f"experiment.calibration.{key}" and caught.value.remedy == f"write {remedy}"
+        assert (
+            caught.value.key == f"experiment.calibration.{key}"
+            and caught.value.remedy == f"write {remedy}"
+        )
     assert "string" not in str(json_schema()["$defs"]["Calibration"]["properties"])
     assert "string" in str(json_schema()["$defs"]["Cantilever"]["properties"]["stiffness"])
 
 
 def test_radians_are_degrees_to_rounding():
-    assert loads(BASE.replace("half_angle: 70", "half_angle: 1.2 rad")).indenter.half_angle == pytest.approx(68.7549354)
+    assert loads(
+        BASE.replace("half_angle: 70", "half_angle: 1.2 rad")
+    ).indenter.half_angle == pytest.approx(68.7549354)
 
 
 def test_files_and_editors_take_them(tmp_path):
@@ -263,7 +323,9 @@ def test_times_are_converted_as_lengths_and_forces_are(name, given, in_SI, power
 
 def test_every_number_of_a_row_has_its_own_unit():
     convert = Conversion({"units": {"length": "um", "force": "nN"}})
-    spot = Spot(("history",), hints(Draining)["history"], None, [[0, "0 pN"], ["2 min", "5 pN"], ["1 h", 3]])
+    spot = Spot(
+        ("history",), hints(Draining)["history"], None, [[0, "0 pN"], ["2 min", "5 pN"], ["1 h", 3]]
+    )
     assert convert.changed(spot) == [[0, 0.0], [120.0, 0.005], [3600.0, 3]]
     convert.changed(Spot(("history",), spot.type, None, [["2 um", 1]]))
     assert [error.key for error in convert.errors] == ["history[0][0]"]
@@ -273,7 +335,13 @@ def test_every_number_of_a_row_has_its_own_unit():
 def test_scaling_knows_time(dim):
     """By the dimensions, written out; and back again."""
     scales = Scales(2.0, 3.0, dim, time=5.0)
-    given = Draining(D=7.0, permeability=11.0, viscosity=13.0, rates=(17.0, 19.0), history=((23.0, 29.0), (0.0, 31.0)))
+    given = Draining(
+        D=7.0,
+        permeability=11.0,
+        viscosity=13.0,
+        rates=(17.0, 19.0),
+        history=((23.0, 29.0), (0.0, 31.0)),
+    )
     force = 3.0 * 2.0 ** (dim - 1)
     expected = Draining(
         D=7.0 * 5 / 4,

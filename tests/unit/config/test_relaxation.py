@@ -1,4 +1,6 @@
-"""Relaxation in a scene file: what is refused, with its key and what would be right, and how it is followed."""
+"""Relaxation in a scene file: what is refused, with its key and what would be right, and how it is
+followed.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,7 @@ TWO = [{"thickness": 0.5, "material": SOFT | {"relaxation": ALL}}, {"thickness":
     ("sections", "key", "words"),
     [
         ({"loading": {"delta": 0.02}}, "material.relaxation", "needs a time"),
-        ({"material": NEO}, "material.relaxation.of", "no shear apart from its volume; use mooney_rivlin"),
+        ({"material": NEO}, "material.relaxation.of", "no shear apart from " "its volume; " "use mooney_rivlin"),
         ({"body": SCENE["body"] | {"layers": TWO}}, "body.layers[0].material.relaxation.of", "of: shear"),
         ({"contact": {"method": "nitsche"}}, "contact.method", "own stress, which relaxes"),
         ({"contact": {"adhesion": {"work": 1e-3, "range": 0.1}}}, "contact.adhesion", "not verified"),
@@ -50,7 +52,9 @@ TWO = [{"thickness": 0.5, "material": SOFT | {"relaxation": ALL}}, {"thickness":
          "is factored"),
     ],
 )  # fmt: skip
-def test_what_does_not_go_with_shear_that_relaxes_is_refused(sections: dict[str, Any], key: str, words: str) -> None:
+def test_what_does_not_go_with_shear_that_relaxes_is_refused(
+    sections: dict[str, Any], key: str, words: str
+) -> None:
     with pytest.raises(ConfigError) as error:
         resolve(from_mapping(SCENE | sections))
     assert key in str(error.value) and words in str(error.value)
@@ -84,4 +88,7 @@ def test_a_layer_may_relax_alone_or_by_a_law_of_its_own() -> None:
     for layer, times in ((SOFT, ((), (0.1, 1.0))), (other, ((10.0,), (0.1, 1.0)))):
         layers[0]["material"] = layer
         found = resolve(from_mapping(SCENE | {"body": SCENE["body"] | {"layers": layers}}))
-        assert tuple(one.relaxing.times if one.relaxing else () for one in found.physics.part.regions) == times
+        assert (
+            tuple(one.relaxing.times if one.relaxing else () for one in found.physics.part.regions)
+            == times
+        )

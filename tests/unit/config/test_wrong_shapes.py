@@ -1,4 +1,6 @@
-"""Values of another shape than a key's: sections and lists in place of numbers and words, at every key there is."""
+"""Values of another shape than a key's: sections and lists in place of numbers and words, at every
+key there is.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +20,23 @@ SCENE: dict[str, dict[str, Any]] = {
     "loading": {"delta": 0.01},
 }
 SHAPES: list[Any] = [{}, {"a": 1}, [], [{}], [[]], None, 1, "word"]
-SECTIONS = {(section, kind) for section, kinds in schema.sections().items() for kind in kinds if section != "layers"}
+SECTIONS = {
+    (section, kind)
+    for section, kinds in schema.sections().items()
+    for kind in kinds
+    if section != "layers"
+}
 
 
 @pytest.mark.parametrize("section", sorted({section for section, _ in SECTIONS}))
 def test_a_value_of_another_shape_is_an_error_in_words(section: str) -> None:
     """Never a traceback: `drainage: {tip: {}}`, a section in place of a word, was a KeyError."""
     for _, kind in (one for one in SECTIONS if one[0] == section):
-        tags = {name: schema.default_of(kind, name) for name in key_types.field_names(kind) if name in schema.TAGS}
+        tags = {
+            name: schema.default_of(kind, name)
+            for name in key_types.field_names(kind)
+            if name in schema.TAGS
+        }
         for name in key_types.field_names(kind):
             for value in SHAPES:
                 said = SCENE.get(section, {}) | tags | {name: value}

@@ -11,7 +11,9 @@ from indent_sim.fe.path.load_control import LoadControl, predicted
 
 
 class Curve:
-    """A body whose force is a formula; it counts how often it is asked, and gives way no deeper than `end`."""
+    """A body whose force is a formula; it counts how often it is asked, and gives way no deeper
+    than `end`.
+    """
 
     def __init__(self, force_at: Callable[[float], float], end: float = math.inf):
         self.force_at, self.end = force_at, end
@@ -49,7 +51,9 @@ def test_a_power_law_is_predicted_exactly_from_two_points(exponent: float) -> No
 )
 @pytest.mark.parametrize("expected", [1e-6, 0.02, 0.9])
 def test_any_increasing_curve(force_at: Callable[[float], float], expected: float) -> None:
-    """From a good or bad first guess, up and down; a dozen tries is what bisection alone would not do in."""
+    """From a good or bad first guess, up and down; a dozen tries is what bisection alone would not
+    do in.
+    """
     body = Curve(force_at)
     control = LoadControl(body, deepest=1 - 1e-12)
     for force in (1e-3, 0.02, 0.03, 0.3, 0.01, 0.0, 0.3):
@@ -79,10 +83,13 @@ def test_where_equilibria_end() -> None:
 
 
 def test_where_equilibria_end_on_the_way_out() -> None:
-    """A body with memory sets out from the row again each time and is stopped again: one try, and the solver's own
-    reason."""
+    """A body with memory sets out from the row again each time and is stopped again: one try, and
+    the solver's own reason.
+    """
     body = Curve(lambda delta: max(delta, 0.3))
-    control = LoadControl(lambda delta: (body(delta)[0], max(delta, 0.3)), deepest=1.0, from_row=True)
+    control = LoadControl(
+        lambda delta: (body(delta)[0], max(delta, 0.3)), deepest=1.0, from_row=True
+    )
     assert control.press(0.5, expected=0.4)
     before = body.asked
     assert not control.press(0.1, expected=0.1) and control.failure == ""
@@ -97,7 +104,9 @@ def test_prediction_far_from_what_is_known_is_no_polynomial() -> None:
 
 
 def test_a_curve_that_begins_with_a_pull_is_searched_from_there() -> None:
-    """F = -2 + delta^(1/2): at delta = 0 the tip pulls with 2, and pushes with nothing at delta = 4."""
+    """F = -2 + delta^(1/2): at delta = 0 the tip pulls with 2, and pushes with nothing at delta =
+    4.
+    """
     reached: list[float] = []
 
     def reach(delta: float) -> tuple[float, float]:

@@ -1,4 +1,6 @@
-"""How deep whole facets lie inside a tip, on surfaces drawn by hand: straight facets over an apex and behind a tip."""
+"""How deep whole facets lie inside a tip, on surfaces drawn by hand: straight facets over an apex
+and behind a tip.
+"""
 
 from __future__ import annotations
 
@@ -35,16 +37,21 @@ def surface(tip: Indenter, depth: float, places: np.ndarray, lift: float = 0.0) 
 @pytest.mark.parametrize("half_angle", [80.0, 45.0, 28.0, 15.0, 5.0])
 @pytest.mark.parametrize("shift", [0.0, 0.3, 0.5])
 def test_a_facet_over_an_apex(half_angle: float, shift: float) -> None:
-    """Nodes on the cone: between the two beside its apex a facet is up to H cot(half_angle) / 4 inside, its ends are
-    not. Deep or shallow, steep or flat: 1e-12 is round-off."""
+    """Nodes on the cone: between the two beside its apex a facet is up to H cot(half_angle) / 4
+    inside, its ends are not. Deep or shallow, steep or flat: 1e-12 is round-off.
+    """
     cone, places = Cone(half_angle), H * (np.arange(-20, 21) + shift)
     for depth in (0.01, 0.3, 1.5):
         assert overlap(cone, depth, places, surface(cone, depth, places)) <= 1e-12
 
 
-@pytest.mark.parametrize("tip", [Cone(28.0), Sphere(1.0), Paraboloid(1.0), Profile(((0, 0), (0.2, 0), (1.5, 3)))])
+@pytest.mark.parametrize(
+    "tip", [Cone(28.0), Sphere(1.0), Paraboloid(1.0), Profile(((0, 0), (0.2, 0), (1.5, 3)))]
+)
 def test_facets_inside(tip: Indenter) -> None:
-    """All nodes 0.05 above the tip: some facet is as deep inside as its normal distance, less the bend within H."""
+    """All nodes 0.05 above the tip: some facet is as deep inside as its normal distance, less the
+    bend within H.
+    """
     places = H * np.arange(-20, 21)
     found = overlap(tip, 0.5, places, surface(tip, 0.5, places, lift=0.05))
     assert 0.4 * 0.05 < found <= 0.05
@@ -53,8 +60,9 @@ def test_facets_inside(tip: Indenter) -> None:
 @pytest.mark.parametrize("depth", [0.6, 1.0, 1.85])
 @pytest.mark.parametrize("tip", [Cone(28.0), Cone(70.0), Sphere(1.0), Paraboloid(1.0)])
 def test_a_surface_that_the_tip_went_through(tip: Indenter, depth: float) -> None:
-    """It stayed at rest: the facets about the axis are nearly as deep inside as the surface is from the nearest side,
-    which is at least depth sin(28 degrees) less H, or R / 2."""
+    """It stayed at rest: the facets about the axis are nearly as deep inside as the surface is from
+    the nearest side, which is at least depth sin(28 degrees) less H, or R / 2.
+    """
     places = H * np.arange(-20, 21)
     assert overlap(tip, depth, places, 0.0 * places) > min(0.4 * depth, 0.5) - H
 
@@ -66,9 +74,11 @@ def test_a_surface_behind_a_ball() -> None:
 
 
 def test_a_body_that_closes_over_a_ball() -> None:
-    """Facets about the ball up to 36 degrees from its top, beside the stem, then level: outside with all their points.
+    """Facets about the ball up to 36 degrees from its top, beside the stem, then level: outside
+    with all their points.
 
-    The nodes of a polygon about a circle are 1 / cos(half a step) from its center, which is at z = -1.55.
+    The nodes of a polygon about a circle are 1 / cos(half a step) from its center, which is at z =
+    -1.55.
     """
     angles = np.radians(np.arange(180, 35, -6))
     ring = np.stack([np.sin(angles), np.cos(angles)]) / np.cos(np.radians(3))

@@ -11,7 +11,9 @@ R, H = 1.0, 0.001  # of the tip, and of an element
 
 
 def trial(r: np.ndarray, depth: float) -> np.ndarray:
-    """Pressure over E* inside of the contact radius, minus gap over H outside (Hertz; Johnson 1985, 3.42)."""
+    """Pressure over E* inside of the contact radius, minus gap over H outside (Hertz; Johnson 1985,
+    3.42).
+    """
     a = np.sqrt(R * depth)
     inside = np.sqrt(np.maximum(a**2 - r**2, 0.0))
     x = np.maximum(r, a)
@@ -26,14 +28,18 @@ def edge(values: np.ndarray, r: np.ndarray) -> float:
 
 @pytest.mark.parametrize("step", [2, 3, 5, 9])
 def test_the_edge_of_a_paraboloid_is_foreseen(step: int) -> None:
-    """Within a sixth of the way that the edge goes in the step; by the line of gap and pressure two thirds beyond."""
+    """Within a sixth of the way that the edge goes in the step; by the line of gap and pressure two
+    thirds beyond.
+    """
     r, depths = np.linspace(0.0, 0.2, 20001), [0.001 * (step - 1), 0.001 * step]
     depth = 0.001 * (step + 1)
     trials = [trial(r, before) for before in depths]
     found = expected(trials, depths, depth, max(values.max() for values in trials))
     now, was = np.sqrt(R * depth), np.sqrt(R * depths[-1])
     assert abs(edge(found, r) - now) < (now - was) / 6
-    straight = sum(share * values for share, values in zip(shares(depths, depth), trials, strict=True))
+    straight = sum(
+        share * values for share, values in zip(shares(depths, depth), trials, strict=True)
+    )
     assert edge(np.asarray(straight), r) - now > 0.6 * (now - was)
 
 

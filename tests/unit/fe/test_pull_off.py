@@ -8,7 +8,13 @@ from math import inf, pi, sqrt
 import numpy as np
 import pytest
 
-from indent_sim.fe.path.pull_off import MOST_EQUILIBRIA, LargestPull, PullPoint, UnloadingBranch, find_largest_pull
+from indent_sim.fe.path.pull_off import (
+    MOST_EQUILIBRIA,
+    LargestPull,
+    PullPoint,
+    UnloadingBranch,
+    find_largest_pull,
+)
 from indent_sim.process.errors import NotConverged
 
 Curve = Callable[[float], float | None]  # the force at a depth; None where the tip has come off
@@ -64,12 +70,16 @@ def searched(curve: Curve, depths: Sequence[float], tolerance: float) -> Largest
     """The largest pull between rows at some depths."""
     bracket = way_out(curve, depths).bracket
     assert bracket is not None
-    return find_largest_pull(*bracket, lambda begin, end, delta: at(curve, delta), lambda pull: tolerance)
+    return find_largest_pull(
+        *bracket, lambda begin, end, delta: at(curve, delta), lambda pull: tolerance
+    )
 
 
 @pytest.mark.parametrize(("spacing", "most"), [(1.0, 10), (0.5, 10), (0.07, 2)])
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
-def test_jkrs_pull_off_is_found_wherever_the_rows_lie(spacing: float, most: int, tolerance: float) -> None:
+def test_jkrs_pull_off_is_found_wherever_the_rows_lie(
+    spacing: float, most: int, tolerance: float
+) -> None:
     """-3/2 pi w R, within its own error; rows half a unit apart are up to 9 % off."""
     off_rows = []
     for offset in np.linspace(0, 1, 40):
@@ -91,7 +101,9 @@ def test_a_tip_that_lets_go_while_it_is_pulled_harder(spacing: float, curved: fl
     ends with the number of its equilibria, and says how well it knows.
     """
     for end in np.linspace(-0.6, -0.5, 30):
-        found = searched(punch(float(end), curved), 0.1 - spacing * np.arange(1 / spacing + 3), 1e-3)
+        found = searched(
+            punch(float(end), curved), 0.1 - spacing * np.arange(1 / spacing + 3), 1e-3
+        )
         assert 0 <= found.point.force + 1.0 <= found.error
         assert found.error < 0.02
         assert found.equilibria <= MOST_EQUILIBRIA
@@ -118,7 +130,10 @@ def test_depths_without_equilibrium_further_out_are_as_good_as_a_jump() -> None:
 
     bracket = way_out(curve, [0.1, -0.2, -0.5, -0.8]).bracket
     assert bracket is not None
-    lost, there = find_largest_pull(*bracket, go, lambda pull: 1e-3), searched(curve, [0.1, -0.2, -0.5, -0.8], 1e-3)
+    lost, there = (
+        find_largest_pull(*bracket, go, lambda pull: 1e-3),
+        searched(curve, [0.1, -0.2, -0.5, -0.8], 1e-3),
+    )
     assert (lost.point.delta, lost.error) == (there.point.delta, there.error)
 
 
@@ -126,11 +141,15 @@ def test_a_depth_that_is_lost_where_the_tip_has_been_further_out_ends_the_search
     bracket = way_out(lambda delta: (delta + 0.3) ** 2 - 1, [0.4, 0.0, -0.5, -1.0]).bracket
     assert bracket is not None
     with pytest.raises(NotConverged, match="has passed during unloading"):
-        find_largest_pull(*bracket, lambda begin, end, delta: PullPoint(delta, 0.0, inf, a=0.0), lambda pull: 1e-3)
+        find_largest_pull(
+            *bracket, lambda begin, end, delta: PullPoint(delta, 0.0, inf, a=0.0), lambda pull: 1e-3
+        )
 
 
 def test_every_equilibrium_is_found_on_the_way_out() -> None:
-    """From a place that is nearer to the tip's turn, at a time in between, on the side of the bracket."""
+    """From a place that is nearer to the tip's turn, at a time in between, on the side of the
+    bracket.
+    """
     ways = []
 
     def go(begin: PullPoint, end: PullPoint, delta: float) -> PullPoint:
@@ -156,8 +175,14 @@ def test_every_equilibrium_is_found_on_the_way_out() -> None:
         ([(0.1, 1.0), (0.0, -1.0), (-0.1, -2.0), (0.1, 1.0)], None),
         ([(0.1, 1.0), (-0.1, -2.0), (0.0, -1.0), (-0.2, -0.5)], None),
         ([(-0.1, -2.0), (-0.2, -0.5), (-0.3, -0.6), (-0.4, -0.1)], None),
-        ([(0.1, 1.0), (0.0, -1.0), (-0.1, 0.0), (0.1, 1.0), (0.0, -2.0), (-0.1, 0.0)], (0.1, 0.0, -0.1)),
-        ([(0.1, 1.0), (0.0, -2.0), (-0.1, 0.0), (0.1, 1.0), (0.0, -1.0), (-0.1, 0.0)], (0.1, 0.0, -0.1)),
+        (
+            [(0.1, 1.0), (0.0, -1.0), (-0.1, 0.0), (0.1, 1.0), (0.0, -2.0), (-0.1, 0.0)],
+            (0.1, 0.0, -0.1),
+        ),
+        (
+            [(0.1, 1.0), (0.0, -2.0), (-0.1, 0.0), (0.1, 1.0), (0.0, -1.0), (-0.1, 0.0)],
+            (0.1, 0.0, -0.1),
+        ),
         ([(0.1, 3.0), (0.0, 1.0), (-0.1, 2.0)], None),
         ([(0.1, 1.0), (0.2, 2.0)], None),
     ],
@@ -187,7 +212,15 @@ def test_the_largest_pull_of_the_ways_out_needs_rows_on_both_sides(
 @pytest.mark.parametrize("stopped", range(1, 7))
 def test_what_is_kept_goes_on_as_before(stopped: int) -> None:
     """A walk that stops after any row and goes on with what it has kept knows the same bracket."""
-    places = [(-0.1, -0.1), (0.1, 1.0), (0.0, -1.0), (-0.1, -2.0), (-0.2, -0.5), (-0.1, -0.4), (-0.3, 0.0)]
+    places = [
+        (-0.1, -0.1),
+        (0.1, 1.0),
+        (0.0, -1.0),
+        (-0.1, -2.0),
+        (-0.2, -0.5),
+        (-0.1, -0.4),
+        (-0.3, 0.0),
+    ]
     pulls = [PullPoint(delta, 0.0, force, a=1.0) for delta, force in places]
 
     def after(way: UnloadingBranch, rows: Sequence[PullPoint]) -> UnloadingBranch:

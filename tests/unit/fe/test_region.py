@@ -24,7 +24,9 @@ def cut_area(corners: np.ndarray, values: np.ndarray) -> float:
 
 
 def test_parts_of_triangles() -> None:
-    """None, one, two and three corners in contact, as many corners anyhow round: 1e-12 is round-off of 200 areas."""
+    """None, one, two and three corners in contact, as many corners anyhow round: 1e-12 is round-off
+    of 200 areas.
+    """
     draw = np.random.default_rng(1)
     corners, values = draw.normal(size=(200, 1, 3, 2)), draw.normal(size=(200, 1, 3))
     assert {int((p > 0).sum()) for p in values[:, 0]} == {0, 1, 2, 3}

@@ -26,7 +26,10 @@ def triangles(count: int) -> np.ndarray:
     points = np.stack([x + shift[0], y + shift[1], 0 * x], axis=-1)
     low, right, up, far = points[:-1, :-1], points[1:, :-1], points[:-1, 1:], points[1:, 1:]
     corners = np.concatenate(
-        [np.stack(three, axis=2).reshape(-1, 3, 3) for three in ((low, right, up), (far, up, right))]
+        [
+            np.stack(three, axis=2).reshape(-1, 3, 3)
+            for three in ((low, right, up), (far, up, right))
+        ]
     )
     middles = [(corners[:, i] + corners[:, j]) / 2 for i, j in ((1, 2), (0, 2), (0, 1))]
     return np.concatenate([corners, np.stack(middles, axis=1)], axis=1)
@@ -48,9 +51,13 @@ def test_a_quadratic_pressure_has_none(X: np.ndarray) -> None:
     assert found(X, 3 - X[..., 0] ** 2 - (X[..., 1] + 0.3 * X[..., 0]) ** 2) < 1e-12
 
 
-@pytest.mark.parametrize("X", [section(6), section(12), triangles(12)], ids=["coarse", "section", "triangles"])
+@pytest.mark.parametrize(
+    "X", [section(6), section(12), triangles(12)], ids=["coarse", "section", "triangles"]
+)
 def test_a_hertzian_pressure_is_smooth_but_for_its_rim(X: np.ndarray) -> None:
-    """The polynomial's own error: (h/a)^3 times the third derivative, 7 at r = 0.6, over 48, on five elements in a."""
+    """The polynomial's own error: (h/a)^3 times the third derivative, 7 at r = 0.6, over 48, on
+    five elements in a.
+    """
     assert found(X, hertz(X)) < 0.01
 
 
@@ -69,15 +76,22 @@ def test_a_saw_tooth_from_facet_to_facet_has_its_height() -> None:
 def test_a_saw_tooth_on_triangles_is_seen() -> None:
     """Midpoints up and down at random: a quadratic takes six of the nine numbers of a patch."""
     X = triangles(16)
-    keys = {key: sign for sign, key in enumerate(sorted({tuple(x) for x in X[:, 3:].round(9).reshape(-1, 3)}))}
+    keys = {
+        key: sign
+        for sign, key in enumerate(sorted({tuple(x) for x in X[:, 3:].round(9).reshape(-1, 3)}))
+    }
     signs = np.random.default_rng(1).choice([-1.0, 1.0], len(keys))
     tooth = np.zeros(X.shape[:2])
-    tooth[:, 3:] = 0.1 * np.array([signs[keys[tuple(x)]] for x in X[:, 3:].round(9).reshape(-1, 3)]).reshape(-1, 3)
+    tooth[:, 3:] = 0.1 * np.array(
+        [signs[keys[tuple(x)]] for x in X[:, 3:].round(9).reshape(-1, 3)]
+    ).reshape(-1, 3)
     assert found(X, hertz(X) + tooth * (hertz(X) > 0)) > 0.05
 
 
 def test_a_contact_that_opens_over_an_element_inside_is_rough() -> None:
-    """A hole of two facets; one as wide as the ring of contact beside it is another contact, with rims of its own."""
+    """A hole of two facets; one as wide as the ring of contact beside it is another contact, with
+    rims of its own.
+    """
     X = section(40)
     r = X[..., 0]
     pressure = hertz(X)

@@ -21,8 +21,9 @@ def decayed(time: float, steps: int) -> float:
 
 
 def test_two_stages_are_of_second_order() -> None:
-    """Half the step, a quarter of the error, to a tenth of a step; ten steps are 1.5e-4 off, with the other root of the
-    same order 3.8e-3."""
+    """Half the step, a quarter of the error, to a tenth of a step; ten steps are 1.5e-4 off, with
+    the other root of the same order 3.8e-3.
+    """
     errors = [abs(decayed(1.0, steps) - math.exp(-1.0)) for steps in (10, 20)]
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
     assert errors[0] < 2e-4
@@ -33,4 +34,7 @@ def test_a_step_far_longer_than_the_decay_leaves_nothing() -> None:
 
 
 def test_no_stage_is_beyond_the_step() -> None:
-    assert [stage.passed <= 1.0 and 0.0 < stage.end <= 1.0 for stage in flowing_stages(1.0)] == [True, True]
+    assert [stage.passed <= 1.0 and 0.0 < stage.end <= 1.0 for stage in flowing_stages(1.0)] == [
+        True,
+        True,
+    ]

@@ -35,7 +35,9 @@ def test_a_failed_step_is_halved_and_the_parts_are_equal() -> None:
 
 
 def test_a_step_that_does_not_move_on_is_given_up() -> None:
-    """Two numbers side by side, and a step that fails between them: half of it is no step, and would work for ever."""
+    """Two numbers side by side, and a step that fails between them: half of it is no step, and
+    would work for ever.
+    """
     rule = StepRule()
     at = 300.0
     target = float(np.nextafter(at, inf))
@@ -83,7 +85,9 @@ def test_a_target_is_given_up_after_many_failures_and_not_by_chance_of_its_size(
 
 @given(tries=st.lists(st.tuples(st.integers(0, 300), st.booleans()), max_size=20))
 def test_iterations_lost_on_the_way_to_a_target_are_bounded(tries: list[tuple[int, bool]]) -> None:
-    """Whatever works in between: by FUTILE and what the last try cost; and the next target has as many again."""
+    """Whatever works in between: by FUTILE and what the last try cost; and the next target has as
+    many again.
+    """
     rule, lost, at = StepRule(), 0, 0.0
     rule.begin(1.0)
     for cost, found in tries:
@@ -101,7 +105,9 @@ def test_iterations_lost_on_the_way_to_a_target_are_bounded(tries: list[tuple[in
 
 
 class Spring:
-    """F = delta^2; it solves no step longer than `reach`, and with `memory` going back wears it out."""
+    """F = delta^2; it solves no step longer than `reach`, and with `memory` going back wears it
+    out.
+    """
 
     def __init__(self, reach: float = inf, memory: bool = False):
         physics = SimpleNamespace(
@@ -172,7 +178,9 @@ def test_depths_are_walked_and_substeps_counted() -> None:
 
 def test_a_force_is_found_within_the_tolerance() -> None:
     (state,) = walked(Spring(), "force", 2.0)
-    assert state.delta == pytest.approx(2**0.5, rel=1e-9)  # half the force's tolerance, as delta = sqrt(F)
+    assert state.delta == pytest.approx(
+        2**0.5, rel=1e-9
+    )  # half the force's tolerance, as delta = sqrt(F)
 
 
 def test_with_memory_no_try_of_a_force_wears_the_body_out() -> None:
@@ -193,7 +201,9 @@ def test_a_resumed_walk_with_memory_goes_the_whole_way() -> None:
 
 
 def test_a_hold_is_cut_in_time() -> None:
-    """A step of no length in depth is cut where time passes, and its parts are as long as the whole."""
+    """A step of no length in depth is cut where time passes, and its parts are as long as the
+    whole.
+    """
     body = Spring()
     walk = Walk(body)  # type: ignore[arg-type]
     assert walk._reach(Place(1.0)) == 1
@@ -215,17 +225,27 @@ def test_a_ramp_in_time_goes_straight() -> None:
 
 @pytest.mark.parametrize("reach", [inf, 0.7])
 def test_what_is_remembered_knows_neither_guesses_nor_cuts(reach: float) -> None:
-    """Worn by what it went back, 1.5, however a step was found: from a guess, in parts, or after one that failed."""
+    """Worn by what it went back, 1.5, however a step was found: from a guess, in parts, or after
+    one that failed.
+    """
     body = Spring(reach, memory=True)
     walked(body, "depth", 1.0, 2.0, 3.0, 2.0, 2.5, 2.0)
-    assert body.worn == pytest.approx(1.5, abs=1e-12)  # sums of exact binary fractions, but for thirds of a step
+    assert body.worn == pytest.approx(
+        1.5, abs=1e-12
+    )  # sums of exact binary fractions, but for thirds of a step
 
 
 @pytest.mark.parametrize("control", ["depth", "force"])
-def test_rows_close_together_are_predicted_from_the_last_three(control: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_close_together_are_predicted_from_the_last_three(
+    control: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """And no more than these are kept for a resume, however many there were."""
     body, seen = Spring(), []
-    monkeypatch.setattr(body, "predict", lambda depth, earlier: seen.append((depth, [state[0] for state in earlier])))
+    monkeypatch.setattr(
+        body,
+        "predict",
+        lambda depth, earlier: seen.append((depth, [state[0] for state in earlier])),
+    )
     depths = (1.0, 1.05, 1.1, 1.15)
     walk = Walk(body)  # type: ignore[arg-type]
     path = LoadPath(control, depths if control == "depth" else tuple(depth**2 for depth in depths))

@@ -14,13 +14,22 @@ from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 N, LONGEST = 300, 8  # samples, and records of 1/f noise that the longest wave has
 LAYER = {"shape": "layer", "height": 1.0}
 HALF_SPACE = {"shape": "half_space"}
-NOISES = {"white": Noise(), "AR 3": Noise(3.0, 0.0003), "AR 10": Noise(10.0, 0.0003), "mixed 10": Noise(10.0, 0.5)}
+NOISES = {
+    "white": Noise(),
+    "AR 3": Noise(3.0, 0.0003),
+    "AR 10": Noise(10.0, 0.0003),
+    "mixed 10": Noise(10.0, 0.5),
+}
 
 
 def scene(body=None, nu: float = 0.45, tip=None, depth: float = 0.1, **more) -> Config:  # type: ignore[no-untyped-def]
     """A scene that theory solves: E = 1 under a paraboloid of R = 1."""
     material = {"model": "linear_elastic", "E": 1.0, "nu": nu}
-    parts = {"body": body or LAYER, "material": material, "indenter": tip or {"shape": "paraboloid", "R": 1.0}}
+    parts = {
+        "body": body or LAYER,
+        "material": material,
+        "indenter": tip or {"shape": "paraboloid", "R": 1.0},
+    }
     return from_mapping({**parts, "loading": {"delta": depth}, **more})
 
 
@@ -38,7 +47,9 @@ def drawn(noise: Noise, n: int, draw: np.random.Generator) -> np.ndarray:
 
 
 def covariance(noise: Noise | None, n: int) -> np.ndarray:
-    """Of noise of variance 1 (n, n); None: of a spectrum 1/f, which no process of one correlation time has."""
+    """Of noise of variance 1 (n, n); None: of a spectrum 1/f, which no process of one correlation
+    time has.
+    """
     if noise is None:
         size = LONGEST * n
         spectrum = np.append(0.0, 1.0 / np.arange(1, size // 2 + 1))

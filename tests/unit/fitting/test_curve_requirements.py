@@ -23,9 +23,15 @@ def curve(tmp_path):  # type: ignore[no-untyped-def]
 
     def write(config):  # type: ignore[no-untyped-def]
         forces = SceneForces(config, ["material.E"], 0.13)
-        force = measured(forces, [math.log(3)], X, drawn(WHITE, N, np.random.default_rng(2)), t=T - T[0])
+        force = measured(
+            forces, [math.log(3)], X, drawn(WHITE, N, np.random.default_rng(2)), t=T - T[0]
+        )
         np.savetxt(
-            tmp_path / "c.csv", np.column_stack([X, force, T]), delimiter=",", header="delta,force,t", comments=""
+            tmp_path / "c.csv",
+            np.column_stack([X, force, T]),
+            delimiter=",",
+            header="delta,force,t",
+            comments="",
         )
         return tmp_path / "c.csv"
 
@@ -41,7 +47,9 @@ def asked(monkeypatch):  # type: ignore[no-untyped-def]
 
 def test_a_layer_taken_for_a_half_space_needs_its_thickness(curve, monkeypatch):
     scenes = asked(monkeypatch)
-    found = require_of_curve(scene(HALF_SPACE), curve(scene({"shape": "layer", "height": 0.4})), 0.01)
+    found = require_of_curve(
+        scene(HALF_SPACE), curve(scene({"shape": "layer", "height": 0.4})), 0.01
+    )
     verdicts = {one["name"]: one["verdict"] for one in found.models}
     assert verdicts["thickness"] == "needed" and found.modulus.low < 3 < found.modulus.high
     (asked_of,) = scenes
@@ -56,4 +64,8 @@ def test_a_history_is_the_way_of_the_approach(curve, monkeypatch):
     scenes, config = asked(monkeypatch), relaxing([[0.5, 0.6]], HALF_SPACE)
     require_of_curve(config, curve(config), 0.01)
     first, (t, delta) = scenes[0].loading.history
-    assert first == (0, 0) and delta == pytest.approx(0.087, abs=0.003) and t == pytest.approx(delta / 0.1, rel=0.02)
+    assert (
+        first == (0, 0)
+        and delta == pytest.approx(0.087, abs=0.003)
+        and t == pytest.approx(delta / 0.1, rel=0.02)
+    )

@@ -1,4 +1,6 @@
-"""Designs: the interval that is expected before a measurement is the spread of fits to curves that are made up."""
+"""Designs: the interval that is expected before a measurement is the spread of fits to curves that
+are made up.
+"""
 
 from __future__ import annotations
 
@@ -29,9 +31,14 @@ def half_width(found: Design, key: str) -> float:
 def spread(config: Config, found: Design, fits: int) -> np.ndarray:
     """1.96 deviations of the coordinates (k,) that fits to the designed curve in its noise give."""
     measurement = _measurement(config, tuple(found.parameters), Tables())
-    made, draw = measurement.estimate(found.points, found.noise).model.samples, np.random.default_rng(1)
+    made, draw = (
+        measurement.estimate(found.points, found.noise).model.samples,
+        np.random.default_rng(1),
+    )
     noisy = (made.force + found.noise * draw.standard_normal(len(made)) for _ in range(fits))
-    thetas = [fit(measurement.forces, Samples(made.x, force, made.t), Origin()).theta for force in noisy]
+    thetas = [
+        fit(measurement.forces, Samples(made.x, force, made.t), Origin()).theta for force in noisy
+    ]
     return NORMAL_95 * np.std(thetas, axis=0)
 
 
@@ -51,7 +58,9 @@ def test_expected_intervals_are_the_spread_of_a_hundred_fits(config, keys):
     """1.3 is four deviations of the spread of 100; measured 0.95 to 1.08."""
     found = design(config, keys, 0.005, 300)
     measurement = _measurement(config, tuple(keys), Tables())
-    for parameter, wide in zip(measurement.forces.parameters, spread(config, found, 100), strict=True):
+    for parameter, wide in zip(
+        measurement.forces.parameters, spread(config, found, 100), strict=True
+    ):
         stated = found.parameters[parameter.key]
         expected = 0.5 * (parameter.theta(stated.high) - parameter.theta(stated.low))
         assert 1 / 1.3 < expected / wide < 1.3, parameter.key
@@ -59,23 +68,31 @@ def test_expected_intervals_are_the_spread_of_a_hundred_fits(config, keys):
 
 def test_half_the_noise_or_four_times_the_points_halve_an_interval():
     """Exactly where an interval is small: to its square, and to 1/N of samples on a line."""
-    one, quiet, many = (design(scene(), ["material.E"], *how) for how in ((0.01, 300), (0.005, 300), (0.01, 1200)))
+    one, quiet, many = (
+        design(scene(), ["material.E"], *how) for how in ((0.01, 300), (0.005, 300), (0.01, 1200))
+    )
     half = half_width(one, "material.E")
     assert half_width(quiet, "material.E") == pytest.approx(half / 2, rel=1e-3)
     assert half_width(many, "material.E") == pytest.approx(half / 2, rel=1e-2)
 
 
 def test_what_is_tied_is_wider_by_as_much_as_is_said():
-    alone, both = (design(scene(), keys, 1e-4, 300) for keys in (["material.E"], ["material.E", "body.height"]))
+    alone, both = (
+        design(scene(), keys, 1e-4, 300) for keys in (["material.E"], ["material.E", "body.height"])
+    )
     ratio = half_width(both, "material.E") / half_width(alone, "material.E")
-    assert alone.tied == {"material.E": 1.0} and both.tied["material.E"] == pytest.approx(ratio, rel=1e-3)
+    assert alone.tied == {"material.E": 1.0} and both.tied["material.E"] == pytest.approx(
+        ratio, rel=1e-3
+    )
     assert ratio > 5 and "With the others known material.E would be" in both.words
 
 
 def test_keys_that_no_curve_tells_apart_are_not_identifiable():
     """The force of a half-space is E/(1 - nu^2) sqrt(R) times a function of the depth."""
     found = design(scene(HALF_SPACE), ["material.E", "indenter.R"], 0.01, 300)
-    assert not found.identifiable and found.words.startswith("Not identifiable: material.E and indenter.R")
+    assert not found.identifiable and found.words.startswith(
+        "Not identifiable: material.E and indenter.R"
+    )
     assert found.parameters["material.E"].high / found.parameters["material.E"].low > 100
     assert design(scene(HALF_SPACE), ["material.E"], 0.01, 300).identifiable
 
@@ -83,7 +100,11 @@ def test_keys_that_no_curve_tells_apart_are_not_identifiable():
 def test_what_helps_is_solved_with_the_noise_of_the_same_instrument():
     """A deeper curve of a half-space: 2^1.5 times the force, and an interval narrower by as much."""
     found = design(scene(HALF_SPACE), ["material.E"], 0.01, 300)
-    assert [one.change for one in found.helps] == [{"loading.delta": 0.2}, {"indenter.R": 0.5}, {"indenter.R": 2.0}]
+    assert [one.change for one in found.helps] == [
+        {"loading.delta": 0.2},
+        {"indenter.R": 0.5},
+        {"indenter.R": 2.0},
+    ]
     half = half_width(found, "material.E")
     for one, gain in zip(found.helps, (2**1.5, 0.5**0.5, 2**0.5), strict=True):
         stated = one.parameters["material.E"]
@@ -93,15 +114,24 @@ def test_what_helps_is_solved_with_the_noise_of_the_same_instrument():
 def test_a_hold_tells_of_relaxation_and_a_change_that_cannot_be_says_why():
     config = relaxing(SLS, HALF_SPACE)
     found = design(config, ["material.E", f"{TERM}[0]"], 0.003, 300)
-    hold = next(one for one in found.helps if one.change == {"loading.history": [[0.0, 0.0], [1.0, 0.1], [2.0, 0.1]]})
+    hold = next(
+        one
+        for one in found.helps
+        if one.change == {"loading.history": [[0.0, 0.0], [1.0, 0.1], [2.0, 0.1]]}
+    )
     key = f"{TERM}[0]"
-    assert hold.parameters[key].high - hold.parameters[key].low < found.parameters[key].high - found.parameters[key].low
+    assert (
+        hold.parameters[key].high - hold.parameters[key].low
+        < found.parameters[key].high - found.parameters[key].low
+    )
     deep = design(scene({"shape": "layer", "height": 0.15}), ["material.E"], 0.01, 300)
     assert deep.helps[0].parameters == {} and "beyond the body's thickness" in deep.helps[0].reason
 
 
 def test_the_baseline_is_as_long_as_it_has_to_be():
-    """Contact point and modulus of a paraboloid are told apart by the baseline: no fifth of a depth is enough."""
+    """Contact point and modulus of a paraboloid are told apart by the baseline: no fifth of a depth
+    is enough.
+    """
     found = design(scene(HALF_SPACE), ["material.E"], 0.01, 300)
     assert 0.3 < found.baseline <= 1.5
 
@@ -116,6 +146,8 @@ def test_keys_that_tell_nothing_are_refused(keys, problem):
 
 
 def test_a_path_of_forces_in_time_is_refused():
-    config = scene(HALF_SPACE, material=relaxing(SLS).material, loading={"force_history": [[0, 0], [1, 0.01]]})
+    config = scene(
+        HALF_SPACE, material=relaxing(SLS).material, loading={"force_history": [[0, 0], [1, 0.01]]}
+    )
     with pytest.raises(ConfigError, match="a design follows depths"):
         design(config, ["material.E"], 0.01, 300)

@@ -1,4 +1,6 @@
-"""Estimates of made-up curves: the truth lies in its interval, wrong models are found, nonsense is refused."""
+"""Estimates of made-up curves: the truth lies in its interval, wrong models are found, nonsense is
+refused.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +12,23 @@ from measurements import HALF_SPACE, LAYER, NOISES, N, drawn, measured, relaxing
 from scipy.stats import binom
 
 from indent_sim.fitting.inference import models, profile_likelihood
-from indent_sim.fitting.inference.estimate import Estimate, Origin, Refused, Samples, fit, refuse_hopeless
+from indent_sim.fitting.inference.estimate import (
+    Estimate,
+    Origin,
+    Refused,
+    Samples,
+    fit,
+    refuse_hopeless,
+)
 from indent_sim.fitting.inference.noise import NORMAL_95, WHITE
-from indent_sim.fitting.inference.verdict import Verdict, baseline_of, bends_of, half_widths, is_suspect, tied
+from indent_sim.fitting.inference.verdict import (
+    Verdict,
+    baseline_of,
+    bends_of,
+    half_widths,
+    is_suspect,
+    tied,
+)
 from indent_sim.fitting.inference.windows import windows
 from indent_sim.fitting.scene_curve.parameters import WORK
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables
@@ -32,7 +48,12 @@ def judged(estimate: Estimate, config) -> Verdict:  # type: ignore[no-untyped-de
 
 def test_twenty_white_curves_hold_their_modulus_and_their_contact_point():
     """Of 95 % intervals 20 hold fewer than 15 once in 3000."""
-    forces, draw, inside, near = SceneForces(scene(), ["material.E"], DEEPEST), np.random.default_rng(1), 0, 0
+    forces, draw, inside, near = (
+        SceneForces(scene(), ["material.E"], DEEPEST),
+        np.random.default_rng(1),
+        0,
+        0,
+    )
     for _ in range(20):
         force = measured(forces, [math.log(3)], X, drawn(WHITE, N, draw))
         found = fit(forces, Samples(X, force), Origin())
@@ -49,16 +70,26 @@ def test_without_noise_the_truth_comes_back():
     theta = [math.log(3), math.log(0.4)]
     force = measured(forces, theta, X, np.zeros(N))
     found = fit(forces, Samples(X, force), Origin())
-    np.testing.assert_allclose(found.theta, theta, atol=1e-4)  # of rounds that end at 1e-6 of the squares
+    np.testing.assert_allclose(
+        found.theta, theta, atol=1e-4
+    )  # of rounds that end at 1e-6 of the squares
     assert found.contact_point == pytest.approx(C, abs=1e-6)
-    assert all(ratio > 3 for ratio in tied(found))  # modulus and height: known together, hardly apart
+    assert all(
+        ratio > 3 for ratio in tied(found)
+    )  # modulus and height: known together, hardly apart
 
 
 def test_a_profile_of_a_parabola_is_its_interval(monkeypatch):
-    """One modulus: a parabola to a few per cent of the interval, of seven values a side joined by lines."""
+    """One modulus: a parabola to a few per cent of the interval, of seven values a side joined by
+    lines.
+    """
     monkeypatch.setattr(profile_likelihood, "WIDE", 0.0)
     forces = SceneForces(scene(), ["material.E"], DEEPEST)
-    found = fit(forces, Samples(X, measured(forces, [0.3], X, drawn(WHITE, N, np.random.default_rng(11)))), Origin())
+    found = fit(
+        forces,
+        Samples(X, measured(forces, [0.3], X, drawn(WHITE, N, np.random.default_rng(11)))),
+        Origin(),
+    )
     by_profile = np.array(profile_likelihood.profiled(found).interval(0)) - found.theta[0]
     np.testing.assert_allclose(by_profile, np.array(found.interval(0)) - found.theta[0], rtol=0.05)
 
@@ -99,7 +130,9 @@ def test_adhesion_and_modulus_together():
 
 
 def test_a_clear_snap_in_tells_the_contact_point_to_a_sample():
-    """Between the same two samples as the truth, whose middle it is; alone the rest of the curve would say a sample."""
+    """Between the same two samples as the truth, whose middle it is; alone the rest of the curve
+    would say a sample.
+    """
     config = scene(HALF_SPACE, experiment={"adhesion": {"work": 0.002}})
     forces, x = SceneForces(config, ["material.E", WORK], DEEPEST), np.linspace(-0.1, 0.1, 1000)
     force = forces(forces.start, x) + 2.5e-4 * np.random.default_rng(3).standard_normal(1000)
@@ -110,7 +143,9 @@ def test_a_clear_snap_in_tells_the_contact_point_to_a_sample():
 
 
 def test_the_interval_of_a_correlated_curve_is_wide():
-    """Naive intervals hold the truth in a third of the curves of AR 10: these are four times as wide."""
+    """Naive intervals hold the truth in a third of the curves of AR 10: these are four times as
+    wide.
+    """
     forces, draw = SceneForces(scene(), ["material.E"], DEEPEST), np.random.default_rng(5)
     sd = [fit(forces, Samples(X, measured(forces, [0.0], X, drawn(noise, N, draw))), Origin()).sd[0]
           for noise in (WHITE, NOISES["AR 10"])]  # fmt: skip
@@ -124,7 +159,10 @@ def test_the_interval_of_a_correlated_curve_is_wide():
 ])  # fmt: skip
 def test_a_wrong_model_is_named_and_its_interval_spans_the_truth(name, truth):
     config, draw = scene(HALF_SPACE), np.random.default_rng(6)
-    forces, made = SceneForces(config, ["material.E"], DEEPEST), SceneForces(truth, ["material.E"], DEEPEST)
+    forces, made = (
+        SceneForces(config, ["material.E"], DEEPEST),
+        SceneForces(truth, ["material.E"], DEEPEST),
+    )
     force = measured(made, [0.0], X, drawn(WHITE, N, draw), t=T)
     verdict = judged(fit(forces, Samples(X, force, T), Origin()), config)
     low, high = verdict.interval(0)
@@ -132,10 +170,18 @@ def test_a_wrong_model_is_named_and_its_interval_spans_the_truth(name, truth):
 
 
 def test_a_snap_in_slow_noise_is_asked_about():
-    """A pull-off of 20 % falls by nine deviations of the changes in AR 10 noise, whose own falls ask once in 1000."""
-    truth, draw = scene(HALF_SPACE, experiment={"adhesion": {"work": 0.0018}}), np.random.default_rng(7)
+    """A pull-off of 20 % falls by nine deviations of the changes in AR 10 noise, whose own falls
+    ask once in 1000.
+    """
+    truth, draw = (
+        scene(HALF_SPACE, experiment={"adhesion": {"work": 0.0018}}),
+        np.random.default_rng(7),
+    )
     config = scene(HALF_SPACE)
-    forces = {name: SceneForces(one, ["material.E"], DEEPEST) for name, one in (("jkr", truth), ("own", config))}
+    forces = {
+        name: SceneForces(one, ["material.E"], DEEPEST)
+        for name, one in (("jkr", truth), ("own", config))
+    }
     asked = {"jkr": 0, "own": 0}
     for name, made in forces.items():
         for _ in range(10):
@@ -146,7 +192,10 @@ def test_a_snap_in_slow_noise_is_asked_about():
 
 def test_another_tip_is_named_by_its_exponent():
     config, cone = scene(HALF_SPACE), scene(HALF_SPACE, tip={"shape": "cone", "half_angle": 60.0})
-    forces, made = SceneForces(config, ["material.E"], DEEPEST), SceneForces(cone, ["material.E"], DEEPEST)
+    forces, made = (
+        SceneForces(config, ["material.E"], DEEPEST),
+        SceneForces(cone, ["material.E"], DEEPEST),
+    )
     force = measured(made, [0.0], X, drawn(WHITE, N, np.random.default_rng(7)))
     verdict = judged(fit(forces, Samples(X, force), Origin()), config)
     tip = next(one for one in verdict.named if one.name == "tip")
@@ -173,7 +222,10 @@ def hopeless() -> dict[str, tuple[np.ndarray, str]]:
     return {
         "noise": (noise, "no contact: the force does not rise above its noise"),
         "constant": (np.full(N, 2.0), "no contact: the force does not change"),
-        "saturated": (np.minimum(rise, 0.6 * rise.max()), "saturated: .* points at the largest force"),
+        "saturated": (
+            np.minimum(rise, 0.6 * rise.max()),
+            "saturated: .* points at the largest force",
+        ),
     }
 
 
@@ -200,8 +252,13 @@ def test_a_force_that_is_counted_the_other_way_is_said_so():
 
 
 def test_a_layer_of_a_thickness_that_waves_hardly_see_is_named():
-    """1.4 at a contact of 0.3: without the direction of another power no model was asked, and E was 25 % too large."""
-    config, made = scene(HALF_SPACE), SceneForces(scene({"shape": "layer", "height": 1.4}), ["material.E"], DEEPEST)
+    """1.4 at a contact of 0.3: without the direction of another power no model was asked, and E was
+    25 % too large.
+    """
+    config, made = (
+        scene(HALF_SPACE),
+        SceneForces(scene({"shape": "layer", "height": 1.4}), ["material.E"], DEEPEST),
+    )
     forces = SceneForces(config, ["material.E"], DEEPEST)
     force = measured(made, [0.0], X, drawn(WHITE, N, np.random.default_rng(18)))
     verdict = judged(fit(forces, Samples(X, force), Origin()), config)
@@ -234,9 +291,11 @@ FAMILIES = {
 
 @pytest.mark.verify
 def test_coverage_of_three_hundred_curves():
-    """95 % intervals of 300 curves: 92 to 98 % hold the truth, a few per cent are refused or wrongly not explained.
+    """95 % intervals of 300 curves: 92 to 98 % hold the truth, a few per cent are refused or
+    wrongly not explained.
 
-    Six families, half of the curves with white noise, a quarter each with AR 3 and half-and-half AR 10.
+    Six families, half of the curves with white noise, a quarter each with AR 3 and half-and-half AR
+    10.
     """
     draw, inside, unexplained, refused = np.random.default_rng(20), 0, 0, 0
     kinds = [NOISES["white"], NOISES["AR 3"], NOISES["white"], NOISES["mixed 10"]]
@@ -244,7 +303,9 @@ def test_coverage_of_three_hundred_curves():
         forces = SceneForces(config, ["material.E"], DEEPEST)
         for k in range(50):
             truth = draw.uniform(-1, 1)
-            force = measured(forces, [truth], X, drawn(kinds[k % 4], N, draw), c=draw.uniform(-0.02, 0.02))
+            force = measured(
+                forces, [truth], X, drawn(kinds[k % 4], N, draw), c=draw.uniform(-0.02, 0.02)
+            )
             try:
                 found = fit(forces, Samples(X, force), Origin())
             except Refused:
@@ -253,17 +314,32 @@ def test_coverage_of_three_hundred_curves():
             low, high = found.interval(0)
             inside += low < truth < high
             unexplained += not judged(found, config).explained
-    assert refused <= 6 and unexplained <= 18 and 276 <= inside <= 297, (inside, unexplained, refused)
+    assert refused <= 6 and unexplained <= 18 and 276 <= inside <= 297, (
+        inside,
+        unexplained,
+        refused,
+    )
 
 
 @pytest.mark.verify
 def test_coverage_of_adhesion_and_of_known_relaxation():
-    """40 curves each: fewer than 33 of 95 % intervals hold the truth once in 400. The third has a clear snap-in."""
+    """40 curves each: fewer than 33 of 95 % intervals hold the truth once in 400.
+
+    The third has a clear snap-in.
+    """
     adhering = scene(HALF_SPACE, experiment={"adhesion": {"work": 0.001}})
     known = relaxing([[0.6, 0.3]], HALF_SPACE)
     draw = np.random.default_rng(30)
-    both, weak, strong = ["material.E", WORK], np.array([0.3, math.log(0.002)]), np.array([0.3, math.log(0.004)])
-    cases = ((adhering, both, weak, N), (known, both[:1], weak[:1], N), (adhering, both, strong, 1000))
+    both, weak, strong = (
+        ["material.E", WORK],
+        np.array([0.3, math.log(0.002)]),
+        np.array([0.3, math.log(0.004)]),
+    )
+    cases = (
+        (adhering, both, weak, N),
+        (known, both[:1], weak[:1], N),
+        (adhering, both, strong, 1000),
+    )
     for config, keys, truth, n in cases:
         forces, inside = SceneForces(config, keys, DEEPEST), np.zeros(len(keys))
         x, t = np.linspace(-0.1, 0.1, n), np.linspace(0, 2, n)
@@ -272,7 +348,9 @@ def test_coverage_of_adhesion_and_of_known_relaxation():
             found = fit(forces, Samples(x, force, t), Origin())
             inside += [
                 low < value < high
-                for value, (low, high) in zip(truth, map(found.interval, range(len(keys))), strict=False)
+                for value, (low, high) in zip(
+                    truth, map(found.interval, range(len(keys))), strict=False
+                )
             ]
         assert (inside >= 33).all(), inside
 
@@ -286,9 +364,11 @@ WRONG = {
 
 @pytest.mark.verify
 def test_wrong_models_that_leave_seven_deviations_are_seen():
-    """Hertz on what is not: the truth is covered or the curve not explained in 90 %, the right model named in half.
+    """Hertz on what is not: the truth is covered or the curve not explained in 90 %, the right
+    model named in half.
 
-    Counted where the best wrong fit of the curve without noise leaves sqrt(r'V^-1 r) of seven deviations of the noise.
+    Counted where the best wrong fit of the curve without noise leaves sqrt(r'V^-1 r) of seven
+    deviations of the noise.
     """
     config, draw = scene(HALF_SPACE), np.random.default_rng(40)
     forces, counted, fair, named = SceneForces(config, ["material.E"], DEEPEST), 0, 0, 0
@@ -307,4 +387,8 @@ def test_wrong_models_that_leave_seven_deviations_are_seen():
                     counted += 1
                     fair += low < 0 < high or not verdict.explained
                     named += name in verdict.cause
-    assert counted >= 36 and fair >= 0.9 * counted and named >= 0.5 * counted, (counted, fair, named)
+    assert counted >= 36 and fair >= 0.9 * counted and named >= 0.5 * counted, (
+        counted,
+        fair,
+        named,
+    )

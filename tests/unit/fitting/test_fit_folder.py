@@ -54,7 +54,9 @@ def curves(tmp_path: Path) -> Path:
         write(folder / f"c{k}.csv", E, k)
     (folder / "empty.csv").write_text("")
     (folder / "short.csv").write_text("depth [um],force [nN]\n1,2\n2,3\n3,4\n")
-    (folder / "absurd.csv").write_text("delta,force\n" + "".join(f"{k}e99,{k * k}e90\n" for k in range(1, 60)))
+    (folder / "absurd.csv").write_text(
+        "delta,force\n" + "".join(f"{k}e99,{k * k}e90\n" for k in range(1, 60))
+    )
     return folder
 
 
@@ -66,15 +68,21 @@ def test_every_curve_has_an_entry_and_a_row(curves, tmp_path):
         stated = by_name[name]["parameters"]["material.E"]
         assert stated["low"] < E < stated["high"] and stated["high"] < 1.1 * stated["low"]
         assert by_name[name]["contact_point"]["value"] == pytest.approx(0.1, abs=0.05)
-        assert by_name[name]["hertz"]["percent"] == pytest.approx(0.0, abs=0.1)  # it is a half-space
+        assert by_name[name]["hertz"]["percent"] == pytest.approx(
+            0.0, abs=0.1
+        )  # it is a half-space
         assert by_name[name]["window"][-1]["upper"] == 1.0 and by_name[name]["identifiable"]
     assert by_name["short"]["reason"] == "3 points"
     assert by_name["empty"]["reason"] == "not a curve: the file is empty"
     assert by_name["absurd"]["status"] == "refused"
     rows = list(csv.DictReader((tmp_path / "fit" / "fit.csv").open()))
-    assert [row["curve"] for row in rows] == list(by_name) and float(rows[1]["material.E"]) == pytest.approx(1.0, 0.05)
+    assert [row["curve"] for row in rows] == list(by_name) and float(
+        rows[1]["material.E"]
+    ) == pytest.approx(1.0, 0.05)
     table = np.genfromtxt(tmp_path / "fit" / "curves" / "c1.csv", delimiter=",", names=True)
-    np.testing.assert_allclose(table["force"] - table["fit"], table["residual"], atol=1e-8)  # of ten digits
+    np.testing.assert_allclose(
+        table["force"] - table["fit"], table["residual"], atol=1e-8
+    )  # of ten digits
     said = json.loads((tmp_path / "fit" / "fit.json").read_text())
     assert said["status"] == "done" and said["exit_code"] == 0 and len(said["curves"]) == 6
     assert not list((tmp_path / "fit").glob("*.png"))
@@ -114,19 +122,28 @@ def test_another_scene_or_a_foreign_folder_is_refused(curves, tmp_path):
 def test_curves_of_one_name_have_rows_of_their_own(curves, tmp_path):
     (tmp_path / "more").mkdir()
     write(tmp_path / "more" / "c0.csv")
-    fits = fitted([curves / "c0.csv", tmp_path / "more" / "c0.csv", curves / "c0.csv"], tmp_path / "fit")
+    fits = fitted(
+        [curves / "c0.csv", tmp_path / "more" / "c0.csv", curves / "c0.csv"], tmp_path / "fit"
+    )
     assert [entry["curve"] for entry in fits.entries] == ["c0", "c0.csv", "c0-2"]
 
 
 def test_a_curve_deeper_than_the_body_is_its_reason(tmp_path):
-    body = from_mapping(SCENE | {"body": {"shape": "layer", "height": "0.4 um"}, "loading": {"delta": "0.1 um"}})
+    body = from_mapping(
+        SCENE | {"body": {"shape": "layer", "height": "0.4 um"}, "loading": {"delta": "0.1 um"}}
+    )
     fits = fitted([write(tmp_path / "c.csv")], tmp_path / "fit", replace(REQUEST, config=body))
-    assert fits.exit_code == 5 and fits.entries[0]["reason"].startswith("deeper than the scene is made for")
+    assert fits.exit_code == 5 and fits.entries[0]["reason"].startswith(
+        "deeper than the scene is made for"
+    )
 
 
 def test_the_fit_of_a_notebook(tmp_path):
     found = indent_sim.fit(write(tmp_path / "c.csv"), SCENE, vary=["material.E"])
-    assert found.parameters["material.E"].low < 2.0 < found.parameters["material.E"].high and found.explained
+    assert (
+        found.parameters["material.E"].low < 2.0 < found.parameters["material.E"].high
+        and found.explained
+    )
     force = FORCES(np.array([0.0]), X)
     arrays = indent_sim.fit((X, force + 1e-3 * np.sin(1e3 * X)), SCENE)
     assert arrays.parameters["material.E"].value == pytest.approx(1.0, rel=1e-3)

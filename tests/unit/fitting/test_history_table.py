@@ -1,4 +1,6 @@
-"""Fits of matter with a memory: tables along a measured way are the scene's runs, and the truth comes back."""
+"""Fits of matter with a memory: tables along a measured way are the scene's runs, and the truth
+comes back.
+"""
 
 from __future__ import annotations
 
@@ -30,10 +32,13 @@ X = np.minimum(DEPTH * T / RAMP, DEPTH)
 
 
 def porous(fine: int = 1, **more):  # type: ignore[no-untyped-def]
-    """A draining layer on a coarse mesh, four elements in contact, in few steps: half a second a run; `fine` times as
-    many elements and steps."""
+    """A draining layer on a coarse mesh, four elements in contact, in few steps: half a second a
+    run; `fine` times as many elements and steps.
+    """
     loading = {"history": [list(corner) for corner in WAY.corners], "per_doubling": 2 * fine}
-    return scene(material=POROUS | more, loading=loading, mesh={"h_contact": 0.06 / fine, "h_far": 0.4})
+    return scene(
+        material=POROUS | more, loading=loading, mesh={"h_contact": 0.06 / fine, "h_far": 0.4}
+    )
 
 
 @functools.cache
@@ -45,11 +50,16 @@ def run(config, t: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
     """The forces of a run at times, straight between its rows."""
     document = to_mapping(config)
     document["loading"]["times"] = t.tolist()
-    return np.array([state.force for state in states(resolve(from_mapping(document)), with_surface=False)])
+    return np.array(
+        [state.force for state in states(resolve(from_mapping(document)), with_surface=False)]
+    )
 
 
 def test_a_table_is_the_run_of_other_numbers():
-    """E scales; ln D lies between nodes 0.4 apart. At rows of its own the run has other steps: 4e-3 of the force."""
+    """E scales; ln D lies between nodes 0.4 apart.
+
+    At rows of its own the run has other steps: 4e-3 of the force.
+    """
     forces, t = table(), np.array([0.05, 0.1, 0.12, 0.2, 0.5, 1.0, 3.0])
     theta = np.log([3.0, 0.17])
     other = run(porous(E=3.0, flow={"diffusivity": 0.17}), t)
@@ -72,7 +82,10 @@ def test_the_truth_comes_back_with_another_first_touch():
     for _ in range(40):
         force = pure + pure.max() * (0.01 * drawn(WHITE, len(T), draw) + 0.2)
         found = fit(forces, Samples(X + 0.004, force, T), Origin())
-        inside += [low < value < high for value, (low, high) in zip(truth, map(found.interval, range(2)), strict=True)]
+        inside += [
+            low < value < high
+            for value, (low, high) in zip(truth, map(found.interval, range(2)), strict=True)
+        ]
     assert (inside >= 33).all(), inside
 
 
@@ -92,7 +105,9 @@ def followed(fine: int, seed: int):  # type: ignore[no-untyped-def]
 
 
 def test_a_curve_is_followed_along_its_own_way():
-    """Four elements in contact: forces that jump by 0.8 % where one joins, and a diffusivity off by some per cent."""
+    """Four elements in contact: forces that jump by 0.8 % where one joins, and a diffusivity off by
+    some per cent.
+    """
     found = followed(1, 2)
     assert found[E]["value"] == pytest.approx(1.0, rel=0.03)
     assert found[D]["value"] == pytest.approx(0.1, rel=0.08)
@@ -103,12 +118,16 @@ def test_intervals_of_curves_that_are_followed():
     """Of two intervals of 95 % neither holds the truth once in 400."""
     stated = [followed(2, seed) for seed in range(2)]
     for key, value in ((E, 1.0), (D, 0.1)):
-        assert sum(one[key]["low"] < value < one[key]["high"] for one in stated) >= 1, [one[key] for one in stated]
+        assert sum(one[key]["low"] < value < one[key]["high"] for one in stated) >= 1, [
+            one[key] for one in stated
+        ]
 
 
 @pytest.mark.verify
 def test_a_hold_behind_a_cantilever():
-    """The way of the base is z = delta + F/k; the spring gives by a third of the depth at first and less later."""
+    """The way of the base is z = delta + F/k; the spring gives by a third of the depth at first and
+    less later.
+    """
     k, t = 5.0, GRADED
     force = np.interp(T, np.append(0, t), np.append(0, run(porous(2), t)), left=0.0)
     z = X + force / k + 0.3
@@ -116,7 +135,9 @@ def test_a_hold_behind_a_cantilever():
     config = porous(2, E=2.0, flow={"diffusivity": 0.3})
     held = from_mapping(to_mapping(config) | {"experiment": {"cantilever": {"stiffness": k}}})
     entry = fit_curve(
-        Measured("made up", force, None, z, T, parts=parts_of(X)), Request(held, (E, D), part="all"), Tables()
+        Measured("made up", force, None, z, T, parts=parts_of(X)),
+        Request(held, (E, D), part="all"),
+        Tables(),
     ).entry
     assert entry["status"] == "done", entry["reason"]
     for key, value in ((E, 1.0), (D, 0.1)):
@@ -125,10 +146,20 @@ def test_a_hold_behind_a_cantilever():
 
 
 def test_shear_that_relaxes_at_constant_volume_is_lee_and_radok():
-    """At nu 0.5 all moduli relax alike: the run on a mesh against theory, 1 % by its six elements in contact."""
+    """At nu 0.5 all moduli relax alike: the run on a mesh against theory, 1 % by its six elements
+    in contact.
+    """
     terms, t = [[0.5, 0.3]], np.array([0.05, 0.1, 0.15, 0.3, 0.6, 1.0])
-    material = {"model": "linear_elastic", "E": 1.0, "nu": 0.5, "relaxation": {"prony": terms, "of": "shear"}}
-    more = {"loading": {"history": [[0, 0], [RAMP, DEPTH], [END, DEPTH]]}, "mesh": {"h_contact": 0.03}}
+    material = {
+        "model": "linear_elastic",
+        "E": 1.0,
+        "nu": 0.5,
+        "relaxation": {"prony": terms, "of": "shear"},
+    }
+    more = {
+        "loading": {"history": [[0, 0], [RAMP, DEPTH], [END, DEPTH]]},
+        "mesh": {"h_contact": 0.03},
+    }
     own = SceneForces(scene(HALF_SPACE, material=material, **more), [E], 1.3 * DEPTH, WAY)
     theory = relaxing(terms, HALF_SPACE)
     alike = to_mapping(theory) | {"material": material | {"relaxation": {"prony": terms}}}

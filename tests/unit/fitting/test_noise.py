@@ -36,13 +36,18 @@ def test_white_noise_gives_the_textbook_covariance():
     r = drawn(WHITE, 200, np.random.default_rng(3))
     found = averaged(J, r, [WHITE])
     left = r - J @ np.linalg.lstsq(J, r, rcond=None)[0]
-    np.testing.assert_allclose(found.covariance, left @ left / 198 * np.linalg.inv(J.T @ J), rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(
+        found.covariance, left @ left / 198 * np.linalg.inv(J.T @ J), rtol=1e-9, atol=1e-15
+    )
     np.testing.assert_allclose(found.step, np.linalg.lstsq(J, r, rcond=None)[0], rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", NOISES)
 def test_intervals_of_a_line_hold_its_slope(name):
-    """95 % of 100 intervals: fewer than 86 of 100 happen once in 4000. Not knowing the noise costs up to a third."""
+    """95 % of 100 intervals: fewer than 86 of 100 happen once in 4000.
+
+    Not knowing the noise costs up to a third.
+    """
     n, noise, draw = 300, NOISES[name], np.random.default_rng(4)
     J = np.column_stack([np.ones(n), np.linspace(-1, 1, n)])
     found = [averaged(J, drawn(noise, n, draw)) for _ in range(100)]
@@ -60,11 +65,17 @@ def test_the_likeliest_noise_of_a_long_record_is_its_own():
 
 
 def test_the_grid_ends_at_a_quarter_of_the_record():
-    assert grid(3) == [WHITE] and max(noise.tau for noise in grid(1200)) == 256 and len(grid(1200)) == 55
+    assert (
+        grid(3) == [WHITE]
+        and max(noise.tau for noise in grid(1200)) == 256
+        and len(grid(1200)) == 55
+    )
 
 
 def test_gains_by_accident_are_uniform():
-    """p of columns that say nothing: below 0.1 in a tenth of 200 draws, 5 to 38 in all but one case of 10^4."""
+    """p of columns that say nothing: below 0.1 in a tenth of 200 draws, 5 to 38 in all but one case
+    of 10^4.
+    """
     draw, x = np.random.default_rng(6), np.linspace(-1, 1, 80)
     J, extra = np.column_stack([np.ones(80), x]), np.column_stack([x**2, x**3])
     p = [gain(J, extra, draw.standard_normal(80), WHITE) for _ in range(200)]

@@ -1,4 +1,6 @@
-"""The scene as a function of depth and parameters, against its own theory at other depths and parameters."""
+"""The scene as a function of depth and parameters, against its own theory at other depths and
+parameters.
+"""
 
 from __future__ import annotations
 
@@ -30,28 +32,46 @@ def by_theory(config, depths=DEPTHS) -> np.ndarray:  # type: ignore[no-untyped-d
 
 
 @pytest.mark.parametrize("body", [LAYER, HALF_SPACE])
-@pytest.mark.parametrize("tip", [{"shape": "paraboloid", "R": 1.0}, {"shape": "cone", "half_angle": 60.0},
-                                 {"shape": "sphere", "R": 0.8}, {"shape": "flat_punch", "radius": 0.3}])  # fmt: skip
+@pytest.mark.parametrize(
+    "tip",
+    [
+        {"shape": "paraboloid", "R": 1.0},
+        {"shape": "cone", "half_angle": 60.0},
+        # fmt: skip
+        {"shape": "sphere", "R": 0.8},
+        {"shape": "flat_punch", "radius": 0.3},
+    ],
+)
 def test_tables_are_theory_at_other_depths(body, tip):
     config = scene(body, tip=tip)
     forces = SceneForces(config, ["material.E"], DEEPEST)(np.array([math.log(2.5)]), DEPTHS)
-    np.testing.assert_allclose(forces, 2.5 * by_theory(config), rtol=1e-6)  # 5e-11 as a rule, a sphere's edge the worst
+    np.testing.assert_allclose(
+        forces, 2.5 * by_theory(config), rtol=1e-6
+    )  # 5e-11 as a rule, a sphere's edge the worst
 
 
 def test_no_contact_no_force_and_beyond_the_table_a_power():
     forces = SceneForces(scene(HALF_SPACE), [], DEEPEST)
     got = forces(np.array([]), np.array([-1.0, 0.0, 2 * DEEPEST]))
     assert got[0] == got[1] == 0.0
-    np.testing.assert_allclose(got[2], by_theory(scene(HALF_SPACE), [2 * DEEPEST])[0], rtol=1e-6)  # Hertz is a power
+    np.testing.assert_allclose(
+        got[2], by_theory(scene(HALF_SPACE), [2 * DEEPEST])[0], rtol=1e-6
+    )  # Hertz is a power
 
 
-@pytest.mark.parametrize("key, values", [("body.height", (0.3, 0.77, 5.0)), ("material.nu", (0.0, 0.31, 0.5))])
+@pytest.mark.parametrize(
+    "key, values", [("body.height", (0.3, 0.77, 5.0)), ("material.nu", (0.0, 0.31, 0.5))]
+)
 def test_parameters_of_shape_are_interpolated(key, values):
     forces = SceneForces(scene(), ["material.E", key], DEEPEST)
     for value in values:
         theta = np.array([0.0, forces.parameters[1].theta(value)])
-        changed = scene({"shape": "layer", "height": value}) if key == "body.height" else scene(nu=value)
-        np.testing.assert_allclose(forces(theta, DEPTHS), by_theory(changed), rtol=2e-5)  # 2e-6 away from bounds
+        changed = (
+            scene({"shape": "layer", "height": value}) if key == "body.height" else scene(nu=value)
+        )
+        np.testing.assert_allclose(
+            forces(theta, DEPTHS), by_theory(changed), rtol=2e-5
+        )  # 2e-6 away from bounds
 
 
 def test_a_body_thinner_than_the_depth_has_no_table():
@@ -67,7 +87,12 @@ def test_roles_and_numbers_of_keys():
         "model": "linear_elastic", "E": 5.0, "nu": 0.3}}]}  # fmt: skip
     config = scene(layers, experiment={"adhesion": {"work": 0.01}})
     keys = ["material.E", "body.layers[1].material.nu", "body.layers[0].thickness", WORK]
-    assert [one.role for one in parameters_of(config, keys, DEEPEST)] == ["shape", "shape", "shape", "work"]
+    assert [one.role for one in parameters_of(config, keys, DEEPEST)] == [
+        "shape",
+        "shape",
+        "shape",
+        "work",
+    ]
     assert pressures(scene()) == ["material.E"] and len(pressures(config)) == 2
     assert number_at(config, "body.layers[1].material.E") == 5.0
     for key, problem in [("material.Q", "is no number of the scene"), ("body.shape", "is 'layer', no number"),
@@ -83,21 +108,41 @@ def test_two_layers_move_by_their_own_moduli():
 
     def two(top, below):  # type: ignore[no-untyped-def]
         part = {"model": "linear_elastic", "nu": 0.4}
-        return scene({"shape": "layer", "height": 1.2, "layers": [{"thickness": t, "material": part | {"E": E}}
-                                                   for t, E in ((0.4, top), (0.8, below))]})  # fmt: skip
+        return scene(
+            {
+                "shape": "layer",
+                "height": 1.2,
+                "layers": [
+                    {"thickness": t, "material": part | {"E": E}}
+                    # fmt: skip
+                    for t, E in ((0.4, top), (0.8, below))
+                ],
+            }
+        )
 
-    forces = SceneForces(two(1.0, 3.0), ["body.layers[0].material.E", "body.layers[1].material.E"], DEEPEST)
+    forces = SceneForces(
+        two(1.0, 3.0), ["body.layers[0].material.E", "body.layers[1].material.E"], DEEPEST
+    )
     theta = np.log([1.3, 4.4])
     np.testing.assert_allclose(forces(theta, DEPTHS), by_theory(two(1.3, 4.4)), rtol=2e-5)
-    np.testing.assert_allclose(forces(theta + 0.7, DEPTHS), math.exp(0.7) * forces(theta, DEPTHS), rtol=2e-5)
+    np.testing.assert_allclose(
+        forces(theta + 0.7, DEPTHS), math.exp(0.7) * forces(theta, DEPTHS), rtol=2e-5
+    )
 
 
-@pytest.mark.parametrize("held", [{"cantilever": {"stiffness": 0.5}}, {"frame": {"compliance": 2.0}}])
+@pytest.mark.parametrize(
+    "held", [{"cantilever": {"stiffness": 0.5}}, {"frame": {"compliance": 2.0}}]
+)
 def test_a_spring_gives_way_by_its_force(held):
     """z = delta + F/k at the same force."""
-    rigid, soft = (SceneForces(scene(experiment=more), [], DEEPEST) for more in ({"frame": {"compliance": 0.0}}, held))
+    rigid, soft = (
+        SceneForces(scene(experiment=more), [], DEEPEST)
+        for more in ({"frame": {"compliance": 0.0}}, held)
+    )
     force = rigid(np.array([]), DEPTHS)
-    np.testing.assert_allclose(soft(np.array([]), DEPTHS + 2.0 * force), force, rtol=1e-4)  # of 1500 depths, linear
+    np.testing.assert_allclose(
+        soft(np.array([]), DEPTHS + 2.0 * force), force, rtol=1e-4
+    )  # of 1500 depths, linear
 
 
 @pytest.mark.parametrize("compliance", [0.0, 3.0])
@@ -111,7 +156,9 @@ def test_adhesion_is_that_of_theory(compliance):
     ways = [0.0, 0.003, 0.02, 0.09]
     known = [E * F * jkr.stable(z / L, compliance * E * F / L).force for z in ways]
     got = forces(np.log([E, work]), np.array(ways))
-    np.testing.assert_allclose(got, known, rtol=2e-4, atol=2e-5 * max(known))  # 600 radii, joined by lines
+    np.testing.assert_allclose(
+        got, known, rtol=2e-4, atol=2e-5 * max(known)
+    )  # 600 radii, joined by lines
     assert not forces(np.log([E, work]), np.array([-0.01, -0.001])).any()  # not yet touched
     back = forces(np.log([E, work]), np.array([0.05, -1e-4, -0.5]))
     assert back[1] < 0 and back[2] == 0  # it holds on, until it comes off
@@ -126,7 +173,9 @@ def test_relaxation_while_the_contact_grows_is_lee_and_radok():
     elastic = ElasticCurve(depths, by_theory(config, depths), np.sqrt(depths))
     cycle = OneCycle(Prony((0.4, 0.2), (0.3, 2.0)), [0.0, 1.0], [0.0, 0.1], elastic)
     known = [cycle.at(float(time)).force for time in t[[50, 200, 399]]]
-    np.testing.assert_allclose(got[[50, 200, 399]], known, rtol=1e-4)  # F_el is taken as straight between 400 times
+    np.testing.assert_allclose(
+        got[[50, 200, 399]], known, rtol=1e-4
+    )  # F_el is taken as straight between 400 times
 
 
 def test_a_linear_rise_relaxes_exactly_at_any_times():
@@ -135,7 +184,9 @@ def test_a_linear_rise_relaxes_exactly_at_any_times():
     exact = 0.3 * t + 0.7 * 0.4 * -np.expm1(-t / 0.4)
     np.testing.assert_allclose(law.over(t)(t), exact, rtol=1e-12)
     even = np.linspace(0, 3, 7)
-    np.testing.assert_allclose(law.over(even)(even), 0.3 * even + 0.28 * -np.expm1(-even / 0.4), rtol=1e-12)
+    np.testing.assert_allclose(
+        law.over(even)(even), 0.3 * even + 0.28 * -np.expm1(-even / 0.4), rtol=1e-12
+    )
 
 
 def test_a_spring_on_a_relaxing_body_balances():
@@ -145,4 +196,6 @@ def test_a_spring_on_a_relaxing_body_balances():
     rigid = SceneForces(relaxing(terms), [], DEEPEST)
     t = np.linspace(0, 1, 200)
     force = soft(np.array([]), 0.1 * t, t)
-    np.testing.assert_allclose(rigid(np.array([]), 0.1 * t - force, t), force, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(
+        rigid(np.array([]), 0.1 * t - force, t), force, rtol=1e-6, atol=1e-12
+    )

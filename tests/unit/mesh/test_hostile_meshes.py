@@ -1,4 +1,6 @@
-"""Mesh files that try something: each ends in the exit table with a word, within the time and memory of its length."""
+"""Mesh files that try something: each ends in the exit table with a word, within the time and
+memory of its length.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,9 @@ def waited_for() -> tuple[float, float]:
 
 
 def ended(seed: int, place: Path) -> tuple[int, float, float]:
-    """Exit code of `plan` of a hostile mesh file, CPU time [s] and memory [bytes], if it was the largest so far, of the
-    process that read it."""
+    """Exit code of `plan` of a hostile mesh file, CPU time [s] and memory [bytes], if it was the
+    largest so far, of the process that read it.
+    """
     place.mkdir()
     scene = hostile(seed, place)
     before, largest = waited_for()
@@ -39,11 +42,17 @@ def ended(seed: int, place: Path) -> tuple[int, float, float]:
     after, now = waited_for()
     seconds, memory = after - before, now - shared if now > largest else 0.0
     assert done.exit_code in (0, 3, 4), (seed, done.stderr)
-    assert "Traceback" not in done.stderr and (done.exit_code == 0 or done.stderr), (seed, done.stderr)
+    assert "Traceback" not in done.stderr and (done.exit_code == 0 or done.stderr), (
+        seed,
+        done.stderr,
+    )
     assert printable(done.stderr, line_breaks=True) == done.stderr and len(done.stderr) < 2000, seed
     size = sum(path.stat().st_size for path in place.iterdir())
     assert seconds <= mesh_file.SECONDS[0] + mesh_file.SECONDS[1] * size + OWN, (seed, seconds)
-    assert memory <= mesh_file.READING_MEMORY[0] + mesh_file.READING_MEMORY[1] * size, (seed, memory)
+    assert memory <= mesh_file.READING_MEMORY[0] + mesh_file.READING_MEMORY[1] * size, (
+        seed,
+        memory,
+    )
     return done.exit_code, seconds, memory
 
 
@@ -54,7 +63,10 @@ def all_end(seeds: range, place: Path) -> None:
         codes[code] += 1
         worst = max(worst[0], seconds), max(worst[1], memory)
         shutil.rmtree(place / str(seed))
-    print(f"seeds {seeds}: {dict(sorted(codes.items()))}, at worst {worst[0]:.1f} s and {worst[1] / 1e6:.0f} MB")
+    print(
+        f"seeds {seeds}: {dict(sorted(codes.items()))}, at worst {worst[0]:.1f} s and "
+        f"{worst[1] / 1e6:.0f} MB"
+    )
     assert codes[4] > len(seeds) // 3 and len(os.listdir(place)) == 0
 
 

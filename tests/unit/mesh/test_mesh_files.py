@@ -1,4 +1,6 @@
-"""Bodies from mesh files: what is read, what is refused and in which words, and what refinement leaves as it is."""
+"""Bodies from mesh files: what is read, what is refused and in which words, and what refinement
+leaves as it is.
+"""
 
 from __future__ import annotations
 
@@ -51,19 +53,26 @@ def piece(
     return file_checks.piece_in(str(folder), source, has_material)
 
 
-def scene(folder: Path, name: str = "part.msh", kinematics: str = "axisymmetric", *settings: str) -> Scene:
+def scene(
+    folder: Path, name: str = "part.msh", kinematics: str = "axisymmetric", *settings: str
+) -> Scene:
     """The scene of a file in a folder."""
-    (folder / "scene.yaml").write_text(SCENE.format(file=name, kinematics=kinematics), encoding="utf-8")
+    (folder / "scene.yaml").write_text(
+        SCENE.format(file=name, kinematics=kinematics), encoding="utf-8"
+    )
     return resolve(load(folder / "scene.yaml", settings))
 
 
 def volume(found: Piece) -> float:
     """The volume, or the area, of all cells together."""
     corners = found.grid.points[found.grid.cells]
-    return float(np.linalg.det(corners[:, 1:] - corners[:, :1]).sum()) / (2 if found.dim == 2 else 6)
+    return float(np.linalg.det(corners[:, 1:] - corners[:, :1]).sum()) / (
+        2 if found.dim == 2 else 6
+    )
 
 
-# ---- what is read ----------------------------------------------------------------------------------------------------
+# ---- what is read
+# ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["part.msh", "part.inp"])
@@ -83,7 +92,9 @@ def test_files_without_names_have_numbers_at_their_cells(
     tmp_path: Path, name: str, body: dict[str, Any], kinematics: str
 ) -> None:
     found = piece(tmp_path, body, kinematics, name, MeshSurfaces("part=1", "part=2", "part=3"))
-    assert np.ptp(found.corners("top")[..., -1]) == 0 and np.ptp(found.corners("base")[..., -1]) == 0
+    assert (
+        np.ptp(found.corners("top")[..., -1]) == 0 and np.ptp(found.corners("base")[..., -1]) == 0
+    )
 
 
 def test_sets_of_points_name_the_facets_between_them(tmp_path: Path) -> None:
@@ -98,7 +109,9 @@ def test_sets_of_points_name_the_facets_between_them(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("body", "kinematics"), [(section(), "axisymmetric"), (block(), "3d")])
-def test_the_copy_of_a_piece_is_the_piece(tmp_path: Path, body: dict[str, Any], kinematics: Any) -> None:
+def test_the_copy_of_a_piece_is_the_piece(
+    tmp_path: Path, body: dict[str, Any], kinematics: Any
+) -> None:
     """Coordinates are written with all their digits, so that the hash, of all bytes, is the same."""
     body["points"][:, :2] *= 1 / 3
     found = piece(tmp_path, body, kinematics, has_material=False, regions={"gel": None})
@@ -114,7 +127,9 @@ def test_a_material_of_no_cell_makes_no_region(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("indenter", ["{shape: paraboloid, R: 1}", "{shape: cone, half_angle: 70}"])
-def test_half_of_a_symmetric_section_is_cut_where_the_tip_stands(tmp_path: Path, indenter: str) -> None:
+def test_half_of_a_symmetric_section_is_cut_where_the_tip_stands(
+    tmp_path: Path, indenter: str
+) -> None:
     """Its contact has one side, and the size of an overlap: not none."""
     write(tmp_path / "part.msh", section())
     found = scene(tmp_path, "part.msh", "plane_strain", f"indenter={indenter}", "body.sides=free")
@@ -122,13 +137,16 @@ def test_half_of_a_symmetric_section_is_cut_where_the_tip_stands(tmp_path: Path,
 
 
 def test_the_order_of_corners_is_not_the_shape(tmp_path: Path) -> None:
-    """A cell whose corners go round the other way is turned over; only one that overlaps a neighbour is inverted."""
+    """A cell whose corners go round the other way is turned over; only one that overlaps a
+    neighbour is inverted.
+    """
     body = section()
     body["cells"][::2] = body["cells"][::2, ::-1]
     assert volume(piece(tmp_path, body)) == pytest.approx(2.0, rel=1e-12)
 
 
-# ---- surfaces without names ------------------------------------------------------------------------------------------
+# ---- surfaces without names
+# ------------------------------------------------------------------------------------------
 
 
 def without_names(body: dict[str, Any]) -> dict[str, Any]:
@@ -142,30 +160,44 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
     tmp_path: Path, name: str, body: dict[str, Any], kinematics: Any
 ) -> None:
     """All that faces up, down and sideways; those of a box are its four named faces."""
-    body["points"][:, -1 if kinematics == "3d" else 1] += body["points"][:, 0] / 10  # tilted: the base is not level
-    with pytest.raises(MeshFileError, match="no one part of the outside faces down and is level; in gmsh: Physical"):
+    body["points"][:, -1 if kinematics == "3d" else 1] += (
+        body["points"][:, 0] / 10
+    )  # tilted: the base is not level
+    with pytest.raises(
+        MeshFileError, match="no one part of the outside faces down and is level; in gmsh: Physical"
+    ):
         piece(tmp_path, without_names(body), kinematics, name, MeshSurfaces())
     body["points"][:, -1 if kinematics == "3d" else 1] -= body["points"][:, 0] / 10
     bare = piece(tmp_path, without_names(body), kinematics, name, MeshSurfaces(), sides="fixed")
     if kinematics == "3d":
         body["facets"]["wall"] = np.array(
-            [facet for facet in boundary_of(body["cells"])[0] if np.ptp(body["points"][facet], axis=0)[2] > 0]
+            [
+                facet
+                for facet in boundary_of(body["cells"])[0]
+                if np.ptp(body["points"][facet], axis=0)[2] > 0
+            ]
         )
     named = piece(tmp_path, body, kinematics, "named.msh", sides="fixed")
     for surface in ("top", "base", "sides"):
         found, given = (
-            np.unique(one.grid.points[one.grid.surfaces[surface]].reshape(-1, one.dim).round(9), axis=0)
+            np.unique(
+                one.grid.points[one.grid.surfaces[surface]].reshape(-1, one.dim).round(9), axis=0
+            )
             for one in (bare, named)
         )
         assert np.array_equal(found, given)
         assert len(bare.grid.surfaces[surface]) == len(named.grid.surfaces[surface])
-    source = MeshFromFile("copy.msh", kinematics, MeshFromFile("", kinematics, sides="fixed").named, sides="fixed")
+    source = MeshFromFile(
+        "copy.msh", kinematics, MeshFromFile("", kinematics, sides="fixed").named, sides="fixed"
+    )
     (tmp_path / "copy.msh").write_text("".join(as_msh(bare, source)), encoding="utf-8")
     assert file_checks.piece_in(str(tmp_path), source, True).hash == bare.hash
 
 
 def test_names_that_a_file_without_any_cannot_have(tmp_path: Path) -> None:
-    with pytest.raises(MeshFileError, match=r'names no lines, so it has no .top.; .* Physical Curve\("top"\)') as found:
+    with pytest.raises(
+        MeshFileError, match=r'names no lines, so it has no .top.; .* Physical Curve\("top"\)'
+    ) as found:
         piece(tmp_path, without_names(section()))
     assert found.value.exit_code == 4 and found.value.key == "body.surfaces.contact"
 
@@ -188,11 +220,14 @@ def test_what_faces_up_or_down_at_two_heights_must_be_named(tmp_path: Path) -> N
         piece(tmp_path, body, surfaces=MeshSurfaces(base="bottom"))
 
 
-# ---- refinement ------------------------------------------------------------------------------------------------------
+# ---- refinement
+# ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("body", "kinematics"), [(section(), "axisymmetric"), (block(), "3d")])
-def test_refinement_keeps_the_body_and_its_surfaces(tmp_path: Path, body: dict[str, Any], kinematics: Any) -> None:
+def test_refinement_keeps_the_body_and_its_surfaces(
+    tmp_path: Path, body: dict[str, Any], kinematics: Any
+) -> None:
     coarse = piece(tmp_path, body, kinematics)
     fine = halved(halved(coarse))
     assert len(fine.grid.cells) == 4**coarse.dim * len(coarse.grid.cells)
@@ -206,11 +241,25 @@ def test_refinement_keeps_the_body_and_its_surfaces(tmp_path: Path, body: dict[s
 
 def test_refinement_puts_new_corners_on_midside_nodes(tmp_path: Path) -> None:
     """A quadratic arc through (0, 0), (0.5, 0.06), (1, 0): the corners of the refined top."""
-    points = np.array([(0, -1), (1, -1), (1, 0), (0, 0), (0.5, -1), (1, -0.5), (0.5, 0.06), (0, -0.5), (0.5, -0.5)])
+    points = np.array(
+        [
+            (0, -1),
+            (1, -1),
+            (1, 0),
+            (0, 0),
+            (0.5, -1),
+            (1, -0.5),
+            (0.5, 0.06),
+            (0, -0.5),
+            (0.5, -0.5),
+        ]
+    )
     cells = [(0, 1, 2, 4, 5, 8), (0, 2, 3, 8, 6, 7)]
     groups = {"top": (2, 3), "bottom": (0, 1), "wall": (1, 2)}
     lines = [f"{k + 1} 1 2 {k + 1} 1 {a + 1} {b + 1}" for k, (a, b) in enumerate(groups.values())]
-    lines += [f"{k + 4} 9 2 9 1 {' '.join(str(c + 1) for c in cell)}" for k, cell in enumerate(cells)]
+    lines += [
+        f"{k + 4} 9 2 9 1 {' '.join(str(c + 1) for c in cell)}" for k, cell in enumerate(cells)
+    ]
     nodes = [f"{k + 1} {x} {y} 0" for k, (x, y) in enumerate(points)]
     names = [f'1 {k + 1} "{name}"' for k, name in enumerate(groups)]
     (tmp_path / "part.msh").write_text(
@@ -241,17 +290,26 @@ def test_refinement_puts_new_corners_on_midside_nodes(tmp_path: Path) -> None:
     assert len(found.grid.points) == 4
     top = halved(found).corners("top").reshape(-1, 2)
     assert sorted(map(tuple, top.tolist())) == [(0.0, 0.0), (0.5, 0.06), (0.5, 0.06), (1.0, 0.0)]
-    # where it is curved a tip touches it at the midside node, though the unrefined mesh has no point there
+    # where it is curved a tip touches it at the midside node, though the unrefined mesh has no
+    # point there
     assert first_touch(Paraboloid(R=1e9), found, (0.5,)) == pytest.approx(0.06, abs=1e-9)
 
 
-# ---- the skin of a body ----------------------------------------------------------------------------------------------
+# ---- the skin of a body
+# ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("body", "kinematics"), [(section(), "axisymmetric"), (block(n=8, m=6), "3d")])
-def test_a_scene_of_the_skin_is_that_of_the_body(tmp_path: Path, body: dict[str, Any], kinematics: Any) -> None:
+@pytest.mark.parametrize(
+    ("body", "kinematics"), [(section(), "axisymmetric"), (block(n=8, m=6), "3d")]
+)
+def test_a_scene_of_the_skin_is_that_of_the_body(
+    tmp_path: Path, body: dict[str, Any], kinematics: Any
+) -> None:
     """Sizes, choices and pins are those of the whole mesh; and the whole is put where the skin is."""
-    body["regions"] = {"gel": np.flatnonzero(np.arange(len(body["cells"])) % 3), "rest": np.arange(0)}
+    body["regions"] = {
+        "gel": np.flatnonzero(np.arange(len(body["cells"])) % 3),
+        "rest": np.arange(0),
+    }
     write(tmp_path / "part.msh", body)
     regions = "body.regions={gel: {model: linear_elastic, E: 2.0, nu: 0.3}}"
     whole = scene(tmp_path, "part.msh", kinematics, regions, "mesh.refinements=1")
@@ -260,7 +318,10 @@ def test_a_scene_of_the_skin_is_that_of_the_body(tmp_path: Path, body: dict[str,
     skin = file_checks.skin_in(str(tmp_path), config.body, True)
     found = resolve(config, piece=skin)
     assert found.sizes == whole.sizes and found.plan.choices == whole.plan.choices
-    assert found.physics.body.height == whole.physics.body.height and found.plan.prediction == whole.plan.prediction
+    assert (
+        found.physics.body.height == whole.physics.body.height
+        and found.plan.prediction == whole.plan.prediction
+    )
     parts = [one.physics.part for one in (found, whole)]
     assert isinstance(parts[0], MeshedPart) and isinstance(parts[1], MeshedPart)
     assert parts[0].pins == parts[1].pins and parts[0].extent == parts[1].extent
@@ -285,11 +346,14 @@ def test_facets_in_lots_are_all_facets_and_neighbours_stay_together(body: dict[s
         assert np.array_equal(whole, np.sort(cells[cell], axis=1))
 
 
-# ---- where the tip touches -------------------------------------------------------------------------------------------
+# ---- where the tip touches
+# -------------------------------------------------------------------------------------------
 
 
 def test_first_touch_of_a_slope_is_beside_the_axis(tmp_path: Path) -> None:
-    """z = x/10 under r^2/(2 R), R = 1: z - f is largest at x = R/10, 0.005 above the place under the axis."""
+    """z = x/10 under r^2/(2 R), R = 1: z - f is largest at x = R/10, 0.005 above the place under
+    the axis.
+    """
     body = section()
     body["points"][:, 0] -= 1
     body["points"][:, 1] += body["points"][:, 0] / 10 * (1 + body["points"][:, 1])
@@ -310,20 +374,25 @@ def test_any_height_is_the_same_scene(tmp_path: Path) -> None:
 
 
 def test_facets_that_look_like_a_curved_surface_are_told_of(tmp_path: Path) -> None:
-    """z = -x^2/4 in facets of h = 1/4: each sags by h^2/16 = 1/256, where a depth of 0.02 is what is asked for."""
+    """z = -x^2/4 in facets of h = 1/4: each sags by h^2/16 = 1/256, where a depth of 0.02 is what
+    is asked for.
+    """
     body = section(1.0, 1.0, 4, 4)
     body["points"][:, 1] -= body["points"][:, 0] ** 2 / 4 * (1 + body["points"][:, 1])
     write(tmp_path / "part.msh", body)
     found = scene(tmp_path)
     part = found.physics.part
     assert isinstance(part, MeshedPart)
-    assert part.sag((0.0, 0.0), 0.3) == pytest.approx(1 / 256, rel=0.05)  # but for the squares of slopes up to 0.2
+    assert part.sag((0.0, 0.0), 0.3) == pytest.approx(
+        1 / 256, rel=0.05
+    )  # but for the squares of slopes up to 0.2
     assert any(doubt.key == "facets" for doubt in found.plan.doubts)
     write(tmp_path / "part.msh", section())
     assert not any(doubt.key == "facets" for doubt in scene(tmp_path).plan.doubts)
 
 
-# ---- what is refused -------------------------------------------------------------------------------------------------
+# ---- what is refused
+# -------------------------------------------------------------------------------------------------
 
 
 def _pulled(body: dict[str, Any]) -> None:
@@ -347,7 +416,10 @@ def _torn(body: dict[str, Any]) -> None:
 
 
 def _swapped(body: dict[str, Any]) -> None:
-    body["facets"]["top"], body["facets"]["bottom"] = body["facets"]["bottom"], body["facets"]["top"]
+    body["facets"]["top"], body["facets"]["bottom"] = (
+        body["facets"]["bottom"],
+        body["facets"]["top"],
+    )
 
 
 def _named_inside(body: dict[str, Any]) -> None:
@@ -368,7 +440,9 @@ def _stepped(body: dict[str, Any]) -> None:
     body["cells"] = body["cells"][~((x > 1) & (z > -0.75) & (z < -0.5))]
     body["regions"] = {"gel": np.arange(len(body["cells"]))}
     floor = np.flatnonzero((body["points"][:, 1] == -0.75) & (body["points"][:, 0] >= 1))
-    body["facets"]["top"] = np.vstack([body["facets"]["top"], np.column_stack([floor[:-1], floor[1:]])])
+    body["facets"]["top"] = np.vstack(
+        [body["facets"]["top"], np.column_stack([floor[:-1], floor[1:]])]
+    )
     body["facets"]["wall"] = body["facets"]["wall"][:1]
 
 
@@ -391,16 +465,26 @@ MALFORMED: list[tuple[Callable[[dict[str, Any]], None], str, str]] = [
     (_torn, "body.file", "the mesh is in 2 pieces that share no points; merge double points"),
     (_swapped, "body.surfaces.contact", "8 facets of 'top' face down, the first at"),
     (_sideways, "body.surfaces.contact", "4 facets of 'top' face sideways, the first at"),
-    (_named_inside, "body.surfaces.contact", "1 facets of 'top' are not on the outside of the body, the first at"),
+    (
+        _named_inside,
+        "body.surfaces.contact",
+        "1 facets of 'top' are not on the outside of the body, the first at",
+    ),
     (_shared, "body.surfaces.sides", "'wall' shares facets with another surface"),
     (_stepped, "body.surfaces.contact", "parts of 'top' lie above one another at"),
     (_left, "body.kinematics", "points of the section have r = -0.5; the axis is r = 0"),
     (_tilted, "body.kinematics", "the triangles do not lie in one plane z = const"),
-    (_lines_alone, "body.file", "the file has lines, and a body in 2 dimensions is made of triangles"),
+    (
+        _lines_alone,
+        "body.file",
+        "the file has lines, and a body in 2 dimensions is made of triangles",
+    ),
 ]
 
 
-@pytest.mark.parametrize(("spoil", "key", "words"), MALFORMED, ids=[spoil.__name__[1:] for spoil, _, _ in MALFORMED])
+@pytest.mark.parametrize(
+    ("spoil", "key", "words"), MALFORMED, ids=[spoil.__name__[1:] for spoil, _, _ in MALFORMED]
+)
 def test_a_malformed_mesh_has_its_message(
     tmp_path: Path, spoil: Callable[[dict[str, Any]], None], key: str, words: str
 ) -> None:
@@ -414,22 +498,56 @@ def test_a_malformed_mesh_has_its_message(
 @pytest.mark.parametrize(
     ("setting", "key", "words"),
     [
-        ("body.surfaces.contact=roof", "body.surfaces.contact", "no group 'roof'; the file has bottom, gel, "),
-        ("body.surfaces.base=gel", "body.surfaces.base", "'gel' is a group of triangles, and lines are needed here"),
+        (
+            "body.surfaces.contact=roof",
+            "body.surfaces.contact",
+            "no group 'roof'; the file has bottom, gel, ",
+        ),
+        (
+            "body.surfaces.base=gel",
+            "body.surfaces.base",
+            "'gel' is a group of triangles, and lines are needed here",
+        ),
         ("body.kinematics=3d", "body.kinematics", "a body in 3 dimensions is made of tetrahedra"),
-        ("body.regions={top: {model: linear_elastic, E: 1.0, nu: 0.3}}", "body.regions.top", "is a group of lines"),
-        ("indenter.center=[5.0, 0.0]", "indenter.center", "the tip stands on the axis of an axisymmetric mesh"),
-        ("indenter={shape: pyramid, half_angle: 65.0, faces: 3}", "indenter.shape", "is no tip of revolution"),
+        (
+            "body.regions={top: {model: linear_elastic, E: 1.0, nu: 0.3}}",
+            "body.regions.top",
+            "is a group of lines",
+        ),
+        (
+            "indenter.center=[5.0, 0.0]",
+            "indenter.center",
+            "the tip stands on the axis of an axisymmetric mesh",
+        ),
+        (
+            "indenter={shape: pyramid, half_angle: 65.0, faces: 3}",
+            "indenter.shape",
+            "is no tip of revolution",
+        ),
         ("mesh.h_contact=0.1", "mesh.h_contact", "is for bodies that are meshed here"),
         ("mesh.symmetry=full", "mesh.symmetry", "is for bodies that are meshed here"),
         ("body.hash=0123456789abcdef", "body.hash", "'part.msh' holds another mesh"),
         ("body.file=other.msh", "body.file", "cannot read the mesh 'other.msh': No such file"),
-        ("body.file=scene.yaml", "body.file", "is of no known kind; it must end in one of .msh, .xdmf, .vtu, .inp"),
-        ("body.file=/etc/passwd", "body.file", "must be below the scene's folder, not absolute and without .."),
-        ("body.file=../part.msh", "body.file", "must be below the scene's folder, not absolute and without .."),
+        (
+            "body.file=scene.yaml",
+            "body.file",
+            "is of no known kind; it must end in one of .msh, .xdmf, .vtu, .inp",
+        ),
+        (
+            "body.file=/etc/passwd",
+            "body.file",
+            "must be below the scene's folder, not absolute and without ..",
+        ),
+        (
+            "body.file=../part.msh",
+            "body.file",
+            "must be below the scene's folder, not absolute and without ..",
+        ),
     ],
 )
-def test_a_scene_that_does_not_fit_its_mesh_has_its_message(tmp_path: Path, setting: str, key: str, words: str) -> None:
+def test_a_scene_that_does_not_fit_its_mesh_has_its_message(
+    tmp_path: Path, setting: str, key: str, words: str
+) -> None:
     write(tmp_path / "part.msh", section())
     with pytest.raises(ConfigError) as refused:
         scene(tmp_path, "part.msh", "axisymmetric", setting)
@@ -439,8 +557,10 @@ def test_a_scene_that_does_not_fit_its_mesh_has_its_message(tmp_path: Path, sett
 def test_a_mesh_is_part_of_no_other_shape() -> None:
     with pytest.raises(ConfigError, match="is for body"):
         loads(
-            "body: {shape: cylinder, radius: 1.0, height: 1.0}\nmaterial: {model: linear_elastic, E: 1.0, nu: 0.3}\n"
-            "indenter: {shape: cone, half_angle: 70.0}\nloading: {delta: 0.1}\nmesh: {refinements: 1}\n"
+            "body: {shape: cylinder, radius: 1.0, height: 1.0}\nmaterial: {model: "
+            "linear_elastic, E: 1.0, nu: 0.3}\n"
+            "indenter: {shape: cone, half_angle: 70.0}\nloading: {delta: 0.1}\nmesh: "
+            "{refinements: 1}\n"
         )
 
 
@@ -472,8 +592,12 @@ def test_points_are_real_and_corners_are_whole(
         ("*ELEMENT, TYPE=", "*ELEMENT, ELSET=gel, TYPE=", "without an ELSET of their own"),
     ],
 )
-def test_an_abaqus_file_that_its_reader_mistakes_is_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
-    """meshio keeps the last of several lists of nodes, and gives the first ELSET to the first block."""
+def test_an_abaqus_file_that_its_reader_mistakes_is_refused(
+    tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    """meshio keeps the last of several lists of nodes, and gives the first ELSET to the first
+    block.
+    """
     path = write(tmp_path / "part.inp", section())
     path.write_text(path.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
     with pytest.raises(MeshFileError, match=words):
@@ -490,7 +614,8 @@ def test_a_file_in_several_pieces_is_refused(tmp_path: Path) -> None:
         scene(tmp_path, "part.vtu")
 
 
-# ---- files of strangers ----------------------------------------------------------------------------------------------
+# ---- files of strangers
+# ----------------------------------------------------------------------------------------------
 
 
 def test_links_lead_nowhere(tmp_path: Path) -> None:
@@ -509,8 +634,12 @@ def test_an_abaqus_file_includes_no_other(tmp_path: Path, word: str) -> None:
         scene(tmp_path, "part.inp")
 
 
-@pytest.mark.parametrize(("form", "where"), [("Binary", "/etc/passwd"), ("HDF", "../part.h5:/data0")])
-def test_an_xdmf_file_takes_numbers_from_beside_it_alone(tmp_path: Path, form: str, where: str) -> None:
+@pytest.mark.parametrize(
+    ("form", "where"), [("Binary", "/etc/passwd"), ("HDF", "../part.h5:/data0")]
+)
+def test_an_xdmf_file_takes_numbers_from_beside_it_alone(
+    tmp_path: Path, form: str, where: str
+) -> None:
     write(tmp_path / "part.xdmf", section())
     text = (tmp_path / "part.xdmf").read_text(encoding="utf-8")
     text = text.replace("part.h5:/data0", where).replace('Format="HDF"', f'Format="{form}"', 1)
@@ -570,7 +699,9 @@ NOT_REAL = [references, words, complex_numbers]
 
 
 def with_numbers(folder: Path, kept: Callable[[h5py.File], None]) -> None:
-    """An XDMF file whose points are kept in some way in the HDF5 file beside it; another one has them as they were."""
+    """An XDMF file whose points are kept in some way in the HDF5 file beside it; another one has
+    them as they were.
+    """
     write(folder / "part.xdmf", section())
     shutil.copy(folder / "part.h5", folder / "other.h5")
     with h5py.File(folder / "part.h5", "a") as store:
@@ -585,14 +716,18 @@ def with_numbers(folder: Path, kept: Callable[[h5py.File], None]) -> None:
         *((k, "which are not real") for k in NOT_REAL),
     ],
 )
-def test_an_hdf5_file_has_its_numbers_itself(tmp_path: Path, kept: Callable[[h5py.File], None], said: str) -> None:
+def test_an_hdf5_file_has_its_numbers_itself(
+    tmp_path: Path, kept: Callable[[h5py.File], None], said: str
+) -> None:
     with_numbers(tmp_path, kept)
     with pytest.raises(MeshFileError, match=f"takes its numbers from '/data0'.*{said}"):
         scene(tmp_path, "part.xdmf")
 
 
 def test_no_link_on_the_way_to_numbers_leads_out(tmp_path: Path) -> None:
-    """Each level is looked at: a group may be a link as well. And its reader takes any element for a DataItem."""
+    """Each level is looked at: a group may be a link as well. And its reader takes any element for
+    a DataItem.
+    """
     with_numbers(tmp_path, lambda store: store.update(away=h5py.ExternalLink("other.h5", "/")))
     text = (tmp_path / "part.xdmf").read_text(encoding="utf-8")
     text = text.replace("/data0", "/away/data0").replace("DataItem", "Anything")
@@ -610,7 +745,9 @@ def zeros_that_take_no_room(store: h5py.File) -> None:
 
 
 @pytest.mark.parametrize("kept", [unfolding_numbers, zeros_that_take_no_room])
-def test_a_few_bytes_do_not_fill_the_memory(tmp_path: Path, kept: Callable[[h5py.File], None]) -> None:
+def test_a_few_bytes_do_not_fill_the_memory(
+    tmp_path: Path, kept: Callable[[h5py.File], None]
+) -> None:
     with_numbers(tmp_path, kept)
     with pytest.raises(MeshFileError, match="it may take 10 s and 500 MB"):
         scene(tmp_path, "part.xdmf")
@@ -619,9 +756,18 @@ def test_a_few_bytes_do_not_fill_the_memory(tmp_path: Path, kept: Callable[[h5py
 @pytest.mark.parametrize("name", ["part.msh", "part.xdmf", "part.vtu", "part.inp"])
 @pytest.mark.parametrize(
     "content",
-    [b"", b"no mesh\n", b"\x00\xff" * 50, b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n", b"*NODE\n1, a, b\n", b"<Xdmf/>"],
+    [
+        b"",
+        b"no mesh\n",
+        b"\x00\xff" * 50,
+        b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n",
+        b"*NODE\n1, a, b\n",
+        b"<Xdmf/>",
+    ],
 )
-def test_what_is_no_mesh_is_an_error_of_the_scene(tmp_path: Path, name: str, content: bytes) -> None:
+def test_what_is_no_mesh_is_an_error_of_the_scene(
+    tmp_path: Path, name: str, content: bytes
+) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(ConfigError) as refused:
         scene(tmp_path, name)

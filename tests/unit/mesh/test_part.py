@@ -1,4 +1,6 @@
-"""The modelled part: what its outline encloses, how far its walls are, which facets lie on which surface."""
+"""The modelled part: what its outline encloses, how far its walls are, which facets lie on which
+surface.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,10 @@ def part_of(outline: tuple[Side, ...]) -> Part:
 @pytest.mark.parametrize(("symmetry", "copies"), [("full", 1), ("half", 2), ("quarter", 4)])
 def test_copies_of_the_outline_are_the_whole_cross_section(symmetry: str, copies: int) -> None:
     """Arcs are circles: pi R^2 and lx ly to rounding, whatever is cut away."""
-    for body, area in ((CYLINDER, pi * CYLINDER["radius"] ** 2), (BOX, BOX["size"][0] * BOX["size"][1])):
+    for body, area in (
+        (CYLINDER, pi * CYLINDER["radius"] ** 2),
+        (BOX, BOX["size"][0] * BOX["size"][1]),
+    ):
         part = scene(body, mesh={"symmetry": symmetry, "h_contact": 0.2}).physics.part
         assert part.copies == copies
         assert part.copies * part.area == pytest.approx(area, rel=1e-12)
@@ -35,7 +40,10 @@ def test_what_is_modelled_lies_where_x_and_y_grow(body: dict[str, Any]) -> None:
     for symmetry, planes in (("half", 1), ("quarter", 2)):
         base = scene(body, mesh={"symmetry": symmetry, "h_contact": 0.2})
         lows = [low for low, _ in base.physics.part.extent[:2]]
-        assert sum(low == pytest.approx(c) for low, c in zip(lows, base.physics.center, strict=True)) == planes
+        assert (
+            sum(low == pytest.approx(c) for low, c in zip(lows, base.physics.center, strict=True))
+            == planes
+        )
 
 
 def test_a_side_knows_its_normal_and_an_arc_has_none() -> None:
@@ -47,7 +55,10 @@ def test_a_side_knows_its_normal_and_an_arc_has_none() -> None:
 
 
 def test_walls_are_as_far_from_the_tip_as_they_are_drawn() -> None:
-    off = {"indenter": {"shape": "paraboloid", "R": 1.0, "center": [0.3, 0.0]}, "mesh": {"h_contact": 0.2}}
+    off = {
+        "indenter": {"shape": "paraboloid", "R": 1.0, "center": [0.3, 0.0]},
+        "mesh": {"h_contact": 0.2},
+    }
     found = scene(CYLINDER, **off)
     distances = found.physics.part.distances(found.physics.center)
     assert distances == pytest.approx({"r_max": CYLINDER["radius"] - 0.3, "y_min": 0.0})
@@ -63,7 +74,9 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 def test_facets_are_on_the_surface_that_holds_their_corners() -> None:
     part = part_of(polygon(("base", "x_max", "top", "x_min"), tuple(map(tuple, SQUARE.tolist()))))
     found = named_surfaces(SQUARE, np.array([[0, 1, 2], [0, 2, 3]]), part, finest=0.5)
-    edges = {name: {frozenset(facet) for facet in facets.tolist()} for name, facets in found.items()}
+    edges = {
+        name: {frozenset(facet) for facet in facets.tolist()} for name, facets in found.items()
+    }
     assert edges == {
         "base": {frozenset({0, 1})},
         "x_max": {frozenset({1, 2})},
@@ -79,7 +92,9 @@ def test_a_chord_between_points_of_an_arc_is_no_surface() -> None:
     arc = Side("top", (1.0, 0.0), (-1.0, 0.0), middle=(0.0, 0.0))
     part = part_of((arc, Side("base", (-1.0, 0.0), (1.0, 0.0))))
     found = named_surfaces(points, np.array([[0, 1, 2], [0, 2, 3]]), part, finest=0.5)
-    assert {frozenset(facet) for facet in found["top"].tolist()} == {frozenset({k, k + 1}) for k in range(3)}
+    assert {frozenset(facet) for facet in found["top"].tolist()} == {
+        frozenset({k, k + 1}) for k in range(3)
+    }
     assert part.area == pytest.approx(pi / 2, rel=1e-12)
 
 
@@ -87,7 +102,9 @@ QUARTER = Side("top", (1.0, -1.0), (0.0, 0.0), middle=(0.0, -1.0))  # of the cir
 
 
 def test_an_arc_is_no_further_than_its_ends() -> None:
-    """Points of its circle beyond them are as far as the nearer end; rounding at the ends themselves."""
+    """Points of its circle beyond them are as far as the nearer end; rounding at the ends
+    themselves.
+    """
     angle = np.radians([0.0, 30.0, 90.0, 120.0, -90.0])
     away = QUARTER.distance(np.cos(angle), -1 + np.sin(angle))
     assert away == pytest.approx([0, 0, 0, 2 * np.sin(np.radians(15)), sqrt(2)], abs=1e-15)
@@ -106,7 +123,9 @@ def test_an_arc_is_no_further_than_its_ends() -> None:
 def test_the_section_of_a_round_body_encloses_its_volume(body: dict, volume: float) -> None:
     """pi h (3 b^2 + h^2)/6, from the outline's points by Pappus' rule; arcs by 2000 chords: 1e-6."""
     part = scene(body, mesh={"h_contact": 0.2}).physics.part
-    scale = {"ball": 2.0 if body.get("base") else 1.0, "cap": body.get("height", 0.0)}[body["shape"]]
+    scale = {"ball": 2.0 if body.get("base") else 1.0, "cap": body.get("height", 0.0)}[
+        body["shape"]
+    ]
     total = 0.0
     for side in part.outline:
         share = np.linspace(0, 1, 2001)
@@ -124,9 +143,13 @@ def test_the_halves_of_a_ball_are_two_surfaces() -> None:
     """Both are arcs of one circle: each facet is on the one whose ends are around it."""
     part = scene({"shape": "ball", "radius": 1.0, "base": "fixed"}).physics.part
     angle = np.radians([-90.0, -45.0, 0.0, 45.0, 90.0])
-    points = np.vstack([[0.0, -0.5], np.column_stack([0.5 * np.cos(angle), -0.5 + 0.5 * np.sin(angle)])])
+    points = np.vstack(
+        [[0.0, -0.5], np.column_stack([0.5 * np.cos(angle), -0.5 + 0.5 * np.sin(angle)])]
+    )
     found = named_surfaces(points, np.array([[0, k, k + 1] for k in range(1, 5)]), part, finest=0.1)
-    assert {name: {frozenset(facet) for facet in found[name].tolist()} for name in ("top", "base")} == {
+    assert {
+        name: {frozenset(facet) for facet in found[name].tolist()} for name in ("top", "base")
+    } == {
         "top": {frozenset({3, 4}), frozenset({4, 5})},
         "base": {frozenset({1, 2}), frozenset({2, 3})},
     }
@@ -134,9 +157,13 @@ def test_the_halves_of_a_ball_are_two_surfaces() -> None:
 
 @pytest.mark.parametrize("radius", [1.0, 1e6])
 def test_a_chord_is_lifted_to_the_sphere(radius: float) -> None:
-    """Along the radius: -r^2/(radius + root) there, to rounding of the height itself beside a far larger ball."""
+    """Along the radius: -r^2/(radius + root) there, to rounding of the height itself beside a far
+    larger ball.
+    """
     r = np.array([1e-6, 1e-3, 0.1, 0.6])
     z = -r * r / (radius + np.sqrt(radius**2 - r * r))
     on_r, on_z = on_dome(radius, r, z * (1 + 0.1 * np.arange(4)))
-    assert on_z == pytest.approx(-on_r * on_r / (radius + np.sqrt(radius**2 - on_r * on_r)), rel=1e-9)
+    assert on_z == pytest.approx(
+        -on_r * on_r / (radius + np.sqrt(radius**2 - on_r * on_r)), rel=1e-9
+    )
     assert on_dome(radius, r, z)[1] == pytest.approx(z, rel=1e-12)

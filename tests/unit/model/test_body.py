@@ -21,19 +21,27 @@ from indent_sim.model.units import Scales
 TINY = 1e-14  # rounding of numbers near 1
 
 
-@pytest.mark.parametrize(("base_radius", "height"), [(2.0, 1.0), (1.0, 1.0), (1.0, 3.0), (100.0, 1.0)])
+@pytest.mark.parametrize(
+    ("base_radius", "height"), [(2.0, 1.0), (1.0, 1.0), (1.0, 3.0), (100.0, 1.0)]
+)
 def test_a_cap_stands_on_its_base_radius(base_radius: float, height: float) -> None:
-    """Its foot is on the ball about (0, -radius), at its height; where it overhangs it is as wide as the ball."""
+    """Its foot is on the ball about (0, -radius), at its height; where it overhangs it is as wide
+    as the ball.
+    """
     dome = Cap(base_radius, height).dome
     r, z = dome.foot
     assert (r, z) == (pytest.approx(base_radius, rel=TINY), -height)
     assert np.hypot(r, z + dome.radius) == pytest.approx(dome.radius, rel=TINY)
-    assert dome.rim_distance((0.0, 0.0)) == pytest.approx(dome.radius if height > dome.radius else base_radius)
+    assert dome.rim_distance((0.0, 0.0)) == pytest.approx(
+        dome.radius if height > dome.radius else base_radius
+    )
 
 
 @pytest.mark.parametrize("angle", [10.0, 90.0, 150.0])
 def test_a_contact_angle_is_between_base_and_surface(angle: float) -> None:
-    """At the foot the surface is normal to the ball's radius there, which turns from the axis by the contact angle."""
+    """At the foot the surface is normal to the ball's radius there, which turns from the axis by
+    the contact angle.
+    """
     dome = Cap(2.0, contact_angle=angle).dome
     r, z = dome.foot
     assert np.degrees(np.arctan2(r, z + dome.radius)) == pytest.approx(angle, rel=1e-12)
@@ -42,7 +50,11 @@ def test_a_contact_angle_is_between_base_and_surface(angle: float) -> None:
 def test_half_a_ball_stands_for_one_between_plates() -> None:
     between, bonded = Ball(3.0).dome, Ball(3.0, base="fixed").dome
     assert (between.height, between.pieces, between.foot) == (3.0, 2, (3.0, -3.0))
-    assert (bonded.height, bonded.pieces, bonded.foot) == (6.0, 1, (3.0, -3.0))  # bonded below its equator
+    assert (bonded.height, bonded.pieces, bonded.foot) == (
+        6.0,
+        1,
+        (3.0, -3.0),
+    )  # bonded below its equator
 
 
 def test_what_is_seen_from_above_has_equal_areas() -> None:
@@ -63,16 +75,27 @@ def test_pieces_share_approach_and_energy() -> None:
 
 MATTER = LinearElastic(E=1.0, nu=0.3)
 PLACE = (0.1, -0.2, 0.3)
-POINTS = ((2.0, 1.0, 0.5), (0.1, -0.2, 3.0), (0.1, -0.2, 0.35), (0.0, 0.0, -5.0), (0.4, -0.1, 0.32), (0.1, 1.0, 0.3))
+POINTS = (
+    (2.0, 1.0, 0.5),
+    (0.1, -0.2, 3.0),
+    (0.1, -0.2, 0.35),
+    (0.0, 0.0, -5.0),
+    (0.4, -0.1, 0.32),
+    (0.1, 1.0, 0.3),
+)
 
 
 def on_unit_ball(count: int) -> np.ndarray:
     """Points spread evenly (count, 3): a spiral of the golden angle."""
     z, turn = 1 - (2 * np.arange(count) + 1) / count, np.pi * (3 - np.sqrt(5)) * np.arange(count)
-    return np.column_stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z])
+    return np.column_stack(
+        [np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z]
+    )
 
 
-@pytest.mark.parametrize("semi_axes", [(1.0, 1.0, 1.0), (0.3, 0.5, 0.9), (1.0, 1.0, 0.1), (0.02, 1.0, 0.5)])
+@pytest.mark.parametrize(
+    "semi_axes", [(1.0, 1.0, 1.0), (0.3, 0.5, 0.9), (1.0, 1.0, 0.1), (0.02, 1.0, 0.5)]
+)
 def test_an_ellipsoid_ends_where_its_surface_is(semi_axes: tuple[float, ...]) -> None:
     """Nearest and farthest of 4e5 points of it, 0.006 apart, along all axes and along two: 1e-4."""
     found = EllipsoidInclusion(PLACE, semi_axes, MATTER)
@@ -90,13 +113,20 @@ def test_an_ellipsoid_ends_where_its_surface_is(semi_axes: tuple[float, ...]) ->
 
 def test_an_ellipsoid_of_equal_semi_axes_is_a_ball() -> None:
     """Whatever is asked of either, to rounding; the distance of many points at once too."""
-    ball, round_ = BallInclusion(PLACE, 0.4, MATTER), EllipsoidInclusion(PLACE, (0.4, 0.4, 0.4), MATTER)
+    ball, round_ = (
+        BallInclusion(PLACE, 0.4, MATTER),
+        EllipsoidInclusion(PLACE, (0.4, 0.4, 0.4), MATTER),
+    )
     for point in POINTS:
         assert round_.holds(point) == ball.holds(point)
         assert round_.distance(point) == pytest.approx(ball.distance(point), rel=1e-14, abs=1e-15)
         assert round_.farthest(point) == pytest.approx(ball.farthest(point), rel=1e-11)
-        assert round_.farthest(point, (0, 1)) == pytest.approx(ball.farthest(point, (0, 1)), rel=1e-11)
-    assert round_.distance(np.array(POINTS).T) == pytest.approx(ball.distance(np.array(POINTS).T), abs=1e-15)
+        assert round_.farthest(point, (0, 1)) == pytest.approx(
+            ball.farthest(point, (0, 1)), rel=1e-11
+        )
+    assert round_.distance(np.array(POINTS).T) == pytest.approx(
+        ball.distance(np.array(POINTS).T), abs=1e-15
+    )
     assert (round_.volume, round_.thinnest) == (pytest.approx(ball.volume), ball.thinnest)
     assert round_.is_about(PLACE[:2]) and not round_.is_about((0.0, 0.0))
 

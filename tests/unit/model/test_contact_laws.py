@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from indent_sim.model.contact import Adhesion, AugmentedLagrangian, AutoContact, ContactLaw, Nitsche, Penalty
+from indent_sim.model.contact import (
+    Adhesion,
+    AugmentedLagrangian,
+    AutoContact,
+    ContactLaw,
+    Nitsche,
+    Penalty,
+)
 
 ADHESION = Adhesion(work=0.1, range=0.01)
 ROUGH, STUCK = AugmentedLagrangian(friction=0.3), AugmentedLagrangian(friction="stick")
@@ -13,7 +20,10 @@ ROUGH, STUCK = AugmentedLagrangian(friction=0.3), AugmentedLagrangian(friction="
 @pytest.mark.parametrize("law", [AugmentedLagrangian(), Penalty(), AutoContact(), Nitsche()])
 def test_a_smooth_tip_stands_against_nothing(law: ContactLaw) -> None:
     assert law.is_conservative and not (law.has_memory or law.slips or law.is_bonded)
-    assert law.path_key == law.beyond_theory == law.beyond_curve == law.unsymmetric == "" and law.remedies == ()
+    assert (
+        law.path_key == law.beyond_theory == law.beyond_curve == law.unsymmetric == ""
+        and law.remedies == ()
+    )
 
 
 @pytest.mark.parametrize("law", [ROUGH, STUCK, AutoContact(friction=0.3)])
@@ -34,7 +44,9 @@ def test_adhesion_is_named() -> None:
 
 def test_a_condensed_body_has_no_penalty_that_rubs() -> None:
     assert Penalty().uncondensed == "" and "penalty" in Penalty(friction=0.3).uncondensed
-    assert ROUGH.uncondensed == "" and "adheres" in AugmentedLagrangian(adhesion=ADHESION).uncondensed
+    assert (
+        ROUGH.uncondensed == "" and "adheres" in AugmentedLagrangian(adhesion=ADHESION).uncondensed
+    )
 
 
 def test_what_may_help_where_no_equilibrium_is_found() -> None:

@@ -1,4 +1,6 @@
-"""Coulomb's law at a point: against its variational form, a path in small steps, and UFL against numpy."""
+"""Coulomb's law at a point: against its variational form, a path in small steps, and UFL against
+numpy.
+"""
 
 from __future__ import annotations
 
@@ -24,11 +26,17 @@ TRACTIONS = [(0.3, 0.1), (-0.02, 0.05), (0.0, -2.0), (0.08, 0.06)]
 @pytest.mark.parametrize("t_hat", TRACTIONS)
 @pytest.mark.parametrize("p", [0.0, 0.3, 5.0])
 def test_the_traction_is_the_nearest_within_the_bound(t_hat: tuple[float, float], p: float) -> None:
-    """Of all tractions no longer than friction p none is nearer to the trial one; a grid of angles and lengths."""
+    """Of all tractions no longer than friction p none is nearer to the trial one; a grid of angles
+    and lengths.
+    """
     point = CoulombPoint(0.4, p, t_hat)
     t = [point.share * c for c in t_hat]
     assert hypot(*t) <= 0.4 * p * (1 + 1e-12)
-    within = [(r * 0.4 * p * cos(k * pi / 180), r * 0.4 * p * sin(k * pi / 180)) for k in range(360) for r in (0.5, 1)]
+    within = [
+        (r * 0.4 * p * cos(k * pi / 180), r * 0.4 * p * sin(k * pi / 180))
+        for k in range(360)
+        for r in (0.5, 1)
+    ]
     nearest = min(hypot(t_hat[0] - x, t_hat[1] - y) for x, y in within)
     assert hypot(t_hat[0] - t[0], t_hat[1] - t[1]) <= nearest + 1e-12
 
@@ -39,19 +47,25 @@ def test_no_traction_of_stick_is_bounded() -> None:
 
 
 def test_heat_is_traction_times_way_at_constant_pressure() -> None:
-    """A spring epsilon_t drags a point with p = 2 along x: it slips by what the spring does not give."""
+    """A spring epsilon_t drags a point with p = 2 along x: it slips by what the spring does not
+    give.
+    """
     friction, p, epsilon_t, moved = 0.3, 2.0, 50.0, 0.1
     point = CoulombPoint(friction, p, [epsilon_t * moved])
     t = [point.share * point.t_hat[0]]
     slid = [(point.t_hat[0] - t[0]) / epsilon_t]
     assert slid[0] == pytest.approx(moved - friction * p / epsilon_t, rel=1e-12)
     assert point.heat(t, slid, p) == pytest.approx(friction * p * slid[0], rel=1e-12)
-    assert point.heat(t, slid, 0.0) == pytest.approx(friction * p * slid[0] / 2, rel=1e-12)  # it came into contact
+    assert point.heat(t, slid, 0.0) == pytest.approx(
+        friction * p * slid[0] / 2, rel=1e-12
+    )  # it came into contact
     assert CoulombPoint(friction, p, [0.5]).heat([0.5], [0.0], p) == 0.0
 
 
 def test_what_leaves_rubs_with_half_its_pressure() -> None:
-    """Over a way of 0.1, of which a third is left, with friction 0.3 and a pressure that falls from 2 to 0."""
+    """Over a way of 0.1, of which a third is left, with friction 0.3 and a pressure that falls from
+    2 to 0.
+    """
     assert heat_of_leaving(0.3, 2.0, [0.1], 2 / 3) == pytest.approx(0.3 * 1.0 * 0.1 / 3, rel=1e-12)
 
 
@@ -76,13 +90,17 @@ def test_numpy_and_ufl_agree(t_hat: tuple[float, float], p: float) -> None:
         return [point.room, *t, point.heat(t, t_hat, 0.2), heat_of_leaving(0.4, p, t_hat, way)]
 
     ours = numbers(p, t_hat, 0.02)
-    p_, x, y, opening = (ufl.variable(ufl.as_ufl(float(c))) for c in (p, *t_hat, 0.02))  # which UFL does not fold
+    p_, x, y, opening = (
+        ufl.variable(ufl.as_ufl(float(c))) for c in (p, *t_hat, 0.02)
+    )  # which UFL does not fold
     theirs = [float(ufl.as_ufl(one)(())) for one in numbers(p_, [x, y], opening)]
     assert theirs == pytest.approx([float(one) for one in ours], rel=1e-12, abs=1e-15)
 
 
 def test_a_law_says_what_it_does_to_an_equilibrium() -> None:
-    smooth, rough, bonded = (AugmentedLagrangian(friction=friction) for friction in (0.0, 0.3, "stick"))
+    smooth, rough, bonded = (
+        AugmentedLagrangian(friction=friction) for friction in (0.0, 0.3, "stick")
+    )
     assert [law.is_conservative for law in (smooth, rough, bonded)] == [True, False, False]
     assert [law.has_memory for law in (smooth, rough, bonded)] == [False, True, True]
     assert [law.is_bonded for law in (smooth, rough, bonded)] == [False, False, True]

@@ -1,4 +1,6 @@
-"""An experiment without units: the same numbers whatever units the scene came in; the points of a history."""
+"""An experiment without units: the same numbers whatever units the scene came in; the points of a
+history.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ def numbers(part: Any) -> list[float]:
 
 
 def in_units(length: float, force: float, dim: int) -> Experiment:
-    """One experiment in units of so many meters and newtons, in plane strain newtons per meter; times in seconds."""
+    """One experiment in units of so many meters and newtons, in plane strain newtons per meter;
+    times in seconds.
+    """
     work = force / length if dim == 3 else force  # energy per area: pressure times length
     return Experiment(
         JKRAdhesion(2e-3 / work, 3e-9 / length),
@@ -56,7 +60,11 @@ def test_a_history_has_a_row_at_every_point() -> None:
     assert history is not None and history.jumps and not history.comes_back and history.span == 3.0
     rows = [(row.t, row.value, row.branch) for row in history.instants]
     assert [(t, value) for t, value, _ in rows if (t, value) in points] == list(points)
-    assert [branch for t, _, branch in rows if t == 1.0] == ["hold", "retract"] and rows[-1] == (3.0, 0.0, "retract")
+    assert [branch for t, _, branch in rows if t == 1.0] == ["hold", "retract"] and rows[-1] == (
+        3.0,
+        0.0,
+        "retract",
+    )
     through = history.through_its_times
     assert set(through.points) - set(points) == {(0.25, 0.5), (2.0, 0.1)} and not through.times
     assert through.without_units(0.1).largest == pytest.approx(5.0, rel=1e-15)

@@ -1,4 +1,6 @@
-"""Gels in closed form: stresses of homogeneous swelling, small strain, free and held swelling; permeabilities."""
+"""Gels in closed form: stresses of homogeneous swelling, small strain, free and held swelling;
+permeabilities.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ each_gel = pytest.mark.parametrize("gel", GELS)
 def along(energy: Any, F: np.ndarray, direction: np.ndarray, order: int) -> float:
     """Derivative of psi at F along a direction, by the law's own UFL expression."""
     t = ufl.variable(ufl.as_ufl(0.0))
-    H = [[float(F[i, j] - (i == j)) + t * float(direction[i, j]) for j in range(3)] for i in range(3)]
+    H = [
+        [float(F[i, j] - (i == j)) + t * float(direction[i, j]) for j in range(3)] for i in range(3)
+    ]
     expression = energy(ufl.as_matrix(H))
     for _ in range(order):
         expression = ufl.diff(expression, t)
@@ -50,7 +54,9 @@ def axis(i: int) -> np.ndarray:
 
 
 def principal_stress(gel: Gel, s: np.ndarray, bath_pressure: float = 0.0) -> np.ndarray:
-    """Nominal stresses of a gel in equilibrium with its bath (Hong et al. 2008), by stretches from its reference."""
+    """Nominal stresses of a gel in equilibrium with its bath (Hong et al. 2008), by stretches from
+    its reference.
+    """
     G, n, chi, l = gel.G, gel.n_omega, gel.chi, gel.stretch
     assert isinstance(l, float)
     grown, J = float(np.prod(s)), l**3 * float(np.prod(s))
@@ -62,13 +68,21 @@ def principal_stress(gel: Gel, s: np.ndarray, bath_pressure: float = 0.0) -> np.
 
 @pytest.mark.parametrize(
     ("gel", "stretches"),
-    [*((gel, (1.1, 0.95, 1.07)) for gel in GELS), (SOFT, (1.3, 1.2, 1.4)), (FIRM, (0.99, 1.02, 0.985))],
+    [
+        *((gel, (1.1, 0.95, 1.07)) for gel in GELS),
+        (SOFT, (1.3, 1.2, 1.4)),
+        (FIRM, (0.99, 1.02, 0.985)),
+    ],
 )
-def test_slopes_of_the_energy_are_the_stresses(gel: Gel, stretches: tuple[float, float, float]) -> None:
+def test_slopes_of_the_energy_are_the_stresses(
+    gel: Gel, stretches: tuple[float, float, float]
+) -> None:
     """Round-off of mu_free and of G/n, up to 5000 times G, is all that is left: 1e-11 of G/n."""
     s = np.array(stretches)
     expected = principal_stress(gel, s)
-    assert nominal_stress(gel, s) == pytest.approx(expected, rel=1e-10, abs=1e-11 * gel.G / gel.n_omega)
+    assert nominal_stress(gel, s) == pytest.approx(
+        expected, rel=1e-10, abs=1e-11 * gel.G / gel.n_omega
+    )
 
 
 @each_gel
@@ -77,11 +91,15 @@ def test_the_stress_of_swelling_is_the_slope_of_its_energy(gel: Gel) -> None:
     for s in (0.97, 1.0000001):
         slope = along(gel.energy, s * np.eye(3), np.eye(3), 1)
         growth = (s - 1) * (1 + s + s * s)
-        by_hand = 3 * gel.shear_modulus * (s - 1) * (s + 1) / s + 3 * s * s * float(gel.swelling_stress(growth))
+        by_hand = 3 * gel.shear_modulus * (s - 1) * (s + 1) / s + 3 * s * s * float(
+            gel.swelling_stress(growth)
+        )
         assert slope == pytest.approx(by_hand, rel=1e-9)
 
 
-OF_ONE_FORMULA = [pytest.param(gel, marks=pytest.mark.verify) for gel in (FIRM, HELD_OUT[1], HELD_OUT[3])]
+OF_ONE_FORMULA = [
+    pytest.param(gel, marks=pytest.mark.verify) for gel in (FIRM, HELD_OUT[1], HELD_OUT[3])
+]
 
 
 @pytest.mark.parametrize("gel", [SOFT, HELD_OUT[0], HELD_OUT[2], *OF_ONE_FORMULA])
@@ -101,7 +119,9 @@ def test_small_strain_constants(gel: Gel) -> None:
 @pytest.mark.parametrize("gel", [SOFT, HELD_OUT[0]])
 @pytest.mark.parametrize("size", [1e-4, 1e-8])
 def test_small_strains_keep_their_digits(gel: Gel, size: float) -> None:
-    """Energy and stress are those of Hooke's law up to the strain itself times the law's third derivatives."""
+    """Energy and stress are those of Hooke's law up to the strain itself times the law's third
+    derivatives.
+    """
     H = size * np.array([[0.3, 0.5, -0.2], [0.1, 0.6, 0.4], [-0.3, 0.2, 0.2]])
     E, nu = gel.constants
     mu, lam = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
@@ -119,18 +139,23 @@ def test_a_small_growth_keeps_all_digits(size: float) -> None:
     """Without rounding F: energy and stress of e itself, beside their next order."""
     lam = 1 / SOFT.inverse_stiffness
     assert float(SOFT.swelling_stress(size)) == pytest.approx(lam * size, rel=100 * size + 1e-12)
-    assert float(SOFT._energy_of_swelling(size)) == pytest.approx(lam * size * size / 2, rel=100 * size + 1e-12)
+    assert float(SOFT._energy_of_swelling(size)) == pytest.approx(
+        lam * size * size / 2, rel=100 * size + 1e-12
+    )
 
 
 @pytest.mark.parametrize("stretches", [(1.1, 0.95, 1.07), (1.2, 1.2, 1.3)])
-def test_a_mixed_energy_has_the_same_value_at_its_pressure(stretches: tuple[float, float, float]) -> None:
+def test_a_mixed_energy_has_the_same_value_at_its_pressure(
+    stretches: tuple[float, float, float],
+) -> None:
     """q = lambda e makes the mixed energy stationary, and equal to the other."""
     F, e = np.diag(stretches), float(np.prod(stretches)) - 1
     mixed = along(lambda H: FIRM.mixed_energy(H, e / FIRM.inverse_stiffness), F, axis(2), 0)
     assert mixed == pytest.approx(energy_of(FIRM, F), rel=1e-12)
 
 
-# ---- swelling ------------------------------------------------------------------------------------------------------
+# ---- swelling
+# ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -141,22 +166,35 @@ def test_a_mixed_energy_has_the_same_value_at_its_pressure(stretches: tuple[floa
     ],
 )
 def test_swelling_in_a_bath_of_no_potential(
-    gel: Gel, rest: float, shear: float, nu: float, nu_at_rest: float, bath: float, held: float, lateral: float
+    gel: Gel,
+    rest: float,
+    shear: float,
+    nu: float,
+    nu_at_rest: float,
+    bath: float,
+    held: float,
+    lateral: float,
 ) -> None:
     """Roots of the equations above by another program, to the digits that it printed."""
     digits = 5.1e-8
     assert gel.free_stretch(0.0) == pytest.approx(rest, abs=digits)
     assert gel.shear_modulus == pytest.approx(shear, abs=digits)
     assert gel.constants.nu == pytest.approx(nu, abs=digits)
-    assert replace(gel, stretch="auto").swollen_in(0.0).constants.nu == pytest.approx(nu_at_rest, abs=digits)
+    assert replace(gel, stretch="auto").swollen_in(0.0).constants.nu == pytest.approx(
+        nu_at_rest, abs=digits
+    )
     assert gel.bath_pressure(0.0) == pytest.approx(bath, abs=digits)
-    assert gel.held_swelling(float(gel.bath_pressure(0.0))) == pytest.approx((held, lateral), abs=digits)
+    assert gel.held_swelling(float(gel.bath_pressure(0.0))) == pytest.approx(
+        (held, lateral), abs=digits
+    )
 
 
 @each_gel
 def test_free_swelling_has_no_stress(gel: Gel) -> None:
     """At its own bath, and at any other: swelling by s freely is the same as a reference of l s."""
-    assert gel.free_stretch(float(gel.free_potential(gel.stretch))) == pytest.approx(gel.stretch, rel=1e-9)
+    assert gel.free_stretch(float(gel.free_potential(gel.stretch))) == pytest.approx(
+        gel.stretch, rel=1e-9
+    )
     assert gel.bath_pressure(gel.free_potential(gel.stretch)) == 0.0
     s = 1.05
     bath = float(gel.bath_pressure(gel.free_potential(gel.stretch * s)))
@@ -179,8 +217,10 @@ def test_held_swelling_pushes_nothing_along_its_free_axis(gel: Gel, share: float
 
 
 def test_a_reference_does_not_matter() -> None:
-    """The energy of the dry network is that of either reference, per its own volume, plus what the bath gave on the way
-    from one to the other: a gel pushed from l = 1.3 or from l = 1.5 has the same Cauchy stress at the same bath."""
+    """The energy of the dry network is that of either reference, per its own volume, plus what the
+    bath gave on the way from one to the other: a gel pushed from l = 1.3 or from l = 1.5 has the
+    same Cauchy stress at the same bath.
+    """
     other = replace(FIRM, stretch=1.5)
     total = np.array([1.7, 1.6, 1.45])  # of the dry network
     stresses = []
@@ -214,7 +254,8 @@ def test_a_gel_that_would_collapse_is_refused() -> None:
         assert gel.canonical() is gel
 
 
-# ---- permeability --------------------------------------------------------------------------------------------------
+# ---- permeability
+# --------------------------------------------------------------------------------------------------
 
 
 def test_solvent_moves_by_its_diffusivity() -> None:
@@ -225,7 +266,9 @@ def test_solvent_moves_by_its_diffusivity() -> None:
     assert SOFT.permeability(1e12, 2.0) == pytest.approx(2e-3, rel=1e-11)
 
 
-@pytest.mark.parametrize("law", [HolmesMow(M=2.0, phi0=0.2, alpha=2.0), HolmesMow(M=0.0, phi0=0.4, alpha=1.0)])
+@pytest.mark.parametrize(
+    "law", [HolmesMow(M=2.0, phi0=0.2, alpha=2.0), HolmesMow(M=0.0, phi0=0.4, alpha=1.0)]
+)
 def test_pores_widen_and_close(law: HolmesMow) -> None:
     assert law.factor(1.0) == pytest.approx(1.0, rel=1e-14)
     assert law.factor(law.phi0) == 0.0
@@ -239,5 +282,9 @@ def test_pores_widen_and_close(law: HolmesMow) -> None:
 @pytest.mark.parametrize("J", [0.7, 1.0, 1.3])
 def test_permeabilities_are_the_same_in_forms_and_in_numbers(J: float) -> None:
     law = HolmesMow(M=2.0, phi0=0.2, alpha=2.0)
-    assert law.factor(ufl.as_ufl(J) * ufl.as_ufl(1.0))(()) == pytest.approx(law.factor(J), rel=1e-14)
-    assert SOFT.permeability(ufl.as_ufl(J), 3.0)(()) == pytest.approx(SOFT.permeability(J, 3.0), rel=1e-14)
+    assert law.factor(ufl.as_ufl(J) * ufl.as_ufl(1.0))(()) == pytest.approx(
+        law.factor(J), rel=1e-14
+    )
+    assert SOFT.permeability(ufl.as_ufl(J), 3.0)(()) == pytest.approx(
+        SOFT.permeability(J, 3.0), rel=1e-14
+    )

@@ -34,7 +34,9 @@ def test_kappa_says_what_nu_says() -> None:
 
 
 def surface_compliance(C11: float, C13: float, C33: float, C44: float) -> float:
-    """w k/p of a half-space from its decaying waves: v' = A v for u_r, u_z, sigma_rz, sigma_zz of wavenumber k = 1."""
+    """w k/p of a half-space from its decaying waves: v' = A v for u_r, u_z, sigma_rz, sigma_zz of
+    wavenumber k = 1.
+    """
     A = np.array(
         [
             [0, 1, 1 / C44, 0],
@@ -51,16 +53,29 @@ def surface_compliance(C11: float, C13: float, C33: float, C44: float) -> float:
 
 @pytest.mark.parametrize(
     ("E", "E_z", "nu", "nu_z", "G_z"),
-    [(1, 2, 0.3, 0.4, 0.3), (3, 1, 0.1, 0.2, 2.0), (1, 1, -0.2, 0.3, 0.1), (0.2, 5, 0.3, 0.45, 1.0)],
+    [
+        (1, 2, 0.3, 0.4, 0.3),
+        (3, 1, 0.1, 0.2, 2.0),
+        (1, 1, -0.2, 0.3, 0.1),
+        (0.2, 5, 0.3, 0.45, 1.0),
+    ],
 )
 def test_indentation_modulus_is_that_of_the_decaying_waves(
     E: float, E_z: float, nu: float, nu_z: float, G_z: float
 ) -> None:
     # stiffnesses from the inverse of the compliance matrix of the directions 1, 2, 3 = z
-    S = np.array([[1 / E, -nu / E, -nu_z / E_z], [-nu / E, 1 / E, -nu_z / E_z], [-nu_z / E_z, -nu_z / E_z, 1 / E_z]])
+    S = np.array(
+        [
+            [1 / E, -nu / E, -nu_z / E_z],
+            [-nu / E, 1 / E, -nu_z / E_z],
+            [-nu_z / E_z, -nu_z / E_z, 1 / E_z],
+        ]
+    )
     C = np.linalg.inv(S)
     M = 2 / surface_compliance(C[0, 0], C[0, 2], C[2, 2], G_z)  # w = 2 p/(E* k)
-    assert TransverselyIsotropic(E=E, E_z=E_z, nu=nu, nu_z=nu_z, G_z=G_z).E_star == pytest.approx(M, rel=1e-12)
+    assert TransverselyIsotropic(E=E, E_z=E_z, nu=nu, nu_z=nu_z, G_z=G_z).E_star == pytest.approx(
+        M, rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("nu", [-0.5, 0.0, 0.3, 0.4999, 0.5])
@@ -74,8 +89,14 @@ WRONG = {
     "neither": ({"model": "gent", "mu": 1.0, "Jm": 9.0}, "exactly one of nu, kappa"),
     "both": ({"model": "yeoh", "C10": 1.0, "nu": 0.3, "kappa": 1.0}, "exactly one of nu, kappa"),
     "no_constants": ({"model": "mooney_rivlin", "nu": 0.3}, "shear modulus is 0; it must be > 0"),
-    "pulls": ({"model": "ogden", "mu": [1.0], "alpha": [-2.0], "nu": 0.3}, "shear modulus is -1; it must be > 0"),
-    "pairs": ({"model": "ogden", "mu": [1.0], "alpha": [2.0, 1.0], "nu": 0.3}, "1 entries and alpha 2"),
+    "pulls": (
+        {"model": "ogden", "mu": [1.0], "alpha": [-2.0], "nu": 0.3},
+        "shear modulus is -1; it must be > 0",
+    ),
+    "pairs": (
+        {"model": "ogden", "mu": [1.0], "alpha": [2.0, 1.0], "nu": 0.3},
+        "1 entries and alpha 2",
+    ),
     "zero": ({"model": "ogden", "mu": [1.0, 1.0], "alpha": [2.0, 0.0], "nu": 0.3}, "alpha of zero"),
     "empty": ({"model": "ogden", "nu": 0.3}, "mu"),
     "three": ({"model": "neo_hookean", "E": 1.0, "nu": 0.3, "mu": 1.0}, "exactly two of"),
@@ -85,11 +106,17 @@ WRONG = {
     "no_mu": ({"model": "gent", "Jm": 9.0, "nu": 0.3}, "material.mu: missing"),
     "no_C10": ({"model": "yeoh", "C20": 1.0, "nu": 0.3}, "material.C10: missing"),
     "no_lambda_m": ({"model": "arruda_boyce", "mu": 1.0, "nu": 0.3}, "material.lambda_m: missing"),
-    "no_G_z": ({key: value for key, value in AXIS.items() if key != "G_z"}, "material.G_z: missing"),
+    "no_G_z": (
+        {key: value for key, value in AXIS.items() if key != "G_z"},
+        "material.G_z: missing",
+    ),
     "nu_z": (AXIS | {"nu_z": 0.9}, "with these E, E_z and nu it must lie within +-0.83666"),
     "nu_across": (AXIS | {"nu": 1.0}, "must be > -1 and < 1, got 1.0"),
     "finite": (AXIS | {"mu": 1.0}, "has no parameter 'mu'"),
-    "lambda_m": ({"model": "arruda_boyce", "mu": 1.0, "lambda_m": 0.9, "nu": 0.3}, "must be > 1, got 0.9"),
+    "lambda_m": (
+        {"model": "arruda_boyce", "mu": 1.0, "lambda_m": 0.9, "nu": 0.3},
+        "must be > 1, got 0.9",
+    ),
 }
 
 

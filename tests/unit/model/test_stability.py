@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 from scenes import WALLED, scene
 
-from indent_sim.model.materials import ArrudaBoyce, Fung, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from indent_sim.model.materials import (
+    ArrudaBoyce,
+    Fung,
+    Gent,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    Yeoh,
+)
 from indent_sim.model.stability import MODES, instabilities, largest_strain, losses
 from indent_sim.model.tips import Sphere
 
@@ -23,29 +31,37 @@ STABLE = {
 
 
 def test_convex_laws_that_stiffen_steeply() -> None:
-    """sum mu_i/alpha_i exp(alpha_i e) is convex wherever every mu_i alpha_i > 0, also where it overflows."""
+    """sum mu_i/alpha_i exp(alpha_i e) is convex wherever every mu_i alpha_i > 0, also where it
+    overflows.
+    """
     draw = np.random.default_rng(25)
     for _ in range(40):
         alphas = draw.choice([-1.0, 1.0], size=2) * draw.uniform(1.0, 900.0, size=2)
         mus = draw.lognormal(0.0, 3.0, size=2) / alphas
         law = Ogden(mu=tuple(map(float, mus)), alpha=tuple(map(float, alphas)), nu=0.49)
         with np.errstate(all="ignore"):
-            assert [loss for strain in (0.1, 2.0) for loss in losses(law.energy_of_stretches, strain)] == []
+            assert [
+                loss for strain in (0.1, 2.0) for loss in losses(law.energy_of_stretches, strain)
+            ] == []
 
 
 @pytest.mark.parametrize("name", STABLE)
 def test_stable_laws(name: str) -> None:
-    """Each energy is a sum of convex functions of the logarithmic strains: exp(alpha e) with positive factors, or an
-    increasing convex function of such a sum."""
+    """Each energy is a sum of convex functions of the logarithmic strains: exp(alpha e) with
+    positive factors, or an increasing convex function of such a sum.
+    """
     assert losses(STABLE[name].energy_of_stretches, 0.7) == []
 
 
 def test_negative_C01_is_lost_where_it_is_by_hand() -> None:
-    """Equibiaxial, psi = 2 C10 e^2x + C10 e^-4x + C01 (2 e^-2x + e^4x); its second derivative along the path vanishes
-    where 8 C10 (x^2 + 2 x^-4) + C01 (8 x^-2 + 16 x^4) = 0, and across it, 4 C10 s^2 + 4 C01 s^-2 = 0, later. 1 %: the
-    stretches that are tried."""
+    """Equibiaxial, psi = 2 C10 e^2x + C10 e^-4x + C01 (2 e^-2x + e^4x); its second derivative along
+    the path vanishes where 8 C10 (x^2 + 2 x^-4) + C01 (8 x^-2 + 16 x^4) = 0, and across it, 4
+    C10 s^2 + 4 C01 s^-2 = 0, later. 1 %: the stretches that are tried.
+    """
     law = MooneyRivlin(C10=0.5, C01=-0.05, nu=0.5)
-    found = {(loss.mode, loss.stretch > 1): loss.stretch for loss in losses(law.energy_of_stretches, 1.0)}
+    found = {
+        (loss.mode, loss.stretch > 1): loss.stretch for loss in losses(law.energy_of_stretches, 1.0)
+    }
     s = np.linspace(1, 3, 100_001)
     along = 8 * law.C10 * (s**2 + 2 * s**-4) + law.C01 * (8 * s**-2 + 16 * s**4)
     assert found["equibiaxial", True] == pytest.approx(s[np.argmax(along < 0)], rel=0.01)
@@ -66,7 +82,10 @@ def test_the_scene_warns() -> None:
     sphere, deep = {"shape": "sphere", "R": 1.0}, {"delta": 0.4, "steps": 1}
     soft = {"model": "mooney_rivlin", "C10": 0.5, "C01": -0.05, "nu": 0.5}
     warned = scene(WALLED, material=soft, indenter=sphere, loading=deep).plan.warnings
-    assert any("mooney_rivlin loses its stability (Drucker) in equibiaxial tension" in text for text in warned)
+    assert any(
+        "mooney_rivlin loses its stability (Drucker) in equibiaxial tension" in text
+        for text in warned
+    )
     for material, loading in ((soft, {"delta": 0.01, "steps": 1}), (soft | {"C01": 0.05}, deep)):
         quiet = scene(WALLED, material=material, indenter=sphere, loading=loading).plan.warnings
         assert not any("stability" in text for text in quiet)
@@ -74,16 +93,22 @@ def test_the_scene_warns() -> None:
 
 @pytest.mark.parametrize("b", [1e-9, 1.0, 30.0, 1e4])
 def test_fung_has_no_warning(b: float) -> None:
-    """exp(b (I1 - 3)) is convex in logarithmic strains for every b > 0, also where no number holds it."""
+    """exp(b (I1 - 3)) is convex in logarithmic strains for every b > 0, also where no number holds
+    it.
+    """
     law = Fung(mu=1.0, b=b, nu=0.45)
     assert instabilities(law, 2.0) == []
-    assert b > 30 or losses(law.energy_of_stretches, 0.7) == []  # as the search finds too, while numbers hold it
+    assert (
+        b > 30 or losses(law.energy_of_stretches, 0.7) == []
+    )  # as the search finds too, while numbers hold it
 
 
 @pytest.mark.parametrize("nu", [-0.3, -0.1])
 def test_a_compressed_auxetic_body_is_warned_of(nu: float) -> None:
-    """Along l = exp(e) all round psi = 3 mu/2 (l^2 - 1) - 3 mu e + 9/2 lame_lambda e^2, whose second derivative by e,
-    6 mu l^2 + 9 lame_lambda, is zero where the warning says (three digits are told), and only for nu < 0."""
+    """Along l = exp(e) all round psi = 3 mu/2 (l^2 - 1) - 3 mu e + 9/2 lame_lambda e^2, whose
+    second derivative by e, 6 mu l^2 + 9 lame_lambda, is zero where the warning says (three
+    digits are told), and only for nu < 0.
+    """
     law, quiet = NeoHookean(E=1.0, nu=nu), NeoHookean(E=1.0, nu=0.3)
     (warned,) = instabilities(law, 1.5)
     lost = float(re.search(r"stretch of ([0-9.]+)", warned)[1])

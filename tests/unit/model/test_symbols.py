@@ -1,4 +1,6 @@
-"""The glossary is complete: no name in YAML, CSV or the states without a meaning, a sign and a dimension."""
+"""The glossary is complete: no name in YAML, CSV or the states without a meaning, a sign and a
+dimension.
+"""
 
 from __future__ import annotations
 
@@ -25,14 +27,26 @@ from indent_sim.studies.reference import scoreboard
 
 
 def yaml_fields() -> list[tuple[str, type, str]]:
-    """Section, dataclass and name of every key of the scene file; keys inside, and those of items, are of their own."""
+    """Section, dataclass and name of every key of the scene file; keys inside, and those of items,
+    are of their own.
+    """
     found = [("", Config, name) for name in Config.model_fields]
     for section, kinds in schema.sections().items():
         for kind in kinds:
             inside = {name: core(hint) for name, hint in hints(kind).items()}
-            owners = [(section, kind), *((section, hint) for hint in inside.values()), *inside.items()]
-            lists = {name: core(hint) for name, hint in hints(kind).items() if get_origin(core(hint)) is tuple}
-            owners += [(name, item) for name, hint in lists.items() for item in members(get_args(hint)[0])]
+            owners = [
+                (section, kind),
+                *((section, hint) for hint in inside.values()),
+                *inside.items(),
+            ]
+            lists = {
+                name: core(hint)
+                for name, hint in hints(kind).items()
+                if get_origin(core(hint)) is tuple
+            }
+            owners += [
+                (name, item) for name, hint in lists.items() for item in members(get_args(hint)[0])
+            ]
             found += [
                 (where, owner, name)
                 for where, owner in owners
@@ -55,7 +69,9 @@ def test_every_key_has_a_meaning(section, kind, name):
 def test_what_has_a_dimension_is_marked_with_it(section, kind):
     """Quantities are converted, and numbers scaled, by the marks."""
     for name, hint in hints(kind).items():
-        assert unit_of(hint) or lookup(name, section).dimension in ("1", "word"), f"mark {name} of {kind} with its unit"
+        assert unit_of(hint) or lookup(name, section).dimension in ("1", "word"), (
+            f"mark {name} of {kind} with its unit"
+        )
 
 
 @pytest.mark.parametrize("name", [*STATE_COLUMNS, *READINGS, "force_error", *SURFACE_COLUMNS])
@@ -63,7 +79,9 @@ def test_every_column_has_a_meaning(name):
     assert name in SYMBOLS, f"add {name} to indent_sim/model/symbols.py"
 
 
-@pytest.mark.parametrize("name", ["index", "run", *study_table.STUDY_COLUMNS, *scoreboard.SCOREBOARD_COLUMNS])
+@pytest.mark.parametrize(
+    "name", ["index", "run", *study_table.STUDY_COLUMNS, *scoreboard.SCOREBOARD_COLUMNS]
+)
 def test_every_column_of_a_study_has_a_meaning(name):
     assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
 
@@ -123,13 +141,25 @@ def test_the_page_of_the_scene_file_says_which_sections_another_may_replace():
     layers = [{"material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3}}]
     body, loading = {"shape": "half_space", "layers": layers}, {"history": [[0, 0], [1, 0.01]]}
     from_mapping({"body": body, "indenter": {"shape": "sphere", "R": 1.0}, "loading": loading})
-    rows = [row.split(" | ") for row in config_markdown().splitlines() if "](#" in row and "**required**" in row]
-    unless = {row[0].strip("| [`").split("`")[0]: "unless" in row[1] for row in rows if not row[0].endswith("[]")}
+    rows = [
+        row.split(" | ")
+        for row in config_markdown().splitlines()
+        if "](#" in row and "**required**" in row
+    ]
+    unless = {
+        row[0].strip("| [`").split("`")[0]: "unless" in row[1]
+        for row in rows
+        if not row[0].endswith("[]")
+    }
     assert {name for name, is_conditional in unless.items() if is_conditional} == {"material"}
 
 
 def test_the_page_of_the_scene_file_has_every_key():
     page = config_markdown()
-    missing = [name for section, kind, name in yaml_fields() if section and not re.search(f"[`.]{name}", page)]
+    missing = [
+        name
+        for section, kind, name in yaml_fields()
+        if section and not re.search(f"[`.]{name}", page)
+    ]
     walls = {"x_min", "x_max", "y_min", "y_max"}  # named in the row of `sides`
     assert set(missing) <= walls

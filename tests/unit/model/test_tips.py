@@ -79,14 +79,20 @@ def test_height_is_convex_continuous_and_starts_at_the_apex(tip: Indenter) -> No
     assert tip.height(np.array(0.0), np.array(0.0)) == approx(0.0, abs=1e-15)
     (x, y), (x_2, y_2) = POINTS, np.roll(POINTS, 1, axis=1)
     between = np.asarray(tip.height((x + x_2) / 2, (y + y_2) / 2))
-    assert np.all(between <= (np.asarray(tip.height(x, y)) + np.asarray(tip.height(x_2, y_2))) / 2 + 1e-12)
+    assert np.all(
+        between <= (np.asarray(tip.height(x, y)) + np.asarray(tip.height(x_2, y_2))) / 2 + 1e-12
+    )
     step = 1e-9  # no jump: the steepest of these tips rises by 2.5 a length
-    assert np.abs(np.asarray(tip.height(x + step, y)) - np.asarray(tip.height(x, y))).max() < 3 * step
+    assert (
+        np.abs(np.asarray(tip.height(x + step, y)) - np.asarray(tip.height(x, y))).max() < 3 * step
+    )
 
 
 @pytest.mark.parametrize("tip", SMOOTH.values(), ids=SMOOTH)
 def test_smooth_tips_have_a_continuous_slope(tip: Indenter) -> None:
-    """Second differences over a step h stay below h^2/radius; a corner would leave its jump times h."""
+    """Second differences over a step h stay below h^2/radius; a corner would leave its jump times
+    h.
+    """
     x, y = POINTS
     h = 1e-4
     for a, b in ((1.0, 0.0), (0.0, 1.0), (0.6, 0.8)):
@@ -96,7 +102,10 @@ def test_smooth_tips_have_a_continuous_slope(tip: Indenter) -> None:
 
 @pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
 def test_current_gap_vanishes_on_the_tip_and_is_a_length(tip: Indenter) -> None:
-    """Zero where depth = height; there, a step along the normal changes it by the step. Open below, closed above."""
+    """Zero where depth = height; there, a step along the normal changes it by the step.
+
+    Open below, closed above.
+    """
     x, y = POINTS
     z = np.asarray(tip.height(x, y), dtype=float)
     assert np.abs(tip.gap_current(x, y, z)).max() < 1e-12
@@ -104,7 +113,9 @@ def test_current_gap_vanishes_on_the_tip_and_is_a_length(tip: Indenter) -> None:
     gradient = np.array(
         [
             np.asarray(tip.gap_current(*(c + h * e for c, e in zip((x, y, z), step, strict=True))))
-            - np.asarray(tip.gap_current(*(c - h * e for c, e in zip((x, y, z), step, strict=True))))
+            - np.asarray(
+                tip.gap_current(*(c - h * e for c, e in zip((x, y, z), step, strict=True)))
+            )
             for step in np.eye(3)
         ]
     ) / (2 * h)
@@ -120,55 +131,78 @@ DEPTHS = np.linspace(-1.0, 8.0, 1801)
 
 @pytest.mark.parametrize("name", sorted(TIPS.keys() - {"sphere"}))
 def test_the_gap_falls_with_the_depth(name: str) -> None:
-    """Wherever a point is, however deep the tip: what it has passed does not come free again. To rounding."""
+    """Wherever a point is, however deep the tip: what it has passed does not come free again.
+
+    To rounding.
+    """
     gap = TIPS[name].gap_current(*(c[:, None] for c in 3 * POINTS), DEPTHS)
     assert np.all(np.isfinite(gap)) and np.diff(gap).max() < 1e-12
 
 
 @pytest.mark.parametrize("edge", [1e-6, 0.3, 0.999999])
 def test_the_gap_of_a_punch_does_not_jump(edge: float) -> None:
-    """From under the flat to beside the wall, at any depth: it falls by the depth over half the edge, smoothly."""
-    r = np.concatenate([np.linspace(0, 1 - edge, 50), np.linspace(1 - edge, 1, 2000), np.linspace(1, 3, 50)])
+    """From under the flat to beside the wall, at any depth: it falls by the depth over half the
+    edge, smoothly.
+    """
+    r = np.concatenate(
+        [np.linspace(0, 1 - edge, 50), np.linspace(1 - edge, 1, 2000), np.linspace(1, 3, 50)]
+    )
     for depth in (0.5 * edge, edge, 2 * edge, 1.0, 5.0):
         gap = np.asarray(FlatPunch(1.0, edge).gap_current(r, 0.0, depth))
-        assert gap[0] == approx(-depth) and gap[-1] == approx(np.hypot(2.0 + edge, max(edge - depth, 0)) - edge)
+        assert gap[0] == approx(-depth) and gap[-1] == approx(
+            np.hypot(2.0 + edge, max(edge - depth, 0)) - edge
+        )
         steepest = 1 + 5 * depth / edge  # 2 in the mean
         assert np.all(np.abs(np.diff(gap)) <= steepest * np.diff(r) + 1e-12)
 
 
 def test_a_ball_is_whole_but_for_its_stem() -> None:
-    """The distance to the ball outside the stem's cone; on the axis falling with the depth, through the center too."""
+    """The distance to the ball outside the stem's cone; on the axis falling with the depth, through
+    the center too.
+    """
     ball, angle = Sphere(1.3), np.radians(np.linspace(31, 180, 50))
     for distance in (0.7, 1.3, 2.0):
         gap = ball.gap_current(distance * np.sin(angle), 0.0, 1.3 + distance * np.cos(angle))
         assert gap == approx(distance - 1.3, abs=1e-12)
-    assert np.diff(ball.gap_current(0.0, 0.0, DEPTHS)) == approx(-np.diff(DEPTHS), rel=1e-4)  # the root's floor
+    assert np.diff(ball.gap_current(0.0, 0.0, DEPTHS)) == approx(
+        -np.diff(DEPTHS), rel=1e-4
+    )  # the root's floor
 
 
 @pytest.mark.parametrize("name", ["sphere", "punch", "profile"])
 def test_the_end_of_a_tip_is_out_of_reach(name: str) -> None:
     """Of one of a micrometre in a body of a metre too."""
-    small = {"sphere": Sphere(1e-6), "punch": FlatPunch(1e-6), "profile": Profile(((0.0, 0.0), (1e-6, 1e-6)))}[name]
+    small = {
+        "sphere": Sphere(1e-6),
+        "punch": FlatPunch(1e-6),
+        "profile": Profile(((0.0, 0.0), (1e-6, 1e-6))),
+    }[name]
     assert small.height(2e-6, 0.0) > 1e6
 
 
 @pytest.mark.parametrize("name", ["sphere", "cone", "flat_punch", "pyramid", "triangle"])
 def test_current_gap_is_the_distance_to_the_surface(name: str) -> None:
-    """Against the nearest of many points of the surface: their spacing of 0.004 makes 0.004^2/(8 distance) at most."""
+    """Against the nearest of many points of the surface: their spacing of 0.004 makes 0.004^2/(8
+    distance) at most.
+    """
     tip = TIPS[name]
     lattice = np.linspace(-0.9, 0.9, 451)
     X, Y = np.meshgrid(lattice, lattice)
     Z = np.asarray(tip.height(X, Y), dtype=float)
     x, y = POINTS[:, :60] / 2
     z = np.asarray(tip.height(x, y), dtype=float) - 0.15
-    squares = (X - x[:, None, None]) ** 2 + (Y - y[:, None, None]) ** 2 + (Z - z[:, None, None]) ** 2
+    squares = (
+        (X - x[:, None, None]) ** 2 + (Y - y[:, None, None]) ** 2 + (Z - z[:, None, None]) ** 2
+    )
     assert tip.gap_current(x, y, z) == approx(np.sqrt(squares.min(axis=(1, 2))), abs=1e-4)
 
 
 @pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
 def test_numpy_and_ufl_evaluate_alike(tip: Indenter) -> None:
     for x, y, z in POINTS[:, :30].reshape(-1, 3):
-        X, Y, depth = (ufl.variable(ufl.as_ufl(float(c))) for c in (x, y, abs(z)))  # which UFL does not fold
+        X, Y, depth = (
+            ufl.variable(ufl.as_ufl(float(c))) for c in (x, y, abs(z))
+        )  # which UFL does not fold
         assert ufl_value(tip.height(X, Y)) == approx(float(tip.height(x, y)), rel=1e-12)
         found = ufl_value(tip.gap_current(X, Y, depth))
         assert found == approx(float(tip.gap_current(x, y, abs(z))), rel=1e-10, abs=1e-14)
@@ -180,13 +214,16 @@ def ufl_value(expression: Any) -> float:
 
 
 def test_hyperboloid_between_its_limits() -> None:
-    """Near the apex the paraboloid, to (r/b)^2/4 with b = R cot(half_angle); far away the cone, R cot^2 lower, to b/r
-    of that; and f + R cot^2 over r is on the hyperbola, to rounding."""
+    """Near the apex the paraboloid, to (r/b)^2/4 with b = R cot(half_angle); far away the cone, R
+    cot^2 lower, to b/r of that; and f + R cot^2 over r is on the hyperbola, to rounding.
+    """
     tip, r = Hyperboloid(0.2, 50.0), np.geomspace(1e-9, 1e-3, 20)
     slope = 1 / np.tan(np.radians(50))
     assert on_axis_plane(tip, r) == approx(on_axis_plane(Paraboloid(0.2), r), rel=1e-5)
     far = np.array([1e3, 1e5])
-    assert on_axis_plane(tip, far) - on_axis_plane(Cone(50.0), far) == approx(-0.2 * slope**2, rel=1e-3)
+    assert on_axis_plane(tip, far) - on_axis_plane(Cone(50.0), far) == approx(
+        -0.2 * slope**2, rel=1e-3
+    )
     s = np.linspace(0.1, 3.0, 9)
     above = on_axis_plane(tip, s) / (0.2 * slope**2) + 1
     assert above**2 - (s / (0.2 * slope)) ** 2 == approx(1.0, rel=1e-12)
@@ -197,7 +234,9 @@ def test_hyperboloid_between_its_limits() -> None:
 
 
 def test_blunt_pyramid_between_its_limits() -> None:
-    """Far from the apex the faces of a sharp one, shifted; along a face's normal the profile of the blunt cone."""
+    """Far from the apex the faces of a sharp one, shifted; along a face's normal the profile of the
+    blunt cone.
+    """
     blunt, sharp, cone = Pyramid(60.0, tip_radius=0.1), Pyramid(60.0), Cone(60.0, 0.1)
     r = np.linspace(0, 1, 50)
     assert on_axis_plane(blunt, r) == approx(on_axis_plane(cone, r), abs=1e-14)
@@ -220,7 +259,8 @@ def test_many_faces_are_a_cone() -> None:
     ],
 )
 def test_area_of_a_standard_pyramid(tip, area: float, tolerance: float) -> None:
-    """The area functions of ISO 14577-2, A = 24.49 h^2, 24.50 h^2 and 2.60 h^2, and pi radius^2 is that area.
+    """The area functions of ISO 14577-2, A = 24.49 h^2, 24.50 h^2 and 2.60 h^2, and pi radius^2 is
+    that area.
 
     The tolerances are those of 65.27 degrees, and of the digits given.
     """
@@ -234,7 +274,13 @@ def test_faces_of_a_cube_corner_are_at_right_angles() -> None:
         c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
         place = (c * x - s * y, s * x + c * y)
         f = CubeCorner().height
-        normals.append(((f(place[0] + h, place[1]) - f(*place)) / h, (f(place[0], place[1] + h) - f(*place)) / h, -1.0))
+        normals.append(
+            (
+                (f(place[0] + h, place[1]) - f(*place)) / h,
+                (f(place[0], place[1] + h) - f(*place)) / h,
+                -1.0,
+            )
+        )
     products = np.array(normals) @ np.array(normals).T
     assert products == approx(np.diag(np.diag(products)), abs=1e-6)
 
@@ -242,7 +288,9 @@ def test_faces_of_a_cube_corner_are_at_right_angles() -> None:
 def test_pyramid_turns_with_its_rotation() -> None:
     x, y = POINTS
     c, s = np.cos(np.radians(25)), np.sin(np.radians(25))
-    turned = Pyramid(70.0, faces=3, rotation=25.0, tip_radius=0.1).height(c * x - s * y, s * x + c * y)
+    turned = Pyramid(70.0, faces=3, rotation=25.0, tip_radius=0.1).height(
+        c * x - s * y, s * x + c * y
+    )
     assert turned == approx(Pyramid(70.0, faces=3, tip_radius=0.1).height(x, y), abs=1e-13)
 
 
@@ -258,7 +306,9 @@ def test_pyramid_turns_with_its_rotation() -> None:
         (6, 30, (True, True)),
     ],
 )
-def test_mirror_planes_of_a_pyramid(faces: int, rotation: float, mirrors: tuple[bool, bool]) -> None:
+def test_mirror_planes_of_a_pyramid(
+    faces: int, rotation: float, mirrors: tuple[bool, bool]
+) -> None:
     """The planes through x and through y; the formula must agree with the shape."""
     tip = Pyramid(70.0, faces=faces, rotation=rotation)
     x, y = POINTS
@@ -269,7 +319,9 @@ def test_mirror_planes_of_a_pyramid(faces: int, rotation: float, mirrors: tuple[
 
 @pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
 def test_radius_of_a_section(tip: Indenter) -> None:
-    """sqrt(area/pi) of the section, counted on a lattice: within 2 %, and where arcs are left out a little more."""
+    """sqrt(area/pi) of the section, counted on a lattice: within 2 %, and where arcs are left out a
+    little more.
+    """
     lattice = np.linspace(-1.5, 1.5, 1201)
     X, Y = np.meshgrid(lattice, lattice)
     depth = 0.12
@@ -305,8 +357,9 @@ def test_a_paraboloid_through_points() -> None:
 
 
 def test_a_hyperboloid_is_rounded_where_its_paraboloid_goes_over_into_its_cone() -> None:
-    """There its slope is 1/sqrt(2) of the cone's, the paraboloid's as large as the cone's: no mesh with larger elements
-    knows its largest pressure."""
+    """There its slope is 1/sqrt(2) of the cone's, the paraboloid's as large as the cone's: no mesh
+    with larger elements knows its largest pressure.
+    """
     tip = Hyperboloid(0.1, 70.0)
     ((r, width),) = tip.creases()
     flank = float(tip.slope(1e9))
@@ -322,7 +375,9 @@ def test_a_plate_is_a_plane() -> None:
     assert Plate().radius_at(0.1) == np.inf and Plate().creases() == []
 
 
-@pytest.mark.parametrize("tip", [Sphere(1.3), FlatPunch(1.0, 0.3), Profile(BITS), Cone(65.0), Paraboloid(1.3)])
+@pytest.mark.parametrize(
+    "tip", [Sphere(1.3), FlatPunch(1.0, 0.3), Profile(BITS), Cone(65.0), Paraboloid(1.3)]
+)
 def test_no_gap_is_written_beside_a_tip_that_ends(tip: Indenter) -> None:
     """Out to its end, as far as geometry goes, the gap is what it was; beyond there is none."""
     r = np.array([0.0, 0.5, 0.9, 1.7, 40.0])

@@ -19,10 +19,22 @@ from indent_sim.process.signals import Stopped, stoppable
     [
         (MemoryError("std::bad_alloc"), NotConverged, "memory"),
         (OSError(errno.ENOMEM, os.strerror(errno.ENOMEM)), NotConverged, "memory"),
-        (RuntimeError("error code 76\n[0] Error reported by MUMPS: INFOG(1)=-13"), NotConverged, "memory"),
+        (
+            RuntimeError("error code 76\n[0] Error reported by MUMPS: INFOG(1)=-13"),
+            NotConverged,
+            "memory",
+        ),
         (RuntimeError("error code 55\n[0] Out of memory"), NotConverged, "memory"),
-        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "a.csv"), NotConverged, "cannot write a.csv: No space left"),
-        (OSError(errno.EMFILE, os.strerror(errno.EMFILE), "a.csv"), BackendError, "too many open files a.csv"),
+        (
+            OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "a.csv"),
+            NotConverged,
+            "cannot write a.csv: No space left",
+        ),
+        (
+            OSError(errno.EMFILE, os.strerror(errno.EMFILE), "a.csv"),
+            BackendError,
+            "too many open files a.csv",
+        ),
     ],
 )
 def test_what_runs_out(error: Exception, kind: type[IndentSimError], said: str) -> None:
@@ -30,7 +42,9 @@ def test_what_runs_out(error: Exception, kind: type[IndentSimError], said: str) 
         raise error
 
 
-@pytest.mark.parametrize("error", [RuntimeError("error code 62"), FileNotFoundError(errno.ENOENT, "no such file", "x")])
+@pytest.mark.parametrize(
+    "error", [RuntimeError("error code 62"), FileNotFoundError(errno.ENOENT, "no such file", "x")]
+)
 def test_other_failures_pass(error: Exception) -> None:
     with pytest.raises(type(error)) as found, limits.spent():
         raise error
@@ -46,13 +60,23 @@ class Error(RuntimeError):
 @pytest.mark.parametrize(
     "error",
     [
-        Error("error code 86\n[0] SNESSetType() at snes.c:4792\n[0] Unable to find requested SNES type nosuch"),
-        RuntimeError("Failed to successfully call PETSc function 'MatSetFromOptions': requested type nosuch"),
+        Error(
+            "error code 86\n[0] SNESSetType() at snes.c:4792\n[0] Unable to find requested "
+            "SNES type nosuch"
+        ),
+        RuntimeError(
+            "Failed to successfully call PETSc function 'MatSetFromOptions': requested type nosuch"
+        ),
     ],
 )
-def test_whose_an_option_is_that_petsc_refuses(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_whose_an_option_is_that_petsc_refuses(
+    error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("PETSC_OPTIONS", "-snes_type nosuch")
-    with pytest.raises(BackendError, match=r"PETSC_OPTIONS='-snes_type nosuch' .* type nosuch"), limits.spent():
+    with (
+        pytest.raises(BackendError, match=r"PETSC_OPTIONS='-snes_type nosuch' .* type nosuch"),
+        limits.spent(),
+    ):
         raise error
     with pytest.raises(ValueError, match="no such key"), limits.spent():
         raise ValueError("no such key")
@@ -62,10 +86,14 @@ def test_whose_an_option_is_that_petsc_refuses(error: Exception, monkeypatch: py
     assert found.value is error
 
 
-@pytest.mark.parametrize(("number", "said"), [(resource.RLIMIT_NOFILE, "16 open files"), (resource.RLIMIT_AS, "MB")])
+@pytest.mark.parametrize(
+    ("number", "said"), [(resource.RLIMIT_NOFILE, "16 open files"), (resource.RLIMIT_AS, "MB")]
+)
 def test_too_little_to_begin(number: int, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
     unlimited = (resource.RLIM_INFINITY,) * 2
-    monkeypatch.setattr(resource, "getrlimit", lambda asked: (16, 16) if asked == number else unlimited)
+    monkeypatch.setattr(
+        resource, "getrlimit", lambda asked: (16, 16) if asked == number else unlimited
+    )
     with pytest.raises(BackendError, match=said):
         limits.require_room()
 

@@ -54,11 +54,28 @@ def seen(kinds: dict[str, Any]) -> list[Any]:
     things = [kinds["Nothing"](), one(), one(2.0), child(1.0, ("a",)), kinds["Open"](3), loop]
     told = [repr(thing).split("<locals>.")[-1] for thing in things]
     hashes = [hash(thing) for thing in things[:4]]
-    same = [one(nan) == one(nan), one(1.0) == one(1.0), one() == child(), child(1.0, (), 5) == child(1.0, (), 6)]
-    other = [one(1.0).__eq__(3), kinds["Ordered"](1) < kinds["Ordered"](2), kinds["Itself"]() == kinds["Itself"]()]
-    changed = [dataclasses.replace(child(1.0), names=("b",)).names, dataclasses.asdict(child(2.0, ("c",)))]
+    same = [
+        one(nan) == one(nan),
+        one(1.0) == one(1.0),
+        one() == child(),
+        child(1.0, (), 5) == child(1.0, (), 6),
+    ]
+    other = [
+        one(1.0).__eq__(3),
+        kinds["Ordered"](1) < kinds["Ordered"](2),
+        kinds["Itself"]() == kinds["Itself"](),
+    ]
+    changed = [
+        dataclasses.replace(child(1.0), names=("b",)).names,
+        dataclasses.asdict(child(2.0, ("c",))),
+    ]
     refused = []
-    for thing, name in ((one(), "x"), (child(), "names"), (one(), "unknown"), (kinds["Nothing"](), "x")):
+    for thing, name in (
+        (one(), "x"),
+        (child(), "names"),
+        (one(), "unknown"),
+        (kinds["Nothing"](), "x"),
+    ):
         for act in (lambda thing, name: setattr(thing, name, 1), delattr):
             with pytest.raises(dataclasses.FrozenInstanceError) as error:
                 act(thing, name)

@@ -28,11 +28,16 @@ def test_a_power_law_is_a_curve_and_no_chords(power):
 
 
 def test_what_is_nearly_a_power_law_is_nearly_exact():
-    """Between nine points of a force that goes from delta^1.5 to delta^2.5: a fifth of the chords' error."""
+    """Between nine points of a force that goes from delta^1.5 to delta^2.5: a fifth of the chords'
+    error.
+    """
     x = np.linspace(0, 1, 9)
     fine_x, fine_y = curves.smooth(x, x**1.5 * (1 + x))
     exact = fine_x**1.5 * (1 + fine_x)
-    assert np.abs(fine_y - exact).max() < 0.2 * np.abs(np.interp(fine_x, x, x**1.5 * (1 + x)) - exact).max()
+    assert (
+        np.abs(fine_y - exact).max()
+        < 0.2 * np.abs(np.interp(fine_x, x, x**1.5 * (1 + x)) - exact).max()
+    )
 
 
 @pytest.mark.parametrize("y", [[1.0], [1.0, 2.0], [1.0, np.nan, 2.0], [1.0, -3.0, 0.0]])

@@ -14,7 +14,8 @@ from indent_sim.results.reader import Results
 
 def history(t: np.ndarray, force: np.ndarray, branch: list[str]) -> Results:
     return Results(
-        Path("run"), {"step": np.arange(1.0, len(t) + 1), "t": t, "force": force, "branch": np.array(branch)}
+        Path("run"),
+        {"step": np.arange(1.0, len(t) + 1), "t": t, "force": force, "branch": np.array(branch)},
     )
 
 
@@ -34,7 +35,9 @@ def test_a_force_that_rises_has_no_half() -> None:
     assert hold is not None and isnan(hold.half_time)
 
 
-@pytest.mark.parametrize("branch", [["approach"] * 6, ["hold"] * 6, ["approach", *["hold"] * 3, "retract", "retract"]])
+@pytest.mark.parametrize(
+    "branch", [["approach"] * 6, ["hold"] * 6, ["approach", *["hold"] * 3, "retract", "retract"]]
+)
 def test_without_a_hold_there_is_none(branch: list[str]) -> None:
     assert first_hold(history(np.arange(6.0), np.ones(6), branch)) is None
     assert first_hold(Results(Path("run"), {"step": np.ones(1), "force": np.ones(1)})) is None

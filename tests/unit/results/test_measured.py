@@ -33,9 +33,23 @@ def read(text: str | bytes, **how):  # type: ignore[no-untyped-def]
     return read_text(Path("curve.csv"), text if isinstance(text, bytes) else text.encode(), **how)
 
 
-@pytest.mark.parametrize("separator, decimal", [("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."),
-                                                ("  ", "."), ("  ", ","), (" ; ", ",")])  # fmt: skip
-@pytest.mark.parametrize("head", ["", "delta{s}force\n", "A file\n# of March 3, 2021\n\n% depth{s}load\n"])
+@pytest.mark.parametrize(
+    "separator, decimal",
+    [
+        ("\t", "."),
+        ("\t", ","),
+        (";", "."),
+        (";", ","),
+        (",", "."),
+        # fmt: skip
+        ("  ", "."),
+        ("  ", ","),
+        (" ; ", ","),
+    ],
+)
+@pytest.mark.parametrize(
+    "head", ["", "delta{s}force\n", "A file\n# of March 3, 2021\n\n% depth{s}load\n"]
+)
 @pytest.mark.parametrize("begin, line_end", [("", "\n"), ("\ufeff", "\r\n")])
 def test_any_separator_decimal_sign_and_header(separator, decimal, head, begin, line_end):
     text = begin + head.format(s=separator) + rows(separator, decimal)
@@ -58,12 +72,18 @@ def test_units_of_titles_stand_over_those_given(titles, units):
     assert (curve.units["length"], curve.units["force"]) == units
     in_scene = curve.in_units({"length": "um", "force": "nN"})
     factors = {"um": 1, "nN": 1, "nm": 1e-3, "µN": 1e3, "mm": 1e3, "mN": 1e6, "m": 1e6, "N": 1e9}
-    np.testing.assert_allclose(in_scene.x(in_scene.along("delta")), DEPTHS * factors[units[0]], **DIGITS)
-    np.testing.assert_allclose(in_scene.force, FORCES * factors[units[1]], rtol=1e-8, atol=1e-8 * factors[units[1]])
+    np.testing.assert_allclose(
+        in_scene.x(in_scene.along("delta")), DEPTHS * factors[units[0]], **DIGITS
+    )
+    np.testing.assert_allclose(
+        in_scene.force, FORCES * factors[units[1]], rtol=1e-8, atol=1e-8 * factors[units[1]]
+    )
 
 
 def test_a_unit_needs_one_in_the_scene():
-    with pytest.raises(ConfigError, match="the curve has the length in um, and the scene says no unit"):
+    with pytest.raises(
+        ConfigError, match="the curve has the length in um, and the scene says no unit"
+    ):
         read("depth [um],force\n" + rows(",")).in_units({"length": "", "force": ""})
 
 
@@ -79,7 +99,9 @@ def test_titles_in_another_language_are_told_by_their_units():
 
 
 def test_columns_by_title_or_number():
-    table = "a,b,c\n" + "".join(f"{k},{f:.9f},{x:.9f}\n" for k, (x, f) in enumerate(zip(DEPTHS, FORCES, strict=True)))
+    table = "a,b,c\n" + "".join(
+        f"{k},{f:.9f},{x:.9f}\n" for k, (x, f) in enumerate(zip(DEPTHS, FORCES, strict=True))
+    )
     for columns in (["c", "b"], ["3", "2", "1"], ["C", "2"]):
         curve = read(table, columns=columns)
         np.testing.assert_allclose(curve.delta, DEPTHS, **DIGITS)
@@ -103,7 +125,10 @@ def test_a_way_that_falls_towards_the_body_is_turned():
 def test_approach_hold_and_retract_by_their_path():
     go, stay = np.linspace(0, 1, 100), np.ones(50)
     assert parts_of(go) == {"approach": slice(0, 100)}
-    assert parts_of(np.append(go, go[::-1])) == {"approach": slice(0, 100), "retract": slice(100, 200)}
+    assert parts_of(np.append(go, go[::-1])) == {
+        "approach": slice(0, 100),
+        "retract": slice(100, 200),
+    }
     held = parts_of(np.concatenate([go, stay, go[::-1]]))
     assert list(held) == ["approach", "hold", "retract"] and abs(held["hold"].stop - 150) <= 1
     assert list(parts_of(np.concatenate([go, stay]))) == ["approach", "hold"]
@@ -113,13 +138,23 @@ def test_approach_hold_and_retract_by_their_path():
 
 def test_parts_by_words():
     words = np.array(["extend"] * 3 + ["pause"] * 2 + ["retract"] * 4)
-    assert parts_by_name(words) == {"approach": slice(0, 3), "hold": slice(3, 5), "retract": slice(5, 9)}
+    assert parts_by_name(words) == {
+        "approach": slice(0, 3),
+        "hold": slice(3, 5),
+        "retract": slice(5, 9),
+    }
     numbers = np.array(["0"] * 3 + ["1"] * 2)
     assert parts_by_name(numbers) == {"approach": slice(0, 3), "retract": slice(3, 5)}
     curve = read(
-        "delta,force,branch\n" + "".join(f"{k},{k},approach\n" for k in range(4)) + "3,2,retract\n2,1,retract\n"
+        "delta,force,branch\n"
+        + "".join(f"{k},{k},approach\n" for k in range(4))
+        + "3,2,retract\n2,1,retract\n"
     )
-    assert len(curve.part("approach")) == 4 and len(curve.part("retract")) == 2 and len(curve.part("all")) == 6
+    assert (
+        len(curve.part("approach")) == 4
+        and len(curve.part("retract")) == 2
+        and len(curve.part("all")) == 6
+    )
     with pytest.raises(NoCurve, match="has no hold, but approach, retract"):
         curve.part("hold")
 
@@ -128,7 +163,9 @@ def test_rows_that_lack_a_number_are_left_out():
     lines = rows(",").splitlines()
     lines[5], lines[7] = lines[5].split(",")[0] + ",", "nan,nan"
     curve = read("\n".join(["delta,force", *lines, ""]))
-    assert len(curve) == len(DEPTHS) - 2 and curve.notes == ("2 rows that lack a number are left out",)
+    assert len(curve) == len(DEPTHS) - 2 and curve.notes == (
+        "2 rows that lack a number are left out",
+    )
 
 
 def hostile() -> dict[str, bytes]:
@@ -166,7 +203,9 @@ def test_broken_files_at_random_end_in_a_curve_or_a_reason():
         data = data[draw.integers(0, 50) : draw.integers(60, len(data))]
         try:
             curve = read(bytes(data))
-            assert np.isfinite(curve.force).all() and len(curve.force) == len(curve.x(curve.along("delta")))
+            assert np.isfinite(curve.force).all() and len(curve.force) == len(
+                curve.x(curve.along("delta"))
+            )
         except IndentSimError as error:
             assert str(error)
 
@@ -188,7 +227,12 @@ def test_files_that_are_not_there(tmp_path):
 
 def test_tab_file_comes_back_in_si_units(tmp_path):
     delta = np.linspace(0.1, 2.0, 20)
-    table = {"step": np.arange(1.0, 21), "delta": delta, "force": 3 * delta**1.5, "a": np.sqrt(delta)}
+    table = {
+        "step": np.arange(1.0, 21),
+        "delta": delta,
+        "force": 3 * delta**1.5,
+        "a": np.sqrt(delta),
+    }
     result = Results(tmp_path, table, {"units": {"length": "um", "force": "nN"}})
     (tmp_path / "x.tab").write_text(text := tab_of(result))
     (curve,) = read_measured(tmp_path / "x.tab")
@@ -196,7 +240,9 @@ def test_tab_file_comes_back_in_si_units(tmp_path):
     approach = there.part("approach")
     np.testing.assert_allclose(approach.delta[-20:], delta, rtol=1e-11)  # of 13 digits written
     np.testing.assert_allclose(approach.force[-20:], table["force"], rtol=1e-11)
-    np.testing.assert_allclose(approach.z, approach.delta + approach.force / there.stiffness, rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(
+        approach.z, approach.delta + approach.force / there.stiffness, rtol=1e-11, atol=1e-11
+    )
     head = text.split("# END METADATA")[0].splitlines()[1:]
     assert json.loads("".join(line[1:] for line in head))["imaging mode"] == "force-distance"
     with pytest.raises(UsageError, match="says no units"):

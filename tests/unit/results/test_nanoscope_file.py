@@ -18,7 +18,9 @@ N = 50
 
 def segment(way, volts):  # type: ignore[no-untyped-def]
     """A part of a curve as pyfmreader keeps it: the way from the far end on, m, V and s."""
-    return SimpleNamespace(segment_formated_data={"height": way, "vDeflection": volts, "time": np.linspace(0, 0.98, N)})
+    return SimpleNamespace(
+        segment_formated_data={"height": way, "vDeflection": volts, "time": np.linspace(0, 0.98, N)}
+    )
 
 
 @pytest.fixture
@@ -45,14 +47,24 @@ def reader(monkeypatch, tmp_path):  # type: ignore[no-untyped-def]
 
 def test_forces_and_ways_in_the_order_of_time(reader):
     (curve,) = reader(HEADER)
-    assert curve.name == "gel" and curve.stiffness == 0.1 and dict(curve.parts)["retract"] == slice(N, 2 * N)
-    assert curve.force[N - 1] == pytest.approx(0.1 * 30e-9) and curve.force[N] == pytest.approx(0.9 * 0.1 * 30e-9)
+    assert (
+        curve.name == "gel"
+        and curve.stiffness == 0.1
+        and dict(curve.parts)["retract"] == slice(N, 2 * N)
+    )
+    assert curve.force[N - 1] == pytest.approx(0.1 * 30e-9) and curve.force[N] == pytest.approx(
+        0.9 * 0.1 * 30e-9
+    )
     assert curve.z[0] == curve.z[-1] == 0 and curve.z[N - 1] == curve.z[N] == 2e-6
     assert np.all(np.diff(curve.t) > 0)
 
 
 def test_a_volume_has_all_its_curves(reader):
-    assert [one.name for one in reader(HEADER | {"Entry_tot_nb_curve": 3})] == ["gel-0", "gel-1", "gel-2"]
+    assert [one.name for one in reader(HEADER | {"Entry_tot_nb_curve": 3})] == [
+        "gel-0",
+        "gel-1",
+        "gel-2",
+    ]
 
 
 def test_what_is_missing_is_said_and_may_be_given(reader):

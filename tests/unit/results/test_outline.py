@@ -39,7 +39,9 @@ def test_a_sphere_that_fits_is_whole():
 
 
 def test_the_surface_of_a_pyramid_has_its_edges():
-    """The farthest points at one height lie on the edges: cot(half_angle) s = z there with s the inner radius."""
+    """The farthest points at one height lie on the edges: cot(half_angle) s = z there with s the
+    inner radius.
+    """
     drawn = outline(Pyramid(70.0, 4), (0.0, 0.0), 1.0, "three_dimensional", 1)
     x, y, z = drawn.points.T
     assert np.tan(np.radians(70)) * z == pytest.approx(np.maximum(np.abs(x), np.abs(y)))

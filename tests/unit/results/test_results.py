@@ -1,4 +1,6 @@
-"""The result folder: what stands in it, whom it makes way for, and what a kill at any moment leaves."""
+"""The result folder: what stands in it, whom it makes way for, and what a kill at any moment
+leaves.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,13 @@ import pytest
 
 from indent_sim.model.state import ERROR_COLUMNS, READINGS, STATE_COLUMNS, State, Surface
 from indent_sim.model.tips import Sphere
-from indent_sim.process.errors import ConfigError, MeshError, NotConverged, UsageError, VerificationError
+from indent_sim.process.errors import (
+    ConfigError,
+    MeshError,
+    NotConverged,
+    UsageError,
+    VerificationError,
+)
 from indent_sim.process.signals import uninterrupted
 from indent_sim.results import folder, tables, xdmf
 from indent_sim.results.compare import compare
@@ -40,7 +48,9 @@ def a_state(step: int, **values) -> State:
         pressure=np.array([THIRD, 0.0]),
         z=np.zeros(2),
     )
-    state = State(step, 0.1 * step, THIRD * step, 0.2, 1.5, 1e-5, 0.01, 4, 0.1 * step, surface=surface)
+    state = State(
+        step, 0.1 * step, THIRD * step, 0.2, 1.5, 1e-5, 0.01, 4, 0.1 * step, surface=surface
+    )
     return replace(state, **values)
 
 
@@ -90,7 +100,10 @@ class TestFiles:
         with ResultFolder(tmp_path / "run", "", columns=("force_error",)) as run:
             for state in states:
                 run.append(state)
-        rows = [line.split(",") for line in (tmp_path / "run" / "force_indentation.csv").read_text().splitlines()]
+        rows = [
+            line.split(",")
+            for line in (tmp_path / "run" / "force_indentation.csv").read_text().splitlines()
+        ]
         place = rows[0].index("p_max")
         assert (rows[1][place], rows[1][-1]) == ("", "") and float(rows[2][place]) == 1.5
         assert json.loads(to_json(rows_of(states)))[0]["p_max"] is None
@@ -108,7 +121,9 @@ class TestFiles:
 
     @pytest.mark.parametrize("empty", ["u", "gap", "pressure"])
     def test_a_surface_with_empty_cells_is_read(self, tmp_path, empty):
-        """Theory knows no u_x, beside a tip that ends there is no gap, under a sharp edge the pressure is infinite."""
+        """Theory knows no u_x, beside a tip that ends there is no gap, under a sharp edge the
+        pressure is infinite.
+        """
         state = a_state(1)
         values = getattr(state.surface, empty).copy()
         values.flat[0] = math.nan
@@ -124,15 +139,26 @@ class TestFiles:
         with ResultFolder(tmp_path / "out", "title: x\n", columns=ERROR_COLUMNS) as run:
             run.append(a_state(1, **values))
         found = earlier_run(tmp_path / "out", "title: x\n")
-        assert found is not None and len(found.states) == 1 and np.isnan(getattr(found.states[0], empty))
+        assert (
+            found is not None
+            and len(found.states) == 1
+            and np.isnan(getattr(found.states[0], empty))
+        )
 
     def test_a_table_of_fewer_errors_goes_on_with_its_own_columns(self, tmp_path):
         """As an older version of this program left it."""
-        with suppress(NotConverged), ResultFolder(tmp_path / "run", "", columns=("force_error",)) as run:
+        with (
+            suppress(NotConverged),
+            ResultFolder(tmp_path / "run", "", columns=("force_error",)) as run,
+        ):
             run.append(a_state(1, force_error=1e-3, p_max=math.nan))
             raise NotConverged("")
-        with ResultFolder(tmp_path / "run", "", columns=("force_error", "a_error"), resume=True) as run:
-            assert run.earlier.states[0].force_error == 1e-3 and np.isnan(run.earlier.states[0].p_max)
+        with ResultFolder(
+            tmp_path / "run", "", columns=("force_error", "a_error"), resume=True
+        ) as run:
+            assert run.earlier.states[0].force_error == 1e-3 and np.isnan(
+                run.earlier.states[0].p_max
+            )
             run.append(a_state(2, force_error=2e-3, a_error=1.0))
         found = read(tmp_path / "run")
         assert list(found.table) == [*STATE_COLUMNS, *READINGS, "force_error"]
@@ -151,7 +177,10 @@ class TestFiles:
         assert names(tmp_path / "run") == FILES - {"surface.csv"}
 
     def test_a_state_that_did_not_converge_is_no_row(self, tmp_path):
-        with pytest.raises(ValueError, match="not converged"), ResultFolder(tmp_path / "run", "") as run:
+        with (
+            pytest.raises(ValueError, match="not converged"),
+            ResultFolder(tmp_path / "run", "") as run,
+        ):
             run.append(a_state(1, converged=False))
 
     def test_run_json_is_strict(self):
@@ -262,10 +291,14 @@ class TestPlace:
         assert not names(tmp_path)
 
     @pytest.mark.parametrize("inside", ["", "fields"])
-    def test_a_folder_that_may_only_be_read_is_refused_and_untouched(self, tmp_path, monkeypatch, inside):
+    def test_a_folder_that_may_only_be_read_is_refused_and_untouched(
+        self, tmp_path, monkeypatch, inside
+    ):
         write_run(tmp_path / "run", 3)
         (tmp_path / "run" / "fields").mkdir()
-        monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != tmp_path / "run" / inside)
+        monkeypatch.setattr(
+            os, "access", lambda path, mode: Path(path) != tmp_path / "run" / inside
+        )
         for resume in (False, True):
             with pytest.raises(UsageError, match=r"cannot write .*run: Permission denied"):
                 write_run(tmp_path / "run", resume=resume)
@@ -322,7 +355,11 @@ class TestEndings:
                 run.append(a_state(step))
             raise error
         done = read(tmp_path / "run")
-        assert len(done) == rows and done.report["status"] == status and done.report["exit_code"] == code
+        assert (
+            len(done) == rows
+            and done.report["status"] == status
+            and done.report["exit_code"] == code
+        )
         assert done.report["reason"] and names(tmp_path) == {"run"}
 
     def test_a_run_without_rows_replaces_no_results(self, tmp_path):
@@ -341,7 +378,10 @@ class TestEndings:
 class TestFullDisk:
     def test_a_row_that_does_not_fit_is_taken_back(self, tmp_path, monkeypatch):
         pwrite = os.pwrite
-        with pytest.raises(NotConverged, match="1 rows are kept"), ResultFolder(tmp_path / "run", "") as run:
+        with (
+            pytest.raises(NotConverged, match="1 rows are kept"),
+            ResultFolder(tmp_path / "run", "") as run,
+        ):
             run.append(a_state(1))
             monkeypatch.setattr(os, "pwrite", lambda file, data, at: pwrite(file, data[:10], at))
             run.append(a_state(2))
@@ -370,12 +410,18 @@ class TestFullDisk:
             replace(source, target)
 
         monkeypatch.setattr(os, "replace", full)
-        with pytest.raises(NotConverged, match="No space"), ResultFolder(tmp_path / "run", "") as run:
+        with (
+            pytest.raises(NotConverged, match="No space"),
+            ResultFolder(tmp_path / "run", "") as run,
+        ):
             run.open_fields(*BODY, keep="all")
             for step in (1, 2):
                 run.write_fields(a_state(step), some_fields(step))
                 run.append(a_state(step))
-        assert kept_steps(tmp_path / "run") == [1] and names(tmp_path / "run" / "fields") == {"mesh.h5", "step-1.h5"}
+        assert kept_steps(tmp_path / "run") == [1] and names(tmp_path / "run" / "fields") == {
+            "mesh.h5",
+            "step-1.h5",
+        }
         writer = FieldWriter(tmp_path, *BODY, keep="all")
         writer.write(1, 0.1, some_fields(1))
         monkeypatch.setattr(os, "pwrite", lambda file, data, at: pwrite(file, data[:500], at))
@@ -388,8 +434,12 @@ class TestKills:
     @pytest.mark.parametrize("stop", range(6))
     @pytest.mark.parametrize("inside", [False, True])
     @pytest.mark.parametrize("earlier", [0, 3])
-    def test_a_kill_amid_the_exchange_loses_neither(self, tmp_path, monkeypatch, stop, inside, earlier):
-        """Stop before each rename of the exchange in turn; the next run finds the old results or the new."""
+    def test_a_kill_amid_the_exchange_loses_neither(
+        self, tmp_path, monkeypatch, stop, inside, earlier
+    ):
+        """Stop before each rename of the exchange in turn; the next run finds the old results or
+        the new.
+        """
         (tmp_path / "run").mkdir()
         if earlier:
             write_run(tmp_path / "run", earlier)
@@ -426,7 +476,10 @@ class TestKills:
         assert names(tmp_path) == {"run"}
 
     def test_a_signal_waits_for_the_end_of_a_write(self):
-        done, before = False, signal.signal(signal.SIGINT, signal.default_int_handler)  # not another test's
+        done, before = (
+            False,
+            signal.signal(signal.SIGINT, signal.default_int_handler),
+        )  # not another test's
         try:
             with pytest.raises(KeyboardInterrupt), uninterrupted():
                 os.kill(os.getpid(), signal.SIGINT)
@@ -448,8 +501,13 @@ BODY = (POINTS, CELLS, REGIONS, TIP)
 
 def some_fields(step: int, points: int = 4, cells: int = 2, dim: int = 2) -> dict[str, np.ndarray]:
     counts, sizes = {"Node": points, "Cell": cells}, {"displacement": (dim,), "stress": (3, 3)}
-    shapes = {name: (counts[center], *sizes.get(name, size)) for name, (center, _, size) in ARRAYS.items()}
-    return {name: step * np.arange(np.prod(shape, dtype=float)).reshape(shape) for name, shape in shapes.items()}
+    shapes = {
+        name: (counts[center], *sizes.get(name, size)) for name, (center, _, size) in ARRAYS.items()
+    }
+    return {
+        name: step * np.arange(np.prod(shape, dtype=float)).reshape(shape)
+        for name, shape in shapes.items()
+    }
 
 
 def kept_steps(folder: Path) -> list[int]:
@@ -485,7 +543,9 @@ class TestFields:
                 assert np.array_equal(nodal["displacement"][:, [0, 2]], fields["displacement"])
                 assert np.array_equal(nodal["pressure"], fields["pressure"])
                 for name in ("stress", "von_mises", "principal_stresses", "J", "energy_density"):
-                    assert np.array_equal(cellwise[name][0], fields[name].reshape(2, *ARRAYS[name][2])), name
+                    assert np.array_equal(
+                        cellwise[name][0], fields[name].reshape(2, *ARRAYS[name][2])
+                    ), name
                 assert np.array_equal(cellwise["region"][0], REGIONS)
             assert reader.num_steps == len(kept)
 
@@ -503,11 +563,14 @@ class TestFields:
 
     @pytest.mark.parametrize("dim", [2, 3])
     def test_the_tip_is_a_second_mesh_that_comes_down(self, tmp_path, dim):
-        """On a sphere of radius 1 as drawn, and as deep at every state as the state says; by half of the approach where
-        half of the body is modelled."""
+        """On a sphere of radius 1 as drawn, and as deep at every state as the state says; by half
+        of the approach where half of the body is modelled.
+        """
         import meshio
 
-        kinematics, center = {2: ("plane_strain", (2.0,)), 3: ("three_dimensional", (2.0, -1.0))}[dim]
+        kinematics, center = {2: ("plane_strain", (2.0,)), 3: ("three_dimensional", (2.0, -1.0))}[
+            dim
+        ]
         tip = outline(Sphere(R=1.0), center, 0.5, kinematics, 2)
         writer = FieldWriter(tmp_path, POINTS, CELLS, REGIONS, tip, keep="all")
         for step in (1, 2):
@@ -603,7 +666,11 @@ def test_a_measured_curve_is_read_as_it_is(tmp_path):
     """A table with depths and forces alone: numbered rows, no contact radius."""
     (tmp_path / "measured.csv").write_text("delta,force\n0.1,1\n0.2,3\n")
     found = read(tmp_path / "measured.csv")
-    assert found["step"].tolist() == [1, 2] and found["force"].tolist() == [1, 3] and np.isnan(found["a"]).all()
+    assert (
+        found["step"].tolist() == [1, 2]
+        and found["force"].tolist() == [1, 3]
+        and np.isnan(found["a"]).all()
+    )
     with pytest.raises(UsageError, match="no column of force among delta, width"):
         (tmp_path / "measured.csv").write_text("delta,width\n0.1,1\n")
         read(tmp_path / "measured.csv")
@@ -618,13 +685,19 @@ class TestCompare:
         return compare(tmp_path / "A", tmp_path / "B", rtol)
 
     def test_equal_within_the_tolerance(self, tmp_path):
-        same = self.pair(tmp_path, "1,0.1,2,0.5\n2,0.2,3,0.6\n", "2,0.2,3.000001,0.6\n1,0.1,2,0.5\n")
+        same = self.pair(
+            tmp_path, "1,0.1,2,0.5\n2,0.2,3,0.6\n", "2,0.2,3.000001,0.6\n1,0.1,2,0.5\n"
+        )
         same.check()
         assert same.steps == (1, 2) and same.worst["force"] == pytest.approx(3.3e-7, rel=0.1)
 
-    @pytest.mark.parametrize("units", [{"length": "um", "force": "N"}, {"length": "mm", "force": "mN"}])
+    @pytest.mark.parametrize(
+        "units", [{"length": "um", "force": "N"}, {"length": "mm", "force": "mN"}]
+    )
     def test_results_in_other_units_are_refused(self, tmp_path, units):
-        """0.1 mm and 0.1 um are one number and no row in common; a result that says no units is taken as it is."""
+        """0.1 mm and 0.1 um are one number and no row in common; a result that says no units is
+        taken as it is.
+        """
         for name, own in (("A", {"length": "mm", "force": "N"}), ("B", units), ("C", {})):
             write_run(tmp_path / name)
             report = json.loads((tmp_path / name / "run.json").read_text())
@@ -652,7 +725,9 @@ class TestCompare:
         self.pair(tmp_path, "1,0.1,2,\n2,0.2,3,0.6\n", "1,0.1,2,\n2,0.2,3,0.6\n").check()
 
     def test_nan_equals_nan_and_a_trace_of_force_is_zero(self, tmp_path):
-        self.pair(tmp_path, "1,-0.1,0,nan\n2,0.2,3,nan\n", "1,-0.1,1e-17,nan\n2,0.2,3,nan\n").check()
+        self.pair(
+            tmp_path, "1,-0.1,0,nan\n2,0.2,3,nan\n", "1,-0.1,1e-17,nan\n2,0.2,3,nan\n"
+        ).check()
 
     def test_every_column_has_its_own_tolerance(self, tmp_path):
         texts = "1,0.1,1.0,0.5\n", "1,0.1,1.0005,0.505\n"
@@ -675,7 +750,9 @@ class TestCompare:
         assert found.matched_by == "delta" and list(found.pairs) == ["delta", "force"]
         self.pair(tmp_path, "1,0.1,1,0.5\n2,0.3,3,0.6\n", "")
         (tmp_path / "B").write_text("delta,force\n0.1,1\n0.2,3\n")
-        with pytest.raises(VerificationError, match=r"delta 0\.3 is in .*A alone\ndelta 0\.2 is in .*B alone"):
+        with pytest.raises(
+            VerificationError, match=r"delta 0\.3 is in .*A alone\ndelta 0\.2 is in .*B alone"
+        ):
             compare(tmp_path / "A", tmp_path / "B").check()
 
     def curve(self, n: int, head: str = "step,delta,force,a") -> str:
@@ -683,21 +760,35 @@ class TestCompare:
         depths = np.arange(1, n + 1) / n
         if not head.startswith("step"):
             return head + "\n" + "".join(f"{d:.15g},{d**1.5:.15g}\n" for d in depths)
-        return head + "\n" + "".join(f"{k},{d:.15g},{d**1.5:.15g},{d**0.5:.15g}\n" for k, d in enumerate(depths, 1))
+        return (
+            head
+            + "\n"
+            + "".join(
+                f"{k},{d:.15g},{d**1.5:.15g},{d**0.5:.15g}\n" for k, d in enumerate(depths, 1)
+            )
+        )
 
     HISTORY = "step,t,delta,force,a,branch\n1,0,0,0,0,approach\n2,1,0.1,1,0.3,approach\n3,2,0.2,2,0.4,approach\n"
     HISTORY += "4,2,0.1,0.8,0.3,retract\n5,3,0.1,0.6,0.3,hold\n"
 
     def test_histories_of_other_times_are_matched_by_time(self, tmp_path):
-        """At the rows of one time, at a jump by the row after it; between rows by chords; beyond the other: alone."""
+        """At the rows of one time, at a jump by the row after it; between rows by chords; beyond
+        the other: alone.
+        """
         A, B = tmp_path / "A", tmp_path / "B"
         A.write_text(self.HISTORY)
-        B.write_text("step,t,delta,force,a,branch\n1,0.5,0.05,0.5,0.15,approach\n2,2,0.1,0.8,0.3,retract\n")
+        B.write_text(
+            "step,t,delta,force,a,branch\n1,0.5,0.05,0.5,0.15,approach\n2,2,0.1,0.8,0.3,retract\n"
+        )
         for one, other in ((A, B), (B, A)):
             found = compare(one, other)
             found.check()
-            assert found.matched_by == "t" and found.steps == (0.5, 2.0) and found.interpolated[0] == A
-        B.write_text("step,t,delta,force,a,branch\n1,1,0.1,1,0.3,approach\n2,2,0.1,0.9,0.3,retract\n3,4,0,0,0,hold\n")
+            assert (
+                found.matched_by == "t" and found.steps == (0.5, 2.0) and found.interpolated[0] == A
+            )
+        B.write_text(
+            "step,t,delta,force,a,branch\n1,1,0.1,1,0.3,approach\n2,2,0.1,0.9,0.3,retract\n3,4,0,0,0,hold\n"
+        )
         found = compare(A, B)
         assert found.interpolated is None  # every time is a row's
         assert [text.split(" differ")[0] for text in found.differences] == [
@@ -720,7 +811,9 @@ class TestCompare:
             found = compare(*pair)
             found.check()
             assert found.matched_by == "step" and len(found.steps) == 5
-        (old / "experiment.csv").write_text("\n".join(",".join(row) for row in rows).replace("0.6", "0.5") + "\n")
+        (old / "experiment.csv").write_text(
+            "\n".join(",".join(row) for row in rows).replace("0.6", "0.5") + "\n"
+        )
         assert compare(new, old).differences == ("step 5: force 0.6 and 0.5 differ by 0.17",)
 
     def test_rows_at_other_depths_are_interpolated(self, tmp_path):
@@ -729,16 +822,28 @@ class TestCompare:
         A.write_text(self.curve(20))
         B.write_text(self.curve(7))
         found = compare(A, B, 1e-9)
-        assert found.matched_by == "delta" and found.interpolated[0] == A and found.interpolated[1] < 1e-12
-        assert len(found.steps) == 7 and list(found.pairs) == ["force", "a"] and found.differences == ()
-        assert found.residual["percent_largest"] < 1e-8 and found.as_json()["interpolated"]["curve"] == str(A)
+        assert (
+            found.matched_by == "delta"
+            and found.interpolated[0] == A
+            and found.interpolated[1] < 1e-12
+        )
+        assert (
+            len(found.steps) == 7
+            and list(found.pairs) == ["force", "a"]
+            and found.differences == ()
+        )
+        assert found.residual["percent_largest"] < 1e-8 and found.as_json()["interpolated"][
+            "curve"
+        ] == str(A)
         B.write_text(self.curve(7) + "8,1.5,2,1\n")
         assert compare(A, B, 1e-6).differences == (f"delta 1.5 is in {B} alone",)
 
     def test_a_measured_curve_is_interpolated_by_chords(self, tmp_path):
         """What chords miss is said: h^2/8 of the second derivative, largest at the shallowest row."""
         A, B = tmp_path / "A.csv", tmp_path / "B"
-        A.write_text(self.curve(400, "depth [nm],force [nN]"))  # B says no units: numbers as they stand
+        A.write_text(
+            self.curve(400, "depth [nm],force [nN]")
+        )  # B says no units: numbers as they stand
         B.write_text(self.curve(7))
         found = compare(A, B, 1e-3)
         assert found.differences == () and found.interpolated[0] == A
@@ -747,9 +852,13 @@ class TestCompare:
 
     def test_the_residual_is_of_the_largest_force(self, tmp_path):
         found = self.pair(
-            tmp_path, "1,0.1,2,0.5\n2,0.2,4,0.5\n3,0.3,8,0.5\n", "1,0.1,2,0.5\n2,0.2,4,0.5\n3,0.3,10,0.5\n"
+            tmp_path,
+            "1,0.1,2,0.5\n2,0.2,4,0.5\n3,0.3,8,0.5\n",
+            "1,0.1,2,0.5\n2,0.2,4,0.5\n3,0.3,10,0.5\n",
         )
-        assert found.residual == pytest.approx({"percent_largest": 20.0, "percent_rms": 20 / 3**0.5})
+        assert found.residual == pytest.approx(
+            {"percent_largest": 20.0, "percent_rms": 20 / 3**0.5}
+        )
         assert found.interpolated is None
 
     ROWS = "t,z,delta,force,a,branch\n,0.1,0.1,1,,approach\n,0.1,0.1,1.1,,hold\n,0.05,0.05,0,,retract\n"
@@ -779,7 +888,9 @@ class TestCompare:
             read(first)
 
     def test_results_are_equal_only_with_their_experiments(self, tmp_path):
-        """Of two results their experiment.csv and dynamic.csv are compared too; what one alone has is not."""
+        """Of two results their experiment.csv and dynamic.csv are compared too; what one alone has
+        is not.
+        """
         tables = {
             "force_indentation.csv": self.HEADER + "1,0.1,1,0.5\n",
             "experiment.csv": self.ROWS,
@@ -825,11 +936,22 @@ def test_the_time_of_a_state_is_its_own_where_time_passes(tmp_path: Path) -> Non
     kinds = {"displacement": ARRAYS["displacement"]}
 
     def times(done: int | None, *states: tuple[int, float | None]) -> list[float]:
-        writer = FieldWriter(tmp_path, points, cells, np.zeros(1), tip, keep="all", done=done, arrays=kinds)
+        writer = FieldWriter(
+            tmp_path, points, cells, np.zeros(1), tip, keep="all", done=done, arrays=kinds
+        )
         for step, t in states:
             writer.write(step, 0.1, fields, t)
-        return [float(value) for value in re.findall(r'<Time Value="([^"]*)"', (tmp_path / "fields.xdmf").read_text())]
+        return [
+            float(value)
+            for value in re.findall(
+                r'<Time Value="([^"]*)"', (tmp_path / "fields.xdmf").read_text()
+            )
+        ]
 
     assert times(None, (1, 0.5), (2, 0.5), (3, 2.0)) == [0.5, np.nextafter(0.5, 1.0), 2.0]
-    assert times(2, (3, 0.5)) == [0.5, np.nextafter(0.5, 1.0), np.nextafter(np.nextafter(0.5, 1.0), 1.0)]
+    assert times(2, (3, 0.5)) == [
+        0.5,
+        np.nextafter(0.5, 1.0),
+        np.nextafter(np.nextafter(0.5, 1.0), 1.0),
+    ]
     assert times(None, (1, None), (2, None)) == [1.0, 2.0]

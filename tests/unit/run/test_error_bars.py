@@ -45,7 +45,17 @@ def scene(**sections: Any) -> Scene:
 def states(error: float, steps: range = range(1, 5), flip: int = 0) -> list[State]:
     """Forces that are wrong by this share; at step `flip` the other way round."""
     return [
-        State(k, 0.0025 * k, EXACT[k] * (1 - error if k == flip else 1 + error), 0.05 * k**0.5, 0, 0, 0, 1, 0.0)
+        State(
+            k,
+            0.0025 * k,
+            EXACT[k] * (1 - error if k == flip else 1 + error),
+            0.05 * k**0.5,
+            0,
+            0,
+            0,
+            1,
+            0.0,
+        )
         for k in steps
     ]
 
@@ -58,35 +68,44 @@ def with_theory(base: Scene, theory: Theory | None) -> Scene:
     return replace(base, plan=replace(base.plan, theory=theory))
 
 
-def bars_of(base: Scene, run: list[State], other: Companion, soft: list[State] | None = None) -> np.ndarray:
+def bars_of(
+    base: Scene, run: list[State], other: Companion, soft: list[State] | None = None
+) -> np.ndarray:
     """The bars of a scene that no theory knows: its curves are made up."""
     bars = ErrorBars(with_theory(base, None), other, soft)
     return np.array([bars.judged(state).force_error for state in run])
 
 
 def test_a_bar_holds_an_error_that_falls_as_expected() -> None:
-    """Two forces whose error falls as h^RATE: the bar is Roache's index, SAFETY times the error, whatever the ratio of
-    their meshes, coarser or (of a mesh from a file) finer."""
+    """Two forces whose error falls as h^RATE: the bar is Roache's index, SAFETY times the error,
+    whatever the ratio of their meshes, coarser or (of a mesh from a file) finer.
+    """
     for ratio in (RATIO, 1.3, 2.5, 0.5):
-        relative = bars_of(scene(accuracy=0.001), states(ERROR), companion(ratio=ratio)) / np.array([*EXACT.values()])
+        relative = bars_of(scene(accuracy=0.001), states(ERROR), companion(ratio=ratio)) / np.array(
+            [*EXACT.values()]
+        )
         assert relative == pytest.approx(SAFETY * ERROR, rel=1e-9)
 
 
 def test_an_accidental_crossing_gives_no_tiny_bar() -> None:
-    """At one step run and companion are equal, both wrong by what such elements cost at the median: the floor holds."""
+    """At one step run and companion are equal, both wrong by what such elements cost at the median:
+    the floor holds.
+    """
     base = scene(accuracy=0.01)
     assert base.plan.fineness is not None
     wrong = 0.1 * CONSTANT[2] * base.plan.fineness.n**-RATE
     crossing = [
-        replace(state, force=EXACT[2] * (1 + wrong)) if state.step == 2 else state for state in states(8 * wrong)
+        replace(state, force=EXACT[2] * (1 + wrong)) if state.step == 2 else state
+        for state in states(8 * wrong)
     ]
     bars = bars_of(base, states(wrong), Companion(RATIO, crossing))
     assert bars[1] > wrong * EXACT[2] and bars[0] > 2 * bars[1] * EXACT[1] / EXACT[2]
 
 
 def test_meshes_that_agree_leave_the_error_of_their_elements() -> None:
-    """Equal at every step by accident: the same share of what n elements let expect, of force, radius and pressure, for
-    any ratio of the meshes."""
+    """Equal at every step by accident: the same share of what n elements let expect, of force,
+    radius and pressure, for any ratio of the meshes.
+    """
     same = [replace(state, p_max=2.0) for state in states(0.0)]
     for ratio in (RATIO, 2.0, 0.5):
         judge = ErrorBars(with_theory(scene(), None), Companion(ratio, same))
@@ -100,17 +119,26 @@ def test_meshes_that_agree_leave_the_error_of_their_elements() -> None:
 
 @pytest.mark.parametrize("shape", ["flat_punch", "paraboloid"])
 def test_a_sharp_edge_in_three_dimensions_is_told_by_its_elements(shape: str) -> None:
-    """All meshes end at the edge and are off in the same way: where they agree the bar is a quarter of the elements
-    there over the radius. Not of a punch in a section, nor of a tip without an edge."""
+    """All meshes end at the edge and are off in the same way: where they agree the bar is a quarter
+    of the elements there over the radius. Not of a punch in a section, nor of a tip without an
+    edge.
+    """
     tip = {"shape": shape} | ({"radius": 0.3} if shape == "flat_punch" else {"R": 1.0})
     solid = {"shape": "box", "size": [3.0, 3.0, 1.0]}
     rows = [replace(state, a=0.3) for state in states(0.0)]
-    section, box = (scene(indenter=tip, **body) for body in ({}, {"body": solid, "mesh": {"symmetry": "quarter"}}))
-    in_section, in_box = (bars_of(one, rows, Companion(RATIO, rows))[-1] / EXACT[4] for one in (section, box))
+    section, box = (
+        scene(indenter=tip, **body)
+        for body in ({}, {"body": solid, "mesh": {"symmetry": "quarter"}})
+    )
+    in_section, in_box = (
+        bars_of(one, rows, Companion(RATIO, rows))[-1] / EXACT[4] for one in (section, box)
+    )
     sizes = box.sizes
     if shape == "flat_punch":
         assert sizes.edge and sizes.h_edge
-        assert in_box == pytest.approx(0.25 * sizes.keenness * sizes.h_edge / sizes.edge + sizes.corner_error)
+        assert in_box == pytest.approx(
+            0.25 * sizes.keenness * sizes.h_edge / sizes.edge + sizes.corner_error
+        )
         assert section.sizes.h_edge and in_section < 0.25 * section.sizes.h_edge / 0.3
     else:
         assert sizes.edge is None
@@ -119,14 +147,18 @@ def test_a_sharp_edge_in_three_dimensions_is_told_by_its_elements(shape: str) ->
 
 
 def test_corners_that_are_left_coarse_come_on_top() -> None:
-    """Of an incompressible box bonded at its base and free at its sides, whose corners no companion refines."""
+    """Of an incompressible box bonded at its base and free at its sides, whose corners no companion
+    refines.
+    """
     soft = {"model": "linear_elastic", "E": 1.0, "nu": 0.4999}
     base = scene(body={"shape": "box", "size": [2.0, 2.0, 1.0]}, material=soft)
     cost = base.sizes.corner_error
     assert cost > 3e-4
     clean = replace(base, sizes=replace(base.sizes, corner_error=0.0))
     on_top = [bars_of(one, states(ERROR), companion()) for one in (base, clean)]
-    assert on_top[0] - on_top[1] == pytest.approx(cost * np.array([state.force for state in states(ERROR)]))
+    assert on_top[0] - on_top[1] == pytest.approx(
+        cost * np.array([state.force for state in states(ERROR)])
+    )
 
 
 def test_the_companion_of_a_run_is_coarser_or_its_last_attempt() -> None:
@@ -142,28 +174,42 @@ def test_the_companion_of_a_run_is_coarser_or_its_last_attempt() -> None:
 
 
 def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
-    """Run and companions agree on a force that is 5 % too large; where theory is not exact it has no say."""
-    least = FLOOR * CONSTANT[2] * fading(elements_for(0.01, 2)) * 1.2  # a little fewer elements in the first contact
+    """Run and companions agree on a force that is 5 % too large; where theory is not exact it has
+    no say.
+    """
+    least = (
+        FLOOR * CONSTANT[2] * fading(elements_for(0.01, 2)) * 1.2
+    )  # a little fewer elements in the first contact
     base = scene(accuracy=0.01)
     assert base.plan.theory is not None
-    exact = np.array([solution.force for solution in base.plan.theory.curve([0.0025 * k for k in EXACT]) or []])
+    exact = np.array(
+        [solution.force for solution in base.plan.theory.curve([0.0025 * k for k in EXACT]) or []]
+    )
     wrong = [replace(state, force=1.05 * F) for state, F in zip(states(0.0), exact, strict=True)]
     inexact = with_theory(base, replace(base.plan.theory, exact=False))
-    for judge, low, high in ((base, 0.05, 0.05), (inexact, 0.0, least), (base.with_physics(gap="current"), 0.0, least)):
+    for judge, low, high in (
+        (base, 0.05, 0.05),
+        (inexact, 0.0, least),
+        (base.with_physics(gap="current"), 0.0, least),
+    ):
         bars = ErrorBars(judge, Companion(RATIO, wrong))
         found = np.array([bars.judged(state).force_error for state in wrong]) / exact
         assert np.all(found >= low * (1 - 1e-9)) and np.all(found <= high * (1 + 1e-9))
 
 
 def test_rows_with_few_elements_have_bars_of_their_own_error() -> None:
-    """On a uniform mesh the first steps have few elements in their contact and errors that the last does not share; the
-    factor from a difference to a bar is one for all."""
+    """On a uniform mesh the first steps have few elements in their contact and errors that the last
+    does not share; the factor from a difference to a bar is one for all.
+    """
     base = scene(mesh={"h_contact": 0.01, "h_far": 0.25})
     law = [float((a / 0.01) ** -RATE) for a in (0.05 * k**0.5 for k in EXACT)]
 
     def walked(ratio: float) -> list[State]:
         share = [1 + 0.1 * error * ratio**RATE for error in law]
-        return [replace(state, force=state.force * s) for state, s in zip(states(0.0), share, strict=True)]
+        return [
+            replace(state, force=state.force * s)
+            for state, s in zip(states(0.0), share, strict=True)
+        ]
 
     bars = bars_of(base, walked(1.0), Companion(RATIO, walked(RATIO)))
     over = bars / (0.1 * np.array(law) * np.array(list(EXACT.values())))
@@ -182,9 +228,15 @@ def test_out_of_contact_there_is_no_error() -> None:
 
 
 def test_a_contact_that_no_mesh_finds_has_less_force_than_a_deeper_one() -> None:
-    """Pressed in and without force: what the force may be is that of the next depth at which the companion has one."""
-    missed = [replace(state, force=0.0, a=0.0) if state.step < 2 else state for state in states(0.0)]
-    coarse = [replace(state, force=0.0, a=0.0) if state.step < 3 else state for state in states(0.0)]
+    """Pressed in and without force: what the force may be is that of the next depth at which the
+    companion has one.
+    """
+    missed = [
+        replace(state, force=0.0, a=0.0) if state.step < 2 else state for state in states(0.0)
+    ]
+    coarse = [
+        replace(state, force=0.0, a=0.0) if state.step < 3 else state for state in states(0.0)
+    ]
     judge = ErrorBars(scene(), Companion(RATIO, coarse))
     first = judge.judged(missed[0])
     assert (first.force_error, first.a_error) == (coarse[2].force, coarse[2].a)
@@ -193,8 +245,10 @@ def test_a_contact_that_no_mesh_finds_has_less_force_than_a_deeper_one() -> None
 
 
 def test_radius_and_peak_have_bars_of_their_own() -> None:
-    """A peak that differs between run and companion by the power that is assumed has SAFETY times its error as a bar; a
-    radius is read off to a share of an element; a peak that no mesh knows has no bar."""
+    """A peak that differs between run and companion by the power that is assumed has SAFETY times
+    its error as a bar; a radius is read off to a share of an element; a peak that no mesh knows
+    has no bar.
+    """
     base = scene()
     exact = states(0.0)
 
@@ -221,12 +275,16 @@ def test_the_error_of_a_depth_is_that_of_its_force_over_the_slope() -> None:
 def test_the_error_of_a_penalty_is_extrapolated() -> None:
     """Body and penalty as two springs in series: 1/F is linear in 1/epsilon_n, and F is 2 % low."""
     low = 0.02
-    own, soft = ([replace(s, force=s.force / (1 + k * low / (1 - low))) for s in states(0.0)] for k in (1, 2))
+    own, soft = (
+        [replace(s, force=s.force / (1 + k * low / (1 - low))) for s in states(0.0)] for k in (1, 2)
+    )
     judge = ErrorBars(scene(contact={"method": "penalty"}), Companion(RATIO, own), soft)
     for state in own:
         judge.judged(state)
     found = [budget.enforcement for budget in judge.budgets]
-    assert found == pytest.approx([EXACT[k] - state.force for k, state in enumerate(own, 1)], rel=1e-9)
+    assert found == pytest.approx(
+        [EXACT[k] - state.force for k, state in enumerate(own, 1)], rel=1e-9
+    )
 
 
 def test_a_companion_with_a_softer_penalty_says_more_than_the_error() -> None:
@@ -234,12 +292,16 @@ def test_a_companion_with_a_softer_penalty_says_more_than_the_error() -> None:
     base, low = scene(contact={"method": "penalty"}), 0.02
     law = base.physics.contact
     before = base.with_physics(contact=replace(law, epsilon_n=law.stiffness / 3))
-    own, soft = ([replace(s, force=s.force / (1 + k * low / (1 - low))) for s in states(0.0)] for k in (1, 2))
+    own, soft = (
+        [replace(s, force=s.force / (1 + k * low / (1 - low))) for s in states(0.0)] for k in (1, 2)
+    )
     same, other = (Companion(RATIO, own, at) for at in (base, before))
     whole, third = (ErrorBars(base, one, soft) for one in (same, other))
     for state in own:
         whole.judged(state), third.judged(state)
-    assert [b.enforcement for b in third.budgets] == pytest.approx([b.enforcement / 3 for b in whole.budgets])
+    assert [b.enforcement for b in third.budgets] == pytest.approx(
+        [b.enforcement / 3 for b in whole.budgets]
+    )
     assert whole.budgets[0].enforcement > 0.019 * own[0].force
 
 
@@ -250,7 +312,10 @@ def test_with_prescribed_forces_the_depths_differ_and_say_the_same() -> None:
     def walked(error: float, control: str) -> list[State]:
         shift = (1 + error) ** (-2 / 3) if control == "force" else 1.0
         high = 1.0 if control == "force" else 1 + error
-        return [State(k, depths[k] * shift, EXACT[k] * high, 0.05 * k**0.5, 0, 0, 0, 1, 0.0) for k in EXACT]
+        return [
+            State(k, depths[k] * shift, EXACT[k] * high, 0.05 * k**0.5, 0, 0, 0, 1, 0.0)
+            for k in EXACT
+        ]
 
     by_depth, by_force = (
         bars_of(
@@ -260,7 +325,9 @@ def test_with_prescribed_forces_the_depths_differ_and_say_the_same() -> None:
         )
         for control in ("depth", "force")
     )
-    assert by_force == pytest.approx(by_depth, rel=0.02)  # one is relative to the wrong force, 1 + ERROR q^RATE
+    assert by_force == pytest.approx(
+        by_depth, rel=0.02
+    )  # one is relative to the wrong force, 1 + ERROR q^RATE
 
 
 DRAINING: dict[str, Any] = {
@@ -270,8 +337,9 @@ DRAINING: dict[str, Any] = {
 
 
 def test_films_are_counted_once() -> None:
-    """Run and companion are low by what their films take, and by nothing else: the mesh's part is its floor, as of two
-    equal runs, and the film's part is the error."""
+    """Run and companion are low by what their films take, and by nothing else: the mesh's part is
+    its floor, as of two equal runs, and the film's part is the error.
+    """
     lost = {1.0: 0.01, RATIO: 0.023}  # relative, by the size of the elements
 
     def film_error(state: State, coarser: float = 1.0) -> float:
@@ -306,11 +374,14 @@ def test_a_coarser_scene_is_coarser_everywhere() -> None:
     assert larger.sizes.h_contact == pytest.approx(1.6 * base.sizes.h_contact)
 
 
-# ---- what accuracy chooses ------------------------------------------------------------------------------------------
+# ---- what accuracy chooses
+# ------------------------------------------------------------------------------------------
 
 
 def test_presets_and_their_order() -> None:
-    """Ten times the accuracy costs 10^(1/RATE) times the elements in a radius, where the fewest do not rule."""
+    """Ten times the accuracy costs 10^(1/RATE) times the elements in a radius, where the fewest do
+    not rule.
+    """
     assert scene(accuracy="accurate").sizes == scene(accuracy=PRESETS["accurate"]).sizes
     assert elements_for(1e-4, 2) / elements_for(1e-3, 2) == pytest.approx(10 ** (1 / RATE))
 
@@ -325,7 +396,9 @@ def test_every_step_sees_the_same_number_of_elements() -> None:
 
 
 def test_a_penalty_left_open_is_stiff_enough() -> None:
-    soft, stiff = (scene(accuracy=accuracy, contact={"method": "penalty"}) for accuracy in (0.01, 0.001))
+    soft, stiff = (
+        scene(accuracy=accuracy, contact={"method": "penalty"}) for accuracy in (0.01, 0.001)
+    )
     laws = soft.physics.contact, stiff.physics.contact
     assert isinstance(laws[0], Penalty) and isinstance(laws[1], Penalty)
     assert laws[1].stiffness > 4 * laws[0].stiffness
@@ -358,12 +431,19 @@ def test_sizes_that_do_not_fit_the_scene(mesh: dict[str, float], key: str) -> No
     assert caught.value.key == f"mesh.{key}"
 
 
-@pytest.mark.parametrize(("paths", "said"), [((0.02, 0.05), "one step from rest"), ((0.001, 0.05), "more of them may")])
+@pytest.mark.parametrize(
+    ("paths", "said"), [((0.02, 0.05), "one step from rest"), ((0.001, 0.05), "more of them may")]
+)
 def test_more_steps_are_advised_where_they_help(paths: tuple[float, float], said: str) -> None:
-    """The first row is one step from rest, whatever the path: an accuracy it cannot have is not to be had by more."""
+    """The first row is one step from rest, whatever the path: an accuracy it cannot have is not to
+    be had by more.
+    """
     base = scene(accuracy=0.01, contact={"method": "auto", "friction": "stick"})
     rows = states(0.0, range(1, 3))
-    budgets = [Budget(row.step, 0.0, 0.0, 0.0, path=path * row.force) for row, path in zip(rows, paths, strict=True)]
+    budgets = [
+        Budget(row.step, 0.0, 0.0, 0.0, path=path * row.force)
+        for row, path in zip(rows, paths, strict=True)
+    ]
     attempt = Attempt(base)
     attempt.judge(lambda elements: base, rows, SimpleNamespace(budgets=budgets, companion=None))  # type: ignore[arg-type]
     assert said in attempt.missed and attempt.following is None

@@ -24,7 +24,11 @@ PLAIN: dict[str, Any] = {
     "loading": {"delta": 0.02, "steps": 3},
 }
 BOX = {"shape": "box", "size": [2.0, 2.0, 1.0]}
-ITERATED = {"body": BOX, "mesh": {"h_contact": 0.1, "h_far": 0.5}, "solver": {"linear": "iterative"}}
+ITERATED = {
+    "body": BOX,
+    "mesh": {"h_contact": 0.1, "h_far": 0.5},
+    "solver": {"linear": "iterative"},
+}
 SCENES: dict[str, dict[str, Any]] = {
     "plain": {},
     "accuracy": {"accuracy": 0.0005},  # whose companion costs more than the digits of `seconds`
@@ -36,7 +40,10 @@ SCENES: dict[str, dict[str, Any]] = {
     "finite strain": {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.5}},
     "forces": {"loading": {"forces": [0.001, 0.002]}},
     "adhesion": {"contact": {"method": "auto", "adhesion": {"work": 1e-3, "range": 0.02}}},
-    "pins": {"body": BOX | {"base": "roller"}, "indenter": {"shape": "paraboloid", "R": 1.0, "center": [0.9, 1.0]}},
+    "pins": {
+        "body": BOX | {"base": "roller"},
+        "indenter": {"shape": "paraboloid", "R": 1.0, "center": [0.9, 1.0]},
+    },
     "out of contact": {"loading": {"deltas": [-0.01]}},
     "drains": {
         "material": PLAIN["material"] | {"flow": {"diffusivity": 1.0}},
@@ -74,17 +81,24 @@ def said(scene: Scene) -> Said:
 def reached(scene: Scene) -> list[State]:
     """Rows of all depths of a scene, as a run would have them."""
     depths = [delta * scene.physics.scales.depth for delta in scene.physics.deltas]
-    return [State(k, delta, max(delta, 0.0) ** 1.5, 0.1, 0, 0, 0, 1, 0.0) for k, delta in enumerate(depths, start=1)]
+    return [
+        State(k, delta, max(delta, 0.0) ** 1.5, 0.1, 0, 0, 0, 1, 0.0)
+        for k, delta in enumerate(depths, start=1)
+    ]
 
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("with_stick", [False, True])
-def test_the_companions_that_are_planned_are_those_that_are_run(monkeypatch, tmp_path, name, with_stick):
+def test_the_companions_that_are_planned_are_those_that_are_run(
+    monkeypatch, tmp_path, name, with_stick
+):
     config = from_mapping(PLAIN | SCENES[name])
     scene = resolve(config)
     solved: list[Said] = []
     monkeypatch.setattr(chain, "backend", lambda: None)
-    monkeypatch.setattr(chain.Run, "_curve", lambda self, other: solved.append(said(other)) or reached(other))
+    monkeypatch.setattr(
+        chain.Run, "_curve", lambda self, other: solved.append(said(other)) or reached(other)
+    )
     run = chain.Run(config, None, None, tmp_path, None, False, with_stick, False)
     bars = run._bars(Attempt(scene))
     if with_stick:
@@ -99,7 +113,9 @@ def test_a_whole_run_costs_more_than_its_own_mesh(name):
     assert beside["seconds"] > scene.plan.prediction["seconds"]
     assert beside["memory_MB"] >= scene.plan.prediction["memory_MB"]
     assert (alone["seconds"] > scene.plan.prediction["seconds"]) == ("accuracy" in SCENES[name])
-    assert {key: alone[key] for key in ("cells", "dofs")} == {key: beside[key] for key in ("cells", "dofs")}
+    assert {key: alone[key] for key in ("cells", "dofs")} == {
+        key: beside[key] for key in ("cells", "dofs")
+    }
 
 
 def test_theory_has_no_companions():
@@ -110,10 +126,17 @@ def test_theory_has_no_companions():
 def test_plan_counts_them_where_it_is_asked_to(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.yaml").write_text(dump(PLAIN))
-    (tmp_path / "study.yaml").write_text(dump({"base": "scene.yaml", "vary": {"material.nu": [0.2, 0.3]}}))
+    (tmp_path / "study.yaml").write_text(
+        dump({"base": "scene.yaml", "vary": {"material.nu": [0.2, 0.3]}})
+    )
     for file in ("scene.yaml", "study.yaml"):
         words = ["plan", file, "--json"]
-        told = [CliRunner().invoke(commands.program, [*words, *flag]) for flag in ([], ["--error-bars"])]
+        told = [
+            CliRunner().invoke(commands.program, [*words, *flag]) for flag in ([], ["--error-bars"])
+        ]
         assert [done.exit_code for done in told] == [0, 0]
         assert told[0].stdout != told[1].stdout
-    assert "seconds" in CliRunner().invoke(commands.program, ["plan", "scene.yaml", "--error-bars"]).stdout
+    assert (
+        "seconds"
+        in CliRunner().invoke(commands.program, ["plan", "scene.yaml", "--error-bars"]).stdout
+    )

@@ -1,4 +1,6 @@
-"""Rows that cannot be true: theory's own states pass every rule, and each kind of wrong state is told by one."""
+"""Rows that cannot be true: theory's own states pass every rule, and each kind of wrong state is
+told by one.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,15 @@ import pytest
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.state import State
-from indent_sim.run.plausibility import ALWAYS, WHEN_PRESSED, Rows, contradiction, long_steps, rough, unresolved
+from indent_sim.run.plausibility import (
+    ALWAYS,
+    WHEN_PRESSED,
+    Rows,
+    contradiction,
+    long_steps,
+    rough,
+    unresolved,
+)
 from indent_sim.scene.doubts import BATH_IS_SUDDEN, _less_swollen
 from indent_sim.scene.scene import Scene, resolve
 
@@ -44,11 +54,23 @@ def theorys(base: Scene, delta: float, step: int = 1) -> State:
     found = base.plan.theory.at(delta / base.physics.scales.length) if base.plan.theory else None
     assert found is not None
     p_max = float(found.pressure(0.0))
-    state = State(step, found.delta, found.force, found.a, p_max, 0.0, found.energy, 5, 0.1, reaction=found.force)
+    state = State(
+        step,
+        found.delta,
+        found.force,
+        found.a,
+        p_max,
+        0.0,
+        found.energy,
+        5,
+        0.1,
+        reaction=found.force,
+    )
     return state.in_units(base.physics.scales)
 
 
-# ---- nothing is said against what is true -------------------------------------------------------------------------
+# ---- nothing is said against what is true
+# -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("tip", TIPS)
@@ -66,7 +88,10 @@ def test_theory_itself(body: str, tip: str) -> None:
 @pytest.mark.parametrize(
     ("sections", "change"),
     [
-        ({"contact": {"method": "penalty", "epsilon_n": 10.0}}, {"force": 0.6, "energy": 0.7}),  # a soft penalty
+        (
+            {"contact": {"method": "penalty", "epsilon_n": 10.0}},
+            {"force": 0.6, "energy": 0.7},
+        ),  # a soft penalty
         ({"mesh": {"h_contact": 0.5}}, {"force": 1.5, "a": 1.4}),  # half an element in contact
         ({"material": RUBBER}, {"force": 3.0, "energy": 3.0}),  # which stiffens
         ({}, {"newton_iterations": 0}),  # foretold to the last digit, as of a flat punch
@@ -75,20 +100,25 @@ def test_theory_itself(body: str, tip: str) -> None:
 def test_what_coarse_or_soft_models_do(sections: dict[str, Any], change: dict[str, float]) -> None:
     base = scene(**sections)
     before, state = theorys(base, 0.05), theorys(base, 0.1, step=2)
-    changed = replace(state, **{name: factor * getattr(state, name) for name, factor in change.items()})
+    changed = replace(
+        state, **{name: factor * getattr(state, name) for name, factor in change.items()}
+    )
     assert contradiction(base, changed, Rows([before])) is None
 
 
 @pytest.mark.parametrize("tip", ["sphere", "cone", "flat_punch"])
 def test_first_touch_on_a_mesh_for_the_deepest_contact(tip: str) -> None:
-    """A contact of 1e-6 to 1e-5 of the path's force may be missed by its quadrature points; a larger one may not."""
+    """A contact of 1e-6 to 1e-5 of the path's force may be missed by its quadrature points; a
+    larger one may not.
+    """
     base = scene(tip=tip, loading={"deltas": [1e-8, 0.01, 0.1]})
     missed = [replace(theorys(base, delta), force=0.0, a=0.0, energy=0.0) for delta in (1e-8, 0.01)]
     assert contradiction(base, missed[0], Rows()) is None
     assert "finds no force" in (contradiction(base, missed[1], Rows()) or "")
 
 
-# ---- each kind of wrong state --------------------------------------------------------------------------------------
+# ---- each kind of wrong state
+# --------------------------------------------------------------------------------------
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "nan": ({"a": float("nan")}, "a is not a number"),
@@ -102,7 +132,10 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "no energy": ({"energy": -0.001}, "the energy is -0.001"),
     "half of theory's": ({"force": 0.03, "energy": 0.001}, "layer theory expects"),
     "twice theory's": ({"force": 0.2}, "layer theory expects"),
-    "too narrow a bar": ({"force": 0.07, "force_error": 1e-5}, "the error bar 1e-05 does not hold it"),
+    "too narrow a bar": (
+        {"force": 0.07, "force_error": 1e-5},
+        "the error bar 1e-05 does not hold it",
+    ),
 }
 
 
@@ -117,7 +150,9 @@ def test_every_rule_is_tried() -> None:
     """Those of a single state above, those of a path below."""
     base = scene()
     states = [replace(theorys(base, 0.1), **change) for change, _ in WRONG.values()]
-    tried = {rule for rule in ALWAYS + WHEN_PRESSED if any(rule(base, state, Rows()) for state in states)}
+    tried = {
+        rule for rule in ALWAYS + WHEN_PRESSED if any(rule(base, state, Rows()) for state in states)
+    }
     assert {rule.__name__ for rule in {*ALWAYS, *WHEN_PRESSED} - tried} == {
         "_stands_still",
         "_falls",
@@ -126,12 +161,16 @@ def test_every_rule_is_tried() -> None:
 
 
 def test_a_tip_on_the_top_of_a_fixed_side() -> None:
-    """Where a force is prescribed no plan knows the depth: here the side is met at r^2/(2 R) = 0.125."""
+    """Where a force is prescribed no plan knows the depth: here the side is met at r^2/(2 R) =
+    0.125.
+    """
     body = {"shape": "cylinder", "radius": 0.5, "height": 2.0, "sides": "fixed"}
     base = scene(tip="paraboloid", body=body, loading={"force": 0.01, "steps": 1})
     state = State(1, 0.124, 0.01, 0.4, 0.1, 0.0, 0.0005, 5, 0.1, reaction=0.01)
     assert contradiction(base, state, Rows()) is None
-    assert "top of a fixed side from 0.125 on" in (contradiction(base, replace(state, delta=0.126), Rows()) or "")
+    assert "top of a fixed side from 0.125 on" in (
+        contradiction(base, replace(state, delta=0.126), Rows()) or ""
+    )
 
 
 def test_nothing_solved() -> None:
@@ -139,17 +178,24 @@ def test_nothing_solved() -> None:
     first, second = theorys(base, 0.05), theorys(base, 0.1, step=2)
     still = replace(second, newton_iterations=0, force=first.force, energy=first.energy)
     assert "nothing was solved" in (contradiction(base, still, Rows([first])) or "")
-    assert "nothing was solved" in (contradiction(base, replace(first, newton_iterations=0), Rows()) or "")
+    assert "nothing was solved" in (
+        contradiction(base, replace(first, newton_iterations=0), Rows()) or ""
+    )
 
 
 @pytest.mark.parametrize("material", [None, RUBBER])
 @pytest.mark.parametrize("depths", [(0.09, 0.1), (0.1, 0.09)], ids=["pressed", "let go of"])
-def test_a_force_that_falls_with_depth(material: dict[str, Any] | None, depths: tuple[float, float]) -> None:
+def test_a_force_that_falls_with_depth(
+    material: dict[str, Any] | None, depths: tuple[float, float]
+) -> None:
     """By 10 %, of which theory's factors know nothing; error bars as wide excuse it."""
     base = scene(**({"material": material} if material else {}))
     force = theorys(base, 0.1).force
     forces = {0.09: force, 0.1: 0.9 * force}
-    states = [replace(theorys(base, delta, step=k), force=forces[delta]) for k, delta in enumerate(depths, start=1)]
+    states = [
+        replace(theorys(base, delta, step=k), force=forces[delta])
+        for k, delta in enumerate(depths, start=1)
+    ]
     assert "where it must be larger" in (contradiction(base, states[1], Rows(states[:1])) or "")
     excused = [replace(state, force_error=0.3 * force) for state in states]
     assert contradiction(base, excused[1], Rows(excused[:1])) is None
@@ -165,13 +211,21 @@ def test_a_law_that_softens_may_give_way() -> None:
 
 
 def test_theory_says_little_where_the_body_is_another() -> None:
-    """A pillar under a punch nearly as wide: the infinite layer of theory would bear many times its force."""
+    """A pillar under a punch nearly as wide: the infinite layer of theory would bear many times its
+    force.
+    """
     base = scene(tip="flat_punch", body={"shape": "cylinder", "radius": 0.35, "height": 4.0})
     state = theorys(base, 0.1)
-    assert contradiction(base, replace(state, force=0.05 * state.force, energy=0.05 * state.energy), Rows()) is None
+    assert (
+        contradiction(
+            base, replace(state, force=0.05 * state.force, energy=0.05 * state.energy), Rows()
+        )
+        is None
+    )
 
 
-# ---- contacts that the mesh does not resolve ----------------------------------------------------------------------
+# ---- contacts that the mesh does not resolve
+# ----------------------------------------------------------------------
 
 DRAINING: dict[str, Any] = {
     "material": ELASTIC | {"flow": {"diffusivity": 1.0}},
@@ -179,14 +233,24 @@ DRAINING: dict[str, Any] = {
     "mesh": {"h_contact": 0.02},
 }
 SWELLING: dict[str, Any] = {
-    "material": {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.6, "stretch": 1.4, "flow": {"diffusivity": 1.0}},
+    "material": {
+        "model": "gel",
+        "G": 1.0,
+        "n_omega": 1e-3,
+        "chi": 0.6,
+        "stretch": 1.4,
+        "flow": {"diffusivity": 1.0},
+    },
     "drainage": {"bath": 0.0},
 }
 
 
 def rows_of(radii: list[float], delta: float = 0.0, force: float = 1.0) -> list[State]:
     """Rows of one force and depth whose contact has these radii, in elements of 0.02."""
-    return [State(k, delta, force, 0.02 * n, 1.0, 0.0, 1.0, 5, 0.1) for k, n in enumerate(radii, start=1)]
+    return [
+        State(k, delta, force, 0.02 * n, 1.0, 0.0, 1.0, 5, 0.1)
+        for k, n in enumerate(radii, start=1)
+    ]
 
 
 def test_rows_of_a_history_whose_contact_is_small() -> None:
@@ -194,10 +258,15 @@ def test_rows_of_a_history_whose_contact_is_small() -> None:
     assert unresolved(base, rows_of([2.0, 5.0])) == []
     (said,) = unresolved(base, rows_of([0.5, 1.8, 2.0, 5.0], delta=0.1))
     assert (
-        said.startswith("2 rows from step 1 on have at most 1.8 elements") and "about 2 % to tens of per cent" in said
+        said.startswith("2 rows from step 1 on have at most 1.8 elements")
+        and "about 2 % to tens of per cent" in said
     )
     (said,) = unresolved(base, rows_of([5.0, 1.0]))
-    assert said.startswith("step 2 has at most 1 elements") and "about 7 %" in said and "mesh.h_axis" in said
+    assert (
+        said.startswith("step 2 has at most 1 elements")
+        and "about 7 %" in said
+        and "mesh.h_axis" in said
+    )
     assert unresolved(base, [replace(row, force=0.0) for row in rows_of([0.5, 1.0])]) == []
 
 
@@ -205,7 +274,9 @@ def test_a_contact_that_a_gel_closes_needs_more_elements() -> None:
     base = scene(**DRAINING | SWELLING)
     (said,) = unresolved(base, rows_of([2.0, 5.0, 8.0]))
     assert said.startswith("2 rows from step 1 on have at most 5 elements") and "about 7 %" in said
-    assert unresolved(base, rows_of([2.0, 5.0, 8.0], delta=0.1)) == []  # pressed in: the tip is wider at this depth
+    assert (
+        unresolved(base, rows_of([2.0, 5.0, 8.0], delta=0.1)) == []
+    )  # pressed in: the tip is wider at this depth
 
 
 def test_what_was_said_beforehand_is_not_said_again() -> None:
@@ -214,14 +285,21 @@ def test_what_was_said_beforehand_is_not_said_again() -> None:
     assert unresolved(base, rows_of([0.5])) == []
 
 
-# ---- pressures that alternate, steps that are too long ------------------------------------------------------------
+# ---- pressures that alternate, steps that are too long
+# ------------------------------------------------------------
 
 
 def test_rough_pressures_are_said_once_with_their_size() -> None:
     base, smooth = scene(), rows_of([5.0, 5.0, 5.0])
-    assert rough(base, smooth) == rough(base, [replace(row, roughness=0.029) for row in smooth]) == []
-    (said,) = rough(base, [replace(row, roughness=r) for row, r in zip(smooth, (0.01, 0.05, 0.12), strict=True)])
-    assert said.startswith("2 rows from step 2 on") and "by 5 to 12 % of p_max, most in step 3" in said
+    assert (
+        rough(base, smooth) == rough(base, [replace(row, roughness=0.029) for row in smooth]) == []
+    )
+    (said,) = rough(
+        base, [replace(row, roughness=r) for row, r in zip(smooth, (0.01, 0.05, 0.12), strict=True)]
+    )
+    assert (
+        said.startswith("2 rows from step 2 on") and "by 5 to 12 % of p_max, most in step 3" in said
+    )
     assert "mesh.h_contact" in said
     (said,) = rough(base, [replace(smooth[0], roughness=0.3)])
     assert said.startswith("step 1:") and "30 % of p_max" in said
@@ -234,7 +312,9 @@ def even_rows(steps: int, stick: float) -> list[State]:
 
 
 def test_a_long_step_with_friction_says_what_it_costs() -> None:
-    """One step from rest: Spence's stick radius is 2.2 times and the heat a quarter of what it finds."""
+    """One step from rest: Spence's stick radius is 2.2 times and the heat a quarter of what it
+    finds.
+    """
     base = scene(contact={"friction": 0.1})
     (said,) = long_steps(base, even_rows(1, 0.1))
     assert said.startswith("step 1 changes the contact radius by up to 100 %")
@@ -247,7 +327,10 @@ def test_ten_steps_are_short_enough_unless_little_slips() -> None:
     base = scene(contact={"friction": 0.3})
     assert long_steps(base, even_rows(10, 0.5)) == []
     (said,) = long_steps(base, even_rows(10, 0.9))
-    assert "dissipation by its own size or more" in said and "stick_radius may be wrong by about 22 %" in said
+    assert (
+        "dissipation by its own size or more" in said
+        and "stick_radius may be wrong by about 22 %" in said
+    )
     for contact in ({}, {"friction": "stick"}):  # nothing slips that is reported
         assert long_steps(scene(contact=contact), even_rows(1, 0.1)) == []
 
@@ -258,20 +341,27 @@ def test_a_punch_touches_at_once() -> None:
     assert long_steps(flat, even_rows(1, 0.5)) == []
 
 
-# ---- baths that come within a time --------------------------------------------------------------------------------
+# ---- baths that come within a time
+# --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("t", [0.5, 1.0, 3.0, 10.0])
 def test_how_much_less_a_gel_has_risen_when_its_bath_came_evenly(t: float) -> None:
-    """Against a sum of 20 000 sudden parts of the bath, each of which makes the surface rise with the root of time."""
+    """Against a sum of 20 000 sudden parts of the bath, each of which makes the surface rise with
+    the root of time.
+    """
     parts = (np.arange(20_000) + 0.5) / 20_000
     risen = float(np.sqrt(np.maximum(t - parts, 0.0)).mean())
-    assert _less_swollen(1.0, t) == pytest.approx(1.0 - risen / t**0.5, abs=1e-6)  # the sum's own error at s = t
+    assert _less_swollen(1.0, t) == pytest.approx(
+        1.0 - risen / t**0.5, abs=1e-6
+    )  # the sum's own error at s = t
 
 
 def test_rows_while_a_bath_comes_are_said() -> None:
     base = scene(**DRAINING | SWELLING)
     (said,) = (doubt.words for doubt in base.plan.doubts if doubt.key == "bath")
     last = max(t for t in base.physics.path.times if t < BATH_IS_SUDDEN * base.physics.bath_ramp)
-    assert said.startswith(f"rows up to t = {last:.3g}: the bath comes within {base.physics.bath_ramp:.3g}")
+    assert said.startswith(
+        f"rows up to t = {last:.3g}: the bath comes within {base.physics.bath_ramp:.3g}"
+    )
     assert not any(doubt.key == "bath" for doubt in scene(**DRAINING).plan.doubts)

@@ -23,7 +23,11 @@ def of(**changes: Any) -> Prospect:
 
 
 def test_titles_have_no_part_in_an_identity_and_numbers_have() -> None:
-    assert of(title="one").identity == of().identity != of(loading={"delta": 0.04, "steps": 3}).identity
+    assert (
+        of(title="one").identity
+        == of().identity
+        != of(loading={"delta": 0.04, "steps": 3}).identity
+    )
 
 
 def test_depths_and_units_are_the_users() -> None:
@@ -37,12 +41,16 @@ def test_depths_and_units_are_the_users() -> None:
 def test_error_bars_cost_seconds() -> None:
     alone = of()
     assert alone.whole() is alone
-    assert alone.whole(error_bars=True).plan.prediction["seconds"] > alone.plan.prediction["seconds"]
+    assert (
+        alone.whole(error_bars=True).plan.prediction["seconds"] > alone.plan.prediction["seconds"]
+    )
 
 
 def test_a_plan_tells_all_mistakes_at_once() -> None:
     """A scene that cannot exist in two ways: both are said, where `Prospect.of` says the first."""
-    config = from_mapping(SCENE | {"solver": {"method": "theory"}, "loading": {"delta": 3.0, "steps": 1}})
+    config = from_mapping(
+        SCENE | {"solver": {"method": "theory"}, "loading": {"delta": 3.0, "steps": 1}}
+    )
     with pytest.raises(ConfigError) as first:
         Prospect.of(config)
     with pytest.raises(ConfigError) as told:
@@ -52,8 +60,15 @@ def test_a_plan_tells_all_mistakes_at_once() -> None:
 
 
 def test_what_was_left_out_is_not_asked_for() -> None:
-    """A history that never touches gives a relaxing body the time that it needs: one mistake, and with it others."""
-    relaxing = {"model": "linear_elastic", "E": 3.0, "nu": 0.3, "relaxation": {"prony": [[0.5, 1.0]]}}
+    """A history that never touches gives a relaxing body the time that it needs: one mistake, and
+    with it others.
+    """
+    relaxing = {
+        "model": "linear_elastic",
+        "E": 3.0,
+        "nu": 0.3,
+        "relaxation": {"prony": [[0.5, 1.0]]},
+    }
     away: dict[str, Any] = {"material": relaxing, "loading": {"history": [[0, 0], [1, -0.1]]}}
     with pytest.raises(ConfigError) as told:
         foreseen(from_mapping(SCENE | away))

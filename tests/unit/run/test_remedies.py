@@ -1,4 +1,6 @@
-"""Remedies of a path that ended too early: which are tried, in which order, and what is said of them."""
+"""Remedies of a path that ended too early: which are tried, in which order, and what is said of
+them.
+"""
 
 from __future__ import annotations
 
@@ -33,10 +35,14 @@ def walk_to(ends: dict[float, int], iterations: int = 10) -> Any:
     """A walk that comes to a step by the edge radius of its scene, elsewhere to the first."""
 
     def walk(scene: Scene) -> Iterator[State]:
-        last = ends.get(getattr(scene.physics.indenter, "edge_radius", 0.0) * scene.physics.scales.length, 1)
+        last = ends.get(
+            getattr(scene.physics.indenter, "edge_radius", 0.0) * scene.physics.scales.length, 1
+        )
         for step, delta in enumerate(scene.physics.deltas, start=1):
             depth = delta * scene.physics.scales.depth
-            numbers = (depth, 10.0 * depth, 1.0, 1.0, 0.0, 1.0) if step <= last else (depth, *(nan,) * 5)
+            numbers = (
+                (depth, 10.0 * depth, 1.0, 1.0, 0.0, 1.0) if step <= last else (depth, *(nan,) * 5)
+            )
             yield State(step, *numbers, iterations, 0.0, converged=step <= last)
             if step > last:
                 return
@@ -54,7 +60,10 @@ def test_rounder_edges_come_first_then_smaller_and_larger_elements() -> None:
 def test_the_first_that_helps_is_the_last_that_is_tried() -> None:
     config, scene = configured()
     said = tried(remedies(config, scene), 2, 1000, resolve, walk_to({1.0: 3}))
-    ends, comes = "indenter.edge_radius: 0.3 ends after delta = 0.5", "indenter.edge_radius: 1 comes to delta = 1 "
+    ends, comes = (
+        "indenter.edge_radius: 0.3 ends after delta = 0.5",
+        "indenter.edge_radius: 1 comes to delta = 1 ",
+    )
     assert said.startswith(f"; tried: {ends}; {comes}with the force 10")
     assert "h_contact" not in said
 
@@ -82,4 +91,7 @@ def test_nothing_is_tried_where_nothing_is_known_to_help(sections: dict[str, Any
 
 def test_a_plate_has_no_edge_to_round() -> None:
     config, scene = configured(indenter={"shape": "flat_punch", "radius": 6.0})
-    assert [remedy.key for remedy in remedies(config, scene)] == ["mesh.h_contact", "mesh.h_contact"]
+    assert [remedy.key for remedy in remedies(config, scene)] == [
+        "mesh.h_contact",
+        "mesh.h_contact",
+    ]

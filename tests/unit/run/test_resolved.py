@@ -92,7 +92,11 @@ CHANGES = [
 @pytest.mark.parametrize("contact", ["auto", "penalty", "augmented_lagrangian"])
 def test_a_resume_blames_the_key_that_was_changed(contact: str, tmp_path: Path) -> None:
     """Whatever the program decides otherwise because of it; there and back."""
-    scenes = [(PLAIN, change) for change in CHANGES if contact == "auto" or change != "contact.method=penalty"]
+    scenes = [
+        (PLAIN, change)
+        for change in CHANGES
+        if contact == "auto" or change != "contact.method=penalty"
+    ]
     scenes += [(LAYERED, "body.layers[1].material.nu=0.49"), (LAYERED, "mesh.h_contact=0.02")]
     (tmp_path / "force_indentation.csv").write_text("step\n1\n")
     for data, change in scenes:
@@ -100,7 +104,12 @@ def test_a_resume_blames_the_key_that_was_changed(contact: str, tmp_path: Path) 
         told = []
         for config in (from_mapping(own), from_mapping(own, [change])):
             decided = resolved(config, resolve(config))
-            told.append((to_yaml(decided), {"program": "indent-sim", "plan": {"auto": left_open(config, decided)}}))
+            told.append(
+                (
+                    to_yaml(decided),
+                    {"program": "indent-sim", "plan": {"auto": left_open(config, decided)}},
+                )
+            )
         for (there, report), (here, ours) in (told, told[::-1]):
             (tmp_path / "config.yaml").write_text(there)
             (tmp_path / "run.json").write_text(to_json(report))

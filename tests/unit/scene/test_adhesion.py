@@ -41,7 +41,9 @@ def test_adhesion_with_friction_is_refused() -> None:
 def test_no_range_points_to_its_limit() -> None:
     with pytest.raises(ConfigError, match="limit") as refusal:
         sticky(0.0)
-    assert refusal.value.key == "contact.adhesion.range" and "experiment.adhesion" in (refusal.value.remedy or "")
+    assert refusal.value.key == "contact.adhesion.range" and "experiment.adhesion" in (
+        refusal.value.remedy or ""
+    )
 
 
 def test_a_missing_range_names_the_smallest_on_this_mesh() -> None:
@@ -57,7 +59,9 @@ def test_elements_beyond_one_and_a_half_cohesive_zones_are_refused() -> None:
     sticky(mesh={"h_contact": h})
     with pytest.raises(ConfigError, match="do not resolve it") as refusal:
         sticky(mesh={"h_contact": 1.6 * ZONE})
-    assert refusal.value.key == "contact.adhesion.range" and "mesh.h_contact" in (refusal.value.remedy or "")
+    assert refusal.value.key == "contact.adhesion.range" and "mesh.h_contact" in (
+        refusal.value.remedy or ""
+    )
 
 
 def test_a_range_too_short_for_any_mesh_is_refused() -> None:
@@ -70,7 +74,9 @@ def test_a_range_too_short_for_any_mesh_is_refused() -> None:
 def test_two_elements_or_more_in_the_cohesive_zone(reach: float) -> None:
     found = sticky(reach)
     assert found.sizes.h_contact <= ZONE * (reach / RANGE) ** 2 / 2 * (1 + 1e-9)
-    assert "cohesive zone" in next(choice.why for choice in found.plan.choices if choice.key == "contact.adhesion")
+    assert "cohesive zone" in next(
+        choice.why for choice in found.plan.choices if choice.key == "contact.adhesion"
+    )
 
 
 def test_a_sharp_cone_has_elements_for_its_wider_contact() -> None:
@@ -79,11 +85,17 @@ def test_a_sharp_cone_has_elements_for_its_wider_contact() -> None:
     plain = scene(WALLED, indenter=tip, loading=loading)
     found = sticky(indenter=tip, loading=loading)
     assert found.sizes.a > 1.3 * plain.sizes.a
-    assert found.plan.adhesion and found.plan.adhesion.tabor is None and found.plan.adhesion.jkr_pull_off
+    assert (
+        found.plan.adhesion
+        and found.plan.adhesion.tabor is None
+        and found.plan.adhesion.jkr_pull_off
+    )
 
 
 def test_elements_are_counted_in_the_contact_that_adhesion_makes() -> None:
-    """A blunt cone's is several times wider than without, where it is pushed by 0.02: 0.92 elements would be."""
+    """A blunt cone's is several times wider than without, where it is pushed by 0.02: 0.92 elements
+    would be.
+    """
     scene_of = {
         "body": CYLINDER | {"radius": 4.0, "height": 2.0},
         "indenter": {"shape": "cone", "half_angle": 80.0},
@@ -96,28 +108,41 @@ def test_elements_are_counted_in_the_contact_that_adhesion_makes() -> None:
 
 
 def test_forces_size_the_mesh_for_the_contact_that_they_hold() -> None:
-    """Without force JKR's contact has (6 pi work R^2/K)^(1/3), K = 4 E*/3: the half-space's, on a thick body."""
+    """Without force JKR's contact has (6 pi work R^2/K)^(1/3), K = 4 E*/3: the half-space's, on a
+    thick body.
+    """
     found = sticky(body=THICK, loading={"forces": [0.0]})
     a = found.sizes.a * found.physics.scales.length
     assert a == pytest.approx((6 * pi * WORK / (4 / 3 * E_STAR)) ** (1 / 3), rel=1e-3)
 
 
 def test_what_is_known_of_the_pull_beforehand() -> None:
-    """Maugis-Dugdale on a body that pulls as a half-space does, JKR's -3/2 pi work R there, neither elsewhere."""
-    thick, thin = sticky(body=THICK).plan.adhesion, sticky(body=THICK | {"height": 0.05}).plan.adhesion
+    """Maugis-Dugdale on a body that pulls as a half-space does, JKR's -3/2 pi work R there, neither
+    elsewhere.
+    """
+    thick, thin = (
+        sticky(body=THICK).plan.adhesion,
+        sticky(body=THICK | {"height": 0.05}).plan.adhesion,
+    )
     assert thick and thin
     assert thick.jkr_pull_off == pytest.approx(-1.5 * pi * WORK, rel=1e-3)
     assert thick.maugis_lambda and thick.maugis_pull_off
-    assert thick.maugis_pull_off == pytest.approx(maugis_pull_off(thick.maugis_lambda) * pi * WORK, rel=1e-12)
+    assert thick.maugis_pull_off == pytest.approx(
+        maugis_pull_off(thick.maugis_lambda) * pi * WORK, rel=1e-12
+    )
     assert thick.cohesive_zone == pytest.approx(ZONE, rel=1e-12)
-    assert thin.maugis_pull_off is None and thin.jkr_pull_off and thin.jkr_pull_off < -1.6 * pi * WORK
+    assert (
+        thin.maugis_pull_off is None and thin.jkr_pull_off and thin.jkr_pull_off < -1.6 * pi * WORK
+    )
 
 
 def test_forces_below_zero_need_adhesion() -> None:
     assert sticky(loading={"forces": [1e-3, -1e-3]}).physics.path.values[1] < 0
     with pytest.raises(ConfigError, match="nothing holds on to the tip") as refusal:
         scene(WALLED, loading={"forces": [1e-3, -1e-3]})
-    assert refusal.value.key == "loading.forces[1]" and "contact.adhesion" in (refusal.value.remedy or "")
+    assert refusal.value.key == "loading.forces[1]" and "contact.adhesion" in (
+        refusal.value.remedy or ""
+    )
 
 
 def test_the_condensed_body_is_refused() -> None:
@@ -155,7 +180,11 @@ def test_a_resolved_scene_is_the_same_scene() -> None:
     found = resolve(config)
     again = resolve(resolved(config, found))
     assert again.physics.contact == found.physics.contact and again.sizes == found.sizes
-    assert found.physics.contact.has_memory and not found.physics.has_friction and not found.physics.columns
+    assert (
+        found.physics.contact.has_memory
+        and not found.physics.has_friction
+        and not found.physics.columns
+    )
 
 
 def test_the_attraction_is_the_slope_of_its_energy_and_its_integral_the_work() -> None:
@@ -171,10 +200,14 @@ def test_the_attraction_is_the_slope_of_its_energy_and_its_integral_the_work() -
 @pytest.mark.parametrize("model", ["linear_elastic", "neo_hookean"])
 @pytest.mark.parametrize("body", [{"shape": "half_space"}, WALLED], ids=["half_space", "layer"])
 def test_nothing_presses_but_the_attraction(body: Any, model: str) -> None:
-    """JKR: a tip let go, a0^3 = 9 pi work R^2/(2 E*), delta = a0^2/(3 R); one held where it first touches, force =
-    -4/3 pi work R; both in closed form, up to digits of the mesh sizes' radius."""
+    """JKR: a tip let go, a0^3 = 9 pi work R^2/(2 E*), delta = a0^2/(3 R); one held where it first
+    touches, force = -4/3 pi work R; both in closed form, up to digits of the mesh sizes' radius.
+    """
     given = {"body": body, "material": {"model": model, "E": 1.0, "nu": 0.3}}
-    free, held = (sticky(**given, loading=path).plan.prediction for path in ({"forces": [0, 0]}, {"deltas": [0, 0]}))
+    free, held = (
+        sticky(**given, loading=path).plan.prediction
+        for path in ({"forces": [0, 0]}, {"deltas": [0, 0]})
+    )
     if body != WALLED:  # of which JKR's formulas are
         radius = (4.5 * pi * WORK / E_STAR) ** (1 / 3)
         assert (free["a"], free["delta_JKR"]) == pytest.approx((radius, radius**2 / 3), rel=1e-6)

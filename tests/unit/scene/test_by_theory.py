@@ -1,4 +1,6 @@
-"""When theory solves a scene instead of a mesh, why it does not where it does not, and what is said then."""
+"""When theory solves a scene instead of a mesh, why it does not where it does not, and what is said
+then.
+"""
 
 from __future__ import annotations
 
@@ -33,11 +35,15 @@ def why(name: str, found: Any) -> str:
     return next(choice.why for choice in found.plan.choices if choice.key == name)
 
 
-@pytest.mark.parametrize("body", [HALF_SPACE, LAYER, LAYER | {"base": "roller"}], ids=["half_space", "layer", "roller"])
+@pytest.mark.parametrize(
+    "body", [HALF_SPACE, LAYER, LAYER | {"base": "roller"}], ids=["half_space", "layer", "roller"]
+)
 def test_bodies_without_end_are_solved_by_theory(body: dict[str, Any]) -> None:
     found = scene(body)
     assert found.solver.method == found.method == "theory" and not found.is_meshed
-    assert "itself" in why("solver.method", found) and "nothing is meshed" in why("solver.method", found)
+    assert "itself" in why("solver.method", found) and "nothing is meshed" in why(
+        "solver.method", found
+    )
     assert not {"mesh.h_contact", "body", "contact"} & {choice.key for choice in found.plan.choices}
     assert "dofs" not in found.plan.prediction and "truncation_error" not in found.plan.prediction
 
@@ -73,10 +79,16 @@ def test_what_theory_cannot_is_refused_with_its_reason(name: str) -> None:
     changes, reason = REASONS[name]
     with pytest.raises(ConfigError, match="'theory' does not fit this scene") as caught:
         scene(LAYER, THEORY, *changes)
-    assert caught.value.exit_code == 3 and caught.value.key == "solver.method" and reason in caught.value.problem
+    assert (
+        caught.value.exit_code == 3
+        and caught.value.key == "solver.method"
+        and reason in caught.value.problem
+    )
 
 
-@pytest.mark.parametrize("name", [name for name in REASONS if name not in ("accuracy", "wide", "symmetry")])
+@pytest.mark.parametrize(
+    "name", [name for name in REASONS if name not in ("accuracy", "wide", "symmetry")]
+)
 def test_auto_takes_a_mesh_then_and_says_why(name: str) -> None:
     changes, reason = REASONS[name]
     found = scene(LAYER, *changes)
@@ -95,7 +107,9 @@ def test_a_plate_is_no_tip_for_a_flat_top(body: dict[str, Any]) -> None:
 
 
 def test_what_can_be_told_at_a_look() -> None:
-    """Whether the mesher is forked before anything is resolved: never for a scene that theory solves."""
+    """Whether the mesher is forked before anything is resolved: never for a scene that theory
+    solves.
+    """
 
     def config(*changes: str) -> Any:
         given = {"body": LAYER, "material": ELASTIC, "indenter": {"shape": "sphere", "R": 1.0}}
@@ -104,7 +118,9 @@ def test_what_can_be_told_at_a_look() -> None:
     assert not needs_mesh(config()) and not needs_mesh(config("body={shape: half_space}"))
     walled = "body={shape: cylinder, radius: 1, height: 1, sides: roller}"
     assert needs_mesh(config(walled)) and not needs_mesh(config(walled, THEORY))
-    assert all(needs_mesh(config(change)) for change in ("solver.method=newton", "output.fields=all"))
+    assert all(
+        needs_mesh(config(change)) for change in ("solver.method=newton", "output.fields=all")
+    )
 
 
 def test_its_depths_are_the_config_s_to_the_last_digit() -> None:
@@ -116,7 +132,8 @@ def test_its_depths_are_the_config_s_to_the_last_digit() -> None:
 
 def test_infinite_pressures_are_empty() -> None:
     sharp, blunt = (
-        scene(LAYER, indenter={"shape": "cone", "half_angle": 80} | radius) for radius in ({}, {"tip_radius": 1e-4})
+        scene(LAYER, indenter={"shape": "cone", "half_angle": 80} | radius)
+        for radius in ({}, {"tip_radius": 1e-4})
     )
     assert why("p_max", sharp).endswith("sharp apex is infinite")
     assert "p_max" not in {choice.key for choice in blunt.plan.choices}
@@ -124,15 +141,20 @@ def test_infinite_pressures_are_empty() -> None:
     assert why("p_max", punched).endswith("sharp edge is infinite")
 
 
-# ---- usual formulas --------------------------------------------------------------------------------------------
+# ---- usual formulas
+# --------------------------------------------------------------------------------------------
 
 
 def test_gao_and_perriot_barthel_stand_beside_a_coating() -> None:
-    """Each is the half-space's force with its own modulus; the substrate's own thickness does not matter."""
+    """Each is the half-space's force with its own modulus; the substrate's own thickness does not
+    matter.
+    """
     found = scene(COATED)
     film, substrate = Ply(0.1, 10.0, 0.3), Ply(inf, 1.0, 0.3)
     hertz = 4 / 3 * gao_modulus(film, substrate, 0.1) * 0.01**1.5
-    assert found.plan.prediction["force_Gao"] == pytest.approx(hertz, rel=1e-8)  # a = sqrt(R delta) = 0.1
+    assert found.plan.prediction["force_Gao"] == pytest.approx(
+        hertz, rel=1e-8
+    )  # a = sqrt(R delta) = 0.1
     assert set(found.plan.theory.formulas) == {"Gao", "Perriot-Barthel"}  # type: ignore[union-attr]
 
 
@@ -165,19 +187,25 @@ def test_where_no_formula_belongs_there_is_none() -> None:
 @pytest.mark.parametrize(("contrast", "stated"), [(1.0, 1e-8), (1e4, 1e-8), (1e5, 3.2e-6)])
 def test_theory_states_what_it_loses_to_contrast(contrast: float, stated: float) -> None:
     """2e-6 was measured on a substrate 1e5 times softer."""
-    layers = [BodyLayer(0.1, LinearElastic(E=contrast, nu=0.3)), BodyLayer(inf, LinearElastic(E=1.0, nu=0.3))]
+    layers = [
+        BodyLayer(0.1, LinearElastic(E=contrast, nu=0.3)),
+        BodyLayer(inf, LinearElastic(E=1.0, nu=0.3)),
+    ]
     theory = half_space_theory(Paraboloid(1.0), layers)
     assert theory is not None and theory.error == pytest.approx(stated, rel=0.02)
 
 
-# ---- the finite body that stands for a layer ---------------------------------------------------------------------
+# ---- the finite body that stands for a layer
+# ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("base", ["fixed", "roller"])
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
 @pytest.mark.parametrize("delta", [1e-4, 1e-2, 0.2])
 def test_the_stated_error_of_the_wall_is_theorys(base: str, nu: float, delta: float) -> None:
-    """The force with a wall at the chosen radius and without one, worked out anew; at most 1e-3 of it."""
+    """The force with a wall at the chosen radius and without one, worked out anew; at most 1e-3 of
+    it.
+    """
     found = scene(
         LAYER | {"base": base},
         "solver.method=newton",
@@ -188,7 +216,8 @@ def test_the_stated_error_of_the_wall_is_theorys(base: str, nu: float, delta: fl
     assert isinstance(body, Cylinder) and body.sides == "roller" and body.base == base
     stack = Stack((Ply(0.5, 1.0, nu),), base)
     free, walled = (
-        Layer.on(profiles.paraboloid(1.0), stack, wall).curve([delta])[0].force for wall in (None, body.radius * L)
+        Layer.on(profiles.paraboloid(1.0), stack, wall).curve([delta])[0].force
+        for wall in (None, body.radius * L)
     )
     stated = found.plan.prediction["truncation_error"]
     assert abs(walled / free - 1) <= stated * (1 + 1e-6) / TRUNCATION_SAFETY + 1e-6
@@ -198,7 +227,10 @@ def test_the_stated_error_of_the_wall_is_theorys(base: str, nu: float, delta: fl
 def test_a_tip_without_theory_has_a_wall_too() -> None:
     """Also where the contact is wider than theory knows."""
     pyramid = scene(LAYER, indenter={"shape": "pyramid", "half_angle": 65}).physics
-    assert pyramid.body.shape == "box" and pyramid.body.rim_distance(pyramid.center) > 3 * pyramid.body.height
+    assert (
+        pyramid.body.shape == "box"
+        and pyramid.body.rim_distance(pyramid.center) > 3 * pyramid.body.height
+    )
     config = from_mapping(
         {
             "body": LAYER | {"height": 1e-3},
@@ -213,14 +245,18 @@ def test_a_tip_without_theory_has_a_wall_too() -> None:
 
 @pytest.mark.parametrize("shape", ["layer", "half_space"])
 def test_a_body_that_changes_with_time_is_wide_enough_for_all_it_becomes(shape: str) -> None:
-    """Undrained, or with its shear relaxed, it is incompressible: on a slippery base felt eight times as far away."""
+    """Undrained, or with its shear relaxed, it is incompressible: on a slippery base felt eight
+    times as far away.
+    """
     body = {"shape": shape} | ({"height": 1.0, "base": "roller"} if shape == "layer" else {})
     common = {"indenter": {"shape": "paraboloid", "R": 1.0}}
     drained = ELASTIC | {"nu": 0.05}
     held = {"loading": {"history": [[0, 0], [1, 0.05], [9, 0.05]]}}
 
     def width(material: dict[str, Any], loading: dict[str, Any]) -> float:
-        return scene(body, "solver.method=newton", material=material, **common, **loading).physics.part.extent[0][1]
+        return scene(
+            body, "solver.method=newton", material=material, **common, **loading
+        ).physics.part.extent[0][1]
 
     once = {"loading": {"delta": 0.05}}
     stiff, soft = width(drained | {"nu": 0.5}, once), width(drained, once)
@@ -232,14 +268,18 @@ def test_a_body_that_changes_with_time_is_wide_enough_for_all_it_becomes(shape: 
 
 
 def test_a_film_far_thinner_than_its_contact_is_cut_off_with_what_lies_below() -> None:
-    """Beyond the contacts that theory of layers knows; at least as wide as without it, where the contact is known."""
+    """Beyond the contacts that theory of layers knows; at least as wide as without it, where the
+    contact is known.
+    """
     film = [{"thickness": 1e-4, "material": STIFF}, {}]
     blunt = {"shape": "cone", "half_angle": 70.3, "tip_radius": 2.0}
     coated, bare = (
         scene(HALF_SPACE | layers, "solver.method=newton", indenter=blunt, loading={"delta": 0.4})
         for layers in ({"layers": film}, {})
     )
-    wide, least = (found.physics.part.extent[0][1] * found.physics.scales.length for found in (coated, bare))
+    wide, least = (
+        found.physics.part.extent[0][1] * found.physics.scales.length for found in (coated, bare)
+    )
     assert least <= wide <= 2 * least and coated.plan.prediction["truncation_error"] < 1e-3
 
 
@@ -247,4 +287,6 @@ def test_layers_of_a_layer_are_those_of_its_body() -> None:
     layers = [{"thickness": 0.1, "material": STIFF}, {"thickness": 0.4}]
     found = scene(LAYER | {"layers": layers}, "solver.method=condensed")
     assert [region.material.constants.E for region in found.physics.part.regions] == [1.0, 0.1]
-    assert found.plan.theory is not None and found.plan.theory.exact and not found.plan.theory.formulas
+    assert (
+        found.plan.theory is not None and found.plan.theory.exact and not found.plan.theory.formulas
+    )

@@ -1,4 +1,6 @@
-"""Which corners a contact feels, how finely they are meshed, and that gmsh is told the same sizes as everybody."""
+"""Which corners a contact feels, how finely they are meshed, and that gmsh is told the same sizes
+as everybody.
+"""
 
 from __future__ import annotations
 
@@ -26,12 +28,16 @@ WIDE = {"shape": "paraboloid", "R": 5.0}
 DEEP = {"delta": 0.1, "steps": 1}
 
 
-def corners_of(body: dict[str, Any], tip: dict[str, Any], **sections: Any) -> set[tuple[float, float]]:
+def corners_of(
+    body: dict[str, Any], tip: dict[str, Any], **sections: Any
+) -> set[tuple[float, float]]:
     return set(scene(body, material=SOFT, indenter=tip, loading=DEEP, **sections).sizes.corners)
 
 
 @pytest.mark.parametrize("sections", [{}, {"accuracy": 0.01}], ids=["automatic", "accuracy"])
-def test_wide_contacts_feel_corners_where_a_fixed_face_meets_a_free_one(sections: dict[str, Any]) -> None:
+def test_wide_contacts_feel_corners_where_a_fixed_face_meets_a_free_one(
+    sections: dict[str, Any],
+) -> None:
     punch = {"shape": "flat_punch", "radius": 0.8}
     assert corners_of(CYLINDER, PLATE, **sections) == {(1.0, 1.0)}  # the base
     assert corners_of({**CYLINDER, "sides": "fixed"}, punch, **sections) == {(1.0, 0.0)}  # the top
@@ -73,26 +79,34 @@ def test_a_gap_beside_the_contact_has_as_many_elements_as_the_contact() -> None:
 
 
 def test_corners_shrink_with_the_accuracy_and_grow_in_companions() -> None:
-    coarse, fine = (scene(CYLINDER, material=SOFT, indenter=PLATE, accuracy=target).sizes for target in (0.01, 0.001))
+    coarse, fine = (
+        scene(CYLINDER, material=SOFT, indenter=PLATE, accuracy=target).sizes
+        for target in (0.01, 0.001)
+    )
     assert coarse.h_corner and fine.h_corner and fine.h_corner < coarse.h_corner / 5
     base = scene(CYLINDER, material=SOFT, indenter=PLATE, accuracy=0.001)
     assert coarser(base, 1.6).sizes.h_corner == pytest.approx(1.6 ** (2.5 / 1.2) * fine.h_corner)
 
 
 def test_what_refined_corners_still_cost_is_known() -> None:
-    """A tenth of what all else may cost, by design: a companion does not show it, whose elements at corners are as
-    small as those in its contact at most."""
+    """A tenth of what all else may cost, by design: a companion does not show it, whose elements at
+    corners are as small as those in its contact at most.
+    """
     base = scene(CYLINDER, material=SOFT, indenter=PLATE, accuracy=0.001)
     physics, fineness = base.physics, base.plan.fineness
     assert fineness is not None and base.sizes.h_corner is not None
     felt = corners(physics.part, physics.center, base.sizes.a, 0.4999, base.sizes.edge)
-    assert base.sizes.corner_error == pytest.approx(max(corner.error(base.sizes.h_corner) for corner in felt))
+    assert base.sizes.corner_error == pytest.approx(
+        max(corner.error(base.sizes.h_corner) for corner in felt)
+    )
     assert base.sizes.corner_error == pytest.approx(0.1 * fineness.error, rel=1e-6)
 
 
 @pytest.mark.parametrize("sections", [{}, {"accuracy": 0.01}], ids=["automatic", "accuracy"])
 def test_the_resolved_config_has_the_same_sizes(sections: dict[str, Any]) -> None:
-    config = from_mapping({"body": CYLINDER, "material": SOFT, "indenter": PLATE, "loading": DEEP} | sections)
+    config = from_mapping(
+        {"body": CYLINDER, "material": SOFT, "indenter": PLATE, "loading": DEEP} | sections
+    )
     first = resolve(config)
     again = resolve(resolved(config, first))
     assert again.sizes == first.sizes and first.sizes.h_corner is not None
@@ -111,9 +125,13 @@ def test_a_size_of_corners_that_are_not_there_is_refused() -> None:
 
 
 def test_in_three_dimensions_edges_stay_coarse_and_the_bars_know() -> None:
-    """Lines of small elements would cost more than they give; what the corners cost the force comes to its bar."""
+    """Lines of small elements would cost more than they give; what the corners cost the force comes
+    to its bar.
+    """
     wide, far = (
-        scene(BOX, material=SOFT, indenter=WIDE, loading={"delta": delta, "steps": 1}, accuracy=0.01).sizes
+        scene(
+            BOX, material=SOFT, indenter=WIDE, loading={"delta": delta, "steps": 1}, accuracy=0.01
+        ).sizes
         for delta in (0.1, 1e-4)
     )
     assert wide.corner_error > 1e-3 > 1e-4 > far.corner_error
@@ -123,16 +141,23 @@ def test_in_three_dimensions_edges_stay_coarse_and_the_bars_know() -> None:
 @pytest.mark.parametrize("body", [CYLINDER, MIXED, {**CYLINDER, "sides": "fixed"}])
 def test_gmsh_is_told_the_same_sizes(body: dict[str, Any]) -> None:
     """The formula, read by Python at random points, against the numpy function."""
-    base = scene(body, material=SOFT, indenter={"shape": "flat_punch", "radius": 0.7}, accuracy=0.01)
+    base = scene(
+        body, material=SOFT, indenter={"shape": "flat_punch", "radius": 0.7}, accuracy=0.01
+    )
     formula = size_formula(base.sizes, 2).replace("^", "**")
     draw = np.random.default_rng(3)
-    x, y = draw.uniform(*base.physics.part.extent[0], 200), draw.uniform(*base.physics.part.extent[1], 200)
+    x, y = (
+        draw.uniform(*base.physics.part.extent[0], 200),
+        draw.uniform(*base.physics.part.extent[1], 200),
+    )
     found = eval(formula, {"Abs": np.abs, "Sqrt": np.sqrt, "x": x, "y": y})
     assert found == pytest.approx(base.sizes.at(np.abs(x - base.physics.center[0]), -y), rel=1e-9)
 
 
 def test_a_body_that_overhangs_its_base_has_a_notch_there() -> None:
-    """Whatever nu and the support; an edge of at most a right angle counts where it is bonded and nu > 0."""
+    """Whatever nu and the support; an edge of at most a right angle counts where it is bonded and
+    nu > 0.
+    """
     found = {}
     for angle, base, nu in product((60, 150), ("fixed", "roller"), (0.0, 0.3)):
         body = {"shape": "cap", "base_radius": 1.0, "contact_angle": angle, "base": base}
@@ -146,13 +171,17 @@ def test_a_body_that_overhangs_its_base_has_a_notch_there() -> None:
 
 @pytest.mark.parametrize("angle", [60, 90, 150])
 def test_what_a_corner_at_the_foot_costs_knows_no_unit_of_length(angle: float) -> None:
-    """A cap twice as large with twice the contact has the same corner, twice as far away, and none costs more than was
-    ever measured: a tenth of the force, with elements as large as its distance."""
+    """A cap twice as large with twice the contact has the same corner, twice as far away, and none
+    costs more than was ever measured: a tenth of the force, with elements as large as its
+    distance.
+    """
     body = {"shape": "cap", "base_radius": 1.0, "contact_angle": angle}
     part = scene(body, material=SOFT).physics.part
     twice = replace(part, **{name: _doubled(getattr(part, name)) for name in ("outline", "height")})
     for a in (0.01, 0.1, 0.9):
-        (one,), (other,) = (corners(piece, (0.0, 0.0), a * k, 0.4999) for piece, k in ((part, 1), (twice, 2)))
+        (one,), (other,) = (
+            corners(piece, (0.0, 0.0), a * k, 0.4999) for piece, k in ((part, 1), (twice, 2))
+        )
         assert (other.r, other.distance) == pytest.approx((2 * one.r, 2 * one.distance), rel=1e-9)
         assert other.share == pytest.approx(one.share, rel=1e-9)
         assert 0 < one.share <= 0.1
@@ -168,9 +197,13 @@ def _doubled(value: Any) -> Any:
 
 
 def test_a_corner_within_half_a_height_of_the_contact_does_not_fade() -> None:
-    """As measured: what it costs there depends on the contact by its radius over the corner's distance alone."""
+    """As measured: what it costs there depends on the contact by its radius over the corner's
+    distance alone.
+    """
     body = {"shape": "cap", "base_radius": 1.0, "contact_angle": 60}
     part = scene(body, material=SOFT).physics.part
     (at,) = corners(part, (0.0, 0.0), 1.0, 0.4999)
-    near, far, beyond = (corners(part, (0.0, 0.0), at.r - gap * part.height, 0.4999)[0] for gap in (0.1, 0.45, 1.0))
+    near, far, beyond = (
+        corners(part, (0.0, 0.0), at.r - gap * part.height, 0.4999)[0] for gap in (0.1, 0.45, 1.0)
+    )
     assert near.share == far.share > beyond.share > 0  # all of them wider than the corner is deep

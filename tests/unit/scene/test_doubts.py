@@ -67,7 +67,9 @@ def scene(**sections: Any) -> Scene:
 def test_what_is_stated_is_the_sum_of_what_is_doubted(name: str) -> None:
     found = scene(**SCENES[name])
     assert found.plan.warnings == tuple(doubt.words for doubt in found.plan.doubts if doubt.words)
-    assert found.plan.prediction.get("force_error", 0.0) == sum(doubt.force_error for doubt in found.plan.doubts)
+    assert found.plan.prediction.get("force_error", 0.0) == sum(
+        doubt.force_error for doubt in found.plan.doubts
+    )
     assert {doubt.key for doubt in found.plan.doubts if doubt.force_error} == NUMBERS[name]
 
 
@@ -81,16 +83,22 @@ def test_nothing_speaks_against_a_theory_that_is_exact() -> None:
 
 
 def test_a_last_row_without_contact_has_no_error() -> None:
-    """What is stated is of the last row; the deepest one, which the penalty costs something, comes before."""
+    """What is stated is of the last row; the deepest one, which the penalty costs something, comes
+    before.
+    """
     found = scene(**SCENES["penalty"], loading={"deltas": [0.01, -0.01]})
     errors = {doubt.key: doubt.force_error for doubt in found.plan.doubts}
     assert errors["penalty"] == 0.0 and "force_error" not in found.plan.prediction
 
 
-@pytest.mark.parametrize("tip", [Paraboloid(R=2.0), Cone(half_angle=70.0), Cone(half_angle=70.0, tip_radius=2.0)])
+@pytest.mark.parametrize(
+    "tip", [Paraboloid(R=2.0), Cone(half_angle=70.0), Cone(half_angle=70.0, tip_radius=2.0)]
+)
 def test_the_strain_is_a_fifth_of_the_slope_at_the_edge(tip: Indenter) -> None:
-    """Tabor's; the slope by a central difference of the tip's own height. A rounded apex is a ball, here taken for its
-    paraboloid: 1.2 % at 0.15 of its radius."""
+    """Tabor's; the slope by a central difference of the tip's own height.
+
+    A rounded apex is a ball, here taken for its paraboloid: 1.2 % at 0.15 of its radius.
+    """
     a, step = 0.3, 1e-6
     slope = (float(tip.height(a + step, 0.0)) - float(tip.height(a - step, 0.0))) / (2 * step)
     assert characteristic_strain(tip, 0.01, a)[0] == pytest.approx(0.2 * slope, rel=0.012)
@@ -101,13 +109,22 @@ def test_the_strain_under_a_punch_knows_its_depth() -> None:
 
 
 def test_what_a_penalty_costs() -> None:
-    """Of a contact that fills the body from wall to wall: a spring lambda + 2 mu in series with epsilon_n, of which no
-    more than all is lost, and little of which in proportion to lambda + 2 mu."""
+    """Of a contact that fills the body from wall to wall: a spring lambda + 2 mu in series with
+    epsilon_n, of which no more than all is lost, and little of which in proportion to lambda + 2
+    mu.
+    """
     depth, a, little = 0.01, 50.0, {}
     for nu in (0.0, 0.3, 0.45):
         material = LinearElastic(E=1.0, nu=nu)
-        losses = [penalty_loss(Penalty(epsilon_n=stiff), material, None, depth, a) for stiff in (1e-3, 1.0, 30.0, 1e5)]
-        assert 1.0 > losses[0] > 0.99 and all(more > less for more, less in pairwise(losses)) and losses[-1] > 0
+        losses = [
+            penalty_loss(Penalty(epsilon_n=stiff), material, None, depth, a)
+            for stiff in (1e-3, 1.0, 30.0, 1e5)
+        ]
+        assert (
+            1.0 > losses[0] > 0.99
+            and all(more > less for more, less in pairwise(losses))
+            and losses[-1] > 0
+        )
         lame, mu = nu / ((1 + nu) * (1 - 2 * nu)), 0.5 / (1 + nu)
         little[nu] = losses[-1] / (lame + 2 * mu)
     assert list(little.values()) == pytest.approx([little[0.0]] * 3, rel=1e-12)
@@ -115,7 +132,9 @@ def test_what_a_penalty_costs() -> None:
 
 def test_without_contact_only_that_is_said() -> None:
     found = scene(loading={"deltas": [-0.1]}, contact={"method": "active_set", "gap": "current"})
-    assert [doubt.key for doubt in found.plan.doubts] == ["no_contact"] and "force_error" not in found.plan.prediction
+    assert [doubt.key for doubt in found.plan.doubts] == [
+        "no_contact"
+    ] and "force_error" not in found.plan.prediction
 
 
 def test_the_error_budget_has_the_doubt_of_the_finite_body() -> None:
@@ -129,7 +148,12 @@ LAYERS = [
     {"thickness": 0.2, "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3}},
     {"thickness": 0.8, "material": {"model": "linear_elastic", "E": 10.0, "nu": 0.4}},
 ]
-UNLIKE = {"model": "neo_hookean", "E": 1000.0, "nu": 0.49, "formulation": "mixed"}  # anything read from it would show
+UNLIKE = {
+    "model": "neo_hookean",
+    "E": 1000.0,
+    "nu": 0.49,
+    "formulation": "mixed",
+}  # anything read from it would show
 OWN = {
     "cylinder": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "layers": LAYERS},
     "theory": {"shape": "half_space", "layers": [LAYERS[0], {"material": LAYERS[1]["material"]}]},
@@ -147,13 +171,20 @@ OWN = {
 def test_a_material_that_nothing_has_is_named_and_read_by_nothing(
     body: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Choices, sizes and expectations are those of the scene without it, and so is the record of the run."""
+    """Choices, sizes and expectations are those of the scene without it, and so is the record of
+    the run.
+    """
     write(tmp_path / "gel.msh", section())
     monkeypatch.chdir(tmp_path)
-    lacking, having = (from_mapping(document(body=OWN[body], material=material)) for material in (None, UNLIKE))
+    lacking, having = (
+        from_mapping(document(body=OWN[body], material=material)) for material in (None, UNLIKE)
+    )
     expected, found = resolve(lacking), resolve(having)
     said = f"nothing uses `material`: every {'region' if body == 'mesh' else 'layer'} has its own"
     assert found.plan.warnings == (said, *expected.plan.warnings)
-    assert found.plan.choices == expected.plan.choices and found.plan.prediction == expected.plan.prediction
+    assert (
+        found.plan.choices == expected.plan.choices
+        and found.plan.prediction == expected.plan.prediction
+    )
     assert (found.sizes, found.solver) == (expected.sizes, expected.solver)
     assert to_mapping(resolved(having, found)) == to_mapping(resolved(lacking, expected))

@@ -1,4 +1,6 @@
-"""Films beside drained faces: what they cost, which elements resolve them, and what is said where none do."""
+"""Films beside drained faces: what they cost, which elements resolve them, and what is said where
+none do.
+"""
 
 from __future__ import annotations
 
@@ -37,8 +39,10 @@ def drained_faces(found: Scene) -> list[str]:
 @pytest.mark.parametrize("over", [0.0, 1.0])
 @pytest.mark.parametrize("h", [0.1, 1.0, 10.0])
 def test_the_excess_is_that_of_a_row_of_elements(over: float, h: float) -> None:
-    """A half-space of linear elements of the height h (D t)^(1/2), in 400 backward steps: what leaves is the exact
-    length and an excess that is at most as large as said, and not much smaller. Its time steps cost 2e-3."""
+    """A half-space of linear elements of the height h (D t)^(1/2), in 400 backward steps: what
+    leaves is the exact length and an excess that is at most as large as said, and not much
+    smaller. Its time steps cost 2e-3.
+    """
     cells, steps, D = 400, 400, 1.0
     dt = 1.0 / steps
     mass, stiff = np.full((2, cells), 0.0), D * dt / h
@@ -63,7 +67,9 @@ def test_the_excess_is_that_of_a_row_of_elements(over: float, h: float) -> None:
         before = p
     whole = np.full(cells, h)
     whole[-1] = h / 2
-    lost = float(whole.sum() + h / 2 - whole @ p)  # the first vertex, at the face, has lost all that is its own
+    lost = float(
+        whole.sum() + h / 2 - whole @ p
+    )  # the first vertex, at the face, has lost all that is its own
     right = float(drained_length(D, np.array([1.0]), np.array([over]))[0])
     said = float(excess_length(np.array([h]), np.array([right]))[0])
     excess = lost - right
@@ -75,7 +81,9 @@ def test_what_has_drained_of_a_ramp_is_the_mean_of_jumps() -> None:
     t, over = 1.0, 0.4
     begins = (np.arange(1000) + 0.5) / 1000 * over
     of_jumps = drained_length(2.0, t - begins, np.zeros(1000)).mean()
-    assert drained_length(2.0, np.array([t]), np.array([over]))[0] == pytest.approx(of_jumps, rel=1e-6)
+    assert drained_length(2.0, np.array([t]), np.array([over]))[0] == pytest.approx(
+        of_jumps, rel=1e-6
+    )
 
 
 def test_elements_shrink_towards_drained_faces_as_the_first_row_asks() -> None:
@@ -93,7 +101,12 @@ def test_every_drained_face_has_its_elements() -> None:
         drainage=drainage,
     )
     assert sorted(drained_faces(disc)) == ["base", "r_max", "top"]
-    assert drained_faces(scene(drainage=drainage | {"tip": "sealed", "base": "sealed", "sides": "sealed"})) == []
+    assert (
+        drained_faces(
+            scene(drainage=drainage | {"tip": "sealed", "base": "sealed", "sides": "sealed"})
+        )
+        == []
+    )
 
 
 def test_a_mesh_has_the_elements_of_its_film() -> None:
@@ -106,7 +119,9 @@ def test_a_mesh_has_the_elements_of_its_film() -> None:
 
 def test_films_get_finer_with_the_accuracy_and_coarser_in_companions() -> None:
     fine, coarse = scene(accuracy=0.001), scene(accuracy=0.05)
-    assert fine.sizes.h_film and (coarse.sizes.h_film is None or fine.sizes.h_film < coarse.sizes.h_film / 3)
+    assert fine.sizes.h_film and (
+        coarse.sizes.h_film is None or fine.sizes.h_film < coarse.sizes.h_film / 3
+    )
     companion = coarser(fine.sizes, 1.6, 1.0)
     assert companion.h_film is not None and companion.h_film > 1.5 * fine.sizes.h_film
     assert companion.films[0].h == pytest.approx(companion.h_film)
@@ -121,7 +136,10 @@ def test_a_resolved_scene_has_the_same_films() -> None:
 
 def test_a_given_mesh_is_warned_of_ramps_as_of_jumps() -> None:
     given = {"h_contact": 0.015}
-    ramp, jump = scene(mesh=given), scene(mesh=given, loading={"history": [[0, 0], [0, 0.02], [1e-5, 0.02]]})
+    ramp, jump = (
+        scene(mesh=given),
+        scene(mesh=given, loading={"history": [[0, 0], [0, 0.02], [1e-5, 0.02]]}),
+    )
     for found in (ramp, jump):
         (said,) = [doubt for doubt in found.plan.doubts if doubt.key == "early"]
         assert "h_film" in said.words
@@ -142,4 +160,6 @@ def test_rows_know_what_has_changed_before_them() -> None:
     assert [row.value for row in rows] == pytest.approx([0.5, 1.0, 0.75])
     assert rows[0].changes == pytest.approx([0.5]) and rows[0].since == pytest.approx([0.5])
     assert rows[1].changes == pytest.approx([1.0]) and rows[1].over == pytest.approx([1.0])
-    assert rows[2].changes == pytest.approx([1.0, 0.25]) and rows[2].since == pytest.approx([2.5, 0.5])
+    assert rows[2].changes == pytest.approx([1.0, 0.25]) and rows[2].since == pytest.approx(
+        [2.5, 0.5]
+    )

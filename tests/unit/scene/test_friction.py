@@ -22,7 +22,14 @@ SOFT = {"model": "linear_elastic", "E": 1.0, "nu": 0.3}
 def config(contact: dict[str, Any], **sections: Any) -> Any:
     tip = {"shape": "paraboloid", "R": 1.0}
     return from_mapping(
-        {"body": CYLINDER, "material": SOFT, "indenter": tip, "contact": contact, "loading": {"delta": 0.01}} | sections
+        {
+            "body": CYLINDER,
+            "material": SOFT,
+            "indenter": tip,
+            "contact": contact,
+            "loading": {"delta": 0.01},
+        }
+        | sections
     )
 
 
@@ -31,7 +38,9 @@ def scene(contact: dict[str, Any], **sections: Any) -> Scene:
 
 
 @pytest.mark.parametrize("method", ["uzawa", "nitsche", "active_set"])
-@pytest.mark.parametrize("key", [{"friction": 0.3}, {"epsilon_t": 1.0}], ids=["friction", "epsilon_t"])
+@pytest.mark.parametrize(
+    "key", [{"friction": 0.3}, {"epsilon_t": 1.0}], ids=["friction", "epsilon_t"]
+)
 def test_methods_without_friction_refuse_its_keys(method: str, key: dict[str, float]) -> None:
     with pytest.raises(ConfigError, match=method) as refusal:
         config({"method": method, **key})
@@ -54,7 +63,11 @@ def test_epsilon_t_without_friction_is_refused() -> None:
 
 def test_a_body_that_may_slide_away_is_refused() -> None:
     with pytest.raises(ConfigError, match="nothing holds this body") as refusal:
-        scene({"friction": 0.3}, body=STRIP, indenter={"shape": "paraboloid", "R": 1.0, "center": [1.5]})
+        scene(
+            {"friction": 0.3},
+            body=STRIP,
+            indenter={"shape": "paraboloid", "R": 1.0, "center": [1.5]},
+        )
     assert refusal.value.key == "contact.friction"
 
 
@@ -76,7 +89,9 @@ def test_new_contact_sticks_half_way_where_it_matters(friction: float | str, anc
 
 
 def test_a_run_says_the_friction_that_it_had() -> None:
-    """The config written beside the results is that of the run, epsilon_t included; without friction it stays auto."""
+    """The config written beside the results is that of the run, epsilon_t included; without
+    friction it stays auto.
+    """
     rough, smooth = config({"friction": "stick"}), config({})
     contact = resolved(rough, resolve(rough)).contact
     assert contact.friction == "stick" and contact.epsilon_t == contact.epsilon_n
@@ -97,7 +112,9 @@ def test_epsilon_t_is_measured_in_the_scenes_units() -> None:
 
 
 def test_what_stick_would_change() -> None:
-    """Exactly on a half-space, a range on a bonded layer, nothing where friction is modelled or nothing is known."""
+    """Exactly on a half-space, a range on a bonded layer, nothing where friction is modelled or
+    nothing is known.
+    """
     exact = scene({}, body={"shape": "half_space"}).plan.stick
     assert exact and exact.percent == pytest.approx(1.6213, abs=1e-4)
     thin = scene({}, material=SOFT | {"nu": 0.49}, loading={"delta": 0.3}).plan.stick
@@ -113,9 +130,16 @@ SPHERE = {"shape": "sphere", "R": 1.0}
 @pytest.mark.parametrize(
     "beyond",
     [
-        {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.49}, "indenter": SPHERE, "loading": {"delta": 0.3}},
+        {
+            "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.49},
+            "indenter": SPHERE,
+            "loading": {"delta": 0.3},
+        },
         {"material": SOFT | {"nu": 0.49}, "contact": {"gap": "current"}, "loading": {"delta": 0.3}},
-        {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3}, "body": {"shape": "half_space"}},
+        {
+            "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3},
+            "body": {"shape": "half_space"},
+        },
     ],
     ids=["finite strain", "current gap", "half-space"],
 )
@@ -164,11 +188,15 @@ HALF_SPACE = {"shape": "half_space"}
 
 @pytest.mark.parametrize(("friction", "force"), [("stick", 1.016213), (0.3, 1.01446)])
 def test_what_friction_changes_on_a_half_space(friction: float | str, force: float) -> None:
-    """By superposed punches, to their last digit; said where theory has the very problem, and nowhere else."""
+    """By superposed punches, to their last digit; said where theory has the very problem, and
+    nowhere else.
+    """
     known = scene({"friction": friction}, body=HALF_SPACE).plan.friction
     assert known and known.force == pytest.approx(force, abs=2e-5)
     assert 0.8 < known.sticks <= 1.0
-    forced = scene({"friction": friction}, body=HALF_SPACE, loading={"forces": [1e-3, 2e-3, 1e-3]}).plan.friction
+    forced = scene(
+        {"friction": friction}, body=HALF_SPACE, loading={"forces": [1e-3, 2e-3, 1e-3]}
+    ).plan.friction
     assert forced == known
 
 
@@ -191,32 +219,52 @@ def test_where_nobody_knows_what_friction_changes(unknown: dict[str, Any]) -> No
 
 
 @pytest.mark.parametrize(
-    ("nu", "h", "friction"), [(0.0, 0.004, "stick"), (0.0, 0.002, 5.0), (0.3, 1e-4, "stick"), (0.5, 1e-4, "stick")]
+    ("nu", "h", "friction"),
+    [(0.0, 0.004, "stick"), (0.0, 0.002, 5.0), (0.3, 1e-4, "stick"), (0.5, 1e-4, "stick")],
 )
-def test_a_surface_that_would_pull_slips_a_little(nu: float, h: float, friction: float | str) -> None:
-    """Elements that see how a surface stuck beside a sharp edge would pull have no equilibrium without a bound."""
+def test_a_surface_that_would_pull_slips_a_little(
+    nu: float, h: float, friction: float | str
+) -> None:
+    """Elements that see how a surface stuck beside a sharp edge would pull have no equilibrium
+    without a bound.
+    """
     punch = {"shape": "flat_punch", "radius": 0.1}
-    found = scene({"friction": "stick"}, material=SOFT | {"nu": nu}, indenter=punch, mesh={"h_contact": h})
+    found = scene(
+        {"friction": "stick"}, material=SOFT | {"nu": nu}, indenter=punch, mesh={"h_contact": h}
+    )
     assert found.physics.contact.friction == friction
     said = next(choice for choice in found.plan.choices if choice.key == "contact.friction")
     assert ("stands for stick" in said.why) == (friction == 5.0)
     rounded = scene(
-        {"friction": "stick"}, material=SOFT | {"nu": nu}, indenter=punch | {"edge_radius": 0.01}, mesh={"h_contact": h}
+        {"friction": "stick"},
+        material=SOFT | {"nu": nu},
+        indenter=punch | {"edge_radius": 0.01},
+        mesh={"h_contact": h},
     )
     assert rounded.physics.contact.friction == "stick"
 
 
-@pytest.mark.parametrize(("nu", "dim", "is_seen"), [(0.1, 2, False), (0.1, 3, True), (0.4, 2, False), (0.4, 3, False)])
-def test_elements_that_cross_the_edge_see_the_rim_that_would_pull(nu: float, dim: int, is_seen: bool) -> None:
+@pytest.mark.parametrize(
+    ("nu", "dim", "is_seen"), [(0.1, 2, False), (0.1, 3, True), (0.4, 2, False), (0.4, 3, False)]
+)
+def test_elements_that_cross_the_edge_see_the_rim_that_would_pull(
+    nu: float, dim: int, is_seen: bool
+) -> None:
     """The facets of a solid do at 0.1, however large they are, and no longer at 0.4: measured."""
     sizes = SimpleNamespace(edge=0.1, h_edge=0.01)
     assert (pulling_rim(FlatPunch(0.1), nu, sizes, dim) > 0) == is_seen  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("method", "smallest"), [("auto", 0.01), ("augmented_lagrangian", 0.01), ("penalty", 0.1)])
+@pytest.mark.parametrize(
+    ("method", "smallest"), [("auto", 0.01), ("augmented_lagrangian", 0.01), ("penalty", 0.1)]
+)
 @pytest.mark.parametrize("friction", [0.1, "stick"])
-def test_a_surface_held_too_softly_is_refused(method: str, smallest: float, friction: float | str) -> None:
-    """It would slip where it should stick, and the force be that without friction; the remedy works as it is."""
+def test_a_surface_held_too_softly_is_refused(
+    method: str, smallest: float, friction: float | str
+) -> None:
+    """It would slip where it should stick, and the force be that without friction; the remedy works
+    as it is.
+    """
     mesh = {"h_contact": 0.01}
     with pytest.raises(ConfigError, match=f"below {smallest:g} ") as refusal:
         scene({"method": method, "friction": friction, "epsilon_t": 1e-4}, mesh=mesh)
@@ -229,15 +277,22 @@ def test_a_surface_held_too_softly_is_refused(method: str, smallest: float, fric
 @pytest.mark.parametrize(
     ("contact", "said"),
     [
-        ({"method": "penalty", "epsilon_t": 50.0}, "about 47% of what friction adds to the force is lost"),
+        (
+            {"method": "penalty", "epsilon_t": 50.0},
+            "about 47% of what friction adds to the force is lost",
+        ),
         ({"method": "penalty"}, None),
         ({"method": "auto", "epsilon_t": 1.4e4}, "friction adds about 7% more"),
         ({"method": "auto", "epsilon_t": 1.5}, "friction adds about 6% less"),
         ({"method": "auto"}, None),
     ],
 )
-def test_what_the_tangential_stiffness_costs_is_said(contact: dict[str, Any], said: str | None) -> None:
-    """Penalty: measured at 5 E*/a, 0.30 to 0.49 of it; at 130 E*/h_contact and ten elements, 0.09 of it."""
+def test_what_the_tangential_stiffness_costs_is_said(
+    contact: dict[str, Any], said: str | None
+) -> None:
+    """Penalty: measured at 5 E*/a, 0.30 to 0.49 of it; at 130 E*/h_contact and ten elements, 0.09
+    of it.
+    """
     warnings = scene({"friction": "stick", **contact}, mesh={"h_contact": 0.01}).plan.warnings
     found = [words for words in warnings if "friction" in words]
     assert [said in words for words in found] == ([True] if said else [])

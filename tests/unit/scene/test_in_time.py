@@ -1,4 +1,6 @@
-"""What is said of scenes in time before they are followed: times, limits, and the elastic body they are near."""
+"""What is said of scenes in time before they are followed: times, limits, and the elastic body they
+are near.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,14 @@ from typing import Any
 import pytest
 
 from indent_sim.config.scene_file import from_mapping
-from indent_sim.model.materials import Flow, LinearElastic, Material, MooneyRivlin, Relaxation, TransverselyIsotropic
+from indent_sim.model.materials import (
+    Flow,
+    LinearElastic,
+    Material,
+    MooneyRivlin,
+    Relaxation,
+    TransverselyIsotropic,
+)
 from indent_sim.scene.expected import InTime
 from indent_sim.scene.scene import resolve
 from indent_sim.scene.theories import relaxed, undrained
@@ -36,7 +45,9 @@ def test_times_of_a_body_that_drains() -> None:
     planned = scene()
     found, L, a = planned.plan.time, planned.physics.scales.length, planned.plan.prediction["a"]
     assert (found.D, found.way, found.method) == (pytest.approx(2.0), "steps", "SDIRK2")
-    assert found.times["contact"] == pytest.approx(a**2 / 2) and found.times["height"] == pytest.approx(0.5)
+    assert found.times["contact"] == pytest.approx(a**2 / 2) and found.times[
+        "height"
+    ] == pytest.approx(0.5)
     assert found.times["element"] == pytest.approx((planned.sizes.h_contact * L) ** 2 / 2)
     assert found.times["way_in"] == 0.5 and found.times["history"] == 0.5
     assert found.stages == 2 * len(planned.physics.path.values) - 1  # at rest no time passes
@@ -45,8 +56,12 @@ def test_times_of_a_body_that_drains() -> None:
 def test_limits_on_a_half_space() -> None:
     """Hertz with nu as given, and with 0.5 at the same shear modulus."""
     found = of(body={"shape": "half_space"})
-    assert found.limits["drained"] == pytest.approx(paraboloid_force(DEPTH, 1.0, E_star(1.0, 0.2)), rel=1e-9)
-    assert found.limits["undrained"] == pytest.approx(paraboloid_force(DEPTH, 1.0, E_star(1.25, 0.5)), rel=1e-9)
+    assert found.limits["drained"] == pytest.approx(
+        paraboloid_force(DEPTH, 1.0, E_star(1.0, 0.2)), rel=1e-9
+    )
+    assert found.limits["undrained"] == pytest.approx(
+        paraboloid_force(DEPTH, 1.0, E_star(1.25, 0.5)), rel=1e-9
+    )
 
 
 def test_the_depth_of_a_force_has_limits_too() -> None:
@@ -59,20 +74,28 @@ def test_the_depth_of_a_force_has_limits_too() -> None:
 
 
 @pytest.mark.parametrize(
-    ("share", "word"), [(1e-4, "undrained, within"), (1.0, "neither"), (1e4, "drained, within")], ids=str
+    ("share", "word"),
+    [(1e-4, "undrained, within"), (1.0, "neither"), (1e4, "drained, within")],
+    ids=str,
 )
 def test_the_elastic_body_that_is_near(share: float, word: str) -> None:
     contact = of().times["contact"]
     found = of(history=[[0, 0], [share * contact, DEPTH]])
     assert f"{share:.2g} of a^2/D: {word}" in found.words
-    assert found.about is not None and found.limits["drained"] <= found.about <= found.limits["undrained"]
+    assert (
+        found.about is not None
+        and found.limits["drained"] <= found.about <= found.limits["undrained"]
+    )
 
 
 def test_a_hold_drains() -> None:
     contact = of().times["contact"]
     found = of(history=[[0, DEPTH], [1e3 * contact, DEPTH]])
     assert found.times["way_in"] == 0
-    assert "the way in takes 0" in found.words and "at the end of the history drained, within" in found.words
+    assert (
+        "the way in takes 0" in found.words
+        and "at the end of the history drained, within" in found.words
+    )
     back = of(history=[[0, 0], [contact, DEPTH], [1e3 * contact, 0]])
     assert "at the end" not in back.words
 
@@ -83,7 +106,9 @@ def test_surfaces_that_nobody_tabled_have_no_estimate() -> None:
 
 
 def test_times_of_a_body_that_relaxes() -> None:
-    """Half of the shear modulus at one time: at once nothing, at last half of an incompressible body's force."""
+    """Half of the shear modulus at one time: at once nothing, at last half of an incompressible
+    body's force.
+    """
     law = {"model": "linear_elastic", "E": 1.0, "nu": 0.5}
     law |= {"relaxation": {"prony": [[0.2, 0.1], [0.3, 1.0]], "of": "shear"}}
     found = of(law)
@@ -91,13 +116,19 @@ def test_times_of_a_body_that_relaxes() -> None:
     assert found.limits["relaxed"] == pytest.approx(0.5 * found.limits["unrelaxed"])
     assert "0.5 of the longest relaxation: neither" in found.words
     assert "unrelaxed, within" in of(law, [[0, 0], [1e-4, DEPTH]]).words
-    assert "; at the end of the history relaxed, within" in of(law, [[0, 0], [1e-4, DEPTH], [50, DEPTH]]).words
+    assert (
+        "; at the end of the history relaxed, within"
+        in of(law, [[0, 0], [1e-4, DEPTH], [50, DEPTH]]).words
+    )
 
 
 def test_a_history_of_an_elastic_body_has_its_way() -> None:
     found = of({"model": "linear_elastic", "E": 1.0, "nu": 0.2})
     assert found.way == "curve" and not found.limits and not found.words and found.stages is None
-    assert scene({"model": "linear_elastic", "E": 1.0, "nu": 0.2}, loading={"delta": DEPTH}).plan.time is None
+    assert (
+        scene({"model": "linear_elastic", "E": 1.0, "nu": 0.2}, loading={"delta": DEPTH}).plan.time
+        is None
+    )
 
 
 def test_what_is_left_falls_from_one_to_nothing() -> None:
@@ -125,7 +156,9 @@ def test_undrained_across_an_axis_of_isotropy(alpha: float, storage: float) -> N
     "law",
     [
         LinearElastic(E=1.0, nu=0.3, relaxation=Relaxation(prony=((0.6, 1.0),), of="shear")),
-        MooneyRivlin(C10=0.2, C01=0.05, nu=0.3, relaxation=Relaxation(prony=((0.6, 1.0),), of="shear")),
+        MooneyRivlin(
+            C10=0.2, C01=0.05, nu=0.3, relaxation=Relaxation(prony=((0.6, 1.0),), of="shear")
+        ),
     ],
 )
 def test_a_relaxed_law_keeps_its_bulk_modulus(law: Material) -> None:

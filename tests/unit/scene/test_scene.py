@@ -1,4 +1,6 @@
-"""Config -> Scene: what is refused, what is warned of, and that each choice gives the reason for itself."""
+"""Config -> Scene: what is refused, what is warned of, and that each choice gives the reason for
+itself.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ BODIES: dict[str, dict[str, Any]] = {
 
 
 def scene(kinematics: str = "axisymmetric", **sections: Any) -> Scene:
-    """A paraboloid of radius 2 on ELASTIC, pressed in by 0.02; `sections` replace whole sections of that."""
+    """A paraboloid of radius 2 on ELASTIC, pressed in by 0.02; `sections` replace whole sections of
+    that.
+    """
     given: dict[str, Any] = {
         "body": BODIES[kinematics],
         "material": {"model": "linear_elastic", "E": 5.0, "nu": 0.3},
@@ -38,7 +42,9 @@ class TestNitsche:
         with pytest.raises(ConfigError) as caught:
             self.with_gamma(0.1 * self.unit)
         assert caught.value.key == "contact.gamma" and caught.value.exit_code == 3
-        assert "0.1 E*/h_contact" in str(caught.value) and f"at least {self.unit:.4g}" in str(caught.value)
+        assert "0.1 E*/h_contact" in str(caught.value) and f"at least {self.unit:.4g}" in str(
+            caught.value
+        )
 
     @pytest.mark.parametrize("gamma", ["auto", unit, 30 * unit])
     def test_enough_is_taken(self, gamma):
@@ -50,7 +56,10 @@ LOCKED = {"model": "linear_elastic", "E": 5.0, "nu": 0.4999, "formulation": "dis
 
 
 class TestLinear:
-    solid: ClassVar[dict[str, Any]] = {"kinematics": "three_dimensional", "mesh": {"h_contact": 0.1}}
+    solid: ClassVar[dict[str, Any]] = {
+        "kinematics": "three_dimensional",
+        "mesh": {"h_contact": 0.1},
+    }
 
     @pytest.mark.parametrize(
         ("sections", "why"),
@@ -60,7 +69,10 @@ class TestLinear:
             (solid | {"contact": {"method": "nitsche"}}, "not symmetric"),
             (solid | {"contact": {"method": "active_set"}}, "not symmetric"),
             (solid | {"material": LOCKED}, r"formulation: displacement at nu = 0\.4999"),
-            (solid | {"contact": {"method": "augmented_lagrangian", "epsilon_n": 5e7}}, r"E\*/h_contact needs"),
+            (
+                solid | {"contact": {"method": "augmented_lagrangian", "epsilon_n": 5e7}},
+                r"E\*/h_contact needs",
+            ),
         ],
     )
     def test_iterative_is_refused_by_name_where_it_is_not_known_to_work(self, sections, why):
@@ -79,10 +91,14 @@ class TestLinear:
             scene(mesh={"h_contact": 0.1}, solver={"linear": "iterative", "method": "theory"})
 
     def test_auto_factors_what_is_small_and_iterates_where_that_is_cheaper(self):
-        small, large = (scene("three_dimensional", mesh={"h_contact": h, "h_far": 10 * h}) for h in (0.1, 0.012))
+        small, large = (
+            scene("three_dimensional", mesh={"h_contact": h, "h_far": 10 * h}) for h in (0.1, 0.012)
+        )
         assert (small.solver.method, small.solver.linear) == ("condensed", "direct")
         assert (large.solver.method, large.solver.linear) == ("newton", "iterative")
-        assert "iteratively" in next(choice.why for choice in large.plan.choices if choice.key == "solver.linear")
+        assert "iteratively" in next(
+            choice.why for choice in large.plan.choices if choice.key == "solver.linear"
+        )
 
     def test_what_does_not_fit_is_told_what_would(self, monkeypatch):
         monkeypatch.setattr("indent_sim.scene.scene.machine_memory", lambda: 1e9)
@@ -116,9 +132,13 @@ class TestMesh:
 
 
 class TestStrain:
-    """0.05 of characteristic strain is a ball at a = R/4, whose force differs by some per cent between the strains."""
+    """0.05 of characteristic strain is a ball at a = R/4, whose force differs by some per cent
+    between the strains.
+    """
 
-    def said(self, delta: float = 0.02, material: str = "linear_elastic", gap: str = "auto", **tip: Any) -> str:
+    def said(
+        self, delta: float = 0.02, material: str = "linear_elastic", gap: str = "auto", **tip: Any
+    ) -> str:
         linear = {"model": material, "E": 5.0, "nu": 0.3}
         given = {"indenter": tip, "material": linear, "contact": {"method": "auto", "gap": gap}}
         return " ".join(scene(loading={"delta": delta, "steps": 1}, **given).plan.warnings)
@@ -128,27 +148,39 @@ class TestStrain:
         [
             ({"shape": "cone", "half_angle": 75}, {"shape": "cone", "half_angle": 77}),
             ({"shape": "pyramid", "half_angle": 74}, {"shape": "pyramid", "half_angle": 76}),
-            ({"shape": "profile", "points": [[0, 0], [1, 0.26]]}, {"shape": "profile", "points": [[0, 0], [1, 0.24]]}),
+            (
+                {"shape": "profile", "points": [[0, 0], [1, 0.26]]},
+                {"shape": "profile", "points": [[0, 0], [1, 0.24]]},
+            ),
             ({"shape": "sphere", "R": 0.2}, {"shape": "sphere", "R": 0.5}),
             ({"shape": "flat_punch", "radius": 0.11}, {"shape": "flat_punch", "radius": 0.13}),
         ],
         ids=["cone", "pyramid", "profile", "sphere", "flat_punch"],
     )
     def test_small_strain_ends_with_the_slope_at_the_edge_of_contact(self, sharp, blunt):
-        """cot 76 degrees = 0.25, pyramids a tenth flatter than their faces; a punch at a sixth of its radius."""
+        """cot 76 degrees = 0.25, pyramids a tenth flatter than their faces; a punch at a sixth of
+        its radius.
+        """
         assert "small strain" in self.said(**sharp)
         assert "small strain" not in self.said(**blunt)
         assert "small strain" not in self.said(material="neo_hookean", **sharp)
 
     def test_a_cone_has_the_same_strain_at_every_depth(self):
-        assert all("= 0.073" in self.said(delta, shape="cone", half_angle=70) for delta in (1e-4, 1e-2))
+        assert all(
+            "= 0.073" in self.said(delta, shape="cone", half_angle=70) for delta in (1e-4, 1e-2)
+        )
 
     @pytest.mark.parametrize("gap", ["reference", "current"])
     def test_a_tip_that_ends_inside_the_contact_says_so(self, gap):
-        for tip in ({"shape": "sphere", "R": 0.1}, {"shape": "profile", "points": [[0, 0], [0.1, 0.05]]}):
+        for tip in (
+            {"shape": "sphere", "R": 0.1},
+            {"shape": "profile", "points": [[0, 0], [0.1, 0.05]]},
+        ):
             assert "deeper than the" not in self.said(0.01, gap=gap, **tip)
             assert "deeper than the" in self.said(0.11, gap=gap, **tip)
-            assert ("ball's radius" in self.said(0.11, gap=gap, **tip)) == (gap == "current" and "R" in tip)
+            assert ("ball's radius" in self.said(0.11, gap=gap, **tip)) == (
+                gap == "current" and "R" in tip
+            )
 
     def test_several_equilibria_are_stated(self):
         method = {"method": "active_set", "gap": "current"}
@@ -161,7 +193,9 @@ class TestStrain:
 @pytest.mark.parametrize("kinematics", BODIES)
 def test_kinematics_and_strain_are_two_choices(kinematics):
     why = {choice.key: choice for choice in scene(kinematics).plan.choices}
-    assert why["kinematics"].value == kinematics and "strain" not in why["kinematics"].why.replace("no strain", "")
+    assert why["kinematics"].value == kinematics and "strain" not in why["kinematics"].why.replace(
+        "no strain", ""
+    )
     assert why["strain"].value == "small" and "linear elastic" in why["strain"].why
 
 
@@ -190,7 +224,9 @@ def test_the_middle_is_found_whatever_the_digits_of_the_width(width):
         assert found.plan.theory.exact == (body is strip)
 
 
-@pytest.mark.parametrize("tip", [{"shape": "sphere", "R": 1e-6}, {"shape": "flat_punch", "radius": 1e-5}])
+@pytest.mark.parametrize(
+    "tip", [{"shape": "sphere", "R": 1e-6}, {"shape": "flat_punch", "radius": 1e-5}]
+)
 def test_elements_larger_than_a_tip_are_refused(tip):
     """Their force was up to sixty times too large; sizes left to the program resolve the tip."""
     with pytest.raises(ConfigError, match="are larger than the tip's radius"):
@@ -202,14 +238,22 @@ def test_elements_larger_than_a_tip_are_refused(tip):
     ("tip", "where"),
     [
         ({"shape": "cone", "half_angle": 70}, "sharp apex"),
-        ({"shape": "cone", "half_angle": 70, "tip_radius": 1e-4}, "apex (rounded by less than an element)"),
+        (
+            {"shape": "cone", "half_angle": 70, "tip_radius": 1e-4},
+            "apex (rounded by less than an element)",
+        ),
         ({"shape": "flat_punch", "radius": 0.1}, "sharp edge"),
-        ({"shape": "flat_punch", "radius": 0.1, "edge_radius": 1e-5}, "edge (rounded by less than an element)"),
+        (
+            {"shape": "flat_punch", "radius": 0.1, "edge_radius": 1e-5},
+            "edge (rounded by less than an element)",
+        ),
     ],
 )
 def test_a_pressure_without_a_peak_says_where(tip, where):
     (why,) = (
-        choice.why for choice in scene(indenter=tip, mesh={"h_contact": 0.01}).plan.choices if choice.key == "p_max"
+        choice.why
+        for choice in scene(indenter=tip, mesh={"h_contact": 0.01}).plan.choices
+        if choice.key == "p_max"
     )
     assert f"the tip's {where} is the mesh's own" in why
 
@@ -217,7 +261,14 @@ def test_a_pressure_without_a_peak_says_where(tip, where):
 def test_layers_on_a_half_space_end_where_its_finite_body_does():
     """The last one is as thick as the films leave room for: 1e-9 is the rounding of sizes."""
     matter = [{"model": "linear_elastic", "E": E, "nu": 0.3} for E in (3.0, 1.0)]
-    body = {"shape": "half_space", "layers": [{"thickness": 0.1, "material": matter[0]}, {"material": matter[1]}]}
-    given = {"body": body, "indenter": {"shape": "paraboloid", "R": 1.0}, "loading": {"delta": 0.01, "steps": 1}}
+    body = {
+        "shape": "half_space",
+        "layers": [{"thickness": 0.1, "material": matter[0]}, {"material": matter[1]}],
+    }
+    given = {
+        "body": body,
+        "indenter": {"shape": "paraboloid", "R": 1.0},
+        "loading": {"delta": 0.01, "steps": 1},
+    }
     part = resolve(from_mapping(given | {"solver": {"method": "condensed"}})).physics.part
     assert part.regions[-1].bottom == pytest.approx(-part.height, rel=1e-9)

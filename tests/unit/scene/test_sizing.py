@@ -18,7 +18,13 @@ def sizes(depth: float, tip: dict[str, Any] = ROD, **sections: Any) -> Sizes:
     scene = resolve(
         from_mapping(
             {
-                "body": {"shape": "cylinder", "radius": 20.0, "height": 20.0, "base": "fixed", "sides": "free"},
+                "body": {
+                    "shape": "cylinder",
+                    "radius": 20.0,
+                    "height": 20.0,
+                    "base": "fixed",
+                    "sides": "free",
+                },
                 "material": {"model": "neo_hookean", "E": 10.0, "nu": 0.49},
                 "indenter": tip,
                 "loading": {"delta": depth, "steps": 1},
@@ -30,7 +36,9 @@ def sizes(depth: float, tip: dict[str, Any] = ROD, **sections: Any) -> Sizes:
 
 
 def test_what_slides_outwards_is_meshed_finely_beneath_a_deep_rod() -> None:
-    """At five radii the disc of a tenth of the radius covers all of its end: it has as many elements as the end had."""
+    """At five radii the disc of a tenth of the radius covers all of its end: it has as many
+    elements as the end had.
+    """
     shallow, deep = sizes(0.9), sizes(5.0)
     assert shallow.h_axis is None
     assert deep.h_axis is not None

@@ -1,4 +1,6 @@
-"""What theory knows of each tip, that the depth of a force is that depth, and that nothing is worked out twice."""
+"""What theory knows of each tip, that the depth of a force is that depth, and that nothing is
+worked out twice.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,12 @@ from indent_sim.theory.march import LayerContact
 GEL = LinearElastic(E=1.0, nu=0.3)
 CYLINDER = Cylinder(2.0, 1.0, sides="roller")
 STRIP = Strip(4.0, 1.0, sides=StripSides("roller", "roller"))
-SHARP = {"paraboloid": Paraboloid(1.0), "sphere": Sphere(0.5), "cone": Cone(60.0), "flat_punch": FlatPunch(0.3)}
+SHARP = {
+    "paraboloid": Paraboloid(1.0),
+    "sphere": Sphere(0.5),
+    "cone": Cone(60.0),
+    "flat_punch": FlatPunch(0.3),
+}
 OTHERS = {
     "blunt_cone": Cone(60.0, 0.1),
     "hyperboloid": Hyperboloid(0.2, 50.0),
@@ -73,7 +80,10 @@ def test_theory_sees_the_tip_end_where_it_ends(tip: Indenter) -> None:
 @pytest.mark.parametrize("tip", SHARP.values(), ids=SHARP)
 def test_layer_and_closed_form_agree_on_a_half_space(tip: Indenter) -> None:
     """The two entries of one tip: Sneddon's integral against the formula."""
-    theory, closed = half_space_theory(tip, [Layer(None, GEL)]), half_space_force(tip, 0.01, GEL.E_star)
+    theory, closed = (
+        half_space_theory(tip, [Layer(None, GEL)]),
+        half_space_force(tip, 0.01, GEL.E_star),
+    )
     assert theory and closed and (solution := theory.at(0.01))
     assert solution.force == pytest.approx(closed[1], rel=1e-6)  # the layer adds about a/h = 1e-7
 
@@ -81,7 +91,9 @@ def test_layer_and_closed_form_agree_on_a_half_space(tip: Indenter) -> None:
 @pytest.mark.parametrize("body", [CYLINDER, STRIP], ids=["cylinder", "strip"])
 @pytest.mark.parametrize("tip", SHARP.values(), ids=SHARP)
 @pytest.mark.parametrize("delta", [1e-4, 0.05])
-def test_the_depth_of_a_force_is_that_depth(tip: Indenter, body: Cylinder | Strip, delta: float) -> None:
+def test_the_depth_of_a_force_is_that_depth(
+    tip: Indenter, body: Cylinder | Strip, delta: float
+) -> None:
     theory = layer_theory(body, [Layer(body.height, GEL)], tip, body.center)
     assert theory and theory.exact and (solution := theory.at(delta))
     # both are searched to 1e-11 of the contact's size
@@ -90,8 +102,10 @@ def test_the_depth_of_a_force_is_that_depth(tip: Indenter, body: Cylinder | Stri
 
 @pytest.mark.parametrize("delta", [1e-6, 1e-3, 0.1, 10.0])
 def test_hyperboloid_on_a_half_space(delta: float) -> None:
-    """F = E* cot [(a^2 - b^2) arctan(a/b) + a b], delta = a cot arctan(a/b), b = R cot: Sneddon's integral of the
-    tip by hand. Its terms cancel to (a/b)^3, here to 1e-9 of them at most, so 1e-6 there; 1e-9 is theory's own."""
+    """F = E* cot [(a^2 - b^2) arctan(a/b) + a b], delta = a cot arctan(a/b), b = R cot: Sneddon's
+    integral of the tip by hand. Its terms cancel to (a/b)^3, here to 1e-9 of them at most, so
+    1e-6 there; 1e-9 is theory's own.
+    """
     R, slope = 0.2, 1 / np.tan(np.radians(50))
     theory = half_space_theory(Hyperboloid(R, 50.0), [Layer(None, GEL)], 2 * np.sqrt(R * delta))
     found = theory.at(delta) if theory and theory.exact else None
@@ -105,7 +119,9 @@ def test_hyperboloid_on_a_half_space(delta: float) -> None:
 def test_the_deepest_point_and_the_end_of_theory() -> None:
     theory = layer_theory(CYLINDER, [Layer(CYLINDER.height, GEL)], Sphere(0.05), CYLINDER.center)
     assert theory
-    assert theory.depth(1e9, 0.9) is None or theory.at(0.9)  # the contact would be wider than the ball
+    assert theory.depth(1e9, 0.9) is None or theory.at(
+        0.9
+    )  # the contact would be wider than the ball
     assert theory.depth(1e-6, 1e-6) == 1e-6
 
 
@@ -115,10 +131,18 @@ def test_plane_strain_knows_sharp_tips_alone() -> None:
 
 
 def test_half_space_forces_of_blunt_tips() -> None:
-    """A rounding of 1e-6 of the depth is not felt: 1e-5; inside one of the contact's size the tip is a sphere."""
-    found, closed = half_space_force(Cone(60.0, 1e-7), 0.1, 1.0), half_space_force(Cone(60.0), 0.1, 1.0)
+    """A rounding of 1e-6 of the depth is not felt: 1e-5; inside one of the contact's size the tip
+    is a sphere.
+    """
+    found, closed = (
+        half_space_force(Cone(60.0, 1e-7), 0.1, 1.0),
+        half_space_force(Cone(60.0), 0.1, 1.0),
+    )
     assert found and closed and found[1] == pytest.approx(closed[1], rel=1e-5)
-    found, closed = half_space_force(Cone(60.0, 2.0), 0.1, 1.0), half_space_force(Sphere(2.0), 0.1, 1.0)
+    found, closed = (
+        half_space_force(Cone(60.0, 2.0), 0.1, 1.0),
+        half_space_force(Sphere(2.0), 0.1, 1.0),
+    )
     assert found and closed and found[1] == pytest.approx(closed[1], rel=1e-10)
     assert half_space_force(Pyramid(60.0, faces=3), 0.1, 1.0) is None
 
@@ -135,8 +159,12 @@ def test_half_space_forces_of_blunt_tips() -> None:
     ],
     ids=["plain", "penalty", "accuracy", "soft", "half_space", "hyperelastic"],
 )
-def test_theory_is_asked_once_for_each_depth(monkeypatch: pytest.MonkeyPatch, sections: dict[str, Any]) -> None:
-    """Sizes, choices, doubts and prediction of one resolve want the same contacts; each is marched to once."""
+def test_theory_is_asked_once_for_each_depth(
+    monkeypatch: pytest.MonkeyPatch, sections: dict[str, Any]
+) -> None:
+    """Sizes, choices, doubts and prediction of one resolve want the same contacts; each is marched
+    to once.
+    """
     asked: Counter[tuple[LayerContact, float]] = Counter()
     march = LayerContact.curve
 
@@ -149,14 +177,22 @@ def test_theory_is_asked_once_for_each_depth(monkeypatch: pytest.MonkeyPatch, se
     assert found.plan.theory and set(asked.values()) == {1}
     depths = {delta for layer, delta in asked if layer == found.plan.theory.contact}
     assert set(found.physics.deltas) <= depths
-    assert len(depths) <= 3 + 2 * 7  # a penalty that costs much wants seven more, at the deepest contact and the last
+    assert (
+        len(depths) <= 3 + 2 * 7
+    )  # a penalty that costs much wants seven more, at the deepest contact and the last
     before = asked.total()
-    assert np.all(np.array([solution.force for solution in found.plan.theory.curve(found.physics.deltas) or []]) > 0)
+    assert np.all(
+        np.array(
+            [solution.force for solution in found.plan.theory.curve(found.physics.deltas) or []]
+        )
+        > 0
+    )
     assert asked.total() == before
 
 
 @pytest.mark.parametrize(
-    ("tip", "R"), [(Paraboloid(1.0), 2 / 3), (Sphere(1.0), 2 / 3), (Plate(), 2.0), (FlatPunch(0.1), 2.0)]
+    ("tip", "R"),
+    [(Paraboloid(1.0), 2 / 3), (Sphere(1.0), 2 / 3), (Plate(), 2.0), (FlatPunch(0.1), 2.0)],
 )
 def test_curvatures_add_over_a_round_body(tip: Indenter, R: float) -> None:
     """1/R of the tip and 1/2 of the body; a sharp tip, and any over a flat top, is its own."""
@@ -167,7 +203,9 @@ def test_curvatures_add_over_a_round_body(tip: Indenter, R: float) -> None:
 
 @pytest.mark.parametrize("shape", ["cap", "ball"])
 def test_theory_of_a_round_body_is_never_exact(shape: Any) -> None:
-    """A layer for a cap, a half-space for a ball; a contact of 1e-3 feels as much of the layer: Hertz to 0.2 %."""
+    """A layer for a cap, a half-space for a ball; a contact of 1e-3 feels as much of the layer:
+    Hertz to 0.2 %.
+    """
     body = Dome(1e3, 1.0, "cap") if shape == "cap" else Dome(1.0, 2.0, "ball")
     tip: Indenter = Paraboloid(1.0)
     theory = layer_theory(body, [Layer(body.height, GEL)], tip, body.center)

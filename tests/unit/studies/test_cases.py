@@ -55,7 +55,8 @@ def test_another_experiment_is_another_run(tmp_path: Path) -> None:
     [
         "loading: [{history: [[0, 0], [1, 0.01]]}, {history: [[0, 0], [2, 0.01]]}]",
         "loading: [{history: [[0, 0], [1, 0.01]]}, {history: [[0, 0], [1, 0.01]], times: [0.5]}]",
-        "material.relaxation: [{prony: [[0.5, 1]]}, {prony: [[0.5, 2]]}]\n  loading: [{history: [[0, 0], [1, 0.1]]}]",
+        "material.relaxation: [{prony: [[0.5, 1]]}, {prony: [[0.5, 2]]}]\n  loading: "
+        "[{history: [[0, 0], [1, 0.1]]}]",
     ],
 )
 def test_another_history_or_relaxation_is_another_run(varied: str, tmp_path: Path) -> None:
@@ -72,7 +73,10 @@ def test_a_history_is_compared_with_nothing_by_depth(tmp_path: Path) -> None:
         Truth(read, cases.asked_for(read)[0])
 
 
-SHARED = "{body: {shape: layer, height: 1}, indenter: {shape: cone, half_angle: 70}, loading: {delta: 0.1}, material: {"
+SHARED = (
+    "{body: {shape: layer, height: 1}, indenter: {shape: cone, half_angle: 70}, "
+    "loading: {delta: 0.1}, material: {"
+)
 RELAXING = "model: linear_elastic, E: 1, nu: 0.3, relaxation: {prony: [[0.5, 1]]}}}"
 
 
@@ -80,17 +84,23 @@ RELAXING = "model: linear_elastic, E: 1, nu: 0.3, relaxation: {prony: [[0.5, 1]]
     ("runs", "names"),
     [
         (
-            "cases:\n  - {name: timed, scene: BODY, set: {loading: TIMED}}\n  - {name: still, scene: BODY}",
+            "cases:\n  - {name: timed, scene: BODY, set: {loading: TIMED}}\n  - {name: "
+            "still, scene: BODY}",
             ["case still"],
         ),
-        ("base: BODY\nvary: {loading: [TIMED, {delta: 0.2}], body.height: [1, 2]}", ["loading {delta: 0.2}"]),
+        (
+            "base: BODY\nvary: {loading: [TIMED, {delta: 0.2}], body.height: [1, 2]}",
+            ["loading {delta: 0.2}"],
+        ),
         ("base: BODY\nvary: {body.height: [1, 2]}", []),
     ],
 )
 def test_an_error_says_of_which_run_it_is(runs: str, names: list[str], tmp_path: Path) -> None:
     """Where it lies in what runs share, and only some of them have it."""
     study = tmp_path / "study.yaml"
-    study.write_text(runs.replace("BODY", SHARED + RELAXING).replace("TIMED", "{history: [[0, 0], [1, 0.1]]}"))
+    study.write_text(
+        runs.replace("BODY", SHARED + RELAXING).replace("TIMED", "{history: [[0, 0], [1, 0.1]]}")
+    )
     with pytest.raises(ConfigError) as told:
         cases.asked_for(study_file.read(study))
     (error,) = told.value.errors
@@ -117,15 +127,23 @@ def test_a_table_has_quantities_as_numbers_in_the_units_of_the_scene(tmp_path: P
     study.write_text(f"{MIXED}tolerance: 0.01\n")
     found, refused = cases.asked_for(study_file.read(study))
     assert [case.numbers["body.height"] for case in found] == [5.0, 10.0]
-    assert found[0].numbers["material"] == {"model": "linear_elastic", "E": pytest.approx(2.0), "nu": 0.3}
+    assert found[0].numbers["material"] == {
+        "model": "linear_elastic",
+        "E": pytest.approx(2.0),
+        "nu": 0.3,
+    }
     assert [one.numbers["body.height"] for one in refused] == [pytest.approx(0.05)]
-    assert found[0].name.startswith("material=") and "height=5_um" in found[0].name  # a name says what was written
+    assert (
+        found[0].name.startswith("material=") and "height=5_um" in found[0].name
+    )  # a name says what was written
 
 
 def test_one_impossible_combination_is_told_with_the_word_tolerance(tmp_path: Path) -> None:
     study = tmp_path / "study.yaml"
     study.write_text(MIXED)
-    with pytest.raises(ConfigError, match=r"1 of 3 runs cannot be: with `tolerance` in the study they are rows"):
+    with pytest.raises(
+        ConfigError, match=r"1 of 3 runs cannot be: with `tolerance` in the study they are rows"
+    ):
         cases.asked_for(study_file.read(study))
     study.write_text(MIXED.replace("5 um, 10000 nm, ", ""))  # none can be
     with pytest.raises(ConfigError) as told:

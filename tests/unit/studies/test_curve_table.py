@@ -9,7 +9,9 @@ from made_results import a_result
 
 from indent_sim.studies.curve_table import Curve, Families
 
-RUBBER, LINEAR = ({"model": model, "E": 1.0, "nu": 0.3} for model in ("neo_hookean", "linear_elastic"))
+RUBBER, LINEAR = (
+    {"model": model, "E": 1.0, "nu": 0.3} for model in ("neo_hookean", "linear_elastic")
+)
 
 
 def names(*values: dict[str, Any]) -> list[str]:
@@ -21,16 +23,34 @@ def names(*values: dict[str, Any]) -> list[str]:
     ("values", "expected"),
     [
         ([{"body.height": "5 um"}, {"body.height": 10.0}], ["height 5 um", "height 10"]),
-        ([{"material": RUBBER}, {"material": LINEAR}], ["model neo_hookean", "model linear_elastic"]),
-        ([{"loading": "{delta: 1.0}"}, {"loading": "{delta: 2.0}"}], ["delta 1", "delta 2"]),  # read back from a table
+        (
+            [{"material": RUBBER}, {"material": LINEAR}],
+            ["model neo_hookean", "model linear_elastic"],
+        ),
+        (
+            [{"loading": "{delta: 1.0}"}, {"loading": "{delta: 2.0}"}],
+            ["delta 1", "delta 2"],
+        ),  # read back from a table
         ([{"material": RUBBER}, {"material": RUBBER}], ["model neo_hookean, E 1, nu 0.3"] * 2),
-        ([{"contact.friction": 0.1}, {"contact.friction": "stick"}], ["friction 0.1", "friction stick"]),
+        (
+            [{"contact.friction": 0.1}, {"contact.friction": "stick"}],
+            ["friction 0.1", "friction stick"],
+        ),
         (
             [{"contact.method": "uzawa", "solver.method": "newton"}],
             ["contact.method uzawa, solver.method newton"],
         ),
     ],
-    ids=["numbers", "sections", "sections as text", "equal sections", "words", "two keys that end alike"],
+    ids=[
+        "numbers",
+        "sections",
+        "sections as text",
+        "equal sections",
+        "words",
+        "two keys that end alike",
+    ],
 )
-def test_curves_are_named_by_what_differs(values: list[dict[str, Any]], expected: list[str]) -> None:
+def test_curves_are_named_by_what_differs(
+    values: list[dict[str, Any]], expected: list[str]
+) -> None:
     assert names(*values) == expected

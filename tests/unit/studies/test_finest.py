@@ -1,4 +1,6 @@
-"""The finest run of a study, which the others are compared with: by unknowns, then by penetration, and named."""
+"""The finest run of a study, which the others are compared with: by unknowns, then by penetration,
+and named.
+"""
 
 from __future__ import annotations
 
@@ -26,24 +28,43 @@ FORCE = (0.9, 1.0, 1.1)
 
 def results(number: int, dofs: int) -> Results:
     """The result of a law on a mesh with so many unknowns."""
-    names = {"step": 1.0, "delta": 0.01, "force": FORCE[number], "a": 0.1, "p_max": 0.1, "newton_iterations": 3.0}
-    table = {name: np.array([value]) for name, value in (names | {"penetration": PENETRATION[number]}).items()}
+    names = {
+        "step": 1.0,
+        "delta": 0.01,
+        "force": FORCE[number],
+        "a": 0.1,
+        "p_max": 0.1,
+        "newton_iterations": 3.0,
+    }
+    table = {
+        name: np.array([value])
+        for name, value in (names | {"penetration": PENETRATION[number]}).items()
+    }
     return Results(Path("run"), table, {"status": "done", "dofs": dofs})
 
 
 def test_among_equal_meshes_the_least_penetration_is_the_reference(tmp_path: Path) -> None:
-    """It was the run with the largest one: a penalty that lets the tip sink in has the wrong force on any mesh."""
+    """It was the run with the largest one: a penalty that lets the tip sink in has the wrong force
+    on any mesh.
+    """
     path = tmp_path / "study.yaml"
     path.write_text(STUDY)
     study = study_file.read(path)
     asked = cases.asked_for(study)
     truth = Truth(study, asked[0])
-    done = {case.id: results(number // 2, 2000 if number % 2 else 1000) for number, case in enumerate(asked[0])}
-    rows = study_table.rows(study, asked, done, truth, {case.id: f"run {case.index}" for case in asked[0]})
+    done = {
+        case.id: results(number // 2, 2000 if number % 2 else 1000)
+        for number, case in enumerate(asked[0])
+    }
+    rows = study_table.rows(
+        study, asked, done, truth, {case.id: f"run {case.index}" for case in asked[0]}
+    )
     assert {row["reference"] for row in rows} == {"run 3"}  # epsilon_n = 1000 on the finer mesh
     assert [row["force_error_vs"] for row in rows][3] == 0.0
     said = "contact={method: penalty, epsilon_n: 1000}, mesh.h_contact=0.04"
     assert truth.name == f"finest: {said}"
-    assert truth.notes == (f"compared with the finest run, {said}: 2000 unknowns, penetration 1e-05 at its last row",)
+    assert truth.notes == (
+        f"compared with the finest run, {said}: 2000 unknowns, penetration 1e-05 at its last row",
+    )
     (known,) = study_table.read(study_table.write(rows[:1]))
     assert known["reference"] == "run 3"

@@ -1,4 +1,6 @@
-"""Published values in a study: what its file may say, and who is wrong; nothing is meshed or solved here."""
+"""Published values in a study: what its file may say, and who is wrong; nothing is meshed or solved
+here.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ CIRCLE = "    exact: {case: B, by: x}\n" + "".join(
 )
 
 
-def study(folder: Path, published: str = PUBLISHED, more: str = "", scene: str = SCENE) -> study_file.StudyFile:
+def study(
+    folder: Path, published: str = PUBLISHED, more: str = "", scene: str = SCENE
+) -> study_file.StudyFile:
     path = folder / "study.yaml"
     path.write_text(f"cases:\n  - name: Hertz\n{scene}    published: {published}\n{more}")
     return study_file.read(path)
@@ -46,7 +50,12 @@ def board(found: study_file.StudyFile, **columns: list[float]) -> list[scoreboar
 
 
 def found(force: float, error: float = 1e-6) -> dict[str, list[float]]:
-    return {"step": [1, 2], "delta": [0.005, 0.01], "force": [force / 8**0.5, force], "force_error": [error, error]}
+    return {
+        "step": [1, 2],
+        "delta": [0.005, 0.01],
+        "force": [force / 8**0.5, force],
+        "force_error": [error, error],
+    }
 
 
 @pytest.mark.parametrize(
@@ -69,7 +78,9 @@ def test_who_is_wrong_is_judged_by_theory_of_the_same_body(
 
 
 def test_a_row_is_found_by_its_depth(tmp_path: Path) -> None:
-    published = PUBLISHED.replace("value: 1.4652e-3", f"at: {{delta: 0.005}}, value: {HERTZ / 8**0.5}")
+    published = PUBLISHED.replace(
+        "value: 1.4652e-3", f"at: {{delta: 0.005}}, value: {HERTZ / 8**0.5}"
+    )
     (row,) = board(study(tmp_path, published), **found(HERTZ))
     assert row["ours"] == pytest.approx(HERTZ / 8**0.5) == row["exact"]
 
@@ -79,18 +90,28 @@ def test_where_forces_are_prescribed_theory_is_asked_at_the_force(tmp_path: Path
     scene = SCENE.replace("deltas: [0.005, 0.01]", "force: 1.0e-3, steps: 1")
     a = (0.75e-3 * 0.91) ** (1 / 3)
     said = "{quantity: p_max, value: 0.06, claims: elements, within: 0.5, source: nobody}"
-    columns = {"step": [1.0], "delta": [0.5], "force": [1e-3], "p_max": [0.06], "p_max_error": [0.01]}
+    columns = {
+        "step": [1.0],
+        "delta": [0.5],
+        "force": [1e-3],
+        "p_max": [0.06],
+        "p_max_error": [0.01],
+    }
     (row,) = board(study(tmp_path, said, scene=scene), **columns)
     assert row["exact"] == pytest.approx(2 * a / 0.91 / np.pi, rel=1e-7)  # theory is good to 1e-8
 
 
 def test_a_source_that_claims_no_accuracy_is_not_judged(tmp_path: Path) -> None:
-    (row,) = board(study(tmp_path, "{quantity: force, value: 2.0e-3, claims: fit, source: x}"), **found(HERTZ))
+    (row,) = board(
+        study(tmp_path, "{quantity: force, value: 2.0e-3, claims: fit, source: x}"), **found(HERTZ)
+    )
     assert row["wrong"] == "nobody" and "claims no accuracy" in scoreboard.in_words(row)
 
 
 def test_a_number_may_be_the_exact_one(tmp_path: Path) -> None:
-    (row,) = board(study(tmp_path, more="    exact: {value: 2.0e-3, by: a closed form}\n"), **found(HERTZ))
+    (row,) = board(
+        study(tmp_path, more="    exact: {value: 2.0e-3, by: a closed form}\n"), **found(HERTZ)
+    )
     assert (row["exact"], row["exact_by"], row["wrong"]) == (2e-3, "a closed form", "both")
 
 
@@ -108,24 +129,70 @@ def test_rows_are_read_back_as_they_were(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("published", "more", "message"),
     [
-        (PUBLISHED.replace("force", "forse"), "", r":9: cases\[0\].published.quantity: .*did you mean 'force'"),
-        (PUBLISHED.replace("exact", "true"), "", r":9: cases\[0\].published.claims: is none of exact, fit, elements"),
-        (PUBLISHED.replace("1.0e-4", "2"), "", r":9: cases\[0\].published.within: must be between 0 and 1"),
+        (
+            PUBLISHED.replace("force", "forse"),
+            "",
+            r":9: cases\[0\].published.quantity: .*did you mean 'force'",
+        ),
+        (
+            PUBLISHED.replace("exact", "true"),
+            "",
+            r":9: cases\[0\].published.claims: is none of exact, fit, elements",
+        ),
+        (
+            PUBLISHED.replace("1.0e-4", "2"),
+            "",
+            r":9: cases\[0\].published.within: must be between 0 and 1",
+        ),
         (PUBLISHED.replace("value", "number"), "", r":9: cases\[0\].published.number: unknown key"),
-        (PUBLISHED.replace(", source: Hertz 1882", ""), "", r":9: cases\[0\].published.source: missing"),
-        (PUBLISHED.replace("value", "at: {depth: 1}, value"), "", r":9: cases\[0\].published.at: must name one row"),
-        (PUBLISHED.replace("value", "at: {delta: 0.02}, value"), "", r":9: published.at: .*has no row with delta 0.02"),
-        (PUBLISHED, "    exact: {by: x}\n", r":10: cases\[0\].exact: must have one of value and case"),
-        (PUBLISHED, "    exact: {case: Hart, by: x}\n", r":10: cases\[0\].exact.case: there is no such case"),
+        (
+            PUBLISHED.replace(", source: Hertz 1882", ""),
+            "",
+            r":9: cases\[0\].published.source: missing",
+        ),
+        (
+            PUBLISHED.replace("value", "at: {depth: 1}, value"),
+            "",
+            r":9: cases\[0\].published.at: must name one row",
+        ),
+        (
+            PUBLISHED.replace("value", "at: {delta: 0.02}, value"),
+            "",
+            r":9: published.at: .*has no row with delta 0.02",
+        ),
+        (
+            PUBLISHED,
+            "    exact: {by: x}\n",
+            r":10: cases\[0\].exact: must have one of value and case",
+        ),
+        (
+            PUBLISHED,
+            "    exact: {case: Hart, by: x}\n",
+            r":10: cases\[0\].exact.case: there is no such case",
+        ),
         (PUBLISHED, f"  - name: Hertz\n{SCENE}", r":10: cases\[1\].name: Hertz is there twice"),
-        (PUBLISHED, "    exact: {value: 0, by: x}\n", r":10: cases\[0\].exact.value: must not be 0"),
-        (PUBLISHED, "    exact: {case: Hertz, by: x}\n", r":10: cases\[0\].exact.case: names its own case"),
-        (PUBLISHED, CIRCLE, r":10: cases\[0\].exact.case: is known by itself: Hertz by B by C by Hertz"),
+        (
+            PUBLISHED,
+            "    exact: {value: 0, by: x}\n",
+            r":10: cases\[0\].exact.value: must not be 0",
+        ),
+        (
+            PUBLISHED,
+            "    exact: {case: Hertz, by: x}\n",
+            r":10: cases\[0\].exact.case: names its own case",
+        ),
+        (
+            PUBLISHED,
+            CIRCLE,
+            r":10: cases\[0\].exact.case: is known by itself: Hertz by B by C by Hertz",
+        ),
         (PUBLISHED, "base: hertz.yaml\n", r":10: base: does not go with cases"),
         (PUBLISHED, "    sett: {}\n", r":10: cases\[0\].sett: unknown key, did you mean 'set'"),
     ],
 )
-def test_a_mistake_is_told_with_its_line_and_key(published: str, more: str, message: str, tmp_path: Path) -> None:
+def test_a_mistake_is_told_with_its_line_and_key(
+    published: str, more: str, message: str, tmp_path: Path
+) -> None:
     with pytest.raises(ConfigError, match=message):
         board(study(tmp_path, published, more))
 
@@ -136,14 +203,35 @@ ROW_THAT_PULLS = {"step": 2, "delta": 0.01, "force": -3.9}
 @pytest.mark.parametrize(
     ("report", "bar"),
     [
-        ({"experiment": {"adhesion": {"pull_off": {"force_control": {"force": -4.0}}}}}, 4.0 * 0.02),
+        (
+            {"experiment": {"adhesion": {"pull_off": {"force_control": {"force": -4.0}}}}},
+            4.0 * 0.02,
+        ),
         ({"adhesion": {"largest_pull": ROW_THAT_PULLS | {"force": -4.0}, "pull_off": None}}, 0.04),
-        ({"adhesion": {"largest_pull": ROW_THAT_PULLS, "pull_off": {"force": -4.0, "error": 0.003}}}, 0.043),
-        ({"adhesion": {"largest_pull": ROW_THAT_PULLS, "pull_off": {"force": -4.0, "error": None}}}, None),
+        (
+            {
+                "adhesion": {
+                    "largest_pull": ROW_THAT_PULLS,
+                    "pull_off": {"force": -4.0, "error": 0.003},
+                }
+            },
+            0.043,
+        ),
+        (
+            {
+                "adhesion": {
+                    "largest_pull": ROW_THAT_PULLS,
+                    "pull_off": {"force": -4.0, "error": None},
+                }
+            },
+            None,
+        ),
     ],
     ids=["without range", "of a row", "between rows", "between rows, not known how well"],
 )
-def test_a_pull_off_has_the_bar_of_what_it_is_found_from(report: dict, bar: float | None, tmp_path: Path) -> None:
+def test_a_pull_off_has_the_bar_of_what_it_is_found_from(
+    report: dict, bar: float | None, tmp_path: Path
+) -> None:
     """Without range the widest of the elastic curve, relative: 2 % of row 1; of a row that pulls
     its own, and between rows that and what the search leaves."""
     study_of = study(tmp_path, "{quantity: pull_off, value: -4.0, claims: fit, source: nobody}")

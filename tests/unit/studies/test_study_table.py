@@ -26,29 +26,49 @@ def a_run(times: list[float] | None, force: list[float]) -> Results:
     names = ("step", "delta", "a", "p_max", "penetration", "newton_iterations")
     table = {name: np.arange(1.0, len(force) + 1) for name in names} | {"force": np.array(force)}
     table["force_error"] = 0.01 * table["step"]
-    return Results(Path(), table | ({} if times is None else {"t": np.array(times)}), {"status": "done"})
+    return Results(
+        Path(), table | ({} if times is None else {"t": np.array(times)}), {"status": "done"}
+    )
 
 
 @pytest.mark.parametrize(
     ("times", "force", "told"),
     [
-        (None, [1.0, 3.0, 2.0, 1.0, 0.5], 5),  # a path without time: what it ends with was asked for
+        (
+            None,
+            [1.0, 3.0, 2.0, 1.0, 0.5],
+            5,
+        ),  # a path without time: what it ends with was asked for
         ([0.5, 1.0, 2.0, 2.5, 3.0], [1.0, 3.0, 2.0, 1.0, 0.0], 2),
-        ([0.5, 1.0, 2.0, 2.5, 3.0], [1.0, 2.0, 2.0 + 1e-12, 2.0, 0.0], 2),  # one force, held to round-off
-        ([0.5, 1.0, 2.0, 2.5, 3.0], [-1.0, -3.0, -2.0, -1.0, -0.5], 5),  # it pulls all the way: the deepest
+        (
+            [0.5, 1.0, 2.0, 2.5, 3.0],
+            [1.0, 2.0, 2.0 + 1e-12, 2.0, 0.0],
+            2,
+        ),  # one force, held to round-off
+        (
+            [0.5, 1.0, 2.0, 2.5, 3.0],
+            [-1.0, -3.0, -2.0, -1.0, -0.5],
+            5,
+        ),  # it pulls all the way: the deepest
     ],
 )
 def test_a_history_is_told_by_its_largest_force(
     times: list[float] | None, force: list[float], told: int, tmp_path: Path
 ) -> None:
-    """Every number of the row in the table, and the bar behind `stated_error`, are those of one row of the run."""
+    """Every number of the row in the table, and the bar behind `stated_error`, are those of one row
+    of the run.
+    """
     path = tmp_path / "study.yaml"
     path.write_text(RAMPS)
     study = study_file.read(path)
     asked = cases.asked_for(study)
     (case,) = asked[0]
-    (row,) = study_table.rows(study, asked, {case.id: a_run(times, force)}, Truth(study, [case]), {})
+    (row,) = study_table.rows(
+        study, asked, {case.id: a_run(times, force)}, Truth(study, [case]), {}
+    )
     assert row["force"] == force[told - 1]
     assert [row[name] for name in ("a", "p_max", "penetration")] == [told] * 3
-    assert row["stated_error"] == pytest.approx(0.01 * told / abs(force[told - 1]), rel=1e-12)  # round-off
+    assert row["stated_error"] == pytest.approx(
+        0.01 * told / abs(force[told - 1]), rel=1e-12
+    )  # round-off
     assert row["steps_done"] == 5

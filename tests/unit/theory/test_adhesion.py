@@ -1,4 +1,6 @@
-"""JKR from the frictionless curve: closed forms on a half-space, values of bonded layers, limits of Maugis' model."""
+"""JKR from the frictionless curve: closed forms on a half-space, values of bonded layers, limits of
+Maugis' model.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from indent_sim.theory.surface.adhesion import Jkr, maugis_lambda, maugis_pull_o
 from indent_sim.theory.surface.punches import FittedPunches, LayerPunches
 
 E_STAR, WORK, R = 4 / 3, 1e-3, 1.0
-HALF_SPACE = Layer.on(profiles.paraboloid(R), Stack((Ply(1.0, E_STAR, 0.0), Ply(math.inf, E_STAR, 0.0)), None))
+HALF_SPACE = Layer.on(
+    profiles.paraboloid(R), Stack((Ply(1.0, E_STAR, 0.0), Ply(math.inf, E_STAR, 0.0)), None)
+)
 UNIT_FORCE, UNIT_DEPTH = math.pi * WORK * R, (math.pi**2 * WORK**2 * R / E_STAR**2) ** (1 / 3)
 
 
@@ -28,7 +32,9 @@ def jkr() -> Jkr:
 def test_both_branches_on_a_half_space(jkr: Jkr, a: float) -> None:
     """Johnson, Kendall & Roberts 1971, stable and not."""
     found = jkr.at(a)
-    assert found.delta == pytest.approx(a**2 / R - math.sqrt(2 * math.pi * WORK * a / E_STAR), rel=1e-10)
+    assert found.delta == pytest.approx(
+        a**2 / R - math.sqrt(2 * math.pi * WORK * a / E_STAR), rel=1e-10
+    )
     assert found.force == pytest.approx(
         4 * E_STAR * a**3 / (3 * R) - math.sqrt(8 * math.pi * WORK * E_STAR * a**3), rel=1e-10
     )
@@ -60,12 +66,18 @@ def test_a_spring_lets_go_where_the_slope_is_its_own(jkr: Jkr, k: float) -> None
     z = found.delta + found.force / k
     assert jkr.stable(z - 1e-6 * abs(z), 1 / k) is None
     held = jkr.stable(z + 0.1 * abs(z), 1 / k)
-    assert held and held.a > found.a and held.delta + held.force / k == pytest.approx(0.9 * z, rel=1e-9)
+    assert (
+        held
+        and held.a > found.a
+        and held.delta + held.force / k == pytest.approx(0.9 * z, rel=1e-9)
+    )
 
 
 @pytest.mark.parametrize("compliance", [0.0, 30.0, math.inf])
 def test_a_branch_from_samples(jkr: Jkr, compliance: float) -> None:
-    """The spline of a branch is its equilibria, to 1e-6 of the largest; below pull-off there is none."""
+    """The spline of a branch is its equilibria, to 1e-6 of the largest; below pull-off there is
+    none.
+    """
     last = jkr.pull_off(compliance)
     lowest = last.force if math.isinf(compliance) else last.delta + compliance * last.force
     branch = jkr.branch(-10 * lowest, compliance)
@@ -77,9 +89,14 @@ def test_a_branch_from_samples(jkr: Jkr, compliance: float) -> None:
 
 
 def test_beside_a_wall_every_contact_pulls() -> None:
-    """K' vanishes where the contact fills a cylinder with rollers: of the pull-off, at a tenth of it, that is no news;
-    against a wall a hundred times further away it changes by (a/W)^3, about."""
-    near, far = (one_layer(Layer, profiles.paraboloid(1.0), E=1.0, nu=0.3, h=10.0, wall=W) for W in (0.5, 50.0))
+    """K' vanishes where the contact fills a cylinder with rollers: of the pull-off, at a tenth of
+    it, that is no news; against a wall a hundred times further away it changes by (a/W)^3,
+    about.
+    """
+    near, far = (
+        one_layer(Layer, profiles.paraboloid(1.0), E=1.0, nu=0.3, h=10.0, wall=W)
+        for W in (0.5, 50.0)
+    )
     found = [Jkr(LayerPunches(layer), 1e-6).pull_off(math.inf).force for layer in (near, far)]
     assert found[0] == pytest.approx(found[1], rel=2e-3)
 
@@ -95,7 +112,12 @@ def test_a_curve_known_at_some_radii() -> None:
     exact = LayerPunches(layer)
     a = np.linspace(0.01, 0.3, 24)
     samples = [exact.at(float(x)) for x in a]
-    K, P = (np.array(v) for v in zip(*((p.stiffness, p.stiffness * p.delta - p.force) for p in samples), strict=True))
+    K, P = (
+        np.array(v)
+        for v in zip(
+            *((p.stiffness, p.stiffness * p.delta - p.force) for p in samples), strict=True
+        )
+    )
     found = Jkr(FittedPunches(a, K, P, profiles.paraboloid(1.0), layer.E_star), WORK)
     assert found.pull_off(math.inf).force / (math.pi * WORK) == pytest.approx(-1.56203, rel=1e-4)
     with pytest.raises(ValueError, match="strong"):
@@ -106,7 +128,15 @@ def test_a_curve_known_at_some_radii() -> None:
 
 @pytest.mark.parametrize(
     ("parameter", "force"),
-    [(0.01, -1.99829), (0.1, -1.95059), (0.3, -1.81556), (0.5, -1.71825), (1, -1.60073), (2, -1.53460), (5, -1.50635)],
+    [
+        (0.01, -1.99829),
+        (0.1, -1.95059),
+        (0.3, -1.81556),
+        (0.5, -1.71825),
+        (1, -1.60073),
+        (2, -1.53460),
+        (5, -1.50635),
+    ],
 )
 def test_maugis_between_dmt_and_jkr(parameter: float, force: float) -> None:
     assert maugis_pull_off(parameter) == pytest.approx(force, abs=6e-6)
@@ -114,7 +144,9 @@ def test_maugis_between_dmt_and_jkr(parameter: float, force: float) -> None:
 
 def test_maugis_at_any_number() -> None:
     """Monotonic from DMT's -2 to JKR's -3/2, however large or small the number is."""
-    forces = [maugis_pull_off(10.0**power) for power in (-300, -30, -10, -5, -1, 1, 4, 5, 6, 8, 30, 300)]
+    forces = [
+        maugis_pull_off(10.0**power) for power in (-300, -30, -10, -5, -1, 1, 4, 5, 6, 8, 30, 300)
+    ]
     assert forces == sorted(forces)
     assert (forces[0], forces[-1]) == (pytest.approx(-2.0, abs=1e-9), pytest.approx(-1.5, abs=1e-9))
 

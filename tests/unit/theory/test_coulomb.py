@@ -1,4 +1,6 @@
-"""Coulomb friction on a half-space against an independent solution, its limits, and its own equations."""
+"""Coulomb friction on a half-space against an independent solution, its limits, and its own
+equations.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ import pytest
 from indent_sim.theory.surface import coulomb, no_slip
 from indent_sim.theory.surface.coulomb import rubbed
 
-# Force with friction over the frictionless one, by rings of constant pressure and linear shear on the surface itself
+# Force with friction over the frictionless one, by rings of constant pressure and linear shear on
+# the surface itself
 PUNCHES = {
     (0.0, 0.1): 1.01810,
     (0.0, 0.3): 1.05240,
@@ -73,13 +76,17 @@ def test_between_no_friction_and_no_slip(nu: float, power: float) -> None:
 @pytest.mark.parametrize("power", [1.0, 2.0, math.inf])
 @pytest.mark.parametrize("nu", [0.4, 0.45])
 def test_much_friction_does_not_slip(nu: float, power: float) -> None:
-    """Nearly all of the surface sticks at a friction of 3: the closed quadrature, to the rings' 2e-5."""
+    """Nearly all of the surface sticks at a friction of 3: the closed quadrature, to the rings'
+    2e-5.
+    """
     assert rubbed(nu, 3.0, power).force == pytest.approx(no_slip.force_ratio(nu, power), abs=2e-5)
 
 
 def test_little_friction_adds_its_own_share() -> None:
-    """Slip all over, q = f p of the frictionless p: to first order the force grows by f times what q lifts, and Betti's
-    theorem says it is the work of q along the frictionless surface, f beta int p u_r."""
+    """Slip all over, q = f p of the frictionless p: to first order the force grows by f times what
+    q lifts, and Betti's theorem says it is the work of q along the frictionless surface, f beta
+    int p u_r.
+    """
     friction, nu = 1e-4, 0.2
     once, twice = (rubbed(nu, f).force - 1 for f in (friction, 2 * friction))
     assert twice == pytest.approx(2 * once, rel=1e-3)
@@ -95,19 +102,30 @@ def test_rings_converge() -> None:
     """Twice as many change the forces by less than 2e-5."""
     coarse = [rubbed(0.0, friction).force for friction in (0.1, 0.3, 1.0)]
     fine = [
-        coulomb.Rings(1 - (1 - np.linspace(0, 1, 401)) ** coulomb.FINER).pressed(0.5, friction).force
+        coulomb.Rings(1 - (1 - np.linspace(0, 1, 401)) ** coulomb.FINER)
+        .pressed(0.5, friction)
+        .force
         for friction in (0.1, 0.3, 1.0)
     ]
     assert coarse == pytest.approx(fine, abs=2e-5)
 
 
 def test_incompressible_bodies_do_not_slip_anyway() -> None:
-    assert rubbed(0.5, 0.1, 2.0) == coulomb.Rubbed(pytest.approx(1.0, abs=1e-13), pytest.approx(1.0, abs=1e-13), 1.0)
+    assert rubbed(0.5, 0.1, 2.0) == coulomb.Rubbed(
+        pytest.approx(1.0, abs=1e-13), pytest.approx(1.0, abs=1e-13), 1.0
+    )
 
 
 @pytest.mark.parametrize(
     ("nu", "friction", "power"),
-    [(0.6, 0.3, 2.0), (-1.0, 0.3, 2.0), (0.3, -0.1, 2.0), (0.0, 5.0, 2.0), (0.3, 0.3, 0.5), (0.3, math.nan, 2.0)],
+    [
+        (0.6, 0.3, 2.0),
+        (-1.0, 0.3, 2.0),
+        (0.3, -0.1, 2.0),
+        (0.0, 5.0, 2.0),
+        (0.3, 0.3, 0.5),
+        (0.3, math.nan, 2.0),
+    ],
 )
 def test_no_such_contact(nu: float, friction: float, power: float) -> None:
     with pytest.raises(ValueError):

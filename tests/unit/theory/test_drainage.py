@@ -1,4 +1,6 @@
-"""Drainage of a porous body under a tip, against values of another program, limits and a far-time law."""
+"""Drainage of a porous body under a tip, against values of another program, limits and a far-time
+law.
+"""
 
 from __future__ import annotations
 
@@ -24,42 +26,59 @@ WALLED: dict[str, Any] = {"tip": profiles.paraboloid(1.0), "h": 1.0, "wall": 2.0
 def draining(solid: PorousSolid, surface: Any = "drained") -> DrainingContact:
     """A paraboloid of R = 1 on a layer of height 1 between frictionless walls at 2."""
     pairs = ((solid.undrained_E, solid.undrained_nu), (solid.E, solid.nu))
-    undrained, drained = (Theory("layer", True, "", one_layer(Layer, E=E, nu=nu, **WALLED)) for E, nu in pairs)
+    undrained, drained = (
+        Theory("layer", True, "", one_layer(Layer, E=E, nu=nu, **WALLED)) for E, nu in pairs
+    )
     return DrainingContact(solid, undrained, drained, surface)
 
 
 @pytest.mark.parametrize(
-    ("nu", "surface", "tau", "ratio"), [(0.2, "drained", 0.1, 0.80510412), (0.3, "sealed", 1.0, 0.82467988)]
+    ("nu", "surface", "tau", "ratio"),
+    [(0.2, "drained", 0.1, 0.80510412), (0.3, "sealed", 1.0, 0.82467988)],
 )
 def test_force_of_a_flat_punch(nu: float, surface: Any, tau: float, ratio: float) -> None:
-    """F/F(0+) by the integral equation with 96 points and waves up to 800: eight digits are printed."""
+    """F/F(0+) by the integral equation with 96 points and waves up to 800: eight digits are
+    printed.
+    """
     last = 1 / (2 * (1 - nu))  # F(inf)/F(0+)
-    assert last + (1 - last) * drop_left(tau, nu, surface=surface) == pytest.approx(ratio, abs=5.1e-9)
+    assert last + (1 - last) * drop_left(tau, nu, surface=surface) == pytest.approx(
+        ratio, abs=5.1e-9
+    )
 
 
 @pytest.mark.parametrize("surface", SURFACES)
 @pytest.mark.parametrize("nu", [-0.5, 0.0, 0.3, 0.49])
 def test_fluid_leaves_and_never_comes_back(nu: float, surface: Any) -> None:
-    left = [drop_left(tau, nu, surface=surface) for tau in (0.0, *np.geomspace(1e-9, 1e9, 19), math.inf)]
+    left = [
+        drop_left(tau, nu, surface=surface) for tau in (0.0, *np.geomspace(1e-9, 1e9, 19), math.inf)
+    ]
     assert left[0] == 1.0 and left[-1] == 0.0
     assert np.all(np.diff(left) < 0)
     assert left[1] > 0.998  # 1e-9 leaves a layer of 3e-5 radii
 
 
 @pytest.mark.parametrize(("nu", "undrained_nu"), [(0.0, 0.5), (0.2, 0.5), (0.4, 0.5), (0.1, 0.3)])
-def test_the_last_of_a_drained_surface_goes_as_one_over_the_root_of_time(nu: float, undrained_nu: float) -> None:
-    """g -> (1 - r)/(pi r) (1 + (c - 1) atan(sqrt c)/sqrt c)/sqrt(pi tau), c = r/(1 - r): the kernel of waves far longer
-    than the radius is a constant, an elementary integral; what is left out is of the order 1/tau."""
+def test_the_last_of_a_drained_surface_goes_as_one_over_the_root_of_time(
+    nu: float, undrained_nu: float
+) -> None:
+    """g -> (1 - r)/(pi r) (1 + (c - 1) atan(sqrt c)/sqrt c)/sqrt(pi tau), c = r/(1 - r): the kernel
+    of waves far longer than the radius is a constant, an elementary integral; what is left out
+    is of the order 1/tau.
+    """
     r = (undrained_nu - nu) / (1 - nu)
     c = r / (1 - r)
     constant = (1 + (c - 1) * math.atan(math.sqrt(c)) / math.sqrt(c)) / (math.pi * c)
     tau = 1e8
-    assert drop_left(tau, nu, undrained_nu) * math.sqrt(math.pi * tau) == pytest.approx(constant, rel=1e-7)
+    assert drop_left(tau, nu, undrained_nu) * math.sqrt(math.pi * tau) == pytest.approx(
+        constant, rel=1e-7
+    )
 
 
 @pytest.mark.parametrize("surface", SURFACES)
 def test_early_times_join_the_others(surface: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where both are good, three times before the change: 3e-4 is what the law of early times leaves out."""
+    """Where both are good, three times before the change: 3e-4 is what the law of early times
+    leaves out.
+    """
     early = drop_left(3e-4, 0.2, surface=surface)
     monkeypatch.setattr(drainage, "SHORT", 1e-5)
     drop_left.cache_clear()
@@ -72,13 +91,16 @@ def test_a_sealed_surface_drains_later() -> None:
         assert drop_left(tau, 0.2, surface="sealed") > drop_left(tau, 0.2, surface="drained")
 
 
-@pytest.mark.parametrize("given", [(-1.0, 0.2, 0.5), (math.nan, 0.2, 0.5), (1.0, 0.5, 0.5), (1.0, 0.3, 0.2)])
+@pytest.mark.parametrize(
+    "given", [(-1.0, 0.2, 0.5), (math.nan, 0.2, 0.5), (1.0, 0.5, 0.5), (1.0, 0.3, 0.2)]
+)
 def test_no_such_time_or_body(given: tuple[float, float, float]) -> None:
     with pytest.raises(ValueError):
         drop_left(*given)
 
 
-# ---- constants -----------------------------------------------------------------------------------------------------
+# ---- constants
+# -----------------------------------------------------------------------------------------------------
 
 
 def test_constants_without_storage() -> None:
@@ -90,27 +112,40 @@ def test_constants_without_storage() -> None:
 
 
 def test_constants_of_ruhr_sandstone() -> None:
-    """Detournay & Cheng (1993), table 3: K = 13 GPa, K_u = 30 GPa, nu = 0.12, nu_u = 0.31, M = 41 GPa, alpha = 0.65,
-    D = 5.3e-3 m^2/s at k/viscosity = 2e-13 m^4/(N s), to their two digits."""
-    solid = PorousSolid(E=2 * 13.3e9 * 1.12, nu=0.12, permeability=2e-13, alpha=0.65, storage=1 / 41e9)
+    """Detournay & Cheng (1993), table 3: K = 13 GPa, K_u = 30 GPa, nu = 0.12, nu_u = 0.31, M = 41
+    GPa, alpha = 0.65, D = 5.3e-3 m^2/s at k/viscosity = 2e-13 m^4/(N s), to their two digits.
+    """
+    solid = PorousSolid(
+        E=2 * 13.3e9 * 1.12, nu=0.12, permeability=2e-13, alpha=0.65, storage=1 / 41e9
+    )
     assert solid.undrained_bulk_modulus == pytest.approx(30e9, rel=0.02)
     assert solid.undrained_nu == pytest.approx(0.31, abs=0.005)
     assert solid.diffusivity == pytest.approx(5.3e-3, rel=0.02)
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"nu": 0.5}, {"alpha": 1.1}, {"alpha": 0.0}, {"storage": -1.0}, {"permeability": 0.0}, {"E": -1.0}]
+    "wrong",
+    [
+        {"nu": 0.5},
+        {"alpha": 1.1},
+        {"alpha": 0.0},
+        {"storage": -1.0},
+        {"permeability": 0.0},
+        {"E": -1.0},
+    ],
 )
 def test_no_such_solid(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError):
         replace(STOKES, **wrong)
 
 
-# ---- a tip ---------------------------------------------------------------------------------------------------------
+# ---- a tip
+# ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("solid", "first"), [(STOKES, 0.0075520868), (replace(STOKES, alpha=0.8, storage=0.5), 0.0060289991)]
+    ("solid", "first"),
+    [(STOKES, 0.0075520868), (replace(STOKES, alpha=0.8, storage=0.5), 0.0060289991)],
 )
 def test_limits_of_a_layer_in_a_cylinder(solid: PorousSolid, first: float) -> None:
     """Elastic layers with G and nu_u, or nu, by another program: eight digits are printed."""
@@ -123,10 +158,14 @@ def test_limits_of_a_layer_in_a_cylinder(solid: PorousSolid, first: float) -> No
 def test_times_of_a_tip() -> None:
     contact = draining(replace(STOKES, permeability=0.45))
     solution = contact.undrained.at(0.02)
-    assert solution and contact.times(0.02, 3.0) == pytest.approx((2 * solution.a**2, 18.0), rel=1e-14)
+    assert solution and contact.times(0.02, 3.0) == pytest.approx(
+        (2 * solution.a**2, 18.0), rel=1e-14
+    )
     halfway = contact.force(0.02, 2 * solution.a**2)  # tau = 1
     first, last = contact.limits(0.02) or (0.0, 0.0)
-    assert halfway and (halfway - last) / (first - last) == pytest.approx(drop_left(1.0, 0.2), rel=1e-12)
+    assert halfway and (halfway - last) / (first - last) == pytest.approx(
+        drop_left(1.0, 0.2), rel=1e-12
+    )
 
 
 def test_what_is_not_touched_has_no_force() -> None:

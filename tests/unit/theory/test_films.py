@@ -1,4 +1,6 @@
-"""The usual film formulas: their constants, their limits, and how far they are from the exact solution."""
+"""The usual film formulas: their constants, their limits, and how far they are from the exact
+solution.
+"""
 
 import math
 
@@ -12,7 +14,8 @@ from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Ply, Stack
 
 FORMULAS = (gao_modulus, perriot_barthel_modulus)
-# film nu 0.3 on a half-space E 1, nu 0.3, flat punch: E_f, a/t, and how far off in per cent the two formulas are
+# film nu 0.3 on a half-space E 1, nu 0.3, flat punch: E_f, a/t, and how far off in per cent the two
+# formulas are
 OFF = [
     (0.1, 0.1, (56.2, -2.7)),
     (0.1, 1.0, (178.9, -10.8)),
@@ -28,7 +31,9 @@ OFF = [
 @pytest.mark.parametrize(("E", "a", "per_cent"), OFF)
 def test_how_far_off_they_are(E, a, per_cent):
     film, substrate = Ply(1.0, E, 0.3), Ply(math.inf, 1.0, 0.3)
-    exact = Layer.on(profiles.flat_punch(a), Stack((film, substrate), None)).curve([1.0])[0].stiffness / (2 * a)
+    exact = Layer.on(profiles.flat_punch(a), Stack((film, substrate), None)).curve([1.0])[
+        0
+    ].stiffness / (2 * a)
     for formula, expected in zip(FORMULAS, per_cent, strict=True):
         assert 100 * (formula(film, substrate, a) / exact - 1) == pytest.approx(expected, abs=0.06)
 
@@ -47,16 +52,24 @@ def test_dimitriadis_is_good_for_small_contacts(nu, base):
     ply, x = Ply(2.0, 1.0, nu), 0.02
     delta = (x * ply.thickness) ** 2
     exact = indent(Layer, profiles.paraboloid(1.0), delta, E=1.0, nu=nu, h=2.0, base=base).force
-    # its first coefficient is a fit, good to some per cent but on a frictionless base: 0.884 at nu = 0.5, exactly 0.743
+    # its first coefficient is a fit, good to some per cent but on a frictionless base: 0.884 at nu
+    # = 0.5, exactly 0.743
     assert dimitriadis_force(delta, 1.0, ply, base) == pytest.approx(exact, rel=0.2 * x)
 
 
 def test_dimitriadis_has_the_printed_coefficients():
     # Biophys. J. 82, 2798, incompressible layers
-    for base, printed in [("fixed", (1.133, 1.283, 0.769, 0.0975)), ("roller", (0.884, 0.781, 0.386, 0.0048))]:
+    for base, printed in [
+        ("fixed", (1.133, 1.283, 0.769, 0.0975)),
+        ("roller", (0.884, 0.781, 0.386, 0.0048)),
+    ]:
         for x in (0.1, 0.5, 1.0):
-            ratio = dimitriadis_force(x**2, 1.0, Ply(1.0, 1.0, 0.5), base) / hs.paraboloid_force(x**2, 1.0, 4 / 3)
-            assert ratio == pytest.approx(1 + sum(c * x ** (n + 1) for n, c in enumerate(printed)), abs=1e-3)
+            ratio = dimitriadis_force(x**2, 1.0, Ply(1.0, 1.0, 0.5), base) / hs.paraboloid_force(
+                x**2, 1.0, 4 / 3
+            )
+            assert ratio == pytest.approx(
+                1 + sum(c * x ** (n + 1) for n, c in enumerate(printed)), abs=1e-3
+            )
 
 
 def test_nonsense_is_refused():

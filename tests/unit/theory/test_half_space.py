@@ -22,7 +22,9 @@ def test_reference_numbers():
 def test_sphere_obeys_its_equations_at_any_depth(depth):
     R = 2.0
     # delta = a artanh(a/R) with a = R tanh(t)
-    a = R * math.tanh(brentq(lambda t: t * math.tanh(t) - depth, 0.0, depth + 2.0, xtol=1e-300, rtol=1e-14))
+    a = R * math.tanh(
+        brentq(lambda t: t * math.tanh(t) - depth, 0.0, depth + 2.0, xtol=1e-300, rtol=1e-14)
+    )
     step = 1e-5 * depth
     rise = hs.sphere_force((depth + step) * R, R, 1.0) - hs.sphere_force((depth - step) * R, R, 1.0)
     assert rise / (2 * step * R) == pytest.approx(2.0 * a, rel=1e-8)  # that of a punch of radius a

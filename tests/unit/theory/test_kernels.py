@@ -17,7 +17,9 @@ STACKS = {
     "rubber": Stack((Ply(1.0, 1.0, 0.5),)),
     "a layer": Stack((Ply(1.0, 1.0, 0.3),)),
     "a half-space": Stack.half_space(1.0, 1.0),
-    "a stiff film on a soft half-space": Stack((Ply(1.0, 1000.0, 0.3), Ply(math.inf, 1.0, 0.4)), None),
+    "a stiff film on a soft half-space": Stack(
+        (Ply(1.0, 1000.0, 0.3), Ply(math.inf, 1.0, 0.4)), None
+    ),
     "three layers": Stack((Ply(1.0, 1.0, 0.5), Ply(0.1, 100.0, 0.3), Ply(3.0, 0.1, 0.4))),
 }
 # Of the kernel's largest value: it is a sum of a hundred terms, of either sign, in both forms
@@ -32,11 +34,16 @@ def values(kernel: Kernel | EvenKernel, x: np.ndarray, of: str) -> np.ndarray:
 @pytest.mark.parametrize("a", [1e-5, 0.01, 0.3, 1.0])
 @pytest.mark.parametrize("name", STACKS)
 def test_even_polynomials_are_the_kernel(name, a):
-    even, whole = contact_kernel(a, STACKS[name], math.inf), axisymmetric_kernel(a, STACKS[name], math.inf)
+    even, whole = (
+        contact_kernel(a, STACKS[name], math.inf),
+        axisymmetric_kernel(a, STACKS[name], math.inf),
+    )
     assert isinstance(even, EvenKernel) and len(even.matrix) < 20  # of 86 cosines and more
     x = np.linspace(0.0, a, 30)
     size = np.abs(values(whole, x, "basis")).max()
-    np.testing.assert_allclose(values(even, x, "basis"), values(whole, x, "basis"), atol=ROUNDING * size)
+    np.testing.assert_allclose(
+        values(even, x, "basis"), values(whole, x, "basis"), atol=ROUNDING * size
+    )
     for name, power in (("slope_over_x", 2), ("slope_integrals", 1)):
         found, expected = (values(kernel, x[1:], name) for kernel in (even, whole))
         np.testing.assert_allclose(found, expected, atol=ROUNDING * size / even.reach**power)
@@ -53,15 +60,21 @@ def test_bessel_functions_are_those_of_scipy():
     x = np.concatenate([np.geomspace(1e-6, 44.0, 500), [2.404825557695773, 5.520078110286311]])
     orders = 2 * np.arange(hankel.MOST_EVEN)[:, None]
     found, expected = hankel._even_bessel(x, hankel.MOST_EVEN), jv(orders, x)
-    np.testing.assert_allclose(found, expected, atol=1e-14)  # of J_0(0) = 1: ninety steps, each rounded
-    small = np.broadcast_to(orders, expected.shape) > x  # there they have no zeros, and each has its own digits
+    np.testing.assert_allclose(
+        found, expected, atol=1e-14
+    )  # of J_0(0) = 1: ninety steps, each rounded
+    small = (
+        np.broadcast_to(orders, expected.shape) > x
+    )  # there they have no zeros, and each has its own digits
     seen = small & (np.abs(expected) > 1e-290)
     np.testing.assert_allclose(found[seen], expected[seen], rtol=1e-12)
 
 
 @pytest.mark.parametrize("tip", [profiles.paraboloid(1.0), profiles.sphere(2.0)])
 def test_a_contact_that_nearly_reaches_a_wall_is_solved_to_its_digits(tip, monkeypatch):
-    """On twice as many points it is the same, one alone or with others; a system of modes would lose four digits."""
+    """On twice as many points it is the same, one alone or with others; a system of modes would
+    lose four digits.
+    """
     layer, sizes = Layer.on(tip, STACKS["rubber"], 1.2), np.array([0.9 * 1.2, 0.999 * 1.2])
 
     def numbers() -> np.ndarray:

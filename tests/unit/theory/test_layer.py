@@ -20,11 +20,61 @@ CONE, SPHERE, PUNCH = profiles.cone(70.0), profiles.sphere(1.0), profiles.flat_p
 
 # E = 1, h = 1, R = 1: tip, delta, nu, base, wall, force, a, r/a, p(r); all digits are converged
 REFERENCE = [
-    (PARABOLOID, 0.01, 0.3, "fixed", None, 1.60760232814e-03, 1.03120191607e-01, 0.0, 7.218274346e-02),
-    (PARABOLOID, 0.01, 0.3, "fixed", 2.0, 1.60793650804e-03, 1.03127364087e-01, 0.0, 7.218770639e-02),
-    (PARABOLOID, 0.01, 0.3, "fixed", 4.0, 1.60760947594e-03, 1.03120344763e-01, 0.0, 7.218284999e-02),
-    (PARABOLOID, 0.01, 0.4999, "fixed", 2.0, 2.01567242556e-03, 1.04248508099e-01, 0.0, 8.855702682e-02),
-    (PARABOLOID, 0.01, 0.3, "roller", 2.0, 1.58932137668e-03, 1.02735304299e-01, 0.0, 7.189754636e-02),
+    (
+        PARABOLOID,
+        0.01,
+        0.3,
+        "fixed",
+        None,
+        1.60760232814e-03,
+        1.03120191607e-01,
+        0.0,
+        7.218274346e-02,
+    ),
+    (
+        PARABOLOID,
+        0.01,
+        0.3,
+        "fixed",
+        2.0,
+        1.60793650804e-03,
+        1.03127364087e-01,
+        0.0,
+        7.218770639e-02,
+    ),
+    (
+        PARABOLOID,
+        0.01,
+        0.3,
+        "fixed",
+        4.0,
+        1.60760947594e-03,
+        1.03120344763e-01,
+        0.0,
+        7.218284999e-02,
+    ),
+    (
+        PARABOLOID,
+        0.01,
+        0.4999,
+        "fixed",
+        2.0,
+        2.01567242556e-03,
+        1.04248508099e-01,
+        0.0,
+        8.855702682e-02,
+    ),
+    (
+        PARABOLOID,
+        0.01,
+        0.3,
+        "roller",
+        2.0,
+        1.58932137668e-03,
+        1.02735304299e-01,
+        0.0,
+        7.189754636e-02,
+    ),
     (SPHERE, 0.01, 0.3, "fixed", 2.0, 1.60605906926e-03, 1.02941079205e-01, 0.0, 7.222782689e-02),
     (CONE, 0.1, 0.3, "fixed", 2.0, 2.28262460711e-02, 1.90275390655e-01, 0.5, 2.642874524e-01),
     (PUNCH, 0.01, 0.3, "fixed", 2.0, 1.78766841375e-02, 0.5, 0.0, 1.248784742e-02),
@@ -70,7 +120,8 @@ def test_reference_numbers(tip, delta, nu, base, wall, force, a, at, p):
 @pytest.mark.parametrize(("nu", "base", "expected"), SERIES)
 def test_small_depth_series(nu, base, expected):
     x = np.sort(0.15 * (1.0 + np.cos((np.arange(18) + 0.5) * math.pi / 18)))
-    # each depth by itself: what polynomials between many of them round, the fit of degree 14 would magnify
+    # each depth by itself: what polynomials between many of them round, the fit of degree 14 would
+    # magnify
     contact = one_layer(Layer, PARABOLOID, nu=nu, base=base, **UNIT)
     forces = [contact.curve([delta])[0].force for delta in x**2]
     ratio = np.array(forces) / (4.0 / 3.0 * hs.E_star(1.0, nu) * x**3)
@@ -89,7 +140,9 @@ def test_flat_punch_table(a, nu, kappa):
 @pytest.mark.parametrize(("nu", "error2", "error4"), [(0.3, 2.1e-4, 4.5e-6), (0.5, 4.4e-3, 1.6e-4)])
 def test_wall_error(nu, error2, error4):
     # published to two digits, at a/h of about 0.1
-    infinite, near, far = (indent(Layer, PARABOLOID, 0.01, nu=nu, wall=wall, **UNIT).force for wall in (None, 2.0, 4.0))
+    infinite, near, far = (
+        indent(Layer, PARABOLOID, 0.01, nu=nu, wall=wall, **UNIT).force for wall in (None, 2.0, 4.0)
+    )
     assert near / infinite - 1 == pytest.approx(error2, rel=0.08)
     assert far / infinite - 1 == pytest.approx(error4, rel=0.08)
 
@@ -97,7 +150,9 @@ def test_wall_error(nu, error2, error4):
 @pytest.mark.parametrize("base", ["fixed", "roller"])
 def test_limits(base):
     thick = indent(Layer, PARABOLOID, 0.01, E=1.0, nu=0.3, h=1e7, base=base)
-    assert thick.force == pytest.approx(hs.paraboloid_force(0.01, 1.0, hs.E_star(1.0, 0.3)), rel=1e-7)
+    assert thick.force == pytest.approx(
+        hs.paraboloid_force(0.01, 1.0, hs.E_star(1.0, 0.3)), rel=1e-7
+    )
     assert thick.a == pytest.approx(0.1, rel=1e-7)
     infinite = indent(Layer, SPHERE, 0.2, nu=0.3, base=base, **UNIT).force
     far = indent(Layer, SPHERE, 0.2, nu=0.3, base=base, wall=50.0, **UNIT).force
@@ -109,13 +164,18 @@ def test_limits(base):
     ("tip", "a", "pressure"),
     [
         (PARABOLOID, 0.1, lambda r, a: 2.0 / math.pi * np.sqrt(a**2 - r**2)),
-        (profiles.cone(60.0), 2.0 / math.pi * 0.01 * 3.0**0.5, lambda r, a: np.arccosh(a / r) / 2.0 / 3.0**0.5),
+        (
+            profiles.cone(60.0),
+            2.0 / math.pi * 0.01 * 3.0**0.5,
+            lambda r, a: np.arccosh(a / r) / 2.0 / 3.0**0.5,
+        ),
         (profiles.flat_punch(0.1), 0.1, lambda r, a: 0.01 / math.pi / np.sqrt(a**2 - r**2)),
     ],
     ids=["paraboloid", "cone", "punch"],
 )
 def test_pressures_of_a_half_space(tip, a, pressure):
-    # a depth of 0.01 into E* = 1: Hertz 1882, Sneddon 1965; a layer of 1e7 is off by about a/h = 1e-8
+    # a depth of 0.01 into E* = 1: Hertz 1882, Sneddon 1965; a layer of 1e7 is off by about a/h =
+    # 1e-8
     s = indent(Layer, tip, 0.01, E=1.0, nu=0.0, h=1e7)
     assert s.a == pytest.approx(a, rel=1e-7)
     r = np.array([0.1, 0.5, 0.99]) * a
@@ -147,8 +207,8 @@ def test_conservation_from_thick_to_very_thin(nu, ratio, walled):
 
 
 def test_very_thin_incompressible_layer_follows_lubrication_theory():
-    # flux -p' h^3/(3 mu) through a layer that slips at the top carries away delta - r^2/2R; p(a) = p'(a) = 0:
-    # p = E (a^2 - r^2)^2/(32 R h^3), a^2 = 4 R delta, F = 2 pi/3 E R^2 (delta/h)^3
+    # flux -p' h^3/(3 mu) through a layer that slips at the top carries away delta - r^2/2R; p(a) =
+    # p'(a) = 0: p = E (a^2 - r^2)^2/(32 R h^3), a^2 = 4 R delta, F = 2 pi/3 E R^2 (delta/h)^3
     R, delta = 1e4, 0.2
     s = indent(Layer, profiles.paraboloid(R), delta, nu=0.5, **UNIT)
     assert s.a == pytest.approx(math.sqrt(4.0 * R * delta), rel=0.02)
@@ -173,7 +233,11 @@ def test_numerical_profiles_agree_with_closed_ones(wall):
         (
             CONE,
             profiles.piecewise_linear(
-                [[0, 0], [0.05, 0.05 / math.tan(math.radians(70))], [2.0, 2.0 / math.tan(math.radians(70))]]
+                [
+                    [0, 0],
+                    [0.05, 0.05 / math.tan(math.radians(70))],
+                    [2.0, 2.0 / math.tan(math.radians(70))],
+                ]
             ),
         ),
     ]
@@ -186,7 +250,9 @@ def test_numerical_profiles_agree_with_closed_ones(wall):
 
 def test_tips_with_corners():
     r = np.linspace(0.0, 1.0, 11)
-    s = indent(Layer, profiles.piecewise_linear(np.column_stack([r, r * r / 2])), 0.02, nu=0.3, **UNIT)
+    s = indent(
+        Layer, profiles.piecewise_linear(np.column_stack([r, r * r / 2])), 0.02, nu=0.3, **UNIT
+    )
     assert disc_integral(s, [b for b in r[1:] if b < s.a]) == pytest.approx(s.force, rel=2e-6)
     rounded = indent(Layer, profiles.cone(70.0, 1e-4), 0.1, nu=0.3, **UNIT)
     assert rounded.force == pytest.approx(indent(Layer, CONE, 0.1, nu=0.3, **UNIT).force, rel=2e-4)
@@ -210,7 +276,9 @@ def test_many_points_converge_to_the_smooth_tip():
 
 def test_curve_equals_single_depths_and_is_quick():
     depths = np.linspace(-0.001, 0.01, 12)
-    one_layer(Layer, PARABOLOID, nu=0.3, wall=2.0, **UNIT).curve(depths)  # kernels cached, scipy imported
+    one_layer(Layer, PARABOLOID, nu=0.3, wall=2.0, **UNIT).curve(
+        depths
+    )  # kernels cached, scipy imported
     start = time.perf_counter()
     curve = one_layer(Layer, PARABOLOID, nu=0.3, wall=2.0, **UNIT).curve(depths)
     assert time.perf_counter() - start < 0.5  # a few ms on an idle core
@@ -218,7 +286,9 @@ def test_curve_equals_single_depths_and_is_quick():
         assert s.delta == depth
         single = indent(Layer, PARABOLOID, depth, nu=0.3, wall=2.0, **UNIT)
         assert s.force == pytest.approx(single.force, rel=1e-12)
-    assert curve[0].force == 0.0 and curve[0].a == 0.0 and curve[0].pressure(np.zeros(3)).shape == (3,)
+    assert (
+        curve[0].force == 0.0 and curve[0].a == 0.0 and curve[0].pressure(np.zeros(3)).shape == (3,)
+    )
 
 
 def test_symbols():
@@ -227,7 +297,9 @@ def test_symbols():
     bonded = (2 * K * np.sinh(2 * s) - 4 * s) / (2 * K * np.cosh(2 * s) + 1 + K**2 + 4 * s**2)
     free = (np.cosh(2 * s) - 1) / (np.sinh(2 * s) + 2 * s)
     assert Stack((Ply(1.0, 1.0, 0.3),)).complement(s) == pytest.approx(1 - bonded, abs=1e-15)
-    assert Stack((Ply(1.0, 1.0, 0.3),), "roller").complement(s[1:]) == pytest.approx(1 - free[1:], abs=1e-12)
+    assert Stack((Ply(1.0, 1.0, 0.3),), "roller").complement(s[1:]) == pytest.approx(
+        1 - free[1:], abs=1e-12
+    )
     from scipy.special import jn_zeros
 
     assert bessel_j1_zeros(np.arange(1.0, 41.0)) == pytest.approx(jn_zeros(1, 40), rel=1e-14)
@@ -272,16 +344,22 @@ def test_impossible_tips_are_refused(make):
 
 
 def test_pressures_beside_several_kinks_make_the_force():
-    """Each kink has panels of its own in the pressure's integral; 1e-7 is left by the disc's 60 points per panel."""
+    """Each kink has panels of its own in the pressure's integral; 1e-7 is left by the disc's 60
+    points per panel.
+    """
     kinks = (0.03, 0.06, 0.09)
-    tip = profiles.piecewise_linear([[0.0, 0.0], [0.03, 0.001], [0.06, 0.005], [0.09, 0.012], [0.3, 0.3]])
+    tip = profiles.piecewise_linear(
+        [[0.0, 0.0], [0.03, 0.001], [0.06, 0.005], [0.09, 0.012], [0.3, 0.3]]
+    )
     found = Layer.on(tip, Stack((Ply(1.0, 1.0, 0.3),), "fixed")).curve([0.05])[0]
     assert found.a > kinks[-1]
     assert disc_integral(found, kinks) == pytest.approx(found.force, rel=5e-7)
 
 
 def test_curvatures_of_tip_and_body_add():
-    """A paraboloid over a dome is one of the curvature 1/R = 1/2 + 1/2; a punch there is a plate up to its edge."""
+    """A paraboloid over a dome is one of the curvature 1/R = 1/2 + 1/2; a punch there is a plate up
+    to its edge.
+    """
     stack = Stack((Ply(1.0, 1.0, 0.3),), "fixed")
     known = Layer.on(PARABOLOID, stack).curve([0.01])[0]
     for tip, dome in ((profiles.paraboloid(2.0), 2.0), (profiles.plane(), 1.0), (PUNCH, 1.0)):
@@ -293,9 +371,13 @@ def test_curvatures_of_tip_and_body_add():
         Layer.on(profiles.over_dome(profiles.flat_punch(0.05), 1.0), stack).curve([0.01])
 
 
-@pytest.mark.parametrize("tip", [profiles.paraboloid(1.0), profiles.cone(70.0), profiles.flat_punch(0.2)])
+@pytest.mark.parametrize(
+    "tip", [profiles.paraboloid(1.0), profiles.cone(70.0), profiles.flat_punch(0.2)]
+)
 def test_solutions_up_to_a_known_one_lie_on_the_curve(tip: profiles.Tip) -> None:
-    """What is found by the contact's size is what is found by the depth, to the 1e-11 of its search."""
+    """What is found by the contact's size is what is found by the depth, to the 1e-11 of its
+    search.
+    """
     contact = one_layer(Layer, tip, E=1.0, nu=0.3, h=0.5)
     (deepest,) = contact.curve([0.02])
     found = contact.up_to(deepest, 5)

@@ -29,14 +29,16 @@ SMOOTH = {
     "a roller": (Strip.on(profiles.paraboloid(5.0), SPONGE), 0.1),
     "a roller between walls": (Strip.on(profiles.paraboloid(5.0), SPONGE, 3.0), 0.1),
 }
-ROUNDING = (
-    5e-12  # of both ways: a search ends within 1e-11 of the size, squared, and sums of a hundred terms lose digits
-)
+# of both ways: a search ends within 1e-11 of the size, squared, and sums of a hundred terms lose
+# digits
+ROUNDING = 5e-12
 
 
 def numbers(found: list[Solution]) -> np.ndarray:
     """Depth, force, size, area, energy, stiffness and largest pressure of contacts (n, 7)."""
-    known = [(s.delta, s.force, s.a, s.area, s.energy, s.stiffness, s.largest_pressure()) for s in found]
+    known = [
+        (s.delta, s.force, s.a, s.area, s.energy, s.stiffness, s.largest_pressure()) for s in found
+    ]
     return np.array(known)
 
 
@@ -46,7 +48,10 @@ def test_many_depths_are_those_sought_one_by_one(name):
     deltas = list(deepest * np.arange(1, 121) / 120)
     assert contact._sampled(deltas[0], deltas[-1], len(deltas)) is not None
     some = slice(0, None, 13)
-    found, expected = numbers(contact.curve(deltas)[some]), numbers(contact._one_by_one(deltas[some]))
+    found, expected = (
+        numbers(contact.curve(deltas)[some]),
+        numbers(contact._one_by_one(deltas[some])),
+    )
     np.testing.assert_allclose(found, expected, rtol=ROUNDING)
 
 
@@ -55,7 +60,9 @@ def test_forces_are_met(name):
     contact, deepest = SMOOTH[name]
     expected = contact._one_by_one(list(deepest * np.linspace(0.1, 1.0, 60)))
     found = contact.under([one.force for one in expected])
-    np.testing.assert_allclose([one.delta for one in found], [one.delta for one in expected], rtol=ROUNDING)
+    np.testing.assert_allclose(
+        [one.delta for one in found], [one.delta for one in expected], rtol=ROUNDING
+    )
 
 
 def test_pressure_and_surface_are_solved_for_when_asked():
@@ -63,8 +70,12 @@ def test_pressure_and_surface_are_solved_for_when_asked():
     one = contact.curve(list(np.linspace(0.1, 1.0, 40) * deepest))[17]
     expected = contact._one_by_one([one.delta])[0]
     r = np.linspace(0.0, 2.0 * one.a, 50)
-    np.testing.assert_allclose(one.pressure(r), expected.pressure(r), rtol=1e-9, atol=1e-9 * one.force / one.area)
-    np.testing.assert_allclose(one.u_z(r), expected.u_z(r), rtol=1e-9)  # beside the edge both lose half of the digits
+    np.testing.assert_allclose(
+        one.pressure(r), expected.pressure(r), rtol=1e-9, atol=1e-9 * one.force / one.area
+    )
+    np.testing.assert_allclose(
+        one.u_z(r), expected.u_z(r), rtol=1e-9
+    )  # beside the edge both lose half of the digits
 
 
 def no_polynomial() -> dict[str, LayerContact]:
@@ -122,7 +133,9 @@ def test_a_depth_that_is_not_found_is_an_error(monkeypatch):
 
 @pytest.mark.parametrize("name", SMOOTH)
 def test_all_contacts_at_once_are_those_one_by_one(name):
-    """Numbers and pressures of a row of sizes, worked out together, beside those that each contact has."""
+    """Numbers and pressures of a row of sizes, worked out together, beside those that each contact
+    has.
+    """
     contact, deepest = SMOOTH[name]
     sampled = contact._sampled(0.2 * deepest, deepest, 120)
     together, found = sampled.contact, sampled.found
@@ -133,4 +146,6 @@ def test_all_contacts_at_once_are_those_one_by_one(name):
         expected = LayerContact.pressures(contact, sampled.sizes, found, 25)
     p, expected = (np.where(np.isfinite(one), one, 0.0) for one in (p, expected))
     apart = (p - expected) / expected.max(axis=1, keepdims=True)
-    assert np.abs(apart).max() < 1e-10  # beside the edge the half-space's part loses digits: differences over a - r
+    assert (
+        np.abs(apart).max() < 1e-10
+    )  # beside the edge the half-space's part loses digits: differences over a - r

@@ -1,4 +1,6 @@
-"""No slip on a half-space against the limits of its formulas and the values of an independent solution."""
+"""No slip on a half-space against the limits of its formulas and the values of an independent
+solution.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +10,16 @@ import numpy as np
 import pytest
 
 from indent_sim.theory.surface import no_slip
-from indent_sim.theory.surface.no_slip import COMPRESSIBLE, LAYER, force_ratio, layer_range, radius_ratio
+from indent_sim.theory.surface.no_slip import (
+    COMPRESSIBLE,
+    LAYER,
+    force_ratio,
+    layer_range,
+    radius_ratio,
+)
 
-# Force without slip over the frictionless one: flat punch, cone, paraboloid, by superposed bonded punches on rings
+# Force without slip over the frictionless one: flat punch, cone, paraboloid, by superposed bonded
+# punches on rings
 RATIOS = {
     0.0: (1.098612, 1.045248, 1.052891),
     0.1: (1.074950, 1.035121, 1.040961),
@@ -39,15 +48,25 @@ def test_incompressible_bodies_do_not_slip_anyway(power: float) -> None:
 
 
 def displacement_beside_punch(q: float, nu: float) -> float:
-    """W(q), the depth of the surface at q >= 1 radii from the axis of a bonded flat punch over the punch's own."""
-    y, weights = no_slip._angles(2.0 * no_slip.FAR_ANGLE)  # t = tanh y; q^2 - t^2 without cancellation
-    slope = np.cos(2.0 * no_slip._theta(nu) * y) / np.cosh(y) / np.sqrt((q * q - 1.0) * np.cosh(y) ** 2 + 1.0)
+    """W(q), the depth of the surface at q >= 1 radii from the axis of a bonded flat punch over the
+    punch's own.
+    """
+    y, weights = no_slip._angles(
+        2.0 * no_slip.FAR_ANGLE
+    )  # t = tanh y; q^2 - t^2 without cancellation
+    slope = (
+        np.cos(2.0 * no_slip._theta(nu) * y)
+        / np.cosh(y)
+        / np.sqrt((q * q - 1.0) * np.cosh(y) ** 2 + 1.0)
+    )
     return no_slip._factor(nu) * float(weights @ slope)
 
 
 @pytest.mark.parametrize("nu", [-0.5, 0.0, 0.3, 0.49, 0.5])
 def test_the_surface_beside_a_punch_begins_at_its_depth(nu: float) -> None:
-    """W(1) = 1 whatever nu is; far away W is the point force's u_z = (1 - nu) F/(2 pi mu r), here 1e-4 away."""
+    """W(1) = 1 whatever nu is; far away W is the point force's u_z = (1 - nu) F/(2 pi mu r), here
+    1e-4 away.
+    """
     assert displacement_beside_punch(1.0, nu) == pytest.approx(1.0, rel=1e-12)
     far = 100.0
     point_force = (1 - nu) / (2 * math.pi) * 4 / (1 - nu) * force_ratio(nu) / far
@@ -68,8 +87,9 @@ def test_no_such_body(nu: float, power: float) -> None:
         force_ratio(nu, power)
 
 
-# Force without slip over the frictionless one on bonded layers beside the map's lines, by finite elements: where the
-# effect is largest over the contact radius, where it is nearly nothing, and in the middle of cells
+# Force without slip over the frictionless one on bonded layers beside the map's lines, by finite
+# elements: where the effect is largest over the contact radius, where it is nearly nothing, and in
+# the middle of cells
 BESIDE = [
     (2.0, 0.49, 5.26, 1.396),
     (2.0, 0.49, 4.5, 1.401),
@@ -85,15 +105,19 @@ BESIDE = [
 
 
 @pytest.mark.parametrize(("power", "nu", "slenderness", "solved"), BESIDE)
-def test_a_cell_holds_what_lies_inside(power: float, nu: float, slenderness: float, solved: float) -> None:
+def test_a_cell_holds_what_lies_inside(
+    power: float, nu: float, slenderness: float, solved: float
+) -> None:
     low, high = layer_range(nu, slenderness, power) or (math.inf, -math.inf)
     assert low <= solved <= high
 
 
 def test_the_map_begins_as_a_half_space_and_grows_with_the_tips_edge() -> None:
-    """A contact a tenth of the thickness wide is nearly on a half-space: 0.0074 is the most that the base changes. No
-    slip holds a surface back, more the steeper the tip ends: a cone, a paraboloid, a punch, which gains about 2.2 times
-    what the cone does; 0.011 beyond that is the most."""
+    """A contact a tenth of the thickness wide is nearly on a half-space: 0.0074 is the most that
+    the base changes. No slip holds a surface back, more the steeper the tip ends: a cone, a
+    paraboloid, a punch, which gains about 2.2 times what the cone does; 0.011 beyond that is the
+    most.
+    """
     for power, rows in LAYER.items():
         known = [force_ratio(nu, power) for nu in COMPRESSIBLE]
         assert [row[0] for row in rows] == pytest.approx(known, abs=0.008)
@@ -103,7 +127,9 @@ def test_the_map_begins_as_a_half_space_and_grows_with_the_tips_edge() -> None:
 
 
 def test_a_layer_on_a_line_of_the_map_is_of_no_other() -> None:
-    """At nu = 0.3 a thick layer gains as little as a half-space does, 1.6 %, whatever it gains at nu = 0."""
+    """At nu = 0.3 a thick layer gains as little as a half-space does, 1.6 %, whatever it gains at
+    nu = 0.
+    """
     for nu in (0.3, 0.3 * (1 - 1e-12), 0.3 * (1 + 1e-12)):
         low, high = layer_range(nu, 0.08, 2.0) or (0.0, math.inf)
         assert 1.01 < low < 1.0162 < high < 1.02
@@ -111,6 +137,8 @@ def test_a_layer_on_a_line_of_the_map_is_of_no_other() -> None:
     assert high - low < 0.03 and low < LAYER[math.inf][4][5] < high
 
 
-@pytest.mark.parametrize(("nu", "slenderness", "power"), [(0.3, 10.1, 2.0), (-0.1, 1.0, 2.0), (0.3, 1.0, 3.0)])
+@pytest.mark.parametrize(
+    ("nu", "slenderness", "power"), [(0.3, 10.1, 2.0), (-0.1, 1.0, 2.0), (0.3, 1.0, 3.0)]
+)
 def test_beyond_the_map(nu: float, slenderness: float, power: float) -> None:
     assert layer_range(nu, slenderness, power) is None

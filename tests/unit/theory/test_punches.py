@@ -1,4 +1,6 @@
-"""Flat punches of every radius: closed forms of the half-space, the layer's own flat punch, and curves from samples."""
+"""Flat punches of every radius: closed forms of the half-space, the layer's own flat punch, and
+curves from samples.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ def test_a_half_space() -> None:
     assert (punch.stiffness, punch.slope) == pytest.approx((0.2 * E_star, 2 * E_star), rel=1e-5)
 
 
-@pytest.mark.parametrize(("a", "nu", "kappa"), [(1, 0.3, 2.48352), (1, 0.5, 3.61874), (4, 0.45, 14.66383)])
+@pytest.mark.parametrize(
+    ("a", "nu", "kappa"), [(1, 0.3, 2.48352), (1, 0.5, 3.61874), (4, 0.45, 14.66383)]
+)
 def test_the_stiffness_is_that_of_a_flat_punch(a: float, nu: float, kappa: float) -> None:
     """kappa = F/(2 E* a delta) of bonded layers, six digits."""
     punch = LayerPunches(layer(profiles.paraboloid(30.0), nu)).at(a)
@@ -37,29 +41,44 @@ def test_the_stiffness_is_that_of_a_flat_punch(a: float, nu: float, kappa: float
 
 
 @pytest.mark.parametrize(
-    "tip", [profiles.paraboloid(1.0), profiles.sphere(2.0), profiles.cone(70.0), profiles.cone(70.0, 0.1)]
+    "tip",
+    [profiles.paraboloid(1.0), profiles.sphere(2.0), profiles.cone(70.0), profiles.cone(70.0, 0.1)],
 )
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
 def test_the_slope_of_the_curve_is_the_stiffness(tip: profiles.Tip, nu: float) -> None:
-    """dF = K ddelta and dK = K' da by central differences over 2e-4 of the radius, which cost its square."""
+    """dF = K ddelta and dK = K' da by central differences over 2e-4 of the radius, which cost its
+    square.
+    """
     punches = LayerPunches(layer(tip, nu))
     for a in (0.05, 0.3, 1.0):
         low, here, high = (punches.at(a * (1 + step)) for step in (-1e-4, 0.0, 1e-4))
-        assert (high.force - low.force) / (high.delta - low.delta) == pytest.approx(here.stiffness, rel=1e-7)
-        assert (high.stiffness - low.stiffness) / (high.a - low.a) == pytest.approx(here.slope, rel=1e-7)
+        assert (high.force - low.force) / (high.delta - low.delta) == pytest.approx(
+            here.stiffness, rel=1e-7
+        )
+        assert (high.stiffness - low.stiffness) / (high.a - low.a) == pytest.approx(
+            here.slope, rel=1e-7
+        )
 
 
-@pytest.mark.parametrize("tip", [profiles.paraboloid(1.0), profiles.cone(70.0, 0.1), profiles.flat_punch(0.5, 0.3)])
+@pytest.mark.parametrize(
+    "tip", [profiles.paraboloid(1.0), profiles.cone(70.0, 0.1), profiles.flat_punch(0.5, 0.3)]
+)
 def test_punches_from_samples(tip: profiles.Tip) -> None:
-    """From K and P at 20 radii of a layer what theory says between them; seven powers leave less than 1e-4."""
+    """From K and P at 20 radii of a layer what theory says between them; seven powers leave less
+    than 1e-4.
+    """
     exact = LayerPunches(layer(tip))
     a = np.linspace(0.02, 0.45, 20)
     samples = [exact.at(float(radius)) for radius in a]
     K = np.array([punch.stiffness for punch in samples])
-    found = FittedPunches(a, K, np.array([p.stiffness * p.delta - p.force for p in samples]), tip, E_STAR)
+    found = FittedPunches(
+        a, K, np.array([p.stiffness * p.delta - p.force for p in samples]), tip, E_STAR
+    )
     for radius in (0.23, 0.3, 0.42):
         ours, theirs = found.at(radius), exact.at(radius)
-        assert (ours.delta, ours.stiffness) == pytest.approx((theirs.delta, theirs.stiffness), rel=1e-4)
+        assert (ours.delta, ours.stiffness) == pytest.approx(
+            (theirs.delta, theirs.stiffness), rel=1e-4
+        )
         assert (ours.force, ours.slope) == pytest.approx((theirs.force, theirs.slope), rel=1e-3)
         assert radius_at(found, theirs.delta) == pytest.approx(radius, rel=1e-4)
 
@@ -78,7 +97,9 @@ def test_too_little_is_refused() -> None:
     a = np.linspace(0.1, 0.5, 4)
     with pytest.raises(ValueError, match="too few"):
         FittedPunches(a, 2 * a, a**3, profiles.paraboloid(1.0), 1.0)
-    few = FittedPunches(a := np.linspace(0.1, 0.5, 9), 2 * a, 2 * a**3 / 3, profiles.paraboloid(1.0), 1.0)
+    few = FittedPunches(
+        a := np.linspace(0.1, 0.5, 9), 2 * a, 2 * a**3 / 3, profiles.paraboloid(1.0), 1.0
+    )
     with pytest.raises(ValueError, match="smaller than"):
         radius_at(few, 1e-5)
     assert all(math.isclose(few.at(x).delta, x * x, rel_tol=1e-10) for x, _ in pairwise(a))

@@ -14,11 +14,19 @@ from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Ply, Stack
 from indent_sim.theory.surface import stepping
 from indent_sim.theory.surface.relaxation import ElasticCurve, OneCycle, PowerLaw, Prony
-from indent_sim.theory.surface.stepping import RelaxingSurface, StepByStep, SurfaceContact, Unsettled, layer_surface
+from indent_sim.theory.surface.stepping import (
+    RelaxingSurface,
+    StepByStep,
+    SurfaceContact,
+    Unsettled,
+    layer_surface,
+)
 
 SOLID = Prony((0.5,), (1.0,))  # E = 2 instantaneous, 1 in the end
 DEPTHS = np.geomspace(1e-4, 1.3, 60)
-HERTZ = ElasticCurve(DEPTHS, 2 * DEPTHS**1.5, DEPTHS**0.5)  # in units of the force of E_inf at the depth 1
+HERTZ = ElasticCurve(
+    DEPTHS, 2 * DEPTHS**1.5, DEPTHS**0.5
+)  # in units of the force of E_inf at the depth 1
 TRIANGLE = [0.0, 1.0, 2.0], [0.0, 1.0, 0.0]
 
 
@@ -26,12 +34,23 @@ def layer_of(h: float) -> tuple[Layer, ElasticCurve, float]:
     layer = one_layer(Layer, profiles.paraboloid(1.0), E=2.0, nu=0.45, h=h)
     depths = np.geomspace(1e-5, 1.3, 80) * 0.01
     found = layer.curve(depths.tolist())
-    return layer, ElasticCurve(depths, np.array([s.force for s in found]), np.array([s.a for s in found])), found[-1].a
+    return (
+        layer,
+        ElasticCurve(depths, np.array([s.force for s in found]), np.array([s.a for s in found])),
+        found[-1].a,
+    )
 
 
 @pytest.mark.parametrize(
     ("t", "force"),
-    [(0.5, 0.645470), (1.0, 1.692881), (1.1, 1.341960), (1.25, 0.883998), (1.5, 0.306514), (1.7, 0.033696)],
+    [
+        (0.5, 0.645470),
+        (1.0, 1.692881),
+        (1.1, 1.341960),
+        (1.25, 0.883998),
+        (1.5, 0.306514),
+        (1.7, 0.033696),
+    ],
 )
 def test_a_triangle_on_a_standard_linear_solid(t: float, force: float) -> None:
     """Six digits, by an independent quadrature and by time stepping."""
@@ -87,40 +106,56 @@ def test_the_complex_modulus_is_the_transform_of_the_other(modulus: Prony | Powe
         gamma = float((np.exp(x) ** 0.7 * np.exp(-np.exp(x))).sum() * step)
         assert modulus.complex(omega) == pytest.approx(gamma * (1j * omega * 2.0) ** 0.3, rel=1e-4)
     else:
-        assert modulus.complex(omega) == pytest.approx(0.5 + 0.5 * 1j * omega / (1 + 1j * omega), rel=1e-12)
+        assert modulus.complex(omega) == pytest.approx(
+            0.5 + 0.5 * 1j * omega / (1 + 1j * omega), rel=1e-12
+        )
 
 
 def test_a_tip_that_comes_back_is_no_cycle() -> None:
     with pytest.raises(ValueError, match="no single cycle"):
         OneCycle(SOLID, [0, 1, 2, 3], [0, 1, 0.5, 0.8], HERTZ)
-    held = OneCycle(SOLID, [0, 1, 1.2, 9], [0, 1, 0.8, 0.8], HERTZ)  # what is around the contact comes up again
+    held = OneCycle(
+        SOLID, [0, 1, 1.2, 9], [0, 1, 0.8, 0.8], HERTZ
+    )  # what is around the contact comes up again
     assert held.regrows(np.linspace(0, 9, 90).tolist())
     assert not OneCycle(SOLID, *TRIANGLE, HERTZ).regrows(np.linspace(0, 2, 50).tolist())
 
 
 @pytest.mark.parametrize("h", [0.2, 1e3])
 def test_ting_and_time_stepping_agree(h: float) -> None:
-    """Quadrature of the elastic curve against direct stepping of contact on the compliance: 200 places and 150 steps a
-    piece leave 1e-5 of the largest force."""
+    """Quadrature of the elastic curve against direct stepping of contact on the compliance: 200
+    places and 150 steps a piece leave 1e-5 of the largest force.
+    """
     layer, curve, a = layer_of(h)
     times = [0.0, 0.5, 1.0, 1.1, 1.25, 1.5, 1.7, 1.9]
     deltas = np.interp(times, TRIANGLE[0], 0.01 * np.array(TRIANGLE[1]))
     cycle = OneCycle(SOLID, times, deltas.tolist(), curve)
     stepped = list(StepByStep(layer_surface(layer, a), SOLID).responses(times, deltas.tolist()))
     largest = cycle.at(1.0).force
-    assert [r.force for r in stepped] == pytest.approx([cycle.at(t).force for t in times], abs=2e-5 * largest)
-    assert [r.a for r in stepped[1:-1]] == pytest.approx([cycle.at(t).a for t in times[1:-1]], rel=1e-3)
+    assert [r.force for r in stepped] == pytest.approx(
+        [cycle.at(t).force for t in times], abs=2e-5 * largest
+    )
+    assert [r.a for r in stepped[1:-1]] == pytest.approx(
+        [cycle.at(t).a for t in times[1:-1]], rel=1e-3
+    )
 
 
 def test_a_force_that_grows_follows_the_creep_compliance() -> None:
-    """F_el(delta(t)) = E int J(t-s) dF; of the solid E J = 2 - exp(-t/2), so a ramp F = f t has F_el = f (2t - 2 + 2
-    exp(-t/2))."""
+    """F_el(delta(t)) = E int J(t-s) dF; of the solid E J = 2 - exp(-t/2), so a ramp F = f t has
+    F_el = f (2t - 2 + 2 exp(-t/2)).
+    """
     layer, curve, a = layer_of(1e3)
     f, times = 1e-3, [0.0, 0.5, 1.0]
-    found = list(StepByStep(layer_surface(layer, a), SOLID, of_force=True).responses(times, [f * t for t in times]))
+    found = list(
+        StepByStep(layer_surface(layer, a), SOLID, of_force=True).responses(
+            times, [f * t for t in times]
+        )
+    )
     for response in found[1:]:
         exact = curve.depth(f * (2 * response.t - 2 + 2 * math.exp(-response.t / 2)))
-        assert response.delta == pytest.approx(exact, rel=2e-5) and response.force == pytest.approx(f * response.t)
+        assert response.delta == pytest.approx(exact, rel=2e-5) and response.force == pytest.approx(
+            f * response.t
+        )
 
 
 def test_a_spring_between_tip_and_base() -> None:
@@ -136,13 +171,20 @@ def test_a_spring_between_tip_and_base() -> None:
 
 
 def test_a_contact_that_is_no_disc() -> None:
-    """The same places in another order and without radii: active sets find what the disc's factor does."""
-    layer = Layer.on(profiles.paraboloid(1.0), Stack((Ply(1.0, 2.0, 0.0), Ply(math.inf, 2.0, 0.0)), None))
+    """The same places in another order and without radii: active sets find what the disc's factor
+    does.
+    """
+    layer = Layer.on(
+        profiles.paraboloid(1.0), Stack((Ply(1.0, 2.0, 0.0), Ply(math.inf, 2.0, 0.0)), None)
+    )
     disc = layer_surface(layer, 0.1)
     order = np.random.default_rng(1).permutation(len(disc.areas))
     other = RelaxingSurface(disc.A[np.ix_(order, order)], disc.heights[order], disc.areas[order])
     times, z = [0.0, 1.0, 1.5, 2.0], [0.0, 0.01, 0.002, 0.006]
-    found = [[r.force for r in StepByStep(surface, SOLID).responses(times, z)] for surface in (disc, other)]
+    found = [
+        [r.force for r in StepByStep(surface, SOLID).responses(times, z)]
+        for surface in (disc, other)
+    ]
     assert found[0] == pytest.approx(found[1], rel=1e-9)
 
 

@@ -18,14 +18,19 @@ from indent_sim.theory.solution import no_contact
 def test_largest_pressure_of_hertz() -> None:
     """2 E* a/(pi R) on the axis; 1e-8: the layer is 1e6 radii of contact deep."""
     found = indent(Layer, profiles.paraboloid(1.0), 1e-4, E=1.0, nu=0.3, h=1e4)
-    assert found.largest_pressure() == pytest.approx(2 * hs.E_star(1.0, 0.3) * 0.01 / math.pi, rel=1e-6)
+    assert found.largest_pressure() == pytest.approx(
+        2 * hs.E_star(1.0, 0.3) * 0.01 / math.pi, rel=1e-6
+    )
 
 
 def test_largest_pressure_beside_a_rounded_edge() -> None:
-    """A punch whose edge is rounded presses hardest near the edge of the contact, not on the axis; a dense scan finds
-    no larger pressure and one within its own spacing."""
+    """A punch whose edge is rounded presses hardest near the edge of the contact, not on the axis;
+    a dense scan finds no larger pressure and one within its own spacing.
+    """
     found = indent(Layer, profiles.flat_punch(0.3, 0.02), 0.01, E=1.0, nu=0.3, h=1.0)
-    r = np.concatenate([np.linspace(0.0, 0.8 * found.a, 401), np.linspace(0.8 * found.a, found.a, 4001)])
+    r = np.concatenate(
+        [np.linspace(0.0, 0.8 * found.a, 401), np.linspace(0.8 * found.a, found.a, 4001)]
+    )
     scanned = found.pressure(r)
     assert r[np.argmax(scanned)] > 0.8 * found.a
     assert scanned.max() <= found.largest_pressure() * (1 + 1e-12)
@@ -33,7 +38,12 @@ def test_largest_pressure_beside_a_rounded_edge() -> None:
 
 
 @pytest.mark.parametrize(
-    "tip", [profiles.cone(70.0), profiles.flat_punch(0.2), profiles.piecewise_linear(((0, 0), (0.02, 0.001), (1, 0.2)))]
+    "tip",
+    [
+        profiles.cone(70.0),
+        profiles.flat_punch(0.2),
+        profiles.piecewise_linear(((0, 0), (0.02, 0.001), (1, 0.2))),
+    ],
 )
 def test_an_infinite_pressure_is_not_a_number(tip: Tip) -> None:
     """Under a sharp apex or corner it grows as a logarithm, at a sharp edge as 1/sqrt."""
@@ -43,7 +53,9 @@ def test_an_infinite_pressure_is_not_a_number(tip: Tip) -> None:
 
 def test_a_finely_rounded_apex_has_a_largest_pressure() -> None:
     found = indent(Layer, profiles.cone(70.0, 1e-4), 0.01, E=1.0, nu=0.3, h=1.0)
-    assert found.largest_pressure() == pytest.approx(float(found.pressure(np.zeros(1))[0]), rel=1e-9)
+    assert found.largest_pressure() == pytest.approx(
+        float(found.pressure(np.zeros(1))[0]), rel=1e-9
+    )
 
 
 def test_without_contact_there_is_none() -> None:

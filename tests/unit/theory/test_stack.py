@@ -20,7 +20,8 @@ HARD = [
     stack_of([(1, 1e3, 0.5), (INF, 1, 0)], None),
     stack_of([(0.02, 1e-3, 0.5), (1, 1, 0.3), (INF, 1e-3, 0.45)], None),
 ]
-# L of HARD at k = 1e-4, 1e-2, 0.3, 2: Love's function in every layer, one dense system solved with 120 digits
+# L of HARD at k = 1e-4, 1e-2, 0.3, 2: Love's function in every layer, one dense system solved with
+# 120 digits
 WAVENUMBERS = np.array([1e-4, 1e-2, 0.3, 2.0])
 L_120_DIGITS = [
     (0.00119690686054737863, 0.124207586211014312, 0.245526630521339133, 0.642037182407001487),
@@ -28,7 +29,8 @@ L_120_DIGITS = [
     (1263.03933642269386, 1006.52367021886829, 178.955338435080563, 1.70599446177379469),
     (1.06201395262141354, 1.05389035645940087, 0.215304203113867762, 0.00204235019267652053),
 ]
-# film (thickness 1, nu 0.3) on a half-space (E 1, nu 0.3), flat punch: E_f, a, F/(2 a E*_f delta) to eight decimals
+# film (thickness 1, nu 0.3) on a half-space (E 1, nu 0.3), flat punch: E_f, a, F/(2 a E*_f delta)
+# to eight decimals
 FILM = [
     (0.1, 0.1, 1.08354347),
     (0.1, 1.0, 2.13517569),
@@ -58,7 +60,9 @@ def integral(f, edges, count=80):
     u, w = np.polynomial.legendre.leggauss(count)
     u, w = 0.5 * (1.0 + u), 0.5 * w
     t, dt = u**2 * (3.0 - 2.0 * u), 6.0 * u * (1.0 - u)
-    return sum(float(np.sum(w * dt * (hi - lo) * f(lo + (hi - lo) * t))) for lo, hi in pairwise(edges))
+    return sum(
+        float(np.sum(w * dt * (hi - lo) * f(lo + (hi - lo) * t))) for lo, hi in pairwise(edges)
+    )
 
 
 @pytest.fixture
@@ -73,7 +77,12 @@ def refined(monkeypatch):
 
     def refine():
         finest, smooth, nodes = Stack.finest.fget, Layer._smooth_count, Strip._node_count
-        for name, value in {"PER_PANEL": 36, "PER_PHASE": 1.2, "S_MAX": 33.0, "SINGLE_MODES": 64}.items():
+        for name, value in {
+            "PER_PANEL": 36,
+            "PER_PHASE": 1.2,
+            "S_MAX": 33.0,
+            "SINGLE_MODES": 64,
+        }.items():
             monkeypatch.setattr(hankel, name, value)
         monkeypatch.setattr(Stack, "finest", property(lambda self: 0.1 * finest(self)))
         monkeypatch.setattr(Layer, "_smooth_count", lambda self, a: 2 * smooth(self, a))
@@ -90,7 +99,8 @@ def refined(monkeypatch):
 
 @pytest.mark.parametrize(("stack", "exact"), list(zip(HARD, L_120_DIGITS, strict=True)))
 def test_compliance_against_120_digits(stack, exact):
-    # M = 1 - L is what is kept: L is off by the rounding of 1, or by that of its own size times the stiffness ratio
+    # M = 1 - L is what is kept: L is off by the rounding of 1, or by that of its own size times the
+    # stiffness ratio
     exact = np.array(exact)
     assert 1.0 - stack.complement(WAVENUMBERS) == pytest.approx(exact, rel=1e-12, abs=3e-16)
 
@@ -124,7 +134,8 @@ def test_layer_on_its_own_half_space(nu):
 
 
 def test_both_ways_through_a_layer_agree(monkeypatch):
-    # where k h is 0.5 ... 2 exp(-A s) and the waves both cross a layer; one loses e^(2s), the other s^-3
+    # where k h is 0.5 ... 2 exp(-A s) and the waves both cross a layer; one loses e^(2s), the other
+    # s^-3
     k = np.linspace(0.5, 2.0, 40)
     for base in ("fixed", "roller"):
         stack = stack_of([(1, 1, 0.5), (1, 1e3, 0.3), (1, 1e-2, 0.499)], base)
@@ -138,7 +149,9 @@ def test_very_thin_and_very_thick_films():
     k = np.array([1e-3, 0.1, 1.0])
     # thinner by 1e-10 than the wavelength, a film does nothing; thicker by 1e3, it is all there is
     thin = stack_of([(1e-9, 1, 0.3), (INF, 2, 0.4)], None)
-    assert 1.0 - thin.complement(k) == pytest.approx(hs.E_star(1, 0.3) / hs.E_star(2, 0.4), rel=1e-8)
+    assert 1.0 - thin.complement(k) == pytest.approx(
+        hs.E_star(1, 0.3) / hs.E_star(2, 0.4), rel=1e-8
+    )
     thick = stack_of([(1e3, 1, 0.3), (1e3, 5, 0.4)])
     assert thick.complement(k[1:]) == pytest.approx(0.0, abs=1e-80)
 
@@ -154,7 +167,9 @@ def test_film_under_a_flat_punch(E, a, stiffness):
     assert s.stiffness == pytest.approx(s.force / 1e-3, rel=1e-14)
 
 
-@pytest.mark.parametrize(("E", "delta", "force"), [(0.1, 0.06934611, 0.17866338), (10.0, 0.23028302, 0.08706777)])
+@pytest.mark.parametrize(
+    ("E", "delta", "force"), [(0.1, 0.06934611, 0.17866338), (10.0, 0.23028302, 0.08706777)]
+)
 def test_film_under_a_paraboloid(E, delta, force):
     # R/t = 10, a/t = 1; delta was rounded to eight decimals
     s = Layer.on(profiles.paraboloid(10.0), film(E)).curve([delta])[0]
@@ -188,11 +203,15 @@ BODIES = [
 @pytest.mark.parametrize(("stack", "wall"), BODIES)
 def test_conservation(name, stack, wall):
     tip, delta, step = TIPS[name], 0.2, 1e-4
-    less, s, more = Layer.on(tip, stack, wall).curve([delta * (1 - step), delta, delta * (1 + step)])
+    less, s, more = Layer.on(tip, stack, wall).curve(
+        [delta * (1 - step), delta, delta * (1 + step)]
+    )
     edges = [0.0, *(b for b in tip.breaks if b < s.a), s.a]
     # the test's quadrature meets roots at the breaks, or a pressure that is infinite at the apex
     rel = 1e-4 if tip.breaks else 1e-9
-    assert 2 * math.pi * integral(lambda r: r * s.pressure(r), edges) == pytest.approx(s.force, rel=rel)
+    assert 2 * math.pi * integral(lambda r: r * s.pressure(r), edges) == pytest.approx(
+        s.force, rel=rel
+    )
     work = -math.pi * integral(lambda r: r * s.pressure(r) * s.u_z(r), edges)
     assert work == pytest.approx(s.energy, rel=rel)
     assert Layer.on(tip, stack, wall).depth(s.force) == pytest.approx(delta, rel=1e-9)
@@ -222,7 +241,9 @@ def test_surface_inside_the_contact_is_the_tip(name, stack, wall):
     tangent, cot = 0.1 * math.cos(math.radians(60)), 1 / math.tan(math.radians(60))
     shapes = {
         "rounded cone": lambda r: np.where(
-            r < tangent, 0.1 - np.sqrt(np.maximum(0.01 - r**2, 0)), 0.1 - tangent / cot + (r - tangent) * cot
+            r < tangent,
+            0.1 - np.sqrt(np.maximum(0.01 - r**2, 0)),
+            0.1 - tangent / cot + (r - tangent) * cot,
         ),
         "points": lambda r: np.interp(r, [0, 0.1, 0.3, 1], [0, 0.01, 0.1, 1]),
     }
@@ -232,7 +253,8 @@ def test_surface_inside_the_contact_is_the_tip(name, stack, wall):
 
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_volume_between_walls_is_that_of_uniform_compression(nu):
-    # only the mean pressure squeezes volume out: ∫ -u_z dA = F sum h_i/M_i, whatever the tip; none at nu = 0.5
+    # only the mean pressure squeezes volume out: ∫ -u_z dA = F sum h_i/M_i, whatever the tip; none
+    # at nu = 0.5
     stack, wall = stack_of([(0.3, 1, nu), (0.7, 5, nu)]), 2.0
     compliance = sum(h * (1 + n) * (1 - 2 * n) / (1 - n) / E for h, E, n in stack.plies)
     tip = profiles.paraboloid(1.0)
@@ -240,7 +262,9 @@ def test_volume_between_walls_is_that_of_uniform_compression(nu):
     volume = -2 * math.pi * integral(lambda r: r * s.u_z(r), [0, s.a, wall])
     assert volume == pytest.approx(s.force * compliance, rel=1e-10, abs=1e-11)
     line = Strip.on(tip, stack, wall).curve([0.1])[0]
-    assert -2 * integral(line.u_z, [0, line.a, wall]) == pytest.approx(line.force * compliance, rel=1e-10, abs=1e-11)
+    assert -2 * integral(line.u_z, [0, line.a, wall]) == pytest.approx(
+        line.force * compliance, rel=1e-10, abs=1e-11
+    )
     assert np.isnan(s.u_z(2.1)) and np.isnan(line.u_z(2.1)) and math.isfinite(s.u_z(wall))
 
 
@@ -263,7 +287,9 @@ def test_far_walls_and_sums_over_many_modes(monkeypatch):
         infinite, far = (Theory.on(tip, stack, wall).curve([0.05])[0] for wall in (None, 50.0))
         # bonded to a rigid base, what the wall returns has decayed by exp(-pi W/H) and better
         assert far.force == pytest.approx(infinite.force, rel=1e-11)
-        assert far.u_z(np.array([0.1, 3.0])) == pytest.approx(infinite.u_z(np.array([0.1, 3.0])), abs=1e-12)
+        assert far.u_z(np.array([0.1, 3.0])) == pytest.approx(
+            infinite.u_z(np.array([0.1, 3.0])), abs=1e-12
+        )
         assert Theory.on(tip, stack, 1e9).curve([0.05])[0].force == infinite.force
     with monkeypatch.context() as every_mode:  # 17 500 of them, one by one
         every_mode.setattr(hankel, "SINGLE_MODES", 10**9)
@@ -282,7 +308,8 @@ def test_rule_for_sums_is_exact_for_polynomials():
 
 
 def test_thin_compressible_stacks_are_springs_in_series():
-    # punch of radius a >> H: F = pi a^2 delta/sum(h_i/M_i) inside, and an edge of width ~ H that adds H/a
+    # punch of radius a >> H: F = pi a^2 delta/sum(h_i/M_i) inside, and an edge of width ~ H that
+    # adds H/a
     layers = [(1.0, 1, 0.3), (1.0, 4, 0.1)]
     compliance = sum(h * (1 + n) * (1 - 2 * n) / (1 - n) / E for h, E, n in layers)
     excess = []
@@ -321,10 +348,14 @@ def test_strips_of_one_material_are_one_strip(wall, base):
 def test_stacked_strip_conserves():
     stack, delta, step = stack_of([(0.3, 1, 0.3), (0.7, 0.05, 0.5)]), 0.1, 1e-4
     for wall in (None, 2.0):
-        less, s, more = Strip.on(TIPS["paraboloid"], stack, wall).curve([delta * (1 + i * step) for i in (-1, 0, 1)])
+        less, s, more = Strip.on(TIPS["paraboloid"], stack, wall).curve(
+            [delta * (1 + i * step) for i in (-1, 0, 1)]
+        )
         assert 2 * integral(s.pressure, [0, s.a]) == pytest.approx(s.force, rel=1e-9)
         assert (more.energy - less.energy) / (2 * step * delta) == pytest.approx(s.force, rel=1e-7)
-        assert (more.force - less.force) / (2 * step * delta) == pytest.approx(s.stiffness, rel=1e-7)
+        assert (more.force - less.force) / (2 * step * delta) == pytest.approx(
+            s.stiffness, rel=1e-7
+        )
 
 
 # --- accuracy ---
@@ -338,7 +369,8 @@ SIZES = [(size, contrast) for size in (0.05, 1.0, 10.0) for contrast in CONTRAST
 
 @pytest.mark.parametrize(("size", "contrast"), SIZES)
 def test_twice_as_fine_is_the_same(refined, size, contrast):
-    # a from 1/20 to 50 times the top layer's thickness, to 49 times the stack's; 1e-8 is claimed of forces and depths
+    # a from 1/20 to 50 times the top layer's thickness, to 49 times the stack's; 1e-8 is claimed of
+    # forces and depths
     tip = profiles.paraboloid(100.0)
     stacks = [
         stack_of([(1, contrast, 0.5), (0.3, 1, 0.3), (2, contrast, 0.0)]),
@@ -396,13 +428,22 @@ def test_ply_is_what_its_fields_say():
     assert stack_of([[1, 2, 0.3]]).plies == (Ply(thickness=1.0, E=2.0, nu=0.3),)
 
 
-@pytest.mark.parametrize("plies", [[(0.123, 3.68, 0.3), (0.877, 0.14, 0.2)], [(0.05, 100, 0.3), (INF, 1, 0.5)]])
+@pytest.mark.parametrize(
+    "plies", [[(0.123, 3.68, 0.3), (0.877, 0.14, 0.2)], [(0.05, 100, 0.3), (INF, 1, 0.5)]]
+)
 def test_a_plate_bends_away_from_the_middle_of_a_punch(plies):
-    # by the integral of the negative part of the pressure; none where the soft layer is the upper one
+    # by the integral of the negative part of the pressure; none where the soft layer is the upper
+    # one
     stack = stack_of(plies, None if plies[-1][0] == INF else "fixed")
     contact = Layer.on(profiles.flat_punch(0.2), stack)
     found = contact.curve([0.05])[0]
-    pulled = -2 * math.pi * integral(lambda r: r * np.minimum(found.pressure(r), 0), [0, 0.5 * found.a, found.a])
+    pulled = (
+        -2
+        * math.pi
+        * integral(lambda r: r * np.minimum(found.pressure(r), 0), [0, 0.5 * found.a, found.a])
+    )
     assert contact.tension(found) == pytest.approx(pulled / found.force, rel=0.02)  # 40 rings: 1 %
-    soft = Layer.on(profiles.flat_punch(0.2), stack_of([(h, 1 / E, nu) for h, E, nu in plies], stack.base))
+    soft = Layer.on(
+        profiles.flat_punch(0.2), stack_of([(h, 1 / E, nu) for h, E, nu in plies], stack.base)
+    )
     assert soft.tension(soft.curve([0.05])[0]) == 0

@@ -1,4 +1,6 @@
-"""The plane-strain strip against its converged reference number, half-plane limits and conservation laws."""
+"""The plane-strain strip against its converged reference number, half-plane limits and conservation
+laws.
+"""
 
 import math
 from dataclasses import replace
@@ -43,11 +45,15 @@ def test_small_contact_is_the_line_contact(wall):
 
 @pytest.mark.parametrize("wall", [None, 1.2])
 def test_a_contact_near_the_end_of_its_tip_knows_no_unit_of_length(wall):
-    """A ball touched to 0.99 of its radius; both are converged to 1e-11, which takes more nodes towards the end."""
+    """A ball touched to 0.99 of its radius; both are converged to 1e-11, which takes more nodes
+    towards the end.
+    """
     known = indent(ps.Strip, profiles.sphere(1.0), 1.5, nu=0.3, wall=wall, **UNIT)
     far = wall and 1e3 * wall
     large = indent(ps.Strip, profiles.sphere(1e3), 1.5e3, nu=0.3, wall=far, E=1.0, h=1e3)
-    assert known.a > 0.98 and (large.force, large.a) == pytest.approx((1e3 * known.force, 1e3 * known.a), rel=1e-11)
+    assert known.a > 0.98 and (large.force, large.a) == pytest.approx(
+        (1e3 * known.force, 1e3 * known.a), rel=1e-11
+    )
 
 
 def test_small_wedge_is_the_half_plane_one():
@@ -76,9 +82,13 @@ def test_walls_far_away():
     assert 7e-4 < near.force / infinite.force - 1 < 8e-4
 
 
-@pytest.mark.parametrize("tip", [PARABOLOID, profiles.sphere(1.0), profiles.cone(60.0), profiles.flat_punch(0.3)])
+@pytest.mark.parametrize(
+    "tip", [PARABOLOID, profiles.sphere(1.0), profiles.cone(60.0), profiles.flat_punch(0.3)]
+)
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
-@pytest.mark.parametrize(("base", "wall"), [("fixed", None), ("fixed", 1.0), ("roller", 2.0), ("roller", None)])
+@pytest.mark.parametrize(
+    ("base", "wall"), [("fixed", None), ("fixed", 1.0), ("roller", 2.0), ("roller", None)]
+)
 def test_conservation(tip, nu, base, wall):
     delta = 0.05
     depths = [delta * (1 - 1e-4), delta, delta * (1 + 1e-4)]
@@ -90,7 +100,8 @@ def test_conservation(tip, nu, base, wall):
 
 
 def test_thin_strip_is_an_oedometer():
-    # a >> h, bonded, compressible: p = M_c (delta - f)/h, a = sqrt(2 R delta), F' = 4/3 M_c a delta/h
+    # a >> h, bonded, compressible: p = M_c (delta - f)/h, a = sqrt(2 R delta), F' = 4/3 M_c a
+    # delta/h
     nu, R, delta = 0.3, 1e4, 0.1
     modulus = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
     s = indent(ps.Strip, profiles.paraboloid(R), delta, nu=nu, **UNIT)
@@ -103,7 +114,9 @@ def test_thin_strip_is_an_oedometer():
 def test_a_punch_that_nearly_fills_the_strip_is_an_oedometer(gap):
     """F = 2 W E_oed delta/h between roller walls, of which a gap changes the square of gap/W."""
     E_oed = 0.7 / (1.3 * 0.4)
-    found = indent(ps.Strip, profiles.flat_punch(1 - gap), 0.01, E=1.0, nu=0.3, h=2.0, wall=1.0, base="roller")
+    found = indent(
+        ps.Strip, profiles.flat_punch(1 - gap), 0.01, E=1.0, nu=0.3, h=2.0, wall=1.0, base="roller"
+    )
     assert found.force == pytest.approx(2 * E_oed * 0.01 / 2, rel=1e-9)
 
 

@@ -27,14 +27,16 @@ def force_and_radius(surface_tension: float, delta: float = 0.01) -> tuple[float
 
 
 @pytest.mark.parametrize("surface_tension", [4e-8, 1e-30])
-def test_a_tension_too_small_to_matter(surface_tension: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The force rises by 2.70 b/a, b = 2 gamma/E*: the limit of the exact curve,
-    2.6953 at b/a = 1.8e-3, 2.7004 at 1.8e-4.
+def test_a_tension_too_small_to_matter(
+    surface_tension: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The force rises by 2.70 b/a, b = 2 gamma/E*: the limit of the exact curve, 2.6953 at b/a =
+    1.8e-3, 2.7004 at 1.8e-4.
 
-    4e-8 is a hydrogel's 40 mN/m on 1 GPa under a ball of 1 mm: the equation's kernel, far narrower than two nodes have
-    digits apart, was infinite there, and the search for the contact never ended. 40 functions, in place of 100 whose
-    solution takes seconds, find the radius within 4e-4 of it, and the force, which does not change with that to first
-    order, within 1e-7.
+    4e-8 is a hydrogel's 40 mN/m on 1 GPa under a ball of 1 mm: the equation's kernel, far narrower
+    than two nodes have digits apart, was infinite there, and the search for the contact never
+    ended. 40 functions, in place of 100 whose solution takes seconds, find the radius within 4e-4
+    of it, and the force, which does not change with that to first order, within 1e-7.
     """
     monkeypatch.setattr(tension, "MOST", 40)
     force, a = force_and_radius(surface_tension)

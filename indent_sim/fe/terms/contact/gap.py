@@ -12,17 +12,24 @@ from indent_sim.model.tips import gap_current, gap_reference
 
 
 class Gap:
-    """g [length] at the contact surface, >= 0 open, and its normal dg/dx, the direction of the traction on the body.
-    The reference gap depends on u_z alone, and linearly; the current one on the deformed point x = X + u."""
+    """g [length] at the contact surface, >= 0 open, and its normal dg/dx, the direction of the
+    traction on the body. The reference gap depends on u_z alone, and linearly; the current one
+    on the deformed point x = X + u.
+    """
 
     def __init__(self, body: Body, at: Moment):
-        scene, dim, u = body.scene, body.body_mesh.dim, at.fields["u"]
+        scene = body.scene
+        dim = body.body_mesh.dim
+        u = at.fields["u"]
         tip = symbolic(scene.physics.indenter, body.mesh)
         center = [fem.Constant(body.mesh, float(c)) for c in scene.physics.center]
-        self._delta, self._dim = ufl.variable(at.delta), dim
+        self._delta = ufl.variable(at.delta)
+        self._dim = dim
         X = body.X
         self._x = None if scene.physics.gap == "reference" else ufl.variable(X + u)
-        horizontal = scene.physics.part.kinematics.horizontal(X if self._x is None else self._x, center)
+        horizontal = scene.physics.part.kinematics.horizontal(
+            X if self._x is None else self._x, center
+        )
         if self._x is None:
             self.g = gap_reference(tip, *horizontal, X[dim - 1] + u[dim - 1], self._delta)
             self.normal = ufl.as_vector([0.0] * (dim - 1) + [-1.0])
@@ -37,8 +44,8 @@ class Gap:
 
     @property
     def tangents(self) -> tuple[Expr, ...]:
-        """Unit tangents m_k of the tip, one for each horizontal axis: the axes, turned as -e_z is turned into the
-        normal n = grad g/|grad g|,
+        """Unit tangents m_k of the tip, one for each horizontal axis: the axes, turned as -e_z is
+        turned into the normal n = grad g/|grad g|,
 
             m_k = e_k - n_k/(1 - n_z) (n - e_z).
         """

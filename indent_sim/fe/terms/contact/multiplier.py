@@ -19,23 +19,38 @@ def multiplier(scene: Scene, order: int) -> Field:
 
 
 def stiffness_scale(scene: Scene) -> float:
-    """Pressure per length that compares gaps with pressures: the contact law's own, or E*/h_contact."""
-    return float(getattr(scene.physics.contact, "stiffness", scene.physics.material.E_star / scene.sizes.h_contact))
+    """Pressure per length that compares gaps with pressures: the contact law's own, or
+    E*/h_contact.
+    """
+    return float(
+        getattr(
+            scene.physics.contact,
+            "stiffness",
+            scene.physics.material.E_star / scene.sizes.h_contact,
+        )
+    )
 
 
 class SurfaceField:
-    """lam on the contact surface: an unknown of the body, or a function of the displacement's order."""
+    """lam on the contact surface: an unknown of the body, or a function of the displacement's
+    order.
+    """
 
     def __init__(self, body: Body):
-        self.lam: Expr  # its values at the nodes (facets, nodes) stand at `_places` in the local array of `vector`
-        self._trace, facets = body.trace, body.body_mesh.surfaces["top"]
+        # its values at the nodes (facets, nodes) stand at `_places` in the local array of `vector`
+        self.lam: Expr
+        self._trace = body.trace
+        facets = body.body_mesh.surfaces["top"]
         if "lam" in body.unknowns.names:
             nodes = facet_nodes(body.mesh, body.unknowns.own_space("lam"), facets)
-            self.lam, self.vector, self._places = body.now.fields["lam"], body.x, body.unknowns.places("lam")[nodes]
+            self.lam = body.now.fields["lam"]
+            self.vector = body.x
+            self._places = body.unknowns.places("lam")[nodes]
         else:
             space = compat.function_space(body.mesh, compat.lagrange(body.body_mesh.dim, ORDER))
             self.lam = fem.Function(space)
-            self.vector, self._places = compat.vector(self.lam), facet_nodes(body.mesh, space, facets)
+            self.vector = compat.vector(self.lam)
+            self._places = facet_nodes(body.mesh, space, facets)
 
     def at(self, points: np.ndarray) -> np.ndarray:
         """lam (facets, points) at reference-facet points of the contact surface [pressure]."""
@@ -45,12 +60,16 @@ class SurfaceField:
         """lam as a pressure to be looked at: without its ripples at the vertices of triangles."""
         if not self._trace.ripples:
             return self.at(points)
-        nodal = from_midpoints(self._nodal(), lambda values: sums(self.vector, self._places, values)[self._places])
+        nodal = from_midpoints(
+            self._nodal(), lambda values: sums(self.vector, self._places, values)[self._places]
+        )
         return self._trace.values(nodal[..., None], points)[..., 0]
 
     def fill(self, nodal: np.ndarray) -> None:
         """Set the values at the nodes of the facets (facets, nodes) [pressure] (collective)."""
-        total, count = (sums(self.vector, self._places, values) for values in (nodal, np.ones_like(nodal)))
+        total, count = (
+            sums(self.vector, self._places, values) for values in (nodal, np.ones_like(nodal))
+        )
         with self.vector.localForm() as local:
             local.array[count > 0] = total[count > 0] / count[count > 0]
 
@@ -60,7 +79,9 @@ class SurfaceField:
 
 
 def sums(vector: PETSc.Vec, places: np.ndarray, nodal: np.ndarray) -> np.ndarray:
-    """Contributions (facets, nodes) summed over facets and ranks that share a node, as the local array of `vector`."""
+    """Contributions (facets, nodes) summed over facets and ranks that share a node, as the local
+    array of `vector`.
+    """
     work = vector.duplicate()
     with work.localForm() as local:
         local.set(0.0)

@@ -14,24 +14,31 @@ from ufl.core.expr import Expr
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body
 
-Mixing = Callable[[np.ndarray, np.ndarray], np.ndarray]  # the next vector, from the present one and its image
+Mixing = Callable[
+    [np.ndarray, np.ndarray], np.ndarray
+]  # the next vector, from the present one and its image
 
 
 class Projection:
-    """lam <- the L2 projection of <p_hat> on the contact surface: int lam N = int <p_hat> N, the nodal forces. What a
-    law without a multiplier of its own knows of the pressure, p_hat at points, oscillates inside the elements as much
-    as its stiffness magnifies the gap; the nodal forces do not."""
+    """lam <- the L2 projection of <p_hat> on the contact surface: int lam N = int <p_hat> N, the
+    nodal forces. What a law without a multiplier of its own knows of the pressure, p_hat at
+    points, oscillates inside the elements as much as its stiffness magnifies the gap; the nodal
+    forces do not.
+    """
 
     def __init__(self, body: Body, pressure: Expr, function: fem.Function):
         self.function = function  # whose memory `lam` is
         self.lam = compat.vector(function)
         space = function.function_space
-        trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
+        trial = ufl.TrialFunction(space)
+        test = ufl.TestFunction(space)
         # the volume term is zero: it only gives dofs off the surface a place on the diagonal
         diagonal = fem.Constant(body.mesh, 0.0) * trial * test * ufl.dx
         mass = fem.form(body.over_contact(trial * test) + diagonal)
         self._load = fem.form(body.over_contact(pressure * test))
-        on_top = fem.locate_dofs_topological(space, body.body_mesh.dim - 1, body.body_mesh.surfaces["top"])
+        on_top = fem.locate_dofs_topological(
+            space, body.body_mesh.dim - 1, body.body_mesh.surfaces["top"]
+        )
         off = np.setdiff1d(np.arange(len(function.x.array)), on_top).astype(np.int32)
         self._off = off[off < space.dofmap.index_map.size_local]
         matrix = fem_petsc.assemble_matrix(mass, [compat.zero(off, space)])
@@ -44,14 +51,16 @@ class Projection:
         self._solver.getPC().setFactorSolverType("mumps")
 
     def update(self, mixing: Mixing | None = None) -> float:
-        """Change the multiplier (collective); returns how far it was from its projection, relative to itself: NaN where
-        one of both is not a number."""
+        """Change the multiplier (collective); returns how far it was from its projection, relative
+        to itself: NaN where one of both is not a number.
+        """
         with self._b.localForm() as local:
             local.set(0.0)
         fem_petsc.assemble_vector(self._b, self._load)
         self._b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         self._b.array[self._off] = 0.0
-        before, image = self.lam.copy(), self.lam.duplicate()
+        before = self.lam.copy()
+        image = self.lam.duplicate()
         self._solver.solve(self._b, image)
         size = np.maximum(image.norm(), before.norm())  # NaN where one is, which max() may lose
         self.lam.array[:] = mixing(before.array_r, image.array_r) if mixing else image.array_r

@@ -1,7 +1,7 @@
 """The contact term of a law with a potential: int potential(g, lam) dGamma.
 
-Its derivative along the gap is minus the pressure <lam - stiffness g>, along the tip's normal. Only what is unknown is
-varied: a frozen multiplier or the body's own stress (Nitsche, theta = 0) is not.
+Its derivative along the gap is minus the pressure <lam - stiffness g>, along the tip's normal. Only
+what is unknown is varied: a frozen multiplier or the body's own stress (Nitsche, theta = 0) is not.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ class Traction(Term):
     """The tip's push on the contact surface by the potential of the scene's contact law."""
 
     def __init__(self, body: Body, strain: Strain):
-        self.body, self.gap = body, Gap(body, body.now)
+        self.body = body
+        self.gap = Gap(body, body.now)
         self.law = body.scene.physics.contact
         self._lam = self._multiplier(strain)
         self._is_unknown = self.law.multiplier == "unknown"
@@ -40,17 +41,21 @@ class Traction(Term):
         self.has_memory = self.law.may_snap
         self.has_symmetric_tangent = self.law.multiplier != "stress"  # whose variation is dropped
         self.symbolic_law = symbolic(self.law, body.mesh)
-        g, lam = ufl.variable(self.gap.g), ufl.variable(self._lam) if self._is_unknown else self._lam
+        g = ufl.variable(self.gap.g)
+        lam = ufl.variable(self._lam) if self._is_unknown else self._lam
         potential = self.symbolic_law.potential(g, lam)
         self._slope = ufl.diff(potential, g)
         # p_hat, above zero in contact, and <p_hat> [pressure] as UFL expressions
-        self.trial_pressure, self.pressure = self.symbolic_law.trial_pressure(self.gap.g, self._lam), -self._slope
+        self.trial_pressure = self.symbolic_law.trial_pressure(self.gap.g, self._lam)
+        self.pressure = -self._slope
         self._along_lam = ufl.diff(potential, lam) if self._is_unknown else None
         self.energy = body.over_contact(potential)
         self._thrust = fem.form(body.over_contact(self._slope * self.gap.rate))
 
     def _multiplier(self, strain: Strain) -> Expr:
-        """lam in the potential: an unknown, a given function, the body's own normal stress, or zero."""
+        """lam in the potential: an unknown, a given function, the body's own normal stress, or
+        zero.
+        """
         match self.law.multiplier:
             case "unknown" | "frozen":
                 return self.field.lam
@@ -62,7 +67,9 @@ class Traction(Term):
 
     @cached_property
     def field(self) -> SurfaceField:
-        """lam as it is read: the multiplier, or where the law has none of its own the projection of the pressure."""
+        """lam as it is read: the multiplier, or where the law has none of its own the projection of
+        the pressure.
+        """
         return SurfaceField(self.body)
 
     @cached_property
@@ -91,11 +98,15 @@ class Traction(Term):
         self.symbolic_law.stiffness.value = factor * self.law.stiffness  # type: ignore[union-attr]
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
-        """lam (facets, points) at reference-facet points of the contact surface [pressure] (collective)."""
+        """lam (facets, points) at reference-facet points of the contact surface [pressure]
+        (collective).
+        """
         return self._projected().at(points)
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
-        """lam as a pressure to be looked at: without its ripples at the vertices of triangles (collective)."""
+        """lam as a pressure to be looked at: without its ripples at the vertices of triangles
+        (collective).
+        """
         return self._projected().smooth_at(points)
 
     def _projected(self) -> SurfaceField:
