@@ -469,11 +469,11 @@ def rubbed(given: Given, physics: Physics, friction: Friction) -> Rubbed | None:
     if power is None or not _is_plain(physics.part) or turns_back:
         return None
     from indent_sim.theory.surface import (
-        coulomb,
+        coulomb as coulomb_friction,
     )  # with scipy's functions, which no other scene needs
 
     with suppress(ValueError):
-        return coulomb.rubbed(physics.material.constants.nu, friction, power)
+        return coulomb_friction.rubbed(physics.material.constants.nu, friction, power)
     return None
 
 

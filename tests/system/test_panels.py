@@ -36,18 +36,18 @@ mesh: {{h_contact: 0.05}}
 @pytest.fixture
 def drawn(tmp_path, monkeypatch):
     """The figure of a wish, laid out."""
-    figures = []
+    drawn_figures = []
 
     def keep(figure, path):
         canvas.lay_out(figure)
-        figures.append(figure)
+        drawn_figures.append(figure)
 
     for module in (panels.canvas, forces):
         monkeypatch.setattr(module, "save", keep)
 
     def draw(runs, **wish):
         panels.draw(runs, panels.wish(wish), tmp_path / "picture.png")
-        return figures[-1]
+        return drawn_figures[-1]
 
     return draw
 
@@ -183,26 +183,26 @@ class TestForces:
 
     @pytest.mark.parametrize("control", ["one result", "several"])
     def test_no_legend_lies_on_a_curve(self, tmp_path, monkeypatch, control):
-        figures = []
+        drawn_figures = []
         monkeypatch.setattr(
             forces,
             "save",
-            lambda figure, path: (figure.draw_without_rendering(), figures.append(figure)),
+            lambda figure, path: (figure.draw_without_rendering(), drawn_figures.append(figure)),
         )
         runs = [a_result(error=True), a_result(title="another")][
             : 1 if control == "one result" else 2
         ]
         forces.overlay(runs, tmp_path / "picture.png")
         legends = [
-            *figures[0].legends,
-            *(axes.get_legend() for axes in figures[0].axes if axes.get_legend()),
+            *drawn_figures[0].legends,
+            *(axes.get_legend() for axes in drawn_figures[0].axes if axes.get_legend()),
         ]
         assert len(legends) == 1
         box = legends[0].get_window_extent()
         assert not any(
-            box.overlaps(axes.get_window_extent()) for axes in figures[0].axes if axes.axison
+            box.overlaps(axes.get_window_extent()) for axes in drawn_figures[0].axes if axes.axison
         )
-        assert figures[0].bbox.y0 <= box.y0 and box.x1 <= figures[0].bbox.x1
+        assert drawn_figures[0].bbox.y0 <= box.y0 and box.x1 <= drawn_figures[0].bbox.x1
 
     def test_sixty_curves_without_a_warning(self, tmp_path, monkeypatch):
         """And none is left out: sixty names in the legend of a picture whose words can be read."""

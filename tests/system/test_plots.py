@@ -37,12 +37,12 @@ def svg(tmp_path, monkeypatch):
 @pytest.fixture
 def panels(tmp_path, monkeypatch):
     """The panels of a run by the first word along their upward axis."""
-    figures = []
-    monkeypatch.setattr(forces, "save", lambda figure, path: figures.append(figure))
+    drawn_figures = []
+    monkeypatch.setattr(forces, "save", lambda figure, path: drawn_figures.append(figure))
 
     def draw(result):
         forces.force_indentation(result, tmp_path / "picture.png")
-        return {axes.get_ylabel().split(" ")[0]: axes for axes in figures[-1].axes}
+        return {axes.get_ylabel().split(" ")[0]: axes for axes in drawn_figures[-1].axes}
 
     return draw
 
@@ -70,11 +70,11 @@ class TestOneRun:
         assert path.stat().st_size > 5000 and list(tmp_path.iterdir()) == [path]
 
     def test_the_power_of_ten_of_an_axis_is_written_beside_it(self, tmp_path, monkeypatch):
-        figures = []
-        monkeypatch.setattr(forces, "save", lambda figure, path: figures.append(figure))
+        drawn_figures = []
+        monkeypatch.setattr(forces, "save", lambda figure, path: drawn_figures.append(figure))
         forces.force_indentation(a_result(units={}), tmp_path / "picture.png")
-        canvas.lay_out(figures[0])
-        along = figures[0].axes[0].xaxis
+        canvas.lay_out(drawn_figures[0])
+        along = drawn_figures[0].axes[0].xaxis
         assert along.get_offset_text().get_text() == "×10⁻⁵"
 
     def test_the_words_on_it(self, svg):
@@ -284,11 +284,11 @@ class TestSeveralRuns:
     @pytest.fixture
     def drawn(self, tmp_path, monkeypatch):
         """The figure of runs in folders with configs, laid out."""
-        figures = []
+        drawn_figures = []
         monkeypatch.setattr(
             forces,
             "save",
-            lambda figure, path: (figure.draw_without_rendering(), figures.append(figure)),
+            lambda figure, path: (figure.draw_without_rendering(), drawn_figures.append(figure)),
         )
 
         def draw(settings, error=False):
@@ -306,7 +306,7 @@ class TestSeveralRuns:
                 runs.append(dataclasses.replace(result, path=place))
                 runs[-1].table["force"] = result["force"] * (1 + nu)
             forces.overlay(runs, tmp_path / "picture.png")
-            return figures[-1]
+            return drawn_figures[-1]
 
         return draw
 

@@ -1112,8 +1112,8 @@ class TestPicture:
         from indent_sim.results.pictures import canvas
         from indent_sim.studies import picture
 
-        figures = []
-        monkeypatch.setattr(canvas, "save", lambda figure, path: figures.append(figure))
+        drawn_figures = []
+        monkeypatch.setattr(canvas, "save", lambda figure, path: drawn_figures.append(figure))
 
         def draw(rows):
             table = [
@@ -1135,8 +1135,8 @@ class TestPicture:
                 "theory",
                 tmp_path / "study.png",
             )
-            figures[-1].draw_without_rendering()
-            return figures[-1], figures[-1].axes[-1].texts[0]
+            drawn_figures[-1].draw_without_rendering()
+            return drawn_figures[-1], drawn_figures[-1].axes[-1].texts[0]
 
         return draw
 

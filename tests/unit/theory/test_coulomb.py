@@ -9,7 +9,8 @@ import math
 import numpy as np
 import pytest
 
-from indent_sim.theory.surface import coulomb, no_slip
+from indent_sim.theory.surface import coulomb as coulomb_friction
+from indent_sim.theory.surface import no_slip
 from indent_sim.theory.surface.coulomb import rubbed
 
 # Force with friction over the frictionless one, by rings of constant pressure and linear shear on
@@ -102,7 +103,7 @@ def test_rings_converge() -> None:
     """Twice as many change the forces by less than 2e-5."""
     coarse = [rubbed(0.0, friction).force for friction in (0.1, 0.3, 1.0)]
     fine = [
-        coulomb.Rings(1 - (1 - np.linspace(0, 1, 401)) ** coulomb.FINER)
+        coulomb_friction.Rings(1 - (1 - np.linspace(0, 1, 401)) ** coulomb.FINER)
         .pressed(0.5, friction)
         .force
         for friction in (0.1, 0.3, 1.0)
@@ -111,7 +112,7 @@ def test_rings_converge() -> None:
 
 
 def test_incompressible_bodies_do_not_slip_anyway() -> None:
-    assert rubbed(0.5, 0.1, 2.0) == coulomb.Rubbed(
+    assert rubbed(0.5, 0.1, 2.0) == coulomb_friction.Rubbed(
         pytest.approx(1.0, abs=1e-13), pytest.approx(1.0, abs=1e-13), 1.0
     )
 
