@@ -18,7 +18,7 @@ from indent_sim.model.body import (
     StripSides,
     Support,
 )
-from indent_sim.model.body import Layer
+from indent_sim.model.body import Layer as BodyLayer
 from indent_sim.model.contact import Friction
 from indent_sim.model.loading import History
 from indent_sim.model.materials import LinearElastic, Relaxation
@@ -217,7 +217,7 @@ def _substrate(bench: Bench, within: float) -> Said:
     (E, _) = bench.materials[0].constants
 
     def above(x: float) -> Config:
-        plies = Layer(body.height, film), Layer(None, LinearElastic(E=SOFTEST / x * E, nu=BELOW))
+        plies = BodyLayer(body.height, film), BodyLayer(None, LinearElastic(E=SOFTEST / x * E, nu=BELOW))
         return varied(layer, body=HalfSpace(layers=plies), material=None)
 
     source = f"theory of a film on a half-space of nu = {BELOW:g}"

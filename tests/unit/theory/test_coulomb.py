@@ -103,7 +103,7 @@ def test_rings_converge() -> None:
     """Twice as many change the forces by less than 2e-5."""
     coarse = [rubbed(0.0, friction).force for friction in (0.1, 0.3, 1.0)]
     fine = [
-        coulomb_friction.Rings(1 - (1 - np.linspace(0, 1, 401)) ** coulomb.FINER)
+        coulomb_friction.Rings(1 - (1 - np.linspace(0, 1, 401)) ** coulomb_friction.FINER)
         .pressed(0.5, friction)
         .force
         for friction in (0.1, 0.3, 1.0)
