@@ -162,7 +162,7 @@ def pytest_collect_file(file_path: Path) -> None:
     itself for a rank.
     """
     if file_path.relative_to(TESTS).parts[0] in FOLDERS_THAT_SOLVE:
-        from indent_sim.fe.environment import load_dolfinx
+        from indent_sim.fe.dolfinx_loading import load_dolfinx
 
         load_dolfinx()
 

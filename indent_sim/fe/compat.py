@@ -37,7 +37,7 @@ from ufl.corealg.multifunction import MultiFunction
 
 DOLFINX_VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 CELL_NAMES = {2: "triangle", 3: "tetrahedron"}
-FIRST_CONSTANT = 10**9
+FIRST_CONSTANT_NUMBER = 10**9
 # PETSc 3.25 has another name for it, and keeps the number
 _REASONS = PETSc.SNES.ConvergedReason
 SNES_RESIDUAL_NOT_FINITE = (
@@ -52,9 +52,9 @@ if DOLFINX_VERSION >= (0, 8):
 # comes before 9. With as many digits in all of them the order is that of their making, whatever
 # this process has made before: one kernel, compiled once, and the same bits in every run.
 if hasattr(ufl.Constant, "_globalcount"):
-    ufl.Constant._globalcount = FIRST_CONSTANT
+    ufl.Constant._globalcount = FIRST_CONSTANT_NUMBER
 else:
-    ufl.Constant._counter = itertools.count(FIRST_CONSTANT)
+    ufl.Constant._counter = itertools.count(FIRST_CONSTANT_NUMBER)
 
 
 def read_settings() -> Path:
@@ -62,12 +62,12 @@ def read_settings() -> Path:
     of kernels.
     """
     name = "options" if DOLFINX_VERSION >= (0, 7) else "parameters"
-    found = getattr(dolfinx.jit, f"get_{name}")()
+    options = getattr(dolfinx.jit, f"get_{name}")()
     getattr(import_module(f"ffcx.{name}"), f"get_{name}")()
-    return Path(str(found["cache_dir"])).expanduser()
+    return Path(str(options["cache_dir"])).expanduser()
 
 
-def lagrange(dim: int, order: int, components: int = 1) -> Element:
+def lagrange_element(dim: int, order: int, components: int = 1) -> Element:
     """Continuous Lagrange element on simplices, scalar or with several `components`."""
     if DOLFINX_VERSION >= (0, 8):
         return basix.ufl.element(
@@ -78,7 +78,7 @@ def lagrange(dim: int, order: int, components: int = 1) -> Element:
     return ufl.FiniteElement("Lagrange", CELL_NAMES[dim], order)
 
 
-def at_quadrature(dim: int, degree: int, components: int) -> Element:
+def quadrature_element(dim: int, degree: int, components: int) -> Element:
     """Values at the points of a quadrature rule on simplices, of several `components`, and nowhere
     else.
     """
@@ -91,14 +91,14 @@ def at_quadrature(dim: int, degree: int, components: int) -> Element:
     )
 
 
-def in_cells(dim: int, components: int) -> Element:
+def cellwise_element(dim: int, components: int) -> Element:
     """One value in each cell, of several `components`."""
     if DOLFINX_VERSION >= (0, 8):
         return basix.ufl.element("DG", CELL_NAMES[dim], 0, shape=(components,))
     return ufl.VectorElement("DG", CELL_NAMES[dim], 0, dim=components)
 
 
-def mixed(*elements: Element) -> Element:
+def mixed_element(*elements: Element) -> Element:
     """Several elements side by side."""
     return (
         basix.ufl.mixed_element(list(elements))
@@ -116,12 +116,12 @@ def function_space(mesh: Mesh, element: Element) -> fem.FunctionSpace:
     )
 
 
-def _of_coordinates(dim: int, order: int) -> Element:
+def _coordinate_element(dim: int, order: int) -> Element:
     """Of a mesh's points; FFCx before 0.7 would set the variant once it compiles, and name later
     kernels otherwise.
     """
     if DOLFINX_VERSION >= (0, 8):
-        return lagrange(dim, order, dim)
+        return lagrange_element(dim, order, dim)
     return ufl.VectorElement("Lagrange", CELL_NAMES[dim], order, dim=dim, variant="equispaced")
 
 
@@ -130,7 +130,7 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int)
     ghost cells. cells: by their corners, or with the middles of their edges after them, each
     opposite to a corner in turn.
     """
-    domain = ufl.Mesh(_of_coordinates(dim, 1 if cells.shape[1] == dim + 1 else 2))
+    domain = ufl.Mesh(_coordinate_element(dim, 1 if cells.shape[1] == dim + 1 else 2))
     ghosts = dolfinx.mesh.GhostMode.none
     if DOLFINX_VERSION < (0, 6):  # an array would be tried first, and refused with its text, 0.02 s
         table = dolfinx.cpp.graph.AdjacencyList_int64(np.asarray(cells, dtype=np.int64))
@@ -140,7 +140,7 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int)
     return dolfinx.mesh.create_mesh(comm, cells, *arguments, partitioner=partitioner)
 
 
-def zero(dofs: np.ndarray, space: fem.FunctionSpace) -> fem.DirichletBC:
+def zero_bc(dofs: np.ndarray, space: fem.FunctionSpace) -> fem.DirichletBC:
     """The condition that dofs of a space are zero."""
     if DOLFINX_VERSION < (
         0,
@@ -184,19 +184,19 @@ def exterior_facets(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     ]
 
 
-def vector(function: fem.Function) -> PETSc.Vec:
+def petsc_vector(function: fem.Function) -> PETSc.Vec:
     """The PETSc vector behind a Function."""
     return function.x.petsc_vec if hasattr(function.x, "petsc_vec") else function.vector
 
 
-def evaluate(expression: fem.Expression, mesh: Mesh, cells: np.ndarray) -> np.ndarray:
+def evaluate_expression(expression: fem.Expression, mesh: Mesh, cells: np.ndarray) -> np.ndarray:
     """Values of an Expression at its points in each of the cells."""
     return np.asarray(
         expression.eval(cells) if DOLFINX_VERSION < (0, 7) else expression.eval(mesh, cells)
     )
 
 
-class _Components(MultiFunction):
+class _ComponentSimplifier(MultiFunction):
     """Components of tensors where it is known which: [a, b, 0][1] is b, and multiples of [a, b,
     0][2] vanish.
     """
@@ -211,7 +211,7 @@ class _Components(MultiFunction):
             return self.indexed(None, row, MultiIndex(tuple(rest))) if rest else row
         if isinstance(tensor, ComponentTensor) and any(isinstance(i, FixedIndex) for i in index):
             scalar, bound = tensor.ufl_operands
-            chosen = map_expr_dag(_Bound(dict(zip(bound, index, strict=True))), scalar)
+            chosen = map_expr_dag(_IndexReplacement(dict(zip(bound, index, strict=True))), scalar)
             return map_expr_dag(self, chosen)
         if isinstance(tensor, Identity) and all(isinstance(i, FixedIndex) for i in index):
             return IntValue(1) if len({int(i) for i in index}) == 1 else Zero()
@@ -228,32 +228,34 @@ class _Components(MultiFunction):
         return self.reuse_if_untouched(expression, condition, true, false)
 
 
-class _Bound(MultiFunction):
+class _IndexReplacement(MultiFunction):
     """Free indices replaced by others."""
 
     expr = MultiFunction.reuse_if_untouched
 
-    def __init__(self, chosen: dict[Index, Index]):
+    def __init__(self, replacements: dict[Index, Index]):
         super().__init__()
-        self._chosen = chosen
+        self._replacements = replacements
 
     def multi_index(self, index: MultiIndex) -> MultiIndex:
         """The same indices, or those that stand for them."""
-        return MultiIndex(tuple(self._chosen.get(i, i) for i in index))
+        return MultiIndex(tuple(self._replacements.get(i, i) for i in index))
 
     def zero(self, zero: Zero) -> Zero:
         """Zero without the indices that are bound now."""
         pairs = zip(zero.ufl_free_indices, zero.ufl_index_dimensions, strict=True)
-        bound = {index.count() for index in self._chosen}
-        left = [(count, dim) for count, dim in pairs if count not in bound]
-        return Zero(zero.ufl_shape, tuple(c for c, _ in left), tuple(d for _, d in left))
+        bound = {index.count() for index in self._replacements}
+        remaining = [(count, dim) for count, dim in pairs if count not in bound]
+        return Zero(zero.ufl_shape, tuple(c for c, _ in remaining), tuple(d for _, d in remaining))
 
 
-def differentiated(form: ufl.Form) -> ufl.Form:
+def expand_derivatives(form: ufl.Form) -> ufl.Form:
     """A form with its derivatives carried out, and no terms left that are zero because one field
     alone is varied. UFL before 2023 keeps them, and FFCx then cannot compile a kernel.
     """
-    return map_integrand_dags(_Components(), apply_derivatives(apply_algebra_lowering(form)))
+    return map_integrand_dags(
+        _ComponentSimplifier(), apply_derivatives(apply_algebra_lowering(form))
+    )
 
 
 def interpolation_matrix(coarse: fem.FunctionSpace, fine: fem.FunctionSpace) -> PETSc.Mat:
@@ -275,7 +277,7 @@ def create_vector(form: fem.Form, space: fem.FunctionSpace) -> PETSc.Vec:
     )
 
 
-def quadrature(cell: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
+def quadrature_rule(cell: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, dim) and weights (n,) of a rule on the reference `interval` or `triangle`."""
     points, weights = basix.make_quadrature(getattr(basix.CellType, cell), degree)
     return np.asarray(points).reshape(len(weights), -1), np.asarray(weights)
@@ -288,5 +290,5 @@ def versions() -> dict[str, str]:
     petsc = ".".join(map(str, PETSc.Sys.getVersion()))
     mpi = MPI.Get_library_version().split(",")[0].strip()
     modules = {"dolfinx": dolfinx, "petsc4py": petsc4py, "numpy": np}
-    ours = {name: module.__version__ for name, module in modules.items()}
-    return {"python": platform.python_version(), "petsc": petsc, "mpi": mpi, **ours}
+    module_versions = {name: module.__version__ for name, module in modules.items()}
+    return {"python": platform.python_version(), "petsc": petsc, "mpi": mpi, **module_versions}

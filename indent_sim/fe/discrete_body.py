@@ -20,13 +20,13 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 from indent_sim.fe.mesh import BodyMesh
-from indent_sim.fe.observe.surface import QUADRATURE_DEGREE, Trace, facet_nodes
+from indent_sim.fe.surface import QUADRATURE_DEGREE, Trace, facet_nodes
 from indent_sim.mesh.modelled_part import Region
 from indent_sim.mesh.reactions import Surface
 from indent_sim.scene.scene import Scene
 
-HeldDofs = list[tuple[int, np.ndarray]]  # component and local dofs
-ORDER = 2  # of the displacement
+ConstrainedDofs = list[tuple[int, np.ndarray]]  # component and local dofs
+DISPLACEMENT_ORDER = 2  # of the displacement
 # Of the quadrature of the volume, by dimension. In three dimensions four points a cell, exact for
 # the strain energy of linear bodies; in hyperelastic ones they change the force by a thirtieth of
 # what the mesh does (test_hyperelastic.py), and 14 points cost three times as much. In two the
@@ -46,13 +46,13 @@ class Field:
 
     name: str
     order: int
-    along: tuple[int, ...] = ()
-    where: tuple[Region, ...] | str = ""
+    axes: tuple[int, ...] = ()
+    domain: tuple[Region, ...] | str = ""
     weight: float = 1.0
 
 
 @dataclass(frozen=True)
-class Moment:
+class TimeLevel:
     """The unknowns at one time: the function that holds them, its fields as UFL expressions, the
     tip's depth [length] and the time [time]; test and trial are the variations of the virtual
     work and of its derivative.
@@ -72,23 +72,25 @@ class Unknowns:
     """
 
     def __init__(self, mesh: dolfinx_mesh.Mesh, fields: Sequence[Field]):
-        self.kinds = {field.name: field for field in fields}
-        self.names = tuple(self.kinds)
+        self.fields_by_name = {field.name: field for field in fields}
+        self.names = tuple(self.fields_by_name)
         self.dim = mesh.geometry.dim
-        elements = [compat.lagrange(self.dim, field.order, len(field.along)) for field in fields]
+        elements = [
+            compat.lagrange_element(self.dim, field.order, len(field.axes)) for field in fields
+        ]
         self.space = compat.function_space(
-            mesh, elements[0] if len(elements) == 1 else compat.mixed(*elements)
+            mesh, elements[0] if len(elements) == 1 else compat.mixed_element(*elements)
         )
         self.solution = fem.Function(self.space)
-        self.x = compat.vector(self.solution)
+        self.x = compat.petsc_vector(self.solution)
         rows = self.space.dofmap.index_map
         width = self.space.dofmap.index_map_bs
         # number of dofs that this rank owns, which come first in its local array, and of those on
         # all ranks
-        self.owned = rows.size_local * width
-        self.total = rows.size_global * width
+        self.owned_count = rows.size_local * width
+        self.total_count = rows.size_global * width
 
-    def of(self, function: Expr) -> dict[str, Expr]:
+    def split_fields(self, function: Expr) -> dict[str, Expr]:
         """The fields of any function of the space, by their names."""
         parts = (function,) if len(self.names) == 1 else ufl.split(function)
         return dict(zip(self.names, parts, strict=True))
@@ -97,11 +99,15 @@ class Unknowns:
         """A test or trial function of one field alone as a variation of the whole solution."""
         if len(self.names) == 1:
             return argument
-        parts = {field.name: [0.0] * max(len(field.along), 1) for field in self.kinds.values()}
-        parts[name] = (
-            [argument[k] for k in range(len(parts[name]))] if argument.ufl_shape else [argument]
+        components_of_fields = {
+            field.name: [0.0] * max(len(field.axes), 1) for field in self.fields_by_name.values()
+        }
+        components_of_fields[name] = (
+            [argument[k] for k in range(len(components_of_fields[name]))]
+            if argument.ufl_shape
+            else [argument]
         )
-        return ufl.as_vector(list(chain.from_iterable(parts.values())))
+        return ufl.as_vector(list(chain.from_iterable(components_of_fields.values())))
 
     def subspace(self, name: str, component: int | None = None) -> fem.FunctionSpace:
         """The part of the space that holds a field, or one component of it."""
@@ -109,34 +115,34 @@ class Unknowns:
         return space if component is None else space.sub(component)
 
     @cached_property
-    def _collapsed(self) -> dict[str, tuple[fem.FunctionSpace, np.ndarray]]:
+    def _collapsed_spaces(self) -> dict[str, tuple[fem.FunctionSpace, np.ndarray]]:
         """For each field a space of its own, and the place of its dofs in the solution's local
         array.
         """
         if len(self.names) == 1:
             return {"u": (self.space, np.arange(len(self.solution.x.array)))}
-        found = {name: self.subspace(name).collapse() for name in self.names}
-        return {name: (space, np.asarray(places)) for name, (space, places) in found.items()}
+        collapsed = {name: self.subspace(name).collapse() for name in self.names}
+        return {name: (space, np.asarray(places)) for name, (space, places) in collapsed.items()}
 
-    def own_space(self, name: str) -> fem.FunctionSpace:
+    def collapsed_space(self, name: str) -> fem.FunctionSpace:
         """A space of the field alone."""
-        return self._collapsed[name][0]
+        return self._collapsed_spaces[name][0]
 
-    def places(self, name: str) -> np.ndarray:
+    def dofs(self, name: str) -> np.ndarray:
         """Where the dofs of the field's own space stand in the solution's local array."""
-        return self._collapsed[name][1]
+        return self._collapsed_spaces[name][1]
 
-    def components(self, name: str) -> dict[int | None, np.ndarray]:
-        """`places` of each component of the field, None for that of a scalar."""
-        places = self.places(name)
-        size = len(self.kinds[name].along)
-        return {c: places[c::size] for c in range(size)} if size > 1 else {None: places}
+    def component_dofs(self, name: str) -> dict[int | None, np.ndarray]:
+        """`dofs` of each component of the field, None for that of a scalar."""
+        dofs = self.dofs(name)
+        size = len(self.fields_by_name[name].axes)
+        return {c: dofs[c::size] for c in range(size)} if size > 1 else {None: dofs}
 
-    def displacement_places(self, nodes: np.ndarray) -> np.ndarray:
+    def displacement_dofs(self, nodes: np.ndarray) -> np.ndarray:
         """Indices (..., dim) into the local array of the displacement components at nodes of u's
         own space.
         """
-        return self.places("u")[nodes[..., None] * self.dim + np.arange(self.dim)]
+        return self.dofs("u")[nodes[..., None] * self.dim + np.arange(self.dim)]
 
     def dofs_on(
         self, name: str, component: int | None, dim: int, entities: np.ndarray
@@ -156,7 +162,9 @@ def components(expression: Expr) -> list[Expr]:
     return [expression[k] for k in range(len(expression))] if expression.ufl_shape else [expression]
 
 
-def held(space: fem.FunctionSpace, body_mesh: BodyMesh) -> tuple[HeldDofs, HeldDofs]:
+def support_and_pin_dofs(
+    space: fem.FunctionSpace, body_mesh: BodyMesh
+) -> tuple[ConstrainedDofs, ConstrainedDofs]:
     """What supports and pins hold at zero in a space of displacements: component and local dofs
     (collective).
     """
@@ -174,12 +182,12 @@ def held(space: fem.FunctionSpace, body_mesh: BodyMesh) -> tuple[HeldDofs, HeldD
     return supports, pins
 
 
-def zero(space: fem.FunctionSpace, dofs: np.ndarray) -> fem.DirichletBC:
+def zero_bc(space: fem.FunctionSpace, dofs: np.ndarray) -> fem.DirichletBC:
     """Hold dofs of a space: their rows and columns of a tangent are those of the identity."""
-    return compat.zero(dofs, space)
+    return compat.zero_bc(dofs, space)
 
 
-def symbolic(item: Any, mesh: dolfinx_mesh.Mesh) -> Any:
+def symbolic_copy(item: Any, mesh: dolfinx_mesh.Mesh) -> Any:
     """The same dataclass with every real number a `Constant`: a changed value never recompiles a
     kernel. Whole numbers count something (faces of a pyramid) and decide the formula itself.
     """
@@ -188,7 +196,7 @@ def symbolic(item: Any, mesh: dolfinx_mesh.Mesh) -> Any:
         if isinstance(value, tuple):
             return tuple(map(constant, value))
         if dataclasses.is_dataclass(value):
-            return symbolic(value, mesh)
+            return symbolic_copy(value, mesh)
         return fem.Constant(mesh, value) if isinstance(value, float) else value
 
     return dataclasses.replace(
@@ -201,51 +209,54 @@ class Body:
     and surfaces.
     """
 
-    def __init__(self, scene: Scene, body_mesh: BodyMesh, beside: Sequence[Field] = ()):
+    def __init__(self, scene: Scene, body_mesh: BodyMesh, additional_fields: Sequence[Field] = ()):
         """beside: the fields that the terms of the virtual work need beside the displacement."""
         self.scene = scene
         self.body_mesh = body_mesh
         self.mesh = body_mesh.mesh
         self.comm = body_mesh.comm
         self.unknowns = Unknowns(
-            self.mesh, [Field("u", ORDER, along=tuple(range(body_mesh.dim))), *beside]
+            self.mesh,
+            [Field("u", DISPLACEMENT_ORDER, axes=tuple(range(body_mesh.dim))), *additional_fields],
         )
         self.x = self.unknowns.x
         self.X = ufl.SpatialCoordinate(self.mesh)
         self.weight = scene.physics.part.kinematics.weight(self.X)
         self.dt = fem.Constant(self.mesh, 0.0)  # of the step's present stage [time]
-        self.now = self._moment(self.unknowns.solution)
-        self._before: Moment | None = None
-        self.trace, self.skin = map(self._trace_of, (body_mesh.surfaces["top"], body_mesh.skin))
-        self._tag()
-        self._constrain()
+        self.now = self._create_time_level(self.unknowns.solution)
+        self._before: TimeLevel | None = None
+        self.trace, self.noncontact_trace = map(
+            self._create_trace, (body_mesh.surfaces["top"], body_mesh.noncontact_facets)
+        )
+        self._create_tags()
+        self._constrain_all()
 
-    def _moment(self, function: fem.Function) -> Moment:
+    def _create_time_level(self, function: fem.Function) -> TimeLevel:
         space = self.unknowns.space
         depth = fem.Constant(self.mesh, 0.0)
         t = fem.Constant(self.mesh, 0.0)
-        ways = ufl.TestFunction(space), ufl.TrialFunction(space)
-        return Moment(function, self.unknowns.of(function), depth, t, *ways)
+        arguments = ufl.TestFunction(space), ufl.TrialFunction(space)
+        return TimeLevel(function, self.unknowns.split_fields(function), depth, t, *arguments)
 
     @property
-    def before(self) -> Moment:
+    def before(self) -> TimeLevel:
         """The last accepted state; made when a term first asks for it, which few do."""
-        self._before = self._before or self._moment(fem.Function(self.unknowns.space))
+        self._before = self._before or self._create_time_level(fem.Function(self.unknowns.space))
         return self._before
 
     @property
-    def before_depth(self) -> float:
+    def accepted_depth(self) -> float:
         """The depth that was accepted last [length]; the present one where no term asks for the
         state before.
         """
         return float((self._before or self.now).delta.value)
 
-    def begin(self, stage_dt: float, passed: float) -> None:
+    def begin_stage(self, stage_dt: float, elapsed: float) -> None:
         """Set out on a part of a step: its time, and when it ends after the last accepted state
         [time].
         """
         self.dt.value = stage_dt
-        self.now.t.value = float((self._before or self.now).t.value) + passed
+        self.now.t.value = float((self._before or self.now).t.value) + elapsed
 
     def accept(self) -> None:
         """Make the present state the last accepted one."""
@@ -254,7 +265,7 @@ class Body:
             self._before.delta.value = self.now.delta.value
             self._before.t.value = self.now.t.value
 
-    def _tag(self) -> None:
+    def _create_tags(self) -> None:
         regions = self.body_mesh.regions.astype(np.int32)
         cells = np.arange(len(regions), dtype=np.int32)
         self._cell_tags = dolfinx_mesh.meshtags(self.mesh, self.body_mesh.dim, cells, regions)
@@ -262,23 +273,26 @@ class Body:
         # has
         names = dict.fromkeys(["top", "r_max", *sorted(self.body_mesh.surfaces)])
         self._tags = {name: tag for tag, name in enumerate(names, start=1)}
-        parts = [self.body_mesh.surfaces.get(name, np.empty(0, dtype=np.int32)) for name in names]
-        facets = np.concatenate(parts)
-        order = np.argsort(np.concatenate(parts))
+        facets_by_name = [
+            self.body_mesh.surfaces.get(name, np.empty(0, dtype=np.int32)) for name in names
+        ]
+        facets = np.concatenate(facets_by_name)
+        order = np.argsort(np.concatenate(facets_by_name))
         tags = np.repeat(
-            np.arange(1, len(parts) + 1, dtype=np.int32), [len(part) for part in parts]
+            np.arange(1, len(facets_by_name) + 1, dtype=np.int32),
+            [len(part) for part in facets_by_name],
         )
         self._facet_tags = dolfinx_mesh.meshtags(
             self.mesh, self.body_mesh.dim - 1, facets[order], tags[order]
         )
 
-    def over_region(self, density: Expr, region: Region) -> ufl.Form:
+    def region_integral(self, density: Expr, region: Region) -> ufl.Form:
         """The integral of a density over a region, as a UFL form; without `weight` over its
         section.
         """
-        return density * self.weight * self.section(region)
+        return density * self.weight * self.region_measure(region)
 
-    def section(self, region: Region) -> ufl.Measure:
+    def region_measure(self, region: Region) -> ufl.Measure:
         """The measure of a region of the mesh."""
         metadata = {"quadrature_degree": VOLUME_DEGREE[self.body_mesh.dim]}
         regions = self.scene.physics.part.regions
@@ -291,17 +305,19 @@ class Body:
             metadata=metadata,
         )
 
-    def over(self, field: Field, density: Expr) -> ufl.Form:
+    def field_domain_integral(self, field: Field, density: Expr) -> ufl.Form:
         """The integral of a density over what a field lives on, as a UFL form."""
-        if isinstance(field.where, str):
-            return self.over_surface(field.where, density)
-        return reduce(add, (self.over_region(density, region) for region in field.where))
+        if isinstance(field.domain, str):
+            return self.surface_integral(field.domain, density)
+        return reduce(add, (self.region_integral(density, region) for region in field.domain))
 
-    def over_contact(self, integrand: Expr) -> ufl.Form:
+    def contact_integral(self, integrand: Expr) -> ufl.Form:
         """The integral of an expression over the contact surface, as a UFL form."""
-        return self.over_surface("top", integrand, QUADRATURE_DEGREE[self.body_mesh.dim])
+        return self.surface_integral("top", integrand, QUADRATURE_DEGREE[self.body_mesh.dim])
 
-    def over_surface(self, name: str, integrand: Expr, degree: int = 2 * ORDER) -> ufl.Form:
+    def surface_integral(
+        self, name: str, integrand: Expr, degree: int = 2 * DISPLACEMENT_ORDER
+    ) -> ufl.Form:
         """The integral of an expression over a named surface, as a UFL form."""
         metadata = {"quadrature_degree": degree}
         measure = ufl.ds(
@@ -309,29 +325,33 @@ class Body:
         )
         return integrand * self.weight * measure
 
-    def _trace_of(self, facets: np.ndarray) -> Trace:
-        nodes = facet_nodes(self.mesh, space := self.unknowns.own_space("u"), facets)
+    def _create_trace(self, facets: np.ndarray) -> Trace:
+        nodes = facet_nodes(self.mesh, space := self.unknowns.collapsed_space("u"), facets)
         X = space.tabulate_dof_coordinates()[:, : self.body_mesh.dim][nodes]
-        return Trace(nodes, X, self.unknowns.displacement_places(nodes))
+        return Trace(nodes, X, self.unknowns.displacement_dofs(nodes))
 
-    def _constrain(self) -> None:
+    def _constrain_all(self) -> None:
         unknowns = self.unknowns
         body_mesh = self.body_mesh
         displacement = unknowns.subspace("u")
-        supported, pins = held(displacement, body_mesh)
-        self.bcs = [zero(displacement.sub(c), dofs) for c, dofs in supported + pins]
-        self.supports = _owned([dofs for _, dofs in supported + pins], unknowns.owned)
-        self.bearing = self._bearing(supported)
-        self.pinned = _owned([dofs for _, dofs in pins], unknowns.owned)
-        self.constrained = self.supports
-        self.active_dofs = unknowns.total
-        self._imposed: list[tuple[np.ndarray, float]] = []
-        for field in unknowns.kinds.values():
-            self._confine(field)
+        support_dofs, pin_dofs = support_and_pin_dofs(displacement, body_mesh)
+        self.bcs = [zero_bc(displacement.sub(c), dofs) for c, dofs in support_dofs + pin_dofs]
+        self.support_dofs = _owned_dofs(
+            [dofs for _, dofs in support_dofs + pin_dofs], unknowns.owned_count
+        )
+        self.support_shares = self._find_support_shares(support_dofs)
+        self.pin_dofs = _owned_dofs([dofs for _, dofs in pin_dofs], unknowns.owned_count)
+        self.constrained_dofs = self.support_dofs
+        self.active_dof_count = unknowns.total_count
+        self._prescribed_values: list[tuple[np.ndarray, float]] = []
+        for field in unknowns.fields_by_name.values():
+            self._constrain_outside_domain(field)
             if field.name != "u":
-                self._follow_supports(field)
+                self._constrain_at_supports(field)
 
-    def _bearing(self, supported: HeldDofs) -> dict[Surface, tuple[np.ndarray, np.ndarray]]:
+    def _find_support_shares(
+        self, support_dofs: ConstrainedDofs
+    ) -> dict[Surface, tuple[np.ndarray, np.ndarray]]:
         """Own dofs that the support of each surface holds along a component, and its share of what
         holds each dof.
 
@@ -340,68 +360,73 @@ class Body:
         the image beyond it: a support that reaches it has there none along the normal.
         """
         part = self.scene.physics.part
-        owned = self.unknowns.owned
-        by_symmetry = {"r_min", *part.mirror_planes}
+        owned = self.unknowns.owned_count
+        symmetry_surfaces = {"r_min", *part.mirror_planes}
         groups: dict[Surface, np.ndarray] = {}
-        supports = np.zeros(owned)  # that hold each dof
-        for (component, surface), (_, dofs) in zip(part.held_sides, supported, strict=True):
+        support_count = np.zeros(owned)  # that hold each dof
+        for (component, surface), (_, dofs) in zip(part.held_sides, support_dofs, strict=True):
             groups[surface, component] = dofs[dofs < owned]
-            if surface not in by_symmetry:
-                supports[dofs[dofs < owned]] += 1.0
-        share = 1 / np.maximum(supports, 1.0)
+            if surface not in symmetry_surfaces:
+                support_count[dofs[dofs < owned]] += 1.0
+        support_share = 1 / np.maximum(support_count, 1.0)
         for (surface, _), dofs in groups.items():
-            if surface in by_symmetry:
-                share[dofs] = 0.0
+            if surface in symmetry_surfaces:
+                support_share[dofs] = 0.0
         ones = np.ones(owned)
         return {
-            (surface, component): (dofs, (ones if surface in by_symmetry else share)[dofs])
+            (surface, component): (
+                dofs,
+                (ones if surface in symmetry_surfaces else support_share)[dofs],
+            )
             for (surface, component), dofs in groups.items()
         }
 
-    def _confine(self, field: Field) -> None:
+    def _constrain_outside_domain(self, field: Field) -> None:
         """A field is held at zero where it does not live, and costs nothing there."""
-        if field.where in ("", self.scene.physics.part.regions):
+        if field.domain in ("", self.scene.physics.part.regions):
             return
-        if isinstance(field.where, str):
+        if isinstance(field.domain, str):
             dim = self.body_mesh.dim - 1
-            home = self.body_mesh.surfaces[field.where]
+            entities = self.body_mesh.surfaces[field.domain]
         else:
-            numbers = [self.scene.physics.part.regions.index(region) for region in field.where]
+            numbers = [self.scene.physics.part.regions.index(region) for region in field.domain]
             dim = self.body_mesh.dim
-            home = np.flatnonzero(np.isin(self.body_mesh.regions, numbers)).astype(np.int32)
-        dofs = self.unknowns.dofs_on(field.name, None, dim, home)
-        for component, places in self.unknowns.components(field.name).items():
-            self.hold(field.name, component, np.setdiff1d(places, dofs))
+            entities = np.flatnonzero(np.isin(self.body_mesh.regions, numbers)).astype(np.int32)
+        dofs = self.unknowns.dofs_on(field.name, None, dim, entities)
+        for component, component_dofs in self.unknowns.component_dofs(field.name).items():
+            self.constrain_dofs(field.name, component, np.setdiff1d(component_dofs, dofs))
 
-    def _follow_supports(self, field: Field) -> None:
+    def _constrain_at_supports(self, field: Field) -> None:
         """A field along an axis is zero where that component of u is held: it does no work there,
         and would be free.
         """
         dim = self.body_mesh.dim - 1
         surfaces = self.body_mesh.surfaces
         for component, surface in self.body_mesh.part.held_sides:
-            if component in field.along:
-                along = component if len(field.along) > 1 else None
-                self.hold(
+            if component in field.axes:
+                field_component = component if len(field.axes) > 1 else None
+                self.constrain_dofs(
                     field.name,
-                    along,
-                    self.unknowns.dofs_on(field.name, along, dim, surfaces[surface]),
+                    field_component,
+                    self.unknowns.dofs_on(field.name, field_component, dim, surfaces[surface]),
                 )
 
-    def hold(self, name: str, component: int | None, dofs: np.ndarray, value: float = 0.0) -> None:
+    def constrain_dofs(
+        self, name: str, component: int | None, dofs: np.ndarray, value: float = 0.0
+    ) -> None:
         """Hold local dofs of a field, or of one component of it, at a value (collective)."""
-        self.bcs.append(zero(self.unknowns.subspace(name, component), dofs))
-        own = np.setdiff1d(dofs[dofs < self.unknowns.owned], self.constrained)
-        self.constrained = np.union1d(self.constrained, own)
-        self.active_dofs -= self.comm.allreduce(len(own), op=MPI.SUM)
+        self.bcs.append(zero_bc(self.unknowns.subspace(name, component), dofs))
+        owned_dofs = np.setdiff1d(dofs[dofs < self.unknowns.owned_count], self.constrained_dofs)
+        self.constrained_dofs = np.union1d(self.constrained_dofs, owned_dofs)
+        self.active_dof_count -= self.comm.allreduce(len(owned_dofs), op=MPI.SUM)
         if value:
-            self._imposed.append((dofs, value))
+            self._prescribed_values.append((dofs, value))
 
-    def impose(self) -> None:
+    def apply_prescribed_values(self) -> None:
         """Give the dofs that are held at a value other than zero that value; Newton leaves them
         there.
         """
-        for dofs, value in self._imposed:
+        for dofs, value in self._prescribed_values:
             self.local_array()[dofs] = value
 
     def set_solution(self, x: PETSc.Vec) -> None:
@@ -418,6 +443,6 @@ class Body:
         return self.local_array()[self.trace.dofs]
 
 
-def _owned(groups: list[np.ndarray], owned: int) -> np.ndarray:
+def _owned_dofs(groups: list[np.ndarray], owned: int) -> np.ndarray:
     dofs = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *groups]))
     return dofs[dofs < owned]

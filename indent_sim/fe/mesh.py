@@ -26,7 +26,7 @@ class BodyMesh:
     mesh: dolfinx.mesh.Mesh
     part: Part
     surfaces: dict[str, np.ndarray]
-    skin: np.ndarray
+    noncontact_facets: np.ndarray
     regions: np.ndarray
     hash: str
 
@@ -56,25 +56,31 @@ def distribute(grid: Grid | None, part: Part, comm: MPI.Comm) -> BodyMesh:
     to have which cell.
     """
     dim = part.dim
-    fingerprint, named = comm.bcast((grid.hash, grid.surfaces) if grid else None, root=0)
-    whole = (None,) * 3 if grid is None else (*_curved(grid, part), grid.regions)
-    points, cells, regions = (rows.scatter(comm, table) for table in whole)
+    fingerprint, named_facets = comm.bcast((grid.hash, grid.surfaces) if grid else None, root=0)
+    tables = (None,) * 3 if grid is None else (*_curved_geometry(grid, part), grid.regions)
+    points, cells, regions = (rows.scatter(comm, table) for table in tables)
     mesh = compat.create_mesh(comm, cells, points, dim)
     regions = rows.fetch(comm, regions, np.asarray(mesh.topology.original_cell_index))
     mesh.topology.create_connectivity(dim - 1, dim)
     mesh.topology.create_connectivity(dim, dim - 1)
     mesh.topology.create_connectivity(0, dim)
     facets, corners = compat.exterior_facets(mesh)
-    surfaces = {surface: facets[_among(corners, wanted)] for surface, wanted in named.items()}
-    others = [
+    surfaces = {
+        surface: facets[_match_facets(corners, wanted)] for surface, wanted in named_facets.items()
+    }
+    excluded_facets = [
         facets[:0],
-        *(surfaces[name] for name in named if name == "top" or part.supports.get(name) == "roller"),
+        *(
+            surfaces[name]
+            for name in named_facets
+            if name == "top" or part.supports.get(name) == "roller"
+        ),
     ]
-    skin = np.setdiff1d(facets, np.concatenate(others))
-    return BodyMesh(mesh, part, surfaces, skin, regions, fingerprint)
+    noncontact_facets = np.setdiff1d(facets, np.concatenate(excluded_facets))
+    return BodyMesh(mesh, part, surfaces, noncontact_facets, regions, fingerprint)
 
 
-def _curved(grid: Grid, part: Part) -> tuple[np.ndarray, np.ndarray]:
+def _curved_geometry(grid: Grid, part: Part) -> tuple[np.ndarray, np.ndarray]:
     """Points and cells of a grid; with a spherical top the middles of edges too, on the sphere
     where its facets are.
     """
@@ -86,37 +92,39 @@ def _curved(grid: Grid, part: Part) -> tuple[np.ndarray, np.ndarray]:
     ends, number = np.unique(edges, axis=0, return_inverse=True)
     middles = grid.points[ends].mean(axis=1)
     arcs = {side.surface for side in part.outline if side.middle is not None}
-    round_ = _among(ends, np.concatenate([grid.surfaces[name] for name in sorted(arcs)]))
-    middles[round_] = np.column_stack(on_dome(part.dome, *middles[round_].T))
-    for z, between in _faces(grid, part, number.ravel(), len(ends)):
-        r, above = on_dome(part.dome + z, *(middles[between] - [0.0, z]).T)
-        middles[between] = np.column_stack([r, above + z])
+    is_on_sphere = _match_facets(
+        ends, np.concatenate([grid.surfaces[name] for name in sorted(arcs)])
+    )
+    middles[is_on_sphere] = np.column_stack(on_dome(part.dome, *middles[is_on_sphere].T))
+    for z, is_on_interface in _layer_interfaces(grid, part, number.ravel(), len(ends)):
+        r, height = on_dome(part.dome + z, *(middles[is_on_interface] - [0.0, z]).T)
+        middles[is_on_interface] = np.column_stack([r, height + z])
     return np.concatenate([grid.points, middles]), np.hstack([corners, n + number.reshape(-1, 3)])
 
 
-def _faces(
-    grid: Grid, part: Part, number: np.ndarray, count: int
+def _layer_interfaces(
+    grid: Grid, part: Part, edge_numbers: np.ndarray, edge_count: int
 ) -> Iterator[tuple[float, np.ndarray]]:
     """z on the axis of each face between layers, and which of so many edges are on it; number: of
     each cell's three.
     """
     regions = np.repeat(grid.regions, 3)
     layers = len(part.interfaces)
-    outer = np.full(count, layers)
-    inner = np.zeros(count, dtype=int)
-    np.minimum.at(outer, number, regions)
-    np.maximum.at(inner, number, regions)
+    outer = np.full(edge_count, layers)
+    inner = np.zeros(edge_count, dtype=int)
+    np.minimum.at(outer, edge_numbers, regions)
+    np.maximum.at(inner, edge_numbers, regions)
     for k, z in enumerate(reversed(part.interfaces)):
         yield z, (outer == k) & (inner == k + 1)
 
 
-def _among(facets: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def _match_facets(facets: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Which facets (n, dim), by their points in any order, are among the wanted ones."""
-    first, *others = np.sort(np.concatenate([wanted, facets]).astype(np.int64), axis=1).T
-    number = first
-    for (
-        points
-    ) in others:  # of all points so far: by columns, for whole rows are sorted ten times slower
-        _, number = np.unique(number, return_inverse=True)
-        number = number.ravel() * (points.max(initial=0) + 1) + points
-    return np.isin(number[len(wanted) :], number[: len(wanted)])
+    first, *later_columns = np.sort(np.concatenate([wanted, facets]).astype(np.int64), axis=1).T
+    facet_number = first
+    for corners in (
+        later_columns
+    ):  # of all points so far: by columns, for whole rows are sorted ten times slower
+        _, facet_number = np.unique(facet_number, return_inverse=True)
+        facet_number = facet_number.ravel() * (corners.max(initial=0) + 1) + corners
+    return np.isin(facet_number[len(wanted) :], facet_number[: len(wanted)])

@@ -9,31 +9,31 @@ from petsc4py import PETSc
 from indent_sim.fe.compat import versions
 from indent_sim.fe.condensed.equilibrium import CondensedEquilibrium
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.kernels import compiling, watch_the_cache
+from indent_sim.fe.kernel_cache import lock_ffcx_cache, translate_compiler_errors
 from indent_sim.fe.mesh import BodyMesh, distribute
-from indent_sim.fe.observe.fields import Fields
 from indent_sim.fe.path.equilibrium import Equilibrium
-from indent_sim.fe.path.walk import Walk
+from indent_sim.fe.path.load_stepping import LoadStepper
+from indent_sim.fe.postprocessing.fields import Fields
 from indent_sim.fe.solve.equilibrium import BodyEquilibrium
-from indent_sim.fe.terms.scene_terms import fields_of
-from indent_sim.fe.terms.strain import pressures
+from indent_sim.fe.terms.scene_terms import additional_fields
+from indent_sim.fe.terms.strain_energy import pressure_fields
 from indent_sim.scene.scene import Scene
 
 __all__ = ["Fields", "Walk", "distribute", "equilibrium", "release", "versions", "walk"]
 
 
-def equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
+def create_equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
     """The body of a scene on its mesh, whole or condensed, by the scene's solver."""
-    watch_the_cache()
-    with compiling():
+    lock_ffcx_cache()
+    with translate_compiler_errors():
         if scene.solver.method == "condensed":
-            return CondensedEquilibrium(scene, Body(scene, mesh, pressures(scene)))
-        return BodyEquilibrium(Body(scene, mesh, fields_of(scene)))
+            return CondensedEquilibrium(scene, Body(scene, mesh, pressure_fields(scene)))
+        return BodyEquilibrium(Body(scene, mesh, additional_fields(scene)))
 
 
-def walk(scene: Scene, mesh: BodyMesh, started: float | None = None) -> Walk:
+def create_load_stepper(scene: Scene, mesh: BodyMesh, started: float | None = None) -> LoadStepper:
     """The load path of a scene on its mesh."""
-    return Walk(equilibrium(scene, mesh), started)
+    return LoadStepper(create_equilibrium(scene, mesh), started)
 
 
 def release(mesh: BodyMesh) -> None:

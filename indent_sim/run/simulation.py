@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from indent_sim.config.schema import Config
-from indent_sim.fe.environment import load_dolfinx
+from indent_sim.fe.dolfinx_loading import load_dolfinx
 from indent_sim.model.state import PullOff, State
 from indent_sim.process.errors import BackendError, NotConverged, VerificationError
 from indent_sim.process.ranks import on_root

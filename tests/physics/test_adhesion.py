@@ -310,7 +310,7 @@ def test_a_row_does_not_depend_on_its_steps(number: int) -> None:
             else list(FAR_OFF + (end - FAR_OFF) * way)
         )
         base = scene(**sections, loading={"deltas": [float(delta) for delta in deltas]})
-        walk = solver.walk(base, meshed(base))
+        walk = solver.create_load_stepper(base, meshed(base))
         rows = list(walk.states(base.physics.path, lambda step: False))
         assert rows[-1].converged, rows[-1].reason
         assert walk.equilibrium.newton.is_stable  # type: ignore[attr-defined]

@@ -15,8 +15,8 @@ from scenes import CYLINDER, E_STAR, WALLED, meshed, scene, solve
 
 from indent_sim.fe import solver
 from indent_sim.fe.condensed import contact
-from indent_sim.fe.condensed.contact import complementary
-from indent_sim.fe.terms.contact import nodal
+from indent_sim.fe.condensed.contact import solve_complementarity
+from indent_sim.fe.terms.contact import active_set
 from indent_sim.model.state import Surface
 from indent_sim.run.chain import condense
 from indent_sim.scene.scene import Scene
@@ -30,13 +30,13 @@ def walked(base: Scene) -> Iterator[tuple[Surface, np.ndarray, float, float]]:
     """Surface table, raw multiplier at its nodes, depth and force of every step; E = 1 and height 1
     are the units.
     """
-    walk = solver.walk(base, meshed(base))
+    walk = solver.create_load_stepper(base, meshed(base))
     for state in walk.states(base.physics.path, lambda step: True):
         assert state.converged and state.surface is not None, state.reason
-        trace = walk.equilibrium.observed.trace
+        trace = walk.equilibrium.observed_body.trace
         r = trace.X[..., 0].ravel()
         lam = np.broadcast_to(
-            walk.equilibrium.observed.multiplier_at(trace.node_points()), trace.X.shape[:2]
+            walk.equilibrium.observed_body.multiplier_at(trace.node_points()), trace.X.shape[:2]
         ).ravel()
         places, first = np.unique(np.round(r, 10), return_index=True)
         assert places == pytest.approx(state.surface.x, abs=1e-9)
@@ -142,7 +142,9 @@ def test_hats_jitter_less_than_conditions_at_the_nodes() -> None:
     r[trace.nodes] = trace.X[..., 0]
     off = np.flatnonzero(r > 0)  # the node on the axis carries nothing
     gaps = (r[off] ** 2 / 2)[None, :] - deltas[:, None]
-    nodal = np.array([complementary(C[np.ix_(off, off)], gap, gap < 0)[0].sum() for gap in gaps])
+    nodal = np.array(
+        [solve_complementarity(C[np.ix_(off, off)], gap, gap < 0)[0].sum() for gap in gaps]
+    )
     ours, theirs = hats / exact - 1, nodal / exact - 1
     assert np.abs(ours).max() < min(3e-3, 0.7 * np.abs(theirs).max())
     assert ours.std() < 0.8 * theirs.std()
@@ -177,7 +179,7 @@ def circling() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def test_circling_sets_are_resolved() -> None:
     """Such matrices exist; least squares finds the pressures, to round-off."""
     A, gap, start = circling()
-    p, solves = complementary(A, gap, start)
+    p, solves = solve_complementarity(A, gap, start)
     G = gap + A @ p
     assert p.min() >= 0
     assert G.min() >= -1e-12
@@ -191,7 +193,7 @@ def test_least_squares_finds_the_same_contact(monkeypatch: pytest.MonkeyPatch) -
     """
     base = scene(CYLINDER, contact={"method": "active_set"}, mesh={"h_contact": H})
     expected = solve(base)[-1]
-    real = contact.complementary
+    real = contact.solve_complementarity
 
     def tired(A: np.ndarray, gap: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, int]:
         class Full(set):  # type: ignore[type-arg]
@@ -219,7 +221,7 @@ def test_one_node_at_a_time_finds_the_same_contact(monkeypatch: pytest.MonkeyPat
         mesh={"h_contact": 0.004},
     )
     expected = solve(base)
-    monkeypatch.setattr(nodal, "RETURNS", 0)
+    monkeypatch.setattr(active_set, "RETURNS", 0)
     found = solve(base)
     assert sum(s.newton_iterations for s in found) > sum(s.newton_iterations for s in expected)
     assert [s.force for s in found] == pytest.approx([s.force for s in expected], rel=1e-9)

@@ -69,7 +69,7 @@ class Draining:
     """A body with fluid under the tip, step by step from rest."""
 
     def __init__(self, base: Scene):
-        self.body: Any = solver.equilibrium(base, meshed(base))
+        self.body: Any = solver.create_equilibrium(base, meshed(base))
         self._rest = self.body.snapshot()
 
     def from_rest(self) -> Draining:
@@ -133,7 +133,9 @@ class Draining:
     def pressure_at(self, x: float) -> float:
         """The mean of p at the vertices with this first coordinate."""
         unknowns = self.body.problem.unknowns
-        places = np.abs(unknowns.own_space("pore").tabulate_dof_coordinates()[:, 0] - x) < 1e-9
+        places = (
+            np.abs(unknowns.collapsed_space("pore").tabulate_dof_coordinates()[:, 0] - x) < 1e-9
+        )
         return float(self.body.problem.body.local_array()[unknowns.places("pore")[places]].mean())
 
 
@@ -195,7 +197,7 @@ def test_at_once_and_at_last_it_is_elastic(alpha: float, storage: float) -> None
 
 def solver_force(base: Scene) -> float:
     """The force of an elastic scene."""
-    body: Any = solver.equilibrium(base, meshed(base))
+    body: Any = solver.create_equilibrium(base, meshed(base))
     assert body.solve(max(base.physics.deltas))
     return float(body.force)
 
@@ -382,7 +384,7 @@ def test_creep_under_a_force_ends_on_the_drained_body() -> None:
     body.press(force, 1e-4)
     for dt in ladder(0.1, 20.0, 2):
         body.press(force, dt)
-    elastic: Any = solver.equilibrium(base := layer(), meshed(base))
+    elastic: Any = solver.create_equilibrium(base := layer(), meshed(base))
     assert elastic.solve(body.depth)
     assert elastic.force == pytest.approx(force, rel=1e-6)
 
@@ -609,11 +611,11 @@ def test_a_stopped_history_goes_on(control: str) -> None:
     """From its checkpoint in mid-hold: the rows are those of the whole walk."""
     base, rows = in_time(control), rows_of(control)
     mesh, done = meshed(base), len(rows) // 2
-    stopped = solver.walk(base, mesh)
+    stopped = solver.create_load_stepper(base, mesh)
     states = stopped.states(base.physics.path, lambda step: False)
     for _ in range(done):
         next(states)
-    goes_on = solver.walk(base, mesh)
+    goes_on = solver.create_load_stepper(base, mesh)
     assert goes_on.resume(stopped.points, [])
     for row, state in zip(
         rows[done:], goes_on.states(base.physics.path, lambda step: False, done), strict=True
@@ -720,8 +722,8 @@ def test_a_step_that_fails_is_cut_in_time() -> None:
     """One step from the jump to the end of the hold, refused: the walk halves it and arrives, but
     for what two steps of 50 times height^2/D leave.
     """
-    body = solver.equilibrium(base := in_time("history"), meshed(base))
-    walk, refused = solver.Walk(body), [True]
+    body = solver.create_equilibrium(base := in_time("history"), meshed(base))
+    walk, refused = solver.LoadStepper(body), [True]
     once = body.solve
 
     def reluctant(depth: float, dt: float = 0.0) -> bool:
@@ -819,7 +821,7 @@ def test_a_growing_force_is_that_of_the_depths_that_it_leads_to() -> None:
     path, depths = base.physics.path, tuple(row.delta for row in rows)
     again = LoadPath("depth", depths, path.times, path.branches, begin=path.begin)
     found = list(
-        solver.walk(base.with_physics(path=again, deltas=depths), mesh).states(
+        solver.create_load_stepper(base.with_physics(path=again, deltas=depths), mesh).states(
             again, lambda step: False
         )
     )

@@ -457,9 +457,9 @@ def test_other_tips_deep(tip: dict[str, Any], delta: float, h: float) -> None:
 def test_a_body_inside_out_is_no_equilibrium(nu: float) -> None:
     """u_z = -2 z makes J = -1; its residual is a number."""
     base = ball(nu, 0.2)
-    problem = solver.equilibrium(base, meshed(base)).problem
+    problem = solver.create_equilibrium(base, meshed(base)).problem
     assert problem.is_admissible()
-    z = problem.unknowns.own_space("u").tabulate_dof_coordinates()[:, 1]
+    z = problem.unknowns.collapsed_space("u").tabulate_dof_coordinates()[:, 1]
     x = problem.x.copy()
     x.array[problem.unknowns.places("u")] = np.column_stack([0 * z, -2 * z]).ravel()
     problem.body.set_solution(x)

@@ -53,11 +53,11 @@ def test_a_surface_moved_up_into_the_tip_overlaps_it() -> None:
     """
     contact, mesh = {"method": "auto", "gap": "current"}, {"h_contact": 0.02}
     base = made(CYLINDER, contact=contact, mesh=mesh, solver={"method": "newton"})
-    found = solver.equilibrium(base, meshed(base))
+    found = solver.create_equilibrium(base, meshed(base))
     x = found.problem.x.copy()
     x.array[found.problem.unknowns.places("u").reshape(-1, 2)[:, 1]] = 0.05
     found.problem.body.set_solution(x)
-    assert 0.05 - 0.03**2 < found.numbers()["overlap"] <= 0.05
+    assert 0.05 - 0.03**2 < found.state_values()["overlap"] <= 0.05
 
 
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty", "nitsche", "active_set"])

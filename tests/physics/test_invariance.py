@@ -202,10 +202,10 @@ def test_rigid_motions_strain_nothing(body: dict[str, Any], symmetry: str) -> No
 
     mesh = {"h_contact": 0.25, "h_far": 0.5, "symmetry": symmetry}
     base = scene(body, contact=PENALTY, mesh=mesh, solver={"method": "newton"})
-    problem = solver.equilibrium(base, meshed(base)).problem
+    problem = solver.create_equilibrium(base, meshed(base)).problem
     problem.delta.value = -10.0  # a turn by 1 must not lift the body into the tip
     dim = base.physics.part.kinematics.dim
-    X = problem.unknowns.own_space("u").tabulate_dof_coordinates()[:, :dim]
+    X = problem.unknowns.collapsed_space("u").tabulate_dof_coordinates()[:, :dim]
     for motion in rigid_motions(dim, base.physics.part.symmetry == "axisymmetric", X):
         x = problem.x.copy()
         x.array[problem.unknowns.places("u")] = motion.ravel()

@@ -266,7 +266,7 @@ def test_a_worn_preconditioner_is_built_anew_before_a_step_fails(monkeypatch: An
         backend().walk(base, meshed(base)),
         [False],
         Multigrid.apply,
-        Multigrid.renew,
+        Multigrid.rebuild,
     )
     monkeypatch.setattr(
         Multigrid, "apply", lambda self, r, u: u.set(0.0) if worn[0] else apply(self, r, u)
@@ -296,17 +296,17 @@ def test_multigrid_renewed_is_multigrid_built_anew() -> None:
     spectrum are estimated to. Of the old levels a cycle differs by a half.
     """
     from indent_sim.fe import solver
-    from indent_sim.fe.solve.blocks import Stiffness
+    from indent_sim.fe.solve.blocks import DisplacementStiffness
     from indent_sim.fe.solve.multigrid import Multigrid
 
     base = on("iterative", {"contact": {"method": "penalty", "epsilon_n": 1e4}})
-    problem = solver.equilibrium(base, meshed(base)).problem
-    fine = Stiffness(problem, problem.unknowns.own_space("u"), "sbaij")
+    problem = solver.create_equilibrium(base, meshed(base)).problem
+    fine = DisplacementStiffness(problem, problem.unknowns.collapsed_space("u"), "sbaij")
 
     def cycle(multigrid: Multigrid) -> np.ndarray:
         load, found = fine.matrix.createVecs()
         load.array[:] = np.cos(np.arange(len(load.array)))
-        multigrid.renew()
+        multigrid.rebuild()
         multigrid.apply(load, found)
         return np.array(found.array_r)
 

@@ -19,7 +19,7 @@ from scenes import CYLINDER, scene
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.contact import CondensedContact
-from indent_sim.fe.path import steps
+from indent_sim.fe.path import step_size_control
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve import uzawa
 from indent_sim.fe.solve.newton import Newton
@@ -77,7 +77,7 @@ def tuned(**options: Any) -> Iterator[None]:
 )
 def test_the_environment_stands_over_the_programs_choice(tmp_path, options, monkeypatch):
     found = []
-    solve = Newton._runs
+    solve = Newton._run_snes
     monkeypatch.setattr(
         Newton, "_runs", lambda self, x: found.append(self.snes.ksp.pc.getType()) or solve(self, x)
     )
@@ -143,7 +143,7 @@ def test_a_symmetric_tangent_is_factored_as_such(tmp_path, monkeypatch, method, 
         found.append((problem.has_symmetric_tangent, A.isSymmetric(1e-14 * A.norm())))
 
     made: list[Newton] = []
-    create = Newton._create
+    create = Newton._create_snes
     monkeypatch.setattr(Problem, "assemble_tangent", watched)
     monkeypatch.setattr(
         Newton, "_create", lambda self, **said: made.append(self) or create(self, **said)
@@ -161,7 +161,7 @@ def test_a_symmetric_tangent_is_factored_as_such(tmp_path, monkeypatch, method, 
 
 def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypatch):
     """Here because MUMPS is given a hundredth of the memory that it wants."""
-    create, tried = Newton._create, []
+    create, tried = Newton._create_snes, []
 
     def starved(self, *, symmetric):
         tried.append(symmetric)
@@ -186,15 +186,15 @@ def test_only_what_mumps_could_not_do_is_a_failed_step():
         return SimpleNamespace(snes=SimpleNamespace(solve=solve), _create=lambda symmetric: "anew")
 
     failed = newton(76)
-    assert not Newton._runs(failed, None) and failed.snes == "anew"
+    assert not Newton._run_snes(failed, None) and failed.snes == "anew"
     with pytest.raises(PETSc.Error):
-        Newton._runs(newton(55), None)
+        Newton._run_snes(newton(55), None)
 
 
 @pytest.mark.parametrize("method", ["newton", "condensed"])
 def test_a_failed_uzawa_says_so(tmp_path, monkeypatch, method):
     monkeypatch.setattr(uzawa, "LOOPS", 3)
-    monkeypatch.setattr(steps, "SMALLEST_CUT", 0.5)
+    monkeypatch.setattr(step_size_control, "SMALLEST_CUT", 0.5)
     contact = {"method": "uzawa", "epsilon_n": 0.01}
     with pytest.raises(
         NotConverged, match=r"contact method uzawa.*multiplier does not settle.*delta = 0"
@@ -258,7 +258,7 @@ def test_a_residual_that_is_no_number_is_no_equilibrium(
 
     monkeypatch.setattr(Problem, "begin_solve", begun)
     monkeypatch.setattr(Problem, "assemble_residual", not_a_number)
-    monkeypatch.setattr(steps, "SMALLEST_CUT", 0.5)
+    monkeypatch.setattr(step_size_control, "SMALLEST_CUT", 0.5)
     bodies = {"direct": {}, "iterative": CUBE | {"mesh": {"h_contact": 0.3, "h_far": 0.5}}}
     sections = bodies[linear] | {
         "contact": contact,
@@ -273,7 +273,7 @@ def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monke
     as the others that its own tests give. Each of them ends the run; so it is told apart from a
     step that has converged.
     """
-    made, create, runs = [], Newton._create, Newton._runs
+    made, create, runs = [], Newton._create_snes, Newton._run_snes
     reasons = PETSc.SNES.ConvergedReason
 
     def says(reason):
@@ -284,7 +284,7 @@ def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monke
 
         return run
 
-    monkeypatch.setattr(steps, "SMALLEST_CUT", 0.5)
+    monkeypatch.setattr(step_size_control, "SMALLEST_CUT", 0.5)
     monkeypatch.setattr(
         Newton, "_create", lambda self, **said: made.append(create(self, **said)) or made[-1]
     )
@@ -319,8 +319,8 @@ def test_a_condensed_body_takes_no_number_that_is_none(tmp_path, monkeypatch, co
     looked like the equilibrium of a tip that does not touch.
     """
     sections = {"contact": contact, "solver": {"method": "condensed"}}
-    column, step = Condenser._block, CondensedContact.newton_step
-    monkeypatch.setattr(steps, "SMALLEST_CUT", 0.5)
+    column, step = Condenser._solve_block, CondensedContact.newton_step
+    monkeypatch.setattr(step_size_control, "SMALLEST_CUT", 0.5)
     with monkeypatch.context() as patch:
         patch.setattr(
             Condenser, "_block", lambda *given: tuple(np.nan * part for part in column(*given))
@@ -336,7 +336,7 @@ def test_a_condensed_body_takes_no_number_that_is_none(tmp_path, monkeypatch, co
 
 def test_a_multiplier_that_is_no_number_has_not_settled():
     solver, base = SimpleNamespace(failure=""), scene(CYLINDER, contact={"method": "uzawa"})
-    assert not uzawa.settle(
+    assert not uzawa.iterate(
         solver, base, MPI.COMM_SELF, lambda rtol: True, lambda mixing: float("nan")
     )
     assert solver.failure == "the multiplier is not a number"

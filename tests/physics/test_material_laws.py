@@ -16,7 +16,7 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import symbolic
+from indent_sim.fe.discrete_body import symbolic_copy
 from indent_sim.model.materials import (
     ArrudaBoyce,
     Fung,
@@ -55,7 +55,7 @@ class Numbers:
         self._H, self._G = (fem.Constant(GRID, np.zeros((3, 3))) for _ in range(2))
         self._q, self._dq = (fem.Constant(GRID, 0.0) for _ in range(2))
         t = ufl.variable(fem.Constant(GRID, 0.0))
-        H, q, law = self._H + t * self._G, self._q + t * self._dq, symbolic(law, GRID)
+        H, q, law = self._H + t * self._G, self._q + t * self._dq, symbolic_copy(law, GRID)
         psi = law.mixed_energy(H, q) if mixed else law.energy(H)
         slope = ufl.diff(psi, t)
         values = ufl.as_vector([psi, slope, ufl.diff(slope, t)])
@@ -67,7 +67,9 @@ class Numbers:
 
     def _along(self, H: np.ndarray, G: np.ndarray, q: float, dq: float) -> np.ndarray:
         self._H.value[:], self._G.value[:], self._q.value, self._dq.value = H, G, q, dq
-        return compat.evaluate(self._expression, GRID, np.array([0], dtype=np.int32)).ravel()
+        return compat.evaluate_expression(
+            self._expression, GRID, np.array([0], dtype=np.int32)
+        ).ravel()
 
     def energy(self, F: np.ndarray, q: float = 0.0) -> float:
         """psi."""
@@ -99,7 +101,7 @@ def stationary_pressure(law: Any, F: np.ndarray) -> float:
     in q.
     """
     k = 0.0 if isinstance(law, NeoHookean) else law.poynting_coefficient
-    return float(np.log(np.linalg.det(F)) / law.inverse_stiffness - k * (np.sum(F * F) - 3))
+    return float(np.log(np.linalg.det(F)) / law.volumetric_compliance - k * (np.sum(F * F) - 3))
 
 
 def rotation(seed: int) -> np.ndarray:

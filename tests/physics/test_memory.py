@@ -18,10 +18,10 @@ from dolfinx import fem
 from scenes import PENALTY, meshed, scene
 
 from indent_sim.fe import solver
-from indent_sim.fe.discrete_body import Body, Moment
+from indent_sim.fe.discrete_body import Body, TimeLevel
 from indent_sim.fe.problem import Problem, Snapshot
 from indent_sim.fe.solve.newton import Newton
-from indent_sim.fe.terms.scene_terms import fields_of, matter_of, touch_of
+from indent_sim.fe.terms.scene_terms import additional_fields, bulk_terms, contact_terms
 from indent_sim.fe.terms.term import Term
 from indent_sim.model.loading import LoadPath
 from indent_sim.scene.scene import Scene
@@ -100,11 +100,11 @@ def the_scene(name: str) -> tuple[Scene, Any]:
 
 
 def fresh(name: str, **hindered: Any) -> Hindered:
-    return Hindered(solver.equilibrium(*the_scene(name)), **hindered)
+    return Hindered(solver.create_equilibrium(*the_scene(name)), **hindered)
 
 
 def walked(
-    walk: solver.Walk, depths: Sequence[float], done: int = 0, until: int | None = None
+    walk: solver.LoadStepper, depths: Sequence[float], done: int = 0, until: int | None = None
 ) -> list[Any]:
     """The rows of depths after the first `done`, until that one."""
     path = LoadPath("depth", tuple(depths[:until]))
@@ -118,8 +118,8 @@ def undisturbed(name: str) -> list[Any]:
     """The rows of a walk that nothing hinders; and what is remembered shows: where the tip is on
     its way out it feels another force than on its way in.
     """
-    rows, turn = walked(solver.Walk(fresh(name)), SCENES[name][0]), turned(name)
-    (on_the_way_in,) = walked(solver.Walk(fresh(name)), [rows[turn].delta])
+    rows, turn = walked(solver.LoadStepper(fresh(name)), SCENES[name][0]), turned(name)
+    (on_the_way_in,) = walked(solver.LoadStepper(fresh(name)), [rows[turn].delta])
     assert abs(on_the_way_in.force / rows[turn].force - 1) > 1e-4
     return rows
 
@@ -149,7 +149,8 @@ def assert_same(found: Sequence[Any], expected: Sequence[Any]) -> None:
 )
 def test_a_guess_is_not_remembered(name: str) -> None:
     assert_same(
-        walked(solver.Walk(fresh(name, is_guessed=False)), SCENES[name][0]), undisturbed(name)
+        walked(solver.LoadStepper(fresh(name, is_guessed=False)), SCENES[name][0]),
+        undisturbed(name),
     )
 
 
@@ -160,11 +161,11 @@ def test_a_step_that_failed_is_not_remembered(name: str) -> None:
     """
     path, turn = SCENES[name][0], turned(name)
     hindered = fresh(name, refused=path[turn])
-    cut = walked(solver.Walk(hindered), path)
+    cut = walked(solver.LoadStepper(hindered), path)
     assert cut[turn].substeps > undisturbed(name)[turn].substeps
     begin, end = (hindered.accepted.index(depth) for depth in path[turn - 1 : turn + 1])
     parts = hindered.accepted[begin + 1 : end]
-    asked = walked(solver.Walk(fresh(name)), [*path[:turn], *parts, *path[turn:]])
+    asked = walked(solver.LoadStepper(fresh(name)), [*path[:turn], *parts, *path[turn:]])
     assert_same(cut[:turn], asked[:turn])
     assert_same(cut[turn + 1 :], asked[turn + len(parts) + 1 :])
     assert cut[turn].force == pytest.approx(asked[turn + len(parts)].force, rel=SAME)
@@ -182,9 +183,9 @@ def test_a_step_that_failed_is_not_remembered(name: str) -> None:
 )
 def test_a_resumed_run_remembers_the_same(name: str, origin: str) -> None:
     path = SCENES[name][0]
-    stopped = solver.Walk(fresh(name))
+    stopped = solver.LoadStepper(fresh(name))
     before = walked(stopped, path, until=STOPPED)
-    goes_on = solver.Walk(fresh(name))
+    goes_on = solver.LoadStepper(fresh(name))
     kept = stopped.points if origin == "checkpoint" else []  # of a condensed body there are none
     assert goes_on.resume(kept, [] if kept else [(depth, 0.0) for depth in path[:STOPPED]])
     assert_same([*before, *walked(goes_on, path, done=STOPPED)], undisturbed(name))
@@ -195,8 +196,8 @@ def test_a_resumed_run_remembers_the_same(name: str, origin: str) -> None:
 def test_a_resumed_run_guesses_as_an_undisturbed_one(name: str, origin: str) -> None:
     """From another guess Newton may fail, the step is cut, and a path with friction is another one."""
     whole, first, second = fresh(name), fresh(name), fresh(name)
-    walked(solver.Walk(whole), IN_AND_ON)
-    stopped, goes_on = solver.Walk(first), solver.Walk(second)
+    walked(solver.LoadStepper(whole), IN_AND_ON)
+    stopped, goes_on = solver.LoadStepper(first), solver.LoadStepper(second)
     walked(stopped, IN_AND_ON, until=STOPPED)
     kept = stopped.points if origin == "checkpoint" else []  # of a condensed body there are none
     assert goes_on.resume(kept, [] if kept else [(depth, 0.0) for depth in IN_AND_ON[:STOPPED]])
@@ -220,22 +221,22 @@ class Maxwell(Term):
     def __init__(self, body: Body, k: float, c: float):
         """k [pressure/length], c [pressure time/length]."""
         self._body, self._k, self._c = body, fem.Constant(body.mesh, k), fem.Constant(body.mesh, c)
-        self._q = fem.Function(body.unknowns.own_space("u"))
+        self._q = fem.Function(body.unknowns.collapsed_space("u"))
         self.history = (self._q,)
 
     def _gone(self, q: Any, u: Any, share: Any) -> Any:
         """The way of the dashpots at the end of a step; share: k dt/c."""
         return (q + share * u) / (1 + share)
 
-    def work(self, now: Moment, before: Moment, dt: fem.Constant) -> Any:
-        u, way = now.fields["u"], self._body.unknowns.of(now.test)["u"]
+    def work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> Any:
+        u, way = now.fields["u"], self._body.unknowns.split_fields(now.test)["u"]
         stretch = u - self._gone(self._q, u, self._k * dt / self._c)
-        return self._body.over_surface(
+        return self._body.surface_integral(
             "base", self._k * sum(stretch[i] * way[i] for i in range(len(way)))
         )
 
     def accept(self) -> None:
-        u = self._body.local_array()[self._body.unknowns.places("u")]
+        u = self._body.local_array()[self._body.unknowns.dofs("u")]
         share = float(self._k.value) * float(self._body.dt.value) / float(self._c.value)
         self._q.x.array[:] = self._gone(self._q.x.array, u, share)
 
@@ -260,10 +261,11 @@ class Relaxing:
             loading={"delta": 0.05},
             solver={"method": "newton"},
         )
-        body = Body(base, meshed(base), fields_of(base))
-        matter = matter_of(body)
+        body = Body(base, meshed(base), additional_fields(base))
+        matter = bulk_terms(body)
         self.problem = Problem(
-            body, [*matter, *touch_of(body, matter.strains[0]), Maxwell(body, 10.0, 10.0)]
+            body,
+            [*matter, *contact_terms(body, matter.strain_energies[0]), Maxwell(body, 10.0, 10.0)],
         )
         self.newton = Newton(self.problem)
         self.problem.accept()
@@ -274,14 +276,14 @@ class Relaxing:
         not accepted.
         """
         (stage,) = self.problem.stages(dt)
-        self.problem.begin(stage)
+        self.problem.begin_stage(stage)
         self.problem.delta.value = depth
         if is_guessed and len(self.before) > 1:
-            self.problem.take(
+            self.problem.set_trial_state(
                 [2 * b - a for a, b in zip(*(s.unknowns for s in self.before[-2:]), strict=True)]
             )
         assert self.newton.solve(), self.newton.failure
-        self.problem.end(stage)
+        self.problem.end_stage(stage)
 
     def rows(
         self, history: Sequence[tuple[float, float]], is_guessed: bool = True

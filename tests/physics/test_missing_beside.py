@@ -16,7 +16,7 @@ import pytest
 from scenes import CYLINDER, ELASTIC, PARABOLOID
 
 from indent_sim.config.scene_file import from_mapping
-from indent_sim.fe.observe.fields import Fields
+from indent_sim.fe.postprocessing.fields import Fields
 from indent_sim.model.kinematics import Axisymmetric
 from indent_sim.process.errors import MeshError, NotConverged
 from indent_sim.results.pictures import experiment as experiments

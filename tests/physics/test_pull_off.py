@@ -31,7 +31,7 @@ def out(deep: float, end: float, rows: int) -> dict[str, list[float]]:
 def searched(**sections: Any) -> tuple[list[State], PullOff | None]:
     """The rows of a scene, and what the search after them finds, which leaves the walk as it was."""
     base = scene(sections.pop("body", WALLED), **sections)
-    walk = solver.walk(base, meshed(base))
+    walk = solver.create_load_stepper(base, meshed(base))
     rows = list(walk.states(base.physics.path, lambda step: False))
     assert all(row.converged for row in rows)
     kept, force = walk.points, walk.equilibrium.force
@@ -171,13 +171,13 @@ def test_nothing_is_kept_and_searched_where_the_scene_does_not_ask(
 ) -> None:
     base = scene(WALLED, contact=contact, mesh={"h_contact": 0.15}, loading=loading)
     assert not base.physics.seeks_pull_off
-    walk = solver.walk(base, meshed(base))
+    walk = solver.create_load_stepper(base, meshed(base))
     assert all(row.converged for row in walk.states(base.physics.path, lambda step: False))
-    spent = walk.equilibrium.effort
+    spent = walk.equilibrium.statistics
     assert (
         walk.find_pull_off() is None
         and not walk.pull_off_points
-        and walk.equilibrium.effort == spent
+        and walk.equilibrium.statistics == spent
     )
 
 
@@ -185,7 +185,7 @@ def test_a_row_at_which_the_path_ends_is_not_searched_from() -> None:
     base = scene(
         WALLED, contact=LOOSE, mesh={"h_contact": 0.15}, loading={"deltas": [0.05, 0.03, 0.01]}
     )
-    walk = solver.walk(base, meshed(base))
+    walk = solver.create_load_stepper(base, meshed(base))
     forces = [row.force for row in walk.states(base.physics.path, lambda step: False)]
     assert forces[-1] == min(forces) < 0
     assert base.physics.seeks_pull_off and walk.find_pull_off() is None

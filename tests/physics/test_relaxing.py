@@ -17,11 +17,11 @@ from scenes import PARABOLOID, meshed, scene
 from scipy.optimize import brentq
 
 from indent_sim.fe import solver
-from indent_sim.fe.discrete_body import Body, Moment
-from indent_sim.fe.observe.fields import Fields
+from indent_sim.fe.discrete_body import Body, TimeLevel
+from indent_sim.fe.postprocessing.fields import Fields
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.newton import Newton
-from indent_sim.fe.terms.scene_terms import fields_of, matter_of, touch_of
+from indent_sim.fe.terms.scene_terms import additional_fields, bulk_terms, contact_terms
 from indent_sim.fe.terms.term import Term
 from indent_sim.model.materials import Exponentials, PowerLaw, Relaxation
 from indent_sim.model.state import State
@@ -108,7 +108,9 @@ def held(
     steps, parts = ladder(min(law.times) / 20, end, per_doubling), round(delta / 0.05) or 1
     jump = [(delta * k / parts, 0.0) for k in range(1, parts + 1)]
     forces = list(
-        along(solver.equilibrium(*in_time(name, law)), [*jump, *((delta, dt) for dt in steps)])
+        along(
+            solver.create_equilibrium(*in_time(name, law)), [*jump, *((delta, dt) for dt in steps)]
+        )
     )
     return np.cumsum([0.0, *steps]), np.array(forces[parts - 1 :])
 
@@ -155,7 +157,7 @@ def test_a_bar_of_a_power_law_in_a_ramp(exponent: float) -> None:
     steps = [0.1, 0.2, 0.7]
     t = np.cumsum(steps)
     history = list(zip(0.01 * t, steps, strict=True))
-    forces = list(along(solver.equilibrium(*in_time("incompressible bar", law)), history))
+    forces = list(along(solver.create_equilibrium(*in_time("incompressible bar", law)), history))
     exact = pi * 0.01 * 2.0**exponent * t ** (1 - exponent) / (1 - exponent)
     assert forces == pytest.approx(exact, rel=4e-5)
 
@@ -165,7 +167,7 @@ class Trickle(Term):
 
     flows = True
 
-    def work(self, now: Moment, before: Moment, dt: Any) -> Any:
+    def work(self, now: TimeLevel, before: TimeLevel, dt: Any) -> Any:
         return None
 
 
@@ -174,16 +176,18 @@ def test_bar_in_stages_of_a_body_in_which_fluid_flows() -> None:
     base, grid = in_time("bar", TWO_TIMES)
     errors = []
     for per_doubling in (4, 8):
-        body = Body(base, grid, fields_of(base))
-        matter = matter_of(body)
-        problem = Problem(body, [*matter, *touch_of(body, matter.strains[0]), Trickle()])
+        body = Body(base, grid, additional_fields(base))
+        matter = bulk_terms(body)
+        problem = Problem(
+            body, [*matter, *contact_terms(body, matter.strain_energies[0]), Trickle()]
+        )
         newton, t, off = Newton(problem), 0.0, [0.0]
         for dt in (0.0, *ladder(0.005, 2.0, per_doubling)):
             for stage in problem.stages(dt):
-                problem.begin(stage)
+                problem.begin_stage(stage)
                 problem.delta.value = 0.01
                 assert newton.solve(), newton.failure
-                problem.end(stage)
+                problem.end_stage(stage)
             t += dt
             off.append(
                 abs(problem.force() / (pi * 0.01) - relaxing_bar(1.0, 0.3, *TWO_TIMES[1:], t))
@@ -245,7 +249,7 @@ def test_bar_at_finite_strain() -> None:
     exact = -pi * rubber_bar(strain, TWO_TIMES, 1.0, 2000)
     errors = []
     for n in (20, 40):
-        body = solver.equilibrium(*in_time("rubber bar", TWO_TIMES))
+        body = solver.create_equilibrium(*in_time("rubber bar", TWO_TIMES))
         *_, force = along(body, [(strain(k / n), 1 / n) for k in range(1, n + 1)])
         errors.append(abs(force / exact - 1))
     assert errors[0] < 2e-3
@@ -274,7 +278,7 @@ def test_incompressible_layers_relax_as_one_modulus() -> None:
     base, grid = in_time("incompressible layer", TWO_TIMES)
     plain = relaxing(base, Exponentials(1.0, (), ()))
     depths = 0.03 * np.geomspace(0.02, 1.0, 24)
-    elastic = solver.equilibrium(plain, grid)
+    elastic = solver.create_equilibrium(plain, grid)
     curve = ElasticCurve(
         depths, np.array(list(along(elastic, [(d, 0.0) for d in depths]))), np.sqrt(depths)
     )
@@ -287,7 +291,7 @@ def test_incompressible_layers_relax_as_one_modulus() -> None:
         history = [
             (float(np.interp(s, [0.0, 0.5, 1.0, 2.0], [0.0, 0.03, 0.03, 0.0])), 1 / n) for s in t
         ]
-        forces = np.array(list(along(solver.equilibrium(base, grid), history)))
+        forces = np.array(list(along(solver.create_equilibrium(base, grid), history)))
         errors.append(np.max(np.abs(np.interp(asked, t, forces) - exact)) / exact[0])
     assert errors[0] < 1e-2
     assert errors[1] < 0.7 * errors[0]
@@ -300,7 +304,7 @@ def test_layers_that_are_alike_are_one_body() -> None:
     base = scene(HALVES, mesh=COARSE, solver={"method": "newton"}, loading={"delta": 0.02})
     assert len(base.physics.part.regions) == 2
     (*_, layers), (*_, one) = (
-        along(solver.equilibrium(*body), IN_AND_OUT)
+        along(solver.create_equilibrium(*body), IN_AND_OUT)
         for body in ((relaxing(base, TWO_TIMES), meshed(base)), in_time("layer", TWO_TIMES))
     )
     assert layers == pytest.approx(one, rel=1e-3)
@@ -323,9 +327,9 @@ def test_a_layer_relaxes_alone() -> None:
         part=replace(part, regions=(replace(upper, relaxing=TWO_TIMES), lower))
     )
     *_, force = along(
-        solver.equilibrium(alone, grid), [(0.02, 0.0), (0.02, 1.0), (0.02, 1e3), (0.02, 1e5)]
+        solver.create_equilibrium(alone, grid), [(0.02, 0.0), (0.02, 1.0), (0.02, 1e3), (0.02, 1e5)]
     )
-    (exact,) = along(solver.equilibrium(rested, meshed(rested)), [(0.02, 0.0)])
+    (exact,) = along(solver.create_equilibrium(rested, meshed(rested)), [(0.02, 0.0)])
     unit = rested.physics.scales.force / base.physics.scales.force
     assert force == pytest.approx(exact * unit, rel=1e-3)  # two meshes, if they differ
 
@@ -352,7 +356,7 @@ def test_a_body_put_back_in_mid_hold_goes_on_as_before(name: str) -> None:
     """From the arrays of a checkpoint in a body of its own: Newton begins at the same numbers, so
     rows are equal to round-off; and from the snapshot after a step that is given up.
     """
-    first = solver.equilibrium(*in_time(name, TWO_TIMES))
+    first = solver.create_equilibrium(*in_time(name, TWO_TIMES))
     forces = list(along(first, IN_AND_OUT[:STOPPED]))
     kept = first.snapshot()
     arrays = first.pack(kept)
@@ -360,17 +364,19 @@ def test_a_body_put_back_in_mid_hold_goes_on_as_before(name: str) -> None:
     first.restore(kept)
     assert first.force == pytest.approx(forces[-1], rel=1e-12)
     rest = list(along(first, IN_AND_OUT[STOPPED:]))
-    other = solver.equilibrium(*in_time(name, TWO_TIMES))
+    other = solver.create_equilibrium(*in_time(name, TWO_TIMES))
     state = other.unpack(kept.depth, arrays)
     assert state
     other.restore(state)
     assert list(along(other, IN_AND_OUT[STOPPED:])) == pytest.approx(rest, rel=1e-12)
-    unhindered = list(along(solver.equilibrium(*in_time(name, TWO_TIMES)), IN_AND_OUT))
+    unhindered = list(along(solver.create_equilibrium(*in_time(name, TWO_TIMES)), IN_AND_OUT))
     assert [*forces, *rest] == pytest.approx(unhindered, rel=1e-9)  # Newton's tolerance
 
 
 def test_arrays_of_another_body_are_refused() -> None:
-    one, other = (solver.equilibrium(*in_time("layer", law)) for law in (TWO_TIMES, ONE_TIME))
+    one, other = (
+        solver.create_equilibrium(*in_time("layer", law)) for law in (TWO_TIMES, ONE_TIME)
+    )
     assert other.unpack(0.0, one.pack(one.snapshot())) is None
 
 
@@ -379,17 +385,17 @@ def test_stress_fields_are_those_of_the_force_also_after_a_restore(name: str) ->
     """A bar's axial stress is the force over its area (of the deformed one at finite strain), all
     others are 0.
     """
-    body = solver.equilibrium(*in_time(name, TWO_TIMES))
+    body = solver.create_equilibrium(*in_time(name, TWO_TIMES))
     body.solve(0.05, 0.0)
     body.accept()
     before = body.snapshot()
     assert body.solve(0.05, 0.3)
-    later = Fields(body.observed).gather()
+    later = Fields(body.observed_body).gather()
     force = body.force
     body.accept()
-    accepted = Fields(body.observed).gather()
+    accepted = Fields(body.observed_body).gather()
     body.restore(body.snapshot())
-    restored = Fields(body.observed).gather()
+    restored = Fields(body.observed_body).gather()
     assert later and accepted and restored
     for fields in (later, accepted, restored):
         area = pi * np.max(1 + fields["displacement"][:, 0]) ** 2 if name == "rubber bar" else pi
@@ -399,19 +405,19 @@ def test_stress_fields_are_those_of_the_force_also_after_a_restore(name: str) ->
             np.broadcast_to(expected, fields["stress"].shape), abs=1e-9
         )
     body.restore(before)
-    at_once = Fields(body.observed).gather()
+    at_once = Fields(body.observed_body).gather()
     assert (
         at_once and at_once["stress"][0, 2, 2] < 1.1 * later["stress"][0, 2, 2]
     )  # it pushed harder
 
 
 def test_supports_take_what_the_tip_gives_after_a_restore() -> None:
-    body = solver.equilibrium(*in_time("layer", TWO_TIMES))
+    body = solver.create_equilibrium(*in_time("layer", TWO_TIMES))
     *_, force = along(body, IN_AND_OUT[:STOPPED])
     state = body.snapshot()
     assert body.solve(0.02, 1.0)
     body.restore(state)
-    assert body.numbers()["reaction"] == pytest.approx(force, rel=1e-8)
+    assert body.state_values()["reaction"] == pytest.approx(force, rel=1e-8)
 
 
 def test_finite_strain_is_small_strain_where_it_is_small() -> None:
@@ -514,14 +520,14 @@ def test_a_stopped_history_of_rubber_goes_on(control: str) -> None:
         contact={"friction": 0.3},
     )  # fmt: skip
     mesh = meshed(base)
-    whole = solver.walk(base, mesh)
+    whole = solver.create_load_stepper(base, mesh)
     rows, points_then, done = [], None, len(base.physics.deltas) - 6
     for row in whole.states(base.physics.path, lambda step: False):
         rows.append(row)
         assert row.converged, row.reason
         if row.step == done:
             points_then = whole.points
-    goes_on = solver.walk(base, mesh)
+    goes_on = solver.create_load_stepper(base, mesh)
     assert points_then and goes_on.resume(points_then, [])
     for row, state in zip(
         rows[done:], goes_on.states(base.physics.path, lambda step: False, done), strict=True

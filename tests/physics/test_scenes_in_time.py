@@ -130,7 +130,7 @@ def test_fluid_that_comes_from_nowhere_ends_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A millionth of what has moved."""
-    content = Flow.content
+    content = Flow.vertex_content_values
     monkeypatch.setattr(Flow, "content", lambda flow: content(flow) + 1e-6 * np.abs(content(flow)))
     with pytest.raises(VerificationError, match="of the fluid has neither left nor is there"):
         simulate(from_mapping(sealed_rubber()), directory=tmp_path)

@@ -14,10 +14,10 @@ import ufl
 from dolfinx import fem
 from scenes import meshed, scene
 
-from indent_sim.fe.discrete_body import Body, Moment
+from indent_sim.fe.discrete_body import Body, TimeLevel
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.newton import Newton
-from indent_sim.fe.terms.scene_terms import fields_of, matter_of, touch_of
+from indent_sim.fe.terms.scene_terms import additional_fields, bulk_terms, contact_terms
 from indent_sim.fe.terms.term import Term
 
 DEPTH, COARSE = 0.05, {"h_contact": 0.05, "h_far": 0.2}
@@ -37,13 +37,13 @@ class Dashpots(Term):
         now, before = body.now.fields["u"], body.before.fields["u"]
         self._rate = (now - before) / body.dt
         self._lost = fem.form(
-            body.over_surface("base", self._c * body.dt * ufl.dot(self._rate, self._rate))
+            body.surface_integral("base", self._c * body.dt * ufl.dot(self._rate, self._rate))
         )
 
-    def work(self, now: Moment, before: Moment, dt: fem.Constant) -> Any:
+    def work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> Any:
         """int c du/dt . v over the base."""
-        way = self._body.unknowns.of(now.test)["u"]
-        return self._body.over_surface("base", self._c * ufl.dot(self._rate, way))
+        way = self._body.unknowns.split_fields(now.test)["u"]
+        return self._body.surface_integral("base", self._c * ufl.dot(self._rate, way))
 
     def dissipation(self) -> float:
         """int c |du/dt|^2 dt over the base [energy]."""
@@ -59,9 +59,11 @@ def on_dashpots(c: float, h: float = 0.05) -> tuple[Problem, Newton]:
         loading={"delta": DEPTH},
         solver={"method": "newton"},
     )
-    body = Body(base, meshed(base), fields_of(base))
-    matter = matter_of(body)
-    problem = Problem(body, [*matter, *touch_of(body, matter.strains[0]), Dashpots(body, c)])
+    body = Body(base, meshed(base), additional_fields(base))
+    matter = bulk_terms(body)
+    problem = Problem(
+        body, [*matter, *contact_terms(body, matter.strain_energies[0]), Dashpots(body, c)]
+    )
     return problem, Newton(problem)
 
 
@@ -78,10 +80,10 @@ def press(
     rows = [(0.0, 0.0, 0.0, 0.0)]
     for t in np.linspace(0.0, time + hold, steps + 1)[1:]:
         (stage,) = problem.stages((time + hold) / steps)
-        problem.begin(stage)
+        problem.begin_stage(stage)
         problem.delta.value = DEPTH * min(t / time, 1.0)
         assert newton.solve(), newton.failure
-        problem.end(stage)
+        problem.end_stage(stage)
         rows.append((problem.depth, problem.force(), problem.energy(), problem.dissipation()))
         problem.accept()
     return rows
@@ -92,7 +94,7 @@ def force_on(base: str) -> float:
     problem, newton = on_dashpots(1e-12 if base == "roller" else 1e12)
     problem.x.set(0.0)
     problem.accept()
-    problem.begin(problem.stages(1.0)[0])
+    problem.begin_stage(problem.stages(1.0)[0])
     problem.delta.value = DEPTH
     assert newton.solve()
     return problem.force()
@@ -134,11 +136,11 @@ def test_a_base_held_at_another_place_stretches_the_body() -> None:
     problem, newton = on_dashpots(1e-9)
     body = problem.body
     top = body.unknowns.dofs_on("u", 1, body.body_mesh.dim - 1, body.body_mesh.surfaces["top"])
-    body.hold("u", 1, top, value=0.01)
+    body.constrain_dofs("u", 1, top, value=0.01)
     problem.x.set(0.0)
     problem.delta.value = -1.0
     problem.accept()
-    problem.begin(problem.stages(1e9)[0])
+    problem.begin_stage(problem.stages(1e9)[0])
     assert newton.solve(), newton.failure
     E = 1.0  # material.E in units of itself
     assert problem.energy() == pytest.approx(

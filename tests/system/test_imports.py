@@ -23,7 +23,7 @@ def test_a_scene_is_resolved_without_any_heavy_library() -> None:
     program = f"""
 import sys
 sys.modules.update(dict.fromkeys({HEAVY!r}))  # importing any of these fails now
-import indent_sim, indent_sim.theory.strip, indent_sim.fe.path.steps
+import indent_sim, indent_sim.theory.strip, indent_sim.fe.path.step_size_control
 assert indent_sim.resolve(indent_sim.load(sys.argv[1])).plan.prediction["force"] > 0
 """
     ran(program, ROOT / "configs" / "hertz.yaml")

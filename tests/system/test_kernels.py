@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from indent_sim.fe import kernels
+from indent_sim.fe import kernel_cache
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = """\
@@ -78,7 +78,7 @@ def test_cold_warm_and_half_written(indent_sim):
     mended = start()
     assert mended.returncode == 0, mended.stderr
     assert LINE in mended.stderr and victim.exists()
-    assert time.monotonic() - begin < kernels.STALE
+    assert time.monotonic() - begin < kernel_cache.STALE_AFTER
 
     # what a full disk or a power failure leaves: finished, and cut off
     for library, length in zip(entries(cache, ".so"), (0, 5000), strict=False):
@@ -120,7 +120,10 @@ def cheap(folder: Path, seconds: float) -> None:
         time.sleep(seconds)
         finish(folder, module)
 
-    kernels._found, kernels._compiled = found, compiled  # in a process of its own
+    kernel_cache._ffcx_lookup, kernel_cache._ffcx_compile = (
+        found,
+        compiled,
+    )  # in a process of its own
 
 
 def finish(folder: Path, module: str) -> None:
@@ -134,9 +137,9 @@ def race(folder: Path, runs: int, seconds: float) -> list[Any]:
 
     def run() -> None:
         cheap(folder, seconds)
-        if kernels.lookup("one", [], folder, 10)[0] is None:
-            kernels.compile_kernels("", [], [], "one", {}, folder)
-        assert kernels.lookup("one", [], folder, 10) == (["kernel"], "module")
+        if kernel_cache.find_cached_module("one", [], folder, 10)[0] is None:
+            kernel_cache.compile_kernels("", [], [], "one", {}, folder)
+        assert kernel_cache.find_cached_module("one", [], folder, 10) == (["kernel"], "module")
 
     context = multiprocessing.get_context("fork")
     processes = [context.Process(target=run) for _ in range(runs)]
@@ -176,28 +179,33 @@ class TestAnotherFFCx:
     """Its functions are not promised: what is not known is left as it is, with a word."""
 
     @pytest.mark.parametrize("other", ["missing", "another"])
-    @pytest.mark.parametrize("name", kernels.FFCX_FUNCTIONS)
+    @pytest.mark.parametrize("name", kernel_cache.EXPECTED_FFCX_FUNCTIONS)
     def test_is_left_alone(self, monkeypatch, caplog, name, other):
         caplog.set_level("INFO", "indent_sim")
-        monkeypatch.setattr(kernels, "_told", set())
+        monkeypatch.setattr(kernel_cache, "_told", set())
         own = SimpleNamespace(get_cached_module=a_lookup, _compile_objects=a_compilation)
         if other == "missing":
             delattr(own, name)
         else:
             setattr(own, name, lambda key, folder: None)
         before = dict(vars(own))
-        monkeypatch.setattr(kernels, "jit", own)
-        assert not kernels.watch_the_cache() and vars(own) == before
+        monkeypatch.setattr(kernel_cache, "jit", own)
+        assert not kernel_cache.lock_ffcx_cache() and vars(own) == before
         assert "another way" in caplog.text
 
     def test_one_that_is_known_is_watched(self, monkeypatch):
         own = SimpleNamespace(get_cached_module=a_lookup, _compile_objects=a_compilation)
-        kernels.watch_the_cache()
+        kernel_cache.lock_ffcx_cache()
         for name in ("_found", "_compiled"):
-            monkeypatch.setattr(kernels, name, getattr(kernels, name))  # as before, afterwards
-        monkeypatch.setattr(kernels, "jit", own)
-        assert kernels.watch_the_cache() and kernels.watch_the_cache()
-        assert (own.get_cached_module, kernels._found) == (kernels.lookup, a_lookup)
+            monkeypatch.setattr(
+                kernel_cache, name, getattr(kernel_cache, name)
+            )  # as before, afterwards
+        monkeypatch.setattr(kernel_cache, "jit", own)
+        assert kernel_cache.lock_ffcx_cache() and kernel_cache.lock_ffcx_cache()
+        assert (own.get_cached_module, kernel_cache._ffcx_lookup) == (
+            kernel_cache.find_cached_module,
+            a_lookup,
+        )
 
     def test_the_one_here_is_known_and_untouched_by_an_import(self):
         program = """
@@ -222,12 +230,14 @@ class TestAnotherProgramsEntry:
 
     @pytest.fixture(autouse=True)
     def patience(self, tmp_path, monkeypatch, caplog):
-        kernels.watch_the_cache()
+        kernel_cache.lock_ffcx_cache()
         for name in ("_found", "_compiled", "STALE"):
-            monkeypatch.setattr(kernels, name, getattr(kernels, name))  # as before, afterwards
-        monkeypatch.setattr(kernels, "_told", set())
+            monkeypatch.setattr(
+                kernel_cache, name, getattr(kernel_cache, name)
+            )  # as before, afterwards
+        monkeypatch.setattr(kernel_cache, "_told", set())
         cheap(tmp_path, 0.0)
-        kernels.STALE = 0.3
+        kernel_cache.STALE_AFTER = 0.3
         caplog.set_level("INFO", "indent_sim")
 
     @pytest.mark.parametrize("age", [3600.0, 0.0, -3600.0])
@@ -237,7 +247,7 @@ class TestAnotherProgramsEntry:
             tmp_path / "one.c", (time.time() - age,) * 2
         )  # the clock of a file server may be another
         begin = time.monotonic()
-        assert kernels.lookup("one", [], tmp_path, 10) == (None, None)
+        assert kernel_cache.find_cached_module("one", [], tmp_path, 10) == (None, None)
         assert 0.3 <= time.monotonic() - begin < 5
         assert f"waiting for another program that compiles {tmp_path / 'one.c'}" in caplog.text
 
@@ -245,7 +255,7 @@ class TestAnotherProgramsEntry:
         (tmp_path / "one.c").touch()
         later = threading.Timer(0.1, finish, (tmp_path, "one"))
         later.start()
-        assert kernels.lookup("one", [], tmp_path, 10) == (["kernel"], "module")
+        assert kernel_cache.find_cached_module("one", [], tmp_path, 10) == (["kernel"], "module")
         assert (tmp_path / "one.c").exists()
 
 
@@ -280,7 +290,7 @@ def test_a_caller_without_logging_sees_no_compiler(
         logging.info("gcc -shared")
         return "done"
 
-    monkeypatch.setattr(kernels, "_compiled", compiled, raising=False)
-    assert kernels.compile_kernels("", [], [], "module", {}, tmp_path) == "done"
+    monkeypatch.setattr(kernel_cache, "_compiled", compiled, raising=False)
+    assert kernel_cache.compile_kernels("", [], [], "module", {}, tmp_path) == "done"
     assert capfd.readouterr().err == ""
     assert (root.handlers, root.level) == ([], logging.WARNING)

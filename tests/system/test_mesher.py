@@ -256,10 +256,12 @@ class TestForked:
         assert halving.ask(2.0)() == 1.0
         pid = os.fork()
         if pid == 0:
-            right = not halving.is_up and halving.ask(6.0)() == 3.0 and halving.ask(8.0)() == 4.0
+            right = (
+                not halving.is_running and halving.ask(6.0)() == 3.0 and halving.ask(8.0)() == 4.0
+            )
             halving.stop()
             os._exit(0 if right else 1)
-        assert os.waitpid(pid, 0)[1] == 0 and halving.is_up and halving.ask(2.0)() == 1.0
+        assert os.waitpid(pid, 0)[1] == 0 and halving.is_running and halving.ask(2.0)() == 1.0
 
     def test_it_leaves_the_garbage_of_its_owner_alone(self, tmp_path):
         """To destroy a mesh or a matrix there would be a call of an MPI that it is no part of: it

@@ -25,8 +25,8 @@ from test_results import BODY, some_fields
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import load
+from indent_sim.fe.path.load_stepping import LoadStepper
 from indent_sim.fe.path.pull_off import PullPoint
-from indent_sim.fe.path.walk import Walk
 from indent_sim.model.loading import LoadPath
 from indent_sim.results import folder
 from indent_sim.results.outline import scene_of
@@ -171,7 +171,7 @@ def same_pull_off(out: Path, expected: Path) -> None:
 
 def stopped_at(equilibrium: int) -> Callable:
     """`Walk._equilibrium_between` of a search that is stopped at one of its equilibria."""
-    between, tried = Walk._equilibrium_between, 0
+    between, tried = LoadStepper._equilibrium_between, 0
 
     def stop(*args):
         nonlocal tried
@@ -289,7 +289,7 @@ class TestKilled:
         interrupt(tmp_path, 3)
         early = (tmp_path / "out" / "checkpoint.h5").read_bytes()
         with monkeypatch.context() as patch:
-            patch.setattr(Walk, "_equilibrium_between", stopped_at(2))
+            patch.setattr(LoadStepper, "_equilibrium_between", stopped_at(2))
             with pytest.raises(KeyboardInterrupt):
                 chain.simulate(
                     load(tmp_path / "scene.yaml"),
@@ -312,7 +312,7 @@ class TestKilled:
         """
         (tmp_path / "scene.yaml").write_text(adhering("linear_elastic", STICKY))
         monkeypatch.setattr(
-            Walk,
+            LoadStepper,
             "_equilibrium_between",
             lambda walk, begin, end, delta: PullPoint(delta, 0.0, math.inf, a=0.0),
         )
@@ -363,7 +363,7 @@ class TestCheckpoint:
             interrupt(tmp_path, 3)
             monkeypatch.undo()
             monkeypatch.chdir(tmp_path)
-            monkeypatch.setattr(Walk, "states", failing_at(5))
+            monkeypatch.setattr(LoadStepper, "states", failing_at(5))
             assert indent_sim("--resume").exit_code == 5
             monkeypatch.undo()
             monkeypatch.chdir(tmp_path)
@@ -395,7 +395,7 @@ class TestCheckpoint:
 
 def failing_at(step: int) -> Callable:
     """`Walk.states` of a scene that has no equilibrium at a step."""
-    states = Walk.states
+    states = LoadStepper.states
 
     def fail(self, *args):
         for state in states(self, *args):
@@ -409,7 +409,7 @@ def failing_at(step: int) -> Callable:
 class TestStopped:
     def test_not_converged(self, indent_sim, undisturbed, tmp_path, monkeypatch):
         with monkeypatch.context() as patch:
-            patch.setattr(Walk, "states", failing_at(SOME + 1))
+            patch.setattr(LoadStepper, "states", failing_at(SOME + 1))
             failed = indent_sim()
             again = indent_sim("--resume")
         assert failed.exit_code == again.exit_code == 5 and "--resume goes on" in again.stderr
@@ -567,7 +567,7 @@ class TestNothingToGoOnWith:
 
     def test_no_row_yet(self, indent_sim, tmp_path, monkeypatch):
         with monkeypatch.context() as patch:
-            patch.setattr(Walk, "states", failing_at(1))
+            patch.setattr(LoadStepper, "states", failing_at(1))
             assert indent_sim().exit_code == 5 and (tmp_path / "out" / "run.json").exists()
         assert indent_sim("--resume").exit_code == 0 and len(read(tmp_path / "out")) == 15
 

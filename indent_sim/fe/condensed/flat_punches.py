@@ -20,8 +20,8 @@ from indent_sim.fe.condensed.contact import CondensedContact
 # that a mesh finds, by formulation, with nu = 0 and what it loses with nu. Measured against theory
 # on half-spaces and layers: 0.111 at nu = 0 and 0.092 at 0.3 (displacement), 0.059 at 0.45 and
 # 0.050 at 0.5 (mixed), to 0.004 each.
-SHIFT = {"displacement": (0.111, 0.063), "mixed": (0.140, 0.180)}
-YIELDS = (
+RADIUS_SHIFT = {"displacement": (0.111, 0.063), "mixed": (0.140, 0.180)}
+COMPLIANCE_TOLERANCE = (
     1e-8  # of a node's compliance, what is left of it when those inside are held; less is rounding
 )
 
@@ -41,20 +41,24 @@ def punches(contact: CondensedContact) -> tuple[np.ndarray, np.ndarray, np.ndarr
     heights[trace.nodes] = physics.indenter.height(x[..., 0], 0.0) - x[..., 1]
     order = np.argsort(r)
     C = compliance.C[np.ix_(order, order)]
-    L, failed = dpotrf(C, lower=1)
-    factored = failed - 1 if failed else len(C)
-    is_stiff = np.diag(L)[:factored] ** 2 <= YIELDS * np.diag(C)[:factored]
+    L, failed_at = dpotrf(C, lower=1)
+    factored_count = failed_at - 1 if failed_at else len(C)
+    is_stiff = (
+        np.diag(L)[:factored_count] ** 2 <= COMPLIANCE_TOLERANCE * np.diag(C)[:factored_count]
+    )
     n = int(np.argmax(np.append(is_stiff, True)))
-    given = np.column_stack([np.ones(n), heights[order][:n]])
-    one, h = solve_triangular(L[:n, :n], given, lower=True).T if n else given.T
-    ends = np.searchsorted(r[order], np.sort(r[np.unique(trace.nodes[:, :2])]))[
+    right_hand_sides = np.column_stack([np.ones(n), heights[order][:n]])
+    unit_solution, height_solution = (
+        solve_triangular(L[:n, :n], right_hand_sides, lower=True).T if n else right_hand_sides.T
+    )
+    vertex_ends = np.searchsorted(r[order], np.sort(r[np.unique(trace.nodes[:, :2])]))[
         1:
     ]  # of the vertices but the axis
-    ends = ends[ends < n]
-    K = np.cumsum(one**2)[ends]
-    P = np.cumsum(one * h)[ends]
-    a = r[order][ends]
+    vertex_ends = vertex_ends[vertex_ends < n]
+    K = np.cumsum(unit_solution**2)[vertex_ends]
+    P = np.cumsum(unit_solution * height_solution)[vertex_ends]
+    a = r[order][vertex_ends]
     elements = np.diff(a, prepend=0.0)
     region = physics.part.regions[0]
-    at_zero, falls = SHIFT[region.formulation]
-    return a + (at_zero - falls * region.material.constants.nu) * elements, K, P
+    intercept, slope = RADIUS_SHIFT[region.formulation]
+    return a + (intercept - slope * region.material.constants.nu) * elements, K, P

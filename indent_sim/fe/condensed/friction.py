@@ -22,7 +22,7 @@ import numpy as np
 from scipy.sparse import diags
 from scipy.sparse.linalg import splu
 
-from indent_sim.fe.observe.surface import shapes
+from indent_sim.fe.surface import shape_functions
 from indent_sim.model.contact import (
     Anchor,
     CoulombPoint,
@@ -32,17 +32,17 @@ from indent_sim.model.contact import (
     way_gone,
 )
 
-Rule = tuple[np.ndarray, np.ndarray, np.ndarray]  # see `CondensedContact.quadrature`
+QuadratureRule = tuple[np.ndarray, np.ndarray, np.ndarray]  # see `CondensedContact.quadrature`
 
 NODAL_FORCE_TOLERANCE = (
     1e-12  # of the residual, relative to the nodal forces; a dense solve leaves less
 )
-STALLED = 1e-10  # and where round-off leaves no more
+STAGNATION_TOLERANCE = 1e-10  # and where round-off leaves no more
 MOST_FRICTION_ITERATIONS = 50
 
 
 @dataclass(frozen=True)
-class Rest:
+class AcceptedState:
     """An equilibrium to set out from: u (1 + axes, nodes) down and along [length], lam (nodes,)
     [pressure], depth.
     """
@@ -53,28 +53,28 @@ class Rest:
 
 
 @dataclass(frozen=True)
-class Trial(CoulombPoint):
+class TrialTraction(CoulombPoint):
     """p and t_hat (axes, facets, points) at points of the surface, and p_hat (facets, points)
     [pressure]; where something `holds` the surface; the gap [length] at the step's beginning,
     below zero where the surface was in contact; `passed`: the gap that closed or opened during
     the step, 0 where none did.
     """
 
-    t_hat: np.ndarray
-    p_hat: np.ndarray
-    holds: np.ndarray
-    opening: np.ndarray
-    passed: np.ndarray
+    trial_traction: np.ndarray
+    trial_pressure: np.ndarray
+    carries_traction: np.ndarray
+    initial_gap: np.ndarray
+    passed_gap: np.ndarray
 
     @property
-    def slips(self) -> np.ndarray:
+    def is_slipping(self) -> np.ndarray:
         """Where the traction is beyond the bound."""
         return np.asarray(self.room < 0)
 
     @property
-    def t(self) -> np.ndarray:
+    def traction(self) -> np.ndarray:
         """The traction (axes, facets, points) [pressure]."""
-        return np.asarray(self.holds * self.share * self.t_hat)
+        return np.asarray(self.carries_traction * self.share * self.trial_traction)
 
 
 class CondensedFriction:
@@ -85,157 +85,199 @@ class CondensedFriction:
         self._law = contact.law
         self._contact = contact
         self._compliance = contact.compliance
-        self._n = contact.compliance.size
-        axes = len(contact.compliance.held)
-        self._held = contact.compliance.held[:, contact.places]
-        self._old = Rest(np.zeros((1 + axes, self._n)), np.zeros(self._n), 0.0)
-        self.hold_new("implicit")
+        self._node_count = contact.compliance.size
+        axes = len(contact.compliance.is_constrained)
+        self._is_constrained = contact.compliance.is_constrained[:, contact.candidates]
+        self._accepted_state = AcceptedState(
+            np.zeros((1 + axes, self._node_count)), np.zeros(self._node_count), 0.0
+        )
+        self.set_slip_reference("implicit")
 
-    def depart(self) -> None:
+    def accept(self) -> None:
         """Take the present equilibrium as the one that the next step sets out from."""
-        self._old = Rest(
-            self._displacements(), self._contact.lam[self._contact.places], self._contact.depth
+        self._accepted_state = AcceptedState(
+            self._nodal_displacements(),
+            self._contact.lam[self._contact.candidates],
+            self._contact.depth,
         )
 
-    def hold_new(self, anchor: Anchor) -> None:
+    def set_slip_reference(self, slip_reference: Anchor) -> None:
         """Say where what comes into contact sticks; see `solve.anchor`."""
-        self._holds_new = anchor != "glue"
-        self._start = self._old.u[1:]
-        self._widest = 1.0
-        if anchor == "mid":
-            self._find_widest()
-            self._start = self._displacements()[1:]
+        self._new_contact_sticks = slip_reference != "glue"
+        self._slip_start = self._accepted_state.u[1:]
+        self._largest_passed_gap = 1.0
+        if slip_reference == "mid":
+            self._find_largest_passed_gap()
+            self._slip_start = self._nodal_displacements()[1:]
 
-    def _find_widest(self) -> None:
-        self._widest = float(self._present(self._contact.quadrature).passed.max(initial=0.0)) or 1.0
+    def _find_largest_passed_gap(self) -> None:
+        self._largest_passed_gap = (
+            float(self._present_trial(self._contact.quadrature).passed_gap.max(initial=0.0)) or 1.0
+        )
 
-    def _displacements(self) -> np.ndarray:
-        return (self._compliance.whole @ self._contact.forces.ravel()).reshape(-1, self._n)
+    def _nodal_displacements(self) -> np.ndarray:
+        return (self._compliance.matrix @ self._contact.forces.ravel()).reshape(
+            -1, self._node_count
+        )
 
-    def newton(self, softer: float) -> bool:
-        """Semismooth Newton on X = [int p N, int t N] from the present forces, `softer` times both
+    def solve_newton(self, stiffness_factor: float) -> bool:
+        """Semismooth Newton on X = [int p N, int t N] from the present forces, `stiffness_factor` times both
         stiffnesses.
         """
         contact = self._contact
         stiffnesses = np.repeat(
-            [self._law.stiffness, self._law.epsilon_t], [self._n, len(self._held) * self._n]
+            [self._law.stiffness, self._law.epsilon_t],
+            [self._node_count, len(self._is_constrained) * self._node_count],
         )
-        D = self._responses - softer * stiffnesses[:, None] * self._compliance.whole
+        D = self._inverse_masses - stiffness_factor * stiffnesses[:, None] * self._compliance.matrix
         X: np.ndarray = contact.forces.ravel()
-        nothing = contact.nothing(lambda F: np.abs(F).max(initial=0.0))
+        zero_force = contact.zero_tolerance(lambda F: np.abs(F).max(initial=0.0))
         residuals = list[float]()
-        seen = list[bytes]()
+        visited = list[bytes]()
         for _ in range(MOST_FRICTION_ITERATIONS):
-            trial = self._trial(D @ X, contact.quadrature, softer)
-            load = self._loads(trial)
+            trial = self._evaluate_trial(D @ X, contact.quadrature, stiffness_factor)
+            load = self._nodal_loads(trial)
             residual = np.abs(X - load).max(initial=0.0)
-            least = min(residuals, default=np.inf)
+            smallest_residual = min(residuals, default=np.inf)
             if not np.isfinite(residual):
                 return False
-            allowed = STALLED if residual >= least else NODAL_FORCE_TOLERANCE
-            if residual <= allowed * np.abs(load).max(initial=0.0) + nothing:
-                contact.forces = load.reshape(-1, self._n)
+            allowed = (
+                STAGNATION_TOLERANCE if residual >= smallest_residual else NODAL_FORCE_TOLERANCE
+            )
+            if residual <= allowed * np.abs(load).max(initial=0.0) + zero_force:
+                contact.forces = load.reshape(-1, self._node_count)
                 return True
-            is_back = (regions := self._regions(trial)) in seen[:-1]
-            if residual >= least and (is_back or residuals.index(least) < len(residuals) - 3):
+            is_repeated = (pattern := self._stick_slip_pattern(trial)) in visited[:-1]
+            if residual >= smallest_residual and (
+                is_repeated or residuals.index(smallest_residual) < len(residuals) - 3
+            ):
                 return False  # it goes round in a circle, or has come no nearer in three iterations
             residuals = [*residuals, residual]
-            seen = [*seen, regions]
-            X = X + contact.newton_step(X - load, self._slopes(trial), D, self._held)
+            visited = [*visited, pattern]
+            X = X + contact.newton_step(
+                X - load, self._traction_derivatives(trial), D, self._is_constrained
+            )
             contact.iterations += 1
         return False
 
     @cached_property
-    def _responses(self) -> np.ndarray:
+    def _inverse_masses(self) -> np.ndarray:
         """M^-1 and every M_k^-1 between the candidates, block by block [1/area]."""
-        places = self._contact.places
-        whole = np.zeros_like(self._compliance.whole)
-        unit = np.eye(self._n)
-        for k, project in enumerate([self._contact.projected, *self._projections]):
-            block = slice(k * self._n, (k + 1) * self._n)
-            whole[block, block] = project(unit)[places]
-        return whole
+        candidates = self._contact.candidates
+        inverse_masses = np.zeros_like(self._compliance.matrix)
+        unit = np.eye(self._node_count)
+        for k, project in enumerate([self._contact.project, *self._projections]):
+            block = slice(k * self._node_count, (k + 1) * self._node_count)
+            inverse_masses[block, block] = project(unit)[candidates]
+        return inverse_masses
 
     @cached_property
     def _projections(self) -> list[Callable[[np.ndarray], np.ndarray]]:
         """tau_k = M_k^-1 T_k on the whole surface for forces on the candidates, for each axis."""
-        return list(map(self._projection, self._compliance.held))
+        return list(map(self._create_projection, self._compliance.is_constrained))
 
-    def _projection(self, held: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        free = diags(1.0 - held)
-        factor = splu((free @ self._contact.mass @ free + diags(1.0 * held)).tocsc())
+    def _create_projection(self, is_constrained: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        free = diags(1.0 - is_constrained)
+        factor = splu(
+            (free @ self._contact.mass_matrix @ free + diags(1.0 * is_constrained)).tocsc()
+        )
 
         def project(T: np.ndarray) -> np.ndarray:
-            whole = np.zeros((len(held), *T.shape[1:]))
-            whole[self._contact.places] = T
-            whole[held] = 0.0
-            return np.asarray(factor.solve(whole))
+            nodal = np.zeros((len(is_constrained), *T.shape[1:]))
+            nodal[self._contact.candidates] = T
+            nodal[is_constrained] = 0.0
+            return np.asarray(factor.solve(nodal))
 
         return project
 
-    def _trial(self, nodal: np.ndarray, rule: Rule, softer: float = 1.0) -> Trial:
+    def _evaluate_trial(
+        self, nodal: np.ndarray, rule: QuadratureRule, stiffness_factor: float = 1.0
+    ) -> TrialTraction:
         (N, _, height) = rule
         depth = self._contact.depth
-        epsilon_n = softer * self._law.stiffness
-        epsilon_t = softer * self._law.epsilon_t
-        old = self._old
+        epsilon_n = stiffness_factor * self._law.stiffness
+        epsilon_t = stiffness_factor * self._law.epsilon_t
+        accepted = self._accepted_state
         nodes = self._contact.nodes
-        p_hat, *t_hat = (values[nodes] @ N.T for values in nodal.reshape(-1, self._n))
-        p_hat = p_hat - epsilon_n * (height - depth)
-        before = old.u[0] - old.lam / self._law.stiffness
-        opening = before[nodes] @ N.T + height - old.depth
-        is_new = is_new_contact(opening, depth - old.depth)
-        passed = np.asarray(passed_gap(opening, is_new, p_hat, epsilon_n))
-        way = way_gone(passed, self._widest)
-        starts = zip(self._start, old.u[1:], strict=True)
-        places = [was[nodes] @ N.T + way * ((at - was)[nodes] @ N.T) for at, was in starts]
-        holds = (p_hat > 0) & (self._holds_new | (is_new == 0))
-        t_hat = np.array(t_hat) + epsilon_t * np.array(places)
-        return Trial(
-            self._law.friction, np.maximum(p_hat, 0.0), t_hat, p_hat, holds, opening, passed
+        trial_pressure, *t_hat = (
+            values[nodes] @ N.T for values in nodal.reshape(-1, self._node_count)
+        )
+        trial_pressure = trial_pressure - epsilon_n * (height - depth)
+        open_displacement = accepted.u[0] - accepted.lam / self._law.stiffness
+        initial_gap = open_displacement[nodes] @ N.T + height - accepted.depth
+        is_new = is_new_contact(initial_gap, depth - accepted.depth)
+        passed_gap_values = np.asarray(passed_gap(initial_gap, is_new, trial_pressure, epsilon_n))
+        fraction = way_gone(passed_gap_values, self._largest_passed_gap)
+        start_pairs = zip(self._slip_start, accepted.u[1:], strict=True)
+        slip_starts = [
+            was[nodes] @ N.T + fraction * ((at - was)[nodes] @ N.T) for at, was in start_pairs
+        ]
+        carries_traction = (trial_pressure > 0) & (self._new_contact_sticks | (is_new == 0))
+        t_hat = np.array(t_hat) + epsilon_t * np.array(slip_starts)
+        return TrialTraction(
+            self._law.friction,
+            np.maximum(trial_pressure, 0.0),
+            t_hat,
+            trial_pressure,
+            carries_traction,
+            initial_gap,
+            passed_gap_values,
         )
 
-    def _regions(self, trial: Trial) -> bytes:
-        return (trial.p_hat > 0).tobytes() + (trial.slips * np.sign(trial.t_hat)).tobytes()
+    def _stick_slip_pattern(self, trial: TrialTraction) -> bytes:
+        return (trial.trial_pressure > 0).tobytes() + (
+            trial.is_slipping * np.sign(trial.trial_traction)
+        ).tobytes()
 
-    def _loads(self, trial: Trial) -> np.ndarray:
+    def _nodal_loads(self, trial: TrialTraction) -> np.ndarray:
         """The nodal forces of the tractions; none where a displacement is held, which they could
         not change.
         """
         N, W, _ = self._contact.quadrature
-        loads = np.array([self._contact.vector((W * q) @ N) for q in (trial.p, *trial.t)])
-        loads[1:][self._held] = 0.0
+        loads = np.array(
+            [self._contact.assemble_vector((W * q) @ N) for q in (trial.p, *trial.traction)]
+        )
+        loads[1:][self._is_constrained] = 0.0
         return loads.ravel()
 
-    def _slopes(self, trial: Trial) -> np.ndarray:
+    def _traction_derivatives(self, trial: TrialTraction) -> np.ndarray:
         """d(p, t)/d(p_hat, t_hat) (1 + axes, 1 + axes, facets, points)."""
-        m = 1 + len(trial.t_hat)
-        slopes = np.zeros((m, m, *trial.p_hat.shape))
-        slopes[0, 0] = trial.p_hat > 0
-        along = trial.t_hat / trial.size
+        m = 1 + len(trial.trial_traction)
+        slopes = np.zeros((m, m, *trial.trial_pressure.shape))
+        slopes[0, 0] = trial.trial_pressure > 0
+        direction = trial.trial_traction / trial.size
         for i, k in np.ndindex(m - 1, m - 1):
             slopes[1 + i, 1 + k] = (
-                trial.holds * trial.share * ((i == k) - trial.slips * along[i] * along[k])
+                trial.carries_traction
+                * trial.share
+                * ((i == k) - trial.is_slipping * direction[i] * direction[k])
             )
         if not self._law.is_bonded:
-            slopes[1:, 0] = trial.holds * trial.slips * self._law.friction * along
+            slopes[1:, 0] = (
+                trial.carries_traction * trial.is_slipping * self._law.friction * direction
+            )
         return slopes
 
-    def tau(self) -> np.ndarray:
+    def nodal_shear(self) -> np.ndarray:
         """tau (axes, nodes of the whole surface) [pressure]."""
         forces = self._contact.forces[1:]
         return np.array([project(T) for project, T in zip(self._projections, forces, strict=True)])
 
-    def room_at(self, points: np.ndarray) -> np.ndarray:
+    def stick_margin_at(self, points: np.ndarray) -> np.ndarray:
         """friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks."""
         return np.asarray(
-            self._present((shapes(points), *self._contact.rule(points, np.ones(len(points))))).room
+            self._present_trial(
+                (
+                    shape_functions(points),
+                    *self._contact.quadrature_rule(points, np.ones(len(points))),
+                )
+            ).room
         )
 
     def shear_at(self, points: np.ndarray) -> np.ndarray:
         """tau (facets, points, axes) [pressure]."""
-        nodal = self.tau()[:, self._contact.places].T
-        return self._compliance.trace.values(nodal[self._contact.nodes], points)
+        nodal = self.nodal_shear()[:, self._contact.candidates].T
+        return self._compliance.trace.interpolate(nodal[self._contact.nodes], points)
 
     def dissipation(self) -> float:
         """What slip turns into heat in the step to the present state [energy], of the modelled
@@ -245,21 +287,26 @@ class CondensedFriction:
         (N, W, _) = self._contact.quadrature
         if law.is_bonded:
             return 0.0
-        if is_implicit := self._contact.scene.physics.anchor == "implicit":
-            self._find_widest()
-        trial = self._present(self._contact.quadrature)
-        moved = (self._displacements()[1:] - self._old.u[1:])[:, self._contact.nodes] @ N.T
-        way = way_gone(trial.passed, self._widest)
-        before = law.stiffness * np.maximum(-trial.opening, 0.0)
+        if is_implicit := self._contact.scene.physics.slip_reference == "implicit":
+            self._find_largest_passed_gap()
+        trial = self._present_trial(self._contact.quadrature)
+        displacement = (self._nodal_displacements()[1:] - self._accepted_state.u[1:])[
+            :, self._contact.nodes
+        ] @ N.T
+        fraction = way_gone(trial.passed_gap, self._largest_passed_gap)
+        pressure_before = law.stiffness * np.maximum(-trial.initial_gap, 0.0)
         heat = trial.heat(
-            trial.t, (trial.t_hat - trial.t) / law.epsilon_t + is_implicit * way * moved, before
+            trial.traction,
+            (trial.trial_traction - trial.traction) / law.epsilon_t
+            + is_implicit * fraction * displacement,
+            pressure_before,
         )
-        left = heat_of_leaving(law.friction, before, moved, way)
-        return float((W * (heat + is_implicit * (trial.p_hat <= 0) * left)).sum())
+        leaving_heat = heat_of_leaving(law.friction, pressure_before, displacement, fraction)
+        return float((W * (heat + is_implicit * (trial.trial_pressure <= 0) * leaving_heat)).sum())
 
-    def _present(self, rule: Rule) -> Trial:
-        u = self._displacements()
-        lam = self._contact.lam[self._contact.places]
-        p_hat = lam - self._law.stiffness * u[0]
-        t_hat = self.tau()[:, self._contact.places] - self._law.epsilon_t * u[1:]
-        return self._trial(np.array([p_hat, *t_hat]), rule)
+    def _present_trial(self, rule: QuadratureRule) -> TrialTraction:
+        u = self._nodal_displacements()
+        lam = self._contact.lam[self._contact.candidates]
+        trial_pressure = lam - self._law.stiffness * u[0]
+        t_hat = self.nodal_shear()[:, self._contact.candidates] - self._law.epsilon_t * u[1:]
+        return self._evaluate_trial(np.array([trial_pressure, *t_hat]), rule)

@@ -16,7 +16,7 @@ from indent_sim.scene.scene import Scene
 
 
 @dataclass(frozen=True)
-class Effort:
+class SolverStatistics:
     """Linear solves, and iterations of these, None where none is iterative; equilibria that were
     found, stages of steps in time among them, and changes of what a tip seals.
     """
@@ -24,15 +24,15 @@ class Effort:
     newton: int
     krylov: int | None = None
     stages: int = 0
-    switches: int = 0
+    seal_changes: int = 0
 
-    def __sub__(self, earlier: Effort) -> Effort:
+    def __sub__(self, earlier: SolverStatistics) -> SolverStatistics:
         krylov = (
             None if self.krylov is None or earlier.krylov is None else self.krylov - earlier.krylov
         )
         stages = self.stages - earlier.stages
-        switches = self.switches - earlier.switches
-        return Effort(self.newton - earlier.newton, krylov, stages, switches)
+        switches = self.seal_changes - earlier.seal_changes
+        return SolverStatistics(self.newton - earlier.newton, krylov, stages, switches)
 
 
 class Equilibrium(Protocol):
@@ -44,11 +44,11 @@ class Equilibrium(Protocol):
     has_memory: bool  # whether an equilibrium depends on the path to it
 
     @property
-    def observed(self) -> Any:
+    def observed_body(self) -> Any:
         """The body at the present state, whose fields, surface table and numbers can be read off."""
 
     @property
-    def effort(self) -> Effort:
+    def statistics(self) -> SolverStatistics:
         """What was solved so far."""
 
     @property
@@ -59,18 +59,18 @@ class Equilibrium(Protocol):
     def force(self) -> float:
         """Force of the whole body on the tip [force]."""
 
-    def sharpen(self) -> float:
+    def tighten_tolerance(self) -> float:
         """Converge as far as round-off lets, and say how well a force can be met then, relative.
         What jumps with the depth stands still from here on, until `is_settled` is asked.
         """
 
-    def is_settled(self) -> bool:
+    def is_seal_consistent(self) -> bool:
         """Whether what stood still while a force was searched for fits the state that was found;
         else it does from here on, and the force is to be searched for again.
         """
         return True
 
-    def predict(self, depth: float, earlier: Sequence[Any]) -> None:
+    def extrapolate(self, depth: float, earlier: Sequence[Any]) -> None:
         """Take the unknowns that earlier snapshots lead to expect at a depth as the present ones."""
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:
@@ -78,7 +78,7 @@ class Equilibrium(Protocol):
         present unknowns; where it fails they are as they were.
         """
 
-    def settle(self, depth: float, dt: float = 0.0) -> bool:
+    def relax_to_stable_state(self, depth: float, dt: float = 0.0) -> bool:
         """Find where a body that adheres comes to rest at a depth, let go of in the present state,
         and what it is `dt` [time] later; else as `solve`.
         """
@@ -105,15 +105,20 @@ class Equilibrium(Protocol):
         """
         return None
 
-    def numbers(self) -> dict[str, Any]:
+    def state_values(self) -> dict[str, Any]:
         """What a State says of the present equilibrium, by the names of its fields."""
 
 
-def reactions(part: Part, borne: Mapping[Surface, float]) -> dict[str, Any]:
+def state_reactions(part: Part, support_reactions: Mapping[Surface, float]) -> dict[str, Any]:
     """What a State says of reactions [force]: the z-reaction of the whole body's supports, and that
     of each support.
 
     borne: what the supports of the modelled part bear.
     """
-    vertical = sum(force for (_, component), force in borne.items() if component == part.dim - 1)
-    return {"reaction": part.copies * vertical, "reactions": reactions_of_whole_body(part, borne)}
+    vertical = sum(
+        force for (_, component), force in support_reactions.items() if component == part.dim - 1
+    )
+    return {
+        "reaction": part.copies * vertical,
+        "reactions": reactions_of_whole_body(part, support_reactions),
+    }

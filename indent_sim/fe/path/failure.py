@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from indent_sim.fe.path.load_control import Pair
+from indent_sim.fe.path.load_control import ForceDepth
 from indent_sim.model.materials import Gent
 from indent_sim.model.state import State
 from indent_sim.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from indent_sim.fe.terms.strain import Crushed
+    from indent_sim.fe.terms.strain_energy import InvertedElements
 
 
 def failed_state(
     scene: Scene,
     step: int,
     value: float,
-    last: Pair,
-    why: str,
-    crushed: Crushed | None,
-    spent: tuple[int, float],
+    last_equilibrium: ForceDepth,
+    cause: str,
+    inverted: InvertedElements | None,
+    cost: tuple[int, float],
 ) -> State:
     """The State that says that and why there is none at this depth or force. last: force and depth
     of the last equilibrium; crushed: where its J is smallest; spent: iterations and seconds.
@@ -28,13 +28,13 @@ def failed_state(
     nan = float("nan")
     D = scene.physics.scales.depth
     F = scene.physics.scales.force
-    wanted = f"delta = {value * D:.6g}"
-    place = f"delta = {last[1] * D:.6g}"
+    target = f"delta = {value * D:.6g}"
+    last_place = f"delta = {last_equilibrium[1] * D:.6g}"
     delta = value
     if scene.physics.path.control == "force":
-        wanted = f"force = {value * F:.6g}"
-        place = f"{place}, force = {last[0] * F:.6g}"
-        delta = last[1]
+        target = f"force = {value * F:.6g}"
+        last_place = f"{last_place}, force = {last_equilibrium[0] * F:.6g}"
+        delta = last_equilibrium[1]
     law = scene.physics.material
     method = scene.physics.contact.method
     limit = (
@@ -42,23 +42,27 @@ def failed_state(
         if isinstance(law, Gent)
         else ""
     )
-    creases = f"; {scene.physics.creases}: less swelling helps" if scene.physics.creases else ""
-    reason = (
-        f"contact method {method} did not converge at {wanted}: {why}; the last "
-        f"equilibrium found is at {place}"
+    discontinuities = (
+        f"; {scene.physics.creases}: less swelling helps" if scene.physics.creases else ""
     )
-    reason += f"{crushed.words(scene) if crushed else ''}{limit}{creases}{_advice(scene)}"
-    return State(step, delta, nan, nan, nan, nan, nan, *spent, converged=False, reason=reason)
+    reason = (
+        f"contact method {method} did not converge at {target}: {cause}; the last "
+        f"equilibrium found is at {last_place}"
+    )
+    reason += (
+        f"{inverted.message(scene) if inverted else ''}{limit}{discontinuities}{_advice(scene)}"
+    )
+    return State(step, delta, nan, nan, nan, nan, nan, *cost, converged=False, reason=reason)
 
 
 def _advice(scene: Scene) -> str:
-    rounded = next(
+    rounding_key = next(
         (key for key in ("tip_radius", "edge_radius") if getattr(scene.physics.indenter, key, 0.0)),
         None,
     )
     law: Any = scene.physics.contact
     is_drop = scene.physics.is_drop
-    ways = [
+    remedies = [
         *(["solver.linear: direct"] if scene.solver.linear == "iterative" else []),
         *law.remedies,
         *(
@@ -66,7 +70,7 @@ def _advice(scene: Scene) -> str:
             if scene.physics.small_strain and scene.physics.gap == "current"
             else []
         ),
-        *([f"a larger indenter.{rounded}"] if rounded else []),
+        *([f"a larger indenter.{rounding_key}"] if rounding_key else []),
         *(
             ["contact.method: augmented_lagrangian"]
             if scene.physics.contact.method != "augmented_lagrangian"
@@ -83,7 +87,7 @@ def _advice(scene: Scene) -> str:
             else []
         ),
         *(
-            ["another mesh.h_contact"] if not law.may_snap else []
+            ["another mesh.h_contact"] if not law.may_snap_through else []
         ),  # where a tip snaps that never helped
     ]
-    return f"; {' or '.join(ways)} may help" if ways else ""
+    return f"; {' or '.join(remedies)} may help" if remedies else ""

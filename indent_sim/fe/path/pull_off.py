@@ -266,7 +266,7 @@ class _Bracket:
     @property
     def parabola(self) -> _Parabola | None:
         """The parabola through the three points; None where the force may jump between them."""
-        return None if self.has_fold else _Parabola.through(self.inner, self.best, self.outer)
+        return None if self.has_fold else _Parabola.fit_points(self.inner, self.best, self.outer)
 
     def next_depth(self, parabola: _Parabola) -> float:
         """Return the depth [length] of the next equilibrium of parabolic interpolation."""
@@ -344,7 +344,7 @@ class _Parabola:
         return self.force + self.curvature * (depth - self.delta) ** 2
 
     @classmethod
-    def through(cls, inner: PullPoint, best: PullPoint, outer: PullPoint) -> _Parabola | None:
+    def fit_points(cls, inner: PullPoint, best: PullPoint, outer: PullPoint) -> _Parabola | None:
         """Return the parabola through three equilibria; None where it has no minimum."""
         inner_slope = (inner.force - best.force) / (inner.delta - best.delta)
         outer_slope = (best.force - outer.force) / (best.delta - outer.delta)

@@ -25,7 +25,7 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import held, zero
+from indent_sim.fe.discrete_body import support_and_pin_dofs, zero_bc
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.terms.term import Term
 
@@ -34,7 +34,7 @@ SURFACE_STIFFNESS = (
 )
 
 
-class Stiffness:
+class DisplacementStiffness:
     """The tangent over the displacements of a space: of matter once where it is linear, of contact
     every time.
     """
@@ -43,43 +43,45 @@ class Stiffness:
         """kind: PETSc's type of matrix; of `sbaij` the upper half is kept: multiplying takes as
         long as reading it.
         """
-        self._bcs = _bcs(problem, space)
+        self._bcs = _dirichlet_bcs(problem, space)
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         dofs = np.concatenate([bc.dof_indices()[0] for bc in self._bcs])
-        self.held = dofs[dofs < owned]
+        self.constrained_dofs = dofs[dofs < owned]
         test = ufl.TestFunction(space)
         trial = ufl.TrialFunction(space)
-        matter = [term for term in problem.terms if term.is_matter]
-        touch = [term for term in problem.terms if not term.is_matter]
-        self._matter, self._contact = (
-            _form(problem, terms, ("u", test), ("u", trial)) for terms in (matter, touch)
+        bulk = [term for term in problem.terms if term.is_bulk]
+        contact = [term for term in problem.terms if not term.is_bulk]
+        self._bulk_form, self._contact_form = (
+            _tangent_form(problem, terms, ("u", test), ("u", trial)) for terms in (bulk, contact)
         )
-        self.matrix = fem_petsc.create_matrix(self._matter, kind.removeprefix("s"))
+        self.matrix = fem_petsc.create_matrix(self._bulk_form, kind.removeprefix("s"))
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        self._assemble_matter()
+        self._assemble_bulk()
         if kind == "sbaij":
-            whole = self.matrix
+            full_matrix = self.matrix
             self.matrix = self.matrix.convert("sbaij", PETSc.Mat())
             self.matrix.setOption(
                 PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True
             )  # of what is assembled from now on
-            _discard(whole)
-        self._constant = self.matrix.copy() if all(term.is_constant for term in matter) else None
+            _destroy_matrices(full_matrix)
+        self._constant_bulk = (
+            self.matrix.copy() if all(term.has_constant_tangent for term in bulk) else None
+        )
 
     def assemble(self) -> None:
         """Fill `matrix` at the present solution; rows and columns of what is held are those of the
         identity.
         """
-        if self._constant is None:
-            self._assemble_matter()
+        if self._constant_bulk is None:
+            self._assemble_bulk()
         else:
-            self._constant.copy(self.matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        fem_petsc.assemble_matrix(self.matrix, self._contact, self._bcs)
+            self._constant_bulk.copy(self.matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        fem_petsc.assemble_matrix(self.matrix, self._contact_form, self._bcs)
         self.matrix.assemble()
 
-    def _assemble_matter(self) -> None:
+    def _assemble_bulk(self) -> None:
         self.matrix.zeroEntries()
-        fem_petsc.assemble_matrix(self.matrix, self._matter, self._bcs)
+        fem_petsc.assemble_matrix(self.matrix, self._bulk_form, self._bcs)
         self.matrix.assemble()
 
 
@@ -104,92 +106,98 @@ class FieldBlocks:
         self.problem = problem
         self.name = name
         unknowns = problem.unknowns
-        self._term: Any = next(term for term in problem.terms if name in term.fields)
-        self._over = partial(problem.body.over, unknowns.kinds[name])
-        space = unknowns.own_space(name)
-        displacements = unknowns.own_space("u")
+        self._term: Any = next(term for term in problem.terms if name in term.field_names)
+        self._domain_integral = partial(
+            problem.body.field_domain_integral, unknowns.fields_by_name[name]
+        )
+        space = unknowns.collapsed_space(name)
+        displacements = unknowns.collapsed_space("u")
         first, last = space.dofmap.index_map.local_range
-        places = unknowns.places(name)[: last - first]
-        is_free = ~np.isin(places, problem.body.constrained)
-        self.places = places[is_free]
-        self.weight = unknowns.kinds[name].weight
-        self._free = PETSc.IS().createGeneral(
+        dofs = unknowns.dofs(name)[: last - first]
+        is_free = ~np.isin(dofs, problem.body.constrained_dofs)
+        self.free_dofs = dofs[is_free]
+        self.weight = unknowns.fields_by_name[name].weight
+        self._free_set = PETSc.IS().createGeneral(
             (first + np.flatnonzero(is_free)).astype(np.int32), problem.comm
         )
         u = ufl.TestFunction(displacements)
         test = ufl.TestFunction(space)
         trial = ufl.TrialFunction(space)
-        self._bcs = _bcs(problem, displacements)
-        ways = (("u", u), (name, trial)), ((name, test), (name, trial))
-        self._forms = [_form(problem, [self._term], *way) for way in ways]
-        self._whole = [fem_petsc.create_matrix(form) for form in self._forms]
-        self._M = self._product(test * trial)
-        self._L = (
-            self._product(ufl.dot(self._slope(test), self._slope(trial))) if name == "lam" else None
+        self._bcs = _dirichlet_bcs(problem, displacements)
+        arguments = (("u", u), (name, trial)), ((name, test), (name, trial))
+        self._forms = [_tangent_form(problem, [self._term], *way) for way in arguments]
+        self._full_matrices = [fem_petsc.create_matrix(form) for form in self._forms]
+        self._mass = self._assemble_product(test * trial)
+        self._laplacian = (
+            self._assemble_product(
+                ufl.dot(self._surface_gradient(test), self._surface_gradient(trial))
+            )
+            if name == "lam"
+            else None
         )
-        low, high = self._whole[0].getOwnershipRange()
-        self._all = PETSc.IS().createStride(high - low, low, 1, problem.comm)
+        low, high = self._full_matrices[0].getOwnershipRange()
+        self._all_rows = PETSc.IS().createStride(high - low, low, 1, problem.comm)
         self.B: PETSc.Mat = None
         self.C: PETSc.Mat = None
         self.assemble()
-        self._S = self._schur()
+        self._S = self._schur_complement()
         self._ksp = PETSc.KSP().create(problem.comm)
-        by_factors(self._ksp)
-        self._known, self._found = self._S.createVecs()
-        self._known.set(0.0)
+        use_direct_solver(self._ksp)
+        self._rhs, self._solution = self._S.createVecs()
+        self._rhs.set(0.0)
 
-    def _slope(self, field: Expr) -> Expr:
-        slope = ufl.grad(field)
+    def _surface_gradient(self, field: Expr) -> Expr:
+        gradient = ufl.grad(field)
         n = ufl.FacetNormal(self.problem.mesh)
-        return slope - ufl.dot(slope, n) * n
+        return gradient - ufl.dot(gradient, n) * n
 
-    def _product(self, density: Expr) -> PETSc.Mat:
+    def _assemble_product(self, density: Expr) -> PETSc.Mat:
         """The integral of a density, in units of the scaled rows, between the free dofs."""
-        matrix = fem_petsc.assemble_matrix(fem.form(self._over(density)))
+        matrix = fem_petsc.assemble_matrix(fem.form(self._domain_integral(density)))
         matrix.assemble()
         matrix.scale(self.weight**2)
-        return matrix.createSubMatrix(self._free, self._free)
+        return matrix.createSubMatrix(self._free_set, self._free_set)
 
     def assemble(self) -> None:
         """Fill B and C at the present solution."""
-        for matrix, form in zip(self._whole, self._forms, strict=True):
+        for matrix, form in zip(self._full_matrices, self._forms, strict=True):
             matrix.zeroEntries()
             fem_petsc.assemble_matrix(matrix, form, self._bcs)
             matrix.assemble()
-        coupling, own = self._whole
-        self.B = coupling.createSubMatrix(self._all, self._free, self.B)
-        self.C = own.createSubMatrix(self._free, self._free, self.C)
+        coupling, diagonal = self._full_matrices
+        self.B = coupling.createSubMatrix(self._all_rows, self._free_set, self.B)
+        self.C = diagonal.createSubMatrix(self._free_set, self._free_set, self.C)
         self.B.scale(self.weight)
         self.C.scale(self.weight**2)
 
     def factor(self) -> None:
         """Factor S at the present solution."""
-        now = self._schur()
-        now.copy(
+        schur_complement = self._schur_complement()
+        schur_complement.copy(
             self._S, PETSc.Mat.Structure.SAME_NONZERO_PATTERN
         )  # a new matrix would be analysed anew
         self._ksp.setOperators(self._S)
         self._ksp.setUp()
-        _discard(now)
+        _destroy_matrices(schur_complement)
 
-    def solve(self, known: PETSc.Vec, found: PETSc.Vec) -> None:
+    def solve(self, rhs: PETSc.Vec, solution: PETSc.Vec) -> None:
         """S^-1 known; what stands in S after the field is its own affair."""
-        self._known.array[: len(self.places)] = known.array_r
-        self._ksp.solve(self._known, self._found)
-        found.array[:] = self._found.array_r[: len(self.places)]
+        self._rhs.array[: len(self.free_dofs)] = rhs.array_r
+        self._ksp.solve(self._rhs, self._solution)
+        solution.array[:] = self._solution.array_r[: len(self.free_dofs)]
 
-    def _schur(self) -> PETSc.Mat:
-        if self._L:
-            S = self._of_multiplier()
+    def _schur_complement(self) -> PETSc.Mat:
+        if self._laplacian:
+            S = self._multiplier_schur_complement()
         else:
             E, nu = self._term.region.material.constants
-            S = self._M.copy()
+            S = self._mass.copy()
             S.scale(-(1 + nu) / E)
             S.axpy(1.0, self.C, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         S.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         return S
 
-    def _of_multiplier(self) -> PETSc.Mat:
+    def _multiplier_schur_complement(self) -> PETSc.Mat:
         """S as the Schur complement in [[C - alpha M_A/eps, M_A], [M_A, eps/(1 - alpha) (M + gamma
         L)]].
         """
@@ -198,30 +206,30 @@ class FieldBlocks:
         E_star = scene.physics.material.E_star
         s = SURFACE_STIFFNESS * E_star / scene.sizes.h_contact
         q = np.sqrt(1 + s / eps)
-        same = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+        pattern = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
         gamma = q * (q + 1) ** 2 * (E_star / (2 * s)) ** 2
-        M_A = self._M.copy()
-        own = self._M.copy()
-        waves = self._M.copy()
-        M_A.axpy(eps, self.C, same)
-        own.scale(-1 / eps)
-        own.axpy((1 - 1 / q**2) / eps, M_A, same)  # C - alpha M_A/eps, with M_A = M + eps C
-        waves.axpy(gamma, self._L, same)
-        waves.scale(eps / (1 - 1 / q**2))
-        blocks = PETSc.Mat().createNest([[own, M_A], [M_A, waves]], comm=M_A.comm)
+        M_A = self._mass.copy()
+        diagonal = self._mass.copy()
+        surface_waves = self._mass.copy()
+        M_A.axpy(eps, self.C, pattern)
+        diagonal.scale(-1 / eps)
+        diagonal.axpy((1 - 1 / q**2) / eps, M_A, pattern)  # C - alpha M_A/eps, with M_A = M + eps C
+        surface_waves.axpy(gamma, self._laplacian, pattern)
+        surface_waves.scale(eps / (1 - 1 / q**2))
+        blocks = PETSc.Mat().createNest([[diagonal, M_A], [M_A, surface_waves]], comm=M_A.comm)
         S = PETSc.Mat()
         blocks.convert("aij", S)
-        _discard(blocks, own, M_A, waves)
+        _destroy_matrices(blocks, diagonal, M_A, surface_waves)
         return S
 
 
-def _discard(*matrices: PETSc.Mat) -> None:
+def _destroy_matrices(*matrices: PETSc.Mat) -> None:
     """Free matrices now: left to Python, those of several ranks stay until the end."""
     for matrix in matrices:
         matrix.destroy()
 
 
-def by_factors(ksp: PETSc.KSP, kind: str = "cholesky") -> None:
+def use_direct_solver(ksp: PETSc.KSP, kind: str = "cholesky") -> None:
     """Factor a solver's systems by MUMPS: `cholesky` (L D L^T) is half the work of `lu`, for
     symmetric ones.
     """
@@ -230,17 +238,17 @@ def by_factors(ksp: PETSc.KSP, kind: str = "cholesky") -> None:
     ksp.getPC().setFactorSolverType("mumps")
 
 
-def _bcs(problem: Problem, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
-    supports, pins = held(space, problem.body.body_mesh)
-    return [zero(space.sub(c), dofs) for c, dofs in supports + pins]
+def _dirichlet_bcs(problem: Problem, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
+    supports, pins = support_and_pin_dofs(space, problem.body.body_mesh)
+    return [zero_bc(space.sub(c), dofs) for c, dofs in supports + pins]
 
 
-def _form(
+def _tangent_form(
     problem: Problem, terms: Sequence[Term], test: tuple[str, Expr], trial: tuple[str, Expr]
 ) -> fem.Form:
     unknowns = problem.unknowns
     body = problem.body
     now = replace(body.now, test=unknowns.variation(*test), trial=unknowns.variation(*trial))
     return fem.form(
-        compat.differentiated(reduce(add, (term.tangent(now, now, body.dt) for term in terms)))
+        compat.expand_derivatives(reduce(add, (term.tangent(now, now, body.dt) for term in terms)))
     )

@@ -12,62 +12,68 @@ import numpy as np
 from mpi4py import MPI
 
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.observe import measure
-from indent_sim.fe.observe.fields import WholeBody
-from indent_sim.fe.path.equilibrium import Effort, reactions
+from indent_sim.fe.path.equilibrium import SolverStatistics, state_reactions
+from indent_sim.fe.postprocessing import measurements
+from indent_sim.fe.postprocessing.fields import WholeBody
 from indent_sim.fe.problem import Problem, Snapshot
-from indent_sim.fe.solve.algorithms import algorithm_of, come_to_rest
-from indent_sim.fe.solve.newton import Newton, finest, stages
-from indent_sim.fe.solve.numbering import Numbering
-from indent_sim.fe.solve.prediction import expected, shares
+from indent_sim.fe.solve.contact_algorithms import contact_algorithm, dynamic_relaxation
+from indent_sim.fe.solve.dof_numbering import DofNumbering
+from indent_sim.fe.solve.extrapolation import lagrange_weights, predict_trial_pressure
+from indent_sim.fe.solve.newton import Newton, approach_factors, finest_tolerance
 from indent_sim.fe.terms.contact.multiplier import stiffness_scale
 from indent_sim.fe.terms.contact.traction import Traction
-from indent_sim.fe.terms.scene_terms import Matter, Touch, matter_of, touch_of
+from indent_sim.fe.terms.scene_terms import BulkTerms, ContactTerms, bulk_terms, contact_terms
 from indent_sim.fe.terms.term import Stage
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.tips import deepest_inside
 
-MOST_SETS = 6  # of vertices under a tip that seals, in one stage
+MOST_SEAL_UPDATES = 6  # of vertices under a tip that seals, in one stage
 # Depths that are tried for the force of a stage between, and how near it is: rows do not tell then
 # where they set out
-MOST_BETWEEN = 8
-BETWEEN = 1e-9
+MOST_STAGE_SOLVES = 8
+STAGE_FORCE_TOLERANCE = 1e-9
 # of the contact radius; the singular edge of a punch has J < 0 in 0.003 of it, which no force feels
-INSIDE_OUT = 0.2
+LARGEST_INVERTED_FRACTION = 0.2
 
 
 class BodyEquilibrium:
     """A problem on the whole mesh and the algorithm that solves it; see `path.Equilibrium`."""
 
     def __init__(self, body: Body):
-        self.matter = matter = matter_of(body)
-        self.touch = touch = touch_of(body, matter.strains[0])
-        self.problem = problem = Problem(body, [*matter, *touch])
-        self.observed = SolvedBody(body, matter, touch)
+        self.bulk_terms = bulk = bulk_terms(body)
+        self.contact_terms = contact = contact_terms(body, bulk.strain_energies[0])
+        self.problem = problem = Problem(body, [*bulk, *contact])
+        self.observed_body = SolvedBody(body, bulk, contact)
         self.scene = scene = body.scene
         self.has_memory = problem.has_memory
         self.newton = Newton(problem)
-        self._stages = 0  # found so far
-        self._leading: Sequence[Snapshot] = ()  # states that lead on to what is solved next
-        self._forces = None if problem.law.may_snap else _forces_over_time(scene.physics.path)
-        self._rise = 0.0  # of the force over depth, at the last stage between
-        self._algorithm = self._with_valve(algorithm_of(self.newton, touch))
+        self._stage_count = 0  # found so far
+        self._extrapolation_states: Sequence[
+            Snapshot
+        ] = ()  # states that lead on to what is solved next
+        self._prescribed_force = (
+            None if problem.law.may_snap else _force_over_time(scene.physics.path)
+        )
+        self._force_slope = 0.0  # of the force over depth, at the last stage between
+        self._algorithm = self._sealing_algorithm(contact_algorithm(self.newton, contact))
         self.snapshot = problem.snapshot
         self.restore = problem.restore
-        self._a = scene.plan.prediction["a"] / scene.physics.scales.length
-        self._largest_inside_out = INSIDE_OUT * self._a
-        self._deepest = deepest_inside(scene.physics.indenter)
+        self._contact_radius = scene.plan.prediction["a"] / scene.physics.scales.length
+        self._largest_inverted_size = LARGEST_INVERTED_FRACTION * self._contact_radius
+        self._deepest_penetration = deepest_inside(scene.physics.indenter)
         if (
             problem.law.multiplier == "stress"
         ):  # other zeros of Nitsche's residual lie about an element deep in the tip
-            self._deepest = min(self._deepest, scene.sizes.h_contact / 2)
+            self._deepest_penetration = min(self._deepest_penetration, scene.sizes.h_contact / 2)
 
     @property
-    def effort(self) -> Effort:
+    def statistics(self) -> SolverStatistics:
         """What was solved so far; no iterations of linear solves where systems are factored."""
-        valve = self.matter.valve
-        switches = valve.setting if valve else 0
-        return Effort(self.newton.iterations, self.newton.krylov_iterations, self._stages, switches)
+        seal = self.bulk_terms.seal
+        seal_changes = seal.tangent_version if seal else 0
+        return SolverStatistics(
+            self.newton.iterations, self.newton.krylov_iterations, self._stage_count, seal_changes
+        )
 
     @property
     def failure(self) -> str:
@@ -84,139 +90,160 @@ class BodyEquilibrium:
         """dF/ddelta of the whole body at the present equilibrium, by its tangent (collective)."""
         return self.newton.stiffness()
 
-    def sharpen(self) -> float:
+    def tighten_tolerance(self) -> float:
         """Converge as far as round-off lets, and say how well a force can be met then, relative.
         The vertices that the tip seals stand still from here on, until `is_settled` is asked:
         with them the force would jump.
         """
-        if self.matter.valve:
-            self.matter.valve.hold()
-        self.newton.rtol = min(self.newton.rtol, finest(self.problem))
-        return 10 * finest(self.problem)
+        if self.bulk_terms.seal:
+            self.bulk_terms.seal.freeze()
+        self.newton.rtol = min(self.newton.rtol, finest_tolerance(self.problem))
+        return 10 * finest_tolerance(self.problem)
 
-    def is_settled(self) -> bool:
+    def is_seal_consistent(self) -> bool:
         """Whether the tip seals the surface where it touches it; else it does from here on."""
-        valve = self.matter.valve
-        return valve is None or not valve.look(measure.touching(self.observed))
+        seal = self.bulk_terms.seal
+        return seal is None or not seal.update_contact(
+            measurements.touching_corners(self.observed_body)
+        )
 
     def accept(self) -> float:
         """Take the present equilibrium as the one that the next step sets out from; what was lost
         in this [energy].
         """
-        lost = self.problem.dissipation()
+        dissipation = self.problem.dissipation()
         self.problem.accept()
         self.newton.accept()
-        return lost
+        return dissipation
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:
         """True when converged to a state that a body can have, in every stage; else the unknowns
         are as they were.
         """
-        began = self.problem.body.before_depth
-        before = self.problem.guess()
-        leading = self._leading
-        self._leading = ()
+        start_depth = self.problem.body.accepted_depth
+        state_before = self.problem.trial_state()
+        earlier_states = self._extrapolation_states
+        self._extrapolation_states = ()
         for stage in self.problem.stages(dt):
-            is_last = stage.end == 1.0
-            if leading and dt:
-                self._guess(began + stage.end * (depth - began), leading)
-            self.problem.begin(stage)
+            is_last = stage.end_fraction == 1.0
+            if earlier_states and dt:
+                self._set_extrapolated_state(
+                    start_depth + stage.end_fraction * (depth - start_depth), earlier_states
+                )
+            self.problem.begin_stage(stage)
             if not (
-                self._find(depth, self._algorithm)
+                self._find_equilibrium(depth, self._algorithm)
                 if is_last
-                else self._between(began, depth, stage.end)
+                else self._solve_stage(start_depth, depth, stage.end_fraction)
             ):
-                self.problem.take(before)
+                self.problem.set_trial_state(state_before)
                 return False
-            self.problem.end(stage)
-            self._stages += 1
+            self.problem.end_stage(stage)
+            self._stage_count += 1
         return True
 
-    def _between(self, began: float, depth: float, share: float) -> bool:
+    def _solve_stage(self, start_depth: float, depth: float, fraction: float) -> bool:
         """True when found before the end of a step, at the share of it: where the depth is straight
         in time, or where forces are prescribed, the force. A depth that goes with the root of
         time, as after a sudden force, is not.
         """
-        delta = began + share * (depth - began)
-        tried = list[tuple[float, float]]()
-        asked = self._forces(float(self.problem.body.now.t.value)) if self._forces else 0.0
-        if not self._find(delta, self._algorithm):
+        delta = start_depth + fraction * (depth - start_depth)
+        earlier_tries = list[tuple[float, float]]()
+        target_force = (
+            self._prescribed_force(float(self.problem.body.now.t.value))
+            if self._prescribed_force
+            else 0.0
+        )
+        if not self._find_equilibrium(delta, self._algorithm):
             return False
-        if asked <= 0:
+        if target_force <= 0:
             return True
-        for _ in range(MOST_BETWEEN):
-            missing = asked - self.force
-            if abs(missing) <= BETWEEN * asked:
+        for _ in range(MOST_STAGE_SOLVES):
+            missing_force = target_force - self.force
+            if abs(missing_force) <= STAGE_FORCE_TOLERANCE * target_force:
                 return True
-            tried = [*tried[-1:], (missing, delta)]
-            if len(tried) > 1 and (rise := (tried[0][0] - missing) / (delta - tried[0][1])) > 0:
-                self._rise = rise
-            rise = self._rise or 2 * self.scene.physics.material.E_star * self._a
-            delta += missing / rise
-            if not self._find(delta, self._algorithm):
+            earlier_tries = [*earlier_tries[-1:], (missing_force, delta)]
+            if (
+                len(earlier_tries) > 1
+                and (
+                    force_slope := (earlier_tries[0][0] - missing_force)
+                    / (delta - earlier_tries[0][1])
+                )
+                > 0
+            ):
+                self._force_slope = force_slope
+            force_slope = (
+                self._force_slope or 2 * self.scene.physics.material.E_star * self._contact_radius
+            )
+            delta += missing_force / force_slope
+            if not self._find_equilibrium(delta, self._algorithm):
                 break
-        return self._find(began + share * (depth - began), self._algorithm)
+        return self._find_equilibrium(
+            start_depth + fraction * (depth - start_depth), self._algorithm
+        )
 
-    def _with_valve(self, algorithm: Callable[[], bool]) -> Callable[[], bool]:
+    def _sealing_algorithm(self, algorithm: Callable[[], bool]) -> Callable[[], bool]:
         """The algorithm with the surface sealed where that very equilibrium touches the tip: found,
         looked at, found again, until nothing changes.
         """
-        valve = self.matter.valve
-        if valve is None:
+        seal = self.bulk_terms.seal
+        if seal is None:
             return algorithm
 
         def find() -> bool:
-            for _ in range(0 if valve.is_held else MOST_SETS - 1):
+            for _ in range(0 if seal.is_frozen else MOST_SEAL_UPDATES - 1):
                 if not algorithm():
                     return False
-                if self.is_settled():
+                if self.is_seal_consistent():
                     return True
             return algorithm()
 
         return find
 
-    def settle(self, depth: float, dt: float = 0.0) -> bool:
+    def relax_to_stable_state(self, depth: float, dt: float = 0.0) -> bool:
         """True when found where the body comes to rest at a depth, let go of in the present state,
         and then what `dt` makes of that; else as `solve`. A snap takes no time.
         """
-        drag = self.touch.drag
-        at_once = Stage(0.0)
-        assert drag
-        self.problem.begin(at_once)
-        if not self._find(depth, lambda: come_to_rest(self.newton, drag)):
+        regularization = self.contact_terms.regularization
+        instant = Stage(0.0)
+        assert regularization
+        self.problem.begin_stage(instant)
+        if not self._find_equilibrium(
+            depth, lambda: dynamic_relaxation(self.newton, regularization)
+        ):
             return False
-        self.problem.end(at_once)
+        self.problem.end_stage(instant)
         return dt == 0 or self.solve(depth, dt)
 
-    def _find(self, depth: float, algorithm: Callable[[], bool]) -> bool:
-        before = self.problem.guess()
+    def _find_equilibrium(self, depth: float, algorithm: Callable[[], bool]) -> bool:
+        state_before = self.problem.trial_state()
         self.problem.delta.value = depth
-        self._follow(depth)
+        self._update_contact_stiffness(depth)
         if not algorithm():
             return False
-        if why := self._why_impossible():
-            self.newton.failure = why
-            self.problem.take(before)
-        return not why
+        if impossibility := self._impossibility():
+            self.newton.failure = impossibility
+            self.problem.set_trial_state(state_before)
+        return not impossibility
 
-    def _follow(self, depth: float) -> None:
+    def _update_contact_stiffness(self, depth: float) -> None:
         """Let the contact be as stiff as what the tip touches is at a depth, at this moment."""
-        below = self.matter.strains[0]
-        below.expect(self.problem.body.before_depth, depth)
-        self.problem.follow(below.E_star / self.scene.physics.material.E_star)
+        strain_energy = self.bulk_terms.strain_energies[0]
+        strain_energy.predict_modulus(self.problem.body.accepted_depth, depth)
+        self.problem.follow_modulus(strain_energy.E_star / self.scene.physics.material.E_star)
 
-    def _why_impossible(self) -> str:
+    def _impossibility(self) -> str:
         if not self.problem.is_admissible():
             return "Newton ends in a state with J <= 0, or beyond the law's limit"
         if self.problem.law.may_snap and not self.newton.is_stable:
             return "Newton ends in a state that is not stable"
         if self.scene.physics.gap == "reference":
             return ""
-        if measure.penetration(self.observed) > self._deepest:
+        if measurements.penetration(self.observed_body) > self._deepest_penetration:
             return "Newton ends where the tip has passed through the surface"
         if (
             self.scene.physics.small_strain
-            and self.observed.inside_out() > self._largest_inside_out
+            and self.observed_body.inverted_size() > self._largest_inverted_size
         ):
             return (
                 "the linear body turns inside out (J < 0), and only a hyperelastic one has a "
@@ -225,20 +252,24 @@ class BodyEquilibrium:
         return ""
 
     @cached_property
-    def _numbering(self) -> list[list[Numbering]]:
+    def _numberings(self) -> list[list[DofNumbering]]:
         """For each array of a state the numbering of each of its fields: the unknowns, what is
         frozen, the history.
         """
         unknowns = self.problem.unknowns
         problem = self.problem
-        whole = [
-            Numbering(unknowns.own_space(name), unknowns.places(name)) for name in unknowns.names
+        unknown_numberings = [
+            DofNumbering(unknowns.collapsed_space(name), unknowns.dofs(name))
+            for name in unknowns.names
         ]
-        beside = [*problem.frozen, *problem.histories]
-        return [whole, *([Numbering(f.function_space, np.arange(len(f.x.array)))] for f in beside)]
+        other_functions = [*problem.frozen, *problem.histories]
+        return [
+            unknown_numberings,
+            *([DofNumbering(f.function_space, np.arange(len(f.x.array)))] for f in other_functions),
+        ]
 
     @property
-    def _softens(self) -> bool:
+    def _has_relaxation(self) -> bool:
         """Whether the modulus of what the tip touches changes with time."""
         return self.scene.physics.part.regions[0].relaxing is not None
 
@@ -247,128 +278,144 @@ class BodyEquilibrium:
         (collective).
         """
         arrays = [*(vector.array_r for vector in state.unknowns), *state.history]
-        pairs = zip(arrays, self._numbering, strict=True)
-        packed = [field.gathered(values) for values, fields in pairs for field in fields]
-        return [*packed, np.array([state.softer])] if self._softens else packed
+        pairs = zip(arrays, self._numberings, strict=True)
+        packed = [field.gather(values) for values, fields in pairs for field in fields]
+        return [*packed, np.array([state.modulus_ratio])] if self._has_relaxation else packed
 
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Snapshot | None:
         """The state of packed arrays, which all ranks have (collective); None when they are none of
         this problem.
         """
         state = replace(self.snapshot(), depth=depth, t=t)
-        numbering = self._numbering
+        numbering = self._numberings
         shapes: list[tuple[int, ...]] = [field.shape for fields in numbering for field in fields]
-        shapes += [(1,)] if self._softens else []
+        shapes += [(1,)] if self._has_relaxation else []
         if [np.shape(values) for values in arrays] != shapes:
             return None
-        if self._softens:
-            *arrays, softer = arrays
-            state = replace(state, softer=float(softer[0]))
-        rest = iter(arrays)
+        if self._has_relaxation:
+            *arrays, modulus_ratio = arrays
+            state = replace(state, modulus_ratio=float(modulus_ratio[0]))
+        remaining_arrays = iter(arrays)
         for values, fields in zip(
             [*(v.array for v in state.unknowns), *state.history], numbering, strict=True
         ):
             for field in fields:
-                field.scatter(next(rest), values)
+                field.scatter(next(remaining_arrays), values)
         return state
 
-    def predict(self, depth: float, earlier: Sequence[Snapshot]) -> None:
+    def extrapolate(self, depth: float, earlier: Sequence[Snapshot]) -> None:
         """Take the unknowns that earlier states lead to expect at a depth as the present ones; in
         the next `solve` at the depth of each of its stages.
         """
-        self._leading = earlier
-        self._guess(depth, earlier)
+        self._extrapolation_states = earlier
+        self._set_extrapolated_state(depth, earlier)
 
-    def _guess(self, depth: float, earlier: Sequence[Snapshot]) -> None:
+    def _set_extrapolated_state(self, depth: float, earlier: Sequence[Snapshot]) -> None:
         depths = [state.depth for state in earlier]
-        trial = self._expected(earlier[-2:], depth) if self._foresees else None
-        guess = [vector.duplicate() for vector in earlier[-1].unknowns]
-        for k, vector in enumerate(guess):
+        trial_pressure = (
+            self._predicted_trial_pressure(earlier[-2:], depth)
+            if self._can_predict_contact
+            else None
+        )
+        trial_state = [vector.duplicate() for vector in earlier[-1].unknowns]
+        for k, vector in enumerate(trial_state):
             vector.set(0.0)
-            vector.maxpy(shares(depths, depth), [state.unknowns[k] for state in earlier])
+            vector.maxpy(lagrange_weights(depths, depth), [state.unknowns[k] for state in earlier])
         self.problem.delta.value = depth
-        self.problem.take(guess)
+        self.problem.set_trial_state(trial_state)
         if (
-            trial is not None
+            trial_pressure is not None
         ):  # the multiplier changes where the guess is in contact and this is not, or the reverse
-            assert isinstance(self.touch.pressure, Traction)
-            (lam, gap) = self._contact_at_nodes()
+            assert isinstance(self.contact_terms.pressure, Traction)
+            (lam, gap) = self._nodal_contact()
             stiffness = stiffness_scale(self.scene)
-            agrees = (lam > stiffness * gap) == (trial > 0)
-            self.touch.pressure.field.fill(np.where(agrees, lam, trial + stiffness * gap))
+            is_consistent = (lam > stiffness * gap) == (trial_pressure > 0)
+            self.contact_terms.pressure.surface_multiplier.set_nodal_values(
+                np.where(is_consistent, lam, trial_pressure + stiffness * gap)
+            )
 
     @cached_property
-    def _foresees(self) -> bool:
+    def _can_predict_contact(self) -> bool:
         """Whether lam can say what is in contact next: not by another stiffness, nor with
         attraction in the gap.
         """
         law = self.scene.physics.contact
-        return law.multiplier == "unknown" and not law.may_snap and not stages(law, self.scene)
+        return (
+            law.multiplier == "unknown"
+            and not law.may_snap
+            and not approach_factors(law, self.scene)
+        )
 
-    def _expected(self, earlier: Sequence[Snapshot], depth: float) -> np.ndarray:
+    def _predicted_trial_pressure(self, earlier: Sequence[Snapshot], depth: float) -> np.ndarray:
         trials = []
         for state in earlier:
             self.problem.delta.value = state.depth
-            self.problem.take(state.unknowns)
-            lam, gap = self._contact_at_nodes()
+            self.problem.set_trial_state(state.unknowns)
+            lam, gap = self._nodal_contact()
             trials.append(lam - stiffness_scale(self.scene) * gap)
         largest = self.problem.comm.allreduce(
             max(trial.max(initial=0.0) for trial in trials), op=MPI.MAX
         )
-        return expected(trials, [state.depth for state in earlier], depth, largest)
+        return predict_trial_pressure(trials, [state.depth for state in earlier], depth, largest)
 
-    def _contact_at_nodes(self) -> tuple[np.ndarray, np.ndarray]:
+    def _nodal_contact(self) -> tuple[np.ndarray, np.ndarray]:
         """lam [pressure] and gap [length] at the nodes of the contact surface's facets (facets,
         nodes).
         """
-        points = self.observed.trace.node_points()
-        return self.touch.pressure.multiplier_at(points), measure.gap(self.observed, points)
+        points = self.observed_body.trace.node_points()
+        return self.contact_terms.pressure.multiplier_at(points), measurements.gap(
+            self.observed_body, points
+        )
 
-    def numbers(self) -> dict[str, Any]:
+    def state_values(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
         energy = (
             nan if self.scene.physics.relaxing else self.problem.energy()
         )  # what relaxes has stored none
-        numbers: dict[str, Any] = {"force": self.force, "energy": energy}
-        borne, numbers["stray_reaction"] = self.problem.reactions()
-        numbers |= reactions(self.scene.physics.part, borne)
+        values: dict[str, Any] = {"force": self.force, "energy": energy}
+        support_reactions, values["stray_reaction"] = self.problem.reactions()
+        values |= state_reactions(self.scene.physics.part, support_reactions)
         for name, axis in self.scene.physics.sideways.items():
-            numbers[f"side_force_{name}"] = self.problem.side_force(axis)
+            values[f"side_force_{name}"] = self.problem.side_force(axis)
         body = self.problem.body
-        numbers["intrusion"] = measure.intrusion(self.observed, body.skin, body.local_array())
-        numbers |= self._of_fluid()
-        return numbers | measure.contact(self.observed)
+        values["intrusion"] = measurements.penetration_outside_contact_surface(
+            self.observed_body, body.noncontact_trace, body.local_array()
+        )
+        values |= self._fluid_values()
+        return values | measurements.contact_values(self.observed_body)
 
-    def _of_fluid(self) -> dict[str, Any]:
+    def _fluid_values(self) -> dict[str, Any]:
         """What has left the whole body or moved in it, what is neither there nor gone, and the
         largest pressure; of a sudden step what its drained faces are about to lose.
         """
-        flow = self.matter.flow
-        valve = self.matter.valve
+        flow = self.bulk_terms.flow
+        seal = self.bulk_terms.seal
         comm = self.problem.comm
-        if flow is None or valve is None:
+        if flow is None or seal is None:
             return {}
-        content = flow.content()
-        shares = (valve.outflow(), content.sum(), np.abs(content).sum())
-        left, kept, moved = (self.problem.whole(float(mine)) for mine in shares)
-        largest = comm.allreduce(flow.largest(), op=MPI.MAX)
-        found = {
-            "outflow": left,
+        content = flow.vertex_content_values()
+        local_sums = (seal.total_outflow(), content.sum(), np.abs(content).sum())
+        outflow, content_change, moved = (
+            self.problem.sum_over_body(float(mine)) for mine in local_sums
+        )
+        largest = comm.allreduce(flow.largest_pressure(), op=MPI.MAX)
+        values = {
+            "outflow": outflow,
             "moved": moved,
-            "unbalanced": abs(left + kept),
+            "unbalanced": abs(outflow + content_change),
             "pore_pressure_max": largest,
         }
         is_sudden = float(self.problem.body.dt.value) == 0
-        return found | ({"drained": valve.drained()} if is_sudden else {})
+        return values | ({"drained": seal.drained_surface_table()} if is_sudden else {})
 
 
 class SolvedBody(WholeBody):
     """The whole body at the present solution, for measurements, the surface table and the fields."""
 
-    def __init__(self, body: Body, matter: Matter, touch: Touch):
-        super().__init__(body, matter.strains, touch.friction, matter.flow)
-        self.multiplier_at = touch.pressure.multiplier_at
-        self.pressure_at = touch.pressure.pressure_at
+    def __init__(self, body: Body, bulk: BulkTerms, contact: ContactTerms):
+        super().__init__(body, bulk.strain_energies, contact.friction, bulk.flow)
+        self.multiplier_at = contact.pressure.multiplier_at
+        self.pressure_at = contact.pressure.pressure_at
         self._delta = body.now.delta
 
     @property
@@ -376,12 +423,12 @@ class SolvedBody(WholeBody):
         """delta [length]."""
         return float(self._delta.value)
 
-    def inside_out(self) -> float:
+    def inverted_size(self) -> float:
         """Size [length] of the region in which J < 0 (collective)."""
-        return max(strain.inside_out() for strain in self.strains)
+        return max(strain.inverted_size() for strain in self.strain_energies)
 
 
-def _forces_over_time(path: LoadPath) -> Callable[[float], float] | None:
+def _force_over_time(path: LoadPath) -> Callable[[float], float] | None:
     """The force that is asked for [force] at a time since the path's begin; None of a path that
     asks for none.
     """

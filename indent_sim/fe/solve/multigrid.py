@@ -15,12 +15,12 @@ from petsc4py import PETSc
 
 from indent_sim.fe import compat
 from indent_sim.fe.problem import Problem
-from indent_sim.fe.solve.blocks import Stiffness
-from indent_sim.fe.solve.options import defaults
+from indent_sim.fe.solve.blocks import DisplacementStiffness
+from indent_sim.fe.solve.petsc_options import default_options
 
 PREFIX = "pmultigrid_"
 # unknowns of the linear elements, up to which they are factored: on several ranks that gains little
-FACTORED = 20_000
+LARGEST_FACTORED = 20_000
 # by the diagonal alone: PETSc 3.22 keeps inverses of the nodes' blocks from matrix to matrix
 SMOOTHER: dict[str, Any] = {
     "ksp_type": "chebyshev",
@@ -51,12 +51,12 @@ class Multigrid:
     near it.
     """
 
-    def __init__(self, problem: Problem, fine: Stiffness):
-        space = problem.unknowns.own_space("u")
+    def __init__(self, problem: Problem, fine: DisplacementStiffness):
+        space = problem.unknowns.collapsed_space("u")
         linear = compat.function_space(
-            problem.mesh, compat.lagrange(problem.unknowns.dim, 1, problem.unknowns.dim)
+            problem.mesh, compat.lagrange_element(problem.unknowns.dim, 1, problem.unknowns.dim)
         )
-        self._coarse = Stiffness(problem, linear, "aij")
+        self._coarse = DisplacementStiffness(problem, linear, "aij")
         self._coarse.matrix.setNearNullSpace(_rigid_modes(linear))
         self._pc = PETSc.PC().create(problem.comm)
         self._pc.setOptionsPrefix(PREFIX)
@@ -64,26 +64,28 @@ class Multigrid:
         self._pc.setType("mg")
         self._pc.setMGLevels(2)
         interpolation = compat.interpolation_matrix(linear, space)
-        free = self._coarse.matrix.createVecRight()
-        free.set(1.0)
-        free.array[self._coarse.held] = (
+        is_free = self._coarse.matrix.createVecRight()
+        is_free.set(1.0)
+        is_free.array[self._coarse.constrained_dofs] = (
             0.0  # a held dof would move those beside it by a force over 1
         )
-        interpolation.diagonalScale(R=free)
+        interpolation.diagonalScale(R=is_free)
         self._pc.setMGInterpolation(1, interpolation)
         self._pc.getMGCoarseSolve().setOperators(self._coarse.matrix)
         self._pc.getMGSmoother(1).setOperators(fine.matrix)
-        coarsest = FACTORISATION if self._coarse.matrix.getSize()[0] <= FACTORED else AGGREGATION
+        coarsest = (
+            FACTORISATION if self._coarse.matrix.getSize()[0] <= LARGEST_FACTORED else AGGREGATION
+        )
         levels = {"mg_levels_": SMOOTHER, "mg_coarse_": coarsest}
         self._options = {
             level + name: value
             for level, options in levels.items()
             for name, value in options.items()
         }
-        with defaults(self._options, PREFIX):
+        with default_options(self._options, PREFIX):
             self._pc.setFromOptions()
 
-    def renew(self) -> None:
+    def rebuild(self) -> None:
         """Build the levels for the present solution."""
         self._coarse.assemble()
         self._pc.getMGCoarseSolve().setOperators(self._coarse.matrix)  # or it is not factored again
@@ -93,7 +95,7 @@ class Multigrid:
         )  # kept with their factors; the diagonal is the matrix's
         for pc in levels:
             pc.setReusePreconditioner(False)
-        with defaults(self._options, PREFIX):
+        with default_options(self._options, PREFIX):
             self._pc.setUp()
         for pc in levels:
             pc.setReusePreconditioner(True)
@@ -107,18 +109,18 @@ def _rigid_modes(space: fem.FunctionSpace) -> PETSc.NullSpace:
     X = space.tabulate_dof_coordinates()
     dim = space.dofmap.index_map_bs
     owned = space.dofmap.index_map.size_local
-    turns = [(i, j) for i in range(dim) for j in range(i)]
-    modes = np.zeros((dim + len(turns), len(X), dim))
+    rotations = [(i, j) for i in range(dim) for j in range(i)]
+    modes = np.zeros((dim + len(rotations), len(X), dim))
     for k in range(dim):
         modes[k, :, k] = 1.0
-    for mode, (i, j) in zip(modes[dim:], turns, strict=True):
+    for mode, (i, j) in zip(modes[dim:], rotations, strict=True):
         mode[:, i], mode[:, j] = X[:, j], -X[:, i]
     vectors: list[PETSc.Vec] = []
     for mode in modes:
         vector = PETSc.Vec().createMPI((dim * owned, PETSc.DETERMINE), comm=space.mesh.comm)
         vector.array[:] = mode[:owned].ravel()
-        for other in vectors:
-            vector.axpy(-vector.dot(other), other)
+        for previous in vectors:
+            vector.axpy(-vector.dot(previous), previous)
         vector.normalize()
         vectors.append(vector)
     return PETSc.NullSpace().create(vectors=vectors, comm=space.mesh.comm)

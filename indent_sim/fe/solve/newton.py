@@ -12,9 +12,9 @@ from petsc4py import PETSc
 
 from indent_sim.fe import compat
 from indent_sim.fe.problem import Problem
-from indent_sim.fe.solve.blocks import by_factors
+from indent_sim.fe.solve.blocks import use_direct_solver
 from indent_sim.fe.solve.iterative import INEXACT_REDUCTION, MOST_KRYLOV_ITERATIONS, Iterative
-from indent_sim.fe.solve.options import defaults
+from indent_sim.fe.solve.petsc_options import default_options
 from indent_sim.fe.terms.contact.multiplier import stiffness_scale
 from indent_sim.model.contact import ContactLaw
 from indent_sim.scene.scene import Scene
@@ -23,28 +23,34 @@ LINEAR_SOLVER_FAILED = "the linear solver failed"
 # The reason that Newton's own convergence test gives, and the only one that is accepted: SNES has
 # others, such as that a step was short, which say nothing of the residual
 CONVERGED = PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
-SOFT = 0.1  # E*/h_contact: from here every contact has been found
-STIFF = 1e5  # E*/h_contact: from here the first step, not the depth, may turn cells inside out
+SOFT_CONTACT = 0.1  # E*/h_contact: from here every contact has been found
+STIFF_CONTACT = (
+    1e5  # E*/h_contact: from here the first step, not the depth, may turn cells inside out
+)
 FIRST_STIFFNESS = 3.0  # E*/h_contact: up to here a contact is found in a few iterations
 # iterations without half the residual: a shorter step costs less, though some would end well
-STAGNANT = 20
+STAGNATION_ITERATIONS = 20
 # E times the square of the height of a body that swells, and has no reactions to measure against;
 # of the contact radius of one that only drains. 1e-12 of it will do
 FLUID_REACTION = 100.0
-KEPT_REDUCTION = 0.05  # of the residual by an old factor: with less a new one is worth its time
+REUSED_TANGENT_REDUCTION = (
+    0.05  # of the residual by an old factor: with less a new one is worth its time
+)
 REACTION_ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
 FINE_TOLERANCE = (
     1e-11  # Newton's where small changes are to be seen: in Uzawa's loop, in the search for a force
 )
 # Newton's tolerance at most where systems are solved by iterations: no last step goes far below it
-INEXACT = 1e-10
+INEXACT_TOLERANCE = 1e-10
 # of the depth, or of an attraction's range: over it a tangent is one, and a residual has ten digits
 # left
-PROBE = 1e-6
+DERIVATIVE_STEP = 1e-6
 # of a derivative by an old factor, and the share of the residual that ends them
-CORRECTIONS = 6
-SETTLED = 1e-5
-SETTLED_SYMMETRIC = 1e-4  # the same of a symmetric tangent, where what is left counts twice over
+MOST_CORRECTIONS = 6
+DERIVATIVE_RESIDUAL = 1e-5
+SYMMETRIC_DERIVATIVE_RESIDUAL = (
+    1e-4  # the same of a symmetric tangent, where what is left counts twice over
+)
 DERIVATIVE_TOLERANCE = 1e-9  # of a derivative, where its systems are solved by iterations
 RESIDUAL_NOISE = (
     1e-17  # relative residual per stiffness [thickness/E]: what round-off in the gaps makes of it
@@ -62,185 +68,196 @@ class Newton:
         self.problem = problem
         settings = problem.scene.solver
         self.rtol = self._tolerance = min(
-            settings.rtol, INEXACT if settings.linear == "iterative" else 1.0
+            settings.rtol, INEXACT_TOLERANCE if settings.linear == "iterative" else 1.0
         )
         self.max_iterations = settings.max_iterations
         self.iterations = 0
         self._reaction = 0.0
-        self._largest_reaction = _least_reaction(problem)
-        self._setting: tuple[float, ...] = ()  # of the last tangent
-        self._solved_at = 0.0  # depth of the last solution
-        self._residual = self._before = 0.0  # now, and before the last step
+        self._largest_reaction = _reaction_floor(problem)
+        self._tangent_parameters: tuple[float, ...] = ()  # of the last tangent
+        self._last_solved_depth = 0.0  # depth of the last solution
+        self._residual = self._previous_residual = 0.0  # now, and before the last step
         # residual of this solve, and its iteration
-        self._least = 0.0
-        self._nearest = 0
+        self._smallest_residual = 0.0
+        self._smallest_residual_iteration = 0
         self.failure = ""  # why the last solve did not converge
         self._iterative = Iterative(problem) if settings.linear == "iterative" else None
         self._tangent = self._iterative.tangent if self._iterative else problem.create_tangent()
-        self.snes = self._create(symmetric=problem.has_symmetric_tangent)
+        self.snes = self._create_snes(symmetric=problem.has_symmetric_tangent)
 
     @property
     def krylov_iterations(self) -> int | None:
         """Iterations of the linear solver so far; None where systems are factored."""
         return self._iterative.iterations if self._iterative else None
 
-    def _create(self, *, symmetric: bool) -> PETSc.SNES:
+    def _create_snes(self, *, symmetric: bool) -> PETSc.SNES:
         """SNES with the environment's options; what the scene says, and when it has converged, is
         not theirs.
         """
         self._has_tangent = False
         snes = PETSc.SNES().create(self.problem.comm)
-        snes.setFunction(self._function, self.problem.b.duplicate())
-        snes.setJacobian(self._jacobian, self._tangent)
+        snes.setFunction(self._evaluate_residual, self.problem.b.duplicate())
+        snes.setJacobian(self._evaluate_tangent, self._tangent)
         ksp = snes.getKSP()
         if (
             self._iterative
         ):  # before options are read: PETSc would look for a preconditioner of this matrix
             self._iterative.attach(ksp)
         else:
-            by_factors(ksp, "cholesky" if symmetric else "lu")
-        with defaults({"snes_linesearch_type": line_search(self.problem)}):
+            use_direct_solver(ksp, "cholesky" if symmetric else "lu")
+        with default_options({"snes_linesearch_type": line_search(self.problem)}):
             snes.setFromOptions()
         # stol = 0: a short step is no sign of an equilibrium, and PETSc accepts one after a line
         # search that failed
         snes.setTolerances(stol=0.0, max_it=self.max_iterations)
-        snes.setConvergenceTest(self._converged)
-        self._halved = symmetric and ksp.getPC().getType() == "cholesky"
+        snes.setConvergenceTest(self._test_convergence)
+        self._uses_cholesky = symmetric and ksp.getPC().getType() == "cholesky"
         return snes
 
-    def _function(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
+    def _evaluate_residual(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
         problem = self.problem
         problem.body.set_solution(x)
         problem.assemble_residual(problem.b)
         values = problem.b.array
-        self._reaction = _norm(problem.comm, values[problem.body.supports])
-        values[problem.body.constrained] = 0.0  # the constrained dofs are zero and stay zero
-        self._before = self._residual
+        self._reaction = _norm(problem.comm, values[problem.body.support_dofs])
+        values[problem.body.constrained_dofs] = 0.0  # the constrained dofs are zero and stay zero
+        self._previous_residual = self._residual
         self._residual = _norm(problem.comm, values * problem.row_weights)
         problem.b.copy(f)
 
-    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
-        if not self._keeps_tangent():
-            self._assemble(P, self._forcing() if self._iterative else 0.0)
+    def _evaluate_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
+        if not self._can_reuse_tangent():
+            self._assemble_tangent(P, self._forcing_term() if self._iterative else 0.0)
 
-    def _keeps_tangent(self) -> bool:
+    def _can_reuse_tangent(self) -> bool:
         """Whether the last tangent, with its factor, will do: as long as it leads on quickly."""
         if not (
             self._has_tangent
-            and self.problem.keeps_tangent
-            and self._setting == self.problem.setting
+            and self.problem.can_reuse_tangent
+            and self._tangent_parameters == self.problem.tangent_parameters
         ):
             return False
         return (
-            self.snes.getIterationNumber() == 0 or self._residual <= KEPT_REDUCTION * self._before
+            self.snes.getIterationNumber() == 0
+            or self._residual <= REUSED_TANGENT_REDUCTION * self._previous_residual
         )
 
-    def _assemble(self, tangent: PETSc.Mat, rtol: float) -> None:
+    def _assemble_tangent(self, tangent: PETSc.Mat, rtol: float) -> None:
         """The tangent at the present solution; `rtol` of its systems where they are solved by
         iterations.
         """
         self._has_tangent = True
-        self._setting = self.problem.setting
+        self._tangent_parameters = self.problem.tangent_parameters
         if self._iterative:
             self._iterative.assemble(rtol)
         else:
             self.problem.assemble_tangent(tangent)
 
-    def _forcing(self) -> float:
+    def _forcing_term(self) -> float:
         """The reduction asked of an inexact step: Newton's own, by the last (Eisenstat & Walker
         1996, choice 2).
         """
-        enough = (
+        sufficient = (
             0.3
             * (self._tolerance * self._reaction + REACTION_ROUNDOFF * self._largest_reaction)
             / self._residual
         )
-        expected = (self._residual / self._before) ** 2 if self._before else 1.0
-        return max(min(INEXACT_REDUCTION, expected), enough)
+        expected = (
+            (self._residual / self._previous_residual) ** 2 if self._previous_residual else 1.0
+        )
+        return max(min(INEXACT_REDUCTION, expected), sufficient)
 
-    def _converged(
+    def _test_convergence(
         self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]
     ) -> int:
         residual = self._residual
         reasons = PETSc.SNES.ConvergedReason
         if not np.isfinite([residual, self._reaction]).all():
             return compat.SNES_RESIDUAL_NOT_FINITE
-        begins = (
-            self.problem.flows and iteration == 0
+        is_first_of_flow = (
+            self.problem.has_flow and iteration == 0
         )  # what many steps leave of the fluid's balance would add up
         if (
-            not begins
+            not is_first_of_flow
             and residual
             <= self._tolerance * self._reaction + REACTION_ROUNDOFF * self._largest_reaction
         ):
             return CONVERGED
-        if iteration <= 1 or residual < self._least / 2:  # the first step may go up
-            self._least = residual
-            self._nearest = iteration
+        if iteration <= 1 or residual < self._smallest_residual / 2:  # the first step may go up
+            self._smallest_residual = residual
+            self._smallest_residual_iteration = iteration
         return (
-            reasons.ITERATING if iteration < self._nearest + STAGNANT else reasons.DIVERGED_MAX_IT
+            reasons.ITERATING
+            if iteration < self._smallest_residual_iteration + STAGNATION_ITERATIONS
+            else reasons.DIVERGED_MAX_IT
         )
 
-    def solve(self, rtol: float = 0.0, most: int | None = None) -> bool:
+    def solve(self, rtol: float = 0.0, max_iterations: int | None = None) -> bool:
         """Find the equilibrium at the problem's delta from its current solution; True when done.
 
         Full steps first: at the kinks of contact a line search stalls where they get through. If
         they do not, through softer contact to the law's own. `rtol`: a relative residual that will
-        do, where its own is finer; `most`: fewer iterations than its own. On failure the solution
+        do, where its own is finer; `max_iterations`: fewer iterations than its own. On failure the solution
         is left as it was before.
         """
-        self.snes.setTolerances(max_it=min(most or self.max_iterations, self.max_iterations))
-        solved = self._solve(rtol) or self._solve_from_softer_contact()
+        self.snes.setTolerances(
+            max_it=min(max_iterations or self.max_iterations, self.max_iterations)
+        )
+        solved = self._solve(rtol) or self._solve_by_continuation()
         PETSc.garbage_cleanup(
             self.problem.x.comm
         )  # or vectors that Python let go of stay, also on one rank
         if solved:
-            self._solved_at = self.problem.depth
+            self._last_solved_depth = self.problem.depth
         return solved
 
-    def approach(self, between: Callable[[], object] = lambda: None) -> bool:
+    def approach_stiff_contact(self, after_each: Callable[[], object] = lambda: None) -> bool:
         """Come near the equilibrium of a stiff contact through softer ones, each found roughly;
         True when there. Fewer iterations than at once: a contact that is 100 E*/h_contact stiff
-        is sought point by point. `between` is called after each. On failure the solution is left
+        is sought point by point. `after_each` is called after each. On failure the solution is left
         as it was before.
         """
         problem = self.problem
         start = self.problem.x.copy()
-        found = True
-        is_close = abs(problem.depth - self._solved_at) <= 0.01 * abs(
+        is_found = True
+        is_close = abs(problem.depth - self._last_solved_depth) <= 0.01 * abs(
             problem.depth
         )  # which leaves the contact as it is
-        for factor in [] if is_close else stages(problem.law, problem.scene):
-            problem.soften(factor)
-            found = self._solve(0.1)  # a rough residual will do before the contact becomes stiffer
-            if not found:
+        for factor in [] if is_close else approach_factors(problem.law, problem.scene):
+            problem.set_continuation_factor(factor)
+            is_found = self._solve(
+                0.1
+            )  # a rough residual will do before the contact becomes stiffer
+            if not is_found:
                 problem.body.set_solution(start)
                 break
-            between()
-        problem.soften(1.0)
-        return found
+            after_each()
+        problem.set_continuation_factor(1.0)
+        return is_found
 
     def _solve(self, rtol: float = 0.0) -> bool:
         self._tolerance = max(self.rtol, rtol)
         self._residual = 0.0
         start = self.problem.x.copy()
         self.problem.begin_solve()
-        guess = self.problem.x.copy()
-        if not self._runs(guess):
+        trial_solution = self.problem.x.copy()
+        if not self._run_snes(trial_solution):
             self.problem.body.set_solution(start)
             self.failure = LINEAR_SOLVER_FAILED
             return False
         self.iterations += self.snes.getLinearSolveIterations() or self.snes.getIterationNumber()
         reason = self.snes.getConvergedReason()
-        if self._halved and reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
+        if self._uses_cholesky and reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
             self.problem.body.set_solution(start)
-            self.snes = self._create(symmetric=False)  # L U pivots more freely: from here on that
+            self.snes = self._create_snes(
+                symmetric=False
+            )  # L U pivots more freely: from here on that
             return self._solve(rtol)
         # the last residual that SNES asked for: where it is no number there is no equilibrium,
         # whatever SNES says
         converged = reason == CONVERGED and np.isfinite(self._residual)
-        self.failure = "" if converged else self._why_not()
-        self.problem.body.set_solution(guess if converged else start)
+        self.failure = "" if converged else self._failure_reason()
+        self.problem.body.set_solution(trial_solution if converged else start)
         return converged
 
     def accept(self) -> None:
@@ -252,22 +269,22 @@ class Newton:
         """
         self._largest_reaction = max(self._largest_reaction, self._reaction)
 
-    def _runs(self, guess: PETSc.Vec) -> bool:
+    def _run_snes(self, trial_solution: PETSc.Vec) -> bool:
         """Let SNES go to its end; False where the factorisation itself breaks down, as it may on a
         wild iterate.
         """
         try:
-            self.snes.solve(None, guess)
+            self.snes.solve(None, trial_solution)
         except PETSc.Error as error:
             if error.ierr != 76:  # PETSC_ERR_LIB: what MUMPS could not do
                 raise
-            self.snes = self._create(
+            self.snes = self._create_snes(
                 symmetric=False
             )  # the old one keeps what is left of the factors
             return False
         return True
 
-    def _solve_from_softer_contact(self) -> bool:
+    def _solve_by_continuation(self) -> bool:
         """A stiffness that is too much for Newton is within reach from the solution for a tenth of
         it, and so on.
         """
@@ -278,7 +295,7 @@ class Newton:
         unit = problem.scene.physics.material.E_star / problem.scene.sizes.h_contact
         is_thrown_out = (
             reason == compat.SNES_RESIDUAL_NOT_FINITE
-            and stiffness_scale(problem.scene) > STIFF * unit
+            and stiffness_scale(problem.scene) > STIFF_CONTACT * unit
         )
         is_stuck = reason in (reasons.DIVERGED_MAX_IT, reasons.DIVERGED_LINE_SEARCH)
         if problem.law.may_snap or not (is_stuck or is_thrown_out):
@@ -286,14 +303,14 @@ class Newton:
                 False  # where a tip snaps in or lets go, no softer contact leads to the other state
             )
         start = problem.x.copy()
-        factors = softening(problem.law, problem.scene)
+        factors = stiffness_continuation(problem.law, problem.scene)
         for factor in factors:
-            problem.soften(factor)
+            problem.set_continuation_factor(factor)
             if not self._solve():
                 break
         else:
             return bool(factors)
-        problem.soften(1.0)
+        problem.set_continuation_factor(1.0)
         problem.body.set_solution(start)
         self.failure = failure
         return False
@@ -304,13 +321,17 @@ class Newton:
         made (collective). Then it has one negative pivot for each free dof of the fields beside
         the displacement.
         """
-        if not self._halved or not self.snes.getIterationNumber():
+        if not self._uses_cholesky or not self.snes.getIterationNumber():
             return True
         unknowns = self.problem.unknowns
-        held = self.problem.body.constrained
-        own = np.concatenate([unknowns.places(name) for name in unknowns.names[1:]])
-        beside = self.problem.comm.allreduce(len(np.setdiff1d(own[own < unknowns.owned], held)))
-        return bool(self.snes.getKSP().getPC().getFactorMatrix().getMumpsInfog(12) == beside)
+        constrained = self.problem.body.constrained_dofs
+        field_dofs = np.concatenate([unknowns.dofs(name) for name in unknowns.names[1:]])
+        field_dof_count = self.problem.comm.allreduce(
+            len(np.setdiff1d(field_dofs[field_dofs < unknowns.owned_count], constrained))
+        )
+        return bool(
+            self.snes.getKSP().getPC().getFactorMatrix().getMumpsInfog(12) == field_dof_count
+        )
 
     def stiffness(self) -> float:
         """dF/ddelta [force/length] of the equilibrium just found, NaN where its factor does not
@@ -322,57 +343,67 @@ class Newton:
         if problem.law.multiplier == "frozen":  # its multiplier moves in the loop outside
             return nan
         if not self._has_tangent:  # a state taken up again needed no iteration
-            self._assemble(self._tangent, SETTLED_SYMMETRIC)
+            self._assemble_tangent(self._tangent, SYMMETRIC_DERIVATIVE_RESIDUAL)
         self.snes.getKSP().setOperators(self._tangent, self._tangent)
         start = problem.x.copy()
         depth = problem.depth
         force = problem.force()
-        step = PROBE * max(abs(depth), problem.law.reach)
-        settled = False
-        first = 0.0
-        way = problem.x.duplicate()
-        share = SETTLED_SYMMETRIC if problem.has_symmetric_tangent else SETTLED
-        copies = problem.scene.physics.part.copies if problem.has_symmetric_tangent else 0
-        way.set(0.0)
-        begin, left, correction = (problem.b.duplicate() for _ in range(3))
+        step = DERIVATIVE_STEP * max(abs(depth), problem.law.reach)
+        is_converged = False
+        first_residual = 0.0
+        derivative = problem.x.duplicate()
+        tolerance = (
+            SYMMETRIC_DERIVATIVE_RESIDUAL if problem.has_symmetric_tangent else DERIVATIVE_RESIDUAL
+        )
+        symmetry_factor = problem.scene.physics.part.copies if problem.has_symmetric_tangent else 0
+        derivative.set(0.0)
+        start_residual, remaining, correction = (problem.b.duplicate() for _ in range(3))
         try:
-            self._function(self.snes, start, begin)
+            self._evaluate_residual(self.snes, start, start_residual)
             problem.delta.value = depth + step
-            for _ in range(CORRECTIONS):
-                self._function(self.snes, start + step * way, left)
-                left.axpy(-1.0, begin)
-                found = (problem.force() - force + copies * way.dot(left)) / step
-                size = left.norm()
-                first = first or size
-                settled = (
-                    self._tells(left, step, found) if self._iterative else size <= share * first
+            for _ in range(MOST_CORRECTIONS):
+                self._evaluate_residual(self.snes, start + step * derivative, remaining)
+                remaining.axpy(-1.0, start_residual)
+                stiffness = (
+                    problem.force() - force + symmetry_factor * derivative.dot(remaining)
+                ) / step
+                residual = remaining.norm()
+                first_residual = first_residual or residual
+                is_converged = (
+                    self._is_stiffness_converged(remaining, step, stiffness)
+                    if self._iterative
+                    else residual <= tolerance * first_residual
                 )
-                if settled or not np.isfinite(size):
+                if is_converged or not np.isfinite(residual):
                     break
-                self.snes.getKSP().solve(left, correction)
-                way.axpy(-1.0 / step, correction)
+                self.snes.getKSP().solve(remaining, correction)
+                derivative.axpy(-1.0 / step, correction)
         finally:  # also for who goes on without a stiffness
             problem.delta.value = depth
             problem.body.set_solution(start)
-        return found if settled else nan
+        return stiffness if is_converged else nan
 
-    def _tells(self, left: PETSc.Vec, step: float, found: float) -> bool:
+    def _is_stiffness_converged(self, remaining: PETSc.Vec, step: float, stiffness: float) -> bool:
         """Whether a residual leaves a stiffness as it is, by its energy: a stiff contact hides the
         body in its norm.
         """
         assert self._iterative
-        wrong = self.problem.scene.physics.part.copies * self._iterative.energy(left) / step**2
-        enough = DERIVATIVE_TOLERANCE * abs(found)
-        if wrong > enough:
+        stiffness_error = (
+            self.problem.scene.physics.part.copies
+            * self._iterative.residual_energy(remaining)
+            / step**2
+        )
+        allowed_error = DERIVATIVE_TOLERANCE * abs(stiffness)
+        if stiffness_error > allowed_error:
             self._iterative.rtol = max(
-                0.3 * (enough / wrong) ** 0.5, 1e-8
+                0.3 * (allowed_error / stiffness_error) ** 0.5, 1e-8
             )  # the next system begins where this ends
-        return wrong <= enough
+        return stiffness_error <= allowed_error
 
-    def _why_not(self) -> str:
+    def _failure_reason(self) -> str:
         reasons = PETSc.SNES.ConvergedReason
         reason = self.snes.getConvergedReason()
-        if self._iterative and self._iterative.failed:
+        if self._iterative and self._iterative.has_failed:
             return f"a linear system was not solved within {MOST_KRYLOV_ITERATIONS} iterations"
         if not np.isfinite(self._residual):
             return "the residual is not a number"
@@ -385,18 +416,18 @@ class Newton:
         }.get(reason, f"SNES reason {reason}")
 
 
-def _least_reaction(problem: Problem) -> float:
+def _reaction_floor(problem: Problem) -> float:
     """What counts as the largest reaction before there was one [force]; more than nothing only
     where fluid flows.
     """
     physics = problem.scene.physics
     E = max(region.material.constants.E for region in physics.part.regions)
     a = problem.scene.plan.prediction["a"] / physics.scales.length
-    size = physics.part.height if physics.swells else min(a, physics.part.height)
-    return FLUID_REACTION * E * size ** (physics.body.dim - 1) if problem.flows else 0.0
+    length = physics.part.height if physics.swells else min(a, physics.part.height)
+    return FLUID_REACTION * E * length ** (physics.body.dim - 1) if problem.has_flow else 0.0
 
 
-def finest(problem: Problem) -> float:
+def finest_tolerance(problem: Problem) -> float:
     """The smallest relative residual that is not noise."""
     return max(FINE_TOLERANCE, RESIDUAL_NOISE * stiffness_scale(problem.scene))
 
@@ -408,27 +439,27 @@ def line_search(problem: Problem) -> str:
     turns back full steps leap over that and back again, for ever; a step that does not lessen the
     residual is shortened.
     """
-    leaps = problem.law.multiplier == "none" and problem.law.slips
-    return "bt" if leaps else "basic"
+    may_oscillate = problem.law.multiplier == "none" and problem.law.slips
+    return "bt" if may_oscillate else "basic"
 
 
-def stages(law: Any, scene: Scene) -> list[float]:
+def approach_factors(law: Any, scene: Scene) -> list[float]:
     """Factors for the stiffness of a contact law, by half decades from FIRST_STIFFNESS to below 1;
     none if soft.
     """
     excess = law.stiffness * scene.sizes.h_contact / scene.physics.material.E_star / FIRST_STIFFNESS
-    steps = max(1, round(2 * log10(excess))) if excess > 1 else 0
-    return [excess ** (k / steps - 1) for k in range(steps)]
+    step_count = max(1, round(2 * log10(excess))) if excess > 1 else 0
+    return [excess ** (k / step_count - 1) for k in range(step_count)]
 
 
-def softening(law: ContactLaw, scene: Scene) -> list[float]:
+def stiffness_continuation(law: ContactLaw, scene: Scene) -> list[float]:
     """Factors for the stiffness of a contact law, by decades from a soft contact to its own; none
     if it has none.
     """
     stiffness = getattr(law, "stiffness", None)
     if stiffness is None:
         return []
-    soft = SOFT * scene.physics.material.E_star / scene.sizes.h_contact
+    soft = SOFT_CONTACT * scene.physics.material.E_star / scene.sizes.h_contact
     decades = max(1, ceil(log10(stiffness / soft) - 1e-9))  # a rounding is no decade
     return [10.0**-k for k in range(decades, -1, -1)]
 

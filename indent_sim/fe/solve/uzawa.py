@@ -19,10 +19,12 @@ from indent_sim.scene.scene import Scene
 UZAWA_TOLERANCE = (
     1e-8  # last change of the multiplier at E*/h_contact, relative; the force is then good to 1e-7
 )
-BEGIN = 0.1  # relative residual that will do for the first solve
-INNER = 1e-2  # of the multiplier's last change: how well the next solve must know the state
-LOOPS = 500
-DEPTH = 15  # earlier steps that are remembered
+FIRST_TOLERANCE = 0.1  # relative residual that will do for the first solve
+INNER_TOLERANCE = (
+    1e-2  # of the multiplier's last change: how well the next solve must know the state
+)
+MOST_ITERATIONS = 500
+MIXING_DEPTH = 15  # earlier steps that are remembered
 
 
 class Mixing:
@@ -33,29 +35,29 @@ class Mixing:
 
     def __init__(self, comm: MPI.Comm):
         self._comm = comm
-        self._g: list[np.ndarray] = []
-        self._change: list[np.ndarray] = []
-        self._smallest = float("inf")
+        self._images: list[np.ndarray] = []
+        self._changes: list[np.ndarray] = []
+        self._smallest_change = float("inf")
 
     def __call__(self, x: np.ndarray, g: np.ndarray) -> np.ndarray:
         """The next x, from the present one and its image g = G(x)."""
         change = float(np.sqrt(self._comm.allreduce(float((g - x) @ (g - x)))))
-        if change > 1.5 * self._smallest:  # the steps remembered are of another contact
-            self._g = []
-            self._change = []
-            self._smallest = change
-        self._smallest = min(self._smallest, change)
-        self._g = [*self._g[-DEPTH:], g.copy()]
-        self._change = [*self._change[-DEPTH:], g - x]
-        if len(self._g) == 1:
+        if change > 1.5 * self._smallest_change:  # the steps remembered are of another contact
+            self._images = []
+            self._changes = []
+            self._smallest_change = change
+        self._smallest_change = min(self._smallest_change, change)
+        self._images = [*self._images[-MIXING_DEPTH:], g.copy()]
+        self._changes = [*self._changes[-MIXING_DEPTH:], g - x]
+        if len(self._images) == 1:
             return g
-        steps = np.diff(self._change, axis=0)
-        normal = self._comm.allreduce(np.column_stack([steps @ steps.T, steps @ self._change[-1]]))
-        share = np.linalg.lstsq(normal[:, :-1], normal[:, -1], rcond=1e-14)[0]
-        return g - share @ np.diff(self._g, axis=0)
+        steps = np.diff(self._changes, axis=0)
+        normal = self._comm.allreduce(np.column_stack([steps @ steps.T, steps @ self._changes[-1]]))
+        coefficients = np.linalg.lstsq(normal[:, :-1], normal[:, -1], rcond=1e-14)[0]
+        return g - coefficients @ np.diff(self._images, axis=0)
 
 
-def settle(
+def iterate(
     solver: Any,
     scene: Scene,
     comm: MPI.Comm,
@@ -70,11 +72,11 @@ def settle(
     unit = scene.physics.material.E_star / scene.sizes.h_contact
     # with a soft stiffness small changes do not mean a small gap
     tolerance = UZAWA_TOLERANCE * min(1.0, law.stiffness / unit)  # type: ignore[union-attr]
-    smallest = float("inf")
-    since = 0
+    smallest_change = float("inf")
+    stagnant_iterations = 0
     mixing = Mixing(comm)
-    rtol = BEGIN
-    for _ in range(LOOPS):
+    rtol = FIRST_TOLERANCE
+    for _ in range(MOST_ITERATIONS):
         if not solve(rtol):
             return False
         change = update(mixing)
@@ -86,8 +88,12 @@ def settle(
         solver.failure = (
             f"the multiplier does not settle, it still changes by {change:.1e} of itself"
         )
-        rtol = min(BEGIN, INNER * change)
-        smallest, since = (change, 0) if change < smallest / 2 else (smallest, since + 1)
-        if since > 60:  # loops in which the change must have halved at least once
+        rtol = min(FIRST_TOLERANCE, INNER_TOLERANCE * change)
+        smallest_change, stagnant_iterations = (
+            (change, 0)
+            if change < smallest_change / 2
+            else (smallest_change, stagnant_iterations + 1)
+        )
+        if stagnant_iterations > 60:  # loops in which the change must have halved at least once
             return False
     return False

@@ -19,7 +19,7 @@ SURFACE_DEGREE = 6  # of the quadrature: squares of slopes, and at finite strain
 # Measured on a ball between plates, 10 to 20 elements in the contact radius: without it no row is
 # found below mu = 1.7e-3 gamma/R, with 3e-4 three of four are at 1e-3, with 1e-3 all of them, and
 # three of four at 1e-4 (tests/physics/test_drops.py)
-FIRMNESS = 1e-3
+MEMBRANE_STIFFNESS = 1e-3
 
 
 class SurfaceTension(Term):
@@ -42,44 +42,56 @@ class SurfaceTension(Term):
     firmer, and the body with it by as much, over R: see `solve.algorithms.through_firmer_bodies`.
     """
 
-    is_matter = True
-    can_firm = False
+    is_bulk = True
+    has_membrane = False
 
     def __init__(self, body: Body):
         physics = body.scene.physics
-        self.is_constant = physics.small_strain
+        self.has_constant_tangent = physics.small_strain
         kinematics = physics.part.kinematics
         H = kinematics.gradient(body.now.fields["u"], body.X)
         gamma = fem.Constant(body.mesh, physics.surface_tension)
         N = kinematics.in_space(ufl.FacetNormal(body.mesh))
         P = ufl.Identity(3) - ufl.outer(N, N)
-        grown = _grown_linear(H, P) if physics.small_strain else _grown(H, P)
-        self._firmness = fem.Constant(body.mesh, FIRMNESS)
-        self.can_firm = physics.is_drop
-        if self.can_firm:
-            grown += self._firmness * _sheared(H, P)
-        self.energy = body.over_surface("top", gamma * grown, SURFACE_DEGREE)
+        area_growth = _linearized_area_growth(H, P) if physics.small_strain else _area_growth(H, P)
+        self._membrane_stiffness = fem.Constant(body.mesh, MEMBRANE_STIFFNESS)
+        self.has_membrane = physics.is_drop
+        if self.has_membrane:
+            area_growth += self._membrane_stiffness * _membrane_energy(H, P)
+        self.energy = body.surface_integral("top", gamma * area_growth, SURFACE_DEGREE)
         if physics.part.dome:
             pressure = 2 * gamma / fem.Constant(body.mesh, physics.part.dome)
-            curved = (ufl.tr(H) ** 2 - ufl.tr(H * H)) / 2  # of J - 1 - tr H
-            curved = curved if physics.small_strain else curved + ufl.det(H)
-            parts = (body.over_region(pressure * curved, region) for region in physics.part.regions)
+            volume_growth = (ufl.tr(H) ** 2 - ufl.tr(H * H)) / 2  # of J - 1 - tr H
+            volume_growth = volume_growth if physics.small_strain else volume_growth + ufl.det(H)
+            parts = (
+                body.region_integral(pressure * volume_growth, region)
+                for region in physics.part.regions
+            )
             self.energy = self.energy - reduce(add, parts)
-        if self.can_firm:
-            sheared, _ = NeoHookean(E=3.0, nu=0.5).parts(H)  # of mu = 1
-            firmer = (self._firmness - fem.Constant(body.mesh, FIRMNESS)) * pressure / 2 * sheared
+        if self.has_membrane:
+            shear_energy, _ = NeoHookean(E=3.0, nu=0.5).parts(H)  # of mu = 1
+            added_shear_energy = (
+                (self._membrane_stiffness - fem.Constant(body.mesh, MEMBRANE_STIFFNESS))
+                * pressure
+                / 2
+                * shear_energy
+            )
             self.energy += reduce(
-                add, (body.over_region(firmer, region) for region in physics.part.regions)
+                add,
+                (
+                    body.region_integral(added_shear_energy, region)
+                    for region in physics.part.regions
+                ),
             )
 
-    def firm(self, firmness: float) -> None:
+    def set_membrane_stiffness(self, stiffness: float) -> None:
         """Hold the surface of a drop by so much of gamma in its plane, and the body by as much,
         over R, more.
         """
-        self._firmness.value = firmness
+        self._membrane_stiffness.value = stiffness
 
 
-def _sheared(H: Expr, P: Expr) -> Expr:
+def _membrane_energy(H: Expr, P: Expr) -> Expr:
     """(tr C_s - 2)/2 - ln J_s of a surface."""
     C, e = _surface_strain(H, P)
     return ufl.tr(C) / 2 - ufl.ln(1 + e) / 2
@@ -92,7 +104,7 @@ def _surface_strain(H: Expr, P: Expr) -> tuple[Expr, Expr]:
     return C, ufl.tr(C) + (ufl.tr(C) ** 2 - ufl.tr(C * C)) / 2
 
 
-def _grown(H: Expr, P: Expr) -> Expr:
+def _area_growth(H: Expr, P: Expr) -> Expr:
     """How much more an area grows than by tr PH, of itself."""
     stretched = P * H.T * H * P
     C = P * (H + H.T) * P + stretched
@@ -101,8 +113,8 @@ def _grown(H: Expr, P: Expr) -> Expr:
     return m / 2 - e**2 / (2 * (1 + ufl.sqrt(1 + e)) ** 2)
 
 
-def _grown_linear(H: Expr, P: Expr) -> Expr:
+def _linearized_area_growth(H: Expr, P: Expr) -> Expr:
     """The same to second order in H: |N.HP|^2/2 + ((tr A)^2 - tr A^2)/2, A = PHP."""
     A = P * H * P
-    tilted = H * P - A
-    return (ufl.inner(tilted, tilted) + ufl.tr(A) ** 2 - ufl.tr(A * A)) / 2
+    tilt = H * P - A
+    return (ufl.inner(tilt, tilt) + ufl.tr(A) ** 2 - ufl.tr(A * A)) / 2

@@ -15,7 +15,7 @@ import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
-from indent_sim.fe.discrete_body import Moment
+from indent_sim.fe.discrete_body import TimeLevel
 from indent_sim.mesh.reactions import Surface
 
 
@@ -27,19 +27,24 @@ class Stage:
     """
 
     dt: float
-    passed: float = 0.0
-    end: float = 1.0
-    share: float = 0.0
+    elapsed: float = 0.0
+    end_fraction: float = 1.0
+    extrapolation_factor: float = 0.0
 
 
-GAMMA = 1 - 0.5**0.5  # of SDIRK2, which is L-stable and of second order with it (Alexander 1977)
+SDIRK2_GAMMA = (
+    1 - 0.5**0.5
+)  # of SDIRK2, which is L-stable and of second order with it (Alexander 1977)
 
 
-def flowing_stages(dt: float) -> list[Stage]:
+def sdirk2_stages(dt: float) -> list[Stage]:
     """The two stages of SDIRK2 for a step of `dt` [time]."""
-    first = GAMMA * dt
-    second = (1 - GAMMA) / GAMMA
-    return [Stage(first, first, end=GAMMA), Stage(first, dt, share=second)]
+    first_dt = SDIRK2_GAMMA * dt
+    extrapolation_factor = (1 - SDIRK2_GAMMA) / SDIRK2_GAMMA
+    return [
+        Stage(first_dt, first_dt, end_fraction=SDIRK2_GAMMA),
+        Stage(first_dt, dt, extrapolation_factor=extrapolation_factor),
+    ]
 
 
 class Term:
@@ -55,26 +60,26 @@ class Term:
     """
 
     energy: ufl.Form = None
-    fields: tuple[str, ...] = ()
+    field_names: tuple[str, ...] = ()
     history: tuple[fem.Function, ...] = ()
     frozen: tuple[fem.Function, ...] = ()
     has_memory = False
     has_symmetric_tangent = True
-    is_matter = False  # whether it is there without the tip
-    is_constant = False  # whether its tangent is the same at every state
-    can_firm = False  # whether it can hold more firmly what little holds
-    flows = False  # whether a step in time takes two stages
-    setting = 0
-    _softened = 1.0  # by Newton's method, on its way to an equilibrium: see `soften`
-    _softer = 1.0  # as what the tip touches is now: see `follow`
+    is_bulk = False  # whether it is there without the tip
+    has_constant_tangent = False  # whether its tangent is the same at every state
+    has_membrane = False  # whether it can hold more firmly what little holds
+    has_flow = False  # whether a step in time takes two stages
+    tangent_version = 0
+    _continuation_factor = 1.0  # by Newton's method, on its way to an equilibrium: see `soften`
+    _modulus_ratio = 1.0  # as what the tip touches is now: see `follow`
 
-    def work(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
+    def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
         """The virtual work along now.test, a UFL form; None of a term that adds its rows itself."""
         return ufl.derivative(self.energy, now.function, now.test)
 
-    def tangent(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
+    def tangent(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
         """The derivative of the virtual work along now.trial."""
-        work = self.work(now, before, dt)
+        work = self.virtual_work(now, before, dt)
         return None if work is None else ufl.derivative(work, now.function, now.trial)
 
     def add_residual(self, b: PETSc.Vec) -> None:
@@ -83,32 +88,32 @@ class Term:
     def add_tangent(self, A: PETSc.Mat) -> None:
         """Add their derivatives."""
 
-    def begin(self, stage: Stage) -> None:
+    def begin_stage(self, stage: Stage) -> None:
         """Set out on a stage."""
 
     def begin_solve(self) -> None:
         """Forget what the last Newton iteration has remembered."""
 
-    def end(self, stage: Stage) -> None:
+    def end_stage(self, stage: Stage) -> None:
         """The stage's equilibrium is found."""
 
     def accept(self) -> None:
         """The step is done: what is remembered moves on."""
 
-    def soften(self, factor: float) -> None:
+    def set_continuation_factor(self, factor: float) -> None:
         """Multiply the stiffness of contact; 1 makes it the law's own again."""
-        self._softened = factor
-        self.scale_stiffness(self._softened * self._softer)
+        self._continuation_factor = factor
+        self.scale_stiffness(self._continuation_factor * self._modulus_ratio)
 
-    def firm(self, firmness: float) -> None:
+    def set_membrane_stiffness(self, stiffness: float) -> None:
         """Hold the surface of a drop by so much of its tension in its plane."""
 
-    def follow(self, softer: float) -> None:
+    def follow_modulus(self, modulus_ratio: float) -> None:
         """Let the stiffness of contact follow the modulus of what the tip touches: that of the
         moment is so many times that of the first moment.
         """
-        self._softer = softer
-        self.scale_stiffness(self._softened * self._softer)
+        self._modulus_ratio = modulus_ratio
+        self.scale_stiffness(self._continuation_factor * self._modulus_ratio)
 
     def scale_stiffness(self, factor: float) -> None:
         """Set the penalty stiffness to `factor` times that of the contact law; terms without a

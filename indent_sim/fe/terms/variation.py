@@ -14,12 +14,12 @@ from __future__ import annotations
 import ufl
 from ufl.classes import Coefficient, Expr, Variable
 
-from indent_sim.fe.discrete_body import Moment
+from indent_sim.fe.discrete_body import TimeLevel
 
 
-def variations(psi: Expr, now: Moment) -> tuple[Expr, Expr]:
+def variations(psi: Expr, now: TimeLevel) -> tuple[Expr, Expr]:
     """The first variation of psi along now.test, and the second one along now.test and now.trial."""
-    scalars = _scalars(psi)
+    scalars = _scalar_variables(psi)
     solution = now.function
     test = now.test
     trial = now.trial
@@ -27,33 +27,37 @@ def variations(psi: Expr, now: Moment) -> tuple[Expr, Expr]:
         first = ufl.derivative(psi, solution, test)
         return first, ufl.derivative(first, solution, trial)
     slopes = [ufl.diff(psi, s) for s in scalars]
-    ways = [ufl.derivative(s, solution, test) for s in scalars]
-    first = sum(slope * way for slope, way in zip(slopes, ways, strict=True))
-    second = sum(
-        slope * ufl.derivative(way, solution, trial)
-        for slope, way in zip(slopes, ways, strict=True)
+    scalar_variations = [ufl.derivative(s, solution, test) for s in scalars]
+    first = sum(
+        slope * scalar_variation
+        for slope, scalar_variation in zip(slopes, scalar_variations, strict=True)
     )
-    for slope, way in zip(slopes, ways, strict=True):
+    second = sum(
+        slope * ufl.derivative(scalar_variation, solution, trial)
+        for slope, scalar_variation in zip(slopes, scalar_variations, strict=True)
+    )
+    for slope, scalar_variation in zip(slopes, scalar_variations, strict=True):
         second += sum(
-            ufl.diff(slope, s) * way * ufl.derivative(s, solution, trial) for s in scalars
+            ufl.diff(slope, s) * scalar_variation * ufl.derivative(s, solution, trial)
+            for s in scalars
         )
     return first, second
 
 
-def _scalars(psi: Expr) -> list[Expr] | None:
+def _scalar_variables(psi: Expr) -> list[Expr] | None:
     """The scalar variables that psi is written in; None if it depends on an unknown in another way."""
-    found: dict[Expr, Expr] = {}
-    rest = [psi]
-    seen = set()
-    while rest:
-        part = rest.pop()
-        if id(part) in seen:
+    variables: dict[Expr, Expr] = {}
+    pending = [psi]
+    visited = set()
+    while pending:
+        node = pending.pop()
+        if id(node) in visited:
             continue
-        seen.add(id(part))
-        if isinstance(part, Coefficient) or (isinstance(part, Variable) and part.ufl_shape):
+        visited.add(id(node))
+        if isinstance(node, Coefficient) or (isinstance(node, Variable) and node.ufl_shape):
             return None
-        if isinstance(part, Variable):
-            found[part.label()] = part
+        if isinstance(node, Variable):
+            variables[node.label()] = node
         else:
-            rest += part.ufl_operands
-    return list(found.values())
+            pending += node.ufl_operands
+    return list(variables.values())

@@ -217,7 +217,10 @@ def _substrate(bench: Bench, within: float) -> Said:
     (E, _) = bench.materials[0].constants
 
     def above(x: float) -> Config:
-        plies = BodyLayer(body.height, film), BodyLayer(None, LinearElastic(E=SOFTEST / x * E, nu=BELOW))
+        plies = (
+            BodyLayer(body.height, film),
+            BodyLayer(None, LinearElastic(E=SOFTEST / x * E, nu=BELOW)),
+        )
         return varied(layer, body=HalfSpace(layers=plies), material=None)
 
     source = f"theory of a film on a half-space of nu = {BELOW:g}"

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from indent_sim.fe.path.load_control import LoadControl, predicted
+from indent_sim.fe.path.load_control import LoadControl, predict_depth
 
 
 class Curve:
@@ -31,10 +31,10 @@ def test_a_power_law_is_predicted_exactly_from_two_points(exponent: float) -> No
     body = Curve(lambda delta: 3.0 * delta**exponent)
     control = LoadControl(body, deepest=1.0)
     for force in (1e-4, 2e-4):
-        assert control.press(force, expected=0.001)
+        assert control.find_depth(force, expected=0.001)
     before = body.asked
     for force in (3e-4, 1.0, 1e-7, 2e-4, 0.0, 1e-5):
-        assert control.press(force, expected=0.5)
+        assert control.find_depth(force, expected=0.5)
         assert body.delta == pytest.approx((force / 3.0) ** (1 / exponent), rel=1e-9)
     assert body.asked == before + 6
 
@@ -58,28 +58,28 @@ def test_any_increasing_curve(force_at: Callable[[float], float], expected: floa
     control = LoadControl(body, deepest=1 - 1e-12)
     for force in (1e-3, 0.02, 0.03, 0.3, 0.01, 0.0, 0.3):
         before = body.asked
-        assert control.press(force, expected), control.failure
+        assert control.find_depth(force, expected), control.failure
         assert force_at(body.delta) == pytest.approx(force, rel=1e-10, abs=0)
         assert body.asked - before <= 25
 
 
 def test_a_jump_is_no_depth() -> None:
     control = LoadControl(Curve(lambda delta: delta if delta < 0.1 else delta + 1), deepest=1.0)
-    assert not control.press(0.5, expected=0.05) and "jumps" in control.failure
+    assert not control.find_depth(0.5, expected=0.05) and "jumps" in control.failure
 
 
 def test_more_than_the_body_bears() -> None:
     control = LoadControl(Curve(lambda delta: delta), deepest=1.0)
-    assert not control.press(1.5, expected=0.05) and "base" in control.failure
-    assert control.press(0.5, expected=0.05)
+    assert not control.find_depth(1.5, expected=0.05) and "base" in control.failure
+    assert control.find_depth(0.5, expected=0.05)
 
 
 def test_where_equilibria_end() -> None:
     """The solver's own reason is told then."""
     body = Curve(lambda delta: delta, end=0.3)
     control = LoadControl(body, deepest=1.0)
-    assert not control.press(0.5, expected=0.4) and control.failure == "" and body.delta == 0.3
-    assert control.press(0.25, expected=0.4)
+    assert not control.find_depth(0.5, expected=0.4) and control.failure == "" and body.delta == 0.3
+    assert control.find_depth(0.25, expected=0.4)
 
 
 def test_where_equilibria_end_on_the_way_out() -> None:
@@ -90,17 +90,17 @@ def test_where_equilibria_end_on_the_way_out() -> None:
     control = LoadControl(
         lambda delta: (body(delta)[0], max(delta, 0.3)), deepest=1.0, from_row=True
     )
-    assert control.press(0.5, expected=0.4)
+    assert control.find_depth(0.5, expected=0.4)
     before = body.asked
-    assert not control.press(0.1, expected=0.1) and control.failure == ""
+    assert not control.find_depth(0.1, expected=0.1) and control.failure == ""
     assert body.asked == before + 1
 
 
 def test_prediction_far_from_what_is_known_is_no_polynomial() -> None:
     """Three points within 2 % say nothing of the curvature four decades away."""
     points = [(1.0 + n * 0.01, (1.0 + n * 0.01) ** (2 / 3) * (1 + 1e-9 * n**2)) for n in range(3)]
-    assert predicted(1e4, points) == pytest.approx(1e4 ** (2 / 3), rel=0.01)
-    assert predicted(1.0, []) is None
+    assert predict_depth(1e4, points) == pytest.approx(1e4 ** (2 / 3), rel=0.01)
+    assert predict_depth(1.0, []) is None
 
 
 def test_a_curve_that_begins_with_a_pull_is_searched_from_there() -> None:
@@ -114,8 +114,8 @@ def test_a_curve_that_begins_with_a_pull_is_searched_from_there() -> None:
         return -2.0 + delta**0.5, delta
 
     control = LoadControl(reach, 100.0)
-    control.begin()
-    assert control.press(0.0, 1.0) and reached[-1] == pytest.approx(4.0, rel=1e-9)
+    control.measure_touch_pull()
+    assert control.find_depth(0.0, 1.0) and reached[-1] == pytest.approx(4.0, rel=1e-9)
 
 
 @pytest.mark.parametrize("sunk", [-0.3, 0.0, 0.05])
@@ -124,7 +124,7 @@ def test_a_curve_that_has_moved_is_found_again(sunk: float) -> None:
     body = Curve(lambda delta: 3.0 * max(delta - sunk, 0.0) ** 1.5)
     control = LoadControl(body, deepest=1.0)
     for slope in (0.5, 2.0, 0.0):
-        assert control.renew(0.01, 0.1, slope or 50.0)
+        assert control.find_by_secant(0.01, 0.1, slope or 50.0)
         assert body.delta == pytest.approx(sunk + (0.01 / 3.0) ** (2 / 3), abs=1e-11)
     assert body.asked < 90
 
@@ -132,4 +132,4 @@ def test_a_curve_that_has_moved_is_found_again(sunk: float) -> None:
 def test_a_body_that_stays_where_it_was_has_not_come_to_its_force() -> None:
     """It has the force that it held before, at another time: that is no answer."""
     control = LoadControl(lambda delta: (0.01, 0.2), deepest=1.0)
-    assert not control.renew(0.01, 0.1, 1.0)
+    assert not control.find_by_secant(0.01, 0.1, 1.0)

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from indent_sim.fe.observe.measure import _overlap
+from indent_sim.fe.postprocessing.measurements import _overlap
 from indent_sim.model.kinematics import PlaneStrain
 from indent_sim.model.tips import Cone, Indenter, Paraboloid, Profile, Sphere, gap_current
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from indent_sim.fe.solve.prediction import expected, shares
+from indent_sim.fe.solve.extrapolation import lagrange_weights, predict_trial_pressure
 
 R, H = 1.0, 0.001  # of the tip, and of an element
 
@@ -34,11 +34,12 @@ def test_the_edge_of_a_paraboloid_is_foreseen(step: int) -> None:
     r, depths = np.linspace(0.0, 0.2, 20001), [0.001 * (step - 1), 0.001 * step]
     depth = 0.001 * (step + 1)
     trials = [trial(r, before) for before in depths]
-    found = expected(trials, depths, depth, max(values.max() for values in trials))
+    found = predict_trial_pressure(trials, depths, depth, max(values.max() for values in trials))
     now, was = np.sqrt(R * depth), np.sqrt(R * depths[-1])
     assert abs(edge(found, r) - now) < (now - was) / 6
     straight = sum(
-        share * values for share, values in zip(shares(depths, depth), trials, strict=True)
+        share * values
+        for share, values in zip(lagrange_weights(depths, depth), trials, strict=True)
     )
     assert edge(np.asarray(straight), r) - now > 0.6 * (now - was)
 
@@ -47,15 +48,17 @@ def test_a_tip_that_goes_back_leaves_the_edge_behind() -> None:
     """The pressure beside the edge is a root of the depth: its square is a line."""
     r, depths = np.linspace(0.0, 0.2, 20001), [0.010, 0.009]
     trials = [trial(r, before) for before in depths]
-    found = expected(trials, depths, 0.008, max(values.max() for values in trials))
+    found = predict_trial_pressure(trials, depths, 0.008, max(values.max() for values in trials))
     assert edge(found, r) == pytest.approx(np.sqrt(R * 0.008), abs=1e-5)  # the step of r
 
 
 def test_without_contact_the_last_state_is_expected() -> None:
     trials = [np.array([-2.0, -1.0]), np.array([-1.0, -0.5])]
-    assert expected(trials, [-0.2, -0.1], 0.0, 0.0) is trials[-1]
+    assert predict_trial_pressure(trials, [-0.2, -0.1], 0.0, 0.0) is trials[-1]
 
 
 def test_shares_are_those_of_the_parabola() -> None:
     depths = [0.1, 0.4, 0.5]
-    assert np.dot(shares(depths, 0.7), np.square(depths)) == pytest.approx(0.49, rel=1e-13)
+    assert np.dot(lagrange_weights(depths, 0.7), np.square(depths)) == pytest.approx(
+        0.49, rel=1e-13
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from indent_sim.fe.observe.roughness import patches_of, roughness
+from indent_sim.fe.postprocessing.roughness import build_patches, roughness
 from indent_sim.model.tips import FlatPunch, Paraboloid
 
 BALL = Paraboloid(R=1.0)
@@ -38,7 +38,7 @@ def triangles(count: int) -> np.ndarray:
 def found(X: np.ndarray, pressure: np.ndarray, tip: object = BALL) -> float:
     """The roughness of a pressure at nodes, which touch a tip where it is above zero."""
     distance = np.hypot(X[..., 0], X[..., 1] if X.shape[2] == 3 else 0.0)
-    return roughness(patches_of(X), pressure, pressure > 0, distance, tip)  # type: ignore[arg-type]
+    return roughness(build_patches(X), pressure, pressure > 0, distance, tip)  # type: ignore[arg-type]
 
 
 def hertz(X: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from indent_sim.fe.terms.term import flowing_stages
+from indent_sim.fe.terms.term import sdirk2_stages
 
 
 def decayed(time: float, steps: int) -> float:
@@ -14,8 +14,8 @@ def decayed(time: float, steps: int) -> float:
     u = 1.0
     for _ in range(steps):
         one = before = u
-        for stage in flowing_stages(time / steps):
-            u = (before + stage.share * (one - before)) / (1.0 + stage.dt)
+        for stage in sdirk2_stages(time / steps):
+            u = (before + stage.extrapolation_factor * (one - before)) / (1.0 + stage.dt)
             one = u
     return u
 
@@ -34,7 +34,9 @@ def test_a_step_far_longer_than_the_decay_leaves_nothing() -> None:
 
 
 def test_no_stage_is_beyond_the_step() -> None:
-    assert [stage.passed <= 1.0 and 0.0 < stage.end <= 1.0 for stage in flowing_stages(1.0)] == [
+    assert [
+        stage.elapsed <= 1.0 and 0.0 < stage.end_fraction <= 1.0 for stage in sdirk2_stages(1.0)
+    ] == [
         True,
         True,
     ]

@@ -11,74 +11,79 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from indent_sim.fe.path.equilibrium import Effort
-from indent_sim.fe.path.steps import FUTILE, MOST_FAILURES, Place, StepRule
-from indent_sim.fe.path.walk import Walk
+from indent_sim.fe.path.equilibrium import SolverStatistics
+from indent_sim.fe.path.load_stepping import LoadStepper
+from indent_sim.fe.path.step_size_control import (
+    MOST_FAILED_ITERATIONS,
+    MOST_FAILURES,
+    LoadPoint,
+    StepSizeControl,
+)
 from indent_sim.model.loading import LoadPath
 
 
 def test_a_target_is_reached_in_one_step_where_nothing_fails() -> None:
-    rule = StepRule()
-    rule.begin(0.3)
-    assert rule.goal(0.1, 0.4) == 0.4
+    rule = StepSizeControl()
+    rule.begin_target(0.3)
+    assert rule.next_target(0.1, 0.4) == 0.4
 
 
 def test_a_failed_step_is_halved_and_the_parts_are_equal() -> None:
-    rule = StepRule()
-    rule.begin(1.0)
-    assert rule.goal(0.0, 1.0) == 1.0
-    rule.failed()
-    assert rule.goal(0.0, 1.0) == 0.5
-    rule.failed()
-    assert rule.goal(0.0, 1.0) == 0.25
-    assert rule.goal(0.25, 1.0) == pytest.approx(0.5)  # three parts of 0.75
+    rule = StepSizeControl()
+    rule.begin_target(1.0)
+    assert rule.next_target(0.0, 1.0) == 1.0
+    rule.record_failure()
+    assert rule.next_target(0.0, 1.0) == 0.5
+    rule.record_failure()
+    assert rule.next_target(0.0, 1.0) == 0.25
+    assert rule.next_target(0.25, 1.0) == pytest.approx(0.5)  # three parts of 0.75
 
 
 def test_a_step_that_does_not_move_on_is_given_up() -> None:
     """Two numbers side by side, and a step that fails between them: half of it is no step, and
     would work for ever.
     """
-    rule = StepRule()
+    rule = StepSizeControl()
     at = 300.0
     target = float(np.nextafter(at, inf))
-    rule.begin(target - at)
-    assert rule.goal(at, target) == target
-    rule.failed()
-    assert rule.goal(at, target) is None
+    rule.begin_target(target - at)
+    assert rule.next_target(at, target) == target
+    rule.record_failure()
+    assert rule.next_target(at, target) is None
 
 
 def test_two_successes_double_the_step_and_it_is_kept_for_the_next_target() -> None:
-    rule = StepRule()
-    rule.begin(1.0)
-    rule.goal(0.0, 1.0)
-    rule.failed()
+    rule = StepSizeControl()
+    rule.begin_target(1.0)
+    rule.next_target(0.0, 1.0)
+    rule.record_failure()
     for _ in range(2):
-        rule.succeeded()
-    assert rule.longest == 1.0
-    rule.failed()
-    rule.begin(3.0)
-    assert rule.longest == 0.5
+        rule.record_success()
+    assert rule.step_limit == 1.0
+    rule.record_failure()
+    rule.begin_target(3.0)
+    assert rule.step_limit == 0.5
 
 
 def test_no_step_is_longer_than_the_limit_but_through_the_air() -> None:
-    rule = StepRule(limit=0.25)
-    rule.begin(1.5)
-    assert rule.goal(-0.5, 1.0) == 0.25  # from 0 on in four parts
-    assert rule.goal(0.25, 1.0) == 0.5
+    rule = StepSizeControl(max_step=0.25)
+    rule.begin_target(1.5)
+    assert rule.next_target(-0.5, 1.0) == 0.25  # from 0 on in four parts
+    assert rule.next_target(0.25, 1.0) == 0.5
     for _ in range(4):
-        rule.succeeded()
-    assert rule.longest == 0.25
-    assert rule.goal(1.0, -9.0) == 0.75  # to 0 in four parts
-    assert rule.goal(0.25, -9.0) == -9.0
-    assert rule.goal(-9.0, -1.0) == -1.0
+        rule.record_success()
+    assert rule.step_limit == 0.25
+    assert rule.next_target(1.0, -9.0) == 0.75  # to 0 in four parts
+    assert rule.next_target(0.25, -9.0) == -9.0
+    assert rule.next_target(-9.0, -1.0) == -1.0
 
 
 def test_a_target_is_given_up_after_many_failures_and_not_by_chance_of_its_size() -> None:
     for distance in (1e-12, 1.0, 1e9):
-        rule, failures = StepRule(), 0
-        rule.begin(distance)
-        while rule.goal(0.0, distance) is not None:
-            rule.failed()
+        rule, failures = StepSizeControl(), 0
+        rule.begin_target(distance)
+        while rule.next_target(0.0, distance) is not None:
+            rule.record_failure()
             failures += 1
         assert failures == MOST_FAILURES
 
@@ -88,20 +93,20 @@ def test_iterations_lost_on_the_way_to_a_target_are_bounded(tries: list[tuple[in
     """Whatever works in between: by FUTILE and what the last try cost; and the next target has as
     many again.
     """
-    rule, lost, at = StepRule(), 0, 0.0
-    rule.begin(1.0)
+    rule, lost, at = StepSizeControl(), 0, 0.0
+    rule.begin_target(1.0)
     for cost, found in tries:
-        if (goal := rule.goal(at, 1.0)) is None:
+        if (goal := rule.next_target(at, 1.0)) is None:
             break
-        assert lost < FUTILE
+        assert lost < MOST_FAILED_ITERATIONS
         if found:
             at = min(goal, 0.999)
-            rule.succeeded()
+            rule.record_success()
         else:
             lost += cost
-            rule.failed(cost)
-    rule.begin(1.0)
-    assert rule.goal(at, 1.0) is not None
+            rule.record_failure(cost)
+    rule.begin_target(1.0)
+    assert rule.next_target(at, 1.0) is not None
 
 
 class Spring:
@@ -126,7 +131,7 @@ class Spring:
         self.steps: list[float] = []  # of time, accepted
         self._dt = 0.0
 
-    effort = property(lambda self: Effort(self.solves))
+    effort = property(lambda self: SolverStatistics(self.solves))
     force = property(lambda self: self.depth**2 - self.worn)
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:
@@ -167,7 +172,7 @@ class Spring:
 
 
 def walked(body: Spring, control: str, *values: float) -> list[Any]:
-    return list(Walk(body).states(LoadPath(control, values), lambda step: False))  # type: ignore[arg-type]
+    return list(LoadStepper(body).states(LoadPath(control, values), lambda step: False))  # type: ignore[arg-type]
 
 
 def test_depths_are_walked_and_substeps_counted() -> None:
@@ -195,7 +200,7 @@ def test_a_resumed_walk_with_memory_goes_the_whole_way() -> None:
     straight, whole = Spring(), Spring(memory=True)
     deltas = (1.0, 3.0, 2.0, 2.5, 2.75)
     passed = [(delta, 0.0) for delta in deltas]
-    assert Walk(straight).resume([], passed) and Walk(whole).resume([], passed)  # type: ignore[arg-type]
+    assert LoadStepper(straight).resume([], passed) and LoadStepper(whole).resume([], passed)  # type: ignore[arg-type]
     assert straight.solves == 3 and whole.solves == 5
     assert whole.worn == 1.0  # from 3 to 2, as when it was not interrupted
 
@@ -205,11 +210,11 @@ def test_a_hold_is_cut_in_time() -> None:
     whole.
     """
     body = Spring()
-    walk = Walk(body)  # type: ignore[arg-type]
-    assert walk._reach(Place(1.0)) == 1
+    walk = LoadStepper(body)  # type: ignore[arg-type]
+    assert walk._step_to(LoadPoint(1.0)) == 1
     body.longest_time = 0.3
-    assert walk._reach(Place(1.0, 1.0)) == 4
-    walk._accept()
+    assert walk._step_to(LoadPoint(1.0, 1.0)) == 4
+    walk._accept_pending()
     assert body.steps == pytest.approx([0.0, 0.25, 0.25, 0.25, 0.25])
     assert (body.depth, body.accepted) == (1.0, 1.0)
 
@@ -217,9 +222,9 @@ def test_a_hold_is_cut_in_time() -> None:
 def test_a_ramp_in_time_goes_straight() -> None:
     """Depth and time keep step, whichever of them made a step too long."""
     body = Spring(reach=0.6)
-    walk = Walk(body)  # type: ignore[arg-type]
-    assert walk._reach(Place(1.0, 4.0)) == 2
-    walk._accept()
+    walk = LoadStepper(body)  # type: ignore[arg-type]
+    assert walk._step_to(LoadPoint(1.0, 4.0)) == 2
+    walk._accept_pending()
     assert body.steps == pytest.approx([2.0, 2.0])
 
 
@@ -247,7 +252,7 @@ def test_rows_close_together_are_predicted_from_the_last_three(
         lambda depth, earlier: seen.append((depth, [state[0] for state in earlier])),
     )
     depths = (1.0, 1.05, 1.1, 1.15)
-    walk = Walk(body)  # type: ignore[arg-type]
+    walk = LoadStepper(body)  # type: ignore[arg-type]
     path = LoadPath(control, depths if control == "depth" else tuple(depth**2 for depth in depths))
     assert len(list(walk.states(path, lambda step: False))) == len(depths)
     assert len(walk.points) == 3
@@ -257,13 +262,13 @@ def test_rows_close_together_are_predicted_from_the_last_three(
 
 def test_a_long_way_of_which_each_longer_step_fails_is_walked() -> None:
     """Steps above 0.3 never work: each doubling fails, and two steps after it do not."""
-    rule, at, failures = StepRule(), 0.0, 0
-    rule.begin(20.0)
-    while (goal := rule.goal(at, 20.0)) is not None and at < 20.0:
+    rule, at, failures = StepSizeControl(), 0.0, 0
+    rule.begin_target(20.0)
+    while (goal := rule.next_target(at, 20.0)) is not None and at < 20.0:
         if goal - at > 0.3:
-            rule.failed(1)
+            rule.record_failure(1)
             failures += 1
         else:
-            rule.succeeded()
+            rule.record_success()
             at = goal
     assert at == 20.0 and failures > 10

@@ -33,8 +33,8 @@ from dolfinx import fem
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
-from indent_sim.fe.discrete_body import ORDER, Body, Field, Moment, components
-from indent_sim.fe.observe.surface import FacetValues, contact_quadrature, facet_nodes
+from indent_sim.fe.discrete_body import DISPLACEMENT_ORDER, Body, Field, TimeLevel, components
+from indent_sim.fe.surface import FacetValues, contact_quadrature, facet_nodes
 from indent_sim.fe.terms.contact.gap import Gap
 from indent_sim.fe.terms.contact.multiplier import stiffness_scale
 from indent_sim.fe.terms.contact.traction import Traction
@@ -57,13 +57,15 @@ def fields(scene: Scene) -> list[Field]:
     if scene.physics.contact.is_conservative:
         return []
     along = tuple(range(scene.physics.part.dim - 1))
-    return [Field("tau", ORDER, along=along, where="top", weight=stiffness_scale(scene))]
+    return [
+        Field("tau", DISPLACEMENT_ORDER, axes=along, domain="top", weight=stiffness_scale(scene))
+    ]
 
 
 class Friction(Term):
     """The tangential traction of a contact that sticks or slips, its history and its work."""
 
-    fields = ("tau",)
+    field_names = ("tau",)
     has_memory = True
     has_symmetric_tangent = False
 
@@ -73,10 +75,12 @@ class Friction(Term):
         self._normal = normal
         self._law: Any = body.scene.physics.contact
         self._is_implicit = body.scene.physics.anchor == "implicit" and not self._law.is_bonded
-        self._start = fem.Function(body.unknowns.space)
-        self._start_depth = fem.Constant(body.mesh, 0.0)
-        self._widest = fem.Constant(body.mesh, 1.0)
-        self._holds_new = fem.Constant(body.mesh, 1.0)  # 0: what is new in contact slips freely
+        self._slip_start = fem.Function(body.unknowns.space)
+        self._slip_start_depth = fem.Constant(body.mesh, 0.0)
+        self._largest_passed_gap = fem.Constant(body.mesh, 1.0)
+        self._new_contact_sticks = fem.Constant(
+            body.mesh, 1.0
+        )  # 0: what is new in contact slips freely
         self._epsilon_t = fem.Constant(body.mesh, float(self._law.epsilon_t))
         self._tangents = normal.gap.tangents
         self._expressions: dict[tuple[str, bytes], FacetValues] = {}
@@ -84,84 +88,101 @@ class Friction(Term):
         before = body.before
         law = normal.symbolic_law
         p_hat = normal.trial_pressure
-        opening = (
+        initial_gap = (
             -law.trial_pressure(Gap(body, before).g, before.fields.get("lam", 0.0)) / law.stiffness
         )
-        is_new = is_new_contact(opening, now.delta - before.delta)
-        self._passed = passed_gap(opening, is_new, p_hat, law.stiffness)
-        way_in = is_new * way_gone(opening, self._widest)
+        is_new = is_new_contact(initial_gap, now.delta - before.delta)
+        self._passed_gap = passed_gap(initial_gap, is_new, p_hat, law.stiffness)
+        touch_fraction = is_new * way_gone(initial_gap, self._largest_passed_gap)
         self._tau = components(now.fields["tau"])
         tau = self._tau if self._law.multiplier == "unknown" else components(before.fields["tau"])
-        trial = [
+        trial_traction = [
             tau_k - self._epsilon_t * slip
-            for tau_k, slip in zip(tau, self._slips(way_in), strict=True)
+            for tau_k, slip in zip(tau, self._slip(touch_fraction), strict=True)
         ]
-        self._point = point = CoulombPoint(law.friction, normal.pressure, trial)
-        holds = where_less(0.0, p_hat, 1 - is_new * (1 - self._holds_new), 0.0)
-        self._t = [holds * point.share * t_hat for t_hat in trial]
-        slid = self._gives_way(trial)
-        moved = self._slips(0.0)
-        p_before = law.stiffness * maximum(0.0, -opening)
+        self._coulomb_point = point = CoulombPoint(law.friction, normal.pressure, trial_traction)
+        carries_traction = where_less(0.0, p_hat, 1 - is_new * (1 - self._new_contact_sticks), 0.0)
+        self._traction = [carries_traction * point.share * t_hat for t_hat in trial_traction]
+        slip_values = self._traction_slip(trial_traction)
+        step_slip = self._slip(0.0)
+        p_before = law.stiffness * maximum(0.0, -initial_gap)
         if (
             self._is_implicit
         ):  # a new point slips from where it touched, not from where its step began
-            slid = [one + way_in * u for one, u in zip(slid, moved, strict=True)]
-        heat = point.heat(self._t, slid, p_before)
+            slip_values = [
+                one + touch_fraction * u for one, u in zip(slip_values, step_slip, strict=True)
+            ]
+        heat = point.heat(self._traction, slip_values, p_before)
         if self._is_implicit:
-            way_out = way_gone(self._passed, self._widest)
+            leave_fraction = way_gone(self._passed_gap, self._largest_passed_gap)
             heat += where_less(
-                0.0, p_hat, 0.0, heat_of_leaving(law.friction, p_before, moved, way_out)
+                0.0, p_hat, 0.0, heat_of_leaving(law.friction, p_before, step_slip, leave_fraction)
             )
-        self._dissipation = fem.form(body.over_contact(heat))
-        last = body.body_mesh.dim - 1
-        pushes = [
-            -normal.pressure * normal.gap.normal[axis] - self._along(axis) for axis in range(last)
+        self._dissipation = fem.form(body.contact_integral(heat))
+        vertical = body.body_mesh.dim - 1
+        side_tractions = [
+            -normal.pressure * normal.gap.normal[axis] - self._traction_component(axis)
+            for axis in range(vertical)
         ]
-        self._side_forces = [fem.form(body.over_contact(push)) for push in pushes]
-        is_level = (
+        self._side_force_forms = [fem.form(body.contact_integral(push)) for push in side_tractions]
+        is_reference_gap = (
             body.scene.physics.gap == "reference"
         )  # the traction along a level tip does not push it up
-        self._lift = None if is_level else fem.form(body.over_contact(-self._along(last)))
+        self._vertical_force_form = (
+            None
+            if is_reference_gap
+            else fem.form(body.contact_integral(-self._traction_component(vertical)))
+        )
 
-    def _slips(self, way: Expr | float) -> list[Expr]:
-        """s_k [length] since the points stuck, `way` from the last equilibrium to the start."""
+    def _slip(self, fraction: Expr | float) -> list[Expr]:
+        """s_k [length] since the points stuck, `fraction` from the last equilibrium to the start."""
         now = self.body.now
         before = self.body.before
         dim = self.body.body_mesh.dim
-        old = before.fields["u"]
-        start = self.body.unknowns.of(self._start)["u"]
-        moved = now.fields["u"] - old - way * (start - old)
+        displacement_before = before.fields["u"]
+        start_displacement = self.body.unknowns.split_fields(self._slip_start)["u"]
+        displacement = (
+            now.fields["u"]
+            - displacement_before
+            - fraction * (start_displacement - displacement_before)
+        )
         if self.body.scene.physics.gap == "current":
-            sunk = now.delta - before.delta - way * (self._start_depth - before.delta)
-            moved += ufl.as_vector([0.0] * (dim - 1) + [sunk])
-        return [ufl.dot(m, moved) for m in self._tangents]
+            depth_change = (
+                now.delta - before.delta - fraction * (self._slip_start_depth - before.delta)
+            )
+            displacement += ufl.as_vector([0.0] * (dim - 1) + [depth_change])
+        return [ufl.dot(m, displacement) for m in self._tangents]
 
-    def _gives_way(self, tau: list[Expr]) -> list[Expr]:
+    def _traction_slip(self, tau: list[Expr]) -> list[Expr]:
         """(tau - t)/epsilon_t [length]."""
-        return [(tau_k - t) / self._epsilon_t for tau_k, t in zip(tau, self._t, strict=True)]
+        return [(tau_k - t) / self._epsilon_t for tau_k, t in zip(tau, self._traction, strict=True)]
 
-    def _along(self, axis: int) -> Expr:
-        return dot(self._t, [m[axis] for m in self._tangents])
+    def _traction_component(self, axis: int) -> Expr:
+        return dot(self._traction, [m[axis] for m in self._tangents])
 
-    def work(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
+    def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
         """Virtual work of the traction and of its multiplier, as a UFL form."""
-        ways = self.body.unknowns.of(now.test)
-        slips = [ufl.dot(m, ways["u"]) for m in self._tangents]
-        virtual = -dot(self._gives_way(self._tau), components(ways["tau"])) - dot(self._t, slips)
-        return self.body.over_contact(virtual)
+        test_fields = self.body.unknowns.split_fields(now.test)
+        slips = [ufl.dot(m, test_fields["u"]) for m in self._tangents]
+        virtual = -dot(self._traction_slip(self._tau), components(test_fields["tau"])) - dot(
+            self._traction, slips
+        )
+        return self.body.contact_integral(virtual)
 
-    def hold_new(self, anchor: Anchor) -> None:
+    def set_slip_reference(self, slip_reference: Anchor) -> None:
         """Say where what comes into contact sticks; see `solve.anchor` (collective)."""
-        if anchor == "mid":
-            self._find_widest()
-        start = self.body.now if anchor == "mid" else self.body.before
-        self._start.x.array[:] = start.function.x.array
-        self._start_depth.value = start.delta.value
-        self._holds_new.value = float(anchor != "glue")
+        if slip_reference == "mid":
+            self._find_largest_passed_gap()
+        start = self.body.now if slip_reference == "mid" else self.body.before
+        self._slip_start.x.array[:] = start.function.x.array
+        self._slip_start_depth.value = start.delta.value
+        self._new_contact_sticks.value = float(slip_reference != "glue")
 
-    def _find_widest(self) -> None:
-        passed = self._at("passed", self._passed, contact_quadrature(self.body.body_mesh.dim)[0])()
-        self._widest.value = (
+    def _find_largest_passed_gap(self) -> None:
+        passed = self._facet_values(
+            "passed", self._passed_gap, contact_quadrature(self.body.body_mesh.dim)[0]
+        )()
+        self._largest_passed_gap.value = (
             self.body.comm.allreduce(float(passed.max(initial=0.0)), op=MPI.MAX) or 1.0
         )
 
@@ -174,39 +195,44 @@ class Friction(Term):
         (collective).
         """
         if self._is_implicit:
-            self._find_widest()
+            self._find_largest_passed_gap()
         return 0.0 if self._law.is_bonded else float(fem.assemble_scalar(self._dissipation))
 
-    def room_at(self, points: np.ndarray) -> np.ndarray:
+    def stick_margin_at(self, points: np.ndarray) -> np.ndarray:
         """friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks
         (collective at first).
         """
-        return self._at("room", self._point.room, points)()[..., 0]
+        return self._facet_values("room", self._coulomb_point.room, points)()[..., 0]
 
-    def _at(self, name: str, expression: Expr, points: np.ndarray) -> FacetValues:
-        key = name, points.tobytes()
-        if key not in self._expressions:
+    def _facet_values(self, name: str, expression: Expr, points: np.ndarray) -> FacetValues:
+        cache_key = name, points.tobytes()
+        if cache_key not in self._expressions:
             facets = self.body.body_mesh.surfaces["top"]
-            self._expressions[key] = FacetValues(self.body.mesh, facets, expression, points)
-        return self._expressions[key]
+            self._expressions[cache_key] = FacetValues(self.body.mesh, facets, expression, points)
+        return self._expressions[cache_key]
 
     def shear_at(self, points: np.ndarray) -> np.ndarray:
         """tau (facets, points, axes) at reference-facet points of the contact surface [pressure]."""
         body = self.body
         nodes = facet_nodes(
-            body.mesh, body.unknowns.own_space("tau"), body.body_mesh.surfaces["top"]
+            body.mesh, body.unknowns.collapsed_space("tau"), body.body_mesh.surfaces["top"]
         )
-        places = np.stack(
-            [places[nodes] for places in body.unknowns.components("tau").values()], axis=-1
+        shear_dofs = np.stack(
+            [shear_dofs[nodes] for shear_dofs in body.unknowns.component_dofs("tau").values()],
+            axis=-1,
         )
-        return body.trace.values(body.local_array()[places], points)
+        return body.trace.interpolate(body.local_array()[shear_dofs], points)
 
     def force(self) -> float:
         """The virtual work of pressing deeper [force], this rank's share of the modelled part."""
-        return float(fem.assemble_scalar(self._lift)) if self._lift else 0.0
+        return (
+            float(fem.assemble_scalar(self._vertical_force_form))
+            if self._vertical_force_form
+            else 0.0
+        )
 
     def side_force(self, axis: int) -> float:
         """Force on the tip along a horizontal axis [force], of pressure and friction, this rank's
         share.
         """
-        return float(fem.assemble_scalar(self._side_forces[axis]))
+        return float(fem.assemble_scalar(self._side_force_forms[axis]))

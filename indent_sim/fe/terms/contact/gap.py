@@ -7,7 +7,7 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from indent_sim.fe.discrete_body import Body, Moment, symbolic
+from indent_sim.fe.discrete_body import Body, TimeLevel, symbolic_copy
 from indent_sim.model.tips import gap_current, gap_reference
 
 
@@ -17,13 +17,13 @@ class Gap:
     on the deformed point x = X + u.
     """
 
-    def __init__(self, body: Body, at: Moment):
+    def __init__(self, body: Body, time_level: TimeLevel):
         scene = body.scene
         dim = body.body_mesh.dim
-        u = at.fields["u"]
-        tip = symbolic(scene.physics.indenter, body.mesh)
+        u = time_level.fields["u"]
+        tip = symbolic_copy(scene.physics.indenter, body.mesh)
         center = [fem.Constant(body.mesh, float(c)) for c in scene.physics.center]
-        self._delta = ufl.variable(at.delta)
+        self._delta = ufl.variable(time_level.delta)
         self._dim = dim
         X = body.X
         self._x = None if scene.physics.gap == "reference" else ufl.variable(X + u)
@@ -38,7 +38,7 @@ class Gap:
             self.normal = ufl.diff(self.g, self._x)
 
     @property
-    def rate(self) -> Expr:
+    def depth_derivative(self) -> Expr:
         """dg/ddelta: -1 for a reference gap."""
         return ufl.diff(self.g, self._delta)
 
@@ -57,7 +57,7 @@ class Gap:
         return tuple(axes[k] - n[k] / (1 - n[last]) * (n - axes[last]) for k in range(last))
 
     @property
-    def slope(self) -> Expr:
+    def hessian(self) -> Expr:
         """d2g/dx2 (dim, dim) [1/length]."""
         if self._x is None:
             return ufl.as_matrix(np.zeros((self._dim,) * 2).tolist())

@@ -8,14 +8,14 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import ORDER, Body, Field
-from indent_sim.fe.observe.surface import facet_nodes, from_midpoints
+from indent_sim.fe.discrete_body import DISPLACEMENT_ORDER, Body, Field
+from indent_sim.fe.surface import facet_nodes, interpolate_from_midpoints
 from indent_sim.scene.scene import Scene
 
 
-def multiplier(scene: Scene, order: int) -> Field:
+def multiplier_field(scene: Scene, order: int) -> Field:
     """The unknown multiplier lam on the contact surface."""
-    return Field("lam", order, where="top", weight=stiffness_scale(scene))
+    return Field("lam", order, domain="top", weight=stiffness_scale(scene))
 
 
 def stiffness_scale(scene: Scene) -> float:
@@ -31,7 +31,7 @@ def stiffness_scale(scene: Scene) -> float:
     )
 
 
-class SurfaceField:
+class SurfaceMultiplier:
     """lam on the contact surface: an unknown of the body, or a function of the displacement's
     order.
     """
@@ -42,53 +42,61 @@ class SurfaceField:
         self._trace = body.trace
         facets = body.body_mesh.surfaces["top"]
         if "lam" in body.unknowns.names:
-            nodes = facet_nodes(body.mesh, body.unknowns.own_space("lam"), facets)
+            nodes = facet_nodes(body.mesh, body.unknowns.collapsed_space("lam"), facets)
             self.lam = body.now.fields["lam"]
             self.vector = body.x
-            self._places = body.unknowns.places("lam")[nodes]
+            self._node_dofs = body.unknowns.dofs("lam")[nodes]
         else:
-            space = compat.function_space(body.mesh, compat.lagrange(body.body_mesh.dim, ORDER))
+            space = compat.function_space(
+                body.mesh, compat.lagrange_element(body.body_mesh.dim, DISPLACEMENT_ORDER)
+            )
             self.lam = fem.Function(space)
-            self.vector = compat.vector(self.lam)
-            self._places = facet_nodes(body.mesh, space, facets)
+            self.vector = compat.petsc_vector(self.lam)
+            self._node_dofs = facet_nodes(body.mesh, space, facets)
 
-    def at(self, points: np.ndarray) -> np.ndarray:
+    def values_at_points(self, points: np.ndarray) -> np.ndarray:
         """lam (facets, points) at reference-facet points of the contact surface [pressure]."""
-        return self._trace.values(self._nodal()[..., None], points)[..., 0]
+        return self._trace.interpolate(self._nodal_values()[..., None], points)[..., 0]
 
-    def smooth_at(self, points: np.ndarray) -> np.ndarray:
+    def smooth_values_at(self, points: np.ndarray) -> np.ndarray:
         """lam as a pressure to be looked at: without its ripples at the vertices of triangles."""
-        if not self._trace.ripples:
-            return self.at(points)
-        nodal = from_midpoints(
-            self._nodal(), lambda values: sums(self.vector, self._places, values)[self._places]
+        if not self._trace.has_ripples:
+            return self.values_at_points(points)
+        nodal = interpolate_from_midpoints(
+            self._nodal_values(),
+            lambda values: sum_nodal_contributions(self.vector, self._node_dofs, values)[
+                self._node_dofs
+            ],
         )
-        return self._trace.values(nodal[..., None], points)[..., 0]
+        return self._trace.interpolate(nodal[..., None], points)[..., 0]
 
-    def fill(self, nodal: np.ndarray) -> None:
+    def set_nodal_values(self, nodal: np.ndarray) -> None:
         """Set the values at the nodes of the facets (facets, nodes) [pressure] (collective)."""
         total, count = (
-            sums(self.vector, self._places, values) for values in (nodal, np.ones_like(nodal))
+            sum_nodal_contributions(self.vector, self._node_dofs, values)
+            for values in (nodal, np.ones_like(nodal))
         )
         with self.vector.localForm() as local:
             local.array[count > 0] = total[count > 0] / count[count > 0]
 
-    def _nodal(self) -> np.ndarray:
+    def _nodal_values(self) -> np.ndarray:
         with self.vector.localForm() as local:
-            return local.array[self._places]
+            return local.array[self._node_dofs]
 
 
-def sums(vector: PETSc.Vec, places: np.ndarray, nodal: np.ndarray) -> np.ndarray:
+def sum_nodal_contributions(
+    vector: PETSc.Vec, node_dofs: np.ndarray, nodal: np.ndarray
+) -> np.ndarray:
     """Contributions (facets, nodes) summed over facets and ranks that share a node, as the local
     array of `vector`.
     """
     work = vector.duplicate()
     with work.localForm() as local:
         local.set(0.0)
-        np.add.at(local.array, places, nodal)
+        np.add.at(local.array, node_dofs, nodal)
     work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     work.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
     with work.localForm() as local:
-        found = np.array(local.array)
+        summed = np.array(local.array)
     work.destroy()  # left to Python, those of several ranks stay until the end
-    return found
+    return summed

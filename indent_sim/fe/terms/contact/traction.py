@@ -13,80 +13,88 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from indent_sim.fe.discrete_body import ORDER, Body, Field, Moment, symbolic
+from indent_sim.fe.discrete_body import DISPLACEMENT_ORDER, Body, Field, TimeLevel, symbolic_copy
 from indent_sim.fe.terms.contact.gap import Gap
-from indent_sim.fe.terms.contact.multiplier import SurfaceField, multiplier
-from indent_sim.fe.terms.contact.projection import Projection
-from indent_sim.fe.terms.strain import Strain
+from indent_sim.fe.terms.contact.multiplier import SurfaceMultiplier, multiplier_field
+from indent_sim.fe.terms.contact.projection import PressureProjection
+from indent_sim.fe.terms.strain_energy import StrainEnergy
 from indent_sim.fe.terms.term import Term
 from indent_sim.scene.scene import Scene
 
 
 def fields(scene: Scene) -> list[Field]:
     """The multiplier, where it is an unknown."""
-    return [multiplier(scene, ORDER)] if scene.physics.contact.multiplier == "unknown" else []
+    return (
+        [multiplier_field(scene, DISPLACEMENT_ORDER)]
+        if scene.physics.contact.multiplier == "unknown"
+        else []
+    )
 
 
 class Traction(Term):
     """The tip's push on the contact surface by the potential of the scene's contact law."""
 
-    def __init__(self, body: Body, strain: Strain):
+    def __init__(self, body: Body, strain_energy: StrainEnergy):
         self.body = body
         self.gap = Gap(body, body.now)
         self.law = body.scene.physics.contact
-        self._lam = self._multiplier(strain)
-        self._is_unknown = self.law.multiplier == "unknown"
-        self.fields = ("lam",) if self._is_unknown else ()
-        self.frozen = (self.field.lam,) if self.law.multiplier == "frozen" else ()
+        self._lam = self._multiplier_expression(strain_energy)
+        self._solves_for_multiplier = self.law.multiplier == "unknown"
+        self.field_names = ("lam",) if self._solves_for_multiplier else ()
+        self.frozen = (self.surface_multiplier.lam,) if self.law.multiplier == "frozen" else ()
         self.has_memory = self.law.may_snap
         self.has_symmetric_tangent = self.law.multiplier != "stress"  # whose variation is dropped
-        self.symbolic_law = symbolic(self.law, body.mesh)
+        self.symbolic_law = symbolic_copy(self.law, body.mesh)
         g = ufl.variable(self.gap.g)
-        lam = ufl.variable(self._lam) if self._is_unknown else self._lam
+        lam = ufl.variable(self._lam) if self._solves_for_multiplier else self._lam
         potential = self.symbolic_law.potential(g, lam)
-        self._slope = ufl.diff(potential, g)
+        self._potential_slope = ufl.diff(potential, g)
         # p_hat, above zero in contact, and <p_hat> [pressure] as UFL expressions
         self.trial_pressure = self.symbolic_law.trial_pressure(self.gap.g, self._lam)
-        self.pressure = -self._slope
-        self._along_lam = ufl.diff(potential, lam) if self._is_unknown else None
-        self.energy = body.over_contact(potential)
-        self._thrust = fem.form(body.over_contact(self._slope * self.gap.rate))
+        self.pressure = -self._potential_slope
+        self._multiplier_slope = ufl.diff(potential, lam) if self._solves_for_multiplier else None
+        self.energy = body.contact_integral(potential)
+        self._force_form = fem.form(
+            body.contact_integral(self._potential_slope * self.gap.depth_derivative)
+        )
 
-    def _multiplier(self, strain: Strain) -> Expr:
+    def _multiplier_expression(self, strain_energy: StrainEnergy) -> Expr:
         """lam in the potential: an unknown, a given function, the body's own normal stress, or
         zero.
         """
         match self.law.multiplier:
             case "unknown" | "frozen":
-                return self.field.lam
+                return self.surface_multiplier.lam
             case "stress":
                 kinematics = self.body.scene.physics.part.kinematics
                 N = kinematics.in_space(ufl.FacetNormal(self.body.mesh))
-                return ufl.dot(kinematics.in_plane(strain.nominal_stress * N), self.gap.normal)
+                return ufl.dot(
+                    kinematics.in_plane(strain_energy.nominal_stress * N), self.gap.normal
+                )
         return ufl.as_ufl(0.0)
 
     @cached_property
-    def field(self) -> SurfaceField:
+    def surface_multiplier(self) -> SurfaceMultiplier:
         """lam as it is read: the multiplier, or where the law has none of its own the projection of
         the pressure.
         """
-        return SurfaceField(self.body)
+        return SurfaceMultiplier(self.body)
 
     @cached_property
-    def projection(self) -> Projection:
+    def projection(self) -> PressureProjection:
         """The pressure's projection on the multiplier's functions; its memory is `field`'s."""
-        return Projection(self.body, self.pressure, self.field.lam)
+        return PressureProjection(self.body, self.pressure, self.surface_multiplier.lam)
 
-    def work(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
+    def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
         """Virtual work of the pressure, as a UFL form."""
-        virtual = self._slope * ufl.derivative(self.gap.g, now.function, now.test)
-        if self._is_unknown:
-            virtual += self._along_lam * ufl.derivative(self._lam, now.function, now.test)
-        return self.body.over_contact(virtual)
+        virtual = self._potential_slope * ufl.derivative(self.gap.g, now.function, now.test)
+        if self._solves_for_multiplier:
+            virtual += self._multiplier_slope * ufl.derivative(self._lam, now.function, now.test)
+        return self.body.contact_integral(virtual)
 
     def force(self) -> float:
         """Virtual work of pressing deeper [force], this rank's share of the modelled part."""
-        return float(fem.assemble_scalar(self._thrust))
+        return float(fem.assemble_scalar(self._force_form))
 
     @property
     def stiffness(self) -> float:
@@ -101,15 +109,15 @@ class Traction(Term):
         """lam (facets, points) at reference-facet points of the contact surface [pressure]
         (collective).
         """
-        return self._projected().at(points)
+        return self._projected_multiplier().values_at_points(points)
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
         """lam as a pressure to be looked at: without its ripples at the vertices of triangles
         (collective).
         """
-        return self._projected().smooth_at(points)
+        return self._projected_multiplier().smooth_values_at(points)
 
-    def _projected(self) -> SurfaceField:
+    def _projected_multiplier(self) -> SurfaceMultiplier:
         if self.law.multiplier in ("none", "stress"):
-            self.projection.update()
-        return self.field
+            self.projection.update_multiplier()
+        return self.surface_multiplier

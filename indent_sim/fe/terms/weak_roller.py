@@ -17,57 +17,59 @@ from indent_sim.fe.terms.term import Term
 from indent_sim.mesh.reactions import Surface
 
 
-class Wall(Term):
+class WeakRollerBC(Term):
     """The wall's points stay on r = radius, by the energy stiffness/2 w^2; w = u . n at small
     strain. n is the cylinder's own normal, the stiffness `scene.physics.wall_stiffness` in
     pressure/length.
     """
 
-    is_matter = True
+    is_bulk = True
 
     def __init__(self, body: Body):
         self._body = body
-        self.is_constant = body.scene.physics.small_strain
+        self.has_constant_tangent = body.scene.physics.small_strain
         X = body.X
         u = body.now.fields["u"]
         r = ufl.sqrt(X[0] ** 2 + X[1] ** 2)
         if body.scene.physics.small_strain:
-            outward = (u[0] * X[0] + u[1] * X[1]) / r
+            radial_displacement = (u[0] * X[0] + u[1] * X[1]) / r
             normal = [X[axis] / r for axis in (0, 1)]
         else:
             deformed = ufl.sqrt((X[0] + u[0]) ** 2 + (X[1] + u[1]) ** 2)
-            outward = deformed - r
+            radial_displacement = deformed - r
             normal = [(X[axis] + u[axis]) / deformed for axis in (0, 1)]
         stiffness = fem.Constant(body.mesh, body.scene.physics.wall_stiffness)
-        self.energy = body.over_surface("r_max", stiffness / 2 * outward**2)
+        self.energy = body.surface_integral("r_max", stiffness / 2 * radial_displacement**2)
         self._axis = fem.Constant(body.mesh, np.array([1.0, 0.0]))
-        along = self._axis[0] * normal[0] + self._axis[1] * normal[1]
-        self._push = body.over_surface("r_max", -stiffness * outward * along)
+        axis_component = self._axis[0] * normal[0] + self._axis[1] * normal[1]
+        self._reaction_expression = body.surface_integral(
+            "r_max", -stiffness * radial_displacement * axis_component
+        )
 
     @cached_property
     def _reaction_form(self) -> fem.Form:
-        return fem.form(self._push)
+        return fem.form(self._reaction_expression)
 
     def reactions(self) -> dict[Surface, float]:
         """Return the force of the curved roller wall on the body along x and y [force], this rank's
         part of the sum.
         """
-        found: dict[Surface, float] = {}
+        reactions: dict[Surface, float] = {}
         for axis in (0, 1):
             self._axis.value = np.eye(2)[axis]
-            found["r_max", axis] = float(fem.assemble_scalar(self._reaction_form))
-        return found
+            reactions["r_max", axis] = float(fem.assemble_scalar(self._reaction_form))
+        return reactions
 
-    def rows(self) -> dict[Surface, np.ndarray]:
+    def reaction_rows(self) -> dict[Surface, np.ndarray]:
         """What each dof of a linear body adds to `reactions` [force], an entry for each of this
         rank's own dofs (collective).
         """
         body = self._body
-        form = fem.form(ufl.derivative(self._push, body.now.function, body.now.test))
-        found: dict[Surface, np.ndarray] = {}
+        form = fem.form(ufl.derivative(self._reaction_expression, body.now.function, body.now.test))
+        rows: dict[Surface, np.ndarray] = {}
         for axis in (0, 1):
             self._axis.value = np.eye(2)[axis]
             vector = fem_petsc.assemble_vector(form)
             vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-            found["r_max", axis] = vector.array_r.copy()
-        return found
+            rows["r_max", axis] = vector.array_r.copy()
+        return rows

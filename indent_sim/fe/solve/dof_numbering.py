@@ -15,24 +15,24 @@ from dolfinx import fem
 from indent_sim.fe import compat
 
 
-class Numbering:
+class DofNumbering:
     """Where the values of a field on this rank stand among those of all ranks (collective)."""
 
-    def __init__(self, space: fem.FunctionSpace, places: np.ndarray):
+    def __init__(self, space: fem.FunctionSpace, dofs: np.ndarray):
         """places: of the space's dofs in the local array of the vector that holds them."""
         owned = space.dofmap.index_map.size_local
         width = space.dofmap.index_map_bs
         self._comm = space.mesh.comm
-        self._own = places.reshape(-1, width)[:owned]
+        self._owned_dofs = dofs.reshape(-1, width)[:owned]
         is_in_cells = space.dofmap.dof_layout.num_entity_dofs(0) == 0
-        keys = (_keys_in_cells if is_in_cells else _keys)(space)[:owned]
-        everybody = np.sort(np.concatenate(self._comm.allgather(keys)))
-        self._rows = np.searchsorted(everybody, keys)
-        self.shape = len(everybody), width
+        keys = (_cell_point_keys if is_in_cells else _node_keys)(space)[:owned]
+        all_keys = np.sort(np.concatenate(self._comm.allgather(keys)))
+        self._global_rows = np.searchsorted(all_keys, keys)
+        self.shape = len(all_keys), width
 
-    def gathered(self, local: np.ndarray) -> np.ndarray:
+    def gather(self, local: np.ndarray) -> np.ndarray:
         """Values (nodes of all ranks, components) on rank 0; nothing elsewhere (collective)."""
-        parts = self._comm.gather((self._rows, local[self._own]), root=0)
+        parts = self._comm.gather((self._global_rows, local[self._owned_dofs]), root=0)
         whole = np.zeros(self.shape if parts else (0, self.shape[1]))
         for rows, values in parts or ():
             whole[rows] = values
@@ -40,10 +40,10 @@ class Numbering:
 
     def scatter(self, whole: np.ndarray, local: np.ndarray) -> None:
         """Put this rank's own share of values of all ranks into a local array."""
-        local[self._own] = whole[self._rows]
+        local[self._owned_dofs] = whole[self._global_rows]
 
 
-def _keys(space: fem.FunctionSpace) -> np.ndarray:
+def _node_keys(space: fem.FunctionSpace) -> np.ndarray:
     """A number for every local node: of its point in the grid, or of the two that it lies between."""
     mesh = space.mesh
     dofs = compat.cell_dofs(space.dofmap)
@@ -62,7 +62,7 @@ def _keys(space: fem.FunctionSpace) -> np.ndarray:
     return keys
 
 
-def _keys_in_cells(space: fem.FunctionSpace) -> np.ndarray:
+def _cell_point_keys(space: fem.FunctionSpace) -> np.ndarray:
     """A number for every local point: of its cell in the grid, and its own in the cell."""
     dofs = compat.cell_dofs(space.dofmap)
     cells = np.asarray(space.mesh.topology.original_cell_index, dtype=np.int64)[: len(dofs)]

@@ -22,7 +22,7 @@ QUADRATURE_DEGREE = {
     2: 20,
     3: 10,
 }  # by dimension: 11 points an edge, 25 a triangle, for the kink at the contact edge
-PAIRS = {
+MIDPOINT_VERTICES = {
     2: ((0, 1),),
     3: ((1, 2), (0, 2), (0, 1)),
 }  # of a facet's vertices, between which its midpoints are
@@ -36,25 +36,25 @@ def barycentric(points: np.ndarray) -> np.ndarray:
     return np.column_stack([1 - points.sum(axis=1), points])
 
 
-def shapes(points: np.ndarray) -> np.ndarray:
+def shape_functions(points: np.ndarray) -> np.ndarray:
     """Quadratic shape functions (points, nodes) on a facet; vertices first, then edge midpoints
     opposite them.
     """
-    return _shapes(points.tobytes(), points.shape[1])
+    return _cached_shape_functions(points.tobytes(), points.shape[1])
 
 
 @lru_cache(maxsize=64)  # every row is read off at the same points
-def _shapes(places: bytes, columns: int) -> np.ndarray:
-    bary = barycentric(np.frombuffer(places).reshape(-1, columns))
+def _cached_shape_functions(point_bytes: bytes, columns: int) -> np.ndarray:
+    bary = barycentric(np.frombuffer(point_bytes).reshape(-1, columns))
     vertices = bary * (2 * bary - 1)
-    found = np.column_stack(
-        [vertices, *(4 * bary[:, i] * bary[:, j] for i, j in PAIRS[bary.shape[1]])]
+    values = np.column_stack(
+        [vertices, *(4 * bary[:, i] * bary[:, j] for i, j in MIDPOINT_VERTICES[bary.shape[1]])]
     )
-    found.flags.writeable = False
-    return found
+    values.flags.writeable = False
+    return values
 
 
-def pressure_functions(points: np.ndarray) -> np.ndarray:
+def pressure_shape_functions(points: np.ndarray) -> np.ndarray:
     """Functions (points, nodes) of the nodal pressures p_i >= 0 of a facet, which sum to one and
     are never negative.
 
@@ -69,35 +69,37 @@ def pressure_functions(points: np.ndarray) -> np.ndarray:
     return np.column_stack([ends, 1 - ends.sum(axis=1)])
 
 
-def from_midpoints(nodal: np.ndarray, gathered: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def interpolate_from_midpoints(
+    nodal: np.ndarray, sum_over_facets: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
     """A quadratic multiplier (facets, nodes) of triangles with each vertex value from the midpoints
     next to it.
 
     The integral of a triangle's vertex function is zero, so a multiplier ripples there and is right
     at the midpoints. The mean of the midpoints on the edges that meet in a vertex is exact for a
-    constant. `gathered` sums contributions (facets, nodes) over the facets that share a node.
+    constant. `sum_over_facets` sums contributions (facets, nodes) over the facets that share a node.
     """
     midpoints = nodal[:, 3:]
     means = np.zeros_like(nodal)
     ones = np.zeros_like(nodal)
     means[:, :3] = (midpoints.sum(axis=1, keepdims=True) - midpoints) / 2
     ones[:, :3] = 1.0
-    return np.hstack([gathered(means)[:, :3] / gathered(ones)[:, :3], midpoints])
+    return np.hstack([sum_over_facets(means)[:, :3] / sum_over_facets(ones)[:, :3], midpoints])
 
 
 @cache
 def split_quadrature(dim: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points and weights on the reference facet, a rule for each part on which `pressure_functions`
+    """Points and weights on the reference facet, a rule for each part on which `pressure_shape_functions`
     are smooth.
     """
     if dim == 3:
         return contact_quadrature(dim)
-    points, weights = compat.quadrature("interval", 12)
+    points, weights = compat.quadrature_rule("interval", 12)
     return np.vstack([points / 2, (points + 1) / 2]), np.concatenate([weights, weights]) / 2
 
 
 @cache
-def lattice(dim: int) -> tuple[np.ndarray, np.ndarray]:
+def facet_lattice(dim: int) -> tuple[np.ndarray, np.ndarray]:
     """Equally spaced points on the reference facet and the small simplices between them."""
     n = SUBDIVISIONS[dim]
     if dim == 2:
@@ -117,22 +119,22 @@ def lattice(dim: int) -> tuple[np.ndarray, np.ndarray]:
 @cache
 def contact_quadrature(dim: int) -> tuple[np.ndarray, np.ndarray]:
     """The contact quadrature points and weights on the reference facet."""
-    return compat.quadrature({2: "interval", 3: "triangle"}[dim], QUADRATURE_DEGREE[dim])
+    return compat.quadrature_rule({2: "interval", 3: "triangle"}[dim], QUADRATURE_DEGREE[dim])
 
 
 @cache
 def node_points(dim: int) -> np.ndarray:
     """Reference-facet coordinates of the nodes."""
     corners = np.vstack([np.zeros(dim - 1), np.eye(dim - 1)])
-    return np.vstack([corners, *((corners[i] + corners[j]) / 2 for i, j in PAIRS[dim])])
+    return np.vstack([corners, *((corners[i] + corners[j]) / 2 for i, j in MIDPOINT_VERTICES[dim])])
 
 
 @cache
-def reading_points(dim: int) -> np.ndarray:
+def evaluation_points(dim: int) -> np.ndarray:
     """The points at which a row is read off: those of the lattice, of the contact quadrature, and
     the nodes.
     """
-    return np.vstack([lattice(dim)[0], contact_quadrature(dim)[0], node_points(dim)])
+    return np.vstack([facet_lattice(dim)[0], contact_quadrature(dim)[0], node_points(dim)])
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,7 @@ class Trace:
     nodes: np.ndarray
     X: np.ndarray
     dofs: np.ndarray
-    _known: dict[tuple[str, bytes], tuple[Hashable, np.ndarray]] = field(
+    _cached: dict[tuple[str, bytes], tuple[Hashable, np.ndarray]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
 
@@ -154,24 +156,24 @@ class Trace:
         """Space dimension."""
         return self.X.shape[2]
 
-    def at(self, chosen: np.ndarray) -> Trace:
+    def select_facets(self, is_chosen: np.ndarray) -> Trace:
         """Those of the facets that are chosen."""
-        return Trace(self.nodes[chosen], self.X[chosen], self.dofs[chosen])
+        return Trace(self.nodes[is_chosen], self.X[is_chosen], self.dofs[is_chosen])
 
-    def and_also(self, other: Trace) -> Trace:
+    def join(self, second: Trace) -> Trace:
         """These facets and others of the same body."""
-        pairs = ((self.nodes, other.nodes), (self.X, other.X), (self.dofs, other.dofs))
+        pairs = ((self.nodes, second.nodes), (self.X, second.X), (self.dofs, second.dofs))
         return Trace(*(np.concatenate(pair) for pair in pairs))
 
     @property
-    def ripples(self) -> bool:
+    def has_ripples(self) -> bool:
         """Whether a multiplier of these nodes has vertex functions without integral (see
-        `from_midpoints`).
+        `interpolate_from_midpoints`).
         """
         return self.dim == 3
 
     @cached_property
-    def sizes(self) -> np.ndarray:
+    def facet_sizes(self) -> np.ndarray:
         """Length of each facet, of a triangle that of the equilateral one with its area (facets,)
         [length].
         """
@@ -181,24 +183,31 @@ class Trace:
 
     def positions(self, points: np.ndarray) -> np.ndarray:
         """Reference coordinates (facets, points, dim) [length], which stay what they are."""
-        return self.kept(
-            "positions", None, points, lambda: np.einsum("pn,fnd->fpd", shapes(points), self.X)
+        return self.cached_values(
+            "positions",
+            None,
+            points,
+            lambda: np.einsum("pn,fnd->fpd", shape_functions(points), self.X),
         )
 
-    def kept(
-        self, what: str, of: Hashable, points: np.ndarray, find: Callable[[], np.ndarray]
+    def cached_values(
+        self,
+        quantity: str,
+        dependency: Hashable,
+        points: np.ndarray,
+        compute: Callable[[], np.ndarray],
     ) -> np.ndarray:
         """What is found once at points, and stays what it is; of the last thing that was asked for."""
-        key = what, points.tobytes()
-        if key not in self._known or self._known[key][0] != of:
-            found = find()
-            found.flags.writeable = False
-            self._known[key] = of, found
-        return self._known[key][1]
+        key = quantity, points.tobytes()
+        if key not in self._cached or self._cached[key][0] != dependency:
+            values = compute()
+            values.flags.writeable = False
+            self._cached[key] = dependency, values
+        return self._cached[key][1]
 
-    def values(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
+    def interpolate(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
         """A nodal field (facets, n, components) at points: (facets, points, components)."""
-        return shapes(points) @ nodal
+        return shape_functions(points) @ nodal
 
     def tangents(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Derivatives (facets, points, dim, facet dim) of a nodal field along the facet's
@@ -207,7 +216,11 @@ class Trace:
         step = 1e-3  # central differences are exact for quadratics
         shifts = step * np.eye(points.shape[1])
         slopes = np.stack(
-            [(shapes(points + by) - shapes(points - by)) / (2 * step) for by in shifts], axis=-1
+            [
+                (shape_functions(points + by) - shape_functions(points - by)) / (2 * step)
+                for by in shifts
+            ],
+            axis=-1,
         )
         return np.einsum("pnk,fnd->fpdk", slopes, nodal)
 
@@ -245,7 +258,7 @@ def facet_nodes(mesh: Mesh, space: fem.FunctionSpace, facets: np.ndarray) -> np.
     return compat.cell_dofs(space.dofmap)[cells[:, None], closure[local]].astype(np.int64)
 
 
-def heights_above(mesh: Mesh, facets: np.ndarray) -> np.ndarray:
+def cell_heights(mesh: Mesh, facets: np.ndarray) -> np.ndarray:
     """How far the cell of each facet reaches from it (facets,) [length]: dim times its volume over
     the facet's area.
     """
@@ -255,10 +268,10 @@ def heights_above(mesh: Mesh, facets: np.ndarray) -> np.ndarray:
     apex = corners[np.arange(len(cells)), local]
     on_facet = np.array([np.delete(np.arange(dim + 1), k) for k in range(dim + 1)])[local]
     base = np.take_along_axis(corners, on_facet[:, :, None], axis=1)
-    along = base[:, 1:] - base[:, :1]  # (facets, dim - 1, dim)
-    up = apex - base[:, 0]
-    edges = np.concatenate([along, up[:, None]], axis=1)
-    area = np.sqrt(np.abs(np.linalg.det(along @ along.transpose(0, 2, 1))))
+    facet_edges = base[:, 1:] - base[:, :1]  # (facets, dim - 1, dim)
+    apex_edge = apex - base[:, 0]
+    edges = np.concatenate([facet_edges, apex_edge[:, None]], axis=1)
+    area = np.sqrt(np.abs(np.linalg.det(facet_edges @ facet_edges.transpose(0, 2, 1))))
     return np.abs(np.linalg.det(edges)) / area
 
 
@@ -276,17 +289,21 @@ class FacetValues:
         corners = np.vstack(
             [np.zeros(mesh.topology.dim), np.eye(mesh.topology.dim)]
         )  # of the reference cell
-        places = {
+        points_by_facet = {
             k: barycentric(points) @ np.delete(corners, k, axis=0) for k in numbers
         }  # on its facet k
-        self._compiled = {k: fem.Expression(expression, places[k]) for k in numbers}
+        self._compiled = {k: fem.Expression(expression, points_by_facet[k]) for k in numbers}
         self._size = int(np.prod(expression.ufl_shape, dtype=int))
 
     def __call__(self) -> np.ndarray:
         """Values (facets, points, components) at the present solution."""
         values = np.zeros((len(self._cells), self._points, self._size))
         for k in np.unique(self._local):
-            here = np.flatnonzero(self._local == k)
-            found = compat.evaluate(self._compiled[k], self._mesh, self._cells[here])
-            values[here] = found.reshape(len(here), self._points, self._size)
+            facet_indices = np.flatnonzero(self._local == k)
+            facet_values = compat.evaluate_expression(
+                self._compiled[k], self._mesh, self._cells[facet_indices]
+            )
+            values[facet_indices] = facet_values.reshape(
+                len(facet_indices), self._points, self._size
+            )
         return values

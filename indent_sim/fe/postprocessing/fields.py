@@ -13,8 +13,8 @@ import ufl
 from dolfinx import fem
 
 from indent_sim.fe import compat
-from indent_sim.fe.observe import measure
-from indent_sim.fe.observe.nodal_stress import NodalStress, total_stress
+from indent_sim.fe.postprocessing import measurements
+from indent_sim.fe.postprocessing.nodal_stress import NodalStress, total_stress
 from indent_sim.model.materials import Gel
 
 
@@ -24,31 +24,35 @@ class WholeBody:
     term of what its pores hold, None without any.
     """
 
-    def __init__(self, body: Any, strains: Sequence[Any], friction: Any, fluid: Any = None):
+    def __init__(self, body: Any, strain_energies: Sequence[Any], friction: Any, fluid: Any = None):
         self.scene = body.scene
         self.comm = body.comm
         self.trace = body.trace
         self.body_mesh = body.body_mesh
         self.mesh = body.mesh
         self.unknowns = body.unknowns
-        self.strains = strains
+        self.strain_energies = strain_energies
         self.friction = friction
         self.nodal_displacement = body.nodal_displacement
         self.local_array = body.local_array
-        self.dofs = body.active_dofs
+        self.dofs = body.active_dof_count
         self.fluid = fluid
 
     @property
     def E_star(self) -> float:
         """Plane-strain modulus of what the tip touches, at this moment [pressure]."""
-        return float(self.strains[0].E_star)
+        return float(self.strain_energies[0].E_star)
 
-    def crushed(self) -> Any:
+    def find_inverted_elements(self) -> Any:
         """Where the body is deformed most, see `terms.strain.Crushed` (collective); None at small
         strain.
         """
-        found = [crushed for strain in self.strains if (crushed := strain.crushed())]
-        return reduce(lambda one, other: one.with_worst(other), found) if found else None
+        inverted = [
+            crushed
+            for strain in self.strain_energies
+            if (crushed := strain.find_inverted_elements())
+        ]
+        return reduce(lambda one, other: one.merge_extremes(other), inverted) if inverted else None
 
 
 class Fields:
@@ -68,14 +72,18 @@ class Fields:
         self._nodal_stress = NodalStress(body) if nodal_stress else None
 
     @property
-    def more(self) -> tuple[str, ...]:
+    def optional_names(self) -> tuple[str, ...]:
         """Names of those that not every body has."""
         kinds = {
             "shear": self.body.friction,
             "pore_pressure": self.body.fluid,
             "fluid_content": self.body.fluid,
         }
-        gels = [strain for strain in self.body.strains if isinstance(strain.region.material, Gel)]
+        gels = [
+            strain
+            for strain in self.body.strain_energies
+            if isinstance(strain.region.material, Gel)
+        ]
         nodal = ("nodal_stress", "nodal_von_mises") if self._nodal_stress else ()
         return (
             *(name for name, there in kinds.items() if there is not None),
@@ -87,11 +95,11 @@ class Fields:
     def _expressions(self) -> list[tuple[fem.Expression, np.ndarray]]:
         centroid = np.full((1, self.body.body_mesh.dim), 1 / (self.body.body_mesh.dim + 1))
         return [
-            (fem.Expression(ufl.as_vector(self._in_cell(s)), centroid), s.cells)
-            for s in self.body.strains
+            (fem.Expression(ufl.as_vector(self._cell_expressions(s)), centroid), s.cells)
+            for s in self.body.strain_energies
         ]
 
-    def _in_cell(self, strain: Any) -> list[Any]:
+    def _cell_expressions(self, strain: Any) -> list[Any]:
         """Stress, J, psi and, where there is fluid, its content: UFL scalars."""
         stress = total_stress(self.body, strain)
         fluid = self.body.fluid
@@ -103,42 +111,54 @@ class Fields:
         mesh = self.body.mesh
         nodes = mesh.geometry.input_global_indices
         cells = mesh.topology.original_cell_index
-        mine = (nodes, self._at_vertices(), *self._tractions(), cells, self._in_cells())
-        parts: Any = self.body.comm.gather(mine, root=0)
-        averaged = (
+        local_values = (
+            nodes,
+            self._vertex_values(),
+            *self._tractions(),
+            cells,
+            self._cell_values(),
+        )
+        parts: Any = self.body.comm.gather(local_values, root=0)
+        averaged_stress = (
             self._nodal_stress.gather_averages(mesh.topology.index_map(0).size_global)
             if self._nodal_stress
             else None
         )
         if parts is None:
             return None
-        nodes, u, touched, acting, cells, inside = (
+        nodes, u, touched_nodes, surface_tractions, cells, cell_values = (
             np.concatenate(column) for column in zip(*parts, strict=True)
         )
-        stress, inner = np.split(_in_order(cells, inside), [9], axis=1)
+        stress, cell_scalars = np.split(_sort_to_grid(cells, cell_values), [9], axis=1)
         # those of curved cells are last
         dim = self.body.body_mesh.dim
-        last = mesh.topology.index_map(0).size_global
-        displacement, fluid = np.split(_in_order(nodes, u)[:last], [dim], axis=1)
-        tractions = [_means(touched, column, len(displacement)) for column in acting.T]
+        point_count = mesh.topology.index_map(0).size_global
+        displacement, fluid = np.split(_sort_to_grid(nodes, u)[:point_count], [dim], axis=1)
+        tractions = [
+            _nodal_means(touched_nodes, column, len(displacement)) for column in surface_tractions.T
+        ]
         return {
             "displacement": displacement,
             **dict(zip(("pressure", "shear"), tractions, strict=False)),
             **dict(zip(("pore_pressure",), fluid.T, strict=False)),
-            **_stresses(stress.reshape(-1, 3, 3)),
+            **_stress_fields(stress.reshape(-1, 3, 3)),
             **dict(
-                zip(("swelling", "J", "energy_density", "fluid_content"), inner.T, strict=False)
+                zip(
+                    ("swelling", "J", "energy_density", "fluid_content"),
+                    cell_scalars.T,
+                    strict=False,
+                )
             ),
-            **({} if averaged is None else _nodal(averaged)),
+            **({} if averaged_stress is None else _nodal_stress_fields(averaged_stress)),
         }
 
     @property
-    def _vertices(self) -> np.ndarray:
+    def _vertex_dofs(self) -> np.ndarray:
         """The displacement's block dofs (cells, dim + 1) at the corners of this rank's cells."""
-        dofs = compat.cell_dofs(self.body.unknowns.own_space("u").dofmap)
+        dofs = compat.cell_dofs(self.body.unknowns.collapsed_space("u").dofmap)
         return dofs[:, : self.body.body_mesh.dim + 1]  # vertices come first in a cell
 
-    def _at_vertices(self) -> np.ndarray:
+    def _vertex_values(self) -> np.ndarray:
         """The displacement and, where there is fluid, its pressure (points, dim or dim + 1)."""
         body = self.body
         corners = compat.geometry_dofs(self.body.mesh)
@@ -147,10 +167,10 @@ class Fields:
         )
         dim = body.body_mesh.dim
         values[corners, :dim] = body.local_array()[
-            body.unknowns.displacement_places(self._vertices)
+            body.unknowns.displacement_dofs(self._vertex_dofs)
         ]
         if body.fluid is not None:
-            values[corners, dim] = body.fluid.at_corners()
+            values[corners, dim] = body.fluid.corner_pressures()
         return values
 
     def _tractions(self) -> tuple[np.ndarray, np.ndarray]:
@@ -160,31 +180,40 @@ class Fields:
         body = self.body
         dim = self.body.body_mesh.dim
         corners = body.trace.node_points()[:dim]
-        node = np.zeros(self._vertices.max(initial=0) + 1, dtype=np.int64)
-        node[self._vertices] = np.asarray(body.mesh.geometry.input_global_indices)[
+        node = np.zeros(self._vertex_dofs.max(initial=0) + 1, dtype=np.int64)
+        node[self._vertex_dofs] = np.asarray(body.mesh.geometry.input_global_indices)[
             compat.geometry_dofs(body.mesh)
         ]
-        acting = measure.tractions(body, measure.sample(body, corners), corners)
-        return node[body.trace.nodes[:, :dim]].ravel(), acting.reshape(-1, acting.shape[-1])
+        tractions = measurements.tractions(
+            body, measurements.sample_contact(body, corners), corners
+        )
+        return node[body.trace.nodes[:, :dim]].ravel(), tractions.reshape(-1, tractions.shape[-1])
 
-    def _in_cells(self) -> np.ndarray:
+    def _cell_values(self) -> np.ndarray:
         """Stress, swelling, J, psi and, where there is fluid, its content (cells, 12 or 13)."""
         width = 11 + (self.body.fluid is not None)
         values = np.zeros((len(self.body.mesh.topology.original_cell_index), 1 + width))
-        for (expression, cells), strain in zip(self._expressions, self.body.strains, strict=True):
-            found = compat.evaluate(expression, self.body.mesh, cells).reshape(-1, width)
+        for (expression, cells), strain in zip(
+            self._expressions, self.body.strain_energies, strict=True
+        ):
+            values_of_region = compat.evaluate_expression(
+                expression, self.body.mesh, cells
+            ).reshape(-1, width)
             values[cells] = np.insert(
-                found, 9, strain.region.material.swelling(found[:, 9]), axis=1
+                values_of_region,
+                9,
+                strain.region.material.swelling_ratio(values_of_region[:, 9]),
+                axis=1,
             )
         return values
 
 
-def _nodal(stress: np.ndarray) -> dict[str, np.ndarray]:
+def _nodal_stress_fields(stress: np.ndarray) -> dict[str, np.ndarray]:
     """A stress at the vertices (points, 3, 3), and its von Mises stress."""
-    return {"nodal_stress": stress, "nodal_von_mises": _stresses(stress)["von_mises"]}
+    return {"nodal_stress": stress, "nodal_von_mises": _stress_fields(stress)["von_mises"]}
 
 
-def _stresses(stress: np.ndarray) -> dict[str, np.ndarray]:
+def _stress_fields(stress: np.ndarray) -> dict[str, np.ndarray]:
     """A stress (n, 3, 3), its principal values from the largest, and sqrt(3/2 s:s) of its deviator
     s.
     """
@@ -194,12 +223,12 @@ def _stresses(stress: np.ndarray) -> dict[str, np.ndarray]:
     return {"stress": stress, "von_mises": von_mises, "principal_stresses": principal}
 
 
-def _in_order(places: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    table = np.zeros((places.max() + 1, rows.shape[1]))
-    table[places] = rows
+def _sort_to_grid(grid_numbers: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    table = np.zeros((grid_numbers.max() + 1, rows.shape[1]))
+    table[grid_numbers] = rows
     return table
 
 
-def _means(places: np.ndarray, values: np.ndarray, size: int) -> np.ndarray:
-    count = np.bincount(places, minlength=size)
-    return np.bincount(places, values, size) / np.maximum(count, 1)
+def _nodal_means(node_numbers: np.ndarray, values: np.ndarray, size: int) -> np.ndarray:
+    count = np.bincount(node_numbers, minlength=size)
+    return np.bincount(node_numbers, values, size) / np.maximum(count, 1)

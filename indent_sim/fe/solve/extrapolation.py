@@ -18,14 +18,14 @@ CUT_ELEMENT_PRESSURE = (
 )
 
 
-def shares(depths: Sequence[float], depth: float) -> list[float]:
+def lagrange_weights(depths: Sequence[float], depth: float) -> list[float]:
     """Weights of values at some depths in the polynomial through them at another depth (Lagrange)."""
     return [
         prod((depth - other) / (own - other) for other in depths if other != own) for own in depths
     ]
 
 
-def expected(
+def predict_trial_pressure(
     trials: Sequence[np.ndarray], depths: Sequence[float], depth: float, largest: float
 ) -> np.ndarray:
     """The trial pressure [pressure] at a depth from those at two others, by the line of what is
@@ -34,12 +34,12 @@ def expected(
     """
     if largest <= 0:
         return np.asarray(trials[-1])
-    parts = zip(shares(depths, depth), trials, strict=True)
-    distances = [share * _distance(trial / largest) for share, trial in parts]
-    return largest * _pressure(sum(distances[1:], start=distances[0]))
+    weighted_trials = zip(lagrange_weights(depths, depth), trials, strict=True)
+    distances = [share * _edge_distance(trial / largest) for share, trial in weighted_trials]
+    return largest * _trial_pressure(sum(distances[1:], start=distances[0]))
 
 
-def _distance(trial: np.ndarray) -> np.ndarray:
+def _edge_distance(trial: np.ndarray) -> np.ndarray:
     """The distance from the edge, in some unit, of what is above zero inside."""
     inside = np.maximum(trial, 0.0)
     outside = np.maximum(-trial, 0.0)
@@ -48,7 +48,7 @@ def _distance(trial: np.ndarray) -> np.ndarray:
     )
 
 
-def _pressure(distance: np.ndarray) -> np.ndarray:
+def _trial_pressure(distance: np.ndarray) -> np.ndarray:
     inside = np.maximum(distance, 0.0)
     outside = np.maximum(-distance, 0.0)
     shifted = outside + CUT_ELEMENT_PRESSURE ** (2 / 3)

@@ -22,7 +22,7 @@ from indent_sim.fe import compat
 
 # The barycentric coordinate of a point along its own vertex: the points of the quadrature of degree
 # 2, by dimension
-OWN_SHARE = {2: 2 / 3, 3: (5 + 3 * 5**0.5) / 20}
+OWN_COORDINATE = {2: 2 / 3, 3: (5 + 3 * 5**0.5) / 20}
 
 
 class _CellStress(NamedTuple):
@@ -52,24 +52,24 @@ class NodalStress:
     def __init__(self, body: Any):
         self._body = body
         dim = body.body_mesh.dim
-        own = OWN_SHARE[dim]
-        other = (1 - OWN_SHARE[dim]) / dim
-        shares = np.full((dim + 1, dim + 1), other) + (own - other) * np.eye(
-            dim + 1
-        )  # (points, vertices)
-        self._points = shares[
+        own_coordinate = OWN_COORDINATE[dim]
+        other_coordinate = (1 - OWN_COORDINATE[dim]) / dim
+        barycentric_weights = np.full((dim + 1, dim + 1), other_coordinate) + (
+            own_coordinate - other_coordinate
+        ) * np.eye(dim + 1)  # (points, vertices)
+        self._points = barycentric_weights[
             :, 1:
         ]  # the vertices of the reference cell are the origin and the unit vectors
-        self._to_vertices = np.linalg.inv(shares)
+        self._to_vertices = np.linalg.inv(barycentric_weights)
 
     @cached_property
     def _expressions(self) -> list[tuple[fem.Expression, np.ndarray]]:
-        found = []
-        for strain in self._body.strains:
+        expressions = []
+        for strain in self._body.strain_energies:
             stress = total_stress(self._body, strain)
             components = ufl.as_vector([stress[i, j] for i, j in np.ndindex(3, 3)])
-            found.append((fem.Expression(components, self._points), strain.cells))
-        return found
+            expressions.append((fem.Expression(components, self._points), strain.cells))
+        return expressions
 
     def gather_averages(self, points: int) -> np.ndarray | None:
         """Return the volume-weighted nodal stress (points, 3, 3) [pressure]; None but on rank 0.
@@ -87,7 +87,7 @@ class NodalStress:
             Where several regions meet that of the first of them: layers come from the top to the base, then
             inclusions.
         """
-        parts = self._body.comm.gather(self._of_own_cells(), root=0)
+        parts = self._body.comm.gather(self._owned_cell_stress(), root=0)
         if parts is None:
             return None
         cells = _CellStress(*(np.concatenate(column) for column in zip(*parts, strict=True)))
@@ -103,21 +103,28 @@ class NodalStress:
         sums = [np.bincount(cells.vertices.ravel(), column, points) for column in columns]
         return (np.array(sums) / total).T.reshape(-1, 3, 3)
 
-    def _of_own_cells(self) -> _CellStress:
+    def _owned_cell_stress(self) -> _CellStress:
         """Of the cells that this rank owns: the ghosts are another rank's."""
         body = self._body
         mesh = self._body.mesh
         dim = body.body_mesh.dim
-        own = mesh.topology.index_map(dim).size_local
+        owned_count = mesh.topology.index_map(dim).size_local
         corners = compat.geometry_dofs(mesh)
-        places = mesh.geometry.x[corners][..., :dim]
-        volumes = np.abs(np.linalg.det(places[:, 1:] - places[:, :1]))
-        if body.scene.physics.part.kinematics.name == "axisymmetric":
-            volumes *= places[..., 0].mean(axis=1)
+        corner_points = mesh.geometry.x[corners][..., :dim]
+        volumes = np.abs(np.linalg.det(corner_points[:, 1:] - corner_points[:, :1]))
+        if body.scene.physics.domain.kinematics.name == "axisymmetric":
+            volumes *= corner_points[..., 0].mean(axis=1)
         stress = np.zeros((len(corners), dim + 1, 9))
         for expression, cells in self._expressions:
-            inside = compat.evaluate(expression, mesh, cells).reshape(len(cells), dim + 1, 9)
-            stress[cells] = np.einsum("vp,cpk->cvk", self._to_vertices, inside)
+            point_stress = compat.evaluate_expression(expression, mesh, cells).reshape(
+                len(cells), dim + 1, 9
+            )
+            stress[cells] = np.einsum("vp,cpk->cvk", self._to_vertices, point_stress)
         vertices = np.asarray(mesh.geometry.input_global_indices)[corners]
         regions = np.asarray(body.body_mesh.regions, dtype=np.int64)
-        return _CellStress(vertices[:own], regions[:own], volumes[:own], stress[:own])
+        return _CellStress(
+            vertices[:owned_count],
+            regions[:owned_count],
+            volumes[:owned_count],
+            stress[:owned_count],
+        )

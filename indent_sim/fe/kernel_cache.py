@@ -29,45 +29,46 @@ from ffcx.codegeneration import jit
 from indent_sim.process.errors import BackendError
 
 # s without a change in an unfinished entry that nobody has locked; compiling one takes a few
-STALE = 30.0
-PAUSE = 0.1  # s between two looks at an entry that is waited for
+STALE_AFTER = 30.0
+POLLING_INTERVAL = 0.1  # s between two looks at an entry that is waited for
 logger = logging.getLogger("indent_sim")
-FFCX_FUNCTIONS = {
+EXPECTED_FFCX_FUNCTIONS = {
     "get_cached_module": ("module_name", "object_names", "cache_dir", "timeout"),
     "_compile_objects": ("decl", "ufl_objects", "object_names", "module_name"),
 }  # of FFCx: parameters
-_found: Callable[..., Any]
-_compiled: Callable[..., Any]
-_told: set[str] = set()
-_loaded: dict[
+_ffcx_lookup: Callable[..., Any]
+_ffcx_compile: Callable[..., Any]
+_logged_messages: set[str] = set()
+_loaded_modules: dict[
     tuple[Any, ...], Any
 ] = {}  # what this process has found: to look again is to list the whole cache
-_claimed: dict[Path, int | None] = {}  # entries this process has begun, and their locks
+_claimed_entries: dict[Path, int | None] = {}  # entries this process has begun, and their locks
 
 
-def watch_the_cache() -> bool:
+def lock_ffcx_cache() -> bool:
     """Let FFCx go through `lookup` and `compile_kernels`; call before the first form, and more
     often at will. Both take the place of functions that FFCx does not promise to keep: where one
     is missing, or has other parameters, that is said and everything is left to FFCx (False).
     """
     global _found, _compiled
-    if getattr(jit, "get_cached_module", None) is lookup:
+    if getattr(jit, "get_cached_module", None) is find_cached_module:
         return True
     if not all(
-        _takes(getattr(jit, name, None), parameters) for name, parameters in FFCX_FUNCTIONS.items()
+        _has_parameters(getattr(jit, name, None), parameters)
+        for name, parameters in EXPECTED_FFCX_FUNCTIONS.items()
     ):
-        _tell(
+        _log_once(
             "FFCx keeps kernels in another way than is known here: runs that compile at once "
             "may have to be repeated"
         )
         return False
-    _found, _compiled = (getattr(jit, name) for name in FFCX_FUNCTIONS)
-    jit.get_cached_module = lookup
+    _ffcx_lookup, _ffcx_compile = (getattr(jit, name) for name in EXPECTED_FFCX_FUNCTIONS)
+    jit.get_cached_module = find_cached_module
     jit._compile_objects = compile_kernels
     return True
 
 
-def _takes(function: Any, parameters: tuple[str, ...]) -> bool:
+def _has_parameters(function: Any, parameters: tuple[str, ...]) -> bool:
     return (
         callable(function)
         and tuple(inspect.signature(function).parameters)[: len(parameters)] == parameters
@@ -75,7 +76,7 @@ def _takes(function: Any, parameters: tuple[str, ...]) -> bool:
 
 
 @contextmanager
-def compiling() -> Iterator[None]:
+def translate_compiler_errors() -> Iterator[None]:
     """Turn what dolfinx makes of a compiler that fails on rank 0 into BackendError on every rank."""
     try:
         yield
@@ -85,24 +86,26 @@ def compiling() -> Iterator[None]:
         raise BackendError(str(error)) from error
 
 
-def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) -> Any:
+def find_cached_module(module_name: str, object_names: Any, cache_dir: Any, timeout: int) -> Any:
     """FFCx's own look-up, for unfinished entries by one process at a time, so that it need not wait
     for any. An entry that nobody works on is removed, and compiled anew, and so is one whose
     library a full disk or a power failure has cut off: to load it would end the process.
     """
     entry = Path(cache_dir) / f"{module_name}.c"
-    wanted = entry, *object_names
-    if wanted in _loaded:
-        return _loaded[wanted]
-    if _is_good(entry):
-        return _loaded.setdefault(wanted, _found(module_name, object_names, cache_dir, timeout))
-    _give_claims_back()
+    key = entry, *object_names
+    if key in _loaded_modules:
+        return _loaded_modules[key]
+    if _is_complete(entry):
+        return _loaded_modules.setdefault(
+            key, _ffcx_lookup(module_name, object_names, cache_dir, timeout)
+        )
+    _release_claims()
     try:
         was_locked = entry.with_suffix(".lock").exists()
-        lock = _locked(entry)
+        lock = _acquire_lock(entry)
         if lock is None or not was_locked:
-            _await_others(entry)
-        if not _is_good(entry):
+            _wait_for_unlocked_entry(entry)
+        if not _is_complete(entry):
             for name in (f"{entry.stem}{ending}" for ending in ("*so", ".c.cached", ".c")):
                 for file in entry.parent.glob(name):
                     file.unlink(missing_ok=True)
@@ -110,16 +113,16 @@ def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) ->
         raise BackendError(
             f"cannot keep kernels in {entry.parent}: {error.strerror or error}"
         ) from error
-    found = _found(module_name, object_names, cache_dir, timeout)
-    if found[0] is not None:
-        _let_go(lock)
-        return found
-    _claimed[entry] = lock
-    _tell("compiling kernels (first run only)")
-    return found
+    module = _ffcx_lookup(module_name, object_names, cache_dir, timeout)
+    if module[0] is not None:
+        _release_lock(lock)
+        return module
+    _claimed_entries[entry] = lock
+    _log_once("compiling kernels (first run only)")
+    return module
 
 
-def _locked(entry: Path) -> int | None:
+def _acquire_lock(entry: Path) -> int | None:
     """The lock of an entry, waited for; None where the file system has no locks."""
     entry.parent.mkdir(parents=True, exist_ok=True)
     lock = os.open(entry.with_suffix(".lock"), os.O_RDWR | os.O_CREAT, 0o666)
@@ -128,34 +131,36 @@ def _locked(entry: Path) -> int | None:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return lock
         except BlockingIOError:
-            _tell(f"waiting for another process that compiles the same kernels in {entry.parent}")
-            time.sleep(PAUSE)
+            _log_once(
+                f"waiting for another process that compiles the same kernels in {entry.parent}"
+            )
+            time.sleep(POLLING_INTERVAL)
         except OSError:
             os.close(lock)
             return None
 
 
-def _let_go(lock: int | None) -> None:
+def _release_lock(lock: int | None) -> None:
     if lock is not None:
         os.close(lock)
 
 
-def _await_others(entry: Path) -> None:
+def _wait_for_unlocked_entry(entry: Path) -> None:
     """Wait until an entry without a lock is finished, gone, or has not changed for STALE seconds."""
-    before = _traces(entry)
-    since = time.monotonic()
-    while _is_begun(entry) and time.monotonic() < since + STALE:
-        _tell(
-            f"waiting for another program that compiles {entry}, or left it; for {STALE:g} s "
+    last_stats = _file_stats(entry)
+    last_change = time.monotonic()
+    while _is_unfinished(entry) and time.monotonic() < last_change + STALE_AFTER:
+        _log_once(
+            f"waiting for another program that compiles {entry}, or left it; for {STALE_AFTER:g} s "
             "after its last change"
         )
-        time.sleep(PAUSE)
-        if (now := _traces(entry)) != before:
-            before = now
-            since = time.monotonic()
+        time.sleep(POLLING_INTERVAL)
+        if (now := _file_stats(entry)) != last_stats:
+            last_stats = now
+            last_change = time.monotonic()
 
 
-def _traces(entry: Path) -> dict[str, tuple[int, int]]:
+def _file_stats(entry: Path) -> dict[str, tuple[int, int]]:
     """Size and date of every file of an entry; only whether they change is of interest."""
     with suppress(FileNotFoundError):
         files = ((file.name, file.stat()) for file in entry.parent.glob(f"{entry.stem}*"))
@@ -163,10 +168,10 @@ def _traces(entry: Path) -> dict[str, tuple[int, int]]:
     return {}
 
 
-def _tell(what: str) -> None:
-    if what not in _told:
-        _told.add(what)
-        logger.info(what)
+def _log_once(message: str) -> None:
+    if message not in _logged_messages:
+        _logged_messages.add(message)
+        logger.info(message)
 
 
 def compile_kernels(
@@ -183,19 +188,21 @@ def compile_kernels(
     fails.
     """
     try:
-        with _without_compiler_lines():
-            done = _compiled(declaration, objects, names, module, options, cache, *more, **named)
+        with _silence_compiler_log():
+            compiled = _ffcx_compile(
+                declaration, objects, names, module, options, cache, *more, **named
+            )
     except (VerificationError, OSError) as error:
         reason = " ".join(str(error).split())
         raise BackendError(
             f"kernels cannot be compiled: {reason}; `indent-sim doctor` says what is missing"
         ) from error
-    _let_go(_claimed.pop(Path(cache) / f"{module}.c", None))
-    return done
+    _release_lock(_claimed_entries.pop(Path(cache) / f"{module}.c", None))
+    return compiled
 
 
 @contextmanager
-def _without_compiler_lines() -> Iterator[None]:
+def _silence_compiler_log() -> Iterator[None]:
     """Keep the command lines of the compiler out of the log of whoever calls.
 
     Setuptools writes them to the root logger, whose level it lowers. Without a handler the root
@@ -219,7 +226,7 @@ def _is_warning(record: logging.LogRecord) -> bool:
     return record.levelno > logging.INFO
 
 
-def _is_good(entry: Path) -> bool:
+def _is_complete(entry: Path) -> bool:
     """Whether an entry is finished, and its library there and not cut off; before that its linker
     may be at it.
     """
@@ -228,14 +235,14 @@ def _is_good(entry: Path) -> bool:
     libraries = [
         file for ending in EXTENSION_SUFFIXES if (file := entry.with_suffix(ending)).exists()
     ]
-    return bool(libraries) and all(map(_is_whole, libraries))
+    return bool(libraries) and all(map(_has_full_length, libraries))
 
 
-def _is_begun(entry: Path) -> bool:
+def _is_unfinished(entry: Path) -> bool:
     return entry.exists() and not entry.with_suffix(".c.cached").exists()
 
 
-def _is_whole(library: Path) -> bool:
+def _has_full_length(library: Path) -> bool:
     """Whether an ELF library is as long as its header says: its table of sections comes last."""
     try:
         with library.open("rb") as file:
@@ -253,10 +260,10 @@ def _is_whole(library: Path) -> bool:
 
 
 @atexit.register
-def _give_claims_back() -> None:
+def _release_claims() -> None:
     """Let others have the entries whose compilation failed or was interrupted."""
-    while _claimed:
-        entry, lock = _claimed.popitem()
-        if _is_begun(entry):
+    while _claimed_entries:
+        entry, lock = _claimed_entries.popitem()
+        if _is_unfinished(entry):
             entry.unlink(missing_ok=True)
-        _let_go(lock)
+        _release_lock(lock)

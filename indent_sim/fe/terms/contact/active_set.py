@@ -21,83 +21,96 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from indent_sim.fe.discrete_body import ORDER, Body, Field, Moment
-from indent_sim.fe.observe.surface import (
+from indent_sim.fe.discrete_body import DISPLACEMENT_ORDER, Body, Field, TimeLevel
+from indent_sim.fe.surface import (
     FacetValues,
     facet_nodes,
-    pressure_functions,
-    shapes,
+    pressure_shape_functions,
+    shape_functions,
     split_quadrature,
 )
 from indent_sim.fe.terms.contact.gap import Gap
-from indent_sim.fe.terms.contact.multiplier import multiplier, sums
+from indent_sim.fe.terms.contact.multiplier import multiplier_field, sum_nodal_contributions
 from indent_sim.fe.terms.term import Term
 from indent_sim.scene.scene import Scene
 
 # active sets that came back before the nodes change one by one; a nonlinear body may need the first
-RETURNS = 2
+MOST_RETURNS = 2
 
 
 def fields(scene: Scene) -> list[Field]:
     """The nodal pressures: in three dimensions at vertices alone."""
     if scene.physics.contact.multiplier != "nodal":
         return []
-    return [multiplier(scene, ORDER if scene.physics.part.kinematics.dim == 2 else 1)]
+    return [
+        multiplier_field(scene, DISPLACEMENT_ORDER if scene.physics.part.kinematics.dim == 2 else 1)
+    ]
 
 
 class NodalContact(Term):
     """The contact term of a body whose multiplier lives at the nodes, assembled in numpy."""
 
-    fields = ("lam",)
+    field_names = ("lam",)
     has_symmetric_tangent = False  # the rows of nodal pressures belong to an active set
 
     def __init__(self, body: Body):
         self.body = body
         scene = body.scene
-        self._scale = (
+        self._complementarity_factor = (
             scene.physics.material.E_star / scene.sizes.h_contact
         )  # c: compares gaps with pressures
         facets = body.body_mesh.surfaces["top"]
         gap = Gap(body, body.now)
         self._points, reference_weights = split_quadrature(body.body_mesh.dim)
-        self._N = shapes(self._points)
-        fields = ufl.as_vector([gap.g, *_flat(gap.normal), *_flat(gap.slope)])
-        self._fields = FacetValues(body.mesh, facets, fields, self._points)
-        self.lam_places = body.unknowns.places("lam")[
-            facet_nodes(body.mesh, body.unknowns.own_space("lam"), facets)
+        self._N = shape_functions(self._points)
+        fields = ufl.as_vector(
+            [gap.g, *_scalar_components(gap.normal), *_scalar_components(gap.hessian)]
+        )
+        self._gap_values = FacetValues(body.mesh, facets, fields, self._points)
+        self.lam_dofs = body.unknowns.dofs("lam")[
+            facet_nodes(body.mesh, body.unknowns.collapsed_space("lam"), facets)
         ]
         self._psi = self.basis(self._points)
-        self._u_places = body.trace.dofs
+        self._u_dofs = body.trace.dofs
         per_area = scene.physics.part.kinematics.weight(
             np.moveaxis(body.trace.positions(self._points), -1, 0)
         )
         self._weights = body.trace.measures(self._points) * per_area * reference_weights
         self._active = np.zeros(0, dtype=bool)
         index_map = body.unknowns.space.dofmap.index_map
-        places = self.lam_places.astype(np.int32)
-        self._numbers = np.asarray(index_map.local_to_global(places.ravel())).reshape(places.shape)
+        lam_dofs = self.lam_dofs.astype(np.int32)
+        self._node_numbers = np.asarray(index_map.local_to_global(lam_dofs.ravel())).reshape(
+            lam_dofs.shape
+        )
         self.begin_solve()
-        self._share = np.einsum("fp,pn->fn", self._weights, self._psi)
-        self._held = sums(body.x, body.constrained, np.ones(len(body.constrained))) > 0
-        self._unit_weights = sums(body.x, self.lam_places, self._share)[self.lam_places]
+        self._nodal_areas = np.einsum("fp,pn->fn", self._weights, self._psi)
+        self._is_constrained = (
+            sum_nodal_contributions(
+                body.x, body.constrained_dofs, np.ones(len(body.constrained_dofs))
+            )
+            > 0
+        )
+        self._summed_areas = sum_nodal_contributions(body.x, self.lam_dofs, self._nodal_areas)[
+            self.lam_dofs
+        ]
 
-    def work(self, now: Moment, before: Moment, dt: fem.Constant) -> None:
+    def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> None:
         """None: the rows of nodal pressures are no form."""
 
     def begin_solve(self) -> None:
         """Forget the active sets that have been."""
-        self._visited: list[tuple[int, ...]] = []
-        self._returns = 0
-        self._settled: np.ndarray | None = None  # the set of the last Newton step
+        self._visited_sets: list[tuple[int, ...]] = []
+        self._return_count = 0
+        self._last_active_set: np.ndarray | None = None  # the set of the last Newton step
 
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The nodal pressures' functions (points, nodes) on the reference facet."""
-        return pressure_functions(points)[:, : self.lam_places.shape[1]]
+        return pressure_shape_functions(points)[:, : self.lam_dofs.shape[1]]
 
-    def _evaluate(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _evaluate_gap(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g (facets, points), dg/dx (.., dim) and d2g/dx2 (.., dim, dim) at the present solution."""
         dim = self.body.body_mesh.dim
-        values = self._fields()
+        values = self._gap_values()
         return (
             values[..., 0],
             values[..., 1 : 1 + dim],
@@ -106,48 +119,52 @@ class NodalContact(Term):
 
     def nodal_pressures(self) -> np.ndarray:
         """p_i (facets, nodes) at the present solution."""
-        return self.body.local_array()[self.lam_places]
+        return self.body.local_array()[self.lam_dofs]
 
     def add_residual(self, b: PETSc.Vec) -> None:
         """Add -int p_h dg to the displacement rows; -G_i or -p_i int psi_i / c to the nodes' own
         rows.
         """
-        g, normal, _ = self._evaluate()
+        g, normal, _ = self._evaluate_gap()
         p = self.nodal_pressures()
-        c = self._scale
+        c = self._complementarity_factor
         p_h = p @ self._psi.T
         traction = np.einsum("fp,fpd,pn->fnd", -self._weights * p_h, normal, self._N)
         weighted_gap = np.einsum("fp,fp,pn->fn", self._weights, g, self._psi)
-        whole_gap = sums(self.body.x, self.lam_places, weighted_gap)[self.lam_places]
-        self._active = self._chosen(p - c * whole_gap / self._unit_weights > 0)
-        rows = np.where(self._active, -weighted_gap, -p * self._share / c)
-        places = np.concatenate([self._u_places.ravel(), self.lam_places.ravel()])
-        found = sums(self.body.x, places, np.concatenate([traction.ravel(), rows.ravel()]))
-        b.array[:] += found[: self.body.unknowns.owned]
+        summed_gap = sum_nodal_contributions(self.body.x, self.lam_dofs, weighted_gap)[
+            self.lam_dofs
+        ]
+        self._active = self._choose_active_set(p - c * summed_gap / self._summed_areas > 0)
+        rows = np.where(self._active, -weighted_gap, -p * self._nodal_areas / c)
+        dofs = np.concatenate([self._u_dofs.ravel(), self.lam_dofs.ravel()])
+        assembled = sum_nodal_contributions(
+            self.body.x, dofs, np.concatenate([traction.ravel(), rows.ravel()])
+        )
+        b.array[:] += assembled[: self.body.unknowns.owned_count]
 
     def add_tangent(self, A: PETSc.Mat) -> None:
         """Add the derivative of `add_residual`, for the active set found there; constrained rows
         stay identity.
         """
-        self._visit()
-        _, normal, slope = self._evaluate()
+        self._record_active_set()
+        _, normal, slope = self._evaluate_gap()
         weights = self._weights
         p_h = self.nodal_pressures() @ self._psi.T
         coupling = -np.einsum("fp,fpd,pn,pm->fndm", weights, normal, self._N, self._psi)
         size = int(
-            np.prod(self._u_places.shape[1:])
+            np.prod(self._u_dofs.shape[1:])
         )  # a rank may have no facet: numpy cannot infer sizes there
         coupling = coupling.reshape(len(coupling), size, self._psi.shape[1])
-        mass = -self._share / self._scale
+        mass = -self._nodal_areas / self._complementarity_factor
         uu = -np.einsum("fp,fpde,pn,pm->fndme", weights * p_h, slope, self._N, self._N).reshape(
             -1, size, size
         )
-        u_places = self._u_places.reshape(len(uu), size)
+        u_dofs = self._u_dofs.reshape(len(uu), size)
         for f in range(len(uu)):
-            lam = self.lam_places[f].astype(np.int32)
+            lam = self.lam_dofs[f].astype(np.int32)
             active = self._active[f]
             add = PETSc.InsertMode.ADD
-            u = np.where(self._held[u_places[f]], -1, u_places[f]).astype(
+            u = np.where(self._is_constrained[u_dofs[f]], -1, u_dofs[f]).astype(
                 np.int32
             )  # PETSc skips negative rows
             A.setValuesLocal(u, u, uu[f], addv=add)
@@ -160,26 +177,30 @@ class NodalContact(Term):
             )
             A.setValuesLocal(lam, lam, np.diag(np.where(active, 0.0, mass[f])), addv=add)
 
-    def _visit(self) -> None:
+    def _record_active_set(self) -> None:
         """Remember the set of this Newton step, and how often one has come back after others."""
-        mine = hash(np.unique(self._numbers[self._active]).tobytes())
-        visit = tuple(self.body.comm.allgather(mine))
-        if self._visited and visit != self._visited[-1] and visit in self._visited:
-            self._returns += 1
-        self._visited.append(visit)
-        self._settled = self._active
+        local_hash = hash(np.unique(self._node_numbers[self._active]).tobytes())
+        set_hashes = tuple(self.body.comm.allgather(local_hash))
+        if (
+            self._visited_sets
+            and set_hashes != self._visited_sets[-1]
+            and set_hashes in self._visited_sets
+        ):
+            self._return_count += 1
+        self._visited_sets.append(set_hashes)
+        self._last_active_set = self._active
 
-    def _chosen(self, wanted: np.ndarray) -> np.ndarray:
+    def _choose_active_set(self, proposed: np.ndarray) -> np.ndarray:
         """The wanted set; once sets come back, the last one with its first node changed: no circle
         (Murty 1974).
         """
-        if self._returns < RETURNS or self._settled is None:
-            return wanted
-        changed = self._numbers[wanted != self._settled]
-        first = self.body.comm.allreduce(
+        if self._return_count < MOST_RETURNS or self._last_active_set is None:
+            return proposed
+        changed = self._node_numbers[proposed != self._last_active_set]
+        first_changed = self.body.comm.allreduce(
             int(changed.min(initial=np.iinfo(np.int64).max)), op=MPI.MIN
         )
-        return np.where(self._numbers == first, wanted, self._settled)
+        return np.where(self._node_numbers == first_changed, proposed, self._last_active_set)
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
         """p_h (facets, points) at reference-facet points of the contact surface [pressure]."""
@@ -189,12 +210,12 @@ class NodalContact(Term):
 
     def force(self) -> float:
         """-int p_h dg/dz dGamma [force]: the vertical thrust of the pressures, this rank's share."""
-        _, normal, _ = self._evaluate()
+        _, normal, _ = self._evaluate_gap()
         p_h = self.nodal_pressures() @ self._psi.T
         return 0.0 - float(
             (self._weights * p_h * normal[..., -1]).sum()
         )  # not -0.0 where nothing is in contact
 
 
-def _flat(expression: Expr) -> list[Expr]:
+def _scalar_components(expression: Expr) -> list[Expr]:
     return [expression[index] for index in np.ndindex(expression.ufl_shape)]

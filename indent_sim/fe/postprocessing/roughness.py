@@ -17,16 +17,16 @@ import numpy as np
 
 from indent_sim.model.tips import Indenter
 
-SAME = 1e-9  # of the extent of the surface: nodes closer to each other are one
+SAME_NODE = 1e-9  # of the extent of the surface: nodes closer to each other are one
 # Facets between one that is looked at and the rim of contact or a crease, by the nodes of a facet:
 # those beside it are part of its patch. A ball on a cube (three elements in the contact radius, no
 # friction) is 0.08 rough with two of them, where the elements that the rim crosses smear the
 # pressure
-RINGS = {3: 2, 6: 3}
+RIM_RINGS = {3: 2, 6: 3}
 # Facets of a hole inside the contact that counts as an oscillation, by the nodes of a facet: under
 # a rounded punch with friction two elements in a row opened (depth 0.24 thicknesses, nu 0.49, two
 # steps), and the force was 1.6 % too small
-HOLE = {3: 4, 6: 12}
+LARGEST_HOLE = {3: 4, 6: 12}
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Patches:
     remainders: np.ndarray
 
 
-def patches_of(X: np.ndarray) -> Patches:
+def build_patches(X: np.ndarray) -> Patches:
     """The patches of a contact surface.
 
     Parameters
@@ -59,36 +59,36 @@ def patches_of(X: np.ndarray) -> Patches:
         Places of the nodes of its facets (facets, nodes, dim) [length], vertices first, then midpoints.
     """
     dim = X.shape[2]
-    read = _read(X)
+    reading_nodes = _reading_nodes(X)
     sides = X[:, :dim] if dim == 2 else X[:, dim:]
-    members = _members(_numbered(sides))
-    near = read[members]
-    patch = near.reshape(len(members), near.shape[1] * near.shape[2], dim)
-    count = read.shape[1]
-    fits = _quadratics(patch, X[members[:, 0], :dim])
-    smooth = fits[:, :count] @ np.linalg.pinv(fits)
-    remainders = np.broadcast_to(np.eye(count, patch.shape[1]), smooth.shape) - smooth
-    return Patches(_numbered(read), members, remainders)
+    members = _patch_members(_node_numbers(sides))
+    member_nodes = reading_nodes[members]
+    patch = member_nodes.reshape(len(members), member_nodes.shape[1] * member_nodes.shape[2], dim)
+    count = reading_nodes.shape[1]
+    monomials = _quadratic_monomials(patch, X[members[:, 0], :dim])
+    quadratic_fit = monomials[:, :count] @ np.linalg.pinv(monomials)
+    remainders = np.broadcast_to(np.eye(count, patch.shape[1]), quadratic_fit.shape) - quadratic_fit
+    return Patches(_node_numbers(reading_nodes), members, remainders)
 
 
-def _read(nodal: np.ndarray) -> np.ndarray:
+def _reading_nodes(nodal: np.ndarray) -> np.ndarray:
     """The nodes at which a pressure is read: those of a triangle that are no vertex (see
-    `from_midpoints`).
+    `interpolate_from_midpoints`).
     """
     return nodal if nodal.shape[1] == 3 else nodal[:, 3:]
 
 
-def _numbered(X: np.ndarray) -> np.ndarray:
+def _node_numbers(X: np.ndarray) -> np.ndarray:
     """A number (...) for each different place (..., dim)."""
-    places = X.reshape(-1, X.shape[-1])
-    if not len(places):
+    points = X.reshape(-1, X.shape[-1])
+    if not len(points):
         return np.zeros(X.shape[:-1], dtype=np.int64)
-    extent = float(np.ptp(places, axis=0).max()) or 1.0
-    _, numbers = np.unique(np.round(places / (SAME * extent)), axis=0, return_inverse=True)
+    extent = float(np.ptp(points, axis=0).max()) or 1.0
+    _, numbers = np.unique(np.round(points / (SAME_NODE * extent)), axis=0, return_inverse=True)
     return np.asarray(numbers).reshape(X.shape[:-1])
 
 
-def _members(sides: np.ndarray) -> np.ndarray:
+def _patch_members(sides: np.ndarray) -> np.ndarray:
     """Facets that have a neighbour at each of their sides (facets, sides), and these neighbours."""
     count = sides.shape[1]
     order = np.argsort(sides, axis=None, kind="stable")
@@ -96,28 +96,28 @@ def _members(sides: np.ndarray) -> np.ndarray:
     is_pair = numbers[1:] == numbers[:-1]
     first = order[:-1][is_pair]
     second = order[1:][is_pair]
-    beside = np.full(sides.size, -1)
-    beside[first] = second // count
-    beside[second] = first // count
-    beside = beside.reshape(sides.shape)
-    inner = np.flatnonzero((beside >= 0).all(axis=1))
-    return np.column_stack([inner, beside[inner]])
+    neighbours = np.full(sides.size, -1)
+    neighbours[first] = second // count
+    neighbours[second] = first // count
+    neighbours = neighbours.reshape(sides.shape)
+    inner_facets = np.flatnonzero((neighbours >= 0).all(axis=1))
+    return np.column_stack([inner_facets, neighbours[inner_facets]])
 
 
-def _quadratics(patch: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+def _quadratic_monomials(patch: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """The monomials up to the second degree (patches, nodes, monomials) along each facet, about its
     middle.
     """
     middle = vertices.mean(axis=1, keepdims=True)
-    along = vertices[:, 1:] - vertices[:, :1]
-    size = np.linalg.norm(along[:, 0], axis=-1)[:, None]
-    first = along[:, 0] / size
-    s = np.einsum("fnd,fd->fn", patch - middle, first) / size
+    edges = vertices[:, 1:] - vertices[:, :1]
+    length = np.linalg.norm(edges[:, 0], axis=-1)[:, None]
+    first = edges[:, 0] / length
+    s = np.einsum("fnd,fd->fn", patch - middle, first) / length
     if vertices.shape[2] == 2:
         return np.stack([np.ones_like(s), s, s * s], axis=-1)
-    across = along[:, 1] - np.einsum("fd,fd->f", along[:, 1], first)[:, None] * first
-    second = across / np.linalg.norm(across, axis=-1)[:, None]
-    t = np.einsum("fnd,fd->fn", patch - middle, second) / size
+    normal_part = edges[:, 1] - np.einsum("fd,fd->f", edges[:, 1], first)[:, None] * first
+    second = normal_part / np.linalg.norm(normal_part, axis=-1)[:, None]
+    t = np.einsum("fnd,fd->fn", patch - middle, second) / length
     return np.stack([np.ones_like(s), s, t, s * s, s * t, t * t], axis=-1)
 
 
@@ -142,29 +142,29 @@ def roughness(
     tip
         Whose creases are left out.
     """
-    rings = RINGS[pressure.shape[1]]
-    is_inner = _without_holes(
-        touches.all(axis=1), distance, patches.members, HOLE[pressure.shape[1]]
+    rings = RIM_RINGS[pressure.shape[1]]
+    is_inner = _fill_holes(
+        touches.all(axis=1), distance, patches.members, LARGEST_HOLE[pressure.shape[1]]
     )
-    is_inner &= ~_is_creased(distance, tip)
-    told = np.zeros(len(patches.members), dtype=bool)
+    is_inner &= ~_crosses_discontinuity(distance, tip)
+    is_assessed = np.zeros(len(patches.members), dtype=bool)
     for _ in range(rings):
-        told = is_inner[patches.members].all(axis=1)
+        is_assessed = is_inner[patches.members].all(axis=1)
         is_inner = np.zeros_like(is_inner)
-        is_inner[patches.members[told, 0]] = True
-    if not told.any():
+        is_inner[patches.members[is_assessed, 0]] = True
+    if not is_assessed.any():
         return 0.0
-    values = _read(pressure)
+    values = _reading_nodes(pressure)
     nodes = patches.nodes
     total = np.bincount(nodes.ravel(), values.ravel())
     count = np.bincount(nodes.ravel())
     mean = (total / np.maximum(count, 1))[nodes]  # the deformed area has a kink between facets
-    near = mean[patches.members[told]].reshape(int(told.sum()), -1, 1)
-    return float(np.abs(patches.remainders[told] @ near).max())
+    patch_values = mean[patches.members[is_assessed]].reshape(int(is_assessed.sum()), -1, 1)
+    return float(np.abs(patches.remainders[is_assessed] @ patch_values).max())
 
 
-def _without_holes(
-    is_inner: np.ndarray, distance: np.ndarray, members: np.ndarray, most: int
+def _fill_holes(
+    is_inner: np.ndarray, distance: np.ndarray, members: np.ndarray, largest_hole: int
 ) -> np.ndarray:
     """Return which facets are in contact or in a small hole of it (facets,).
 
@@ -184,8 +184,8 @@ def _without_holes(
         Number of facets of the largest hole that is filled.
     """
     is_open = ~is_inner
-    nearest = distance.min(axis=1)
-    if not (nearest[is_open] < nearest[is_inner].max(initial=0.0)).any():
+    nearest_distance = distance.min(axis=1)
+    if not (nearest_distance[is_open] < nearest_distance[is_inner].max(initial=0.0)).any():
         return is_inner
     # Imported here, as few contacts are no full circle
     from scipy.sparse import coo_array
@@ -197,16 +197,16 @@ def _without_holes(
     graph = coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(count, count))
     _, labels = connected_components(graph, directed=False)
     sizes = np.bincount(labels[is_open], minlength=count)
-    is_outside = labels == labels[nearest.argmax()]
-    return is_inner | ((sizes[labels] <= most) & ~is_outside)
+    is_outside = labels == labels[nearest_distance.argmax()]
+    return is_inner | ((sizes[labels] <= largest_hole) & ~is_outside)
 
 
-def _is_creased(distance: np.ndarray, tip: Any) -> np.ndarray:
+def _crosses_discontinuity(distance: np.ndarray, tip: Any) -> np.ndarray:
     """Which facets (facets,) a circle crosses at which the slope or the curvature of a tip jumps."""
     nearest = distance.min(axis=1)
     farthest = distance.max(axis=1)
-    found = np.zeros(len(distance), dtype=bool)
-    for radius, width in tip.creases():
+    is_crossed = np.zeros(len(distance), dtype=bool)
+    for radius, width in tip.slope_discontinuities():
         for circle in {radius, radius + width}:
-            found |= (nearest <= circle) & (circle <= farthest)
-    return found
+            is_crossed |= (nearest <= circle) & (circle <= farthest)
+    return is_crossed

@@ -19,7 +19,9 @@ from types import ModuleType
 
 from indent_sim.process.errors import BackendError
 
-KERNELS = "fenics"  # dolfinx keeps its compiled kernels there, below XDG_CACHE_HOME [~/.cache]
+KERNEL_FOLDER = (
+    "fenics"  # dolfinx keeps its compiled kernels there, below XDG_CACHE_HOME [~/.cache]
+)
 logger = logging.getLogger("indent_sim")
 
 
@@ -27,29 +29,31 @@ def load_dolfinx() -> Path:
     """Import dolfinx, which keeps compiled kernels in the folder that is returned; BackendError
     when none will do.
     """
-    _settle_folders()
+    _choose_folders()
     # its logger would take options from ours, and no odd file names
-    ours = sys.argv
+    arguments = sys.argv
     sys.argv = ["indent-sim"]
-    pipe = signal.getsignal(signal.SIGPIPE)
+    sigpipe_handler = signal.getsignal(signal.SIGPIPE)
     try:
         import petsc4py
 
         petsc4py.init(
             ["indent-sim", "-skip_petscrc", "-no_signal_handler"]
         )  # which would end by exit 59
-        with _in_the_root_folder(), _light_versions():
+        with _change_to_root_folder(), _replace_pkg_resources():
             from indent_sim.fe import compat
 
             return compat.read_settings()
     finally:
-        sys.argv = ours
+        sys.argv = arguments
         if threading.current_thread() is threading.main_thread():
-            signal.signal(signal.SIGPIPE, pipe)  # PETSc would end a run that nobody listens to
+            signal.signal(
+                signal.SIGPIPE, sigpipe_handler
+            )  # PETSc would end a run that nobody listens to
 
 
 @contextmanager
-def _light_versions() -> Iterator[None]:
+def _replace_pkg_resources() -> Iterator[None]:
     """importlib in place of pkg_resources, a tenth of all imports, of which UFL and FFCx 0.5 ask
     their versions.
     """
@@ -66,10 +70,10 @@ def _light_versions() -> Iterator[None]:
 
 
 @contextmanager
-def _in_the_root_folder() -> Iterator[None]:
+def _change_to_root_folder() -> Iterator[None]:
     """Nobody's scene came with the settings that stand there."""
     try:
-        here = os.open(".", os.O_RDONLY | os.O_DIRECTORY)
+        working_directory = os.open(".", os.O_RDONLY | os.O_DIRECTORY)
     except OSError:  # it was deleted
         yield
         return
@@ -78,30 +82,35 @@ def _in_the_root_folder() -> Iterator[None]:
         yield
     finally:
         with suppress(OSError):
-            os.fchdir(here)
-        os.close(here)
+            os.fchdir(working_directory)
+        os.close(working_directory)
 
 
-def _settle_folders() -> None:
+def _choose_folders() -> None:
     """Say where kernels and settings are when the home folder cannot be used: read-only, missing or
     no folder.
     """
-    cache = _named("XDG_CACHE_HOME", ".cache")
-    if cache is None or not _is_writable(cache / KERNELS):
-        cache = Path(tempfile.gettempdir()) / f"indent-sim-{os.getuid()}"
-        if not _is_writable(cache / KERNELS) or cache.stat().st_uid != os.getuid():
+    cache_folder = _environment_folder("XDG_CACHE_HOME", ".cache")
+    if cache_folder is None or not _is_writable(cache_folder / KERNEL_FOLDER):
+        cache_folder = Path(tempfile.gettempdir()) / f"indent-sim-{os.getuid()}"
+        if (
+            not _is_writable(cache_folder / KERNEL_FOLDER)
+            or cache_folder.stat().st_uid != os.getuid()
+        ):
             raise BackendError(
                 "no folder for compiled kernels is writable; point XDG_CACHE_HOME to one that is"
             )
-        logger.info("compiled kernels are kept in %s: the home folder is not writable", cache)
-    os.environ["XDG_CACHE_HOME"] = str(cache)
-    settings = _named("XDG_CONFIG_HOME", ".config")
+        logger.info(
+            "compiled kernels are kept in %s: the home folder is not writable", cache_folder
+        )
+    os.environ["XDG_CACHE_HOME"] = str(cache_folder)
+    settings_folder = _environment_folder("XDG_CONFIG_HOME", ".config")
     os.environ["XDG_CONFIG_HOME"] = str(
-        settings if settings and _is_searchable(settings) else cache
+        settings_folder if settings_folder and _is_searchable(settings_folder) else cache_folder
     )
 
 
-def _named(variable: str, inside_home: str) -> Path | None:
+def _environment_folder(variable: str, inside_home: str) -> Path | None:
     """The folder of an environment variable, else one in the home folder, if there is such."""
     if given := os.environ.get(variable):
         return Path(given).absolute()

@@ -10,16 +10,16 @@ from petsc4py import PETSc
 
 
 @contextmanager
-def defaults(options: Mapping[str, Any], prefix: str = "") -> Iterator[None]:
+def default_options(options: Mapping[str, Any], prefix: str = "") -> Iterator[None]:
     """Options that PETSc finds inside the block, where the environment says nothing of them;
     prefix: before each.
     """
     database = PETSc.Options(prefix)
-    ours = [name for name in options if not database.hasName(name)]
-    for name in ours:
+    added_names = [name for name in options if not database.hasName(name)]
+    for name in added_names:
         database.setValue(name, options[name])
     try:
         yield
     finally:
-        for name in ours:
+        for name in added_names:
             database.delValue(name)

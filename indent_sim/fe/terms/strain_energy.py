@@ -12,7 +12,14 @@ from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import ORDER, VOLUME_DEGREE, Body, Field, Moment, symbolic
+from indent_sim.fe.discrete_body import (
+    DISPLACEMENT_ORDER,
+    VOLUME_DEGREE,
+    Body,
+    Field,
+    TimeLevel,
+    symbolic_copy,
+)
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.variation import variations
 from indent_sim.mesh.modelled_part import Region
@@ -21,7 +28,7 @@ from indent_sim.scene.scene import Scene
 
 
 @dataclass(frozen=True)
-class Crushed:
+class InvertedElements:
     """The smallest volume ratio J and the largest principal stretch in the body, and the undeformed
     points that have them [length].
     """
@@ -31,7 +38,7 @@ class Crushed:
     stretch: float
     X_stretched: tuple[float, ...]
 
-    def words(self, scene: Scene) -> str:
+    def message(self, scene: Scene) -> str:
         """Both and their places, in the user's lengths."""
         axes = ", ".join(scene.physics.part.kinematics.axes)
 
@@ -43,16 +50,16 @@ class Crushed:
             f", where J is smallest, {self.J:.3g}, at ({axes}) = ({place(self.X)}) and {stretched}"
         )
 
-    def with_worst(self, other: Crushed) -> Crushed:
+    def merge_extremes(self, second: InvertedElements) -> InvertedElements:
         """The smaller J of two places or regions and the larger stretch."""
-        J, X = min((self.J, self.X), (other.J, other.X))
+        J, X = min((self.J, self.X), (second.J, second.X))
         stretch, X_stretched = max(
-            (self.stretch, self.X_stretched), (other.stretch, other.X_stretched)
+            (self.stretch, self.X_stretched), (second.stretch, second.X_stretched)
         )
-        return Crushed(J, X, stretch, X_stretched)
+        return InvertedElements(J, X, stretch, X_stretched)
 
 
-def pressures(scene: Scene) -> list[Field]:
+def pressure_fields(scene: Scene) -> list[Field]:
     """The pressure q of each mixed region, one each because they jump between materials.
 
     A volume that an incompressible region lacks pushes what is around it: it is worth the stiffest
@@ -61,10 +68,12 @@ def pressures(scene: Scene) -> list[Field]:
     regions = scene.physics.part.regions
     E = max(region.material.constants.E for region in regions)
     mixed = [(f"q{k}", region) for k, region in enumerate(regions) if region.formulation == "mixed"]
-    return [Field(name, ORDER - 1, where=(region,), weight=E) for name, region in mixed]
+    return [
+        Field(name, DISPLACEMENT_ORDER - 1, domain=(region,), weight=E) for name, region in mixed
+    ]
 
 
-class Strain(Term):
+class StrainEnergy(Term):
     """int psi dOmega of a region's material. nominal_stress P = dpsi/dH and stress (Cauchy, P
     F^T/J; P itself at small strain) are UFL tensors (3, 3) [pressure], psi [pressure] and J =
     det F UFL scalars.
@@ -72,7 +81,7 @@ class Strain(Term):
     E_star [pressure] is the plane-strain modulus of the moment: the stress over the strain.
     """
 
-    is_matter = True
+    is_bulk = True
     psi: Expr
 
     def __init__(self, body: Body, region: Region):
@@ -80,13 +89,15 @@ class Strain(Term):
         self.region = region
         scene = body.scene
         fields = body.now.fields
-        self.is_constant = region.material.small_strain
+        self.has_constant_tangent = region.material.small_strain
         self.E_star = region.material.E_star
-        self.fields = tuple(field.name for field in pressures(scene) if field.where == (region,))
-        material = symbolic(region.material, body.mesh)
+        self.field_names = tuple(
+            field.name for field in pressure_fields(scene) if field.domain == (region,)
+        )
+        material = symbolic_copy(region.material, body.mesh)
         self._H = H = ufl.variable(scene.physics.part.kinematics.gradient(fields["u"], body.X))
-        q = fields[self.fields[0]] if self.fields else None
-        self._density, potential = self._densities(
+        q = fields[self.field_names[0]] if self.field_names else None
+        self._energy_density, potential = self._energy_densities(
             material, H, None if q is None else ufl.variable(q)
         )
         F = ufl.Identity(3) + H
@@ -94,9 +105,9 @@ class Strain(Term):
         if not region.material.small_strain:
             self.stress = self.nominal_stress * F.T / ufl.det(F)
         self.J = ufl.det(F)
-        self.energy = body.over_region(self._density, region)
+        self.energy = body.region_integral(self._energy_density, region)
 
-    def _densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
+    def _energy_densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
         """The potential of the virtual work, per volume, and the same as it can be read off at any
         point of a cell.
         """
@@ -111,7 +122,7 @@ class Strain(Term):
         owned = body.mesh.topology.index_map(body.body_mesh.dim).size_local
         return np.flatnonzero(body.body_mesh.regions[:owned] == number).astype(np.int32)
 
-    def expect(self, began: float, depth: float) -> None:
+    def predict_modulus(self, start_depth: float, depth: float) -> None:
         """Take the modulus that a step to a depth is expected to end with.
 
         Parameters
@@ -122,15 +133,15 @@ class Strain(Term):
             Depth [length] that the tip is at now.
         """
 
-    def work(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
+    def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
         """First variation of the energy, as a UFL form."""
-        return self.body.over_region(variations(self._density, now)[0], self.region)
+        return self.body.region_integral(variations(self._energy_density, now)[0], self.region)
 
-    def tangent(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
+    def tangent(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
         """Its second variation."""
-        return self.body.over_region(variations(self._density, now)[1], self.region)
+        return self.body.region_integral(variations(self._energy_density, now)[1], self.region)
 
-    def crushed(self) -> Crushed | None:
+    def find_inverted_elements(self) -> InvertedElements | None:
         """The smallest J = det F and the largest principal stretch at the quadrature points, and
         where (collective); none at small strain.
         """
@@ -138,32 +149,36 @@ class Strain(Term):
         if self.region.material.small_strain:
             return None
         dim = body.body_mesh.dim
-        points, _ = compat.quadrature(compat.CELL_NAMES[dim], VOLUME_DEGREE[dim])
+        points, _ = compat.quadrature_rule(compat.CELL_NAMES[dim], VOLUME_DEGREE[dim])
         F = ufl.Identity(3) + self._H
         values = ufl.as_vector(
             [*(F[i, k] for i in range(3) for k in range(3)), *(body.X[k] for k in range(dim))]
         )
-        table = compat.evaluate(fem.Expression(values, points), body.mesh, self.cells).reshape(
-            -1, 9 + dim
-        )
-        own = Crushed(np.inf, (np.inf,) * dim, 0.0, (np.inf,) * dim)
+        table = compat.evaluate_expression(
+            fem.Expression(values, points), body.mesh, self.cells
+        ).reshape(-1, 9 + dim)
+        extremes = InvertedElements(np.inf, (np.inf,) * dim, 0.0, (np.inf,) * dim)
         if len(table):
             gradients = table[:, :9].reshape(-1, 3, 3)
             X = table[:, 9:]
             J = np.linalg.det(gradients)
             stretches = np.linalg.norm(gradients, ord=2, axis=(1, 2))
-            least = int(np.argmin(J))
-            most = int(np.argmax(stretches))
-            places = tuple(map(float, X[least])), tuple(map(float, X[most]))
-            own = Crushed(float(J[least]), places[0], float(stretches[most]), places[1])
-        return reduce(Crushed.with_worst, body.comm.allgather(own))
+            smallest_J = int(np.argmin(J))
+            largest_stretch = int(np.argmax(stretches))
+            positions = tuple(map(float, X[smallest_J])), tuple(map(float, X[largest_stretch]))
+            extremes = InvertedElements(
+                float(J[smallest_J]), positions[0], float(stretches[largest_stretch]), positions[1]
+            )
+        return reduce(InvertedElements.merge_extremes, body.comm.allgather(extremes))
 
     @cached_property
-    def _inverted(self) -> fem.Form:
+    def _inverted_measure_form(self) -> fem.Form:
         inverted = ufl.conditional(ufl.lt(self.J, 0.0), 1.0, 0.0)
-        return fem.form(inverted * self.body.section(self.region))
+        return fem.form(inverted * self.body.region_measure(self.region))
 
-    def inside_out(self) -> float:
+    def inverted_size(self) -> float:
         """Size [length] of the region in which J < 0: the dim-th root of its measure (collective)."""
-        measure = self.body.comm.allreduce(fem.assemble_scalar(self._inverted), op=MPI.SUM)
+        measure = self.body.comm.allreduce(
+            fem.assemble_scalar(self._inverted_measure_form), op=MPI.SUM
+        )
         return float(measure ** (1 / self.body.body_mesh.dim))
