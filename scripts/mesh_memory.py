@@ -26,7 +26,7 @@ from indent_sim.config.scene_file import load
 from indent_sim.process import usage
 from indent_sim.run.simulation import backend
 from indent_sim.scene import scene as scenes
-from indent_sim.scene.given import body_from_file
+from indent_sim.scene.problem_setup import read_imported_mesh
 
 
 def own() -> float:
@@ -54,8 +54,8 @@ def main(path: str, *settings: str) -> None:
     watch = Watch()
     watch.start()
     config, began = load(Path(path), settings), time.monotonic()
-    scene = scenes.resolve(config, piece=body_from_file(config, comm))
-    part = scene.physics.part
+    scene = scenes.resolve(config, piece=read_imported_mesh(config, comm))
+    part = scene.physics.domain
     grid = on_root(comm, gmsh.build, part, scene.sizes)
     ready = comm.bcast(time.monotonic() - began)
     mesh = solver.distribute(grid, part, comm)

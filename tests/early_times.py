@@ -36,7 +36,7 @@ from indent_sim.model.state import State
 from indent_sim.process.errors import NotConverged, VerificationError
 from indent_sim.run.chain import simulate, states
 from indent_sim.run.companions.companion import RATIO, coarser, in_half_steps
-from indent_sim.scene.given import CREASE
+from indent_sim.scene.problem_setup import CREASING_STRETCH
 from indent_sim.scene.scene import resolve
 from indent_sim.theory.surface.drainage import drained_length
 
@@ -378,7 +378,7 @@ class Drawn:
                 "stretch": float(self.draw.uniform(1.2, 1.7)),
             }
             gel = Gel(**law)
-            if gel.held_swelling(gel.bath_pressure(0.0)).stretch <= CREASE:
+            if gel.held_swelling(gel.bath_pressure(0.0)).stretch <= CREASING_STRETCH:
                 return {"model": "gel"} | law
 
     def gel(self) -> EarlyScene:
@@ -522,7 +522,7 @@ def finer_rows(config: Config) -> list[State]:
     Its bath comes in an eighth of the time.
     """
     scene = resolve(config)
-    fine = coarser(scene.with_physics(bath_ramp=scene.physics.bath_ramp / 8), 1 / RATIO)
+    fine = coarser(scene.replace_physics(bath_ramp=scene.physics.bath_ramp / 8), 1 / RATIO)
     halved = in_half_steps(fine)
     assert halved is not None
     return list(states(halved, with_surface=False))[1::2]

@@ -65,12 +65,12 @@ def placed(sections: dict[str, Any]) -> dict[str, Any]:
 
 def with_penalty(base: Scene, epsilon_n: float) -> Scene:
     """The same scene by the penalty method of this stiffness [E/height of the body]."""
-    return base.with_physics(contact=Penalty(epsilon_n=epsilon_n))
+    return base.replace_physics(contact=Penalty(epsilon_n=epsilon_n))
 
 
 def grid_of(base: Scene) -> Grid:
     """The mesh of a scene as gmsh makes it."""
-    return gmsh.build(base.physics.part, base.sizes)
+    return gmsh.build(base.physics.domain, base.sizes)
 
 
 def meshed(base: Scene) -> Any:
@@ -79,7 +79,7 @@ def meshed(base: Scene) -> Any:
 
     from indent_sim.fe import solver
 
-    return solver.distribute(grid_of(base), base.physics.part, MPI.COMM_SELF)
+    return solver.distribute(grid_of(base), base.physics.domain, MPI.COMM_SELF)
 
 
 def solve(base: Scene) -> list[State]:

@@ -468,7 +468,7 @@ def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Form)
     if form == "json":
         return say_done(planned.plan.as_json())
     say(terminal.plan(planned, _width()))
-    for line in planned.scene.remarks:
+    for line in planned.scene.notes:
         say(line)
     for warning in planned.plan.warnings:
         tell(f"warning: {warning}")

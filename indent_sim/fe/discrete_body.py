@@ -221,7 +221,7 @@ class Body:
         )
         self.x = self.unknowns.x
         self.X = ufl.SpatialCoordinate(self.mesh)
-        self.weight = scene.physics.part.kinematics.weight(self.X)
+        self.weight = scene.physics.domain.kinematics.weight(self.X)
         self.dt = fem.Constant(self.mesh, 0.0)  # of the step's present stage [time]
         self.now = self._create_time_level(self.unknowns.solution)
         self._before: TimeLevel | None = None
@@ -295,7 +295,7 @@ class Body:
     def region_measure(self, region: Region) -> ufl.Measure:
         """The measure of a region of the mesh."""
         metadata = {"quadrature_degree": VOLUME_DEGREE[self.body_mesh.dim]}
-        regions = self.scene.physics.part.regions
+        regions = self.scene.physics.domain.regions
         if len(regions) == 1:
             return ufl.dx(domain=self.mesh, metadata=metadata)
         return ufl.dx(
@@ -359,7 +359,7 @@ class Body:
         sides, each has half of its reaction. On a mirror plane, or the axis, everything comes from
         the image beyond it: a support that reaches it has there none along the normal.
         """
-        part = self.scene.physics.part
+        part = self.scene.physics.domain
         owned = self.unknowns.owned_count
         symmetry_surfaces = {"r_min", *part.mirror_planes}
         groups: dict[Surface, np.ndarray] = {}
@@ -383,13 +383,13 @@ class Body:
 
     def _constrain_outside_domain(self, field: Field) -> None:
         """A field is held at zero where it does not live, and costs nothing there."""
-        if field.domain in ("", self.scene.physics.part.regions):
+        if field.domain in ("", self.scene.physics.domain.regions):
             return
         if isinstance(field.domain, str):
             dim = self.body_mesh.dim - 1
             entities = self.body_mesh.surfaces[field.domain]
         else:
-            numbers = [self.scene.physics.part.regions.index(region) for region in field.domain]
+            numbers = [self.scene.physics.domain.regions.index(region) for region in field.domain]
             dim = self.body_mesh.dim
             entities = np.flatnonzero(np.isin(self.body_mesh.regions, numbers)).astype(np.int32)
         dofs = self.unknowns.dofs_on(field.name, None, dim, entities)

@@ -246,7 +246,9 @@ class Problem:
 
     def sum_over_body(self, local_value: float) -> float:
         """A number of the whole body by this rank's share of the modelled part (collective)."""
-        return float(self.scene.physics.part.copies * self.comm.allreduce(local_value, op=MPI.SUM))
+        return float(
+            self.scene.physics.domain.copies * self.comm.allreduce(local_value, op=MPI.SUM)
+        )
 
     def reactions(self) -> tuple[dict[Surface, float], float]:
         """The force of each support on the modelled part [force], and the largest reaction of the
@@ -266,7 +268,7 @@ class Problem:
         pin_reaction = self.comm.allreduce(
             float(np.abs(values[body.pin_dofs]).max(initial=0.0)), op=MPI.MAX
         )
-        return support_reactions, self.scene.physics.part.copies * pin_reaction
+        return support_reactions, self.scene.physics.domain.copies * pin_reaction
 
 
 def _sum_forms(forms: Iterable[ufl.Form]) -> ufl.Form:

@@ -50,8 +50,8 @@ from indent_sim.run.simulation import Progress, Simulation, backend
 from indent_sim.run.summary import stages
 from indent_sim.run.walks.by_curve import BARS, CurveWalk
 from indent_sim.run.walks.by_theory import TheoryWalk
-from indent_sim.scene.fineness import target_of
-from indent_sim.scene.given import body_from_file
+from indent_sim.scene.problem_setup import read_imported_mesh
+from indent_sim.scene.resolution import target_error
 from indent_sim.scene.scene import Mesher, Scene, resolve, start_mesher
 
 Floats = Sequence[float]
@@ -131,12 +131,12 @@ class Run:
         self._clock = Clock()
         self._before = comm.bcast(on_root(comm, begun_report, target)) if resume else {}
         before = asked_in(self._before)
-        self._asked = Asked(bars or before.error_bars, target_of(config.accuracy))
+        self._asked = Asked(bars or before.error_bars, target_error(config.accuracy))
         if self._before:
             refuse_other_bars(before, self._asked, target)
         self._beside = Beside()
         with self._clock.stage("resolve"), spent():
-            self._piece = body_from_file(config, comm)
+            self._piece = read_imported_mesh(config, comm)
 
     def outcome(self) -> Outcome:
         """What the last attempt came to; VerificationError when it is not as accurate as asked for."""
@@ -181,7 +181,8 @@ class Run:
             bars = self._bars(attempt) if self._asked.bars else None
             if bars is not None:
                 record.note(
-                    error_budget=bars.budgets, accuracy=entry(config, plan.fineness, attempt.tried)
+                    error_budget=bars.budgets,
+                    accuracy=entry(config, plan.resolution, attempt.tried),
                 )
             simulation = Simulation(
                 config, scene, record, self._clock, bars, partial(self._remedies, scene)
@@ -229,16 +230,16 @@ class Run:
         if earlier is None:
             return None
         physics = scene.physics
-        steps = len(earlier.states if scene.history else scene.physics.deltas)
+        steps = len(earlier.states if scene.history_on_curve else scene.physics.deltas)
         depths = [delta * physics.scales.depth for delta in physics.deltas]
-        is_known = physics.path.control == "depth" and scene.history is None
+        is_known = physics.path.control == "depth" and scene.history_on_curve is None
         earlier.check(depths if is_known else None, steps, target)
         if earlier.report.get("status") != "done" or len(earlier.states) != steps:
             return None
-        surface = "none" if scene.history else output.surface
+        surface = "none" if scene.history_on_curve else output.surface
         lost = comm.bcast(on_root(comm, lost_files, target, surface, output.fields))
         is_said = EXPERIMENT in (earlier.report.get("missing") or ())
-        has_table = scene.experiment is not None and scene.history is None
+        has_table = scene.experiment is not None and scene.history_on_curve is None
         if has_table and not (is_said or comm.bcast(on_root(comm, (target / EXPERIMENT).exists))):
             lost = [*lost, EXPERIMENT]
         again = "missing or damaged since; leave --resume out to compute them again"
@@ -282,7 +283,9 @@ class Run:
         """
         effort = KRYLOV_COLUMNS if scene.solver.linear == "iterative" else ()
         given = {"delta"} if scene.physics.path.control == "depth" else set()
-        found = BARS.values() if scene.history else (*STATE_COLUMNS, *scene.physics.columns)
+        found = (
+            BARS.values() if scene.history_on_curve else (*STATE_COLUMNS, *scene.physics.columns)
+        )
         judged = {*found} - given if self._asked.bars else set[str]()
         errors = (name for name in ERROR_COLUMNS if name.removesuffix("_error") in judged)
         reactions = scene.reaction_columns if self.config.output.reactions else ()
@@ -317,13 +320,13 @@ class Run:
             changed = (
                 sticks(bearer(run, bars.companion), self._curve) if run.scene.is_meshed else known
             )
-        return asdict(changed) | {"words": changed.words} if changed else None
+        return asdict(changed) | {"words": changed.sentence} if changed else None
 
     def _curve(self, scene: Scene) -> list[State]:
         """The elastic states of a scene without surface tables; what one failed to reach is
         missing, all where it ended.
         """
-        elastic = replace(scene, history=None)
+        elastic = replace(scene, history_on_curve=None)
         total = len(elastic.physics.deltas)
 
         def followed() -> list[State]:
@@ -358,17 +361,19 @@ def states(
     comm = communicator(comm if comm is not None else Alone(), scene)
     beside = Beside(comm)
     fe = backend() if scene.is_meshed else None
-    part = scene.physics.part
+    part = scene.physics.domain
     mesh = fe and fe.distribute(on_root(comm, mesher, scene), part, comm)
     walk: Any = fe.walk(scene, mesh) if fe else TheoryWalk(scene, comm)
     readings = Readings(scene, walk.equilibrium if fe else None, beside)
-    if scene.history:
+    if scene.history_on_curve:
         walk = CurveWalk(scene, walk)
         walk.solve()
     is_through = False
     try:
         for state in walk.states(scene.physics.path, lambda step: with_surface):
-            yield (state if scene.history else readings.read(state)).in_units(scene.physics.scales)
+            yield (state if scene.history_on_curve else readings.read(state)).in_units(
+                scene.physics.scales
+            )
         is_through = True
     finally:
         del walk, readings  # what dies after the release stays
@@ -414,14 +419,14 @@ class CondensedBody:
         physics = self.scene.physics
         scales = self.scene.physics.scales
         if indenter is not None:
-            scene = scene.with_physics(indenter=scales.scaled(indenter))
+            scene = scene.replace_physics(indenter=scales.scaled(indenter))
         if deltas is not None:
             values = tuple(delta / scales.depth for delta in deltas)
-            scene = scene.with_physics(deltas=values, path=LoadPath("depth", values))
+            scene = scene.replace_physics(deltas=values, path=LoadPath("depth", values))
         if forces is not None:
             begin = max(*physics.deltas, 1e-3 * physics.body.height)  # of the search
             values = tuple(force / scales.force for force in forces)
-            scene = scene.with_physics(
+            scene = scene.replace_physics(
                 deltas=(begin,) * len(forces), path=LoadPath("force", values)
             )
         equilibrium = self.equilibrium.under(scene)
@@ -446,7 +451,7 @@ def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
     comm = comm if comm is not None else mpi().COMM_SELF
     while _left:
         fe.release(_left.pop())
-    mesh = fe.distribute(on_root(comm, scene.grid), scene.physics.part, comm)
+    mesh = fe.distribute(on_root(comm, scene.grid), scene.physics.domain, comm)
     body = CondensedBody(scene, fe.equilibrium(scene, mesh))
     if comm.size == 1:  # several ranks need not let go of it at the same time
         weakref.finalize(body, _left.append, mesh).atexit = False

@@ -19,9 +19,9 @@ from indent_sim.model.materials import Relaxation
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import NotConverged
 from indent_sim.run.readings import Equilibrium, punches_of
-from indent_sim.scene.given import is_stepped, remaining
+from indent_sim.scene.problem_setup import needs_time_stepping, remaining_modulus_fraction
+from indent_sim.scene.reference_theory import relative_tip, theory_tip_shape
 from indent_sim.scene.scene import Scene
-from indent_sim.scene.theories import relative_tip, shape_of
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.march import LayerContact
 from indent_sim.theory.solution import UNSOLVED
@@ -146,7 +146,9 @@ def followed(scene: Scene, equilibrium: Equilibrium = None) -> Findings:
     try:
         return _Evaluation(scene, equilibrium).findings()
     except UNSOLVED as error:
-        raise NotConverged(f"{'history' if scene.history else 'experiment'}: {error}") from error
+        raise NotConverged(
+            f"{'history' if scene.history_on_curve else 'experiment'}: {error}"
+        ) from error
 
 
 class _Evaluation:
@@ -155,14 +157,16 @@ class _Evaluation:
     def __init__(self, scene: Scene, equilibrium: Equilibrium):
         self.scene = scene
         self.experiment = scene.experiment or Experiment()
-        self.history = scene.history and scene.history.through_its_times
+        self.history = scene.history_on_curve and scene.history_on_curve.through_its_times
         self._equilibrium = equilibrium
         self.compliance = self.experiment.compliance
-        self.of_force = scene.history is not None and scene.history.control == "force"
+        self.of_force = (
+            scene.history_on_curve is not None and scene.history_on_curve.control == "force"
+        )
         self.deepest = max(scene.physics.deltas)
         self.modulus = modulus_of(scene.relaxation)
-        self.is_stepped = is_stepped(
-            scene.history, scene.relaxation, self.compliance
+        self.is_stepped = needs_time_stepping(
+            scene.history_on_curve, scene.relaxation, self.compliance
         )  # or found to have to be
         self.warnings: list[str] = []
         self._curves: dict[float, ElasticCurve] = {}
@@ -232,8 +236,8 @@ class _Evaluation:
             return layer_surface(theory.contact, theory.contact.curve([DEPTH_OVERSHOOT * top])[0].a)
         self._press(self._equilibrium, top * DEPTH_OVERSHOOT, top)
         x, heights, areas, A = self._equilibrium.contact.weighted
-        part = self.scene.physics.part
-        copies = self.scene.physics.part.copies
+        part = self.scene.physics.domain
+        copies = self.scene.physics.domain.copies
         is_round = part.kinematics.name == "axisymmetric"
         order = np.argsort(x[:, 0]) if is_round else np.arange(len(x))
         heights = copies * heights[order]
@@ -274,10 +278,10 @@ class _Evaluation:
 
     def _asked(self, rows: list[Row]) -> list[Row]:
         """Those at the times of the history, at a jump the one after it; all where it names none."""
-        if self.scene.history is None or not self.scene.history.times:
+        if self.scene.history_on_curve is None or not self.scene.history_on_curve.times:
             return rows
         last = {row.t: row for row in rows}
-        return [last[t] for t in self.scene.history.times]
+        return [last[t] for t in self.scene.history_on_curve.times]
 
     def _rows(self) -> list[Row]:
         if self.history is None:
@@ -366,7 +370,9 @@ class _Evaluation:
     def _stepped(self, history: History) -> list[Row]:
         times, values = map(list, zip(*history.from_rest, strict=True))
         surface = self.surface(
-            self._deepest_at(max(values), remaining(self.scene.relaxation, history))
+            self._deepest_at(
+                max(values), remaining_modulus_fraction(self.scene.relaxation, history)
+            )
         )
         modulus = self.modulus.prony(SHORTEST_TIME * history.span / len(times), history.span)
         stepper = StepByStep(surface, modulus, self.compliance, self.of_force)
@@ -476,10 +482,10 @@ class _Evaluation:
         if (
             not self.scene.is_meshed
             and isinstance(contact, LayerContact)
-            and (shape := shape_of(tip))
+            and (shape := theory_tip_shape(tip))
         ):
             return replace(contact, tip=shape).curve([self.deepest])[0].force
-        other = self._equilibrium.under(self.scene.with_physics(indenter=tip))
+        other = self._equilibrium.under(self.scene.replace_physics(indenter=tip))
         self._press(other, self.deepest, self.deepest)
         return float(other.force)
 

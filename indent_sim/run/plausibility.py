@@ -26,16 +26,16 @@ import numpy as np
 from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.model.state import State
 from indent_sim.model.tips import flat_radius
-from indent_sim.scene.doubts import (
-    UNRESOLVED,
-    force_doubt,
-    how_to_refine,
-    in_words,
-    penalty_loss,
-    swelling_doubt,
+from indent_sim.scene.model_warnings import (
+    UNDERRESOLVED_ERROR,
+    error_text,
+    expected_force_error,
+    penalty_force_loss,
+    refinement_advice,
+    swelling_force_error,
 )
+from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene
-from indent_sim.scene.theories import relative_tip
 from indent_sim.theory.solution import Solution
 
 # of the largest force so far: what round-off and the supports' tolerance may leave of none
@@ -174,7 +174,7 @@ def contradiction(scene: Scene, state: State, earlier: Rows) -> str | None:
     The states are in the user's units.
     """
     is_pressed = scene.is_meshed and not _is_first_touch(scene, state)
-    for rule in _rules(is_pressed, scene.physics.evolves, scene.physics.contact.may_snap):
+    for rule in _rules(is_pressed, scene.physics.is_time_dependent, scene.physics.contact.may_snap):
         if said := rule(scene, state, earlier):
             is_side = rule is _is_inside_the_skin and scene.physics.is_compressed
             return f"{said}; {STAY_ABOVE if is_side else MAY_HELP}"
@@ -188,8 +188,8 @@ def unresolved(scene: Scene, states: Sequence[State]) -> list[str]:
     Where the contact grows by itself, in time or under a force, its smallest radius is known only
     now.
     """
-    foreseen = any(doubt.key == "elements" for doubt in scene.plan.doubts)
-    if foreseen or not scene.is_meshed or scene.history or scene.physics.contact.may_snap:
+    foreseen = any(doubt.key == "elements" for doubt in scene.plan.model_warnings)
+    if foreseen or not scene.is_meshed or scene.history_on_curve or scene.physics.contact.may_snap:
         return []
     L = scene.physics.scales.length
     sizes = scene.sizes
@@ -199,19 +199,19 @@ def unresolved(scene: Scene, states: Sequence[State]) -> list[str]:
         for state in states
         if state.force > least and state.a > 0
     }
-    few = [step for step, doubt in doubts.items() if doubt >= UNRESOLVED]
+    few = [step for step, doubt in doubts.items() if doubt >= UNDERRESOLVED_ERROR]
     if not few:
         return []
     most = max(
-        sizes.elements(scene.physics.whole_radius(state.a / L))
+        sizes.elements(scene.physics.full_contact_radius(state.a / L))
         for state in states
         if state.step in few
     )
     rows = f"step {few[0]} has" if len(few) == 1 else f"{len(few)} rows from step {few[0]} on have"
     likely = sorted(doubts[step] for step in few)
-    span = " to ".join(dict.fromkeys(in_words(likely[k]) for k in (0, -1)))
+    span = " to ".join(dict.fromkeys(error_text(likely[k]) for k in (0, -1)))
     wrong = f"the force there may be wrong by {span}, pressures by more"
-    remedy = how_to_refine(
+    remedy = refinement_advice(
         sizes, "give mesh.h_contact and a smaller mesh.h_axis, or ask for an accuracy"
     )
     return [f"{rows} at most {most:.2g} elements in the contact radius: {wrong}; {remedy}"]
@@ -313,7 +313,7 @@ def _radius_of_first_contact(scene: Scene) -> float:
     physics = scene.physics
     if physics.is_compressed:
         return physics.body.rim_distance(physics.center)
-    return 0.0 if physics.part.dome else flat_radius(physics.indenter)
+    return 0.0 if physics.domain.dome else flat_radius(physics.indenter)
 
 
 def _smoother(scene: Scene) -> str:
@@ -321,17 +321,17 @@ def _smoother(scene: Scene) -> str:
     docs/decisions/0053).
     """
     if scene.sizes.rubbed:
-        return how_to_refine(scene.sizes, "a smaller mesh.h_edge helps")
-    return how_to_refine(scene.sizes, "a smaller mesh.h_contact helps")
+        return refinement_advice(scene.sizes, "a smaller mesh.h_edge helps")
+    return refinement_advice(scene.sizes, "a smaller mesh.h_contact helps")
 
 
 def _doubt_of_force(scene: Scene, state: State) -> float:
     """The relative error of the force to fear with the contact radius that was found."""
     physics = scene.physics
-    a = scene.physics.whole_radius(state.a / scene.physics.scales.length)
+    a = scene.physics.full_contact_radius(state.a / scene.physics.scales.length)
     if physics.is_closed_by_swelling(state.delta / physics.scales.depth, a):
-        return swelling_doubt(scene.sizes, a)
-    return force_doubt(scene.sizes, a, physics.largest_nu)
+        return swelling_force_error(scene.sizes, a)
+    return expected_force_error(scene.sizes, a, physics.largest_nu)
 
 
 @cache
@@ -353,7 +353,7 @@ def _is_no_number(scene: Scene, state: State, earlier: Rows) -> str | None:
         "delta",
         "force",
         "a",
-        *(("energy",) if scene.is_meshed and not scene.physics.relaxing else ()),
+        *(("energy",) if scene.is_meshed and not scene.physics.relaxing_regions else ()),
     )
     wrong = [name for name in names if not isfinite(getattr(state, name))]
     return f"{', '.join(wrong)} is not a number" if wrong else None
@@ -394,7 +394,7 @@ def _is_wider_than_tip(scene: Scene, state: State, earlier: Rows) -> str | None:
 
 def _stands_on_a_side(scene: Scene, state: State, earlier: Rows) -> str | None:
     """delta <= f at the top of a fixed side, which no force moves."""
-    end = scene.physics.end_of_sides * scene.physics.scales.depth
+    end = scene.physics.side_contact_depth * scene.physics.scales.depth
     if state.delta <= end * (1 + SAME):
         return None
     return (
@@ -493,7 +493,7 @@ def _is_not_theorys(scene: Scene, state: State, earlier: Rows) -> str | None:
     solution = theory.at(state.delta / scales.depth) if theory else None
     if theory is None or solution is None or solution.force <= 0:
         return None
-    expected = solution.force / scene.physics.seen * scales.force
+    expected = solution.force / scene.physics.mirror_multiplicity * scales.force
     lowest, highest = _range(scene, solution)
     said = f"the force is {state.force:.6g}, and {theory.name}"
     if not lowest * expected <= state.force <= highest * expected:
@@ -541,7 +541,7 @@ def _is_first_touch(scene: Scene, state: State) -> bool:
     the whole path.
     """
     depth = state.delta / scene.physics.scales.depth
-    deepest = scene.physics.deepest
+    deepest = scene.physics.max_depth
     if depth <= 0 or deepest <= depth:
         return depth <= 0
     if scene.physics.is_compressed:
@@ -581,13 +581,13 @@ def _bar(state: State) -> float:
 
 def _may_soften(scene: Scene) -> bool:
     """Whether the law is no longer stable at the strains to expect: then a force may fall."""
-    return any(doubt.key == "stability" for doubt in scene.plan.doubts)
+    return any(doubt.key == "stability" for doubt in scene.plan.model_warnings)
 
 
 def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
     """Least and largest force over theory's that may be true, mesh and penalty included."""
-    coarse = 1 + force_doubt(scene.sizes, theory.a, scene.physics.largest_nu)
-    left = 1 - penalty_loss(
+    coarse = 1 + expected_force_error(scene.sizes, theory.a, scene.physics.largest_nu)
+    left = 1 - penalty_force_loss(
         scene.physics.contact, scene.physics.material, scene.plan.theory, theory.delta, theory.a
     )
     if scene.exact_theory:
@@ -598,7 +598,7 @@ def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
         theory.a <= HALF_SPACE_CONTACT * min(height, rim) and height <= PILLAR_HEIGHT * rim
     )
     if (
-        scene.physics.body.inclusions or scene.physics.part.skins or not feels_a_half_space
+        scene.physics.body.inclusions or scene.physics.domain.skins or not feels_a_half_space
     ):  # skins bend as shells
         return 0.0, float("inf")
     may_stiffen = not scene.physics.small_strain and theory.delta > SHALLOW * theory.a

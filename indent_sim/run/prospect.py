@@ -34,7 +34,7 @@ class Prospect:
         """The same with seconds and memory of all that is solved for it, for `accuracy` and for
         error bars.
         """
-        if not (error_bars or self.scene.plan.fineness):  # nothing is solved beside it
+        if not (error_bars or self.scene.plan.resolution):  # nothing is solved beside it
             return self
         from indent_sim.run.companions.accuracy import foreseen
 
@@ -83,9 +83,11 @@ class Prospect:
         )  # with the readers of results, which no plan of one scene needs
 
         scene = self.scene
-        parts = [scene.physics, scene.sizes, scene.solver, scene.plan.fineness]
+        parts = [scene.physics, scene.sizes, scene.solver, scene.plan.resolution]
         parts += [
-            part for part in (scene.experiment, scene.history, scene.relaxation) if part is not None
+            part
+            for part in (scene.experiment, scene.history_on_curve, scene.relaxation)
+            if part is not None
         ]
         return hashlib.sha256(to_json(parts, indent=None).encode()).hexdigest()[:16]
 

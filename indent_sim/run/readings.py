@@ -11,8 +11,8 @@ from typing import Any
 
 from indent_sim.model.state import State
 from indent_sim.run.record import Beside
+from indent_sim.scene.reference_theory import half_space_force, relative_tip, theory_tip_shape
 from indent_sim.scene.scene import Scene
-from indent_sim.scene.theories import half_space_force, relative_tip, shape_of
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.surface.punches import FittedPunches, LayerPunches, Punches, radius_at
 
@@ -44,7 +44,7 @@ class Readings:
         before = self._krylov_iterations
         stiffness = self._beside("stiffness", lambda: self._stiffness(state), nan)
         area = self._beside(
-            "area", lambda: self.scene.physics.part.kinematics.contact_area(state.a), nan
+            "area", lambda: self.scene.physics.domain.kinematics.contact_area(state.a), nan
         )
         E_hertz = self._beside("E_hertz", lambda: self._hertz(state), nan)
         found = {"stiffness": stiffness, "area": area, "E_hertz": E_hertz}
@@ -70,7 +70,7 @@ class Readings:
         if state.stiffness is not None:  # theory's own
             return state.stiffness
         physics = self.scene.physics
-        if physics.takes_steps:  # it is another on the way out, or in less time
+        if physics.depends_on_step_size:  # it is another on the way out, or in less time
             return nan
         if self.scene.plan.adhesion is None and (state.delta <= 0 or state.force <= 0):
             return 0.0
@@ -78,7 +78,7 @@ class Readings:
             return nan
         if (
             self.scene.solver.method == "condensed"
-            and physics.part.kinematics.name == "axisymmetric"
+            and physics.domain.kinematics.name == "axisymmetric"
         ):
             with suppress(*UNSOLVED):
                 nodes = self._equilibrium.contact.compliance.size
@@ -100,8 +100,8 @@ def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
     physics = scene.physics
     if not scene.is_meshed and theory is not None:
         return LayerPunches(theory.contact)  # type: ignore[arg-type]
-    shape = theory.contact.tip if theory else shape_of(physics.indenter)
-    if shape is None or shape.edge is not None or physics.part.kinematics.name != "axisymmetric":
+    shape = theory.contact.tip if theory else theory_tip_shape(physics.indenter)
+    if shape is None or shape.edge is not None or physics.domain.kinematics.name != "axisymmetric":
         raise ValueError("the contact is no disc that grows with the load")
     a, K, P = equilibrium.punches()
     return FittedPunches(a, K, P, shape, physics.material.E_star)
@@ -119,7 +119,7 @@ def hertz_forces(scene: Scene, deltas: Iterable[float]) -> list[float | None]:
     tip = relative_tip(physics.indenter, physics.body)
     E_star = physics.material.E_star
     found = (half_space_force(tip, delta, E_star) for delta in deltas)
-    return [closed[1] / physics.seen if closed else None for closed in found]
+    return [closed[1] / physics.mirror_multiplicity if closed else None for closed in found]
 
 
 def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
@@ -141,6 +141,6 @@ def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
     ratio = sum(found * force for found, force in points) / total
     percent = 100 * (ratio - 1)
     E = scene.physics.material.constants.E * scene.physics.scales.pressure
-    touched, *others = scene.physics.part.regions
+    touched, *others = scene.physics.domain.regions
     against = f", against E = {E:.4g} of {touched.name}" if others else ""
     return {"E": ratio * E, "percent": percent if abs(percent) >= 1e-6 else 0.0, "against": against}

@@ -11,13 +11,13 @@ from indent_sim.config.schema import Config, When, keys_at
 from indent_sim.config.strict_yaml import leaves
 from indent_sim.model.body import Drainage, MeshFromFile
 from indent_sim.results.folder import MESH_FILE
-from indent_sim.scene.given import with_used_material
+from indent_sim.scene.problem_setup import remove_unused_material
 from indent_sim.scene.scene import Scene
 
 
 def resolved(config: Config, scene: Scene) -> Config:
     """The same scene with nothing left to decide: it gives the same mesh and the same numbers."""
-    config = with_used_material(config, scene.physics.part)
+    config = remove_unused_material(config, scene.physics.domain)
     gap = scene.physics.gap
     output = dataclasses.replace(config.output, fields=fields_of(config, scene))
     solver = _decided(config.solver, method=scene.solver.method, linear=scene.solver.linear)
@@ -41,7 +41,7 @@ def resolved(config: Config, scene: Scene) -> Config:
 
 def fields_of(config: Config, scene: Scene) -> When:
     """The steps whose fields are written: where the config does not say, those of a mesh."""
-    of_scene: When = "last" if scene.is_meshed and scene.history is None else "none"
+    of_scene: When = "last" if scene.is_meshed and scene.history_on_curve is None else "none"
     return of_scene if config.output.fields == "auto" else config.output.fields
 
 
@@ -61,7 +61,7 @@ def _materials(config: Config, scene: Scene) -> dict[str, Any]:
     """The material, and those of layers and inclusions, with the formulation that each region has."""
     if isinstance(config.body, MeshFromFile):
         return _of_file(config, config.body, scene)
-    formulations = [region.formulation for region in scene.physics.part.regions]
+    formulations = [region.formulation for region in scene.physics.domain.regions]
     count = len(config.layers)
     body = config.body
     if body.inclusions:
@@ -85,7 +85,7 @@ def _all_decided(items: Sequence[Any], formulations: Sequence[str]) -> tuple[Any
 
 def _of_file(config: Config, body: MeshFromFile, scene: Scene) -> dict[str, Any]:
     """The materials by name, and the copy of the mesh in the result folder."""
-    part = scene.physics.part
+    part = scene.physics.domain
     formulations = {region.name: region.formulation for region in part.regions}
     own = {
         name: _decided(law, formulation=formulations[f"regions.{name}"])
@@ -120,7 +120,7 @@ def _mesh(config: Config, scene: Scene) -> Any:
     L = scene.physics.scales.length
     near = sizes.h_contact * L
     far = sizes.h_far * L
-    symmetry = scene.physics.part.symmetry
+    symmetry = scene.physics.domain.symmetry
     mesh = _decided(
         config.mesh, h_contact=near, h_far=far, grading=sizes.grading, symmetry=symmetry
     )

@@ -78,12 +78,12 @@ class Simulation:
             self.states = [
                 replace(row, roughness=known.get(str(row.step), 0.0)) for row in self.states
             ]
-        if bars is not None and scene.history is None:
+        if bars is not None and scene.history_on_curve is None:
             self.states = [bars.judged(state) for state in self.states]
         self._rows = Rows(self.states)
         self._pull_off: PullOff | None = None
         self._keep_fields = fields_of(config, scene)
-        self._kept_steps = frozenset() if scene.history else scene.physics.path.kept
+        self._kept_steps = frozenset() if scene.history_on_curve else scene.physics.path.kept
         audit = (earlier.report.get("audit") or {}) if earlier else {}  # of the rows that are there
         self._worst_audit = float(audit.get("force_against_reaction") or 0.0)
         self._next_checkpoint = 0.0  # on the monotonic clock [s]
@@ -101,9 +101,9 @@ class Simulation:
         record = self.record
         scene = self.scene
         clock = self.clock
-        part = scene.physics.part
+        part = scene.physics.domain
         answer: Any = on_root(
-            record.comm, scene.begin_grid
+            record.comm, scene.start_meshing
         )  # it is meshed while the libraries load
         with clock.stage("imports"):
             fe = backend()
@@ -135,7 +135,7 @@ class Simulation:
             "order": "of the grid",
         }
         if (
-            scene.physics.seeks_pull_off
+            scene.physics.searches_pull_off
         ):  # a checkpoint without them, of an earlier version, is none
             self._identity["pull_off"] = "rows around the largest pull"
         earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
@@ -149,7 +149,7 @@ class Simulation:
         if self._keep_fields != "none" and len(self.states) < len(scene.physics.deltas):
             self._fields = fe.Fields(self._walk.equilibrium.observed, self.output.nodal_stress)
             told = {
-                f"region {k}": region.name for k, region in enumerate(scene.physics.part.regions)
+                f"region {k}": region.name for k, region in enumerate(scene.physics.domain.regions)
             }
             L = scene.physics.scales.length
             shown = (
@@ -163,7 +163,7 @@ class Simulation:
         """Take the rows of a history in place of those of its elastic curve, whose error bars they
         have.
         """
-        if self.scene.history:
+        if self.scene.history_on_curve:
             self._walk = CurveWalk(self.scene, self._walk, self.clock.started - spent)
 
     def _drawn_tip(self) -> Outline:
@@ -175,14 +175,14 @@ class Simulation:
         width = drawn_width(
             tip, self.scene.plan.prediction["a"], max(physics.deltas) * scales.depth
         )
-        return outline(tip, center, width, physics.part.kinematics.name, scales.pieces)
+        return outline(tip, center, width, physics.domain.kinematics.name, scales.pieces)
 
     def _take_up(self) -> None:
         """Stand where the run that is continued stopped."""
         physics = self.scene.physics
         done = len(self.states)
-        is_through = done == len(physics.deltas) and not physics.seeks_pull_off
-        if done == 0 or is_through or self.scene.history:
+        is_through = done == len(physics.deltas) and not physics.searches_pull_off
+        if done == 0 or is_through or self.scene.history_on_curve:
             return
         saved = self.record.read_checkpoint(self._identity)
         if physics.path.times:  # the rows since then are walked again, as they were
@@ -211,7 +211,7 @@ class Simulation:
         """
         began = time.monotonic()
         if self.states and (points := self._walk.points):
-            pulls = self._walk.pull_off_points if self.scene.physics.seeks_pull_off else {}
+            pulls = self._walk.pull_off_points if self.scene.physics.searches_pull_off else {}
             self.record.save_checkpoint(Checkpoint(len(self.states), points, pulls), self._identity)
             ended = time.monotonic()
             self._next_checkpoint = ended + max(1.0, 20 * (ended - began))
@@ -247,7 +247,7 @@ class Simulation:
                 self._keep(state.in_units(self.scene.physics.scales))
                 if progress is not None:
                     progress(self.states[-1], state.step, self._total)
-            if self.scene.physics.seeks_pull_off:
+            if self.scene.physics.searches_pull_off:
                 with self.clock.stage("pull-off"):
                     self._pull_off = self.record.beside("pull-off", self._find_pull_off, None)
         except (NotConverged, KeyboardInterrupt) as end:
@@ -299,7 +299,7 @@ class Simulation:
 
     def experiment(self) -> None:
         """Compute and write what the experiment makes of the curve; nothing without one."""
-        if not self.scene.is_of_curve:
+        if not self.scene.uses_elastic_curve:
             return
         from indent_sim.run.experiment import (
             Findings,
@@ -314,7 +314,9 @@ class Simulation:
                 findings = self.record.beside(
                     EXPERIMENT, lambda: conduct(self.scene, equilibrium), Findings([])
                 )
-        self.record.write_experiment([] if self.scene.history else findings.rows, findings.dynamic)
+        self.record.write_experiment(
+            [] if self.scene.history_on_curve else findings.rows, findings.dynamic
+        )
         said: dict[str, Any] = {"experiment": findings.report} if self.scene.experiment else {}
         if self.scene.plan.time and findings.time:
             said["time"] = self.scene.plan.time.report | findings.time
@@ -339,7 +341,11 @@ class Simulation:
     def _next(self, walked: Iterator[State]) -> State | None:
         with self.clock.stage("solve"):
             state = next(walked, None)
-            return self._readings.read(state) if state and self.scene.history is None else state
+            return (
+                self._readings.read(state)
+                if state and self.scene.history_on_curve is None
+                else state
+            )
 
     def _keep(self, state: State) -> None:
         """Audit a converged state and write it down; the rows of a history follow from a curve that
@@ -391,11 +397,11 @@ class Simulation:
             attraction.work * a if attraction else 0.0
         )  # about; the force may be less, where as much pushes
         swollen = 0.0  # what supports hold of a body with fluid, with or without a tip
-        if physics.permeable:
+        if physics.permeable_regions:
             swollen = (
                 SWELLING_SCALE
                 * physics.scales.force
-                * (1.0 if physics.swells else (a / physics.scales.length) ** 2)
+                * (1.0 if physics.is_swelling else (a / physics.scales.length) ** 2)
             )
         largest = max(swollen, self._rows.largest_force, abs(state.force))
         size = max(abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest, pull)

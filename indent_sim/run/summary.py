@@ -17,9 +17,9 @@ from indent_sim.process.usage import Clock, peak_memory
 from indent_sim.run.plausibility import ROUGH
 from indent_sim.run.readings import hertz_fit, hertz_forces
 from indent_sim.run.record import Beside
-from indent_sim.scene.expected import ExpectedAdhesion
+from indent_sim.scene.predictions import ExpectedAdhesion
+from indent_sim.scene.reference_theory import half_space_depth, half_space_force, relative_tip
 from indent_sim.scene.scene import FRICTION_WHY, Scene
-from indent_sim.scene.theories import half_space_depth, half_space_force, relative_tip
 from indent_sim.theory.solution import UNSOLVED, Solution
 from indent_sim.theory.surface.no_slip import FRICTIONLESS
 from indent_sim.theory.theory import Theory
@@ -47,7 +47,7 @@ def summary(
     krylov = [state.krylov_iterations for state in states if state.krylov_iterations is not None]
     expected = scene.plan.adhesion
     in_time = (
-        scene.history is not None or scene.physics.evolves
+        scene.history_on_curve is not None or scene.physics.is_time_dependent
     )  # what is said of equilibria is not of these
     balance = (
         None if expected or in_time else energy_balance(states)
@@ -198,8 +198,8 @@ def theory_comparison(
     scales = scene.physics.scales
     D = scales.depth
     L = scales.length * rough.radius
-    F = scales.force * rough.force / scene.physics.seen
-    L *= scene.physics.own_radius(1.0)
+    F = scales.force * rough.force / scene.physics.mirror_multiplicity
+    L *= scene.physics.row_contact_radius(1.0)
     depth: float | None = deepest.delta / D
     if scene.physics.path.control == "force":  # theory's at this force, where it is in the body
         depth = theory.depth(deepest.force / F, scene.physics.body.height)
@@ -214,7 +214,9 @@ def theory_comparison(
     }
     curve = theory.contact.up_to(solution, OF_THEORY) if scene.is_meshed else []  # else: the rows
     knowing = (
-        f" {'with' if rubbed else 'without'} friction" if FRICTION_WHY in scene.differences else ""
+        f" {'with' if rubbed else 'without'} friction"
+        if FRICTION_WHY in scene.theory_differences
+        else ""
     )
     why = "; ".join([*unlike, *_of_mirrored(scene)]) or theory.why
     said = {"name": theory.name + knowing, "exact": not unlike, "why": why}
@@ -231,7 +233,9 @@ def _of_mirrored(scene: Scene) -> list[str]:
     """
     parts = {2: "half", 4: "a quarter"}
     return (
-        [f"{parts[scene.physics.seen]} of the mirrored contact's"] if scene.physics.seen > 1 else []
+        [f"{parts[scene.physics.mirror_multiplicity]} of the mirrored contact's"]
+        if scene.physics.mirror_multiplicity > 1
+        else []
     )
 
 
@@ -252,7 +256,7 @@ def _formulas(scene: Scene, theory: Theory, state: State) -> list[dict[str, Any]
     beside the run.
     """
     D = scene.physics.scales.depth
-    F = scene.physics.scales.force / scene.physics.seen
+    F = scene.physics.scales.force / scene.physics.mirror_multiplicity
     is_forced = scene.physics.path.control == "force"
     name, unit, force = ("delta", D, state.force / F) if is_forced else ("force", F, None)
     own = getattr(state, name)
@@ -310,8 +314,8 @@ def _without_range(scene: Scene, states: Sequence[State]) -> dict[str, Any] | No
     deepest = max(states, key=lambda state: state.delta, default=None)
     if jkr is None or deepest is None:
         return None
-    L = scales.length * scene.physics.own_radius(1.0)
-    F = scales.force / scene.physics.seen
+    L = scales.length * scene.physics.row_contact_radius(1.0)
+    F = scales.force / scene.physics.mirror_multiplicity
     D = scales.depth
     asked = (deepest.force / F, inf) if is_forced else (deepest.delta / D, 0.0)
     try:
@@ -334,7 +338,7 @@ def _without_range(scene: Scene, states: Sequence[State]) -> dict[str, Any] | No
     said = {
         "name": "JKR",
         "exact": False,
-        "why": "; ".join([*scene.differences, *_of_mirrored(scene)]),
+        "why": "; ".join([*scene.theory_differences, *_of_mirrored(scene)]),
     }
     deviation |= {"a_deviation": deepest.a / numbers["a"] - 1}
     return said | numbers | deviation | {"curve": _columns(curve, D, F, L)}
@@ -348,7 +352,7 @@ def _unlike(scene: Scene) -> tuple[str, ...]:
         if known and isinstance(scene.physics.indenter, Sphere)
         else ()
     )
-    return (*(why for why in scene.differences if why != known), *is_round)
+    return (*(why for why in scene.theory_differences if why != known), *is_round)
 
 
 def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:
@@ -358,7 +362,7 @@ def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:
     if scene.physics.scales.dim == 2:
         return None
     D = scene.physics.scales.depth
-    F = scene.physics.scales.force / scene.physics.seen
+    F = scene.physics.scales.force / scene.physics.mirror_multiplicity
     E_star = scene.physics.material.E_star
     tip = relative_tip(scene.physics.indenter, scene.physics.body)
     closed = half_space_force(tip, state.delta / D, E_star)

@@ -10,7 +10,7 @@ from the force, so all of it takes
     dF = 1/2 d/ddelta int p^2 E/M dA,      1/M = alpha^2/M_c + storage.
 
 Under a tip p is about the pressure of the contact, on an incompressible half-space equal to it.
-This gives a share `per_length` E of the force, with
+This gives a share `force_fraction_per_length` E of the force, with
 
     per_length = c SPREAD F/(A delta M),   c = 1/2 dln(F^2/A)/dln(delta): 1 on a half-space, to 5/2
     on a thin layer,
@@ -31,21 +31,28 @@ import numpy as np
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Conductance
 from indent_sim.model.loading import LoadPath
-from indent_sim.scene.given import AT_RIM, Given, Physics, is_locked
-from indent_sim.scene.theories import undrained
+from indent_sim.scene.problem_setup import (
+    RIM_TOLERANCE,
+    ProblemDefinition,
+    ProblemSetup,
+    is_undrained_incompressible,
+)
+from indent_sim.scene.reference_theory import undrained_law
 from indent_sim.theory.surface.drainage import drained_length, excess_length
 
-SPREAD = 9 / 8  # mean square of a paraboloid's pressure over the square of its mean
-STEP = 0.9  # of a depth: a second one, for slopes
-SAME_SPEED = 1e-6  # relative: of one piece of a path, but for rounding
-MOST_CHANGES = 30  # before a row: films of earlier ones have grown thick
-MOST_ROWS = 100  # that a size is chosen by
-HALVINGS = 30  # of the range of a size, in its logarithm: to 1e-8
-LEAST_VALUE = 0.05  # of the largest depth or force: earlier rows are not asked for a film's error
+MEAN_SQUARE_FACTOR = 9 / 8  # mean square of a paraboloid's pressure over the square of its mean
+DEPTH_RATIO = 0.9  # of a depth: a second one, for slopes
+RATE_TOLERANCE = 1e-6  # relative: of one piece of a path, but for rounding
+MAX_CHANGES = 30  # before a row: films of earlier ones have grown thick
+MAX_ROWS = 100  # that a size is chosen by
+BISECTIONS = 30  # of the range of a size, in its logarithm: to 1e-8
+MIN_VALUE_FRACTION = (
+    0.05  # of the largest depth or force: earlier rows are not asked for a film's error
+)
 
 
 @dataclass
-class PathPiece:
+class PathSegment:
     """A piece of a path in which the value changes evenly, or a jump: its begin and end in time,
     and the change.
     """
@@ -55,7 +62,7 @@ class PathPiece:
     change: float
 
     @property
-    def speed(self) -> float:
+    def rate(self) -> float:
         """The change in a unit of time; infinite where it jumps."""
         return self.change / (self.end - self.begin) if self.end > self.begin else inf
 
@@ -68,25 +75,25 @@ class PathRow:
     """
 
     changes: np.ndarray
-    since: np.ndarray
-    over: np.ndarray
+    elapsed: np.ndarray
+    durations: np.ndarray
     value: float
 
-    def drained(self, diffusivity: float) -> float:
+    def drained_length(self, diffusivity: float) -> float:
         """`drained_length` [length] of the row, by the pressure of the largest value: what each
         change has drained.
         """
-        return float(self.changes @ drained_length(diffusivity, self.since, self.over))
+        return float(self.changes @ drained_length(diffusivity, self.elapsed, self.durations))
 
-    def excess(self, h: np.ndarray, diffusivity: float) -> np.ndarray:
+    def excess_length(self, h: np.ndarray, diffusivity: float) -> np.ndarray:
         """`excess_length` (m,) of elements h (m,) [length] at a face, by the pressure of the
         largest value: the sum of what each change has left.
         """
-        lengths = drained_length(diffusivity, self.since, self.over)
+        lengths = drained_length(diffusivity, self.elapsed, self.durations)
         return excess_length(h[:, None], lengths) @ self.changes
 
 
-def rows_of(path: LoadPath) -> list[PathRow]:
+def path_rows(path: LoadPath) -> list[PathRow]:
     """The rows of a path in time, with the last MOST_CHANGES that have begun until then, but for
     what has come at once just now, of which nothing has drained yet.
     """
@@ -95,90 +102,106 @@ def rows_of(path: LoadPath) -> list[PathRow]:
         largest <= 0
     ):  # a tip that touches or is lifted: nothing is pressed, and no film costs anything
         return []
-    legs = [path.leg(step) for step in range(1, len(path.values) + 1)]
-    pieces = _pieces([(0.0, 0.0), *((value / largest, t) for leg in legs for value, t in leg)])
+    increments = [path.leg(step) for step in range(1, len(path.values) + 1)]
+    segments = _merge_segments(
+        [(0.0, 0.0), *((value / largest, t) for increment in increments for value, t in increment)]
+    )
     begin, end, change = np.array(
-        [(one.begin, one.end, one.change) for one in pieces if one.change]
+        [(segment.begin, segment.end, segment.change) for segment in segments if segment.change]
     ).T
-    found = []
-    for leg in legs:
-        value, t = leg[-1]
+    rows = []
+    for increment in increments:
+        value, t = increment[-1]
         last = int(np.searchsorted(begin, t))
-        recent = slice(max(last - MOST_CHANGES, 0), last)
-        since = t - begin[recent]
-        whole = end[recent] - begin[recent]
-        over = np.minimum(since, whole)
-        share = np.divide(over, whole, out=np.ones_like(over), where=whole > 0)
-        found.append(PathRow(np.abs(change[recent] * share), since, over, value / largest))
-    return found
+        recent = slice(max(last - MAX_CHANGES, 0), last)
+        elapsed = t - begin[recent]
+        full_durations = end[recent] - begin[recent]
+        durations = np.minimum(elapsed, full_durations)
+        done_fractions = np.divide(
+            durations, full_durations, out=np.ones_like(durations), where=full_durations > 0
+        )
+        rows.append(
+            PathRow(np.abs(change[recent] * done_fractions), elapsed, durations, value / largest)
+        )
+    return rows
 
 
-def _pieces(places: Sequence[tuple[float, float]]) -> list[PathPiece]:
+def _merge_segments(points: Sequence[tuple[float, float]]) -> list[PathSegment]:
     """The pieces between places (value, time), as long as they are."""
-    found: list[PathPiece] = []
-    for (before, begin), (value, end) in pairwise(places):
-        piece = PathPiece(begin, end, value - before)
+    segments: list[PathSegment] = []
+    for (previous_value, begin), (value, end) in pairwise(points):
+        segment = PathSegment(begin, end, value - previous_value)
         if (
-            found
+            segments
             and end > begin
-            and abs(piece.speed - found[-1].speed) <= SAME_SPEED * abs(piece.speed)
+            and abs(segment.rate - segments[-1].rate) <= RATE_TOLERANCE * abs(segment.rate)
         ):
-            found[-1].end = end
-            found[-1].change = found[-1].change + piece.change
-        elif end > begin or value != before:
-            found.append(piece)
-    return found
+            segments[-1].end = end
+            segments[-1].change = segments[-1].change + segment.change
+        elif end > begin or value != previous_value:
+            segments.append(segment)
+    return segments
 
 
-def slowest(physics: Physics) -> float:
+def smallest_diffusivity(physics: ProblemDefinition) -> float:
     """The smallest diffusivity D [length^2/time] of the regions in which fluid flows: it has the
     thinnest films.
     """
-    return min(region.material.diffusivity for region in physics.permeable)
+    return min(region.material.diffusivity for region in physics.permeable_regions)
 
 
-def softening(physics: Physics) -> float:
+def largest_inverse_modulus(physics: ProblemDefinition) -> float:
     """The largest 1/M = permeability/D [1/pressure] of the regions in which fluid flows: their loss
     per pressure.
     """
-    flows = [(region.material.flow, region.material.diffusivity) for region in physics.permeable]
+    flows = [
+        (region.material.flow, region.material.diffusivity) for region in physics.permeable_regions
+    ]
     return max(flow.permeability / D for flow, D in flows if flow and flow.permeability)
 
 
-def share_of(row: PathRow, h: float, diffusivity: float, per: float | None) -> float:
+def film_force_fraction(
+    row: PathRow, h: float, diffusivity: float, fraction_per_length: float | None
+) -> float:
     """The share of the largest force that elements h [length] at a drained face under the tip cost
     a row.
 
-    per: see `per_length`. A column gives way by what it has drained alone, so that its error is the
+    per: see `force_fraction_per_length`. A column gives way by what it has drained alone, so that its error is the
     excess over that.
     """
-    excess = float(row.excess(np.array([h]), diffusivity)[0])
-    if per is not None:
-        return per * excess
-    drained = row.drained(diffusivity)
+    excess = float(row.excess_length(np.array([h]), diffusivity)[0])
+    if fraction_per_length is not None:
+        return fraction_per_length * excess
+    drained = row.drained_length(diffusivity)
     return excess / drained if drained else 0.0
 
 
-def per_length(given: Given) -> float | None:
+def force_fraction_per_length(setup: ProblemSetup) -> float | None:
     """The share of the force that a drained face under the tip costs per `excess_length`
     [1/length], at the deepest contact; by theory, or as on a half-space where it ends. None of a
     column that gives way by draining alone.
     """
-    if is_locked(given.physics):
+    if is_undrained_incompressible(setup.physics):
         return None
-    physics = given.physics
-    delta = given.deepest
-    theory = given.theory_with(undrained)
-    some = theory.curve([STEP * delta, delta]) if theory else None
-    if not some:
-        pressure = undrained(physics.material).E_star * delta / (2 * given.a)
-        return SPREAD * pressure / delta * softening(physics)
-    before, there = (one.force**2 / one.area for one in some)
-    growth = log(there / before) / (-2 * log(STEP))
-    return growth * SPREAD * some[1].force / (some[1].area * delta) * softening(physics)
+    physics = setup.physics
+    delta = setup.max_depth
+    theory = setup.theory_for_materials(undrained_law)
+    solutions = theory.curve([DEPTH_RATIO * delta, delta]) if theory else None
+    if not solutions:
+        pressure = undrained_law(physics.material).E_star * delta / (2 * setup.a)
+        return MEAN_SQUARE_FACTOR * pressure / delta * largest_inverse_modulus(physics)
+    lower_value, upper_value = (solution.force**2 / solution.area for solution in solutions)
+    growth = log(upper_value / lower_value) / (-2 * log(DEPTH_RATIO))
+    return (
+        growth
+        * MEAN_SQUARE_FACTOR
+        * solutions[1].force
+        / (solutions[1].area * delta)
+        * largest_inverse_modulus(physics)
+    )
 
 
-def drained_faces(given: Given, earliest: float) -> dict[str, float]:
+def drained_faces(setup: ProblemSetup, earliest: float) -> dict[str, float]:
     """The faces through which fluid leaves, each with its distance [length] from the contact, by
     name.
 
@@ -187,19 +210,21 @@ def drained_faces(given: Given, earliest: float) -> dict[str, float]:
     no pressure, and what leaves around the edge of the contact is known to 0.2 % of the force on 10
     elements in its radius. earliest: time of the first row [time].
     """
-    physics = given.physics
+    physics = setup.physics
     drainage = physics.drainage
-    part = physics.part
-    found = {}
-    if _drains(physics, drainage.tip, earliest):
-        found["top"] = 0.0
-    if _drains(physics, drainage.base, earliest):
-        found["base"] = part.height
-    distances = part.distances(physics.center)
-    return found | {wall: max(distances[wall] - given.a, 0.0) for wall in physics.drained_walls}
+    domain = physics.domain
+    face_distances = {}
+    if _is_drained(physics, drainage.tip, earliest):
+        face_distances["top"] = 0.0
+    if _is_drained(physics, drainage.base, earliest):
+        face_distances["base"] = domain.height
+    distances = domain.distances(physics.center)
+    return face_distances | {
+        wall: max(distances[wall] - setup.a, 0.0) for wall in physics.drained_walls
+    }
 
 
-def _drains(physics: Physics, kind: str | Conductance, earliest: float) -> bool:
+def _is_drained(physics: ProblemDefinition, kind: str | Conductance, earliest: float) -> bool:
     """Whether a surface of that kind holds the pressure of the bath at its face from the first row
     on.
     """
@@ -207,23 +232,23 @@ def _drains(physics: Physics, kind: str | Conductance, earliest: float) -> bool:
         return kind == "drained"
     permeability = max(
         region.material.flow.permeability or 0.0
-        for region in physics.permeable
+        for region in physics.permeable_regions
         if region.material.flow
     )
-    return kind.conductance * (slowest(physics) * earliest) ** 0.5 > permeability
+    return kind.conductance * (smallest_diffusivity(physics) * earliest) ** 0.5 > permeability
 
 
-def felt(given: Given, distance: float) -> float:
+def distance_weight(setup: ProblemSetup, distance: float) -> float:
     """The share of what a drained face under the tip costs that one at a distance [length] from the
     contact does: all of it where the tip covers the body, which feels it throughout.
     """
-    a = given.a
-    rim = given.physics.body.rim_distance(given.physics.center)
-    return 1.0 if distance <= a or a >= (1 - AT_RIM) * rim else (a / distance) ** 2
+    a = setup.a
+    rim_distance = setup.physics.body.rim_distance(setup.physics.center)
+    return 1.0 if distance <= a or a >= (1 - RIM_TOLERANCE) * rim_distance else (a / distance) ** 2
 
 
 @dataclass(frozen=True)
-class Late:
+class UnresolvedFilm:
     """Rows whose force the films at a face cost something: the face, the size of its elements
     [length], the last of those rows, from 0, and the largest share of a force, and that of the
     last row of the path.
@@ -231,60 +256,82 @@ class Late:
 
     face: str
     h: float
-    until: int
-    worst: float
-    at_last: float
+    last_row: int
+    max_error: float
+    last_row_error: float
 
 
-def late_rows(given: Given, physics: Physics, sizes: Sizes, negligible: float) -> Late | None:
+def unresolved_film(
+    setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes, negligible: float
+) -> UnresolvedFilm | None:
     """The rows of a path in time whose films cost more than a `negligible` share of the largest
     force, at the face that costs most; None without any.
     """
-    rows = rows_of(physics.path)
-    D = slowest(physics)
-    per = per_length(given)
-    found: list[Late] = []
+    rows = path_rows(physics.path)
+    D = smallest_diffusivity(physics)
+    fraction_per_length = force_fraction_per_length(setup)
+    films: list[UnresolvedFilm] = []
     for face, distance in drained_faces(
-        given, min(t for t in physics.path.times) - (physics.path.begin or 0.0)
+        setup, min(t for t in physics.path.times) - (physics.path.begin or 0.0)
     ).items():
         film = next((film for film in sizes.films if film.side.surface == face), None)
-        nearest = {"top": (0.0, 0.0), "base": (0.0, physics.part.height)}.get(
-            face, (distance + given.a, 0.0)
+        nearest = {"top": (0.0, 0.0), "base": (0.0, physics.domain.height)}.get(
+            face, (distance + setup.a, 0.0)
         )
-        there = float(sizes.at(*map(np.array, nearest)))
-        h = min(film.h, there) if film else there
-        share = felt(given, distance)
-        shares = [
-            share * share_of(row, h, D, per) if row.value >= LEAST_VALUE else 0.0 for row in rows
+        h_there = float(sizes.at(*map(np.array, nearest)))
+        h = min(film.h, h_there) if film else h_there
+        weight = distance_weight(setup, distance)
+        fractions = [
+            weight * film_force_fraction(row, h, D, fraction_per_length)
+            if row.value >= MIN_VALUE_FRACTION
+            else 0.0
+            for row in rows
         ]
-        late = [k for k, share in enumerate(shares) if share > negligible]
-        if late:
-            found.append(Late(face, h, late[-1], max(shares), shares[-1]))
-    return max(found, key=lambda one: one.worst, default=None)
+        late_steps = [k for k, weight in enumerate(fractions) if weight > negligible]
+        if late_steps:
+            films.append(UnresolvedFilm(face, h, late_steps[-1], max(fractions), fractions[-1]))
+    return max(films, key=lambda candidate: candidate.max_error, default=None)
 
 
-def size_for(
+def film_element_size(
     rows: Sequence[PathRow],
-    most: float,
+    max_fraction: float,
     diffusivity: float,
-    per: float | None,
-    coarse: float,
-    fine: float,
+    fraction_per_length: float | None,
+    largest_size: float,
+    smallest_size: float,
 ) -> float:
-    """The size [length] of elements at a face under the tip, from `fine` to `coarse`, that cost at
-    `most` this share of the force at the row that has drained least.
+    """The size [length] of elements at a face under the tip, from `smallest_size` to `largest_size`, that cost at
+    `max_fraction` this share of the force at the row that has drained least.
     """
-    asked = [row for row in rows if row.value >= LEAST_VALUE and row.drained(diffusivity) > 0]
-    asked = sorted(asked, key=lambda row: row.drained(diffusivity) / row.changes.sum())[:MOST_ROWS]
+    relevant_rows = [
+        row
+        for row in rows
+        if row.value >= MIN_VALUE_FRACTION and row.drained_length(diffusivity) > 0
+    ]
+    relevant_rows = sorted(
+        relevant_rows, key=lambda row: row.drained_length(diffusivity) / row.changes.sum()
+    )[:MAX_ROWS]
 
     def beyond(h: float) -> float:
-        return max((share_of(row, h, diffusivity, per) for row in asked), default=0.0) - most
+        return (
+            max(
+                (
+                    film_force_fraction(row, h, diffusivity, fraction_per_length)
+                    for row in relevant_rows
+                ),
+                default=0.0,
+            )
+            - max_fraction
+        )
 
-    if beyond(coarse) <= 0:
-        return coarse
-    if beyond(fine) >= 0:
-        return fine
-    for _ in range(HALVINGS):
-        middle = (fine * coarse) ** 0.5
-        fine, coarse = (middle, coarse) if beyond(middle) < 0 else (fine, middle)
-    return fine
+    if beyond(largest_size) <= 0:
+        return largest_size
+    if beyond(smallest_size) >= 0:
+        return smallest_size
+    for _ in range(BISECTIONS):
+        middle = (smallest_size * largest_size) ** 0.5
+        smallest_size, largest_size = (
+            (middle, largest_size) if beyond(middle) < 0 else (smallest_size, middle)
+        )
+    return smallest_size

@@ -26,12 +26,32 @@ from indent_sim.model.materials import LOCKING
 from indent_sim.model.tips import FlatPunch, Indenter, Plate, reach
 from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
-from indent_sim.scene.cost import DENSE, MOST_CANDIDATES, Cost
-from indent_sim.scene.doubts import FREE, NEGLIGIBLE_ERROR, STIFFEST, penalty_loss
-from indent_sim.scene.expected import NEARLY_STICK, ExpectedAdhesion, infinite_pressure, pulling_rim
-from indent_sim.scene.fineness import Fineness, target_of
-from indent_sim.scene.given import Durations, Given, Physics, first_step
-from indent_sim.scene.theories import NO_INCLUSIONS, first_of, layer_theory, shape_of
+from indent_sim.scene.cost import DENSE_BYTES, MAX_CANDIDATES, Cost
+from indent_sim.scene.model_warnings import (
+    MAX_SLIPPING_FRICTION,
+    MAX_STIFFNESS_MULTIPLE,
+    NEGLIGIBLE_ERROR,
+    penalty_force_loss,
+)
+from indent_sim.scene.predictions import (
+    STICK_FRICTION,
+    ExpectedAdhesion,
+    infinite_pressure_reason,
+    tensile_rim_width,
+)
+from indent_sim.scene.problem_setup import (
+    DiffusionTimes,
+    ProblemDefinition,
+    ProblemSetup,
+    first_step,
+)
+from indent_sim.scene.reference_theory import (
+    NO_INCLUSIONS,
+    first_reason,
+    layer_theory,
+    theory_tip_shape,
+)
+from indent_sim.scene.resolution import MeshResolution, target_error
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.theory import MOST_KEPT
 
@@ -43,7 +63,7 @@ FORCE_WHY = (
     "one depth for a force"
 )
 THEORY_FORCE_WHY = "forces are given: theory finds the depth of each"
-SIDEWAYS = "pushes sideways, and nothing holds this body there (roller base, free sides)"
+SIDEWAYS_TEXT = "pushes sideways, and nothing holds this body there (roller base, free sides)"
 EDGE_WHY = "the pressure is singular at the punch's sharp edge"
 AXIS_WHY = "sizes grow from this at the axis to h_contact where the deepest contact ends"
 FILM_WHY = (
@@ -58,27 +78,33 @@ GAP_WHY = {
     "reference": "linear elastic: Hertz' own problem, tested at the undeformed point",
     "current": "finite strain: tested at the deformed point, pressure along the tip's normal",
 }
-FOR_WHOLE = "solver.linear: iterative is for the whole body"
-WORTH_SECONDS = 2.0  # of a factorisation, which never fails, that iterations must save to be chosen
+WHOLE_BODY_WHY = "solver.linear: iterative is for the whole body"
+MIN_SECONDS_SAVED = (
+    2.0  # of a factorisation, which never fails, that iterations must save to be chosen
+)
 # of a factorisation's seconds, below which iterations are chosen: a prediction is no better
-CLEARLY = 0.8
-FREE_WHY = "new contact sticks where its step began"
-ON_ITS_WAY = (
+MAX_TIME_RATIO = 0.8
+STEP_START_STICK_WHY = "new contact sticks where its step began"
+MIDSTEP_STICK_WHY = (
     "new contact sticks where it touches on its way through the step, found in a "
     "pass without friction for it"
 )
-NEEDLE = 1e3  # depth over a tip's radius beyond which a deformed body cannot be followed around it
-COARSEST = 1.5  # elements over the cohesive zone: coarser ones jump from node to node, measured
+MAX_NEEDLE_RATIO = (
+    1e3  # depth over a tip's radius beyond which a deformed body cannot be followed around it
+)
+MAX_ELEMENT_RATIO = (
+    1.5  # elements over the cohesive zone: coarser ones jump from node to node, measured
+)
 # of the largest pull without range: up to this difference a body pulls as a half-space does
 PULL_OFF_DIFFERENCE = 0.05
 # Beyond these a system takes so many iterations that some are not solved: 7 at nu 0.45 without a
 # pressure, 25 at 0.495, 56 at 0.499, too many at 0.4999; 7 in a contact of 3e5 E*/h_contact, 10 and
 # more steps of Newton's in one of 9e5
-NEARLY_LOCKED = 0.495
-RIGID = 3e5
+MAX_ITERATIVE_NU = 0.495
+MAX_ITERATIVE_STIFFNESS = 3e5
 # Measured on a half and a quarter of a rubber cylinder: no equilibrium within 23 iterations,
 # however short the step; linear bodies take twice the iterations of free walls (83 instead of 45)
-STIFF_WALL = (
+STIFF_WALL_WHY = (
     "a curved roller wall that is held weakly, at finite strain, has steps that "
     "iterations do not find"
 )
@@ -93,12 +119,14 @@ STEP_WHY = (
 AS_WIDE_WHY = (
     "the punch is as wide as the body: a plane, whose edge does not cut into a rim that bulges"
 )
-UNITS = "check work, R and E: are they in the same units?"
+UNITS_REMEDY = "check work, R and E: are they in the same units?"
 QUASI_WHY = "every point an equilibrium of the elastic curve"
 # of a mesh: between its contacts that come off and the deepest; of the way to the rim
-SPREAD = 500.0
-FILLED = 0.95
-BLUNTING = 1e-3  # of the expected contact radius: the radius that a sharp apex or edge gets
+MAX_RADIUS_SPREAD = 500.0
+MAX_RIM_FRACTION = 0.95
+ROUNDING_FRACTION = (
+    1e-3  # of the expected contact radius: the radius that a sharp apex or edge gets
+)
 
 
 @dataclass(frozen=True)
@@ -113,10 +141,10 @@ class Choice:
 Choices = list[Choice]
 
 
-def model(given: Given) -> Choices:
+def model_choices(setup: ProblemSetup) -> Choices:
     """What of the body is modelled, and how."""
-    physics = given.physics
-    part = physics.part
+    physics = setup.physics
+    domain = physics.domain
     body = f"{physics.body.shape}, height {physics.scales.length:.4g}"
     pinned = "roller base and free sides leave rigid modes; reactions audited to be zero"
     strain = (
@@ -125,17 +153,21 @@ def model(given: Given) -> Choices:
         else ("finite", "it is hyperelastic")
     )
     return [
-        *([Choice("body", body, given.truncation.why)] if given.truncation else []),
-        Choice("symmetry", part.symmetry, given.part_why),
-        Choice("kinematics", part.kinematics.name, part.kinematics.why),
+        *([Choice("body", body, setup.truncation.why)] if setup.truncation else []),
+        Choice("symmetry", domain.symmetry, setup.domain_reason),
+        Choice("kinematics", domain.kinematics.name, domain.kinematics.why),
         Choice("strain", *strain),
         *([Choice("control", "force", FORCE_WHY)] if physics.path.control == "force" else []),
-        *([Choice("surface", "held", _held_surface(physics))] if physics.is_drop else []),
-        *([Choice("pins", len(part.pins), pinned)] if part.pins else []),
+        *(
+            [Choice("surface", "held", _surface_membrane_reason(physics))]
+            if physics.is_drop
+            else []
+        ),
+        *([Choice("pins", len(domain.pins), pinned)] if domain.pins else []),
     ]
 
 
-def _held_surface(physics: Physics) -> str:
+def _surface_membrane_reason(physics: ProblemDefinition) -> str:
     """Why the surface of a drop is held in its plane."""
     number = f"gamma/(mu R) = {physics.drop_number:.3g}: little but its tension holds the surface"
     return (
@@ -146,18 +178,19 @@ def _held_surface(physics: Physics) -> str:
 
 def quantities(config: Config) -> Choices:
     """Quantities that carried units of their own, as they are in the scene's."""
-    own = f"{config.units.length} and {config.units.force}"
-    given = [
+    scene_units = f"{config.units.length} and {config.units.force}"
+    stated_quantities = [
         (key_text(path), value, text) for path, (text, value) in config.source.quantities.items()
     ]
     return [
-        Choice(key, value, f"given as {text}; the scene is in {own}") for key, value, text in given
+        Choice(key, value, f"given as {text}; the scene is in {scene_units}")
+        for key, value, text in stated_quantities
     ]
 
 
-def formulations(given: Given) -> Choices:
+def formulations(setup: ProblemSetup) -> Choices:
     """Displacements alone, or with a pressure, in each region."""
-    regions = given.physics.part.regions
+    regions = setup.physics.domain.regions
     return [_formulation(region, len(regions) == 1) for region in regions]
 
 
@@ -166,53 +199,53 @@ def _formulation(region: Region, is_alone: bool) -> Choice:
     key = f"body.{region.name}" if region.name.startswith("regions.") else key
     nu = region.softest.nu
     sign = ">=" if region.formulation == "mixed" else "<"
-    like = "" if region.material.is_isotropic else "as compressible as "
-    like = "its shear relaxes to " if region.least_share < 1 else like
+    state_text = "" if region.material.is_isotropic else "as compressible as "
+    state_text = "its shear relaxes to " if region.least_share < 1 else state_text
     why = (
         "as given"
         if region.material.formulation != "auto"
-        else f"{like}nu = {nu:.6g} {sign} {LOCKING:g}"
+        else f"{state_text}nu = {nu:.6g} {sign} {LOCKING:g}"
     )
     return Choice(f"{key}.formulation", region.formulation, why)
 
 
-def gap(wanted: Contact, given: Given) -> tuple[str, Choice]:
+def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
     """Where the gap is tested, at the undeformed or the deformed point.
 
     ConfigError for a gap at the deformed point that has no answer: a body that slides away, a
     needle.
     """
-    physics = given.physics
-    end = reach(given.physics.indenter)
+    physics = setup.physics
+    end = reach(setup.physics.indenter)
     auto = "reference" if physics.small_strain else "current"
-    chosen = auto if wanted.gap == "auto" else wanted.gap
-    if chosen == "current" and given.deepest > NEEDLE * end:
+    gap_kind = auto if settings.gap == "auto" else settings.gap
+    if gap_kind == "current" and setup.max_depth > MAX_NEEDLE_RATIO * end:
         outcome = "gap: current cannot tell how a body gives way to such a needle"
         problem = (
-            f"the depth is {given.deepest / end:.3g} times the radius at which the tip ends: "
+            f"the depth is {setup.max_depth / end:.3g} times the radius at which the tip ends: "
             f"{outcome}"
         )
         raise ConfigError("indenter", problem, "give both in the same unit of length")
-    if chosen == "current" and physics.part.pins and not physics.is_compressed:
+    if gap_kind == "current" and physics.domain.pins and not physics.is_compressed:
         remedy = (
             "fix the base, hold a side, use gap: reference, or put the tip in the middle and "
             "use symmetry"
         )
-        raise ConfigError("contact.gap", f"'current' {SIDEWAYS}", remedy)
-    return chosen, Choice(
-        "contact.gap", chosen, "as given" if wanted.gap != "auto" else GAP_WHY[chosen]
+        raise ConfigError("contact.gap", f"'current' {SIDEWAYS_TEXT}", remedy)
+    return gap_kind, Choice(
+        "contact.gap", gap_kind, "as given" if settings.gap != "auto" else GAP_WHY[gap_kind]
     )
 
 
 def contact(
-    wanted: Contact, given: Given, sizes: Sizes, fineness: Fineness | None
+    settings: Contact, setup: ProblemSetup, sizes: Sizes, fineness: MeshResolution | None
 ) -> tuple[ContactLaw, Choice]:
     """The contact method and its stiffness [pressure/length, without units]; ConfigError for one
     that is too soft.
     """
-    scales = given.physics.scales
-    unit = given.physics.material.E_star / sizes.h_contact
-    law: Any = replace(scales.scaled(wanted), gap="auto")  # the scene says which gap
+    scales = setup.physics.scales
+    unit = setup.physics.material.E_star / sizes.h_contact
+    law: Any = replace(scales.scaled(settings), gap="auto")  # the scene says which gap
     why = "as given"
     if isinstance(law, AutoContact):
         why = "auto: no penetration to pay for, smooth pressures, fewest iterations"
@@ -225,7 +258,7 @@ def contact(
     value: Any = getattr(law, name)
     source = f"{name} {'auto' if value == 'auto' else 'as given'}"
     if value == "auto":
-        value = rounded(_stiffness(law, given, sizes, fineness))
+        value = rounded(_auto_stiffness(law, setup, sizes, fineness))
     multiple = value / unit
     smallest = getattr(law, "smallest_multiple", 0.0)
     if multiple < smallest * (1 - 1e-9):
@@ -235,65 +268,69 @@ def contact(
         )
         remedy = (
             f"at least {smallest * unit * scales.stiffness:.4g}, or auto "
-            f"({law.auto_multiple:g} E*/h_contact)"
+            f"({law.auto_stiffness_factor:g} E*/h_contact)"
         )
         raise ConfigError(f"contact.{name}", problem, remedy)
     law = replace(law, **{name: value})
-    law = law if law.is_conservative else _with_tangential(law, unit, scales.stiffness)
+    law = law if law.is_conservative else _set_tangential_stiffness(law, unit, scales.stiffness)
     why = f"{why}; {source}: {value / unit:.3g} E*/h_contact"
     return law, Choice("contact", f"{law.method}, {name} = {value * scales.stiffness:.6g}", why)
 
 
-def friction(law: ContactLaw, given: Given, sizes: Sizes) -> tuple[ContactLaw, Anchor, Choices]:
+def friction(
+    law: ContactLaw, setup: ProblemSetup, sizes: Sizes
+) -> tuple[ContactLaw, Anchor, Choices]:
     """The law, with friction for stick where no surface that only pushes sticks, where new contact
     is taken to have touched, and what to say of friction; nothing where there is none.
 
     ConfigError for a scene that friction was never verified in.
     """
-    physics = given.physics
+    physics = setup.physics
     coefficient = law.friction
     if not coefficient:
         return law, "implicit", []
-    on_its_way = [Choice("contact.friction", coefficient, ON_ITS_WAY)]
-    if physics.part.pins:
-        problem = f"does not fit this scene: it {SIDEWAYS}"
+    on_its_way = [Choice("contact.friction", coefficient, MIDSTEP_STICK_WHY)]
+    if physics.domain.pins:
+        problem = f"does not fit this scene: it {SIDEWAYS_TEXT}"
         remedy = "fix the base, hold a side, or put the tip in the middle and use symmetry"
         raise ConfigError("contact.friction", problem, remedy)
     if not isinstance(coefficient, str):
-        if coefficient <= FREE:
-            return law, "implicit", [Choice("contact.friction", coefficient, FREE_WHY)]
+        if coefficient <= MAX_SLIPPING_FRICTION:
+            return law, "implicit", [Choice("contact.friction", coefficient, STEP_START_STICK_WHY)]
         return law, "mid", on_its_way
-    rim = pulling_rim(physics.indenter, physics.material.constants.nu, sizes, physics.part.dim)
-    if not rim:
+    rim_width = tensile_rim_width(
+        physics.indenter, physics.material.constants.nu, sizes, physics.domain.dim
+    )
+    if not rim_width:
         return law, "mid", on_its_way
     why = (
-        f"stands for stick: {rim * physics.scales.length:.2g} beside the sharp edge a "
+        f"stands for stick: {rim_width * physics.scales.length:.2g} beside the sharp edge a "
         "surface that sticks would pull"
     )
-    law = replace(law, friction=NEARLY_STICK)  # type: ignore[arg-type]
-    return law, "mid", [Choice("contact.friction", NEARLY_STICK, why)]
+    law = replace(law, friction=STICK_FRICTION)  # type: ignore[arg-type]
+    return law, "mid", [Choice("contact.friction", STICK_FRICTION, why)]
 
 
 def adhesion(
-    law: ContactLaw, given: Given, sizes: Sizes
+    law: ContactLaw, setup: ProblemSetup, sizes: Sizes
 ) -> tuple[ExpectedAdhesion | None, Choices]:
     """What to say of a tip that adheres, the number of elements in its cohesive zone; nothing where
     none does. ConfigError for a range that the elements do not resolve, and for plane strain,
     where it was never verified.
     """
-    found = law.adhesion
-    if found is None:
+    attraction = law.adhesion
+    if attraction is None:
         return None, []
-    if given.physics.body.dim == 2:
+    if setup.physics.body.dim == 2:
         problem = "was never verified in plane strain"
         raise ConfigError(
             "contact.adhesion", problem, "use an axisymmetric or a three-dimensional body"
         )
-    L = given.physics.scales.length
-    E_star = given.physics.material.E_star
+    L = setup.physics.scales.length
+    E_star = setup.physics.material.E_star
     h = sizes.h_contact
-    smallest = found.resolved_by(h / COARSEST, E_star) * L
-    if found.range is None:
+    smallest = attraction.resolved_by(h / MAX_ELEMENT_RATIO, E_star) * L
+    if attraction.range is None:
         remedy = (
             f"at least {smallest:.3g} where h_contact = {h * L:.3g}; its limit 0 is "
             "experiment.adhesion"
@@ -303,23 +340,25 @@ def adhesion(
             "is missing: the distance over which the attraction acts",
             remedy,
         )
-    zone = found.zone(E_star)
-    if h > COARSEST * zone * (1 + 1e-9):
-        needed = f"as those of {COARSEST:g} times its size at most do"
+    zone = attraction.zone(E_star)
+    if h > MAX_ELEMENT_RATIO * zone * (1 + 1e-9):
+        size_text = f"as those of {MAX_ELEMENT_RATIO:g} times its size at most do"
         problem = (
             f"has a cohesive zone of {zone * L:.3g}, and elements of {h * L:.3g} do not "
-            f"resolve it, {needed}"
+            f"resolve it, {size_text}"
         )
         remedy = (
             f"a range of at least {smallest:.3g}, or mesh.h_contact of at most "
-            f"{COARSEST * zone * L:.3g}"
+            f"{MAX_ELEMENT_RATIO * zone * L:.3g}"
         )
         raise ConfigError("contact.adhesion.range", problem, remedy)
-    expected = _expected_adhesion(found, given, zone, h)
-    return expected, [Choice("contact.adhesion", found.range * L, expected.words)]
+    expected = _expected_adhesion(attraction, setup, zone, h)
+    return expected, [Choice("contact.adhesion", attraction.range * L, expected.description)]
 
 
-def _expected_adhesion(found: Adhesion, given: Given, zone: float, h: float) -> ExpectedAdhesion:
+def _expected_adhesion(
+    attraction: Adhesion, setup: ProblemSetup, zone: float, h: float
+) -> ExpectedAdhesion:
     """What is known of this attraction beforehand; zone, h [length]: of its cohesive zone, of the
     elements there.
     """
@@ -329,20 +368,22 @@ def _expected_adhesion(found: Adhesion, given: Given, zone: float, h: float) -> 
         tabor,
     )  # with scipy's searches
 
-    L = given.physics.scales.length
-    F = given.physics.scales.force
-    R = getattr(given.relative, "R", None)
-    pull = None
+    L = setup.physics.scales.length
+    F = setup.physics.scales.force
+    R = getattr(setup.relative_tip, "R", None)
+    pull_off = None
     with contextlib.suppress(*UNSOLVED):
-        pull = given.jkr.pull_off(inf).force if given.jkr else None
-    expected = ExpectedAdhesion(zone * L, zone / h, jkr_pull_off=pull and pull * F)
+        pull_off = setup.jkr.pull_off(inf).force if setup.jkr else None
+    expected = ExpectedAdhesion(zone * L, zone / h, jkr_pull_off=pull_off and pull_off * F)
     if R is None:
         return expected
-    assert found.range is not None
-    numbers = (found.work, found.range, R, given.physics.material.E_star)
-    unit = pi * found.work * R
-    is_alike = pull is not None and abs(pull / (-1.5 * unit) - 1) <= PULL_OFF_DIFFERENCE
-    dugdale = maugis_pull_off(maugis_lambda(*numbers)) * unit * F if is_alike else None
+    assert attraction.range is not None
+    numbers = (attraction.work, attraction.range, R, setup.physics.material.E_star)
+    unit = pi * attraction.work * R
+    is_half_space_like = (
+        pull_off is not None and abs(pull_off / (-1.5 * unit) - 1) <= PULL_OFF_DIFFERENCE
+    )
+    dugdale = maugis_pull_off(maugis_lambda(*numbers)) * unit * F if is_half_space_like else None
     return replace(
         expected,
         tabor=tabor(*numbers),
@@ -351,87 +392,99 @@ def _expected_adhesion(found: Adhesion, given: Given, zone: float, h: float) -> 
     )
 
 
-def _with_tangential(law: Any, unit: float, stiffness: float) -> Any:
+def _set_tangential_stiffness(law: Any, unit: float, stiffness: float) -> Any:
     """The law with its epsilon_t, auto being epsilon_n; ConfigError where the surface slips that
     should stick.
     """
     law = replace(law, epsilon_t=law.stiffness) if law.epsilon_t == "auto" else law
-    least = law.smallest_tangential
-    if law.epsilon_t >= least * unit * (1 - 1e-9):
+    min_multiple = law.min_tangential_factor
+    if law.epsilon_t >= min_multiple * unit * (1 - 1e-9):
         return law
-    given = ", or auto (epsilon_n)" if law.epsilon_t != law.stiffness else ""
+    auto_text = ", or auto (epsilon_n)" if law.epsilon_t != law.stiffness else ""
     outcome = f"{law.method} loses friction, or does not converge"
-    problem = f"is {law.epsilon_t / unit:.2g} E*/h_contact; below {least:g} E*/h_contact {outcome}"
+    problem = (
+        f"is {law.epsilon_t / unit:.2g} E*/h_contact; below {min_multiple:g} E*/h_contact {outcome}"
+    )
     raise ConfigError(
-        "contact.epsilon_t", problem, f"at least {least * unit * stiffness:.4g}{given}"
+        "contact.epsilon_t", problem, f"at least {min_multiple * unit * stiffness:.4g}{auto_text}"
     )
 
 
-def _stiffness(law: Any, given: Given, sizes: Sizes, fineness: Fineness | None) -> float:
+def _auto_stiffness(
+    law: Any, setup: ProblemSetup, sizes: Sizes, fineness: MeshResolution | None
+) -> float:
     """The epsilon_n or gamma that `auto` stands for [pressure/length, without units]."""
-    unit = given.physics.material.E_star / sizes.typical
-    usual = float(law.auto_multiple * unit)
+    unit = setup.physics.material.E_star / sizes.typical
+    default_stiffness = float(law.auto_stiffness_factor * unit)
     if not isinstance(law, Penalty):
-        return usual
+        return default_stiffness
     if fineness is not None:  # the penalty's error must fit into what is asked for
-        return min(fineness.penalty, STIFFEST * unit)
-    depths = {delta for delta in (given.deepest, given.physics.deltas[-1]) if delta > 0}
-    law = replace(law, epsilon_n=usual)
-    lost = [
-        penalty_loss(law, given.physics.material, given.theory, delta, given.radius(delta))
+        return min(fineness.penalty_stiffness, MAX_STIFFNESS_MULTIPLE * unit)
+    depths = {delta for delta in (setup.max_depth, setup.physics.deltas[-1]) if delta > 0}
+    law = replace(law, epsilon_n=default_stiffness)
+    force_losses = [
+        penalty_force_loss(
+            law, setup.physics.material, setup.theory, delta, setup.expected_radius(delta)
+        )
         for delta in depths
     ]
-    return min(usual * max(1.0, max(lost, default=0.0) / NEGLIGIBLE_ERROR), STIFFEST * unit)
+    return min(
+        default_stiffness * max(1.0, max(force_losses, default=0.0) / NEGLIGIBLE_ERROR),
+        MAX_STIFFNESS_MULTIPLE * unit,
+    )
 
 
-def solver(config: Config, given: Given, physics: Physics, nodes: float) -> Choice:
+def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, nodes: float) -> Choice:
     """What solves the scene; ConfigError for one that cannot.
 
     A linear body under a frictionless tip with a reference gap is one compliance; anything else is
     not. The compliance is dense: beyond MOST_CANDIDATES nodes that may come into contact it is not
     made.
     """
-    wanted = config.solver.method
+    requested = config.solver.method
     law = physics.contact
-    size = (
+    size_text = (
         f"{nodes:.2g} nodes may come into contact: the dense matrices need "
-        f"{DENSE * nodes**2 / 1e9:.2g} GB"
+        f"{DENSE_BYTES * nodes**2 / 1e9:.2g} GB"
     )
-    obstacle = first_of(
+    obstacle = first_reason(
         (not physics.small_strain, "the material is not linear"),
         (physics.gap == "current", "the gap at the deformed point makes the problem nonlinear"),
         (bool(law.uncondensed), law.uncondensed),
-        (bool(physics.permeable), "the fluid's pressure lives inside the body"),
-        (bool(physics.relaxing), "its shear relaxes, and its bulk modulus does not"),
-        (config.solver.linear == "iterative", FOR_WHOLE),
+        (bool(physics.permeable_regions), "the fluid's pressure lives inside the body"),
+        (bool(physics.relaxing_regions), "its shear relaxes, and its bulk modulus does not"),
+        (config.solver.linear == "iterative", WHOLE_BODY_WHY),
         (
-            nodes > MOST_CANDIDATES,
-            f"about {size} (at most {MOST_CANDIDATES} nodes are condensed to)",
+            nodes > MAX_CANDIDATES,
+            f"about {size_text} (at most {MAX_CANDIDATES} nodes are condensed to)",
         ),
     )
-    if wanted == "condensed" and obstacle:
+    if requested == "condensed" and obstacle:
         raise ConfigError(
             "solver.method", f"'condensed' does not fit this scene: {obstacle}", "use 'newton'"
         )
-    if wanted != "auto":
-        return Choice("solver.method", wanted, "as given")
+    if requested != "auto":
+        return Choice("solver.method", requested, "as given")
     why = obstacle or "linear body, reference gap: one factorisation serves every step"
-    if given.truncation and (unlike := against_theory(config, given)) != why:
-        why = f"{why}; not theory: {unlike}"
+    if setup.truncation and (theory_reason := theory_obstacle(config, setup)) != why:
+        why = f"{why}; not theory: {theory_reason}"
     return Choice("solver.method", "newton" if obstacle else "condensed", why)
 
 
-def against_iterative(config: Config, physics: Physics, sizes: Sizes) -> str:
+def iterative_obstacle(config: Config, physics: ProblemDefinition, sizes: Sizes) -> str:
     """Why the linear systems of a scene are not solved iteratively; empty where they can be."""
     law = physics.contact
-    locked = physics.most_locked
-    rigid = getattr(law, "stiffness", 0.0) * sizes.h_contact / physics.material.E_star
-    return first_of(
-        (physics.part.dim == 2, "axisymmetric and plane bodies are factored"),
+    locking_nu = physics.largest_locking_nu
+    stiffness_multiple = getattr(law, "stiffness", 0.0) * sizes.h_contact / physics.material.E_star
+    return first_reason(
+        (physics.domain.dim == 2, "axisymmetric and plane bodies are factored"),
         (bool(law.unsymmetric), law.unsymmetric),
-        (bool(physics.permeable), "its preconditioner does not know the pressure of the fluid"),
         (
-            bool(physics.relaxing),
+            bool(physics.permeable_regions),
+            "its preconditioner does not know the pressure of the fluid",
+        ),
+        (
+            bool(physics.relaxing_regions),
             "a body whose shear relaxes is factored, each length of a step anew",
         ),
         (
@@ -439,84 +492,96 @@ def against_iterative(config: Config, physics: Physics, sizes: Sizes) -> str:
             f"{law.method} has a tangent that is not symmetric",
         ),
         (
-            locked > NEARLY_LOCKED,
-            f"formulation: displacement at nu = {locked:g} needs too many iterations",
+            locking_nu > MAX_ITERATIVE_NU,
+            f"formulation: displacement at nu = {locking_nu:g} needs too many iterations",
         ),
-        (rigid > RIGID, f"a contact of {rigid:.2g} E*/h_contact needs too many iterations"),
-        (bool(physics.wall_stiffness) and not physics.small_strain, STIFF_WALL),
+        (
+            stiffness_multiple > MAX_ITERATIVE_STIFFNESS,
+            f"a contact of {stiffness_multiple:.2g} E*/h_contact needs too many iterations",
+        ),
+        (bool(physics.wall_stiffness) and not physics.small_strain, STIFF_WALL_WHY),
         (config.solver.method == "condensed", "solver.method: condensed factors the body once"),
     )
 
 
-def linear(
-    config: Config, physics: Physics, sizes: Sizes, direct: Cost, iterative: Cost, room: float
+def linear_solver(
+    config: Config,
+    physics: ProblemDefinition,
+    sizes: Sizes,
+    direct: Cost,
+    iterative: Cost,
+    available_memory: float,
 ) -> Choice:
-    """How linear systems are solved, at these costs and with `room` for them [bytes].
+    """How linear systems are solved, at these costs and with `available_memory` for them [bytes].
 
     ConfigError for an iterative solver that does not know the scene.
     """
-    wanted = config.solver.linear
-    obstacle = against_iterative(config, physics, sizes)
-    if wanted == "iterative" and obstacle:
+    requested = config.solver.linear
+    obstacle = iterative_obstacle(config, physics, sizes)
+    if requested == "iterative" and obstacle:
         raise ConfigError(
             "solver.linear", f"'iterative' does not fit this scene: {obstacle}", "use 'direct'"
         )
-    if wanted != "auto":
-        return Choice("solver.linear", wanted, "as given")
+    if requested != "auto":
+        return Choice("solver.linear", requested, "as given")
     if obstacle:
         return Choice("solver.linear", "direct", obstacle)
-    effort = [
+    cost_texts = [
         f"about {cost.seconds:.2g} s and {cost.memory / 1e9:.2g} GB" for cost in (direct, iterative)
     ]
-    is_worth_it = direct.seconds - iterative.seconds > WORTH_SECONDS
-    is_cheaper = is_worth_it and iterative.seconds < CLEARLY * direct.seconds
-    is_needed = direct.memory > room >= iterative.memory
-    chosen = "iterative" if is_cheaper or is_needed else "direct"
-    return Choice("solver.linear", chosen, f"factored {effort[0]}, iteratively {effort[1]}")
+    is_worth_it = direct.seconds - iterative.seconds > MIN_SECONDS_SAVED
+    is_cheaper = is_worth_it and iterative.seconds < MAX_TIME_RATIO * direct.seconds
+    is_needed = direct.memory > available_memory >= iterative.memory
+    solver_kind = "iterative" if is_cheaper or is_needed else "direct"
+    return Choice(
+        "solver.linear", solver_kind, f"factored {cost_texts[0]}, iteratively {cost_texts[1]}"
+    )
 
 
-def theory(config: Config, given: Given) -> Choice | None:
+def theory(config: Config, setup: ProblemSetup) -> Choice | None:
     """That theory solves the scene, and why; None where a mesh does.
 
     ConfigError where theory is asked for in vain.
     """
-    wanted = config.solver.method
-    if wanted != "theory" and not (wanted == "auto" and isinstance(config.body, Endless)):
+    requested = config.solver.method
+    if requested != "theory" and not (requested == "auto" and isinstance(config.body, Endless)):
         return None
-    obstacle = against_theory(config, given)
-    if wanted == "theory" and obstacle:
+    obstacle = theory_obstacle(config, setup)
+    if requested == "theory" and obstacle:
         raise ConfigError(
             "solver.method", f"'theory' does not fit this scene: {obstacle}", "use 'auto'"
         )
-    if obstacle or given.theory is None:
+    if obstacle or setup.theory is None:
         return None
-    good = (
+    error_text = (
         "too large a force"
-        if given.theory.pull
-        else f"exact but for {given.theory.error:.0e} of the force"
+        if setup.theory.pull
+        else f"exact but for {setup.theory.error:.0e} of the force"
     )
-    why = f"{given.theory.why}: {good}, nothing is meshed"
-    return Choice("solver.method", "theory", f"as given; {why}" if wanted == "theory" else why)
+    why = f"{setup.theory.why}: {error_text}, nothing is meshed"
+    return Choice("solver.method", "theory", f"as given; {why}" if requested == "theory" else why)
 
 
-def against_theory(config: Config, given: Given) -> str:
+def theory_obstacle(config: Config, setup: ProblemSetup) -> str:
     """Why theory cannot give what a scene asks for; empty where it can."""
-    if unlike := unlike_theory(config):
-        return unlike
-    known = given.theory
-    target = target_of(config.accuracy)
-    if known is None:
-        has_shape = shape_of(given.physics.indenter) is not None
+    if config_reason := config_obstacle(config):
+        return config_reason
+    reference_theory = setup.theory
+    target = target_error(config.accuracy)
+    if reference_theory is None:
+        has_shape = theory_tip_shape(setup.physics.indenter) is not None
         return (
             "theory knows no layers with nu < 0" if has_shape else "theory does not know this tip"
         )
-    if not known.exact and not (known.pull and config.solver.method == "theory"):
-        return known.why
-    if target is not None and target < known.error:
-        return f"theory is good to {known.error:.0e} of the force, and accuracy asks for {target:g}"
-    if given.physics.path.control == "depth" and len(given.physics.deltas) <= MOST_KEPT:
-        known.expect(given.physics.deltas)  # of which this is one
-    if not known.reaches(given.deepest, given.physics.largest_force):
+    if not reference_theory.exact and not (
+        reference_theory.pull and config.solver.method == "theory"
+    ):
+        return reference_theory.why
+    if target is not None and target < reference_theory.error:
+        return f"theory is good to {reference_theory.error:.0e} of the force, and accuracy asks for {target:g}"
+    if setup.physics.path.control == "depth" and len(setup.physics.deltas) <= MOST_KEPT:
+        reference_theory.expect(setup.physics.deltas)  # of which this is one
+    if not reference_theory.reaches(setup.max_depth, setup.physics.largest_force):
         return (
             "theory ends before the deepest contact: at a wall, at the tip's end, or at 100 "
             "thicknesses"
@@ -524,14 +589,14 @@ def against_theory(config: Config, given: Given) -> str:
     return ""
 
 
-def unlike_theory(config: Config) -> str:
+def config_obstacle(config: Config) -> str:
     """What a config asks for that no theory has, as far as it can be told at a look; empty where
     there is nothing.
     """
     materials = [layer.material for layer in config.layers if layer.material]
     law = config.contact
     solver = replace(config.solver, method="auto")
-    return first_of(
+    return first_reason(
         (isinstance(config.body, MeshFromFile), "theory does not know a body meshed elsewhere"),
         (not all(material.small_strain for material in materials), "the material is not linear"),
         (
@@ -566,19 +631,19 @@ def needs_mesh(config: Config) -> bool:
     return (
         config.solver.method in ("condensed", "newton")
         or not is_for_theory
-        or bool(unlike_theory(config))
+        or bool(config_obstacle(config))
     )
 
 
-def by_theory(config: Config, given: Given) -> Choices:
+def theory_choices(config: Config, setup: ProblemSetup) -> Choices:
     """What theory solves, and what of it is written."""
-    physics = given.physics
-    part = physics.part
-    target = target_of(config.accuracy)
-    peak = infinite_pressure(physics.indenter, given.a) if given.deepest > 0 else ""
-    good = "theory is better than that"
+    physics = setup.physics
+    domain = physics.domain
+    target = target_error(config.accuracy)
+    peak_reason = infinite_pressure_reason(physics.indenter, setup.a) if setup.max_depth > 0 else ""
+    accuracy_text = "theory is better than that"
     return [
-        Choice("kinematics", part.kinematics.name, given.part_why),
+        Choice("kinematics", domain.kinematics.name, setup.domain_reason),
         Choice("strain", "small", "the material is linear elastic"),
         *(
             [Choice("control", "force", THEORY_FORCE_WHY)]
@@ -586,139 +651,152 @@ def by_theory(config: Config, given: Given) -> Choices:
             else []
         ),
         Choice("contact.gap", "reference", "theory tests the gap at the undeformed point"),
-        *([Choice("p_max", "empty", peak)] if peak else []),
-        *([Choice("accuracy", target, good)] if target is not None else []),
+        *([Choice("p_max", "empty", peak_reason)] if peak_reason else []),
+        *([Choice("accuracy", target, accuracy_text)] if target is not None else []),
         Choice("output.fields", "none", "there is no mesh to write them on"),
     ]
 
 
-def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) -> Choices:
+def mesh(
+    config: Config, setup: ProblemSetup, sizes: Sizes, fineness: MeshResolution | None
+) -> Choices:
     """The element sizes, and where each comes from."""
-    L = given.physics.scales.length
-    a = given.a
-    wanted = config.mesh
-    per_radius = f"{a / sizes.h_contact:.3g} elements in the expected contact radius {a * L:.4g}"
+    L = setup.physics.scales.length
+    a = setup.a
+    settings = config.mesh
+    elements_text = f"{a / sizes.h_contact:.3g} elements in the expected contact radius {a * L:.4g}"
     choices = [Choice("accuracy", fineness.target, fineness.why(L))] if fineness else []
-    if isinstance(given.physics.part, MeshedPart):
-        piece = given.physics.part.piece
-        found = f"{piece.size.cells} cells, {piece.size.points} points"
-        if len(piece.middles[0]):
-            found += "; order 2: its midside nodes are the new corners of the first refinement"
-        own = "as given" if wanted.refinements else "the mesh as it is"
-        refined = Choice(
+    if isinstance(setup.physics.domain, MeshedPart):
+        imported_mesh = setup.physics.domain.piece
+        mesh_text = f"{imported_mesh.size.cells} cells, {imported_mesh.size.points} points"
+        if len(imported_mesh.middles[0]):
+            mesh_text += "; order 2: its midside nodes are the new corners of the first refinement"
+        refinement_reason = "as given" if settings.refinements else "the mesh as it is"
+        refinements_choice = Choice(
             "mesh.refinements",
             sizes.refinements or 0,
-            "each halves every edge" if fineness else own,
+            "each halves every edge" if fineness else refinement_reason,
         )
-        finest = Choice("mesh.h_contact", sizes.h_contact * L, f"the facets' own; {per_radius}")
-        return [Choice("body.file", piece.hash, found), *choices, refined, finest]
+        size_choice = Choice(
+            "mesh.h_contact", sizes.h_contact * L, f"the facets' own; {elements_text}"
+        )
+        return [
+            Choice("body.file", imported_mesh.hash, mesh_text),
+            *choices,
+            refinements_choice,
+            size_choice,
+        ]
     auto = "from accuracy" if fineness else "auto: at most 0.3 % of the force at the last step"
-    chosen = "as given" if wanted.h_contact != "auto" else auto
-    far = (
+    contact_reason = "as given" if settings.h_contact != "auto" else auto
+    far_reason = (
         "as given"
-        if wanted.h_far != "auto"
+        if settings.h_far != "auto"
         else f"sizes grow by {sizes.grading:.3g} per unit distance up to this"
     )
-    contact = ("h_contact", f"{chosen}; {per_radius}")
+    contact = ("h_contact", f"{contact_reason}; {elements_text}")
     axis = ("h_axis", AXIS_WHY)
     reasons = (
         contact,
         axis,
-        ("h_far", far),
+        ("h_far", far_reason),
         ("h_edge", EDGE_WHY),
         ("h_corner", CORNER_WHY),
         ("h_film", FILM_WHY),
     )
-    each = [(f"mesh.{name}", getattr(sizes, name), why) for name, why in reasons]
-    choices += [Choice(key, h * L, why) for key, h, why in each if h is not None]
+    named_sizes = [(f"mesh.{name}", getattr(sizes, name), why) for name, why in reasons]
+    choices += [Choice(key, h * L, why) for key, h, why in named_sizes if h is not None]
     if sizes.inclusions:
-        inside = ", ".join(f"{h * L:.4g}" for _, h in sizes.inclusions)
+        sizes_text = ", ".join(f"{h * L:.4g}" for _, h in sizes.inclusions)
         why = (
             "as given"
-            if wanted.h_inclusions
+            if settings.h_inclusions
             else "by what the force feels of each; sizes grow from this around them"
         )
-        choices.append(Choice("mesh.h_inclusions", inside, why))
+        choices.append(Choice("mesh.h_inclusions", sizes_text, why))
     if sizes.skins:
-        inside = ", ".join(f"{h * L:.4g}" for _, h in sizes.skins)
+        sizes_text = ", ".join(f"{h * L:.4g}" for _, h in sizes.skins)
         why = (
             "as given"
-            if wanted.h_layers
+            if settings.h_layers
             else "by the thickness of each skin; sizes grow from this on both sides"
         )
-        choices.append(Choice("mesh.h_layers", inside, why))
+        choices.append(Choice("mesh.h_layers", sizes_text, why))
     return choices
 
 
-def follows_whole(config: Config, given: Given, solver: Choice) -> bool:
+def is_followed_on_body(config: Config, setup: ProblemSetup, solver: Choice) -> bool:
     """Whether a history is followed row by row on the whole body: no curve determines it."""
-    return given.history is not None and (
+    return setup.history is not None and (
         bool(config.contact.beyond_curve) or solver.value == "newton"
     )
 
 
-def steps(given: Given, physics: Physics, sizes: Sizes) -> Choices:
+def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) -> Choices:
     """How long what flows and relaxes takes, and in which steps it is followed; nothing where the
     body is elastic.
     """
-    if not physics.evolves or given.history is None:
+    if not physics.is_time_dependent or setup.history is None:
         return []
-    why = []
-    if physics.permeable:
-        times = Durations.of(given, physics, sizes.h_contact)
-        why.append(
+    reasons = []
+    if physics.permeable_regions:
+        times = DiffusionTimes.compute(setup, physics, sizes.h_contact)
+        reasons.append(
             f"fluid takes {times.contact:.3g} through the contact, {times.height:.3g} through "
             "the body"
         )
     if relaxing := [
-        t for region in physics.part.regions if region.relaxing for t in region.relaxing.times
+        t for region in physics.domain.regions if region.relaxing for t in region.relaxing.times
     ]:
-        why.append(f"shear relaxes in {min(relaxing):.3g} to {max(relaxing):.3g}")
-    method = "SDIRK2" if physics.permeable else "the exponentials' own"
-    why.append(
-        f"{given.per_doubling} of each length in every piece of the history, then twice "
+        reasons.append(f"shear relaxes in {min(relaxing):.3g} to {max(relaxing):.3g}")
+    method = "SDIRK2" if physics.permeable_regions else "the exponentials' own"
+    reasons.append(
+        f"{setup.steps_per_doubling} of each length in every piece of the history, then twice "
         f"as long; {method}"
     )
-    first = first_step(given, physics, sizes.h_contact)
-    if given.history.jumps and not physics.path.jumps:
-        why.append(
+    first = first_step(setup, physics, sizes.h_contact)
+    if setup.history.jumps and not physics.path.jumps:
+        reasons.append(
             "a jump on this column has no equilibrium at once: the step after it begins before it"
         )
-    found: Choices = [Choice("time.first_step", float(f"{first:.4g}"), "; ".join(why))]
+    choices_made: Choices = [Choice("time.first_step", float(f"{first:.4g}"), "; ".join(reasons))]
     if physics.bath_ramp:
         given_as = (
             "as given"
             if physics.drainage.bath_ramp != "auto"
             else "a 75th of what fluid takes through the contact"
         )
-        words = (
+        reason = (
             "a sudden bath comes evenly within this time, since at once it has no "
             f"equilibrium: {given_as}"
         )
-        found.append(Choice("drainage.bath_ramp", float(f"{physics.bath_ramp:.4g}"), words))
-    return found
+        choices_made.append(Choice("drainage.bath_ramp", float(f"{physics.bath_ramp:.4g}"), reason))
+    return choices_made
 
 
-def curve(config: Config, given: Given, solver: Choice, follows_whole: bool = False) -> Choices:
+def curve(
+    config: Config, setup: ProblemSetup, solver: Choice, follows_whole: bool = False
+) -> Choices:
     """How what is computed from the elastic curve is, an experiment, a history, or why a history is
     not; ConfigError where a curve does not determine what is asked for.
     """
-    if given.experiment is None and given.history is None:
+    if setup.experiment is None and setup.history is None:
         return []
     if follows_whole:
-        why = solver.why if solver.value == "newton" else config.contact.beyond_curve
-        _refuse_in_time(given, why)
-        return [Choice("time", "steps", f"row by row on the body: {why}")]
+        reason = solver.why if solver.value == "newton" else config.contact.beyond_curve
+        _refuse_curve_features(setup, reason)
+        return [Choice("time", "steps", f"row by row on the body: {reason}")]
     _refuse_curve(
         config,
-        given,
+        setup,
         solver,
-        "experiment" if given.experiment else f"loading.{config.loading.given[0]}",
+        "experiment" if setup.experiment else f"loading.{config.loading.given[0]}",
     )
-    choices = [Choice("experiment.adhesion", "JKR", JKR_WHY)] if given.jkr_limit else []
-    if given.history:
-        why = STEP_WHY if given.is_stepped else TING_WHY if given.relaxation else QUASI_WHY
-        choices.append(Choice("time", "curve", JKR_WHY if given.jkr_limit else why))
+    choices = [Choice("experiment.adhesion", "JKR", JKR_WHY)] if setup.jkr_limit else []
+    if setup.history:
+        reason = (
+            STEP_WHY if setup.uses_time_stepping else TING_WHY if setup.relaxation else QUASI_WHY
+        )
+        choices.append(Choice("time", "curve", JKR_WHY if setup.jkr_limit else reason))
     return choices
 
 
@@ -736,25 +814,25 @@ def refuse_nodal_stress(config: Config, has_fields: bool) -> None:
         raise ConfigError("output.nodal_stress", "true: this run writes no fields", "leave it out")
 
 
-def _refuse_in_time(given: Given, why: str) -> None:
+def _refuse_curve_features(setup: ProblemSetup, why: str) -> None:
     """ConfigError for what is made of a curve."""
-    if given.relaxation:
+    if setup.relaxation:
         problem = f"all: is for the curve of a linear, frictionless body: {why}"
         raise ConfigError(
             "material.relaxation.of",
             problem,
             "of: shear, or leave out what stands against the curve",
         )
-    if made := next(
-        (name for name, part in vars(given.experiment or Experiment()).items() if part), None
+    if experiment_part := next(
+        (name for name, part in vars(setup.experiment or Experiment()).items() if part), None
     ):
         problem = f"is made of a curve, and this body is followed row by row: {why}"
-        raise ConfigError(f"experiment.{made}", problem, "leave one of the two out")
+        raise ConfigError(f"experiment.{experiment_part}", problem, "leave one of the two out")
 
 
-def _refuse_curve(config: Config, given: Given, solver: Choice, key: str) -> None:
-    physics = given.physics
-    if given.history and config.output.fields in ("last", "all"):
+def _refuse_curve(config: Config, setup: ProblemSetup, solver: Choice, key: str) -> None:
+    physics = setup.physics
+    if setup.history and config.output.fields in ("last", "all"):
         problem = (
             f"{config.output.fields}: a history is followed on the elastic curve, which has "
             "no fields"
@@ -774,40 +852,40 @@ def _refuse_curve(config: Config, given: Given, solver: Choice, key: str) -> Non
         raise ConfigError(
             key, problem, "solver.method: condensed or theory says what stands against it"
         )
-    if given.jkr_limit and physics.part.kinematics.name != "axisymmetric":
+    if setup.jkr_limit and physics.domain.kinematics.name != "axisymmetric":
         problem = (
             "the JKR limit is that of a disc, and this scene is "
-            f"{physics.part.kinematics.name.replace('_', ' ')}"
+            f"{physics.domain.kinematics.name.replace('_', ' ')}"
         )
         raise ConfigError("experiment.adhesion", problem, "put the tip on the axis of a round body")
-    if given.jkr_limit and not given.held_radii:
+    if setup.jkr_limit and not setup.adhesive_radii:
         problem = (
             "the contact that adheres so is wider than theory reaches, or there is none at "
             "that depth"
         )
-        raise ConfigError("experiment.adhesion", problem, UNITS)
-    if given.jkr_limit and solver.value == "condensed" and given.held_radii:
-        _refuse_unlike_contacts(given, *given.held_radii)
-    if given.is_stepped and solver.value == "theory" and physics.body.dim == 2:
+        raise ConfigError("experiment.adhesion", problem, UNITS_REMEDY)
+    if setup.jkr_limit and solver.value == "condensed" and setup.adhesive_radii:
+        _refuse_radius_range(setup, *setup.adhesive_radii)
+    if setup.uses_time_stepping and solver.value == "theory" and physics.body.dim == 2:
         problem = (
             "a strip that relaxes under this history is stepped in time on the compliance of a mesh"
         )
         raise ConfigError("material.relaxation", problem, "use solver.method: condensed")
 
 
-def _refuse_unlike_contacts(given: Given, smallest: float, largest: float) -> None:
+def _refuse_radius_range(setup: ProblemSetup, smallest: float, largest: float) -> None:
     """ConfigError where no mesh holds the contacts with adhesion, from where the tip comes off to
     the deepest.
     """
-    L = given.physics.scales.length
-    rim = given.physics.body.rim_distance(given.physics.center)
-    if largest > FILLED * rim:
+    L = setup.physics.scales.length
+    rim = setup.physics.body.rim_distance(setup.physics.center)
+    if largest > MAX_RIM_FRACTION * rim:
         problem = (
             f"pulls the body around the tip to a radius of {largest * L:.3g}, its rim being "
             f"at {rim * L:.3g}"
         )
-        raise ConfigError("experiment.adhesion.work", problem, UNITS)
-    if largest > SPREAD * smallest:
+        raise ConfigError("experiment.adhesion.work", problem, UNITS_REMEDY)
+    if largest > MAX_RADIUS_SPREAD * smallest:
         problem = (
             f"lets the tip come off at a radius of {smallest * L:.3g}, far below the deepest, "
             f"{largest * L:.3g}"
@@ -817,31 +895,33 @@ def _refuse_unlike_contacts(given: Given, smallest: float, largest: float) -> No
         )
 
 
-def tip(config: Config, given: Given, gap: str) -> tuple[Indenter, Choices]:
+def tip(config: Config, setup: ProblemSetup, gap: str) -> tuple[Indenter, Choices]:
     """The tip, with a small radius at a sharp apex or edge where the gap needs a normal everywhere;
     a plate in place of a punch that is as wide as the body.
     """
-    if isinstance(given.physics.indenter, Plate) and isinstance(config.indenter, FlatPunch):
-        return given.physics.indenter, [Choice("indenter.shape", "plate", AS_WIDE_WHY)]
-    physics = given.physics
-    body = given.physics.body
-    sharp = physics.indenter
+    if isinstance(setup.physics.indenter, Plate) and isinstance(config.indenter, FlatPunch):
+        return setup.physics.indenter, [Choice("indenter.shape", "plate", AS_WIDE_WHY)]
+    physics = setup.physics
+    body = setup.physics.body
+    sharp_tip = physics.indenter
     key = "edge_radius" if isinstance(physics.indenter, FlatPunch) else "tip_radius"
-    if gap == "reference" or getattr(sharp, key, 1.0) > 0:
-        return sharp, []
-    radius = rounded(BLUNTING * given.a)
-    smooth = replace(sharp, **{key: radius})  # type: ignore[arg-type]
-    theories = [layer_theory(body, given.layers, one, physics.center) for one in (sharp, smooth)]
-    known = [
-        found for one in theories if one and given.deepest > 0 and (found := one.at(given.deepest))
+    if gap == "reference" or getattr(sharp_tip, key, 1.0) > 0:
+        return sharp_tip, []
+    radius = rounded(ROUNDING_FRACTION * setup.a)
+    rounded_tip = replace(sharp_tip, **{key: radius})  # type: ignore[arg-type]
+    theories = [
+        layer_theory(body, setup.layers, item, physics.center) for item in (sharp_tip, rounded_tip)
+    ]
+    solutions = [
+        solution
+        for item in theories
+        if item and setup.max_depth > 0 and (solution := item.at(setup.max_depth))
     ]
     change = ""
-    if len(known) == 2 and all(one.force for one in known):
-        change = (
-            f", changes the force by {known[1].force / known[0].force - 1:+.1g} by layer theory"
-        )
+    if len(solutions) == 2 and all(item.force for item in solutions):
+        change = f", changes the force by {solutions[1].force / solutions[0].force - 1:+.1g} by layer theory"
     why = (
-        f"gap: current needs a normal everywhere; {BLUNTING:g} of the expected contact "
+        f"gap: current needs a normal everywhere; {ROUNDING_FRACTION:g} of the expected contact "
         f"radius{change}"
     )
-    return smooth, [Choice(f"indenter.{key}", radius * physics.scales.length, why)]
+    return rounded_tip, [Choice(f"indenter.{key}", radius * physics.scales.length, why)]

@@ -246,7 +246,7 @@ def test_a_pressure_without_bound_has_no_largest_value(
     scene = resolve(
         from_mapping(mapping | {"body": {"shape": "cylinder", "radius": 2.0, "height": 1.0}})
     )
-    assert scene.has_peak(0.3) is has_peak and scene.has_peak(0.0)
+    assert scene.has_peak_pressure(0.3) is has_peak and scene.has_peak_pressure(0.0)
     assert [choice.value for choice in scene.plan.choices if choice.key == "p_max"] == (
         [] if has_peak else ["empty"]
     )

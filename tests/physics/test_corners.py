@@ -161,7 +161,7 @@ def graded(config: Config, n: float = 15.0, grading: float = 0.2) -> Scene:
     step's contact.
     """
     base = resolve(config, n)
-    (low, high), (bottom, top) = base.physics.part.extent
+    (low, high), (bottom, top) = base.physics.domain.extent
     ends = {abs(end - base.physics.center[0]) for end in (low, high)} - {0.0}
     points = {(r, depth) for r in ends for depth in (0.0, top - bottom)}
     if base.sizes.edge is None:

@@ -23,7 +23,7 @@ from indent_sim.config.scene_file import load
 from indent_sim.run.chain import states
 from indent_sim.run.companions.accuracy import _ratios_foreseen as ratios_foreseen
 from indent_sim.run.companions.accuracy import foreseen
-from indent_sim.scene.cost import _counts as counts
+from indent_sim.scene.cost import _mesh_counts as counts
 from indent_sim.scene.scene import resolve
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,7 +34,7 @@ def meshed(path: Path) -> str:
     """An override by which a scene is meshed also where theory alone would do; a history on the
     elastic curve has no fields.
     """
-    is_of_curve = resolve(load(path)).history is not None
+    is_of_curve = resolve(load(path)).history_on_curve is not None
     return "solver.method=condensed" if is_of_curve else "output.fields=last"
 
 
@@ -64,7 +64,7 @@ def test_counts_of_a_solid() -> None:
     700.
     """
     base = scene(BOX, mesh={"h_contact": 0.1, "h_far": 0.3})
-    grid, said = grid_of(base), counts(base.sizes, base.physics.part)
+    grid, said = grid_of(base), counts(base.sizes, base.physics.domain)
     edges = np.unique(
         np.sort(grid.cells[:, list(combinations(range(4), 2))], axis=-1).reshape(-1, 2), axis=0
     )
@@ -121,9 +121,12 @@ def test_steps_under_a_tip_that_stands_still_are_counted_apart() -> None:
     base, swelling = (
         scene(WALLED, material=WET, loading=HOLD, drainage={"bath": bath}) for bath in (0, 0.01)
     )
-    one, other = (made.physics.work("newton", "direct") for made in (base, swelling))
-    assert (one.steps, other.still) == (2, 0) and one.still == 2 * base.physics.path.still > 20
-    assert other.steps >= one.steps + one.still
+    one, other = (made.physics.solver_work("newton", "direct") for made in (base, swelling))
+    assert (one.steps, other.holding_steps) == (
+        2,
+        0,
+    ) and one.holding_steps == 2 * base.physics.path.still > 20
+    assert other.steps >= one.steps + one.holding_steps
 
 
 def test_meshes_on_the_way_to_an_accuracy_of_a_body_that_drains() -> None:
@@ -145,8 +148,8 @@ def test_solves_of_a_tip_that_snaps_in_and_comes_off() -> None:
     way = {"deltas": [-0.2, 0.05, -0.2]}
     base = scene(CYLINDER, contact=sticky, loading=way, mesh={"h_contact": 0.05})
     rows = list(states(base))
-    work = base.physics.work(base.solver.method, base.solver.linear)
-    assert_close(work.iterations, sum(row.newton_iterations for row in rows))
+    work = base.physics.solver_work(base.solver.method, base.solver.linear)
+    assert_close(work.linear_solves, sum(row.newton_iterations for row in rows))
 
 
 @pytest.mark.verify

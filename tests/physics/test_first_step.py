@@ -26,7 +26,7 @@ from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import chain
 from indent_sim.run.plausibility import Rows, contradiction
-from indent_sim.scene.doubts import NEGLIGIBLE_ERROR
+from indent_sim.scene.model_warnings import NEGLIGIBLE_ERROR
 from indent_sim.scene.scene import Scene, resolve
 
 AGREE = 1e-6  # of the force: Newton stops at 1e-9 of it, and Uzawa's multiplier at 1e-8
@@ -134,7 +134,7 @@ def _beside(body: dict[str, Any], pick: random.Random) -> list[float]:
 def coarse(config: dict[str, Any]) -> Scene:
     """The scene on a coarse mesh; in three dimensions one that is cheap."""
     planned = resolve(from_mapping(config))
-    h = planned.plan.prediction["a"] / PER_RADIUS[planned.physics.part.dim]
+    h = planned.plan.prediction["a"] / PER_RADIUS[planned.physics.domain.dim]
     return resolve(
         from_mapping(
             config | {"mesh": {"h_contact": float(f"{h:.3g}")}, "solver": {"max_iterations": 25}}
@@ -147,7 +147,7 @@ def along(scene: Scene, deltas: Sequence[float]) -> list[State]:
     path = tuple(delta / scene.physics.scales.length for delta in deltas)
     return list(
         chain.states(
-            scene.with_physics(deltas=path, path=LoadPath("depth", path)), with_surface=False
+            scene.replace_physics(deltas=path, path=LoadPath("depth", path)), with_surface=False
         )
     )
 
@@ -163,7 +163,8 @@ def judged(config: dict[str, Any]) -> Verdict:
     if not big[0].converged:
         return Verdict("refused" if big[0].reason else "WRONG", big[0].reason)
     steps = min(
-        max(FEWEST, 2 * round(depth / STRIDE / 2)), MOST if scene.physics.part.dim == 2 else FEWEST
+        max(FEWEST, 2 * round(depth / STRIDE / 2)),
+        MOST if scene.physics.domain.dim == 2 else FEWEST,
     )
     fine = along(scene, [depth * k / steps for k in range(1, steps + 1)])
     pairs = [(big[0], fine[-1])]
@@ -181,7 +182,7 @@ def judged(config: dict[str, Any]) -> Verdict:
 def contradicted(scene: Scene, states: Sequence[State]) -> str | None:
     """What the net has against one of the states of a path."""
     depths = tuple(state.delta / scene.physics.scales.length for state in states)
-    there = scene.with_physics(deltas=depths, path=LoadPath("depth", depths))
+    there = scene.replace_physics(deltas=depths, path=LoadPath("depth", depths))
     said = (
         contradiction(there, state, Rows(states[:k]))
         for k, state in enumerate(states)

@@ -44,7 +44,7 @@ def draining(
     **flow: Any,
 ) -> Scene:
     """A scene with fluid in the pores of some regions, without any in those of all."""
-    part = base.physics.part
+    part = base.physics.domain
     chosen = regions or range(len(part.regions))
     own = [
         replace(region, material=replace(region.material, flow=Flow(k, **flow)).canonical())
@@ -52,7 +52,7 @@ def draining(
         else region
         for n, region in enumerate(part.regions)
     ]
-    return base.with_physics(part=replace(part, regions=tuple(own)), drainage=drainage)
+    return base.replace_physics(part=replace(part, regions=tuple(own)), drainage=drainage)
 
 
 def layer(h: float = RADIUS / 5, nu: float = 0.2, **sections: Any) -> Scene:
@@ -207,7 +207,7 @@ def test_a_nearly_incompressible_drained_law_keeps_its_own_pressure(nu: float) -
     """1e-3: what the mesh costs. Without q beside it p is 1e-2 off."""
     base = layer(RADIUS / 10, nu)
     body = Draining(draining(base, k=PERMEABILITY * 0.01))
-    assert base.physics.part.regions[0].formulation == "mixed"
+    assert base.physics.domain.regions[0].formulation == "mixed"
     assert body.step(DELTA) == pytest.approx(by_theory(0.5, 1.5 / (1 + nu)), rel=1e-3)
     assert body.drain() == pytest.approx(by_theory(nu), rel=1e-3)
 
@@ -821,7 +821,7 @@ def test_a_growing_force_is_that_of_the_depths_that_it_leads_to() -> None:
     path, depths = base.physics.path, tuple(row.delta for row in rows)
     again = LoadPath("depth", depths, path.times, path.branches, begin=path.begin)
     found = list(
-        solver.create_load_stepper(base.with_physics(path=again, deltas=depths), mesh).states(
+        solver.create_load_stepper(base.replace_physics(path=again, deltas=depths), mesh).states(
             again, lambda step: False
         )
     )

@@ -96,10 +96,10 @@ def test_little_friction_stuck_on_the_way() -> None:
         mesh={"h_contact": A / 30},
         loading={"delta": A**2, "steps": 10},
     )
-    assert base.physics.anchor == "implicit"
-    assert solve(base.with_physics(anchor="mid"))[-1].force / paraboloid(0.0, 0.3) == pytest.approx(
-        1.01446, abs=5e-4
-    )
+    assert base.physics.slip_reference == "implicit"
+    assert solve(base.replace_physics(anchor="mid"))[-1].force / paraboloid(
+        0.0, 0.3
+    ) == pytest.approx(1.01446, abs=5e-4)
 
 
 @pytest.mark.parametrize(("nu", "exact"), [(0.0, 1.045248), (0.3, 1.013967)])
@@ -271,7 +271,8 @@ def test_half_way_lies_between_the_ends_of_the_step(friction: float | str) -> No
         loading={"delta": A**2, "steps": 5},
     )
     glue, mid, implicit = (
-        solve(base.with_physics(anchor=anchor))[-1].force for anchor in ("glue", "mid", "implicit")
+        solve(base.replace_physics(anchor=anchor))[-1].force
+        for anchor in ("glue", "mid", "implicit")
     )
     assert glue < mid < implicit
 
@@ -409,7 +410,7 @@ def assert_found_and_given_again(base: Scene, forces: list[float], tolerance: fl
     """Prescribed forces are found, and the depths where they are give them again."""
     found = solve(base)
     depths = tuple(state.delta / base.physics.scales.depth for state in found)
-    again = solve(base.with_physics(path=LoadPath("depth", depths), deltas=depths))
+    again = solve(base.replace_physics(path=LoadPath("depth", depths), deltas=depths))
     assert [state.force for state in found] == pytest.approx(forces, rel=1e-8)
     assert [state.force for state in again] == pytest.approx(forces, rel=tolerance)
 

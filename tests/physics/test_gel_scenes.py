@@ -21,7 +21,7 @@ from indent_sim.run.chain import simulate
 from indent_sim.run.companions.companion import RATIO, Companion
 from indent_sim.run.companions.error_bars import ErrorBars
 from indent_sim.run.plausibility import unresolved
-from indent_sim.scene.doubts import UNRESOLVED, swelling_doubt
+from indent_sim.scene.model_warnings import UNDERRESOLVED_ERROR, swelling_force_error
 from indent_sim.scene.scene import Scene
 
 STRETCH = 1.4
@@ -225,10 +225,10 @@ def test_what_is_said_of_a_small_contact_that_a_gel_closes() -> None:
     bars = ErrorBars(base, Companion(RATIO, coarse))
     for one, other in zip(coarse, fine, strict=True):
         assert base.physics.is_closed_by_swelling(one.delta, one.a)
-        assert abs(one.force / other.force - 1) <= swelling_doubt(base.sizes, one.a) + 0.01
+        assert abs(one.force / other.force - 1) <= swelling_force_error(base.sizes, one.a) + 0.01
         assert isnan(bars.judged(one).p_max_error or 0.0)
     (said,) = unresolved(base, coarse)
-    few = sum(swelling_doubt(base.sizes, one.a) >= UNRESOLVED for one in coarse)
+    few = sum(swelling_force_error(base.sizes, one.a) >= UNDERRESOLVED_ERROR for one in coarse)
     assert 2 <= few < len(coarse) and said.startswith(f"{few} rows from step 1 on have at most")
 
 

@@ -102,7 +102,7 @@ def test_a_tip_in_contact_to_its_end() -> None:
 
 def test_three_dimensions_on_request() -> None:
     assert (
-        over(*TIPS["paraboloid"][:2], mesh={"symmetry": "quarter"}).physics.part.symmetry
+        over(*TIPS["paraboloid"][:2], mesh={"symmetry": "quarter"}).physics.domain.symmetry
         == "quarter"
     )
 

@@ -17,7 +17,7 @@ from test_layers import state_on
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.run import chain
 from indent_sim.run.resolved import resolved
-from indent_sim.scene.fineness import coarser
+from indent_sim.scene.resolution import coarsened_sizes
 from indent_sim.scene.scene import Scene, resolve
 
 STIFF = ELASTIC | {"E": 10.0}
@@ -73,8 +73,8 @@ def included(body: dict[str, Any], *inclusions: dict[str, Any], **sections: Any)
 
 def without(base: Scene) -> Scene:
     """The scene of the first region's matter alone."""
-    part = base.physics.part
-    return base.with_physics(part=dataclasses.replace(part, regions=part.regions[:1]))
+    part = base.physics.domain
+    return base.replace_physics(part=dataclasses.replace(part, regions=part.regions[:1]))
 
 
 def test_a_ball_inclusion_at_automatic_sizes() -> None:
@@ -174,7 +174,7 @@ def test_the_part_has_the_symmetry_of_its_inclusions(inclusions: list[Any], symm
     """
     mesh = {"h_contact": 0.1, "h_far": 0.4, "h_inclusions": [0.05] * len(inclusions)}
     base = included(WALLED, *inclusions, mesh=mesh)
-    part, grid = base.physics.part, grid_of(base)
+    part, grid = base.physics.domain, grid_of(base)
     assert part.symmetry == symmetry
     corners = grid.points[grid.cells]
     sizes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / (2 if part.dim == 2 else 6)
@@ -224,7 +224,9 @@ def test_an_ellipsoid_at_automatic_sizes(case: int) -> None:
     x, z = 2.0 if body == "strip" else 0.0, -0.05 - semi_axes[2]
     one = egg((x, 0.0, z), ELASTIC | {"E": E}) | {"semi_axes": semi_axes}
     base = included({"strip": STRIP, "walled": WALLED}[body], one)
-    fine = dataclasses.replace(base, sizes=coarser(base.sizes, 0.4, base.physics.part.height))
+    fine = dataclasses.replace(
+        base, sizes=coarsened_sizes(base.sizes, 0.4, base.physics.domain.height)
+    )
     found, finer = force(base), force(fine)
     print(f"{body} {semi_axes} E {E:g}: {found / finer - 1:+.3%}")
     assert found == pytest.approx(finer, rel=3e-3)
@@ -263,7 +265,7 @@ def test_two_inclusions_beside_the_tip_of_a_strip() -> None:
     half, whole = (
         included(STRIP, *pair, mesh={"symmetry": symmetry}) for symmetry in ("auto", "full")
     )
-    assert (half.physics.part.symmetry, whole.physics.part.symmetry) == ("half", "full")
+    assert (half.physics.domain.symmetry, whole.physics.domain.symmetry) == ("half", "full")
     assert force(half) == pytest.approx(force(whole), rel=2e-3)
 
 
@@ -289,7 +291,7 @@ def test_matter_of_other_kinds() -> None:
     mixed, near = (
         included(WALLED, ball(material=STIFF | {"nu": nu}), **loading) for nu in (0.5, 0.4499)
     )
-    assert [region.formulation for region in mixed.physics.part.regions] == [
+    assert [region.formulation for region in mixed.physics.domain.regions] == [
         "displacement",
         "mixed",
     ]
@@ -332,7 +334,7 @@ def test_a_resolved_scene_is_meshed_the_same(body: dict[str, Any]) -> None:
 def test_theory_stands_beside_but_is_of_another_body() -> None:
     base = scene(WALLED | {"inclusions": [ball()]})
     assert base.plan.theory is not None and base.exact_theory is None
-    assert "theory's body has no inclusions" in base.differences
+    assert "theory's body has no inclusions" in base.theory_differences
 
 
 def drawn(count: int, seed: int) -> list[dict[str, Any]]:

@@ -204,9 +204,9 @@ def test_rigid_motions_strain_nothing(body: dict[str, Any], symmetry: str) -> No
     base = scene(body, contact=PENALTY, mesh=mesh, solver={"method": "newton"})
     problem = solver.create_equilibrium(base, meshed(base)).problem
     problem.delta.value = -10.0  # a turn by 1 must not lift the body into the tip
-    dim = base.physics.part.kinematics.dim
+    dim = base.physics.domain.kinematics.dim
     X = problem.unknowns.collapsed_space("u").tabulate_dof_coordinates()[:, :dim]
-    for motion in rigid_motions(dim, base.physics.part.symmetry == "axisymmetric", X):
+    for motion in rigid_motions(dim, base.physics.domain.symmetry == "axisymmetric", X):
         x = problem.x.copy()
         x.array[problem.unknowns.places("u")] = motion.ravel()
         problem.body.set_solution(x)

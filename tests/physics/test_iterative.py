@@ -21,7 +21,7 @@ from indent_sim.run.companions.error_bars import ErrorBars
 from indent_sim.run.companions.sticking import sticks
 from indent_sim.run.readings import Readings
 from indent_sim.run.simulation import backend
-from indent_sim.scene.expected import Stick
+from indent_sim.scene.predictions import NoSlipEffect
 from indent_sim.scene.scene import Scene
 
 # What is left of the residual, seen through the stiffness: force and reaction agree to 1e-8 by the
@@ -182,7 +182,7 @@ def test_what_no_slip_would_change_is_solved_by_a_factorisation(monkeypatch: Any
     ways = ({"linear": "iterative"}, {"method": "condensed"})
     direct, iterative = (scene(BOX, **sections, solver=way) for way in reversed(ways))
 
-    def found(base: Scene) -> Stick | None:
+    def found(base: Scene) -> NoSlipEffect | None:
         return sticks(Companion(1.0, solve(base), base), lambda other: list(chain.states(other)))
 
     expected, stick = found(direct), found(iterative)

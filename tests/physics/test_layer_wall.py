@@ -163,7 +163,7 @@ def _errors(case: Case, method: str, per_radius: int, jitter: float) -> tuple[fl
     )
     base = dataclasses.replace(base, sizes=sizes)
     if method == "augmented_lagrangian":
-        (state,) = solve(base.with_physics(contact=AugmentedLagrangian(epsilon_n=E_STAR / h)))
+        (state,) = solve(base.replace_physics(contact=AugmentedLagrangian(epsilon_n=E_STAR / h)))
         return state.force / case.F - 1, state.a / case.a - 1
     soft, stiff = (solve(with_penalty(base, m * E_STAR / case.a))[-1] for m in STIFFNESSES)
     return (2 * stiff.force - soft.force) / case.F - 1, stiff.a / case.a - 1

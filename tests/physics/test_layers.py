@@ -66,7 +66,7 @@ def test_incompressible_layers_beside_others(nus: tuple[float, float]) -> None:
     theory = base.exact_theory
     assert theory is not None
     assert force(base) == pytest.approx(theory.at(base.physics.deltas[-1]).force, rel=3e-3)  # type: ignore[union-attr]
-    mixed = [region.formulation == "mixed" for region in base.physics.part.regions]
+    mixed = [region.formulation == "mixed" for region in base.physics.domain.regions]
     assert mixed == [nu >= 0.45 for nu in nus]
 
 
@@ -89,9 +89,9 @@ def test_layers_of_one_material_are_one_body(body: str, nu: float) -> None:
         "symmetry": "quarter" if body in ("quarter", "box") else "auto",
     }
     base = layered([(0.4, 1.0, nu), (0.6, 1.0, nu)], bodies[body], mesh=mesh)
-    part = base.physics.part
+    part = base.physics.domain
     whole = dataclasses.replace(part.regions[0], bottom=part.regions[-1].bottom)
-    one = base.with_physics(part=dataclasses.replace(part, regions=(whole,)))
+    one = base.replace_physics(part=dataclasses.replace(part, regions=(whole,)))
     grid = grid_of(base)
     assert set(grid.regions) == {0, 1}
     found = [state_on(scene_, grid).force for scene_ in (base, one)]
@@ -106,7 +106,7 @@ def state_on(base: Scene, grid: Any) -> Any:
 
     from indent_sim.fe import solver
 
-    part = base.physics.part
+    part = base.physics.domain
     regions = np.minimum(grid.regions, len(part.regions) - 1)
     mesh = solver.distribute(dataclasses.replace(grid, regions=regions), part, MPI.COMM_SELF)
     *_, last = solver.create_load_stepper(base, mesh).states(base.physics.path, lambda step: False)

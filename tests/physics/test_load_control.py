@@ -47,7 +47,7 @@ def to_forces(base: Scene, forces: Any, expected: Any = None) -> list[State]:
     """The same scene on the same mesh, its depths found for forces in the user's units."""
     forces = tuple(float(force) / base.physics.scales.force for force in forces)
     expected = base.physics.deltas if expected is None else tuple(expected)
-    return solve(base.with_physics(path=LoadPath("force", forces), deltas=expected))
+    return solve(base.replace_physics(path=LoadPath("force", forces), deltas=expected))
 
 
 # The search knows no method: one beside the augmented Lagrangian of each equilibrium; the others in

@@ -53,7 +53,7 @@ def test_a_cylinder_read_back_gives_the_same_force(tmp_path: Path) -> None:
     """
     config = from_mapping(scene(CYLINDER))
     drawn = resolve(config)
-    grid = build(drawn.physics.part, drawn.sizes)
+    grid = build(drawn.physics.domain, drawn.sizes)
     facets = {
         "top": grid.surfaces["top"],
         "bottom": grid.surfaces["base"],
@@ -171,7 +171,7 @@ def test_a_body_on_rollers_is_held_by_its_pins_alone_where_nothing_else_does(
         "sides": sides,
     }
     config = in_folder(tmp_path, body, loading={"delta": 0.1, "steps": 1})
-    assert len(resolve(config).physics.part.pins) == (3 if sides == "free" else 1)
+    assert len(resolve(config).physics.domain.pins) == (3 if sides == "free" else 1)
     outcome = simulate(config, directory=tmp_path / "run")
     assert len(outcome.states) == 1 and outcome.states[0].force > 0
 
@@ -237,7 +237,7 @@ def test_error_bars_of_flat_facets_hold_the_curved_surface(
     sections = {"indenter": {"shape": "sphere", "R": 1.0}, "loading": {"delta": 0.03, "steps": 2}}
     drawn = resolve(from_mapping(scene(cap, **sections, mesh={"h_contact": h, "h_far": 0.2})))
     grid, exact = (
-        build(drawn.physics.part, drawn.sizes),
+        build(drawn.physics.domain, drawn.sizes),
         list(states(resolve(from_mapping(scene(cap, **sections))))),
     )
     facets = {"top": grid.surfaces["top"], "bottom": grid.surfaces["base"]}

@@ -54,7 +54,9 @@ def test_what_is_expected_is_a_part_of_the_mirrored_scene(
             share = seen if name.startswith("force") else 1
             assert found.plan.prediction[name] == pytest.approx(value / share, rel=1e-9), name
     assert found.sizes.h_contact == pytest.approx(whole.sizes.h_contact, rel=1e-9)
-    assert [doubt.key for doubt in found.plan.doubts] == [doubt.key for doubt in whole.plan.doubts]
+    assert [doubt.key for doubt in found.plan.model_warnings] == [
+        doubt.key for doubt in whole.plan.model_warnings
+    ]
 
 
 def test_a_solved_corner_stands_beside_theory_as_the_whole_does() -> None:
@@ -114,8 +116,8 @@ def test_a_face_of_a_file_through_the_axis_is_asked_about(
         from_file(Path(), None, (0.5, 0.0))
     with pytest.raises(ConfigError, match=r"plane y = 0 .*sides: roller .* sides: free"):
         from_file(Path(), None, (0.0, -0.5))
-    assert from_file(Path(), "free", (0.5, 0.0)).physics.seen == 1
-    assert from_file(Path(), None, (0.2, 0.2)).physics.seen == 1  # nothing to ask
+    assert from_file(Path(), "free", (0.5, 0.0)).physics.mirror_multiplicity == 1
+    assert from_file(Path(), None, (0.2, 0.2)).physics.mirror_multiplicity == 1  # nothing to ask
 
 
 @pytest.mark.parametrize(
@@ -127,7 +129,7 @@ def test_rollers_of_a_file_under_the_axis_are_mirrors(
     """And no edge of the contact surface: the nearest one is that on the far side."""
     monkeypatch.chdir(tmp_path)
     found = from_file(Path(), "roller", shift)
-    assert found.physics.seen == seen
+    assert found.physics.mirror_multiplicity == seen
     far = {4: 1.0, 2: 0.5, 1: 0.4}[seen]
     L = found.physics.scales.length
     assert found.physics.body.rim_distance(found.physics.center) * L == pytest.approx(far, rel=1e-9)

@@ -35,7 +35,7 @@ def test_mixed_body_against_theory(nu: float, name: str, solver: str) -> None:
         solver={"method": solver},
         mesh={"h_contact": 0.005},
     )
-    assert base.physics.part.regions[0].formulation == "mixed"
+    assert base.physics.domain.regions[0].formulation == "mixed"
     (state,) = solve(base)
     assert state.force == pytest.approx(exact.force, rel=5e-4)
     assert state.surface.pressure[0] == pytest.approx(float(exact.pressure(0.0)), rel=0.01)

@@ -26,8 +26,8 @@ def test_quarter_against_axisymmetric(base: str, sides: str) -> None:
     body = (WALLED if sides == "roller" else CYLINDER) | {"base": base, "sides": sides}
     flat = scene(body, **DEEP)
     whole = scene(body, mesh={"h_contact": COARSE, "symmetry": "quarter"}, **DEEP)
-    assert flat.physics.part.symmetry == "axisymmetric"
-    assert (whole.physics.part.symmetry, whole.physics.part.copies) == ("quarter", 4)
+    assert flat.physics.domain.symmetry == "axisymmetric"
+    assert (whole.physics.domain.symmetry, whole.physics.domain.copies) == ("quarter", 4)
     assert force(whole) == pytest.approx(force(flat), rel=5e-3)
 
 
@@ -38,7 +38,7 @@ def test_parts_of_a_cylinder_on_rollers(symmetry: str) -> None:
     part, quarter = (
         scene(body, mesh={"h_contact": 0.15, "symmetry": s}, **DEEP) for s in (symmetry, "quarter")
     )
-    assert len(part.physics.part.pins) == {"half": 1, "full": 3}[symmetry]
+    assert len(part.physics.domain.pins) == {"half": 1, "full": 3}[symmetry]
     assert force(part) == pytest.approx(force(quarter), rel=5e-3)
 
 
@@ -49,7 +49,7 @@ def test_full_cylinder_between_rollers_may_turn() -> None:
         mesh={"h_contact": 0.2, "symmetry": "full"},
         **DEEP,
     )
-    assert len(base.physics.part.pins) == 1
+    assert len(base.physics.domain.pins) == 1
     assert solve(base)[-1].force > 0
 
 
@@ -61,7 +61,7 @@ def test_off_axis_is_on_axis_in_a_wide_cylinder() -> None:
     beside = scene(
         wide, indenter=PARABOLOID | {"center": [0.0, -2.0]}, mesh={"h_contact": COARSE}, **DEEP
     )
-    assert (beside.physics.part.symmetry, beside.physics.part.copies) == ("half", 2)
+    assert (beside.physics.domain.symmetry, beside.physics.domain.copies) == ("half", 2)
     assert force(beside) == pytest.approx(force(scene(wide, **DEEP)), rel=5e-3)
 
 
@@ -73,7 +73,7 @@ def test_off_axis_without_a_mirror_plane() -> None:
         scene(body, indenter=PARABOLOID | {"center": center}, mesh={"h_contact": COARSE}, **DEEP)
         for center in ([0.3, 0.4], [0.5, 0.0])
     )
-    assert (whole.physics.part.symmetry, half.physics.part.symmetry) == ("full", "half")
+    assert (whole.physics.domain.symmetry, half.physics.domain.symmetry) == ("full", "half")
     assert force(whole) == pytest.approx(force(half), rel=5e-3)
 
 
@@ -97,7 +97,7 @@ def test_a_curved_roller_wall_is_stiff_enough_and_not_too_stiff(h: float) -> Non
     body = WALLED | {"radius": 1.0}
     base = scene(body, indenter=PARABOLOID | {"center": [0.5, 0.0]}, mesh={"h_contact": h}, **DEEP)
     assert [choice for choice in base.plan.choices if choice.key == "wall"]
-    stiffer = base.with_physics(wall_stiffness=10 * base.physics.wall_stiffness)
+    stiffer = base.replace_physics(wall_stiffness=10 * base.physics.wall_stiffness)
     assert force(stiffer) == pytest.approx(force(base), rel=2e-4)
 
 

@@ -170,7 +170,7 @@ def test_nothing_is_kept_and_searched_where_the_scene_does_not_ask(
     contact: dict[str, Any], loading: dict[str, Any]
 ) -> None:
     base = scene(WALLED, contact=contact, mesh={"h_contact": 0.15}, loading=loading)
-    assert not base.physics.seeks_pull_off
+    assert not base.physics.searches_pull_off
     walk = solver.create_load_stepper(base, meshed(base))
     assert all(row.converged for row in walk.states(base.physics.path, lambda step: False))
     spent = walk.equilibrium.statistics
@@ -188,4 +188,4 @@ def test_a_row_at_which_the_path_ends_is_not_searched_from() -> None:
     walk = solver.create_load_stepper(base, meshed(base))
     forces = [row.force for row in walk.states(base.physics.path, lambda step: False)]
     assert forces[-1] == min(forces) < 0
-    assert base.physics.seeks_pull_off and walk.find_pull_off() is None
+    assert base.physics.searches_pull_off and walk.find_pull_off() is None

@@ -80,7 +80,7 @@ def test_the_supports_push_the_body_as_the_body_pushes_the_tip(name: str) -> Non
     is_vertical = base.physics.gap == "reference"
     for state in solve(base):
         assert along(state, "z") == pytest.approx(state.force, rel=BALANCE)
-        for axis in {"x", "y"} if base.physics.part.kinematics.name != "axisymmetric" else ():
+        for axis in {"x", "y"} if base.physics.domain.kinematics.name != "axisymmetric" else ():
             side_force = getattr(state, f"side_force_{axis}")
             if side_force is not None or is_vertical:
                 assert along(state, axis) == pytest.approx(

@@ -17,7 +17,7 @@ from indent_sim.config.scene_file import from_mapping, load
 from indent_sim.process.errors import ConfigError, VerificationError
 from indent_sim.results.reader import read
 from indent_sim.run import chain, simulation
-from indent_sim.scene import fineness
+from indent_sim.scene import resolution
 from indent_sim.scene.scene import resolve
 
 SCENE: dict[str, Any] = {
@@ -74,10 +74,10 @@ def test_the_mesh_is_refined_until_the_bars_are_narrow_enough(
     tmp_path: Path, monkeypatch: Any, caplog: Any
 ) -> None:
     """With a trade that promises too much the first mesh is too coarse; the estimate notices."""
-    monkeypatch.setitem(fineness.CONSTANT, 2, 0.02)
+    monkeypatch.setitem(resolution.ERROR_CONSTANT, 2, 0.02)
     caplog.set_level("INFO", logger="indent_sim")
     outcome = simulate(tmp_path / "run", accuracy=0.001)
-    first = fineness.elements_for(0.001, 2)
+    first = resolution.required_elements(0.001, 2)
     assert "refining" in caplog.text and outcome.report["accuracy"]["elements"] > 1.2 * first
     found = read(tmp_path / "run")
     assert np.all(found["force_error"] <= 0.001 * found["force"]) and len(found) == 5
@@ -98,7 +98,7 @@ def test_what_no_mesh_can_mend_ends_with_exit_code_6_and_the_rows(tmp_path: Path
 
 def test_a_machine_that_is_too_small_ends_the_refinement(tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.setattr("indent_sim.run.companions.accuracy.ATTEMPTS", 1)
-    monkeypatch.setitem(fineness.CONSTANT, 2, 0.02)
+    monkeypatch.setitem(resolution.ERROR_CONSTANT, 2, 0.02)
     with pytest.raises(VerificationError, match="1 attempts were not enough"):
         simulate(tmp_path / "run", accuracy=0.001)
     assert len(read(tmp_path / "run")) == 5
@@ -144,7 +144,7 @@ def test_a_later_attempt_that_is_resumed_has_the_same_bars(
     Five rows an attempt, three attempts or more; forces agree to 1e-12 or so, hence their
     differences to 1e-6.
     """
-    monkeypatch.setitem(fineness.CONSTANT, 2, 0.02)
+    monkeypatch.setitem(resolution.ERROR_CONSTANT, 2, 0.02)
     monkeypatch.setattr("indent_sim.run.companions.accuracy.GREATEST", 1.3)  # in small steps
     monkeypatch.setattr("indent_sim.run.companions.accuracy.ATTEMPTS", 9)
     told: list[int] = []

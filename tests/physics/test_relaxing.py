@@ -26,7 +26,7 @@ from indent_sim.fe.terms.term import Term
 from indent_sim.model.materials import Exponentials, PowerLaw, Relaxation
 from indent_sim.model.state import State
 from indent_sim.run import chain
-from indent_sim.scene.given import exponentials
+from indent_sim.scene.problem_setup import prony_series
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.surface.relaxation import ElasticCurve, OneCycle, Prony
 
@@ -45,8 +45,8 @@ COARSE = {"h_contact": 0.05, "h_far": 0.4}
 
 def relaxing(base: Scene, law: Exponentials) -> Scene:
     """The same scene of a material whose shear stress relaxes."""
-    part = base.physics.part
-    return base.with_physics(
+    part = base.physics.domain
+    return base.replace_physics(
         part=replace(part, regions=tuple(replace(one, relaxing=law) for one in part.regions))
     )
 
@@ -153,7 +153,7 @@ def test_a_bar_of_a_power_law_in_a_ramp(exponent: float) -> None:
     5e-6, and what they lack of the modulus before a hundredth of their shortest time,
     (1e-9/0.1)^0.6 = 2e-5 of the force at 0.1.
     """
-    law = exponentials(Relaxation(power_law=PowerLaw(exponent, 2.0)), 1e-7, 1.0)
+    law = prony_series(Relaxation(power_law=PowerLaw(exponent, 2.0)), 1e-7, 1.0)
     steps = [0.1, 0.2, 0.7]
     t = np.cumsum(steps)
     history = list(zip(0.01 * t, steps, strict=True))
@@ -302,7 +302,7 @@ def test_layers_that_are_alike_are_one_body() -> None:
     force at most.
     """
     base = scene(HALVES, mesh=COARSE, solver={"method": "newton"}, loading={"delta": 0.02})
-    assert len(base.physics.part.regions) == 2
+    assert len(base.physics.domain.regions) == 2
     (*_, layers), (*_, one) = (
         along(solver.create_equilibrium(*body), IN_AND_OUT)
         for body in ((relaxing(base, TWO_TIMES), meshed(base)), in_time("layer", TWO_TIMES))
@@ -321,9 +321,9 @@ def test_a_layer_relaxes_alone() -> None:
         HALVES | {"layers": [{"thickness": 0.5, "material": soft}, {"thickness": 0.5}]}, mesh=COARSE,
         solver={"method": "newton"}, loading={"delta": 0.02},
     )  # fmt: skip
-    part, grid = base.physics.part, meshed(base)
+    part, grid = base.physics.domain, meshed(base)
     upper, lower = part.regions
-    alone = base.with_physics(
+    alone = base.replace_physics(
         part=replace(part, regions=(replace(upper, relaxing=TWO_TIMES), lower))
     )
     *_, force = along(

@@ -97,7 +97,7 @@ def test_half_of_the_ball_takes_half_of_the_approach() -> None:
         scene(body, indenter=PLATE, loading={"delta": delta, "steps": 1})
         for body, delta in ((BALL, 0.02), (HALF, 0.01))
     )
-    alike = dataclasses.replace(cap.with_physics(contact=ball.physics.contact), sizes=ball.sizes)
+    alike = dataclasses.replace(cap.replace_physics(contact=ball.physics.contact), sizes=ball.sizes)
     (whole,), (half,) = solve(ball), solve(alike)
     for name, times in (("force", 1), ("a", 1), ("p_max", 1), ("energy", 2), ("delta", 2)):
         assert getattr(whole, name) == pytest.approx(

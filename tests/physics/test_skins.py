@@ -16,7 +16,7 @@ from scenes import ELASTIC, PARABOLOID, force, grid_of, scene, solve
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.run.chain import simulate
 from indent_sim.run.resolved import resolved
-from indent_sim.scene.fineness import coarser
+from indent_sim.scene.resolution import coarsened_sizes
 from indent_sim.scene.scene import Scene, resolve
 
 BALL = {"shape": "ball", "radius": 1.0}
@@ -63,7 +63,7 @@ def test_skins_have_their_volumes(body: dict[str, Any], skins: list[float]) -> N
     ones of the core less than 1 %.
     """
     base = skinned(body, *((t, 2.0) for t in skins))
-    R = base.physics.part.dome * base.physics.scales.length
+    R = base.physics.domain.dome * base.physics.scales.length
     height = base.physics.body.height * base.physics.scales.length
     depths = np.cumsum([0.0, *skins])
     cut = [pi_cap(R - d, 2 * (R - d) if height == 2 * R else height - d) for d in depths]
@@ -160,7 +160,7 @@ def test_automatic_sizes(case: int) -> None:
     """
     body, skins, nu = CASES[case]
     base = skinned(body, *skins, nu=nu)
-    sizes = coarser(base.sizes, 0.4, base.physics.part.height)
+    sizes = coarsened_sizes(base.sizes, 0.4, base.physics.domain.height)
     ratios = [fine / h for (_, fine), (_, h) in zip(sizes.skins, base.sizes.skins, strict=True)]
     assert ratios == pytest.approx([0.4] * len(skins))
     assert force(base) == pytest.approx(force(dataclasses.replace(base, sizes=sizes)), rel=3e-3)
@@ -178,7 +178,9 @@ def test_accuracy_is_met_inside_error_bars(case: int, tmp_path: Path) -> None:
     assert state.force_error is not None and state.force_error <= 1e-3 * state.force
     base = resolve(config)
     finest = force(
-        dataclasses.replace(base, sizes=coarser(base.sizes, 0.4, base.physics.part.height))
+        dataclasses.replace(
+            base, sizes=coarsened_sizes(base.sizes, 0.4, base.physics.domain.height)
+        )
     )
     assert abs(state.force - finest) <= 1.125 * state.force_error
 
@@ -192,7 +194,7 @@ def test_a_stiff_skin_is_felt_at_the_edge_of_its_bond(t: float, tmp_path: Path) 
     given = with_skins(BODIES["whole"], (t, 1000.0), output=QUIET)
     base = resolve(from_mapping(given))
     at = 1 / base.physics.scales.length
-    fine = coarser(base.sizes, 0.4, base.physics.part.height)
+    fine = coarsened_sizes(base.sizes, 0.4, base.physics.domain.height)
     finest = force(
         dataclasses.replace(
             base, sizes=dataclasses.replace(fine, corners=((at, at),), h_corner=1e-5)

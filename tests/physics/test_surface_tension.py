@@ -226,7 +226,11 @@ def test_the_energy_of_a_ball_that_grows(c: float, small_strain: bool) -> None:
         material=ELASTIC if small_strain else NEO_HOOKEAN,
         mesh={"h_contact": 0.05, "h_far": 0.1},
     )
-    body, gamma, R = Body(ball, meshed(ball)), ball.physics.surface_tension, ball.physics.part.dome
+    body, gamma, R = (
+        Body(ball, meshed(ball)),
+        ball.physics.surface_tension,
+        ball.physics.domain.dome,
+    )
     assert R is not None
     term = SurfaceTension(body)
     body.unknowns.solution.interpolate(lambda X: np.array([c * X[0], c * (X[1] + R)]))

@@ -37,7 +37,7 @@ def mirrored(grid: Grid, axis: int, plane: float) -> Grid:
 
 def on_grid(base: Scene, grid: Grid, monkeypatch: pytest.MonkeyPatch) -> list[State]:
     """The states of a scene on a given grid."""
-    part = base.physics.part
+    part = base.physics.domain
     named = named_surfaces(grid.points, grid.cells, part, base.sizes.finest)
     regions = regions_of_cells(grid.points, grid.cells, part)
     with monkeypatch.context() as patch:
@@ -65,7 +65,7 @@ def test_strip_by_its_half(gap: str, sides: str, monkeypatch: pytest.MonkeyPatch
         scene(body, contact=contact, mesh={"h_contact": 0.03, "symmetry": symmetry}, **DEEP)
         for symmetry in ("half", "full")
     )
-    assert (half.physics.part.copies, full.physics.part.copies) == (2, 1)
+    assert (half.physics.domain.copies, full.physics.domain.copies) == (2, 1)
     grid = grid_of(half)
     assert_same(
         on_grid(half, grid, monkeypatch), on_grid(full, mirrored(grid, 0, 2.0), monkeypatch)
@@ -89,7 +89,11 @@ def test_box_by_its_quarter_and_half(
         scene(body, contact=contact, mesh={"h_contact": 0.2, "symmetry": symmetry}, **DEEP)
         for symmetry in ("quarter", "half", "full")
     )
-    assert (quarter.physics.part.copies, half.physics.part.copies, full.physics.part.copies) == (
+    assert (
+        quarter.physics.domain.copies,
+        half.physics.domain.copies,
+        full.physics.domain.copies,
+    ) == (
         4,
         2,
         1,
@@ -112,7 +116,7 @@ def test_tip_beside_a_frictionless_wall_is_half_of_a_whole(monkeypatch: pytest.M
         STRIP | {"width": 2.0, "sides": "roller"}, indenter=PARABOLOID | {"center": [0.0]}
     )
     sizes = dataclasses.replace(wide.sizes, axis=narrow.sizes.axis)
-    narrow = dataclasses.replace(narrow.with_physics(contact=wide.physics.contact), sizes=sizes)
+    narrow = dataclasses.replace(narrow.replace_physics(contact=wide.physics.contact), sizes=sizes)
     grid = grid_of(narrow)
     whole = Grid(mirrored(grid, 0, 0.0).points + np.array([2.0, 0.0]), mirrored(grid, 0, 0.0).cells)
     beside, middle = on_grid(narrow, grid, monkeypatch)[-1], on_grid(wide, whole, monkeypatch)[-1]
@@ -144,11 +148,11 @@ def test_choice_of_the_part() -> None:
     """Automatic: all the symmetry there is, none that the sides or the tip's place break."""
     off = PARABOLOID | {"center": [0.9, 1.0]}
     uneven = {"x_min": "roller", "x_max": "free", "y_min": "free", "y_max": "free"}
-    assert scene(BOX).physics.part.symmetry == "quarter"
-    assert scene(BOX, indenter=off, mesh={"h_contact": 0.1}).physics.part.symmetry == "half"
-    assert scene(BOX | {"sides": uneven}, mesh={"h_contact": 0.1}).physics.part.symmetry == "half"
-    assert scene(STRIP).physics.part.symmetry == "half"
-    assert scene(STRIP, indenter=PARABOLOID | {"center": [1.9]}).physics.part.symmetry == "full"
+    assert scene(BOX).physics.domain.symmetry == "quarter"
+    assert scene(BOX, indenter=off, mesh={"h_contact": 0.1}).physics.domain.symmetry == "half"
+    assert scene(BOX | {"sides": uneven}, mesh={"h_contact": 0.1}).physics.domain.symmetry == "half"
+    assert scene(STRIP).physics.domain.symmetry == "half"
+    assert scene(STRIP, indenter=PARABOLOID | {"center": [1.9]}).physics.domain.symmetry == "full"
 
 
 # ---- friction: a traction along the surface that the planes of symmetry mirror too
@@ -292,7 +296,7 @@ def test_a_roller_wall_under_the_tip_is_a_mirror_plane() -> None:
         assert (
             scene(
                 STRIP, contact={"friction": 0.3}, indenter=PARABOLOID | {"center": [x]}
-            ).physics.sideways
+            ).physics.side_force_axes
             == {}
         )
 

@@ -40,7 +40,7 @@ def theory(base: Scene) -> float:
 def test_reference_gap_against_layer_theory(tip: dict[str, Any]) -> None:
     """0.3 % is what `h_contact: auto` promises at the last step."""
     base = scene(WALLED, indenter=tip, loading={"delta": 0.02, "steps": 2})
-    assert base.physics.part.symmetry == "axisymmetric" and base.solver.method == "condensed"
+    assert base.physics.domain.symmetry == "axisymmetric" and base.solver.method == "condensed"
     assert force(base) == pytest.approx(theory(base), rel=3e-3)
 
 
@@ -133,7 +133,7 @@ def test_square_pyramid_is_close_to_the_constant_of_the_half_space() -> None:
         mesh={"h_contact": 0.06},
         loading={"delta": 0.1, "steps": 1},
     )
-    assert base.physics.part.symmetry == "quarter" and base.physics.body.shape == "box"
+    assert base.physics.domain.symmetry == "quarter" and base.physics.body.shape == "box"
     assert force(base) == pytest.approx(base.plan.prediction["force_half_space"], rel=0.01)
 
 
@@ -155,7 +155,9 @@ def test_square_pyramid_as_planned() -> None:
 def test_pyramids_take_the_symmetry_they_have(faces: int, rotation: float, symmetry: str) -> None:
     tip = {"shape": "pyramid", "half_angle": 70, "faces": faces, "rotation": rotation}
     for body in (BOX, WALLED):
-        assert scene(body, indenter=tip, mesh={"h_contact": 0.2}).physics.part.symmetry == symmetry
+        assert (
+            scene(body, indenter=tip, mesh={"h_contact": 0.2}).physics.domain.symmetry == symmetry
+        )
 
 
 def test_a_turned_pyramid_on_a_round_body_feels_the_same() -> None:

@@ -124,7 +124,7 @@ def test_a_body_that_drains_and_relaxes() -> None:
     left = 0.02
     like, rest = at_rest(left, "augmented_lagrangian")
     scene = relaxing({"prony": [[1 - left, 1.0]]}, 1e4, material={"flow": {"diffusivity": 1.0}})
-    assert scene.physics.part.regions[0].formulation == "mixed"
+    assert scene.physics.domain.regions[0].formulation == "mixed"
     assert_alike(last(scene, like), rest)
 
 
@@ -193,4 +193,4 @@ def test_elements_as_given_are_warned_of() -> None:
 def test_elements_by_the_most_incompressible_state_on_the_way(
     law: dict[str, Any], end: float, formulation: str
 ) -> None:
-    assert relaxing(law, end, ramp=end / 10).physics.part.regions[0].formulation == formulation
+    assert relaxing(law, end, ramp=end / 10).physics.domain.regions[0].formulation == formulation

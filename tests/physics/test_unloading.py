@@ -112,9 +112,9 @@ def test_pins_carry_nothing(body: dict[str, Any], h: float, place: float) -> Non
         indenter={"shape": "paraboloid", "R": 1.0, "center": center},
         mesh={"h_contact": h, "symmetry": "full"},
     )
-    assert len(base.physics.part.pins) == (1 if body is STRIP else 3)
+    assert len(base.physics.domain.pins) == (1 if body is STRIP else 3)
     body_mesh = meshed(base)  # a pin that found no vertex would feel nothing either
-    assert all(len(body_mesh.vertices_at(point)) == 1 for point, _ in base.physics.part.pins)
+    assert all(len(body_mesh.vertices_at(point)) == 1 for point, _ in base.physics.domain.pins)
     (state,) = solve(base)
     assert_audited(state, state.force)
     assert state.stray_reaction <= 1e-10 * state.force
@@ -142,5 +142,5 @@ def test_held_by_symmetry_a_body_on_rollers_may_feel_the_current_gap() -> None:
     base = scene(
         STRIP | ON_ROLLERS, contact={"method": "auto", "gap": "current"}, mesh={"h_contact": 0.02}
     )
-    assert not base.physics.part.pins
+    assert not base.physics.domain.pins
     assert solve(base)[-1].force > 0

@@ -62,7 +62,7 @@ def made_up(case: Case, random: np.random.Generator) -> Results:
         "delta": deepest * share,
         "force": force * share**1.5 * random.uniform(0.8, 1.2),
     }
-    if scene.history:
+    if scene.history_on_curve:
         table["t"] = np.linspace(0.0, 10.0, SAMPLES)
         table["branch"] = np.array(["approach"] * (SAMPLES - HOLD) + ["hold"] * HOLD)
         table["force"] = force * np.exp(-random.uniform(0.1, 1) * table["t"])
@@ -75,7 +75,7 @@ def made_up(case: Case, random: np.random.Generator) -> Results:
         "units": {"length": units.length, "force": units.force},
         "plan": {
             "choices": [
-                {"key": "kinematics", "value": scene.physics.part.kinematics.name, "why": ""}
+                {"key": "kinematics", "value": scene.physics.domain.kinematics.name, "why": ""}
             ]
         },
         "cpu_timings": {"solve": float(random.uniform(0.1, 20.0))},

@@ -102,7 +102,7 @@ class Condenser:
             matrix = matrix.createSubMatrices([all_rows], [all_rows])[0]
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         if body.unknowns.names == ("u",) and not (
-            bulk.surface_tension and body.scene.physics.part.dome
+            bulk.surface_tension and body.scene.physics.domain.dome
         ):  # it pushes there
             matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._pc = PETSc.PC().create(self._comm)

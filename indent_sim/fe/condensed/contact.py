@@ -128,14 +128,14 @@ class CondensedContact:
         trace = self.compliance.trace
         scene = self.scene
         x = np.moveaxis(trace.positions(points), -1, 0)
-        horizontal = scene.physics.part.kinematics.horizontal(x, scene.physics.center)
+        horizontal = scene.physics.domain.kinematics.horizontal(x, scene.physics.center)
         return self._weighted_areas(trace, points, weights), scene.physics.indenter.height(
             *horizontal
         ) - x[-1]
 
     def _weighted_areas(self, trace: Trace, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
         x = np.moveaxis(trace.positions(points), -1, 0)
-        return trace.measures(points) * weights * self.scene.physics.part.kinematics.weight(x)
+        return trace.measures(points) * weights * self.scene.physics.domain.kinematics.weight(x)
 
     @cached_property
     def quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -466,7 +466,7 @@ def _augmented_lagrangian(contact: CondensedContact) -> bool:
         contact.lam = contact.project(contact.F)
         return True
 
-    return solve_with_slip_reference(contact.friction, contact.scene.physics.anchor, once)
+    return solve_with_slip_reference(contact.friction, contact.scene.physics.slip_reference, once)
 
 
 def _uzawa(contact: CondensedContact) -> bool:

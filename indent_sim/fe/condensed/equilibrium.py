@@ -18,7 +18,7 @@ from indent_sim.fe.path.equilibrium import Equilibrium, SolverStatistics, state_
 from indent_sim.fe.postprocessing import measurements
 from indent_sim.fe.postprocessing.fields import WholeBody
 from indent_sim.fe.solve.extrapolation import lagrange_weights, predict_trial_pressure
-from indent_sim.scene.cost import MOST_CANDIDATES
+from indent_sim.scene.cost import MAX_CANDIDATES
 from indent_sim.scene.scene import Scene
 
 CANDIDATE_MARGIN = (
@@ -51,7 +51,7 @@ class CondensedEquilibrium(Equilibrium):
         self.body = body
         self.has_memory = scene.physics.contact.has_memory
         self.condenser = condenser or Condenser(body)
-        sides = zip(scene.physics.part.extent[:-1], scene.physics.center, strict=False)
+        sides = zip(scene.physics.domain.extent[:-1], scene.physics.center, strict=False)
         self._largest_radius = 1.5 * max(
             abs(end - c) for ends, c in sides for end in ends
         )  # the corners of a box
@@ -68,14 +68,14 @@ class CondensedEquilibrium(Equilibrium):
         patch = scene.sizes.patch + CANDIDATE_MARGIN * scene.sizes.h_contact
         a = scene.plan.prediction["a"] / scene.physics.scales.length
         if (
-            scene.is_of_curve or a == 0
+            scene.uses_elastic_curve or a == 0
         ):  # what is made of the curve may ask for contacts beyond the deepest one
             return patch
         return min(patch, a + INITIAL_RIM_DISTANCE * scene.sizes.h_contact)
 
     def _condense(self, radius: float) -> None:
         self._candidate_radius = radius
-        dim = self.scene.physics.part.dim
+        dim = self.scene.physics.domain.dim
         law = self.scene.physics.contact
         axes = [dim - 1] if law.is_conservative else [dim - 1, *range(dim - 1)]
         compliance = self.condenser.condense(radius, self.scene.physics.center, axes)
@@ -119,7 +119,7 @@ class CondensedEquilibrium(Equilibrium):
     @property
     def force(self) -> float:
         """Force of the whole body on the tip [force]."""
-        return self.scene.physics.part.copies * float(self.contact.F.sum())
+        return self.scene.physics.domain.copies * float(self.contact.F.sum())
 
     def tighten_tolerance(self) -> float:
         """A dense solve leaves nothing to sharpen."""
@@ -129,7 +129,7 @@ class CondensedEquilibrium(Equilibrium):
         """Take the present equilibrium as the one that the next step sets out from; what was lost
         in this [energy].
         """
-        dissipation = self.scene.physics.part.copies * self.contact.dissipation()
+        dissipation = self.scene.physics.domain.copies * self.contact.dissipation()
         self._accept_state()
         return dissipation
 
@@ -162,7 +162,7 @@ class CondensedEquilibrium(Equilibrium):
         nodes = self.condenser.count_candidates(wider_radius, self.scene.physics.center) * len(
             self.contact.forces
         )
-        if nodes > MOST_CANDIDATES:
+        if nodes > MAX_CANDIDATES:
             reason = (
                 f"the contact outgrows the {self.contact.compliance.size} nodes that the body is "
                 "condensed to"
@@ -186,7 +186,7 @@ class CondensedEquilibrium(Equilibrium):
     @property
     def stiffness(self) -> float:
         """dF/ddelta of the whole body at the present equilibrium, by its tangent."""
-        return self.scene.physics.part.copies * self.contact.stiffness()
+        return self.scene.physics.domain.copies * self.contact.stiffness()
 
     def punches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The flat punches of an axisymmetric body; see `condensed.flat_punches`."""
@@ -240,7 +240,7 @@ class CondensedEquilibrium(Equilibrium):
     def state_values(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
         contact = self.contact
-        symmetry_factor = self.scene.physics.part.copies
+        symmetry_factor = self.scene.physics.domain.copies
         compliance = self.contact.compliance
         X = contact.forces.ravel()
         values = {"force": self.force, "energy": symmetry_factor * contact.energy()}
@@ -251,9 +251,9 @@ class CondensedEquilibrium(Equilibrium):
                 strict=True,
             )
         )
-        values |= state_reactions(self.scene.physics.part, support_reactions)
+        values |= state_reactions(self.scene.physics.domain, support_reactions)
         values["stray_reaction"] = symmetry_factor * float(compliance.pin_reactions @ np.abs(X))
-        for name, k in self.scene.physics.sideways.items():
+        for name, k in self.scene.physics.side_force_axes.items():
             values[f"side_force_{name}"] = 0.0 - symmetry_factor * float(
                 contact.forces[1 + k].sum()
             )  # no -0.0

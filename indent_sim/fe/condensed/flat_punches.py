@@ -59,6 +59,6 @@ def punches(contact: CondensedContact) -> tuple[np.ndarray, np.ndarray, np.ndarr
     P = np.cumsum(unit_solution * height_solution)[vertex_ends]
     a = r[order][vertex_ends]
     elements = np.diff(a, prepend=0.0)
-    region = physics.part.regions[0]
+    region = physics.domain.regions[0]
     intercept, slope = RADIUS_SHIFT[region.formulation]
     return a + (intercept - slope * region.material.constants.nu) * elements, K, P

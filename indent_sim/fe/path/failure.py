@@ -43,7 +43,9 @@ def failed_state(
         else ""
     )
     discontinuities = (
-        f"; {scene.physics.creases}: less swelling helps" if scene.physics.creases else ""
+        f"; {scene.physics.creasing_message}: less swelling helps"
+        if scene.physics.creasing_message
+        else ""
     )
     reason = (
         f"contact method {method} did not converge at {target}: {cause}; the last "

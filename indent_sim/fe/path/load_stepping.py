@@ -93,7 +93,7 @@ class LoadStepper:
         self._search_time = 0.0  # at which a force is searched for
         self._last_rise = 0.0  # of a tip that just touches, in the step before
         self._unloading: UnloadingBranch | None = (
-            UnloadingBranch() if physics.seeks_pull_off else None
+            UnloadingBranch() if physics.searches_pull_off else None
         )
         self._load_control = LoadControl(
             self._step_to_depth, physics.body.height, from_row=self._has_memory
@@ -121,7 +121,9 @@ class LoadStepper:
                 segment.coordinate_length(finest_tried),
             )
         return StepSizeControl(
-            longest_step, -inf if scene.physics.evolves else self._start_point.delta, finest_tried
+            longest_step,
+            -inf if scene.physics.is_time_dependent else self._start_point.delta,
+            finest_tried,
         )
 
     @property
@@ -425,9 +427,9 @@ class LoadStepper:
         physics = self.equilibrium.scene.physics
         expected = physics.deltas[step - 1] or self._adhesion_range
         self._search_time = t
-        if force == 0 and physics.evolves and not self._adhesion_range:
+        if force == 0 and physics.is_time_dependent and not self._adhesion_range:
             return self._substeps - substeps if self._step_to_touch() else 0
-        if t == self._last_point.load_point.t and not (physics.evolves and t > 0):
+        if t == self._last_point.load_point.t and not (physics.is_time_dependent and t > 0):
             return (
                 self._substeps - substeps if self._load_control.find_depth(force, expected) else 0
             )

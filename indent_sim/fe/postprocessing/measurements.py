@@ -116,7 +116,7 @@ def _edge_stiffness(body: ObservedBody) -> np.ndarray:
     """Pressure per gap that finds the contact edge, (facets, 1): lam ripples beyond it, the gap is
     noisy inside.
     """
-    region = body.scene.physics.part.regions[0]
+    region = body.scene.physics.domain.regions[0]
     return EDGE_STIFFNESS_FACTOR[region.formulation] * body.E_star / body.trace.facet_sizes[:, None]
 
 
@@ -137,7 +137,9 @@ def smallest_gap(body: ObservedBody) -> float:
     X = body.trace.positions(points)
     u = body.trace.interpolate(body.nodal_displacement(), points)
     positions = _components_first(X if physics.gap == "reference" else X + u)
-    height = physics.indenter.height(*physics.part.kinematics.horizontal(positions, physics.center))
+    height = physics.indenter.height(
+        *physics.domain.kinematics.horizontal(positions, physics.center)
+    )
     g = height - body.depth - (X[..., -1] + u[..., -1])
     return float(body.comm.allreduce(float(g.min(initial=np.inf)), op=MPI.MIN))
 
@@ -150,7 +152,7 @@ def _gap_of_displacement(
     X = trace.positions(points)
 
     def over(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return physics.part.kinematics.horizontal(_components_first(x), physics.center)
+        return physics.domain.kinematics.horizontal(_components_first(x), physics.center)
 
     if physics.gap == "current":
         x, y = over(X + u)
@@ -172,7 +174,7 @@ def _may_touch_unindented(body: ObservedBody, pressure: np.ndarray) -> bool:
     swollen.
     """
     physics = body.scene.physics
-    if not physics.evolves:
+    if not physics.is_time_dependent:
         return physics.contact.may_snap
     largest = body.comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX)
     return bool(largest > PRESSURE_ROUNDOFF * body.E_star)
@@ -185,7 +187,7 @@ def _area_ratio(
     area_before, area_after = (
         _tangent_measure(trace.tangents(places, points)) for places in (trace.X, trace.X + nodal)
     )
-    if body.scene.physics.part.kinematics.name != "axisymmetric":
+    if body.scene.physics.domain.kinematics.name != "axisymmetric":
         return area_after / area_before
     # u_r/r tends to du_r/dr on the axis, where both stretches of the surface are equal and r is
     # round-off, not 0
@@ -243,12 +245,12 @@ def contact_values(body: ObservedBody) -> dict[str, float]:
         body, sample.pressure
     ):  # what is there is round-off
         size = 0.0
-    a = body.scene.physics.part.kinematics.contact_radius(size)
+    a = body.scene.physics.domain.kinematics.contact_radius(size)
     deepest = (-sample.gap[:, begin:end]).max(initial=0.0)
     overlap = _overlap(body, sample.X + sample.u, sample.gap)
     roughness_value = (
         _roughness_amplitude(body, sample, positions, end)
-        if a > 0 and body.scene.has_peak(a)
+        if a > 0 and body.scene.has_peak_pressure(a)
         else 0.0
     )
     peak_pressure, penetration_depth, overlap, roughness_value = _max_over_ranks(
@@ -257,7 +259,7 @@ def contact_values(body: ObservedBody) -> dict[str, float]:
     roughness_value = (
         roughness_value / peak_pressure if peak_pressure > PRESSURE_ROUNDOFF * body.E_star else 0.0
     )
-    peak_pressure = peak_pressure if body.scene.has_peak(a) else float("nan")
+    peak_pressure = peak_pressure if body.scene.has_peak_pressure(a) else float("nan")
     values = {
         "a": a,
         "p_max": peak_pressure,
@@ -286,7 +288,7 @@ def _roughness_amplitude(
     end
         See `sample`.
     """
-    horizontal = body.scene.physics.part.kinematics.horizontal(
+    horizontal = body.scene.physics.domain.kinematics.horizontal(
         _components_first(positions[:, first_node:]), body.scene.physics.center
     )
     nodal: Any = (
@@ -355,7 +357,7 @@ def _edge_pressure_step(body: ObservedBody, size: float, means: np.ndarray) -> f
     tension_number = (
         physics.surface_tension
         / physics.material.E_star
-        / physics.part.kinematics.contact_radius(size)
+        / physics.domain.kinematics.contact_radius(size)
     )
     positive_means = np.concatenate(body.comm.allgather(means[means > 0]))
     step_fraction = EDGE_STEP_GROWTH * tension_number**0.9
@@ -381,7 +383,7 @@ def _stick_radius(
     size = _contact_area(
         body, sample.X[:, :point_count, :-1], positions[:, :point_count, :-1], stick_indicator
     )
-    return min(a, body.scene.physics.part.kinematics.contact_radius(size))
+    return min(a, body.scene.physics.domain.kinematics.contact_radius(size))
 
 
 def _overlap(body: ObservedBody, positions: np.ndarray, gap: np.ndarray) -> float:
@@ -429,7 +431,7 @@ def penetration_outside_contact_surface(
 
 def _depth_inside_tip(body: ObservedBody, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far the places x are above the tip's surface, z + depth - f, and from its axis [length]."""
-    horizontal = body.scene.physics.part.kinematics.horizontal(
+    horizontal = body.scene.physics.domain.kinematics.horizontal(
         _components_first(positions), body.scene.physics.center
     )
     return positions[..., -1] + body.depth - body.scene.physics.indenter.height(
@@ -473,7 +475,7 @@ def _contact_area(
         overhangs = _signed_area(corners) * _signed_area(X[partial_facets][:, simplices]) < 0
         local_area = _positive_area(corners, np.where(overhangs[..., None], -1.0, corner_pressures))
     total_area = local_area if body.comm.size == 1 else body.comm.allreduce(local_area, op=MPI.SUM)
-    return body.scene.physics.part.copies * total_area
+    return body.scene.physics.domain.copies * total_area
 
 
 def _signed_area(corners: np.ndarray) -> np.ndarray:
@@ -497,7 +499,7 @@ def _positive_length(body: ObservedBody, ends: np.ndarray, trial_pressure: np.nd
 
 def _segment_measure(body: ObservedBody, begin: np.ndarray, end: np.ndarray) -> float:
     """Length of segments between horizontal places, area of their rings when axisymmetric."""
-    if body.scene.physics.part.kinematics.name == "axisymmetric":
+    if body.scene.physics.domain.kinematics.name == "axisymmetric":
         return pi * float(np.abs(end**2 - begin**2).sum())
     return float(np.abs(end - begin).sum())
 

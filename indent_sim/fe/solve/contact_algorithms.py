@@ -133,7 +133,9 @@ def _friction_passes(
 
     return _restore_on_failure(
         problem,
-        lambda: solve_with_slip_reference(friction, problem.scene.physics.anchor, algorithm, find),
+        lambda: solve_with_slip_reference(
+            friction, problem.scene.physics.slip_reference, algorithm, find
+        ),
     )
 
 

@@ -271,7 +271,7 @@ class BodyEquilibrium:
     @property
     def _has_relaxation(self) -> bool:
         """Whether the modulus of what the tip touches changes with time."""
-        return self.scene.physics.part.regions[0].relaxing is not None
+        return self.scene.physics.domain.regions[0].relaxing is not None
 
     def pack(self, state: Snapshot) -> list[np.ndarray]:
         """A state as arrays on rank 0, for a checkpoint, in an order that does not know the ranks
@@ -370,12 +370,12 @@ class BodyEquilibrium:
     def state_values(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
         energy = (
-            nan if self.scene.physics.relaxing else self.problem.energy()
+            nan if self.scene.physics.relaxing_regions else self.problem.energy()
         )  # what relaxes has stored none
         values: dict[str, Any] = {"force": self.force, "energy": energy}
         support_reactions, values["stray_reaction"] = self.problem.reactions()
-        values |= state_reactions(self.scene.physics.part, support_reactions)
-        for name, axis in self.scene.physics.sideways.items():
+        values |= state_reactions(self.scene.physics.domain, support_reactions)
+        for name, axis in self.scene.physics.side_force_axes.items():
             values[f"side_force_{name}"] = self.problem.side_force(axis)
         body = self.problem.body
         values["intrusion"] = measurements.penetration_outside_contact_surface(

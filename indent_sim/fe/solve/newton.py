@@ -355,7 +355,9 @@ class Newton:
         tolerance = (
             SYMMETRIC_DERIVATIVE_RESIDUAL if problem.has_symmetric_tangent else DERIVATIVE_RESIDUAL
         )
-        symmetry_factor = problem.scene.physics.part.copies if problem.has_symmetric_tangent else 0
+        symmetry_factor = (
+            problem.scene.physics.domain.copies if problem.has_symmetric_tangent else 0
+        )
         derivative.set(0.0)
         start_residual, remaining, correction = (problem.b.duplicate() for _ in range(3))
         try:
@@ -389,7 +391,7 @@ class Newton:
         """
         assert self._iterative
         stiffness_error = (
-            self.problem.scene.physics.part.copies
+            self.problem.scene.physics.domain.copies
             * self._iterative.residual_energy(remaining)
             / step**2
         )
@@ -421,9 +423,9 @@ def _reaction_floor(problem: Problem) -> float:
     where fluid flows.
     """
     physics = problem.scene.physics
-    E = max(region.material.constants.E for region in physics.part.regions)
+    E = max(region.material.constants.E for region in physics.domain.regions)
     a = problem.scene.plan.prediction["a"] / physics.scales.length
-    length = physics.part.height if physics.swells else min(a, physics.part.height)
+    length = physics.domain.height if physics.is_swelling else min(a, physics.domain.height)
     return FLUID_REACTION * E * length ** (physics.body.dim - 1) if problem.has_flow else 0.0
 
 

@@ -55,10 +55,10 @@ def fields(scene: Scene) -> list[Field]:
 
     A volume of fluid that is missing pushes what is around it: it is worth the stiffest region's E.
     """
-    stiffest_E = max(region.material.constants.E for region in scene.physics.part.regions)
+    stiffest_E = max(region.material.constants.E for region in scene.physics.domain.regions)
     return (
         [Field(FIELD_NAME, 1, domain=regions, weight=stiffest_E)]
-        if (regions := scene.physics.permeable)
+        if (regions := scene.physics.permeable_regions)
         else []
     )
 
@@ -75,7 +75,7 @@ class Flow(Term):
         self.body = body
         self._laws = {
             region: symbolic_copy(region.material, body.mesh)
-            for region in body.scene.physics.permeable
+            for region in body.scene.physics.permeable_regions
         }
         self._bath_pressures, self._bath_pressures_before = (
             {region: fem.Constant(body.mesh, 0.0) for region in self._laws} for _ in range(2)
@@ -102,7 +102,7 @@ class Flow(Term):
         )  # int zeta of each vertex's function
 
     def _displacement_gradient(self, region: Region, moment: TimeLevel) -> Expr:
-        return self.body.scene.physics.part.kinematics.gradient(moment.fields["u"], self.body.X)
+        return self.body.scene.physics.domain.kinematics.gradient(moment.fields["u"], self.body.X)
 
     def _vertex_content(self, moment: TimeLevel, baths: dict[Region, fem.Constant]) -> ufl.Form:
         """int zeta of each vertex's function [length^3], a UFL form."""
@@ -124,7 +124,7 @@ class Flow(Term):
     def potential(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
         """The share of a stage in the potential, but for p zeta*."""
         form = 0
-        pressure_gradient = self.body.scene.physics.part.kinematics.in_space(
+        pressure_gradient = self.body.scene.physics.domain.kinematics.in_space(
             ufl.grad(now.fields[FIELD_NAME])
         )
         for region, law in self._laws.items():
@@ -309,7 +309,7 @@ class ContactSeal(Term):
         slopes = ufl.dot(ufl.grad(ufl.TestFunction(space)), ufl.grad(ufl.TrialFunction(space)))
         flows = [
             (region, flow)
-            for region in body.scene.physics.permeable
+            for region in body.scene.physics.permeable_regions
             if (flow := region.material.flow)
         ]
         permeabilities = [

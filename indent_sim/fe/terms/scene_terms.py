@@ -66,11 +66,11 @@ def bulk_terms(body: Body) -> BulkTerms:
     physics = body.scene.physics
     strain_energies = tuple(
         (ViscoelasticStrainEnergy if region.relaxing else StrainEnergy)(body, region)
-        for region in physics.part.regions
+        for region in physics.domain.regions
     )
     rollers = (WeakRollerBC(body),) if physics.wall_stiffness else ()
     surface_tension = SurfaceTension(body) if physics.surface_tension else None
-    pore_flow, seal = (Flow(body), ContactSeal(body)) if physics.permeable else (None, None)
+    pore_flow, seal = (Flow(body), ContactSeal(body)) if physics.permeable_regions else (None, None)
     return BulkTerms(strain_energies, rollers, pore_flow, seal, surface_tension)
 
 

@@ -40,7 +40,7 @@ class InvertedElements:
 
     def message(self, scene: Scene) -> str:
         """Both and their places, in the user's lengths."""
-        axes = ", ".join(scene.physics.part.kinematics.axes)
+        axes = ", ".join(scene.physics.domain.kinematics.axes)
 
         def place(X: tuple[float, ...]) -> str:
             return ", ".join(f"{x * scene.physics.scales.length:.4g}" for x in X)
@@ -65,7 +65,7 @@ def pressure_fields(scene: Scene) -> list[Field]:
     A volume that an incompressible region lacks pushes what is around it: it is worth the stiffest
     region's E.
     """
-    regions = scene.physics.part.regions
+    regions = scene.physics.domain.regions
     E = max(region.material.constants.E for region in regions)
     mixed = [(f"q{k}", region) for k, region in enumerate(regions) if region.formulation == "mixed"]
     return [
@@ -95,7 +95,7 @@ class StrainEnergy(Term):
             field.name for field in pressure_fields(scene) if field.domain == (region,)
         )
         material = symbolic_copy(region.material, body.mesh)
-        self._H = H = ufl.variable(scene.physics.part.kinematics.gradient(fields["u"], body.X))
+        self._H = H = ufl.variable(scene.physics.domain.kinematics.gradient(fields["u"], body.X))
         q = fields[self.field_names[0]] if self.field_names else None
         self._energy_density, potential = self._energy_densities(
             material, H, None if q is None else ufl.variable(q)
@@ -118,7 +118,7 @@ class StrainEnergy(Term):
     def cells(self) -> np.ndarray:
         """This rank's own cells in the region (n,)."""
         body = self.body
-        number = self.body.scene.physics.part.regions.index(self.region)
+        number = self.body.scene.physics.domain.regions.index(self.region)
         owned = body.mesh.topology.index_map(body.body_mesh.dim).size_local
         return np.flatnonzero(body.body_mesh.regions[:owned] == number).astype(np.int32)
 

@@ -48,7 +48,7 @@ class SurfaceTension(Term):
     def __init__(self, body: Body):
         physics = body.scene.physics
         self.has_constant_tangent = physics.small_strain
-        kinematics = physics.part.kinematics
+        kinematics = physics.domain.kinematics
         H = kinematics.gradient(body.now.fields["u"], body.X)
         gamma = fem.Constant(body.mesh, physics.surface_tension)
         N = kinematics.in_space(ufl.FacetNormal(body.mesh))
@@ -59,13 +59,13 @@ class SurfaceTension(Term):
         if self.has_membrane:
             area_growth += self._membrane_stiffness * _membrane_energy(H, P)
         self.energy = body.surface_integral("top", gamma * area_growth, SURFACE_DEGREE)
-        if physics.part.dome:
-            pressure = 2 * gamma / fem.Constant(body.mesh, physics.part.dome)
+        if physics.domain.dome:
+            pressure = 2 * gamma / fem.Constant(body.mesh, physics.domain.dome)
             volume_growth = (ufl.tr(H) ** 2 - ufl.tr(H * H)) / 2  # of J - 1 - tr H
             volume_growth = volume_growth if physics.small_strain else volume_growth + ufl.det(H)
             parts = (
                 body.region_integral(pressure * volume_growth, region)
-                for region in physics.part.regions
+                for region in physics.domain.regions
             )
             self.energy = self.energy - reduce(add, parts)
         if self.has_membrane:
@@ -80,7 +80,7 @@ class SurfaceTension(Term):
                 add,
                 (
                     body.region_integral(added_shear_energy, region)
-                    for region in physics.part.regions
+                    for region in physics.domain.regions
                 ),
             )
 

@@ -18,8 +18,19 @@ from indent_sim.run.companions.companion import Companion, beside, on_finer_mesh
 from indent_sim.run.companions.drained_film import at_once
 from indent_sim.run.companions.error_bars import Bars, Budget
 from indent_sim.run.companions.sticking import bearer, sticking
-from indent_sim.scene.cost import EACH, EACH_BY_THEORY, START_SECONDS, THEORY_SECONDS, Cost
-from indent_sim.scene.fineness import MOST_ELEMENTS, RATE, Fineness, target_of
+from indent_sim.scene.cost import (
+    SECONDS_PER_RUN,
+    SECONDS_PER_THEORY_RUN,
+    START_SECONDS,
+    THEORY_SECONDS,
+    Cost,
+)
+from indent_sim.scene.resolution import (
+    MAX_ELEMENTS,
+    ORDER_OF_CONVERGENCE,
+    MeshResolution,
+    target_error,
+)
 from indent_sim.scene.scene import Scene
 
 ATTEMPTS = 6
@@ -63,7 +74,7 @@ class Attempt:
         ]
         unknown = [(inf, budget) for share, budget in shares if share != share]
         error, worst = max(unknown or shares, key=lambda one: one[0], default=(0.0, None))
-        fineness = self.scene.plan.fineness
+        fineness = self.scene.plan.resolution
         if fineness is None or worst is None or error <= fineness.target:
             return
         tried = (*self.tried, fineness.n)
@@ -71,8 +82,8 @@ class Attempt:
             (budget.path / force for force, budget in _pushing(states, bars.budgets)), 0.0
         )
         finer, end = _finer(resolve, fineness, error, worst, from_rest, len(tried))
-        if finer is not None and finer.plan.fineness is not None:
-            end = f"refining to {finer.plan.fineness.n:.3g} elements in the contact radius"
+        if finer is not None and finer.plan.resolution is not None:
+            end = f"refining to {finer.plan.resolution.n:.3g} elements in the contact radius"
             ratio = self.scene.sizes.h_contact / finer.sizes.h_contact
             self.following = Attempt(finer, tried, Companion(ratio, states, self.scene))
         self.missed = (
@@ -102,10 +113,12 @@ def foreseen(scene: Scene, error_bars: bool = False) -> Scene:
     """The scene with the seconds and the memory of its whole run predicted; error_bars: asked for
     beside `accuracy`.
     """
-    if not scene.is_meshed or not (error_bars or scene.plan.fineness):
+    if not scene.is_meshed or not (error_bars or scene.plan.resolution):
         return scene
     beside = _beside(scene, error_bars)
-    seconds = scene.cost.seconds + sum(cost.seconds - START_SECONDS + EACH for cost in beside)
+    seconds = scene.cost.seconds + sum(
+        cost.seconds - START_SECONDS + SECONDS_PER_RUN for cost in beside
+    )
     memory = max(cost.memory for cost in (scene.cost, *beside))
     prediction = scene.plan.prediction | {
         "memory_MB": round(memory / 1e6),
@@ -122,10 +135,10 @@ def seconds_in_study(scene: Scene, error_bars: bool = False) -> float:
         return (
             float(scene.plan.prediction.get("seconds", THEORY_SECONDS))
             - THEORY_SECONDS
-            + EACH_BY_THEORY
+            + SECONDS_PER_THEORY_RUN
         )
-    beside = _beside(scene, error_bars) if error_bars or scene.plan.fineness else []
-    return sum(cost.seconds - START_SECONDS + EACH for cost in (scene.cost, *beside))
+    beside = _beside(scene, error_bars) if error_bars or scene.plan.resolution else []
+    return sum(cost.seconds - START_SECONDS + SECONDS_PER_RUN for cost in (scene.cost, *beside))
 
 
 def _beside(scene: Scene, error_bars: bool) -> list[Cost]:
@@ -160,10 +173,10 @@ def _ratios_foreseen(scene: Scene) -> list[float]:
     turn.
     """
     physics = scene.physics
-    fineness = scene.plan.fineness
+    fineness = scene.plan.resolution
     if fineness is None:
         return []
-    if physics.permeable and physics.drainage.tip == "sealed":
+    if physics.permeable_regions and physics.drainage.tip == "sealed":
         is_smeared = scene.sizes.h_edge is None and not isinstance(physics.contact, ActiveSet)
         ratios = [1.0]
         error = SMEARED_EDGE if is_smeared else DRAINING
@@ -183,7 +196,7 @@ def _ratios_foreseen(scene: Scene) -> list[float]:
 
 def _refinement(room: float) -> float:
     """How much finer a next mesh is whose error is to be `room` times that of this one."""
-    return float(min(max(AIM * room ** (-1 / RATE), LEAST_REFINEMENT), GREATEST))
+    return float(min(max(AIM * room ** (-1 / ORDER_OF_CONVERGENCE), LEAST_REFINEMENT), GREATEST))
 
 
 def unjudged(scene: Scene, states: Sequence[State], bars: Bars) -> list[str]:
@@ -191,7 +204,7 @@ def unjudged(scene: Scene, states: Sequence[State], bars: Bars) -> list[str]:
     not held to it.
     """
     floor = _floor(states)
-    fineness = scene.plan.fineness
+    fineness = scene.plan.resolution
     if fineness is None:
         return []
     forceless = [
@@ -224,7 +237,7 @@ def _pushing(states: Sequence[State], budgets: Sequence[Budget]) -> Iterator[tup
 
 def _finer(
     resolve: Resolve,
-    fineness: Fineness,
+    fineness: MeshResolution,
     error: float,
     worst: Budget,
     from_rest: float,
@@ -263,8 +276,8 @@ def _finer(
     other = worst.truncation + worst.path + worst.time
     room = (allowed - other) / (worst.total - other)
     factor = 2.0 if fineness.refinements else _refinement(room)
-    if fineness.n * factor > MOST_ELEMENTS:
-        return None, f"more than {MOST_ELEMENTS:g} elements in the contact radius would be needed"
+    if fineness.n * factor > MAX_ELEMENTS:
+        return None, f"more than {MAX_ELEMENTS:g} elements in the contact radius would be needed"
     try:
         return resolve(fineness.n * factor), ""
     except ConfigError as limit:
@@ -272,12 +285,12 @@ def _finer(
 
 
 def entry(
-    config: Config, fineness: Fineness | None, tried: Sequence[float]
+    config: Config, fineness: MeshResolution | None, tried: Sequence[float]
 ) -> dict[str, Any] | None:
     """What run.json says of the accuracy: what was asked for, and of a mesh the elements in a
     contact radius, now and before; None where nothing was asked for.
     """
-    target = target_of(config.accuracy)
+    target = target_error(config.accuracy)
     of_mesh = {"elements": fineness.n, "tried": list(tried)} if fineness else {}
     return None if target is None else {"target": target} | of_mesh
 

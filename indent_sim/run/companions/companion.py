@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
-from indent_sim.scene import fineness
+from indent_sim.scene import resolution
 from indent_sim.scene.scene import Scene
 
 # of the element sizes of the companion to those of the run; its reason stands in `error_bars`
@@ -43,11 +43,11 @@ def curve_of(states: States) -> Curve:
 def coarser(scene: Scene, ratio: float) -> Scene:
     """The same scene on a mesh whose sizes are that much larger, near and far alike."""
     physics = scene.physics
-    sizes = fineness.coarser(
-        scene.sizes, ratio, physics.part.height, is_column=physics.is_porous_column
+    sizes = resolution.coarsened_sizes(
+        scene.sizes, ratio, physics.domain.height, is_column=physics.is_porous_column
     )
     return replace(
-        scene.with_physics(wall_stiffness=scene.physics.wall_stiffness / ratio), sizes=sizes
+        scene.replace_physics(wall_stiffness=scene.physics.wall_stiffness / ratio), sizes=sizes
     )
 
 
@@ -86,7 +86,7 @@ def on_finer_mesh(scene: Scene, ratio: float) -> Scene:
 
 def _refined(scene: Scene, refinements: int) -> Scene:
     """The same scene on the same file, refined that often."""
-    return replace(scene, sizes=fineness.refined(scene.sizes, refinements))
+    return replace(scene, sizes=resolution.refined_sizes(scene.sizes, refinements))
 
 
 def softer(scene: Scene) -> Scene | None:
@@ -96,21 +96,21 @@ def softer(scene: Scene) -> Scene | None:
         return None
     tangential = law.epsilon_t if law.epsilon_t == "auto" else law.epsilon_t / 2
     halved = replace(law, epsilon_n=law.stiffness / 2, epsilon_t=tangential)
-    return scene.with_physics(contact=halved)
+    return scene.replace_physics(contact=halved)
 
 
 def in_half_steps(scene: Scene) -> Scene | None:
     """The same scene in steps half as long; None where neither the path nor time matters."""
     physics = scene.physics
-    if not physics.takes_steps:
+    if not physics.depends_on_step_size:
         return None
-    return scene.with_physics(path=physics.path.halved(), deltas=_halved(physics.deltas))
+    return scene.replace_physics(path=physics.path.halved(), deltas=_halved(physics.deltas))
 
 
 def in_slower_bath(scene: Scene) -> Scene | None:
     """The same scene with a bath that takes twice as long to come; None where no bath comes."""
     ramp = scene.physics.bath_ramp
-    return scene.with_physics(bath_ramp=2 * ramp) if ramp else None
+    return scene.replace_physics(bath_ramp=2 * ramp) if ramp else None
 
 
 def on_its_mesh(companion: Scene) -> list[Scene]:

@@ -22,7 +22,7 @@ from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.scene import boundary_films
 from indent_sim.scene.boundary_films import PathRow
-from indent_sim.scene.given import is_locked
+from indent_sim.scene.problem_setup import is_undrained_incompressible
 from indent_sim.scene.scene import Scene
 
 NEAR = 0.95  # of the largest depth or force: the second equilibrium, for the slope
@@ -49,14 +49,14 @@ class DrainedFilm:
         heights = coarser * self.heights
         if self.is_column:
             return self._of_column(row, state, heights)
-        return float(self.losses @ row.excess(heights, self.diffusivity))
+        return float(self.losses @ row.excess_length(heights, self.diffusivity))
 
     def _of_column(self, row: PathRow, state: State, heights: np.ndarray) -> float:
         """Of a column that gives way by what has drained alone: the share of that length which is
         too much.
         """
-        drained = row.drained(self.diffusivity)
-        excess = float(np.max(row.excess(heights, self.diffusivity), initial=0.0))
+        drained = row.drained_length(self.diffusivity)
+        excess = float(np.max(row.excess_length(heights, self.diffusivity), initial=0.0))
         return abs(state.force) * excess / drained if drained else 0.0
 
 
@@ -69,8 +69,8 @@ def film_of(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> Drained
     physics = scene.physics
     if not _has_films(scene):
         return None
-    rows = boundary_films.rows_of(physics.path)
-    D = boundary_films.slowest(physics)
+    rows = boundary_films.path_rows(physics.path)
+    D = boundary_films.smallest_diffusivity(physics)
     sudden = at_once(scene)
     if sudden is None:
         at_faces = [film.h for film in scene.sizes.films] or [scene.sizes.h_contact]
@@ -82,10 +82,10 @@ def film_of(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> Drained
     (heights, before), (_, there) = (one.T for one in found if one is not None)
     way = (states[1].delta - states[0].delta) / physics.scales.depth
     lost = (
-        physics.part.copies
+        physics.domain.copies
         * (there - before)
         / (2 * way)
-        * boundary_films.softening(physics)
+        * boundary_films.largest_inverse_modulus(physics)
         * physics.scales.force
     )
     return DrainedFilm(rows, D, heights, lost)
@@ -96,8 +96,8 @@ def _has_films(scene: Scene) -> bool:
     physics = scene.physics
     path = scene.physics.path
     return (
-        bool(physics.permeable)
-        and not physics.swells
+        bool(physics.permeable_regions)
+        and not physics.is_swelling
         and path.begin is not None
         and max(path.values) > 0
     )
@@ -109,7 +109,7 @@ def at_once(scene: Scene) -> Scene | None:
     equilibrium.
     """
     path = scene.physics.path
-    if not _has_films(scene) or is_locked(scene.physics):
+    if not _has_films(scene) or is_undrained_incompressible(scene.physics):
         return None
     largest = max(path.values)
     deepest = max(scene.physics.deltas)
@@ -120,4 +120,4 @@ def at_once(scene: Scene) -> Scene | None:
         branches=("approach",) * 2,
         begin=path.begin,
     )
-    return scene.with_physics(path=sudden, deltas=(NEAR * deepest, deepest))
+    return scene.replace_physics(path=sudden, deltas=(NEAR * deepest, deepest))

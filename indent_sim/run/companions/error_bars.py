@@ -39,8 +39,8 @@ from indent_sim.model.state import State
 from indent_sim.model.tips import flat_radius
 from indent_sim.run.companions.companion import Companion, Curve, States, curve_of, in_half_steps
 from indent_sim.run.companions.drained_film import DrainedFilm
-from indent_sim.scene.doubts import EDGE, PER_DEPTH, edge_error
-from indent_sim.scene.fineness import CONSTANT, RATE, fading
+from indent_sim.scene.model_warnings import EDGE_ERROR, FORCE_DEPTH_EXPONENT, edge_error
+from indent_sim.scene.resolution import ERROR_CONSTANT, ORDER_OF_CONVERGENCE, error_decay
 from indent_sim.scene.scene import Scene
 
 # ---- the numbers of the rule: docs/accuracy.md has coverage and width with and without each
@@ -215,9 +215,9 @@ class ErrorBars:
         self._scales = scene.physics.scales
         self._finds_depths = scene.physics.path.control == "force"
         self._truncation = sum(
-            doubt.force_error for doubt in scene.plan.doubts if doubt.key == "truncation"
+            doubt.force_error for doubt in scene.plan.model_warnings if doubt.key == "truncation"
         )
-        part = scene.physics.part
+        part = scene.physics.domain
         near = scene.physics.center, scene.sizes.a, scene.sizes.refinements or 0
         self._sag = part.sag(*near)
         sharpened = ridge_pressure(part.turn(*near), scene.sizes.refinements or 0)
@@ -251,8 +251,8 @@ class ErrorBars:
             "discretisation": self._discretisation(state),
             "enforcement": self._enforcement(state.step) * force,
             "truncation": self._misshapen(state) * force,
-            "path": 0.0 if self._physics.evolves else self._path(state, "force"),
-            "time": self._path(state, "force") if self._physics.evolves else 0.0,
+            "path": 0.0 if self._physics.is_time_dependent else self._path(state, "force"),
+            "time": self._path(state, "force") if self._physics.is_time_dependent else 0.0,
             "film": self._film.error(state) if self._film else 0.0,
             "bath": self._of_bath(state, "force"),
         }
@@ -260,9 +260,9 @@ class ErrorBars:
     def _discretisation(self, state: State) -> float:
         """What the mesh costs the force."""
         force = abs(state.force)
-        dim = self._physics.part.dim
-        said = grid_convergence(self._off(state.step), self.companion.ratio, RATE)
-        least = FLOOR * CONSTANT[dim] * fading(self._elements(state)) * force
+        dim = self._physics.domain.dim
+        said = grid_convergence(self._off(state.step), self.companion.ratio, ORDER_OF_CONVERGENCE)
+        least = FLOOR * ERROR_CONSTANT[dim] * error_decay(self._elements(state)) * force
         edge = edge_error(self._sizes) * force if dim == 3 else 0.0
         crease = self._at_a_crease(state) * force
         return (
@@ -284,7 +284,7 @@ class ErrorBars:
         for r, width in tip.creases():
             ends_here = width == 0 and self._sizes.edge is not None
             if r > 0 and not ends_here and abs(a - r) <= (size := self._sizes.on_surface(r)):
-                error = max(error, EDGE * size / r)
+                error = max(error, EDGE_ERROR * size / r)
         return error
 
     def _elements(self, state: State) -> float:
@@ -304,7 +304,7 @@ class ErrorBars:
             return nan
         own = run[step]
         other = coarse[step]
-        if self._physics.evolves:  # no other row is on its curve
+        if self._physics.is_time_dependent:  # no other row is on its curve
             return self._off_in_time(own, other)
         return abs(force_at(other, own.delta, coarse) - own.force)
 
@@ -340,7 +340,9 @@ class ErrorBars:
         less deep.
         """
         faceted = (
-            PER_DEPTH * self._sag * self._scales.depth / state.delta if state.delta > 0 else 0.0
+            FORCE_DEPTH_EXPONENT * self._sag * self._scales.depth / state.delta
+            if state.delta > 0
+            else 0.0
         )
         return self._truncation + faceted
 
@@ -365,11 +367,12 @@ class ErrorBars:
         """dF/ddelta of the companion; of a body that evolves at its time: a paraboloid's power of
         the depth, or that of the contact on a half-space, whichever is more.
         """
-        if self._physics.evolves:
+        if self._physics.is_time_dependent:
             of_contact = self._physics.material.E_star * self._scales.pressure
             of_contact *= 2 * state.a if self._scales.dim == 3 else 1.0
             return max(
-                of_contact, PER_DEPTH * state.force / state.delta if state.delta > 0 else 0.0
+                of_contact,
+                FORCE_DEPTH_EXPONENT * state.force / state.delta if state.delta > 0 else 0.0,
             )
         if state.delta <= 0:
             return 0.0
@@ -496,7 +499,7 @@ class ErrorBars:
 
     def _is_missed(self, state: State) -> bool:
         """Whether the tip is pressed in so little that no point of the mesh notices."""
-        return state.delta > 0 and state.force == 0 and not self._physics.evolves
+        return state.delta > 0 and state.force == 0 and not self._physics.is_time_dependent
 
     def _missing(self, state: State) -> dict[str, float]:
         return {"discretisation": self._beyond(state, "force")}

@@ -44,7 +44,7 @@ def are_tried(scene: Scene) -> bool:
     point, whose depths are prescribed without times.
     """
     physics = scene.physics
-    is_section = scene.is_meshed and physics.part.dim == 2 and scene.sizes.refinements is None
+    is_section = scene.is_meshed and physics.domain.dim == 2 and scene.sizes.refinements is None
     is_finite = not physics.small_strain and physics.gap == "current"
     return is_section and is_finite and physics.path.control == "depth" and not physics.path.times
 
@@ -140,4 +140,4 @@ def tried(
 def _up_to(scene: Scene, step: int) -> Scene:
     """The scene with the first rows of its path alone."""
     values = scene.physics.path.values[:step]
-    return scene.with_physics(path=LoadPath("depth", values), deltas=values)
+    return scene.replace_physics(path=LoadPath("depth", values), deltas=values)

@@ -42,7 +42,7 @@ def sensitivities(config: Config, keys: Sequence[str], step: float = STEP) -> De
     prescribes forces; NotConverged.
     """
     base = resolve(config)
-    if base.physics.path.control != "depth" or base.takes_time:
+    if base.physics.path.control != "depth" or base.is_time_dependent:
         raise ConfigError(
             "loading",
             "derivatives of the force are at given depths",
@@ -73,7 +73,7 @@ class _Body:
         if self._grid is None:
             return plan.theory.error if plan.theory else 0.0
         return plan.prediction.get("force_error", 0.0) + (
-            plan.fineness.error if plan.fineness else MESH_ERROR
+            plan.resolution.error if plan.resolution else MESH_ERROR
         )
 
     def forces(self, config: Config) -> np.ndarray:
@@ -82,7 +82,7 @@ class _Body:
         mesher = (
             Scene.grid
             if self._grid is None
-            else partial(Scene.grid_like, other=self.scene, grid=self._grid)
+            else partial(Scene.adapt_grid, other=self.scene, grid=self._grid)
         )
         states = list(chain.states(scene, with_surface=False, mesher=mesher))
         if not all(state.converged for state in states):

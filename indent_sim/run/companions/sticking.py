@@ -13,8 +13,8 @@ from indent_sim.model.contact import Anchor, AugmentedLagrangian, Friction
 from indent_sim.model.loading import LoadPath
 from indent_sim.process.usage import machine_memory
 from indent_sim.run.companions.companion import Companion, States
-from indent_sim.scene.cost import MOST_CANDIDATES, Work, candidates, cost
-from indent_sim.scene.expected import NEARLY_STICK, Stick, pulling_rim
+from indent_sim.scene.cost import MAX_CANDIDATES, SolverWork, candidate_count, predict_cost
+from indent_sim.scene.predictions import STICK_FRICTION, NoSlipEffect, tensile_rim_width
 from indent_sim.scene.scene import Scene
 
 ANCHORS: tuple[Anchor, ...] = ("mid", "implicit", "glue")
@@ -24,7 +24,7 @@ STICK_STEPS = {
 }  # by dim: new contact sticks on the way through each, to 0.05 % and 0.15 % of the force
 
 
-def sticks(run: Companion, follow: Callable[[Scene], States]) -> Stick | None:
+def sticks(run: Companion, follow: Callable[[Scene], States]) -> NoSlipEffect | None:
     """What pure stick instead of no friction would change of the deepest force of a run or a
     companion, on its mesh: with the anchor `mid`, between its two ends.
 
@@ -39,7 +39,7 @@ def sticks(run: Companion, follow: Callable[[Scene], States]) -> Stick | None:
     if not forces or not forces[0] > 0 or any(map(isnan, forces)):
         return None
     changes = [100 * (force / forces[0] - 1) for force in forces[1:]]
-    return Stick(changes[0], min(changes), max(changes), "solved beside this run")
+    return NoSlipEffect(changes[0], min(changes), max(changes), "solved beside this run")
 
 
 def sticking(scene: Scene, depth: float) -> list[Scene]:
@@ -50,20 +50,20 @@ def sticking(scene: Scene, depth: float) -> list[Scene]:
     if smooth is None:
         return []
     rough = _rough(smooth)
-    steps = STICK_STEPS[scene.physics.part.dim]
+    steps = STICK_STEPS[scene.physics.domain.dim]
     return [_to(smooth, depth, 1), *(_to(rough, depth, steps, anchor) for anchor in ANCHORS)]
 
 
 def bearer(run: Companion, companion: Companion | None) -> Companion:
     """The one on whose mesh stick is solved: the run itself, in three dimensions its companion."""
-    is_solid = run.scene is not None and run.scene.physics.part.dim == 3
+    is_solid = run.scene is not None and run.scene.physics.domain.dim == 3
     return companion if companion is not None and is_solid else run
 
 
 def _smooth(scene: Scene) -> Scene | None:
     """The same frictionless scene with a law that may have friction; None for one that may not."""
     physics = scene.physics
-    if physics.takes_path or physics.part.pins:
+    if physics.is_path_dependent or physics.domain.pins:
         return None
     if scene.solver.linear == "iterative":
         factored = _factored(scene)
@@ -71,19 +71,21 @@ def _smooth(scene: Scene) -> Scene | None:
     law = physics.contact
     if not isinstance(law, AugmentedLagrangian):
         law = AugmentedLagrangian(epsilon_n=physics.material.E_star / scene.sizes.typical)
-    return scene.with_physics(contact=law)
+    return scene.replace_physics(contact=law)
 
 
 def _factored(scene: Scene) -> Scene | None:
     """The same scene for a solver that knows friction; None where that does not fit this machine."""
     physics = scene.physics
-    part = scene.physics.part
+    part = scene.physics.domain
     is_linear = physics.small_strain and physics.gap == "reference"
-    is_small = candidates(scene.sizes, part) * part.dim <= MOST_CANDIDATES
+    is_small = candidate_count(scene.sizes, part) * part.dim <= MAX_CANDIDATES
     method: Literal["condensed", "newton"] = "condensed" if is_linear and is_small else "newton"
     mixed = any(region.formulation == "mixed" for region in part.regions)
-    work = Work(method, "direct", mixed, STICK_STEPS[part.dim], nonlinear=True, rough=True)
-    if cost(scene.sizes, part, work).memory > machine_memory():
+    work = SolverWork(
+        method, "direct", mixed, STICK_STEPS[part.dim], is_nonlinear=True, has_friction=True
+    )
+    if predict_cost(scene.sizes, part, work).memory > machine_memory():
         return None
     return replace(scene, solver=replace(scene.solver, method=method, linear="direct"))
 
@@ -93,16 +95,16 @@ def _rough(scene: Scene) -> Scene:
     would be too large.
     """
     law = scene.physics.contact
-    part = scene.physics.part
+    part = scene.physics.domain
     assert isinstance(law, AugmentedLagrangian)
-    would_pull = pulling_rim(
+    would_pull = tensile_rim_width(
         scene.physics.indenter, part.regions[0].material.constants.nu, scene.sizes, part.dim
     )
-    bound: Friction = NEARLY_STICK if would_pull else "stick"
-    is_large = candidates(scene.sizes, part) * part.dim > MOST_CANDIDATES
+    bound: Friction = STICK_FRICTION if would_pull else "stick"
+    is_large = candidate_count(scene.sizes, part) * part.dim > MAX_CANDIDATES
     solver = replace(scene.solver, method="newton") if is_large else scene.solver
     return replace(
-        scene.with_physics(contact=replace(law, friction=bound, epsilon_t=law.epsilon_n)),
+        scene.replace_physics(contact=replace(law, friction=bound, epsilon_t=law.epsilon_n)),
         solver=solver,
     )
 
@@ -110,4 +112,4 @@ def _rough(scene: Scene) -> Scene:
 def _to(scene: Scene, depth: float, steps: int, anchor: Anchor = "implicit") -> Scene:
     """The same scene on its way to a depth in equal steps."""
     depths = tuple(float(part) for part in np.linspace(0.0, depth, steps + 1)[1:])
-    return scene.with_physics(path=LoadPath("depth", depths), deltas=depths, anchor=anchor)
+    return scene.replace_physics(path=LoadPath("depth", depths), deltas=depths, anchor=anchor)

@@ -31,8 +31,8 @@ from indent_sim.run.chain import condense, states
 from indent_sim.run.experiment import Findings, conduct
 from indent_sim.run.requirements import variations
 from indent_sim.run.requirements.variations import on_half_space, varied, with_matter
+from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene, resolve
-from indent_sim.scene.theories import relative_tip
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.theory import Theory
 
@@ -245,7 +245,7 @@ class Bench:
             raise NotConverged("nothing solved in the plane stands for it")
         scene = self._by_theory(config) or resolve(config)
         seconds = scene.plan.prediction.get("seconds", 0.0)
-        if scene.is_meshed and scene.physics.part.dim == 3 and seconds > 120.0:
+        if scene.is_meshed and scene.physics.domain.dim == 3 and seconds > 120.0:
             raise NotConverged(
                 f"a run in three dimensions, about {seconds:.2g} s: `run` the scene with it and "
                 "without"

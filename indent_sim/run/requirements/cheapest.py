@@ -24,7 +24,7 @@ from indent_sim.run.requirements.effects import Effect, Requirement
 from indent_sim.run.requirements.evolution import Evolution, Limit, limits_of
 from indent_sim.run.requirements.table import REQUIREMENTS
 from indent_sim.run.requirements.variations import Document, varied
-from indent_sim.scene.given import with_used_material
+from indent_sim.scene.problem_setup import remove_unused_material
 from indent_sim.scene.scene import Scene, resolve
 
 BODIES = {"half_space": variations.on_half_space, "layer": variations.on_layer}
@@ -71,8 +71,8 @@ def require(config: Config, within: float = 0.01) -> Requirements:
     """
     try:
         scene = resolve(config)
-        config = variations.with_swollen_gels(with_used_material(config, scene.physics.part))
-        if scene.physics.evolves:
+        config = variations.with_swollen_gels(remove_unused_material(config, scene.physics.domain))
+        if scene.physics.is_time_dependent:
             return _of_evolution(config, Evolution(config, scene), within)
         return _of_elastic(config, _bench(config, scene), within)
     except ConfigError as error:

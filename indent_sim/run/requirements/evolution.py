@@ -30,9 +30,9 @@ from indent_sim.run.requirements.variations import (
     varied,
     with_matter,
 )
-from indent_sim.scene.given import fastest, remaining
+from indent_sim.scene.problem_setup import largest_diffusivity, remaining_modulus_fraction
+from indent_sim.scene.reference_theory import relaxed_law
 from indent_sim.scene.scene import Scene, resolve
-from indent_sim.scene.theories import relaxed
 
 LONGEST = 600.0  # s: of a scene that is solved to say what it requires
 SAME_FORCE = 1e-6  # relative: of rows of a prescribed force, of which the first counts
@@ -66,7 +66,9 @@ class Evolution:
         self.config = config
         self.physics = scene.physics
         pressures = [
-            one.material.bath_pressure(p) for one in scene.physics.permeable for p in self._baths
+            one.material.bath_pressure(p)
+            for one in scene.physics.permeable_regions
+            for p in self._baths
         ]
         self.is_bathed = any(abs(pressure) > NO_BATH for pressure in pressures)
         self._bench = Bench(self.config, scene)
@@ -80,9 +82,9 @@ class Evolution:
     def effects(self) -> tuple[Effect, ...]:
         """Its rows of the table."""
         found = []
-        if self.physics.permeable:
+        if self.physics.permeable_regions:
             found.append(solved("drainage", self._drainage))
-        if self.physics.relaxing:
+        if self.physics.relaxing_regions:
             found.append(solved("rate", self._rate))
         return tuple(found)
 
@@ -135,7 +137,7 @@ class Evolution:
             "the scene over that of an elastic body, the range down to its relaxed "
             f"one{self._where}"
         )
-        dry = ("drained",) if self.physics.permeable else ()
+        dry = ("drained",) if self.physics.permeable_regions else ()
         own = self._force(*dry) if dry else self._top.force
         alone = self._force(*dry, "unrelaxed")
         return _effect("rate", own / alone - 1, self._force(*dry, "relaxed") / alone - 1, words)
@@ -197,7 +199,7 @@ class Evolution:
         t = self._top.t
         delta = self._top.delta
         drainage = self._whole.drainage or Drainage()
-        end = RESTED * self.physics.body.height**2 / fastest(self.physics)
+        end = RESTED * self.physics.body.height**2 / largest_diffusivity(self.physics)
         held = Loading(history=((0.0, delta), (end, delta)), times=(end,), per_doubling=2)
         bath = replace(drainage, bath=drainage.bath_at(t or 0.0))
         return _walked(varied(self._whole, loading=held, drainage=bath))[-1].force
@@ -207,7 +209,7 @@ class Evolution:
         history = self.config.loading.in_time
 
         def soft(law: Material) -> Material:
-            return relaxed(law.canonical(), remaining(law.relaxation, history))
+            return relaxed_law(law.canonical(), remaining_modulus_fraction(law.relaxation, history))
 
         changes = {
             "drained": drained,

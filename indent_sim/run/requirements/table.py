@@ -43,7 +43,7 @@ from indent_sim.run.requirements.effects import (
     absent,
 )
 from indent_sim.run.requirements.variations import on_half_space, varied, with_matter
-from indent_sim.scene.given import remaining
+from indent_sim.scene.problem_setup import remaining_modulus_fraction
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.roots import increasing_root
 from indent_sim.theory.surface.adhesion import Jkr
@@ -424,7 +424,11 @@ def _rate(bench: Bench, within: float) -> Said:
         return Pair(history_of(bench, "relaxation"), history_of(bench), words)
     if law.power_law is not None:
         return Unknown("a power law has no modulus without a time")
-    return Known(remaining(law, None) - 1, 0.0, "between the instantaneous and the last modulus")
+    return Known(
+        remaining_modulus_fraction(law, None) - 1,
+        0.0,
+        "between the instantaneous and the last modulus",
+    )
 
 
 def _deborah(history: History, law: Relaxation) -> str:

@@ -26,7 +26,7 @@ from indent_sim.model.materials import (
     NeoHookean,
     TransverselyIsotropic,
 )
-from indent_sim.scene import theories
+from indent_sim.scene import reference_theory
 
 Document = dict[str, Any]  # a scene as nested mappings, shaped like its file
 Change = Callable[[Material], Material]
@@ -107,7 +107,7 @@ def drained(material: Material) -> Material:
 
 def undrained(material: Material) -> Material:
     """The elastic material from whose pores nothing flows yet; any other as it is."""
-    return theories.undrained(material.canonical()) if material.flow else material
+    return reference_theory.undrained_law(material.canonical()) if material.flow else material
 
 
 def rounded_law(material: Material) -> Material:

@@ -70,7 +70,7 @@ def check(members: Sequence[Member], cases: Sequence[Case]) -> None:
             case is None
             or published is None
             or published.at is None
-            or case.prospect.scene.takes_time
+            or case.prospect.scene.is_time_dependent
         ):
             continue
         name, wanted = published.at
@@ -242,7 +242,7 @@ def _by_theory(published: Published, case: Case | None, results: Results | None)
         case is None
         or results is None
         or not case.prospect.scene.is_meshed
-        or case.prospect.scene.history
+        or case.prospect.scene.history_on_curve
         or not len(results)
     ):
         return None

@@ -91,7 +91,9 @@ class Truth:
             str, Case
         ] = {}  # the run that answers each problem, where runs are compared with such
         where = study.compare_place
-        if self._wanted != "finest" and any(case.prospect.scene.takes_time for case in cases):
+        if self._wanted != "finest" and any(
+            case.prospect.scene.is_time_dependent for case in cases
+        ):
             raise _error(
                 where,
                 "rows are compared by depth, and a history passes one several times",
@@ -161,7 +163,7 @@ class Truth:
             return
         asked: dict[str, list[Case]] = {}
         comparable = (
-            case for case in cases if case.id in done and not case.prospect.scene.takes_time
+            case for case in cases if case.id in done and not case.prospect.scene.is_time_dependent
         )  # by depth
         for case in sorted(comparable, key=lambda case: _fineness(case, done)):
             asked.setdefault(case.problem, []).append(case)  # the finest comes last
@@ -201,7 +203,7 @@ class Truth:
             (case.prospect.scene for case in cases if not case.prospect.scene.exact_theory), None
         )
         if inexact is not None:
-            why = "; ".join(inexact.differences)
+            why = "; ".join(inexact.theory_differences)
             self.notes = (
                 f"theory is not exact for this body ({why}): the errors include the difference",
             )

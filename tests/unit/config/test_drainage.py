@@ -121,7 +121,7 @@ def test_quantities_and_scales() -> None:
     assert law.flow.permeability == pytest.approx(0.4 / law.confined_modulus, rel=1e-12)
     base = physics.drainage.base
     assert isinstance(base, Conductance) and base.conductance == pytest.approx(2.0, rel=1e-12)
-    (region,) = physics.permeable
+    (region,) = physics.permeable_regions
     assert [physics.bath_pressure(region, t) for t in (0.0, 0.5, 9.0)] == pytest.approx(
         [0.0, 0.075, 0.05], rel=1e-12
     )
@@ -180,7 +180,7 @@ def test_a_ladder_ends_on_its_span() -> None:
 
 def test_what_is_doubtful_is_said() -> None:
     def keys(**sections: Any) -> set[str]:
-        return {doubt.key for doubt in resolve(from_mapping(SCENE | sections)).plan.doubts}
+        return {doubt.key for doubt in resolve(from_mapping(SCENE | sections)).plan.model_warnings}
 
     jump = {"history": [[0, 0.02], [1, 0.02]], "times": [1e-6, 1.0]}
     assert not {"sealed", "early", "diffusion"} & keys()

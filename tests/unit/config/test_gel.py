@@ -109,15 +109,15 @@ def test_stretch_of_the_first_bath() -> None:
     law = Gel(G=1.0, n_omega=1e-3, chi=0.6)
     baths = [[0, law.free_potential(1.4)], [10, 0.0]]
     scene = found(material=WET | {"stretch": "auto"}, drainage={"bath": baths})
-    (region,) = scene.physics.part.regions
+    (region,) = scene.physics.domain.regions
     assert isinstance(region.material, Gel)
     assert region.material.stretch == pytest.approx(1.4, rel=1e-9)
-    assert abs(scene.physics.bath_pressure(region, 1e-9)) < 1e-9 and scene.physics.swells
+    assert abs(scene.physics.bath_pressure(region, 1e-9)) < 1e-9 and scene.physics.is_swelling
 
 
 def test_a_bath_comes_within_some_steps() -> None:
     physics = found().physics
-    (region,) = physics.part.regions
+    (region,) = physics.domain.regions
     whole = region.material.bath_pressure(0.0)
     ramp = physics.bath_ramp
     assert whole == pytest.approx(
@@ -137,7 +137,7 @@ def test_how_soon_a_bath_comes_is_no_matter_of_the_mesh(h: float) -> None:
     assert physics.bath_ramp == pytest.approx(
         found(mesh={"h_contact": 0.05}).physics.bath_ramp, rel=1e-12
     )
-    (region,) = physics.permeable
+    (region,) = physics.permeable_regions
     a = scene.plan.prediction["a"] / physics.scales.length
     assert physics.bath_ramp == pytest.approx(
         min(a, 1.0) ** 2 / region.material.diffusivity / 75, rel=1e-9
@@ -164,7 +164,7 @@ def test_a_bath_ramp_of_a_bath_that_is_there_already_is_said_to_be_of_no_use() -
     rest = Gel(G=1.0, n_omega=1e-3, chi=0.6).free_potential(1.4)
     scene = found(drainage={"bath": rest, "bath_ramp": 0.25})
     assert scene.physics.bath_ramp == 0
-    assert any(doubt.key == "bath_ramp" for doubt in scene.plan.doubts)
+    assert any(doubt.key == "bath_ramp" for doubt in scene.plan.model_warnings)
 
 
 @pytest.mark.parametrize("bath", [0.0, -0.013])
@@ -196,8 +196,8 @@ def test_a_gel_at_rest_in_its_own_bath_is_not_warned_of_it(chi: float, bath: flo
             }
         )
     )
-    assert not scene.physics.swells
-    assert not any(doubt.key == "bath" for doubt in scene.plan.doubts)
+    assert not scene.physics.is_swelling
+    assert not any(doubt.key == "bath" for doubt in scene.plan.model_warnings)
     assert not any("bath comes" in choice.why for choice in scene.plan.choices)
 
 

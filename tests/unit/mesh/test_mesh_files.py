@@ -322,7 +322,7 @@ def test_a_scene_of_the_skin_is_that_of_the_body(
         found.physics.body.height == whole.physics.body.height
         and found.plan.prediction == whole.plan.prediction
     )
-    parts = [one.physics.part for one in (found, whole)]
+    parts = [one.physics.domain for one in (found, whole)]
     assert isinstance(parts[0], MeshedPart) and isinstance(parts[1], MeshedPart)
     assert parts[0].pins == parts[1].pins and parts[0].extent == parts[1].extent
     grids = [refined(part, whole.sizes) for part in parts]
@@ -369,7 +369,7 @@ def test_any_height_is_the_same_scene(tmp_path: Path) -> None:
     body["points"][:, 1] += 3.0
     write(tmp_path / "high.msh", body)
     high = scene(tmp_path, "high.msh")
-    assert high.physics.part.extent == low.physics.part.extent == ((0.0, 2.0), (-1.0, 0.0))
+    assert high.physics.domain.extent == low.physics.domain.extent == ((0.0, 2.0), (-1.0, 0.0))
     assert high.physics.deltas == low.physics.deltas and high.sizes == low.sizes
 
 
@@ -381,14 +381,14 @@ def test_facets_that_look_like_a_curved_surface_are_told_of(tmp_path: Path) -> N
     body["points"][:, 1] -= body["points"][:, 0] ** 2 / 4 * (1 + body["points"][:, 1])
     write(tmp_path / "part.msh", body)
     found = scene(tmp_path)
-    part = found.physics.part
+    part = found.physics.domain
     assert isinstance(part, MeshedPart)
     assert part.sag((0.0, 0.0), 0.3) == pytest.approx(
         1 / 256, rel=0.05
     )  # but for the squares of slopes up to 0.2
-    assert any(doubt.key == "facets" for doubt in found.plan.doubts)
+    assert any(doubt.key == "facets" for doubt in found.plan.model_warnings)
     write(tmp_path / "part.msh", section())
-    assert not any(doubt.key == "facets" for doubt in scene(tmp_path).plan.doubts)
+    assert not any(doubt.key == "facets" for doubt in scene(tmp_path).plan.model_warnings)
 
 
 # ---- what is refused

@@ -29,7 +29,7 @@ def test_copies_of_the_outline_are_the_whole_cross_section(symmetry: str, copies
         (CYLINDER, pi * CYLINDER["radius"] ** 2),
         (BOX, BOX["size"][0] * BOX["size"][1]),
     ):
-        part = scene(body, mesh={"symmetry": symmetry, "h_contact": 0.2}).physics.part
+        part = scene(body, mesh={"symmetry": symmetry, "h_contact": 0.2}).physics.domain
         assert part.copies == copies
         assert part.copies * part.area == pytest.approx(area, rel=1e-12)
 
@@ -39,7 +39,7 @@ def test_what_is_modelled_lies_where_x_and_y_grow(body: dict[str, Any]) -> None:
     """From the mirror planes, which run through the tip."""
     for symmetry, planes in (("half", 1), ("quarter", 2)):
         base = scene(body, mesh={"symmetry": symmetry, "h_contact": 0.2})
-        lows = [low for low, _ in base.physics.part.extent[:2]]
+        lows = [low for low, _ in base.physics.domain.extent[:2]]
         assert (
             sum(low == pytest.approx(c) for low, c in zip(lows, base.physics.center, strict=True))
             == planes
@@ -47,8 +47,8 @@ def test_what_is_modelled_lies_where_x_and_y_grow(body: dict[str, Any]) -> None:
 
 
 def test_a_side_knows_its_normal_and_an_arc_has_none() -> None:
-    whole = scene(CYLINDER, mesh={"symmetry": "half", "h_contact": 0.2}).physics.part
-    section = scene(STRIP).physics.part
+    whole = scene(CYLINDER, mesh={"symmetry": "half", "h_contact": 0.2}).physics.domain
+    section = scene(STRIP).physics.domain
     assert whole.normal("r_max") is None and whole.normal("base") == whole.normal("top") == 2
     assert {whole.normal(name) for name in ("x_min", "y_min") if name in whole.supports} <= {0, 1}
     assert section.normal("x_max") == 0 and section.normal("base") == section.normal("top") == 1
@@ -60,10 +60,10 @@ def test_walls_are_as_far_from_the_tip_as_they_are_drawn() -> None:
         "mesh": {"h_contact": 0.2},
     }
     found = scene(CYLINDER, **off)
-    distances = found.physics.part.distances(found.physics.center)
+    distances = found.physics.domain.distances(found.physics.center)
     assert distances == pytest.approx({"r_max": CYLINDER["radius"] - 0.3, "y_min": 0.0})
     strip = scene(STRIP, indenter={"shape": "paraboloid", "R": 1.0, "center": [0.4]})
-    assert strip.physics.part.distances(strip.physics.center) == pytest.approx(
+    assert strip.physics.domain.distances(strip.physics.center) == pytest.approx(
         {"x_min": 0.4 / STRIP["height"], "x_max": (STRIP["width"] - 0.4) / STRIP["height"]}
     )
 
@@ -122,7 +122,7 @@ def test_an_arc_is_no_further_than_its_ends() -> None:
 )
 def test_the_section_of_a_round_body_encloses_its_volume(body: dict, volume: float) -> None:
     """pi h (3 b^2 + h^2)/6, from the outline's points by Pappus' rule; arcs by 2000 chords: 1e-6."""
-    part = scene(body, mesh={"h_contact": 0.2}).physics.part
+    part = scene(body, mesh={"h_contact": 0.2}).physics.domain
     scale = {"ball": 2.0 if body.get("base") else 1.0, "cap": body.get("height", 0.0)}[
         body["shape"]
     ]
@@ -141,7 +141,7 @@ def test_the_section_of_a_round_body_encloses_its_volume(body: dict, volume: flo
 
 def test_the_halves_of_a_ball_are_two_surfaces() -> None:
     """Both are arcs of one circle: each facet is on the one whose ends are around it."""
-    part = scene({"shape": "ball", "radius": 1.0, "base": "fixed"}).physics.part
+    part = scene({"shape": "ball", "radius": 1.0, "base": "fixed"}).physics.domain
     angle = np.radians([-90.0, -45.0, 0.0, 45.0, 90.0])
     points = np.vstack(
         [[0.0, -0.5], np.column_stack([0.5 * np.cos(angle), -0.5 + 0.5 * np.sin(angle)])]

@@ -25,7 +25,7 @@ from indent_sim.model.tips import (
     Vickers,
     below,
 )
-from indent_sim.scene.theories import shape_of
+from indent_sim.scene.reference_theory import theory_tip_shape
 
 BITS = ((0.0, 0.0), (0.2, 0.0), (0.5, 0.1), (1.0, 0.6))
 SMOOTH: dict[str, Indenter] = {
@@ -64,7 +64,7 @@ def on_axis_plane(tip: Indenter, r: np.ndarray) -> np.ndarray:
 def test_height_has_the_abel_transform_of_theory(tip: Indenter) -> None:
     """g(x) = x int_0^(pi/2) f'(x sin q) dq with f' from differences of the height, Gauss in q."""
     q, weight = gauss()
-    known = shape_of(tip)
+    known = theory_tip_shape(tip)
     assert known is not None
     x = np.array([0.1, 0.3, 0.45, 0.8])
     step = 1e-7

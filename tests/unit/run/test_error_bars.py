@@ -24,7 +24,13 @@ from indent_sim.run.companions.error_bars import (
     Budget,
     ErrorBars,
 )
-from indent_sim.scene.fineness import CONSTANT, PRESETS, RATE, elements_for, fading
+from indent_sim.scene.resolution import (
+    ERROR_CONSTANT,
+    ORDER_OF_CONVERGENCE,
+    PRESETS,
+    error_decay,
+    required_elements,
+)
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.theory import Theory
 
@@ -60,7 +66,7 @@ def states(error: float, steps: range = range(1, 5), flip: int = 0) -> list[Stat
     ]
 
 
-def companion(rate: float = RATE, ratio: float = RATIO) -> Companion:
+def companion(rate: float = ORDER_OF_CONVERGENCE, ratio: float = RATIO) -> Companion:
     return Companion(ratio, states(ERROR * ratio**rate))
 
 
@@ -92,8 +98,8 @@ def test_an_accidental_crossing_gives_no_tiny_bar() -> None:
     the floor holds.
     """
     base = scene(accuracy=0.01)
-    assert base.plan.fineness is not None
-    wrong = 0.1 * CONSTANT[2] * base.plan.fineness.n**-RATE
+    assert base.plan.resolution is not None
+    wrong = 0.1 * ERROR_CONSTANT[2] * base.plan.resolution.n**-ORDER_OF_CONVERGENCE
     crossing = [
         replace(state, force=EXACT[2] * (1 + wrong)) if state.step == 2 else state
         for state in states(8 * wrong)
@@ -112,7 +118,9 @@ def test_meshes_that_agree_leave_the_error_of_their_elements() -> None:
         for found in map(judge.judged, same):
             h = float(scene().sizes.at(np.array(found.a), np.zeros(())))
             n = found.a / h
-            assert found.force_error == pytest.approx(FLOOR * CONSTANT[2] * fading(n) * found.force)
+            assert found.force_error == pytest.approx(
+                FLOOR * ERROR_CONSTANT[2] * error_decay(n) * found.force
+            )
             assert found.a_error == pytest.approx(RADIUS * h)
             assert found.p_max_error == pytest.approx(2.0 * PEAK * n**-PRESSURE_RATE)
 
@@ -143,7 +151,9 @@ def test_a_sharp_edge_in_three_dimensions_is_told_by_its_elements(shape: str) ->
     else:
         assert sizes.edge is None
         n = 0.3 / float(sizes.at(np.array(0.3), np.zeros(())))
-        assert in_box == pytest.approx(FLOOR * CONSTANT[3] * fading(n) + sizes.corner_error)
+        assert in_box == pytest.approx(
+            FLOOR * ERROR_CONSTANT[3] * error_decay(n) + sizes.corner_error
+        )
 
 
 def test_corners_that_are_left_coarse_come_on_top() -> None:
@@ -178,7 +188,7 @@ def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
     no say.
     """
     least = (
-        FLOOR * CONSTANT[2] * fading(elements_for(0.01, 2)) * 1.2
+        FLOOR * ERROR_CONSTANT[2] * error_decay(required_elements(0.01, 2)) * 1.2
     )  # a little fewer elements in the first contact
     base = scene(accuracy=0.01)
     assert base.plan.theory is not None
@@ -190,7 +200,7 @@ def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
     for judge, low, high in (
         (base, 0.05, 0.05),
         (inexact, 0.0, least),
-        (base.with_physics(gap="current"), 0.0, least),
+        (base.replace_physics(gap="current"), 0.0, least),
     ):
         bars = ErrorBars(judge, Companion(RATIO, wrong))
         found = np.array([bars.judged(state).force_error for state in wrong]) / exact
@@ -202,10 +212,10 @@ def test_rows_with_few_elements_have_bars_of_their_own_error() -> None:
     does not share; the factor from a difference to a bar is one for all.
     """
     base = scene(mesh={"h_contact": 0.01, "h_far": 0.25})
-    law = [float((a / 0.01) ** -RATE) for a in (0.05 * k**0.5 for k in EXACT)]
+    law = [float((a / 0.01) ** -ORDER_OF_CONVERGENCE) for a in (0.05 * k**0.5 for k in EXACT)]
 
     def walked(ratio: float) -> list[State]:
-        share = [1 + 0.1 * error * ratio**RATE for error in law]
+        share = [1 + 0.1 * error * ratio**ORDER_OF_CONVERGENCE for error in law]
         return [
             replace(state, force=state.force * s)
             for state, s in zip(states(0.0), share, strict=True)
@@ -291,7 +301,7 @@ def test_a_companion_with_a_softer_penalty_says_more_than_the_error() -> None:
     """Companion of a refined run is the attempt before, whose penalty had a third of the stiffness."""
     base, low = scene(contact={"method": "penalty"}), 0.02
     law = base.physics.contact
-    before = base.with_physics(contact=replace(law, epsilon_n=law.stiffness / 3))
+    before = base.replace_physics(contact=replace(law, epsilon_n=law.stiffness / 3))
     own, soft = (
         [replace(s, force=s.force / (1 + k * low / (1 - low))) for s in states(0.0)] for k in (1, 2)
     )
@@ -321,7 +331,7 @@ def test_with_prescribed_forces_the_depths_differ_and_say_the_same() -> None:
         bars_of(
             scene(accuracy=0.01),
             walked(ERROR, control),
-            Companion(RATIO, walked(ERROR * RATIO**RATE, control)),
+            Companion(RATIO, walked(ERROR * RATIO**ORDER_OF_CONVERGENCE, control)),
         )
         for control in ("depth", "force")
     )
@@ -383,15 +393,17 @@ def test_presets_and_their_order() -> None:
     not rule.
     """
     assert scene(accuracy="accurate").sizes == scene(accuracy=PRESETS["accurate"]).sizes
-    assert elements_for(1e-4, 2) / elements_for(1e-3, 2) == pytest.approx(10 ** (1 / RATE))
+    assert required_elements(1e-4, 2) / required_elements(1e-3, 2) == pytest.approx(
+        10 ** (1 / ORDER_OF_CONVERGENCE)
+    )
 
 
 def test_every_step_sees_the_same_number_of_elements() -> None:
     """The size at the edge of any contact on the path is the same share of its radius."""
     base = scene(accuracy=0.01, loading={"delta": 0.01, "steps": 20})
-    assert base.plan.fineness is not None and base.plan.theory is not None
+    assert base.plan.resolution is not None and base.plan.theory is not None
     radii = np.array([solution.a for solution in base.plan.theory.curve(base.physics.deltas)])
-    share = base.sizes.at(radii, np.zeros_like(radii)) / radii * base.plan.fineness.n
+    share = base.sizes.at(radii, np.zeros_like(radii)) / radii * base.plan.resolution.n
     assert share == pytest.approx(1.0, rel=1e-6)
 
 

@@ -73,7 +73,7 @@ def said(scene: Scene) -> Said:
         physics.contact,
         physics.path.control,
         np.round(physics.deltas, 12).tolist(),
-        physics.anchor,
+        physics.slip_reference,
         scene.solver,
     )
 

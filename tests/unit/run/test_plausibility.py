@@ -21,7 +21,7 @@ from indent_sim.run.plausibility import (
     rough,
     unresolved,
 )
-from indent_sim.scene.doubts import BATH_IS_SUDDEN, _less_swollen
+from indent_sim.scene.model_warnings import SUDDEN_BATH_RATIO, _swelling_deficit
 from indent_sim.scene.scene import Scene, resolve
 
 BODIES: dict[str, Any] = {
@@ -281,7 +281,7 @@ def test_a_contact_that_a_gel_closes_needs_more_elements() -> None:
 
 def test_what_was_said_beforehand_is_not_said_again() -> None:
     base = scene(mesh={"h_contact": 0.2})
-    assert any(doubt.key == "elements" for doubt in base.plan.doubts)
+    assert any(doubt.key == "elements" for doubt in base.plan.model_warnings)
     assert unresolved(base, rows_of([0.5])) == []
 
 
@@ -352,16 +352,16 @@ def test_how_much_less_a_gel_has_risen_when_its_bath_came_evenly(t: float) -> No
     """
     parts = (np.arange(20_000) + 0.5) / 20_000
     risen = float(np.sqrt(np.maximum(t - parts, 0.0)).mean())
-    assert _less_swollen(1.0, t) == pytest.approx(
+    assert _swelling_deficit(1.0, t) == pytest.approx(
         1.0 - risen / t**0.5, abs=1e-6
     )  # the sum's own error at s = t
 
 
 def test_rows_while_a_bath_comes_are_said() -> None:
     base = scene(**DRAINING | SWELLING)
-    (said,) = (doubt.words for doubt in base.plan.doubts if doubt.key == "bath")
-    last = max(t for t in base.physics.path.times if t < BATH_IS_SUDDEN * base.physics.bath_ramp)
+    (said,) = (doubt.message for doubt in base.plan.model_warnings if doubt.key == "bath")
+    last = max(t for t in base.physics.path.times if t < SUDDEN_BATH_RATIO * base.physics.bath_ramp)
     assert said.startswith(
         f"rows up to t = {last:.3g}: the bath comes within {base.physics.bath_ramp:.3g}"
     )
-    assert not any(doubt.key == "bath" for doubt in scene(**DRAINING).plan.doubts)
+    assert not any(doubt.key == "bath" for doubt in scene(**DRAINING).plan.model_warnings)

@@ -17,8 +17,8 @@ from indent_sim.model.materials import LinearElastic
 from indent_sim.model.tips import FlatPunch, Paraboloid
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.choices import needs_mesh
-from indent_sim.scene.theories import half_space_theory, layer_theory
-from indent_sim.scene.truncation import TRUNCATION_SAFETY, truncate
+from indent_sim.scene.domain_truncation import TRUNCATION_SAFETY, truncate
+from indent_sim.scene.reference_theory import half_space_theory, layer_theory
 from indent_sim.theory import profiles
 from indent_sim.theory.films import dimitriadis_force, gao_modulus
 from indent_sim.theory.layer import Layer
@@ -256,7 +256,7 @@ def test_a_body_that_changes_with_time_is_wide_enough_for_all_it_becomes(shape: 
     def width(material: dict[str, Any], loading: dict[str, Any]) -> float:
         return scene(
             body, "solver.method=newton", material=material, **common, **loading
-        ).physics.part.extent[0][1]
+        ).physics.domain.extent[0][1]
 
     once = {"loading": {"delta": 0.05}}
     stiff, soft = width(drained | {"nu": 0.5}, once), width(drained, once)
@@ -278,7 +278,7 @@ def test_a_film_far_thinner_than_its_contact_is_cut_off_with_what_lies_below() -
         for layers in ({"layers": film}, {})
     )
     wide, least = (
-        found.physics.part.extent[0][1] * found.physics.scales.length for found in (coated, bare)
+        found.physics.domain.extent[0][1] * found.physics.scales.length for found in (coated, bare)
     )
     assert least <= wide <= 2 * least and coated.plan.prediction["truncation_error"] < 1e-3
 
@@ -286,7 +286,7 @@ def test_a_film_far_thinner_than_its_contact_is_cut_off_with_what_lies_below() -
 def test_layers_of_a_layer_are_those_of_its_body() -> None:
     layers = [{"thickness": 0.1, "material": STIFF}, {"thickness": 0.4}]
     found = scene(LAYER | {"layers": layers}, "solver.method=condensed")
-    assert [region.material.constants.E for region in found.physics.part.regions] == [1.0, 0.1]
+    assert [region.material.constants.E for region in found.physics.domain.regions] == [1.0, 0.1]
     assert (
         found.plan.theory is not None and found.plan.theory.exact and not found.plan.theory.formulas
     )

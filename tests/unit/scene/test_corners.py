@@ -18,7 +18,7 @@ from indent_sim.mesh.sizes import size_formula
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.companions.companion import coarser
 from indent_sim.run.resolved import resolved
-from indent_sim.scene.corners import corners
+from indent_sim.scene.corner_singularities import corners
 from indent_sim.scene.scene import resolve
 
 SOFT = {"model": "linear_elastic", "E": 1.0, "nu": 0.4999}
@@ -72,10 +72,10 @@ def test_a_gap_beside_the_contact_has_as_many_elements_as_the_contact() -> None:
         indenter={"shape": "paraboloid", "R": 20.0},
         loading={"delta": 0.01249, "steps": 1},
     )
-    assert base.plan.theory is not None and base.plan.fineness is not None
+    assert base.plan.theory is not None and base.plan.resolution is not None
     gap = 1.0 - base.plan.theory.at(0.01249).a  # type: ignore[union-attr]
     assert gap < 0.1 and base.sizes.corners == ((1.0, 0.0),)
-    assert base.sizes.h_corner == pytest.approx(gap / base.plan.fineness.n, rel=1e-6)
+    assert base.sizes.h_corner == pytest.approx(gap / base.plan.resolution.n, rel=1e-6)
 
 
 def test_corners_shrink_with_the_accuracy_and_grow_in_companions() -> None:
@@ -93,9 +93,9 @@ def test_what_refined_corners_still_cost_is_known() -> None:
     corners are as small as those in its contact at most.
     """
     base = scene(CYLINDER, material=SOFT, indenter=PLATE, accuracy=0.001)
-    physics, fineness = base.physics, base.plan.fineness
+    physics, fineness = base.physics, base.plan.resolution
     assert fineness is not None and base.sizes.h_corner is not None
-    felt = corners(physics.part, physics.center, base.sizes.a, 0.4999, base.sizes.edge)
+    felt = corners(physics.domain, physics.center, base.sizes.a, 0.4999, base.sizes.edge)
     assert base.sizes.corner_error == pytest.approx(
         max(corner.error(base.sizes.h_corner) for corner in felt)
     )
@@ -147,8 +147,8 @@ def test_gmsh_is_told_the_same_sizes(body: dict[str, Any]) -> None:
     formula = size_formula(base.sizes, 2).replace("^", "**")
     draw = np.random.default_rng(3)
     x, y = (
-        draw.uniform(*base.physics.part.extent[0], 200),
-        draw.uniform(*base.physics.part.extent[1], 200),
+        draw.uniform(*base.physics.domain.extent[0], 200),
+        draw.uniform(*base.physics.domain.extent[1], 200),
     )
     found = eval(formula, {"Abs": np.abs, "Sqrt": np.sqrt, "x": x, "y": y})
     assert found == pytest.approx(base.sizes.at(np.abs(x - base.physics.center[0]), -y), rel=1e-9)
@@ -161,7 +161,7 @@ def test_a_body_that_overhangs_its_base_has_a_notch_there() -> None:
     found = {}
     for angle, base, nu in product((60, 150), ("fixed", "roller"), (0.0, 0.3)):
         body = {"shape": "cap", "base_radius": 1.0, "contact_angle": angle, "base": base}
-        part = scene(body, material=ELASTIC | {"nu": nu}).physics.part
+        part = scene(body, material=ELASTIC | {"nu": nu}).physics.domain
         found[angle, base, nu] = corners(part, (0.0, 0.0), 0.1, nu)
     notches = set(product((150,), ("fixed", "roller"), (0.0, 0.3)))
     assert {key for key, corner in found.items() if corner} == notches | {(60, "fixed", 0.3)}
@@ -176,15 +176,15 @@ def test_what_a_corner_at_the_foot_costs_knows_no_unit_of_length(angle: float) -
     distance.
     """
     body = {"shape": "cap", "base_radius": 1.0, "contact_angle": angle}
-    part = scene(body, material=SOFT).physics.part
+    part = scene(body, material=SOFT).physics.domain
     twice = replace(part, **{name: _doubled(getattr(part, name)) for name in ("outline", "height")})
     for a in (0.01, 0.1, 0.9):
         (one,), (other,) = (
             corners(piece, (0.0, 0.0), a * k, 0.4999) for piece, k in ((part, 1), (twice, 2))
         )
         assert (other.r, other.distance) == pytest.approx((2 * one.r, 2 * one.distance), rel=1e-9)
-        assert other.share == pytest.approx(one.share, rel=1e-9)
-        assert 0 < one.share <= 0.1
+        assert other.error_constant == pytest.approx(one.error_constant, rel=1e-9)
+        assert 0 < one.error_constant <= 0.1
 
 
 def _doubled(value: Any) -> Any:
@@ -201,9 +201,11 @@ def test_a_corner_within_half_a_height_of_the_contact_does_not_fade() -> None:
     distance alone.
     """
     body = {"shape": "cap", "base_radius": 1.0, "contact_angle": 60}
-    part = scene(body, material=SOFT).physics.part
+    part = scene(body, material=SOFT).physics.domain
     (at,) = corners(part, (0.0, 0.0), 1.0, 0.4999)
     near, far, beyond = (
         corners(part, (0.0, 0.0), at.r - gap * part.height, 0.4999)[0] for gap in (0.1, 0.45, 1.0)
     )
-    assert near.share == far.share > beyond.share > 0  # all of them wider than the corner is deep
+    assert (
+        near.error_constant == far.error_constant > beyond.error_constant > 0
+    )  # all of them wider than the corner is deep

@@ -16,7 +16,7 @@ from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid
 from indent_sim.run.companions.companion import Companion
 from indent_sim.run.companions.error_bars import ErrorBars
 from indent_sim.run.resolved import resolved
-from indent_sim.scene.doubts import characteristic_strain, penalty_loss
+from indent_sim.scene.model_warnings import characteristic_strain, penalty_force_loss
 from indent_sim.scene.scene import Scene, resolve
 
 SCENES: dict[str, dict[str, Any]] = {
@@ -66,20 +66,24 @@ def scene(**sections: Any) -> Scene:
 @pytest.mark.parametrize("name", SCENES)
 def test_what_is_stated_is_the_sum_of_what_is_doubted(name: str) -> None:
     found = scene(**SCENES[name])
-    assert found.plan.warnings == tuple(doubt.words for doubt in found.plan.doubts if doubt.words)
-    assert found.plan.prediction.get("force_error", 0.0) == sum(
-        doubt.force_error for doubt in found.plan.doubts
+    assert found.plan.warnings == tuple(
+        doubt.message for doubt in found.plan.model_warnings if doubt.message
     )
-    assert {doubt.key for doubt in found.plan.doubts if doubt.force_error} == NUMBERS[name]
+    assert found.plan.prediction.get("force_error", 0.0) == sum(
+        doubt.force_error for doubt in found.plan.model_warnings
+    )
+    assert {doubt.key for doubt in found.plan.model_warnings if doubt.force_error} == NUMBERS[name]
 
 
 def test_a_number_stands_in_its_words() -> None:
-    (doubt,) = (doubt for doubt in scene(**SCENES["penalty"]).plan.doubts if doubt.key == "penalty")
-    assert f"up to {100 * doubt.force_error:.2g} % too low" in doubt.words
+    (doubt,) = (
+        doubt for doubt in scene(**SCENES["penalty"]).plan.model_warnings if doubt.key == "penalty"
+    )
+    assert f"up to {100 * doubt.force_error:.2g} % too low" in doubt.message
 
 
 def test_nothing_speaks_against_a_theory_that_is_exact() -> None:
-    assert scene(**SCENES["theory"]).plan.doubts == ()
+    assert scene(**SCENES["theory"]).plan.model_warnings == ()
 
 
 def test_a_last_row_without_contact_has_no_error() -> None:
@@ -87,7 +91,7 @@ def test_a_last_row_without_contact_has_no_error() -> None:
     before.
     """
     found = scene(**SCENES["penalty"], loading={"deltas": [0.01, -0.01]})
-    errors = {doubt.key: doubt.force_error for doubt in found.plan.doubts}
+    errors = {doubt.key: doubt.force_error for doubt in found.plan.model_warnings}
     assert errors["penalty"] == 0.0 and "force_error" not in found.plan.prediction
 
 
@@ -117,7 +121,7 @@ def test_what_a_penalty_costs() -> None:
     for nu in (0.0, 0.3, 0.45):
         material = LinearElastic(E=1.0, nu=nu)
         losses = [
-            penalty_loss(Penalty(epsilon_n=stiff), material, None, depth, a)
+            penalty_force_loss(Penalty(epsilon_n=stiff), material, None, depth, a)
             for stiff in (1e-3, 1.0, 30.0, 1e5)
         ]
         assert (
@@ -132,7 +136,7 @@ def test_what_a_penalty_costs() -> None:
 
 def test_without_contact_only_that_is_said() -> None:
     found = scene(loading={"deltas": [-0.1]}, contact={"method": "active_set", "gap": "current"})
-    assert [doubt.key for doubt in found.plan.doubts] == [
+    assert [doubt.key for doubt in found.plan.model_warnings] == [
         "no_contact"
     ] and "force_error" not in found.plan.prediction
 
@@ -140,7 +144,7 @@ def test_without_contact_only_that_is_said() -> None:
 def test_the_error_budget_has_the_doubt_of_the_finite_body() -> None:
     found = scene(**SCENES["half_space"])
     bars = ErrorBars(found, Companion(1.6, [], found))
-    (doubt,) = (doubt for doubt in found.plan.doubts if doubt.key == "truncation")
+    (doubt,) = (doubt for doubt in found.plan.model_warnings if doubt.key == "truncation")
     assert bars._truncation == doubt.force_error == found.plan.prediction["truncation_error"]
 
 

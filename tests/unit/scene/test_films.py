@@ -13,8 +13,8 @@ from scipy.linalg import solve_banded
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.resolved import resolved
-from indent_sim.scene.boundary_films import rows_of
-from indent_sim.scene.fineness import coarser
+from indent_sim.scene.boundary_films import path_rows
+from indent_sim.scene.resolution import coarsened_sizes
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.surface.drainage import drained_length, excess_length
 
@@ -122,7 +122,7 @@ def test_films_get_finer_with_the_accuracy_and_coarser_in_companions() -> None:
     assert fine.sizes.h_film and (
         coarse.sizes.h_film is None or fine.sizes.h_film < coarse.sizes.h_film / 3
     )
-    companion = coarser(fine.sizes, 1.6, 1.0)
+    companion = coarsened_sizes(fine.sizes, 1.6, 1.0)
     assert companion.h_film is not None and companion.h_film > 1.5 * fine.sizes.h_film
     assert companion.films[0].h == pytest.approx(companion.h_film)
 
@@ -141,11 +141,11 @@ def test_a_given_mesh_is_warned_of_ramps_as_of_jumps() -> None:
         scene(mesh=given, loading={"history": [[0, 0], [0, 0.02], [1e-5, 0.02]]}),
     )
     for found in (ramp, jump):
-        (said,) = [doubt for doubt in found.plan.doubts if doubt.key == "early"]
-        assert "h_film" in said.words
-    assert not any(doubt.key == "early" for doubt in scene().plan.doubts)
+        (said,) = [doubt for doubt in found.plan.model_warnings if doubt.key == "early"]
+        assert "h_film" in said.message
+    assert not any(doubt.key == "early" for doubt in scene().plan.model_warnings)
     finer = scene(mesh=given | {"h_film": 0.001})
-    assert not any(doubt.key == "early" for doubt in finer.plan.doubts)
+    assert not any(doubt.key == "early" for doubt in finer.plan.model_warnings)
 
 
 def test_a_film_needs_a_contact_size() -> None:
@@ -156,10 +156,10 @@ def test_a_film_needs_a_contact_size() -> None:
 def test_rows_know_what_has_changed_before_them() -> None:
     """Of a ramp, a hold and a ramp back: two changes, the second as far as it has come."""
     loading = {"history": [[0, 0], [1, 0.02], [2, 0.02], [3, 0.01]], "times": [0.5, 2.0, 2.5]}
-    rows = rows_of(scene(loading=loading).physics.path)
+    rows = path_rows(scene(loading=loading).physics.path)
     assert [row.value for row in rows] == pytest.approx([0.5, 1.0, 0.75])
-    assert rows[0].changes == pytest.approx([0.5]) and rows[0].since == pytest.approx([0.5])
-    assert rows[1].changes == pytest.approx([1.0]) and rows[1].over == pytest.approx([1.0])
-    assert rows[2].changes == pytest.approx([1.0, 0.25]) and rows[2].since == pytest.approx(
+    assert rows[0].changes == pytest.approx([0.5]) and rows[0].elapsed == pytest.approx([0.5])
+    assert rows[1].changes == pytest.approx([1.0]) and rows[1].durations == pytest.approx([1.0])
+    assert rows[2].changes == pytest.approx([1.0, 0.25]) and rows[2].elapsed == pytest.approx(
         [2.5, 0.5]
     )

@@ -11,7 +11,7 @@ from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.tips import FlatPunch
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.resolved import resolved
-from indent_sim.scene.expected import Stick, pulling_rim
+from indent_sim.scene.predictions import NoSlipEffect, tensile_rim_width
 from indent_sim.scene.scene import Scene, resolve
 
 CYLINDER = {"shape": "cylinder", "radius": 4.0, "height": 1.0, "base": "fixed", "sides": "roller"}
@@ -84,7 +84,7 @@ def test_theory_knows_no_friction() -> None:
 )
 def test_new_contact_sticks_half_way_where_it_matters(friction: float | str, anchor: str) -> None:
     found = scene({"friction": friction}).physics
-    assert found.anchor == anchor
+    assert found.slip_reference == anchor
     assert found.contact.has_memory == bool(friction)
 
 
@@ -119,7 +119,7 @@ def test_what_stick_would_change() -> None:
     assert exact and exact.percent == pytest.approx(1.6213, abs=1e-4)
     thin = scene({}, material=SOFT | {"nu": 0.49}, loading={"delta": 0.3}).plan.stick
     assert thin and thin.percent is None and thin.low <= 4.4 <= thin.high
-    assert "%" in thin.words and thin.is_telling
+    assert "%" in thin.sentence and thin.is_noticeable
     assert scene({"friction": 0.3}).plan.stick is None
     assert scene({}, body=CYLINDER | {"base": "roller"}).plan.stick is None
 
@@ -146,8 +146,8 @@ SPHERE = {"shape": "sphere", "R": 1.0}
 def test_beyond_small_strain_stick_has_no_number(beyond: dict[str, Any]) -> None:
     """The ball would gain 10.0 %, solved, where the map at small strain knows of less than five."""
     said = scene(**({"contact": {}} | beyond)).plan.stick
-    assert said and said.is_telling and (said.percent, said.low, said.high) == (None, None, None)
-    assert "%" not in said.words and "--error-bars" in said.words
+    assert said and said.is_noticeable and (said.percent, said.low, said.high) == (None, None, None)
+    assert "%" not in said.sentence and "--error-bars" in said.sentence
 
 
 def test_what_error_bars_do_not_solve_they_do_not_promise() -> None:
@@ -160,7 +160,7 @@ def test_what_error_bars_do_not_solve_they_do_not_promise() -> None:
     }
     for linear, promised in (("direct", True), ("iterative", False)):
         said = scene({}, solver={"linear": linear}, **box).plan.stick
-        assert said and ("--error-bars" in said.words) == promised
+        assert said and ("--error-bars" in said.sentence) == promised
 
 
 def test_what_would_not_tell_at_small_strain_is_not_said() -> None:
@@ -170,9 +170,9 @@ def test_what_would_not_tell_at_small_strain_is_not_said() -> None:
 
 
 def test_a_change_that_rounds_to_nothing_has_no_sign_and_no_range() -> None:
-    assert "by +0.0 % (a map)" in Stick(None, -0.04, -0.01, "a map").words
-    assert "by +0.0 % (a map)" in Stick(-0.02, -0.04, -0.01, "a map").words
-    assert "between -0.1 and +0.2 % (a map)" in Stick(None, -0.1, 0.2, "a map").words
+    assert "by +0.0 % (a map)" in NoSlipEffect(None, -0.04, -0.01, "a map").sentence
+    assert "by +0.0 % (a map)" in NoSlipEffect(-0.02, -0.04, -0.01, "a map").sentence
+    assert "between -0.1 and +0.2 % (a map)" in NoSlipEffect(None, -0.1, 0.2, "a map").sentence
 
 
 def test_a_cone_is_looked_up_at_its_own_radius() -> None:
@@ -252,7 +252,7 @@ def test_elements_that_cross_the_edge_see_the_rim_that_would_pull(
 ) -> None:
     """The facets of a solid do at 0.1, however large they are, and no longer at 0.4: measured."""
     sizes = SimpleNamespace(edge=0.1, h_edge=0.01)
-    assert (pulling_rim(FlatPunch(0.1), nu, sizes, dim) > 0) == is_seen  # type: ignore[arg-type]
+    assert (tensile_rim_width(FlatPunch(0.1), nu, sizes, dim) > 0) == is_seen  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

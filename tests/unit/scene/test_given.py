@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from indent_sim.model.materials import Exponentials, PowerLaw, Relaxation
-from indent_sim.scene.given import exponentials
+from indent_sim.scene.problem_setup import prony_series
 
 
 def modulus(law: Exponentials, t: np.ndarray) -> np.ndarray:
@@ -16,7 +16,7 @@ def modulus(law: Exponentials, t: np.ndarray) -> np.ndarray:
 
 
 def test_terms_are_taken_as_they_are() -> None:
-    law = exponentials(Relaxation(prony=((0.4, 0.1), (0.3, 1.0))), 1e-3, 1e3)
+    law = prony_series(Relaxation(prony=((0.4, 0.1), (0.3, 1.0))), 1e-3, 1e3)
     assert law == (pytest.approx(0.3, rel=1e-15), (0.4, 0.3), (0.1, 1.0))
 
 
@@ -24,6 +24,6 @@ def test_terms_are_taken_as_they_are() -> None:
 def test_a_power_law_is_a_sum_of_exponentials(exponent: float, time: float) -> None:
     """To 5e-6 between the two times, measured: the rates slower than all are taken at once."""
     t = np.geomspace(1e-3, 1e3, 61)
-    law = exponentials(Relaxation(power_law=PowerLaw(exponent, time)), 1e-3, 1e3)
+    law = prony_series(Relaxation(power_law=PowerLaw(exponent, time)), 1e-3, 1e3)
     assert modulus(law, t) == pytest.approx((t / time) ** -exponent, rel=1e-5)
     assert law.rest >= 0 and min(law.fractions) > 0

@@ -17,9 +17,9 @@ from indent_sim.model.materials import (
     Relaxation,
     TransverselyIsotropic,
 )
-from indent_sim.scene.expected import InTime
+from indent_sim.scene.predictions import TimePrediction
+from indent_sim.scene.reference_theory import relaxed_law, undrained_law
 from indent_sim.scene.scene import resolve
-from indent_sim.scene.theories import relaxed, undrained
 from indent_sim.theory.half_space import E_star, paraboloid_force
 from indent_sim.theory.surface.drainage import paraboloid_left
 
@@ -34,9 +34,9 @@ def scene(material: dict[str, Any] = POROUS, history: Any = RAMP, **sections: An
     return resolve(from_mapping(base | {"loading": {"history": history}} | sections))
 
 
-def of(*args: Any, **sections: Any) -> InTime:
+def of(*args: Any, **sections: Any) -> TimePrediction:
     found = scene(*args, **sections).plan.time
-    assert isinstance(found, InTime)
+    assert isinstance(found, TimePrediction)
     return found
 
 
@@ -144,9 +144,9 @@ def test_what_is_left_falls_from_one_to_nothing() -> None:
 def test_undrained_across_an_axis_of_isotropy(alpha: float, storage: float) -> None:
     """Where it is isotropic the two formulas are one."""
     flow = Flow(permeability=1.0, alpha=alpha, storage=storage)
-    plain: Any = undrained(LinearElastic(E=1.0, nu=0.2, flow=flow))
+    plain: Any = undrained_law(LinearElastic(E=1.0, nu=0.2, flow=flow))
     like = TransverselyIsotropic(E=1.0, E_z=1.0, nu=0.2, nu_z=0.2, G_z=1 / 2.4, flow=flow)
-    found: Any = undrained(like).canonical()
+    found: Any = undrained_law(like).canonical()
     assert (found.E, found.E_z) == pytest.approx((plain.E, plain.E), rel=1e-12)
     assert (found.nu, found.nu_z) == pytest.approx((plain.nu, plain.nu), rel=1e-12)
     assert plain.E / (1 + plain.nu) == pytest.approx(1 / 1.2) and found.flow is None
@@ -166,4 +166,4 @@ def test_a_relaxed_law_keeps_its_bulk_modulus(law: Material) -> None:
         return E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu))
 
     mu, kappa = moduli(*law.constants)
-    assert moduli(*relaxed(law, 0.4).constants) == pytest.approx((0.4 * mu, kappa), rel=1e-12)
+    assert moduli(*relaxed_law(law, 0.4).constants) == pytest.approx((0.4 * mu, kappa), rel=1e-12)

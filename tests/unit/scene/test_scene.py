@@ -220,7 +220,7 @@ def test_the_middle_is_found_whatever_the_digits_of_the_width(width):
                 }
             )
         )
-        assert found.physics.part.symmetry == symmetry and found.plan.theory is not None
+        assert found.physics.domain.symmetry == symmetry and found.plan.theory is not None
         assert found.plan.theory.exact == (body is strip)
 
 
@@ -270,5 +270,5 @@ def test_layers_on_a_half_space_end_where_its_finite_body_does():
         "indenter": {"shape": "paraboloid", "R": 1.0},
         "loading": {"delta": 0.01, "steps": 1},
     }
-    part = resolve(from_mapping(given | {"solver": {"method": "condensed"}})).physics.part
+    part = resolve(from_mapping(given | {"solver": {"method": "condensed"}})).physics.domain
     assert part.regions[-1].bottom == pytest.approx(-part.height, rel=1e-9)

@@ -25,15 +25,15 @@ from indent_sim.model.tips import (
     Sphere,
     reach,
 )
-from indent_sim.scene.scene import Scene, resolve
-from indent_sim.scene.theories import (
-    TIPS,
+from indent_sim.scene.reference_theory import (
+    TIP_THEORIES,
     half_space_force,
     half_space_theory,
     layer_theory,
     relative_tip,
-    shape_of,
+    theory_tip_shape,
 )
+from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.march import LayerContact
 
 GEL = LinearElastic(E=1.0, nu=0.3)
@@ -67,12 +67,12 @@ def scene(**sections: Any) -> Scene:
 
 def test_every_tip_is_in_the_table() -> None:
     """A tip that theory does not know has no row, and this list says so."""
-    assert set(get_args(Indenter)) - set(TIPS) == set()
+    assert set(get_args(Indenter)) - set(TIP_THEORIES) == set()
 
 
 @pytest.mark.parametrize("tip", [*SHARP.values(), *OTHERS.values()], ids=[*SHARP, *OTHERS])
 def test_theory_sees_the_tip_end_where_it_ends(tip: Indenter) -> None:
-    shape = shape_of(tip)
+    shape = theory_tip_shape(tip)
     assert shape is not None
     assert reach(tip) == (shape.edge or shape.reach)
 

@@ -43,7 +43,9 @@ def fields(scene: Scene) -> list[Field]:
     if scene.physics.contact.multiplier != "nodal":
         return []
     return [
-        multiplier_field(scene, DISPLACEMENT_ORDER if scene.physics.part.kinematics.dim == 2 else 1)
+        multiplier_field(
+            scene, DISPLACEMENT_ORDER if scene.physics.domain.kinematics.dim == 2 else 1
+        )
     ]
 
 
@@ -72,7 +74,7 @@ class NodalContact(Term):
         ]
         self._psi = self.basis(self._points)
         self._u_dofs = body.trace.dofs
-        per_area = scene.physics.part.kinematics.weight(
+        per_area = scene.physics.domain.kinematics.weight(
             np.moveaxis(body.trace.positions(self._points), -1, 0)
         )
         self._weights = body.trace.measures(self._points) * per_area * reference_weights

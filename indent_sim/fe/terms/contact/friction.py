@@ -56,7 +56,7 @@ def fields(scene: Scene) -> list[Field]:
     """The tangential traction tau, along each horizontal axis."""
     if scene.physics.contact.is_conservative:
         return []
-    along = tuple(range(scene.physics.part.dim - 1))
+    along = tuple(range(scene.physics.domain.dim - 1))
     return [
         Field("tau", DISPLACEMENT_ORDER, axes=along, domain="top", weight=stiffness_scale(scene))
     ]
@@ -74,7 +74,9 @@ class Friction(Term):
         self.body = body
         self._normal = normal
         self._law: Any = body.scene.physics.contact
-        self._is_implicit = body.scene.physics.anchor == "implicit" and not self._law.is_bonded
+        self._is_implicit = (
+            body.scene.physics.slip_reference == "implicit" and not self._law.is_bonded
+        )
         self._slip_start = fem.Function(body.unknowns.space)
         self._slip_start_depth = fem.Constant(body.mesh, 0.0)
         self._largest_passed_gap = fem.Constant(body.mesh, 1.0)

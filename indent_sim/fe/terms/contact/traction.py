@@ -66,7 +66,7 @@ class Traction(Term):
             case "unknown" | "frozen":
                 return self.surface_multiplier.lam
             case "stress":
-                kinematics = self.body.scene.physics.part.kinematics
+                kinematics = self.body.scene.physics.domain.kinematics
                 N = kinematics.in_space(ufl.FacetNormal(self.body.mesh))
                 return ufl.dot(
                     kinematics.in_plane(strain_energy.nominal_stress * N), self.gap.normal

@@ -61,15 +61,15 @@ from indent_sim.theory.theory import OWN_ERROR, Theory
 NO_INCLUSIONS = "theory's body has no inclusions"
 # Between moduli from which theory loses digits, and the power: 2e-6 was measured at 1e5
 INEXACT_CONTRAST = 1e4
-STEEP = 2.5
-SAME_RADIUS = 1e-9  # relative: radii that differ by less are one
+CONTRAST_ERROR_EXPONENT = 2.5
+RADIUS_TOLERANCE = 1e-9  # relative: radii that differ by less are one
 NEARLY_INCOMPRESSIBLE = (
     0.49  # Poisson's ratio from which rubber's formula for bonded blocks is said
 )
 
 
 @dataclass(frozen=True)
-class KnownTip:
+class TipTheory:
     """What theory knows of a kind of tip: its shape, and force(delta, size, E_star) of a sharp one
     on a half-space.
 
@@ -78,51 +78,64 @@ class KnownTip:
     """
 
     shape: Callable[..., profiles.Tip]
-    takes: tuple[str, ...] = ()
-    half_space: str = ""
+    tip_attributes: tuple[str, ...] = ()
+    formula_name: str = ""
     force: Callable[..., float] | None = None
 
 
-Corners = Callable[
+SlopeJumps = Callable[
     [], Sequence[tuple[float, float, float]]
 ]  # of a profile: radius, half of the width, and jump
 
 
-def _of_points(
-    points: Sequence[Sequence[float]], tip_radius: float, slope: profiles.Shape, corners: Corners
+def _piecewise_linear_tip(
+    points: Sequence[Sequence[float]],
+    tip_radius: float,
+    slope: profiles.Shape,
+    slope_jumps: SlopeJumps,
 ) -> profiles.Tip:
     if tip_radius == 0.0:
         return profiles.piecewise_linear(points)
-    breaks = {round(edge, 15) for c, w, _ in corners() for edge in (c - w, c + w)}
-    return profiles.profile(slope, reach=points[-1][0], breaks=sorted(b for b in breaks if b > 0))
+    slope_discontinuities = {
+        round(edge, 15) for c, w, _ in slope_jumps() for edge in (c - w, c + w)
+    }
+    return profiles.profile(
+        slope, reach=points[-1][0], breaks=sorted(b for b in slope_discontinuities if b > 0)
+    )
 
 
-PUNCH = ("Sneddon (flat punch)", half_space.flat_punch_force)
-SQUARE = ("a square pyramid on a half-space", half_space.square_pyramid_force)
-PYRAMID = KnownTip(profiles.equal_sections, ("half_angle", "roundness", "tip_radius"), *SQUARE)
-TIPS: dict[type, KnownTip] = {
-    Paraboloid: KnownTip(profiles.paraboloid, ("R",), "Hertz", half_space.paraboloid_force),
-    Sphere: KnownTip(profiles.sphere, ("R",), "Sneddon (sphere)", half_space.sphere_force),
-    tips.Cone: KnownTip(
+PUNCH_FORMULA = ("Sneddon (flat punch)", half_space.flat_punch_force)
+SQUARE_PYRAMID_FORMULA = ("a square pyramid on a half-space", half_space.square_pyramid_force)
+PYRAMID_THEORY = TipTheory(
+    profiles.equal_sections, ("half_angle", "roundness", "tip_radius"), *SQUARE_PYRAMID_FORMULA
+)
+TIP_THEORIES: dict[type, TipTheory] = {
+    Paraboloid: TipTheory(profiles.paraboloid, ("R",), "Hertz", half_space.paraboloid_force),
+    Sphere: TipTheory(profiles.sphere, ("R",), "Sneddon (sphere)", half_space.sphere_force),
+    tips.Cone: TipTheory(
         profiles.cone, ("half_angle", "tip_radius"), "Sneddon (cone)", half_space.cone_force
     ),
-    tips.Hyperboloid: KnownTip(profiles.hyperboloid, ("R", "half_angle")),
-    FlatPunch: KnownTip(profiles.flat_punch, ("radius", "edge_radius"), *PUNCH),
-    Plate: KnownTip(profiles.plane),
-    **dict.fromkeys((tips.Pyramid, tips.Berkovich, tips.Vickers, tips.CubeCorner), PYRAMID),
-    Profile: KnownTip(_of_points, ("points", "tip_radius", "slope", "corners")),
+    tips.Hyperboloid: TipTheory(profiles.hyperboloid, ("R", "half_angle")),
+    FlatPunch: TipTheory(profiles.flat_punch, ("radius", "edge_radius"), *PUNCH_FORMULA),
+    Plate: TipTheory(profiles.plane),
+    **dict.fromkeys((tips.Pyramid, tips.Berkovich, tips.Vickers, tips.CubeCorner), PYRAMID_THEORY),
+    Profile: TipTheory(_piecewise_linear_tip, ("points", "tip_radius", "slope", "corners")),
 }
 
 
-def shape_of(tip: Indenter) -> profiles.Tip | None:
+def theory_tip_shape(tip: Indenter) -> profiles.Tip | None:
     """The tip as layer theory sees it; None for one that it does not know."""
-    known = TIPS.get(type(tip))
+    tip_theory = TIP_THEORIES.get(type(tip))
     with contextlib.suppress(ValueError):
-        return known.shape(*(getattr(tip, name) for name in known.takes)) if known else None
+        return (
+            tip_theory.shape(*(getattr(tip, name) for name in tip_theory.tip_attributes))
+            if tip_theory
+            else None
+        )
     return None
 
 
-def first_of(*reasons: tuple[bool, str]) -> str:
+def first_reason(*reasons: tuple[bool, str]) -> str:
     """The first of the reasons that apply; empty where none does."""
     return next((why for applies, why in reasons if applies), "")
 
@@ -137,42 +150,42 @@ def theory_of(
     """The theory of a tip on a body under a surface tension [pressure length], its inclusions left
     out, or None where there is none.
     """
-    found = (
+    theory = (
         half_space_theory(tip, layers)
         if isinstance(body, HalfSpace)
         else layer_theory(body, layers, tip, center)
     )
-    found = _tensed(found, surface_tension) if found and surface_tension else found
-    if found is None or not body.inclusions:
-        return found
+    theory = _add_surface_tension(theory, surface_tension) if theory and surface_tension else theory
+    if theory is None or not body.inclusions:
+        return theory
     return replace(
-        found, exact=False, why=NO_INCLUSIONS if found.exact else f"{found.why}; {NO_INCLUSIONS}"
+        theory, exact=False, why=NO_INCLUSIONS if theory.exact else f"{theory.why}; {NO_INCLUSIONS}"
     )
 
 
-def _tensed(plain: Theory, surface_tension: float) -> Theory | None:
+def _add_surface_tension(theory: Theory, surface_tension: float) -> Theory | None:
     """The same with a surface tension, whose theory knows no walls, and nothing in plane strain."""
-    if not isinstance(plain.contact, Layer):
+    if not isinstance(theory.contact, Layer):
         return None
     from indent_sim.theory.surface.tension import TensedLayer
 
-    contact = TensedLayer.of(plain.contact, surface_tension)
-    has_wall = plain.contact.wall < inf
-    unlike = first_of(
+    contact = TensedLayer.of(theory.contact, surface_tension)
+    has_wall = theory.contact.wall < inf
+    difference = first_reason(
         (has_wall, "theory's layer is infinitely wide"),
         (
             contact.has_kinks,
             "with a surface tension theory's pressure ripples under a tip with kinks",
         ),
     )
-    exact = plain.exact and not unlike
-    why = unlike or plain.why
+    exact = theory.exact and not difference
+    why = difference or theory.why
     return replace(
-        plain,
+        theory,
         contact=contact,
         exact=exact,
         why=why,
-        error=max(plain.error, contact.error),
+        error=max(theory.error, contact.error),
         formulas={},
     )
 
@@ -187,18 +200,20 @@ def layer_theory(
         return None
     assert not isinstance(body, HalfSpace)
     if isinstance(body, Dome):
-        return _dome_theory(body, layers, tip)
+        return _spherical_body_theory(body, layers, tip)
     if isinstance(body, Cylinder | BodyStrip | Box) and covers_top(tip, body, center):
         return _compression_theory(body, layers, flat_radius(tip) / body.reach(center))
-    shape = shape_of(tip)
+    shape = theory_tip_shape(tip)
     is_plane = body.dim == 2
     stack = stack_of(layers, body.base)
     if shape is None or stack is None or (is_plane and shape.f is None):
         return None
-    wall, exact, why = _wall(body, center)
+    wall, exact, why = _roller_wall(body, center)
     contact = (Strip if is_plane else Layer).on(shape, stack, wall)
     formulas = {} if is_plane else _layer_formulas(layers, tip, body.base)
-    return _judged(Theory("layer theory", exact, why, contact, formulas=formulas), layers, tip)
+    return _assess_exactness(
+        Theory("layer theory", exact, why, contact, formulas=formulas), layers, tip
+    )
 
 
 def covers_top(tip: Indenter, body: Body, center: tuple[float, ...]) -> bool:
@@ -208,38 +223,40 @@ def covers_top(tip: Indenter, body: Body, center: tuple[float, ...]) -> bool:
     """
     if not isinstance(body, Cylinder | BodyStrip | Box):
         return False
-    return flat_radius(tip) >= body.reach(center) * (1 - SAME_RADIUS)
+    return flat_radius(tip) >= body.reach(center) * (1 - RADIUS_TOLERANCE)
 
 
 # What a compression is called by the number of directions across it in which walls hold the body
-COMPRESSIONS = ("uniaxial compression", "plane-strain compression", "confined compression")
+COMPRESSION_NAMES = ("uniaxial compression", "plane-strain compression", "confined compression")
 
 
 def _compression_theory(
-    body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer], room: float
+    body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer], radius_ratio: float
 ) -> Theory | None:
     """Theory of a plate on all of a flat top: the body as a bar that slides on the plate and on its
     base. None where nobody knows it: layers that are no linear ones, a bar that cannot give way.
     room: the radius of the tip's flat face over that of the top.
     """
-    held = _held_directions(body)
-    found = _bar(layers, held)
-    if found is None:
+    constrained_directions = _constrained_directions(body)
+    bar_model = _bar_model(layers, constrained_directions)
+    if bar_model is None:
         return None
-    bar, is_finite = found
+    bar, is_finite = bar_model
     dimensions = body.dim - 1
-    widest = max(room, 1.0) ** dimensions
+    widest = max(radius_ratio, 1.0) ** dimensions
     contact = Compression(bar, body.height, _area_of_top(body), dimensions, widest)
-    why = first_of(
+    why = first_reason(
         (body.base == "fixed", "the base is bonded, theory's slides"),
         (len(layers) > 1, "theory's layers slide on one another"),
     )
     formulas = (
-        _bonded_formulas(body, layers) if body.base == "fixed" and held == 2 - dimensions else {}
+        _bonded_formulas(body, layers)
+        if body.base == "fixed" and constrained_directions == 2 - dimensions
+        else {}
     )
     why_exact = "a block that slides between plates is this very body"
     return Theory(
-        COMPRESSIONS[held],
+        COMPRESSION_NAMES[constrained_directions],
         not why,
         why or why_exact,
         contact,
@@ -248,7 +265,7 @@ def _compression_theory(
     )
 
 
-def _held_directions(body: Cylinder | BodyStrip | Box) -> int:
+def _constrained_directions(body: Cylinder | BodyStrip | Box) -> int:
     """In how many of the two directions across it walls keep the width of a body; in plane strain
     in y at least.
     """
@@ -261,20 +278,22 @@ def _held_directions(body: Cylinder | BodyStrip | Box) -> int:
     return 2 - len(ends) + sum("free" not in pair for pair in ends)
 
 
-def _bar(layers: Sequence[BodyLayer], held: int) -> tuple[Bar, bool] | None:
+def _bar_model(layers: Sequence[BodyLayer], constrained_directions: int) -> tuple[Bar, bool] | None:
     """The body as a bar, and whether its strain is finite; None where it is not known."""
     materials = [layer.material for layer in layers if layer.material]
     if all(material.small_strain for material in materials):
-        moduli = [material.bar_modulus(held) for material in materials]
+        moduli = [material.bar_modulus(constrained_directions) for material in materials]
         thicknesses = [layer.thickness or inf for layer in layers]
         height = sum(thicknesses)
-        give = sum(t / height / modulus for t, modulus in zip(thicknesses, moduli, strict=True))
-        return (LinearBar(1 / give), False) if give > 0 else None
+        compliance = sum(
+            t / height / modulus for t, modulus in zip(thicknesses, moduli, strict=True)
+        )
+        return (LinearBar(1 / compliance), False) if compliance > 0 else None
     material = materials[0]
     is_incompressible = material.constants.nu == 0.5
-    if len(materials) > 1 or (is_incompressible and held == 2):
+    if len(materials) > 1 or (is_incompressible and constrained_directions == 2):
         return None
-    return HyperelasticBar(material.energy_of_bar, is_incompressible, held), True
+    return HyperelasticBar(material.energy_of_bar, is_incompressible, constrained_directions), True
 
 
 def _area_of_top(body: Cylinder | BodyStrip | Box) -> float:
@@ -293,19 +312,19 @@ def _bonded_formulas(
     E, nu = layers[0].material.constants
     if nu < NEARLY_INCOMPRESSIBLE:
         return {}
-    across = body.radius if isinstance(body, Cylinder) else body.width
+    half_width = body.radius if isinstance(body, Cylinder) else body.width
     bulk = E / (3 * (1 - 2 * nu)) if nu < 0.5 else inf
-    modulus = bonded_modulus(E, bulk, across / (4 * body.height), body.dim - 1)
+    modulus = bonded_modulus(E, bulk, half_width / (4 * body.height), body.dim - 1)
     stiffness = modulus * _area_of_top(body) / body.height
     return {"Gent-Lindley": lambda delta: stiffness * delta}
 
 
-def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theory | None:
+def _spherical_body_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theory | None:
     """Theory of a flat body under the curvatures of tip and dome: a layer as high as a cap, a
     half-space for a ball.
     """
     is_cap = body.shape == "cap"
-    shape = shape_of(tip)
+    shape = theory_tip_shape(tip)
     stack = stack_of(layers, body.base if is_cap else None)
     if shape is None or stack is None:
         return None
@@ -330,14 +349,14 @@ def adhesive_radii(
     depth = max(depth, 0.0)
     jkr = theory.jkr(work) if theory else None
     if jkr is None:
-        beside = half_space_theory(
+        half_space = half_space_theory(
             tip, [replace(layers[0], thickness=None)], tip.radius_at(depth) or 1.0
         )
-        jkr = beside.jkr(work) if beside else None
+        jkr = half_space.jkr(work) if half_space else None
     with contextlib.suppress(*UNSOLVED):
-        to = (depth,) if force is None else (max(force, 0.0), inf)
-        if jkr is not None and (deep := jkr.stable(*to)):
-            return jkr.pull_off().a, deep.a
+        target = (depth,) if force is None else (max(force, 0.0), inf)
+        if jkr is not None and (deepest_contact := jkr.stable(*target)):
+            return jkr.pull_off().a, deepest_contact.a
     return ()
 
 
@@ -361,32 +380,32 @@ def half_space_theory(
     """Theory of a tip on a half-space, homogeneous or below layers; `size`: about a contact radius
     [length].
     """
-    shape = shape_of(tip)
+    shape = theory_tip_shape(tip)
     stack = stack_of(layers, None, size)
     if shape is None or stack is None:
         return None
     why = "the half-space itself" if len(layers) == 1 else "the layers on the half-space itself"
-    found = Theory(
+    theory = Theory(
         "half-space theory", True, why, Layer.on(shape, stack), formulas=_film_formulas(layers, tip)
     )
-    return _judged(found, layers, tip)
+    return _assess_exactness(theory, layers, tip)
 
 
 def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -> Stack | None:
     """The layers as theory knows them, on a rigid base, or the last one a half-space where base is
     None. None where theory does not know a material (nu < 0).
     """
-    plies = [_ply(layer) for layer in layers]
-    if base is None and len(plies) == 1:
-        return Stack.half_space(plies[0].E / (1 - plies[0].nu ** 2), size)
-    if any(ply.nu < 0 for ply in plies):
+    stack_layers = [_theory_layer(layer) for layer in layers]
+    if base is None and len(stack_layers) == 1:
+        return Stack.half_space(stack_layers[0].E / (1 - stack_layers[0].nu ** 2), size)
+    if any(ply.nu < 0 for ply in stack_layers):
         return None
     if base is None:
-        plies[-1] = plies[-1]._replace(thickness=inf)
-    return Stack(tuple(plies), base)
+        stack_layers[-1] = stack_layers[-1]._replace(thickness=inf)
+    return Stack(tuple(stack_layers), base)
 
 
-def _judged(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter) -> Theory:
+def _assess_exactness(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter) -> Theory:
     """The theory of a body like its own, with what tip and materials have that it has not, and its
     error.
     """
@@ -396,7 +415,7 @@ def _judged(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter) -> Theor
         len(layers) == 1 and theory.contact.scaled.is_bottomless
     )  # of the same indentation modulus
     is_isotropic = is_one_half_space or all(material.is_isotropic for material in materials)
-    why = first_of(
+    why = first_reason(
         (not is_isotropic, "theory's layers are isotropic"),
         (
             not all(material.small_strain for material in materials),
@@ -405,7 +424,10 @@ def _judged(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter) -> Theor
         (not tip.of_revolution, "theory's tip is the cone of equal sections"),
     )
     moduli = [material.constants.E for material in materials]
-    error = OWN_ERROR * max(1.0, max(moduli) / min(moduli) / INEXACT_CONTRAST) ** STEEP
+    error = (
+        OWN_ERROR
+        * max(1.0, max(moduli) / min(moduli) / INEXACT_CONTRAST) ** CONTRAST_ERROR_EXPONENT
+    )
     return replace(theory, exact=theory.exact and not why, why=why or theory.why, error=error)
 
 
@@ -413,26 +435,30 @@ def _layer_formulas(layers: Sequence[BodyLayer], tip: Indenter, base: str) -> di
     """Dimitriadis, for a paraboloid or a sphere on a single layer."""
     if len(layers) > 1 or not isinstance(tip, Paraboloid | Sphere):
         return {}
-    return {"Dimitriadis": partial(dimitriadis_force, R=tip.R, layer=_ply(layers[0]), base=base)}
+    return {
+        "Dimitriadis": partial(
+            dimitriadis_force, R=tip.R, layer=_theory_layer(layers[0]), base=base
+        )
+    }
 
 
 def _film_formulas(layers: Sequence[BodyLayer], tip: Indenter) -> dict[str, Curve]:
     """Gao and Perriot-Barthel, for one film on a half-space."""
-    alone = half_space_theory(tip, layers[:1]) if len(layers) == 2 else None
-    if alone is None:
+    film_theory = half_space_theory(tip, layers[:1]) if len(layers) == 2 else None
+    if film_theory is None:
         return {}
-    film, substrate = map(_ply, layers)
+    film, substrate = map(_theory_layer, layers)
     moduli = {"Gao": gao_modulus, "Perriot-Barthel": perriot_barthel_modulus}
-    force = partial(film_force, film=film, substrate=substrate, alone=alone.at)
+    force = partial(film_force, film=film, substrate=substrate, alone=film_theory.at)
     return {name: partial(force, modulus=modulus) for name, modulus in moduli.items()}
 
 
-def _ply(layer: BodyLayer) -> Ply:
+def _theory_layer(layer: BodyLayer) -> Ply:
     assert layer.material is not None
     return Ply(layer.thickness or inf, *layer.material.constants)
 
 
-def _wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, str]:
+def _roller_wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, str]:
     """Radius of the roller wall, if the body has the one that theory knows, and what is different
     otherwise.
     """
@@ -455,8 +481,8 @@ def half_space_depth(tip: Indenter, force: float, E_star: float) -> tuple[str, f
     """
     start = section_depth(tip.radius_at, force, E_star)
     name, force_at = _half_space_formula(tip, start, E_star)
-    found = depth_of(force_at, force, start) if force_at else None
-    return (name, found) if found else None
+    depth = depth_of(force_at, force, start) if force_at else None
+    return (name, depth) if depth else None
 
 
 def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, float] | None:
@@ -476,38 +502,38 @@ def _half_space_formula(tip: Indenter, delta: float, E_star: float) -> tuple[str
     """
     if not delta > 0:
         return "", None
-    name, force_at = _closed_form(tip, E_star)
+    name, force_at = _closed_form_formula(tip, E_star)
     if force_at or not name:
         return name, force_at
-    shape = shape_of(tip) if tip.of_revolution else None
+    shape = theory_tip_shape(tip) if tip.of_revolution else None
     unit = float(2.0 ** np.ceil(np.log2(tip.radius_at(delta))))  # about the contact radius
-    matter = Stack.half_space(E_star, unit)
-    return name, partial(sneddon_force, tip=shape, half_space=matter) if shape else None
+    half_space = Stack.half_space(E_star, unit)
+    return name, partial(sneddon_force, tip=shape, half_space=half_space) if shape else None
 
 
 @lru_cache(maxsize=16)  # every row and every point of a curve asks
-def _closed_form(tip: Indenter, E_star: float) -> tuple[str, Curve | None]:
+def _closed_form_formula(tip: Indenter, E_star: float) -> tuple[str, Curve | None]:
     """Name and force of a tip on a half-space; no force where it takes a quadrature, no name where
     nobody knows it.
     """
-    known = TIPS.get(type(tip))
+    tip_theory = TIP_THEORIES.get(type(tip))
     if (
-        known is None
+        tip_theory is None
         or isinstance(tip, Plate)
         or (isinstance(tip, RegularPyramid) and tip.faces != 4)
     ):
         return "", None
     if (
-        known.force is None
+        tip_theory.force is None
         or getattr(tip, "tip_radius", 0.0) > 0
         or getattr(tip, "edge_radius", 0.0) > 0
     ):
         return "Sneddon (quadrature)", None
-    size = {known.takes[0]: getattr(tip, known.takes[0])}
-    return known.half_space, partial(known.force, E_star=E_star, **size)
+    first_attribute = {tip_theory.tip_attributes[0]: getattr(tip, tip_theory.tip_attributes[0])}
+    return tip_theory.formula_name, partial(tip_theory.force, E_star=E_star, **first_attribute)
 
 
-def undrained(material: Material) -> Material:
+def undrained_law(material: Material) -> Material:
     """The elastic law of a canonical material from which no fluid leaves; the material itself where
     none flows.
 
@@ -520,17 +546,19 @@ def undrained(material: Material) -> Material:
         return material
     E, nu = law.constants
     if isinstance(law, TransverselyIsotropic):
-        return _undrained_across(law)
+        return _undrained_anisotropic_law(law)
     if isinstance(law, Gel):
         return NeoHookean(E=3 * law.shear_modulus, nu=0.5)
     assert flow.permeability is not None
     solid = PorousSolid(E, nu, flow.permeability, flow.alpha, flow.storage)
-    said = {"nu": solid.undrained_nu, "flow": None, "formulation": "auto"}
-    said |= {"E": solid.undrained_E} if isinstance(law, LinearElastic | NeoHookean) else {}
-    return replace(law, **said)  # type: ignore[arg-type]
+    undrained_values = {"nu": solid.undrained_nu, "flow": None, "formulation": "auto"}
+    undrained_values |= (
+        {"E": solid.undrained_E} if isinstance(law, LinearElastic | NeoHookean) else {}
+    )
+    return replace(law, **undrained_values)  # type: ignore[arg-type]
 
 
-def _undrained_across(law: TransverselyIsotropic) -> Material:
+def _undrained_anisotropic_law(law: TransverselyIsotropic) -> Material:
     """S_u = S - (S alpha)(S alpha)^T/(alpha S alpha + storage) of the compliance S (Woodbury)."""
     assert law.flow is not None
     E = law.E
@@ -540,15 +568,19 @@ def _undrained_across(law: TransverselyIsotropic) -> Material:
     alpha = law.flow.alpha
     across = alpha * ((1 - nu) / E - nu_z / E_z)
     along = alpha * (1 - 2 * nu_z) / E_z
-    give = alpha * (2 * across + along) + law.flow.storage
-    E_u = 1 / (1 / E - across**2 / give)
-    E_zu = 1 / (1 / E_z - along**2 / give)
-    nu_zu = (nu_z / E_z + across * along / give) * E_zu if law.flow.storage else 0.5
-    nu_u = (nu / E + across**2 / give) * E_u if law.flow.storage else 1 - E_u / (2 * E_zu)
+    storage_compliance = alpha * (2 * across + along) + law.flow.storage
+    E_u = 1 / (1 / E - across**2 / storage_compliance)
+    E_zu = 1 / (1 / E_z - along**2 / storage_compliance)
+    nu_zu = (nu_z / E_z + across * along / storage_compliance) * E_zu if law.flow.storage else 0.5
+    nu_u = (
+        (nu / E + across**2 / storage_compliance) * E_u
+        if law.flow.storage
+        else 1 - E_u / (2 * E_zu)
+    )
     return replace(law, E=E_u, E_z=E_zu, nu=nu_u, nu_z=nu_zu, flow=None, formulation="auto")
 
 
-def relaxed(material: Material, left: float) -> Material:
+def relaxed_law(material: Material, left: float) -> Material:
     """The elastic law of a canonical material of which a share of the shear stress is left, and all
     of the bulk modulus, or where everything relaxes the same share of it; the material itself
     where nothing does.
@@ -558,6 +590,6 @@ def relaxed(material: Material, left: float) -> Material:
     law = Scales(1.0, 1.0 / left).scaled(replace(material, flow=None))
     if material.relaxes_in_shear and material.constants.nu < 0.5:
         E, nu = material.softened(left)
-        said = {"nu": nu} | ({"E": E} if isinstance(law, LinearElastic) else {})
-        law = replace(law, **said)  # type: ignore[arg-type]
+        relaxed_constants = {"nu": nu} | ({"E": E} if isinstance(law, LinearElastic) else {})
+        law = replace(law, **relaxed_constants)  # type: ignore[arg-type]
     return replace(law, relaxation=None, flow=material.flow)

@@ -17,19 +17,19 @@ from math import inf
 from indent_sim.model.body import Box, BoxSides, Cylinder, Endless, HalfSpace, InfiniteLayer, Layer
 from indent_sim.model.materials import LinearElastic, Material
 from indent_sim.model.tips import Indenter
-from indent_sim.scene.theories import half_space_theory, shape_of, stack_of
+from indent_sim.scene.reference_theory import half_space_theory, stack_of, theory_tip_shape
 from indent_sim.theory import profiles
 from indent_sim.theory.half_space import section_depth
 from indent_sim.theory.layer import Layer as LayerContact
 from indent_sim.theory.solution import MAX_SLENDERNESS, Solution
 
-ACCURACY = 1e-3  # wanted of the force
-SHARE = 0.3  # of it that the truncation may take; the rest is the mesh's
-WALLS = BoxSides("roller", "roller", "roller", "roller")
+FORCE_ACCURACY = 1e-3  # wanted of the force
+TRUNCATION_ERROR_SHARE = 0.3  # of it that the truncation may take; the rest is the mesh's
+ROLLER_SIDES = BoxSides("roller", "roller", "roller", "roller")
 # heights from a layer's contact to the first wall that is tried, and times to the next
-NEAREST = 2.0
-FARTHER = 1.5
-LEAST_STATED_ERROR = 1e-6  # of the force: an error of truncation that is less is stated as this
+FIRST_WALL_DISTANCE = 2.0
+WALL_DISTANCE_FACTOR = 1.5
+MIN_STATED_ERROR = 1e-6  # of the force: an error of truncation that is less is stated as this
 # times theory's error is stated: the mesh leaves noise of 1e-4, and nu < 0 is not in theory
 TRUNCATION_SAFETY = 1.5
 
@@ -42,17 +42,17 @@ class Truncation:
 
     body: Cylinder | Box
     layers: tuple[Layer, ...]
-    stands_for: str
+    represents: str
     ratio: float
     error: float
 
     @property
     def why(self) -> str:
         """The reason in words."""
-        size = "wide and high" if self.stands_for == "half-space" else "wide"
+        size = "wide and high" if self.represents == "half-space" else "wide"
         basis = f"{TRUNCATION_SAFETY:g} times layer theory's error"
         stiff = f"too stiff by at most {100 * self.error:.2g} % of the force ({basis})"
-        return f"stands for the {self.stands_for}: {self.ratio:.3g} contact radii {size}, {stiff}"
+        return f"stands for the {self.represents}: {self.ratio:.3g} contact radii {size}, {stiff}"
 
 
 def truncate(
@@ -60,7 +60,7 @@ def truncate(
     tip: Indenter,
     states: Sequence[Sequence[Layer]],
     delta: float,
-    wider: float = 1.0,
+    width_factor: float = 1.0,
 ) -> Truncation:
     """Return the smallest finite body that stands for a half-space or an infinitely wide layer.
 
@@ -79,22 +79,23 @@ def truncate(
         Times as wide, and a half-space as high, for what theory without a surface tension does not
         know.
     """
-    search = _truncated_half_space if isinstance(body, HalfSpace) else _truncated_layer
-    found = [search(body, tip, layers, delta) for layers in states]  # type: ignore[arg-type]
-    largest = max(found, key=lambda one: _width(one.body))
-    own = [
+    search = _truncate_half_space if isinstance(body, HalfSpace) else _truncate_layer
+    truncations = [search(body, tip, layers, delta) for layers in states]  # type: ignore[arg-type]
+    largest = max(truncations, key=lambda item: _width(item.body))
+    own_layers = [
         replace(layer, material=first.material)
         for layer, first in zip(largest.layers, states[0], strict=True)
     ]
-    largest = replace(largest, layers=tuple(own))
-    truncation = _widened(largest, largest.layers, float(f"{wider:.6g}"))
+    largest = replace(largest, layers=tuple(own_layers))
+    truncation = _scale_width(largest, largest.layers, float(f"{width_factor:.6g}"))
     shift = (*truncation.body.center, 0.0)  # to where the finite body has its axis
-    places = [
-        tuple(x + s for x, s in zip(one.center, shift, strict=True))
-        for one in body.inclusions or ()
+    centers = [
+        tuple(x + s for x, s in zip(item.center, shift, strict=True))
+        for item in body.inclusions or ()
     ]
     placed = tuple(
-        replace(one, center=at) for one, at in zip(body.inclusions or (), places, strict=True)
+        replace(item, center=center)
+        for item, center in zip(body.inclusions or (), centers, strict=True)
     )
     return replace(truncation, body=replace(truncation.body, inclusions=placed or None))
 
@@ -104,95 +105,101 @@ def _width(body: Cylinder | Box) -> float:
     return 2 * body.radius if isinstance(body, Cylinder) else body.size[0]
 
 
-def _widened(found: Truncation, layers: Sequence[Layer], times: float) -> Truncation:
+def _scale_width(truncation: Truncation, layers: Sequence[Layer], times: float) -> Truncation:
     """The same with a body that many times as wide, and as high where it stands for a half-space."""
-    body = found.body
-    ratio = times * found.ratio
+    body = truncation.body
+    ratio = times * truncation.ratio
     if times == 1.0:
-        return found
-    is_deep = found.stands_for == "half-space"
+        return truncation
+    is_deep = truncation.represents == "half-space"
     height = body.height * (times if is_deep else 1.0)
     if isinstance(body, Cylinder):
-        finite: Cylinder | Box = replace(body, radius=times * body.radius, height=height)
+        scaled_body: Cylinder | Box = replace(body, radius=times * body.radius, height=height)
     else:
-        finite = replace(body, size=(times * body.size[0], times * body.size[1], height))
+        scaled_body = replace(body, size=(times * body.size[0], times * body.size[1], height))
     return replace(
-        found, body=finite, layers=_finite(layers, height) if is_deep else found.layers, ratio=ratio
+        truncation,
+        body=scaled_body,
+        layers=_finite_layers(layers, height) if is_deep else truncation.layers,
+        ratio=ratio,
     )
 
 
-def _reach(body: Endless) -> float:
+def _inclusion_extent(body: Endless) -> float:
     """How far from the tip's axis and the surface inclusions reach [length]."""
     return max(
         (inclusion.farthest((0.0, 0.0, 0.0)) for inclusion in body.inclusions or ()), default=0.0
     )
 
 
-def _truncated_layer(
+def _truncate_layer(
     body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer], delta: float
 ) -> Truncation:
     """A wall where theory with and without it differ by no more than is allowed, or beside its
     widest contact.
     """
-    known = shape_of(tip)
+    tip_shape = theory_tip_shape(tip)
     depth = abs(delta) or body.height
     height = body.height
     stack = stack_of(
-        [replace(layer, material=_compressible(layer.material)) for layer in layers], body.base
+        [replace(layer, material=_nonnegative_nu_law(layer.material)) for layer in layers],
+        body.base,
     )
     assert stack is not None
-    contact = LayerContact.on(known, stack) if known else None
-    deepest = _solved(contact, depth) if contact else None
+    contact = LayerContact.on(tip_shape, stack) if tip_shape else None
+    deepest = _contact_at_depth(contact, depth) if contact else None
     radius = deepest.a if deepest else tip.radius_at(depth)
     if deepest is None or contact is None:
         punch = profiles.flat_punch(min(radius, 0.5 * MAX_SLENDERNESS * stack.h))
         contact = LayerContact.on(punch, stack)
         deepest = contact.curve([depth])[0]
-    beyond = NEAREST * height + _reach(body)
+    wall_distance = FIRST_WALL_DISTANCE * height + _inclusion_extent(body)
     error = inf
-    while error > SHARE * ACCURACY:
-        beyond *= FARTHER
-        walled = _solved(LayerContact.on(contact.tip, stack, deepest.a + beyond), depth)
-        error = abs(walled.force / deepest.force - 1) if walled else inf
+    while error > TRUNCATION_ERROR_SHARE * FORCE_ACCURACY:
+        wall_distance *= WALL_DISTANCE_FACTOR
+        walled_contact = _contact_at_depth(
+            LayerContact.on(contact.tip, stack, deepest.a + wall_distance), depth
+        )
+        error = abs(walled_contact.force / deepest.force - 1) if walled_contact else inf
     # a stiff plane carries it farther
-    beyond *= max(1.0, *(layer.material.decay[1] for layer in layers if layer.material))
-    width = float(f"{radius + beyond:.6g}")
-    error = TRUNCATION_SAFETY * max(error, LEAST_STATED_ERROR)
-    finite: Cylinder | Box = Cylinder(width, height, base=body.base, sides="roller")
+    wall_distance *= max(1.0, *(layer.material.decay[1] for layer in layers if layer.material))
+    width = float(f"{radius + wall_distance:.6g}")
+    error = TRUNCATION_SAFETY * max(error, MIN_STATED_ERROR)
+    finite_body: Cylinder | Box = Cylinder(width, height, base=body.base, sides="roller")
     if not tip.of_revolution:
-        finite = Box((2 * width, 2 * width, height), base=body.base, sides=WALLS)
-    return Truncation(finite, tuple(layers), "infinitely wide layer", width / radius, error)
+        finite_body = Box((2 * width, 2 * width, height), base=body.base, sides=ROLLER_SIDES)
+    return Truncation(finite_body, tuple(layers), "infinitely wide layer", width / radius, error)
 
 
-def _truncated_half_space(
+def _truncate_half_space(
     body: HalfSpace, tip: Indenter, layers: Sequence[Layer], delta: float
 ) -> Truncation:
-    known = shape_of(tip)
+    tip_shape = theory_tip_shape(tip)
     depth = abs(delta) or 1.0
-    modelled = [replace(layer, material=_compressible(layer.material)) for layer in layers]
+    modelled = [replace(layer, material=_nonnegative_nu_law(layer.material)) for layer in layers]
     # what theory does not know, or ends in, is no wider in contact than a punch of its radius
     punch = profiles.flat_punch(tip.radius_at(depth))
     models = [
-        *([(known, modelled)] if known else []),
+        *([(tip_shape, modelled)] if tip_shape else []),
         (punch, modelled),
         (punch, modelled[-1:]),
     ]  # films far too thin
     for shape, modelled in models:
         stack = stack_of(modelled, None, tip.radius_at(depth))
-        if stack and (deepest := _solved(LayerContact.on(shape, stack), depth)):
+        if stack and (deepest := _contact_at_depth(LayerContact.on(shape, stack), depth)):
             break
     assert deepest is not None
-    above = sum(layer.thickness or 0.0 for layer in layers[:-1])
-    target = SHARE * ACCURACY
-    ratio = max(100.0, 10 * max(above, _reach(body)) / deepest.a)
+    upper_thickness = sum(layer.thickness or 0.0 for layer in layers[:-1])
+    target = TRUNCATION_ERROR_SHARE * FORCE_ACCURACY
+    ratio = max(100.0, 10 * max(upper_thickness, _inclusion_extent(body)) / deepest.a)
     # how much deeper than below isotropic layers the base is felt
-    deeper = max(1.0, *(1 / layer.material.decay[0] for layer in layers if layer.material))
+    decay_factor = max(1.0, *(1 / layer.material.decay[0] for layer in layers if layer.material))
 
     def error_of(size: float) -> float:
         """F(cylinder)/F(half-space) - 1."""
-        stack = stack_of(_finite(modelled, size), "fixed")
+        stack = stack_of(_finite_layers(modelled, size), "fixed")
         assert stack is not None
-        return deeper * (
+        return decay_factor * (
             LayerContact.on(shape, stack, size).curve([deepest.delta])[0].force / deepest.force - 1
         )
 
@@ -200,10 +207,12 @@ def _truncated_half_space(
         ratio *= 1.01 * error / target  # the error falls a little faster than 1/ratio
     ratio = float(f"{ratio:.6g}")  # so that the numbers are the same in all units
     size = ratio * deepest.a
-    finite: Cylinder | Box = Cylinder(size, size, base="fixed", sides="roller")
+    finite_body: Cylinder | Box = Cylinder(size, size, base="fixed", sides="roller")
     if not tip.of_revolution:  # the cylinder of theory fits into this box, which is softer
-        finite = Box((2 * size, 2 * size, size), base="fixed", sides=WALLS)
-    return Truncation(finite, _finite(layers, size), "half-space", ratio, TRUNCATION_SAFETY * error)
+        finite_body = Box((2 * size, 2 * size, size), base="fixed", sides=ROLLER_SIDES)
+    return Truncation(
+        finite_body, _finite_layers(layers, size), "half-space", ratio, TRUNCATION_SAFETY * error
+    )
 
 
 def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> float:
@@ -219,19 +228,19 @@ def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> floa
     return (theory and theory.depth(force, 1e6 * start)) or start
 
 
-def _compressible(material: Material | None) -> Material:
+def _nonnegative_nu_law(material: Material | None) -> Material:
     """nu = 0.3 stands for nu < 0, where the error is between 0.9 and 1.01 times as large."""
     assert material is not None
     E, nu = material.constants
     return LinearElastic(E=E, nu=nu if nu >= 0 else 0.3)
 
 
-def _finite(layers: Sequence[Layer], size: float) -> tuple[Layer, ...]:
-    above = sum(layer.thickness or 0.0 for layer in layers[:-1])
-    return (*layers[:-1], replace(layers[-1], thickness=size - above))
+def _finite_layers(layers: Sequence[Layer], size: float) -> tuple[Layer, ...]:
+    upper_thickness = sum(layer.thickness or 0.0 for layer in layers[:-1])
+    return (*layers[:-1], replace(layers[-1], thickness=size - upper_thickness))
 
 
-def _solved(contact: LayerContact, delta: float) -> Solution | None:
+def _contact_at_depth(contact: LayerContact, delta: float) -> Solution | None:
     """The contact at a depth; None where theory ends."""
     with contextlib.suppress(ValueError):
         return contact.curve([delta])[0]

@@ -1,0 +1,352 @@
+"""Reduction by symmetry: the part of the body that is modelled, its supports and its pins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
+from math import inf, isclose
+
+from indent_sim.mesh.modelled_part import Part, Pins, Point, Region, Side, polygon
+from indent_sim.model.body import Box, Cylinder, Dome, Drawn, Endless, Inclusion, Strip
+from indent_sim.model.kinematics import Axisymmetric, Kinematics, PlaneStrain, ThreeDimensional
+from indent_sim.model.tips import Indenter
+from indent_sim.process.errors import ConfigError
+
+Regions = tuple[Region, ...]
+Sides = tuple[Side, ...]
+Supports = Mapping[str, str]
+SYMMETRY_NAMES = ("full", "half", "quarter")  # by the number of mirror planes
+MIRROR_DECIMALS = 9  # decimals, of the body's height, to which mirror images must agree
+QUARTER_ENDS = (
+    (1.0, 0.0),
+    (0.0, 1.0),
+    (-1.0, 0.0),
+    (0.0, -1.0),
+)  # the ends of a circle's quarters, anticlockwise
+
+
+def reduce(
+    body: Drawn | Endless, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
+) -> tuple[Part, str]:
+    """Choose the symmetric part to model, and say why; `requested_symmetry` is `mesh.symmetry`.
+
+    Raises ConfigError when the scene does not have the symmetry that is asked for.
+    """
+    if isinstance(
+        body, Endless
+    ):  # theory sees a section whose walls are at infinity; nothing meshes it
+        domain = _axisymmetric_domain(
+            inf, body.height, regions, {"base": getattr(body, "base", "free")}
+        )
+        return domain, "tip of revolution on a body that is the same everywhere"
+    if isinstance(body, Cylinder):
+        domain, reason = _cylinder_domain(body, center, requested_symmetry, tip, regions)
+    elif isinstance(body, Strip):
+        domain, reason = _strip_domain(body, center, requested_symmetry, regions)
+    elif isinstance(body, Dome):
+        domain, reason = _spherical_domain(body, requested_symmetry, regions)
+    else:
+        domain, reason = _box_domain(body, center, requested_symmetry, tip, regions)
+    return replace(domain, pins=_pins(domain)), reason
+
+
+def _symmetry_error(requested_symmetry: str, why: str, remedy: str) -> ConfigError:
+    return ConfigError(
+        "mesh.symmetry", f"'{requested_symmetry}' does not fit this scene: {why}", remedy
+    )
+
+
+def _is_tip_symmetric(tip: Indenter, axis: str) -> bool:
+    """Whether the tip is its own mirror image about the plane normal to `axis` through its axis."""
+    return tip.of_revolution or tip.is_mirrored({"x": 90.0, "y": 0.0}[axis])  # type: ignore[union-attr]
+
+
+def _are_inclusions_symmetric(regions: Regions, axis: str, c: float) -> bool:
+    """Whether the inclusions are their own mirror images, together, about the plane normal to
+    `axis` at c.
+    """
+    inclusions = {_round_center(region.inclusion) for region in regions if region.inclusion}
+    return inclusions == {
+        _round_center(inclusion.mirrored("xyz".index(axis), c)) for inclusion in inclusions
+    }
+
+
+def _round_center(inclusion: Inclusion) -> Inclusion:
+    """The inclusion where it is to so many digits that two places are one."""
+    return replace(
+        inclusion, center=tuple(round(x, MIRROR_DECIMALS) + 0.0 for x in inclusion.center)
+    )
+
+
+def _cylinder_domain(
+    body: Cylinder, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
+) -> tuple[Part, str]:
+    on_axis = {axis: abs(c) <= 1e-12 * body.radius for axis, c in zip("xy", center, strict=True)}
+    obstacle = "" if all(on_axis.values()) else "the tip stands off the cylinder's axis"
+    obstacle = obstacle if tip.of_revolution else f"a {tip.shape} is no tip of revolution"
+    if any(region.inclusion and not region.inclusion.is_about(body.center) for region in regions):
+        obstacle = obstacle or "an inclusion is no body of revolution about the axis"
+    if requested_symmetry == "plane_strain" or (requested_symmetry == "axisymmetric" and obstacle):
+        raise _symmetry_error(
+            requested_symmetry,
+            obstacle or "a cylinder is not infinitely long",
+            "use 'auto', 'half' or 'full'",
+        )
+    supports = {"base": body.base, "r_max": body.sides}
+    if requested_symmetry in ("auto", "axisymmetric") and not obstacle:
+        return _axisymmetric_domain(
+            body.radius, body.height, regions, supports
+        ), "tip of revolution on the axis of a cylinder"
+    symmetric = [
+        axis
+        for axis in "xy"
+        if on_axis[axis]
+        and _is_tip_symmetric(tip, axis)
+        and _are_inclusions_symmetric(regions, axis, 0.0)
+    ]
+    mirror_axes = _mirror_axes(requested_symmetry, symmetric)
+    domain = _cut_domain(
+        mirror_axes,
+        ThreeDimensional(),
+        _sector_outline(body.radius, mirror_axes),
+        body.height,
+        regions,
+        supports,
+    )
+    return domain, f"{obstacle or 'three dimensions asked for'}; {_mirror_plane_text(mirror_axes)}"
+
+
+def _axisymmetric_domain(
+    radius: float, height: float, regions: Regions, supports: Supports
+) -> Part:
+    section = _rectangle_outline(("base", "r_max", "top", "r_min"), (0.0, radius), (-height, 0.0))
+    return Part(
+        Axisymmetric(), "axisymmetric", 1, section, height, regions, {**supports, "r_min": "roller"}
+    )
+
+
+def _sector_outline(radius: float, mirror_axes: list[str]) -> Sides:
+    """The circle, or the half or quarter of it on one side of the mirror planes, from arcs of a
+    quarter turn.
+    """
+    first = -1 if mirror_axes == ["x"] else 0
+    quarters = [QUARTER_ENDS[k % 4] for k in range(first, first + 4 // 2 ** len(mirror_axes) + 1)]
+    ends = [(radius * c, radius * s) for c, s in quarters]
+    arcs = tuple(Side("r_max", start, end, middle=(0.0, 0.0)) for start, end in pairwise(ends))
+    if not mirror_axes:
+        return arcs
+    inwards = Side(f"{mirror_axes[0]}_min", ends[-1], (0.0, 0.0))
+    return (*arcs, inwards, Side(f"{mirror_axes[-1]}_min", (0.0, 0.0), ends[0]))
+
+
+def _strip_domain(
+    body: Strip, center: Point, requested_symmetry: str, regions: Regions
+) -> tuple[Part, str]:
+    if requested_symmetry not in ("auto", "plane_strain", "half", "full"):
+        raise _symmetry_error(
+            requested_symmetry,
+            "a strip is modelled in plane strain",
+            "use 'auto', 'half' or 'full'",
+        )
+    symmetric = _is_centred(center[0], body.width) and body.sides.x_min == body.sides.x_max
+    symmetric = symmetric and _are_inclusions_symmetric(regions, "x", center[0])
+    supports = {"base": str(body.base), **vars(body.sides)}
+    if requested_symmetry == "half" and not symmetric:
+        raise _symmetry_error(
+            requested_symmetry,
+            "tip, sides or inclusions are not symmetric about the middle",
+            "use 'auto' or 'full'",
+        )
+    mirror_axes = ["x"] if symmetric and requested_symmetry != "full" else []
+    x_range = (center[0] if mirror_axes else 0.0, body.width)
+    section = _rectangle_outline(("base", "x_max", "top", "x_min"), x_range, (-body.height, 0.0))
+    full_reason = (
+        "asked for whole" if requested_symmetry == "full" else "not symmetric about the tip"
+    )
+    domain = _cut_domain(mirror_axes, PlaneStrain(), section, body.height, regions, supports)
+    return (
+        domain,
+        f"plane strain, {'tip and sides symmetric about the middle' if mirror_axes else full_reason}",
+    )
+
+
+def _box_domain(
+    body: Box, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
+) -> tuple[Part, str]:
+    if requested_symmetry not in ("auto", "quarter", "half", "full"):
+        raise _symmetry_error(
+            requested_symmetry,
+            "a box is modelled in three dimensions",
+            "use 'auto', 'quarter', 'half' or 'full'",
+        )
+    sides = body.sides
+    tip_symmetric = {
+        "x": _is_centred(center[0], body.size[0])
+        and sides.x_min == sides.x_max
+        and _is_tip_symmetric(tip, "x"),
+        "y": _is_centred(center[1], body.size[1])
+        and sides.y_min == sides.y_max
+        and _is_tip_symmetric(tip, "y"),
+    }
+    inclusions_symmetric = {
+        axis: _are_inclusions_symmetric(regions, axis, c)
+        for axis, c in zip("xy", center, strict=True)
+    }
+    mirror_axes = _mirror_axes(
+        requested_symmetry,
+        [
+            axis
+            for axis, symmetric in tip_symmetric.items()
+            if symmetric and inclusions_symmetric[axis]
+        ],
+    )
+    ranges = [
+        (c if axis in mirror_axes else 0.0, size)
+        for axis, c, size in zip("xy", center, body.size, strict=False)
+    ]
+    outline = _rectangle_outline(("y_min", "x_max", "y_max", "x_min"), *ranges)
+    supports = {"base": body.base, **vars(sides)}
+    domain = _cut_domain(mirror_axes, ThreeDimensional(), outline, body.height, regions, supports)
+    return domain, f"tip and sides: {_mirror_plane_text(mirror_axes)}"
+
+
+def _cut_domain(
+    mirror_axes: list[str],
+    kinematics: Kinematics,
+    outline: Sides,
+    height: float,
+    regions: Regions,
+    supports: Supports,
+) -> Part:
+    """The part of a body that is cut along mirror planes, which are rollers."""
+    supports = {**supports, **{f"{axis}_min": "roller" for axis in mirror_axes}}
+    symmetry = SYMMETRY_NAMES[len(mirror_axes)]
+    symmetry_factor = 2 ** len(mirror_axes)
+    return Part(
+        kinematics,
+        symmetry,
+        symmetry_factor,
+        outline,
+        height,
+        regions,
+        supports,
+        cuts=tuple(mirror_axes),
+    )
+
+
+def _spherical_domain(body: Dome, requested_symmetry: str, regions: Regions) -> tuple[Part, str]:
+    if requested_symmetry not in ("auto", "axisymmetric"):
+        raise _symmetry_error(
+            requested_symmetry, f"a {body.shape} is modelled about its axis", "use 'auto'"
+        )
+    supports = {"base": body.base, "r_min": "roller"}
+    outline = _spherical_outline(body)
+    if (
+        body.height == 2 * body.radius and len(regions) > 1
+    ):  # from a place in the core, as all sections
+        start = (0.0, -body.radius)
+        (first, *middle_sides, last) = outline
+        outline = (
+            Side("r_min", start, first.start),
+            first,
+            *middle_sides,
+            Side("r_min", last.start, start),
+        )
+    domain = Part(Axisymmetric(), "axisymmetric", 1, outline, body.height, regions, supports)
+    mirrored = (
+        "; half of the ball, which the plane through its center mirrors, and half of the approach"
+    )
+    return (
+        domain,
+        f"tip of revolution on the axis of a {body.shape}{mirrored if body.pieces == 2 else ''}",
+    )
+
+
+def _spherical_outline(body: Dome) -> Sides:
+    """The base, the curved surface from its edge up to the apex in arcs of a quarter turn at most,
+    and the axis.
+    """
+    R = body.radius
+    base_edge = body.foot
+    apex = (0.0, 0.0)
+    bottom = (0.0, -body.height)
+    middle = (0.0, -R)
+    is_whole = base_edge[1] > bottom[1]
+    arc_ends = [base_edge, *([(R, -R)] if base_edge[1] < -R else []), apex]
+    base = Side("base", bottom, base_edge, middle=middle if is_whole else None)
+    curved = (Side("top", start, end, middle=middle) for start, end in pairwise(arc_ends))
+    return base, *curved, Side("r_min", apex, bottom)
+
+
+def _rectangle_outline(
+    surfaces: tuple[str, ...], x_range: tuple[float, float], z_range: tuple[float, float]
+) -> Sides:
+    (x0, x1) = x_range
+    (y0, y1) = z_range
+    return polygon(surfaces, ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+
+
+def _pins(domain: Part) -> Pins:
+    """Point constraints (point, component) that take the rigid modes the supports leave, and
+    nothing else.
+    """
+    if isinstance(domain.kinematics, Axisymmetric) or "fixed" in domain.supports.values():
+        return ()
+    if domain.bend is not None:
+        return _cylinder_pins(domain, domain.bend)
+    corner = tuple(low for low, _ in domain.extent)
+    constrained_components = {
+        domain.normal(surface)
+        for surface, support in domain.supports.items()
+        if support == "roller"
+    }
+    horizontal = range(domain.dim - 1)
+    pins = [
+        (corner, component) for component in horizontal if component not in constrained_components
+    ]
+    if domain.dim == 3 and not constrained_components.intersection(
+        horizontal
+    ):  # the turn about z is free too
+        pins.append(((domain.extent[0][1], *corner[1:]), 1))
+    return tuple(pins)
+
+
+def _cylinder_pins(domain: Part, radius: float) -> Pins:
+    """Without a mirror plane the turn about z is free, even between rollers; along the planes, the
+    shift.
+    """
+    at_x = (radius, 0.0, -domain.height)
+    at_y = (0.0, radius, -domain.height)
+    mirror_axes = [axis for axis in "xy" if f"{axis}_min" in domain.supports]
+    if domain.supports["r_max"] == "roller":
+        return () if mirror_axes else ((at_x, 1),)
+    if not mirror_axes:
+        return ((at_x, 0), (at_x, 1), (at_y, 0))
+    return {"x": ((at_y, 1),), "y": ((at_x, 0),), "xy": ()}["".join(mirror_axes)]
+
+
+def _mirror_plane_text(mirror_axes: list[str]) -> str:
+    return f"symmetric about {' and '.join(mirror_axes)}" if mirror_axes else "no symmetry used"
+
+
+def _mirror_axes(requested_symmetry: str, symmetric_axes: list[str]) -> list[str]:
+    plane_count = {"auto": len(symmetric_axes), "full": 0, "half": 1, "quarter": 2}[
+        requested_symmetry
+    ]
+    if plane_count > len(symmetric_axes):
+        symmetry_text = (
+            f"only about the mid-plane of {symmetric_axes[0]}"
+            if symmetric_axes
+            else "about no mid-plane"
+        )
+        raise _symmetry_error(
+            requested_symmetry,
+            f"tip, sides and inclusions are symmetric {symmetry_text}",
+            "use 'auto'",
+        )
+    return symmetric_axes[:plane_count]
+
+
+def _is_centred(c: float, width: float) -> bool:
+    return isclose(c, width / 2, rel_tol=2e-11)  # both are rounded to 12 digits
