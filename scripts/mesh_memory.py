@@ -24,7 +24,7 @@ from mpi4py import MPI
 
 from indent_sim.config.scene_file import load
 from indent_sim.process import usage
-from indent_sim.run.simulation import backend
+from indent_sim.run.single_run import backend
 from indent_sim.scene import scene as scenes
 from indent_sim.scene.problem_setup import read_imported_mesh
 

@@ -214,7 +214,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Pat
     from mpi4py import MPI  # only the tests that run something load it
 
     from indent_sim.config.scene_file import load
-    from indent_sim.run.chain import simulate
+    from indent_sim.run.simulate import simulate
 
     done: dict[str, Path] = {}
 

@@ -34,8 +34,12 @@ from indent_sim.config.schema import Config
 from indent_sim.model.materials import Gel
 from indent_sim.model.state import State
 from indent_sim.process.errors import NotConverged, VerificationError
-from indent_sim.run.chain import simulate, states
-from indent_sim.run.companions.companion import RATIO, coarser, in_half_steps
+from indent_sim.run.error_estimation.coarser_run import (
+    REFINEMENT_RATIO,
+    coarsen_scene,
+    halve_increments,
+)
+from indent_sim.run.simulate import simulate, states
 from indent_sim.scene.problem_setup import CREASING_STRETCH
 from indent_sim.scene.scene import resolve
 from indent_sim.theory.surface.drainage import drained_length
@@ -522,8 +526,10 @@ def finer_rows(config: Config) -> list[State]:
     Its bath comes in an eighth of the time.
     """
     scene = resolve(config)
-    fine = coarser(scene.replace_physics(bath_ramp=scene.physics.bath_ramp / 8), 1 / RATIO)
-    halved = in_half_steps(fine)
+    fine = coarsen_scene(
+        scene.replace_physics(bath_ramp=scene.physics.bath_ramp / 8), 1 / REFINEMENT_RATIO
+    )
+    halved = halve_increments(fine)
     assert halved is not None
     return list(states(halved, with_surface=False))[1::2]
 

@@ -19,10 +19,10 @@ from scipy.optimize import brentq
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import ConfigError
-from indent_sim.run import chain
-from indent_sim.run.experiment import conduct
-from indent_sim.run.requirements.cheapest import Requirements, require
-from indent_sim.run.requirements.effects import Effect
+from indent_sim.run import simulate
+from indent_sim.run.history_on_curve import evaluate_with_units
+from indent_sim.run.model_selection.effects import Effect
+from indent_sim.run.model_selection.recommended_model import Requirements, require
 from indent_sim.scene.scene import Scene, resolve
 
 Document = dict[str, Any]
@@ -209,7 +209,7 @@ def beside(document: Document, found: Requirements) -> Iterator[Row]:
                     None,
                     abs(known),
                 )
-        elif effect.size > TELLING and (effect.percent or effect.low or effect.high):
+        elif effect.max_change > TELLING and (effect.percent or effect.low or effect.high):
             yield Row(
                 effect.name, effect.percent, effect.low, effect.high, reference.of(effect.name)
             )
@@ -404,8 +404,8 @@ class Reference:
             base = resolve(from_mapping(placed(given | {"solver": {"method": "condensed"}})))
         except ConfigError:  # a contact at pull-off that no mesh holds beside the deepest one
             base = resolve(from_mapping(placed(given)))
-        body = chain.condense(base).equilibrium if base.is_meshed else None
-        deepest = next(row for row in conduct(base, body).rows if row.t == t)
+        body = simulate.condense(base).equilibrium if base.is_meshed else None
+        deepest = next(row for row in evaluate_with_units(base, body).rows if row.t == t)
         return 100 * (
             deepest.force / force(self.plain | {"loading": {"delta": depth, "steps": 1}}) - 1
         )
@@ -423,7 +423,7 @@ def _force(text: str, size: float) -> float:
     if size != 1.0 and "mesh" not in document:
         h = size * base.sizes.h_contact * base.physics.scales.length
         base = _meshed(document | {"mesh": {"h_contact": h}})
-    *_, last = chain.states(base, with_surface=False)
+    *_, last = simulate.states(base, with_surface=False)
     assert last.converged
     return last.force
 

@@ -22,8 +22,8 @@ import numpy as np
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.state import State
 from indent_sim.process.errors import IndentSimError
-from indent_sim.run import chain
-from indent_sim.run.plausibility import ROUGH, rough
+from indent_sim.run import simulate
+from indent_sim.run.sanity_checks import MAX_ROUGHNESS, oscillating_pressure_warnings
 from indent_sim.scene.scene import Scene, resolve
 
 # Where a pressure need not be smooth: so many nodes beside the rim of contact and beside a crease
@@ -151,11 +151,11 @@ class Judged:
 def judged(mapping: dict[str, Any]) -> Judged:
     """Solve a scene and measure how rough the pressure of its rows is."""
     scene = resolve(from_mapping(mapping, ()))
-    rows = [state for state in chain.states(scene) if state.converged]
+    rows = [state for state in simulate.states(scene) if state.converged]
     return Judged(
         max(state.roughness for state in rows),
         max(alternation(scene, state) for state in rows),
-        rough(scene, rows),
+        oscillating_pressure_warnings(scene, rows),
     )
 
 
@@ -182,7 +182,7 @@ def main() -> None:
         said = "warned" if one.warnings else ""
         sizes = f"roughness {one.roughness:.4f} alternation {one.alternation:.4f} {said:6s}"
         print(f"{number:3d} {words} {sizes} {time.process_time() - started:.1f} s", flush=True)
-    silent = sum(one.alternation > ROUGH and not one.warnings for one in found)
+    silent = sum(one.alternation > MAX_ROUGHNESS and not one.warnings for one in found)
     warned = sum(bool(one.warnings) for one in found)
     print(
         f"{len(found)} of {asked.count} scenes have rows, {warned} are warned of, "

@@ -11,8 +11,8 @@ from indent_sim.mesh import gmsh
 from indent_sim.mesh.grid import Grid
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
-from indent_sim.run import chain
-from indent_sim.run.plausibility import Rows, contradiction
+from indent_sim.run import simulate
+from indent_sim.run.sanity_checks import PreviousRows, violated_bound
 from indent_sim.scene.scene import Scene, resolve
 
 CYLINDER = {"shape": "cylinder", "radius": 1.0, "height": 1.0, "base": "fixed", "sides": "free"}
@@ -84,14 +84,14 @@ def meshed(base: Scene) -> Any:
 
 def solve(base: Scene) -> list[State]:
     """All states of a scene, every one converged, audited and possible, in the user's units."""
-    states = list(chain.states(base))
+    states = list(simulate.states(base))
     assert len(states) == len(base.physics.deltas)
     largest = max(abs(state.force) for state in states)
     attraction = base.physics.scales.unscaled(base.physics.contact).adhesion
     for k, state in enumerate(states):
         assert state.converged, state.reason
         assert_audited(state, largest, attraction.work * state.a if attraction else 0.0)
-        assert contradiction(base, state, Rows(states[:k])) is None
+        assert violated_bound(base, state, PreviousRows(states[:k])) is None
     return states
 
 

@@ -16,9 +16,9 @@ from indent_sim.results import folder, reader
 from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
 from indent_sim.results.writer import plain
-from indent_sim.run.chain import config_of
-from indent_sim.run.companions import sensitivities as derivatives
-from indent_sim.run.prospect import foreseen
+from indent_sim.run.error_estimation import sensitivities as derivatives
+from indent_sim.run.planned_run import plan_with_cost
+from indent_sim.run.simulate import config_of
 from indent_sim.studies import conduct, curve_table, multiples
 from indent_sim.studies import plan as plan_study
 from indent_sim.studies.conduct import Study
@@ -60,16 +60,16 @@ def plan(given: Given, *, error_bars: bool = False) -> Report:
         isinstance(given, str | Path) and _holds_study(given)
     ):
         return plain(plan_study(given, error_bars).as_json())
-    return plain(foreseen(config_of(given), error_bars).plan.as_json())
+    return plain(plan_with_cost(config_of(given), error_bars).plan.as_json())
 
 
 def require(given: Given, within: float = 0.01) -> Report:
     """Which effects matter, in per cent, and the cheapest model within a relative tolerance of the
     force: the object of `indent-sim require --json`.
     """
-    from indent_sim.run.requirements import cheapest
+    from indent_sim.run.model_selection import recommended_model
 
-    return plain(cheapest.require(config_of(given), within).as_json())
+    return plain(recommended_model.require(config_of(given), within).as_json())
 
 
 def compare(

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
     from indent_sim.fitting.fit_folder import Fits, Reading
     from indent_sim.results.reader import Results
-    from indent_sim.run.chain import Outcome
+    from indent_sim.run.simulate import Outcome
 
 Form = Literal["text", "json"]  # of what stdout gets
 Told = Literal["all", "warnings"]  # on stderr
@@ -462,9 +462,9 @@ def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Form)
     if _is_study(config):
         return _plan_study(config, overrides, error_bars, form)
     from indent_sim.config.scene_file import load
-    from indent_sim.run.prospect import foreseen
+    from indent_sim.run.planned_run import plan_with_cost
 
-    planned = foreseen(load(config, overrides), error_bars)
+    planned = plan_with_cost(load(config, overrides), error_bars)
     if form == "json":
         return say_done(planned.plan.as_json())
     say(terminal.plan(planned, _width()))
@@ -501,14 +501,14 @@ def require(
     _refuse_ranks()
     require_room()
     from indent_sim.config.scene_file import load
-    from indent_sim.run.requirements import cheapest
+    from indent_sim.run.model_selection import recommended_model
 
     if curve is None and any(read.values()):
         raise UsageError("--columns and --units belong to --curve FILE")
     with _quiet_libraries(logging.ERROR), stoppable():
         if curve is not None:
             return _require_of_curve(load(config, overrides), curve, within, read, form)
-        found = cheapest.require(load(config, overrides), within)
+        found = recommended_model.require(load(config, overrides), within)
     say_done(found.as_json()) if form == "json" else say(terminal.requirements(found, _width()))
 
 
@@ -998,9 +998,9 @@ def _starts_mesher(read: Callable[[], Config]) -> bool:
     are to be met.
     """
     from indent_sim.process.ranks import is_first, is_one_of_several
-    from indent_sim.run.prospect import starts_mesher
+    from indent_sim.run.planned_run import start_mesher_if_needed
 
-    return not is_first() or starts_mesher(read) or is_one_of_several()
+    return not is_first() or start_mesher_if_needed(read) or is_one_of_several()
 
 
 @contextmanager
@@ -1019,7 +1019,7 @@ def _without_garbage() -> Iterator[None]:
 
 
 def _world() -> Any:
-    from indent_sim.run.chain import mpi
+    from indent_sim.run.simulate import mpi
 
     return mpi().COMM_WORLD
 
@@ -1060,7 +1060,7 @@ def together(comm: Any) -> Iterator[None]:
 
 
 def _simulate(settings: Config, comm: Any, directory: Path, told: Told, **how: Any) -> Outcome:
-    from indent_sim.run.chain import simulate as simulate
+    from indent_sim.run.simulate import simulate as simulate
 
     shown: AbstractContextManager[Any] = nullcontext()
     if comm.rank == 0 and told == "all":

@@ -165,7 +165,7 @@ def _compiler() -> Check:
 
 
 def _cache() -> Check:
-    from indent_sim.run.simulation import kernel_folder
+    from indent_sim.run.single_run import kernel_folder
 
     folder = kernel_folder()
     existing = next(place for place in (folder, *folder.parents) if place.exists())

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from indent_sim.fitting.design import Design
     from indent_sim.fitting.inference.verdict import Interval
     from indent_sim.results.compare import Comparison
-    from indent_sim.run.chain import Outcome
-    from indent_sim.run.prospect import Prospect
-    from indent_sim.run.requirements.cheapest import Requirements
-    from indent_sim.run.requirements.effects import Effect
-    from indent_sim.run.simulation import Progress
-    from indent_sim.run.summary import Loop
+    from indent_sim.run.model_selection.effects import Effect
+    from indent_sim.run.model_selection.recommended_model import Requirements
+    from indent_sim.run.planned_run import PlannedRun
+    from indent_sim.run.simulate import Outcome
+    from indent_sim.run.single_run import Progress
+    from indent_sim.run.summary import HysteresisLoop
     from indent_sim.studies import StudyPlan
 
 TIMES_IN_WORDS = {  # of a scene that is followed in time, in words
@@ -125,7 +125,7 @@ def _answer(outcome: Outcome) -> list[str]:
     """What a run was made for: its last row, of a path that goes back or lasts also its loop and
     its largest force.
     """
-    from indent_sim.run.summary import loop_of, row_of_interest
+    from indent_sim.run.summary import hysteresis_loop, row_of_interest
 
     states = outcome.states
     report = outcome.report
@@ -139,7 +139,9 @@ def _answer(outcome: Outcome) -> list[str]:
     loses_work = (
         any(state.t is not None or state.dissipation for state in states) or "adhesion" in report
     )
-    loop = loop_of(states) if loses_work else None  # an elastic body comes back along the way in
+    loop = (
+        hysteresis_loop(states) if loses_work else None
+    )  # an elastic body comes back along the way in
     return [last, *_loop(loop, units), f"largest force, step {top.step}: {top.said(units)}"]
 
 
@@ -154,7 +156,7 @@ def _entries(part: Any) -> Mapping[str, Any]:
     return part if isinstance(part, Mapping) else vars(part)
 
 
-def _loop(found: Loop | None, units: Mapping[str, str]) -> list[str]:
+def _loop(found: HysteresisLoop | None, units: Mapping[str, str]) -> list[str]:
     """The loop of a path that comes back, in words."""
     if found is None:
         return []
@@ -186,7 +188,7 @@ def _largest_pull(report: Report) -> list[str]:
     pulled = report.get("largest_pull")
     if pulled is None:
         return []
-    from indent_sim.run.summary import known_pulls
+    from indent_sim.run.summary import expected_pull_offs
 
     line = (
         f"largest pull: force {pulled['force']:.6g} at delta {pulled['delta']:.6g}, step "
@@ -195,7 +197,7 @@ def _largest_pull(report: Report) -> list[str]:
     if found := report.get("pull_off"):
         force = f"force {found['force']:.6g} {_within(found['error'])}"
         line = f"pull-off, searched between rows: {force} at delta {found['delta']:.6g}"
-    beside = [f"; {words} {force:.6g}" for words, force in known_pulls(report)]
+    beside = [f"; {words} {force:.6g}" for words, force in expected_pull_offs(report)]
     return ["".join([line, *beside])]
 
 
@@ -222,7 +224,7 @@ def _experiment(report: Report) -> Iterator[str]:
         )
 
 
-def plan(prospect: Prospect, width: int = 120) -> str:
+def plan(prospect: PlannedRun, width: int = 120) -> str:
     """The plan of a run: every choice with its reason, and what to expect."""
     from rich.table import Table
     from rich.text import Text  # rather than words, in which brackets are markup
@@ -250,12 +252,14 @@ def requirements(found: Requirements, width: int = 120) -> str:
     from indent_sim.config.strict_yaml import dump
 
     table = Table("effect", "of the force", "from", "matters", box=None)
-    for effect in sorted(found.effects, key=lambda effect: (effect.size == inf, -effect.size)):
-        if effect.applies:
+    for effect in sorted(
+        found.effects, key=lambda effect: (effect.max_change == inf, -effect.max_change)
+    ):
+        if effect.is_possible:
             words = (effect.name.replace("_", " "), _change(effect), effect.source, effect.needs)
             table.add_row(*(Text(printable(word)) for word in words))
     rest = ", ".join(
-        effect.name.replace("_", " ") for effect in found.effects if not effect.applies
+        effect.name.replace("_", " ") for effect in found.effects if not effect.is_possible
     )
     absent = f"\nnot in this scene: {rest}" if rest else ""
     return f"{_rendered(width, table)}{absent}\n\n{found.words}\n\n{dump(found.config)}".rstrip()

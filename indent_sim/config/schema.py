@@ -57,7 +57,7 @@ from indent_sim.process.errors import ConfigError, ConfigErrors, printable
 LONGEST_NAME = 200
 LONGEST_PATH = 1000
 
-# Every row's contact force must equal the reactions to 1e-8 (run/simulation.py). A looser residual
+# Every row's contact force must equal the reactions to 1e-8 (run/single_run.py). A looser residual
 # would save an iteration, and leave a row that fails that audit or an error of the force that
 # nobody could state.
 LOOSEST = 1e-9

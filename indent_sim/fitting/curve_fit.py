@@ -50,7 +50,7 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import Measured, NoCurve, Part
 from indent_sim.results.pictures.axes import scaled
 from indent_sim.results.reader import Results
-from indent_sim.run.walks.elastic_curve import half_space_modulus
+from indent_sim.run.solvers.elastic_curve import half_space_modulus
 
 CONTACT_RISE = 0.02  # of the rise: where the contact begins at the latest
 BLURRED = 4.0  # medians of the change between samples: by less a depth behind a spring is noise

@@ -19,7 +19,7 @@ from indent_sim.fitting.scene_curve.scene_forces import Tables
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.results.measured.curve_file import read_measured
 from indent_sim.results.measured.measurement import Measured
-from indent_sim.run.requirements.cheapest import Requirements, require
+from indent_sim.run.model_selection.recommended_model import Requirements, require
 
 NEEDED = "needed"
 NOT_EXCLUDED = "not excluded"

@@ -30,7 +30,7 @@ from indent_sim.fitting.scene_curve.lattice import NoTable
 from indent_sim.fitting.scene_curve.parameters import number_at, with_numbers
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables, relaxation_of
 from indent_sim.process.errors import ConfigError, NotConverged
-from indent_sim.run.prospect import Prospect
+from indent_sim.run.planned_run import PlannedRun
 
 BASELINE = 1.0  # depths before contact that a designed curve has
 BASELINES = (
@@ -208,7 +208,7 @@ def _measurement(config: Config, keys: tuple[str, ...], tables: Tables) -> _Meas
         raise ConfigError(
             "loading.force_history", "a design follows depths", "give loading.history"
         )
-    depth = max(Prospect.of(config).depths)
+    depth = max(PlannedRun.resolve(config).depths)
     if not depth > 0:
         raise ConfigError("loading", "the tip never touches the body", "give loading.delta > 0")
     way = _way(config)
@@ -264,7 +264,7 @@ def _changes(config: Config, keys: Sequence[str]) -> Iterator[dict[str, Any]]:
     else:
         yield {
             "loading": {
-                "delta": 2.0 * max(Prospect.of(config).depths),
+                "delta": 2.0 * max(PlannedRun.resolve(config).depths),
                 "steps": config.loading.steps,
             }
         }

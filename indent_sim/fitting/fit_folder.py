@@ -37,7 +37,7 @@ from indent_sim.results.folder import FIT, PROGRAM, read_report, write_atomicall
 from indent_sim.results.measured.curve_file import curve_files, read_measured
 from indent_sim.results.measured.measurement import Measured, NoCurve
 from indent_sim.results.writer import to_json
-from indent_sim.run.prospect import Prospect
+from indent_sim.run.planned_run import PlannedRun
 
 FIT_TABLE = "fit.csv"
 FIT_PICTURE = "fit.png"
@@ -112,7 +112,7 @@ def fit_all(
     files = [file for path in paths for file in curve_files(path)]
     for key in request.keys:
         number_at(request.config, key)
-    Prospect.of(request.config)
+    PlannedRun.resolve(request.config)
     with _opened(directory, request) as known:
         writer = _Writer(directory, request, known)
         try:

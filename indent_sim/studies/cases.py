@@ -14,7 +14,7 @@ from indent_sim.config.scene_file import Quantities, located, quantities_of, var
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import KeyPath, inline, key_path, short
 from indent_sim.process.errors import ConfigError, ConfigErrors
-from indent_sim.run.prospect import Prospect
+from indent_sim.run.planned_run import PlannedRun
 from indent_sim.studies.points import Multiple, Point, Setting
 from indent_sim.studies.study_file import StudyFile, Wanted
 
@@ -36,7 +36,7 @@ class Case:
 
     index: int
     values: dict[str, Any]
-    prospect: Prospect
+    prospect: PlannedRun
     id: str
 
     @property
@@ -239,12 +239,12 @@ class _Builder:
         return self._units[name]
 
 
-def _prospect(config: Config, point: Point) -> Prospect:
+def _prospect(config: Config, point: Point) -> PlannedRun:
     """The prospect of a point; an error about a section says which value varied there, and where
     that stands.
     """
     try:
-        return Prospect.of(config)
+        return PlannedRun.resolve(config)
     except ConfigError as error:
         section = error.key.split(".")[0]
         for key, value, (file, line) in point:

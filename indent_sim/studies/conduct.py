@@ -15,7 +15,7 @@ from indent_sim.process.screen import Shown
 from indent_sim.process.usage import duration, machine_memory
 from indent_sim.results.folder import Report, content, read_report
 from indent_sim.results.reader import Results, data_frame
-from indent_sim.run import chain
+from indent_sim.run import simulate
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import curve_table, picture, study_file, study_folder, study_table
 from indent_sim.studies.cases import Case
@@ -154,7 +154,9 @@ def carry_out(
     finished = Study(
         output or study.directory, study.title, study.keys, against.name, [], against.notes
     )
-    load = chain.warm_up if any(case.prospect.scene.is_meshed for case in cases) else lambda: None
+    load = (
+        simulate.warm_up if any(case.prospect.scene.is_meshed for case in cases) else lambda: None
+    )
     names = [case.name for case in mine]
     how = {"resume": resume, "shared": shard is not None, "overwrite": overwrite}
     folder = study_folder.opened(finished.directory, names=names, **how)
@@ -275,7 +277,7 @@ def _told(found: Results | None, ending: Ending) -> str:
 
 def _effort(case: Case) -> float:
     """The seconds that a run is expected to take, its companions among them."""
-    return case.prospect.seconds_in_study()
+    return case.prospect.study_seconds()
 
 
 def as_json(study: Study) -> Report:

@@ -58,14 +58,14 @@ def plan(given: Path | str | Mapping[str, Any], error_bars: bool = False) -> Stu
     runs = case_list.unique(cases)
     rows: list[Row] = []
     for case in runs:
-        said = case.prospect.whole(error_bars).plan
+        said = case.prospect.add_estimation_cost(error_bars).plan
         row = {"index": case.index + 1, "run": case.name} | {
             key: case.values.get(key) for key in study.keys
         }
         row |= {"method": case.prospect.scene.method} | {
             name: said.prediction.get(name) for name in EXPECTED
         }
-        row["seconds"] = float(f"{case.prospect.seconds_in_study(error_bars):.2g}")
+        row["seconds"] = float(f"{case.prospect.study_seconds(error_bars):.2g}")
         rows.append(row | {"warnings": list(said.warnings)})
     refused = [str(refusal.error) for refusal in refusals]
     return StudyPlan(

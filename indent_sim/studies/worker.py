@@ -19,8 +19,8 @@ from typing import Generic, TypeVar
 
 from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, UsageError
 from indent_sim.process.forked import Crash, Forked
-from indent_sim.run import chain
-from indent_sim.run.prospect import Prospect
+from indent_sim.run import simulate
+from indent_sim.run.planned_run import PlannedRun
 
 # What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when
 # it is ended
@@ -38,7 +38,7 @@ class Job:
     there.
     """
 
-    prospect: Prospect
+    prospect: PlannedRun
     directory: Path
     resume: bool = True
 
@@ -51,7 +51,7 @@ class Worker(ExitStack, Generic[Named]):
     default for what solves meshes; a context manager.
     """
 
-    def __init__(self, jobs: Jobs[Named], load: Load = chain.warm_up) -> None:
+    def __init__(self, jobs: Jobs[Named], load: Load = simulate.warm_up) -> None:
         super().__init__()
         self._process = Forked(
             lambda name: _ending(jobs[name]), partial(_prepare, load), uses_mpi=True
@@ -103,9 +103,9 @@ def _ending(job: Job) -> Ending:
     try:
         if directory.exists():
             with suppress(ConfigError, UsageError):
-                chain.simulate(config, scene=scene, directory=directory, resume=job.resume)
+                simulate.simulate(config, scene=scene, directory=directory, resume=job.resume)
                 return 0, ""
-        chain.simulate(config, scene=scene, directory=directory, overwrite=True)
+        simulate.simulate(config, scene=scene, directory=directory, overwrite=True)
     except (UsageError, BackendError):  # no fault of the run: the next one would end the same way
         raise
     except IndentSimError as error:

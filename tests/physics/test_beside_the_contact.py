@@ -13,8 +13,8 @@ from mesh_files import block, section, write
 
 from indent_sim.config.scene_file import load
 from indent_sim.config.strict_yaml import dump
-from indent_sim.run import chain
-from indent_sim.run.plausibility import Rows, contradiction
+from indent_sim.run import simulate
+from indent_sim.run.sanity_checks import PreviousRows, violated_bound
 from indent_sim.scene.scene import resolve
 
 SAID = "inside the surface beside the contact surface"
@@ -45,9 +45,9 @@ def judged(
     }
     (folder / "scene.yaml").write_text(dump(scene), encoding="utf-8")
     resolved = resolve(load(folder / "scene.yaml", overrides))
-    (state,) = chain.states(resolved, with_surface=False)
+    (state,) = simulate.states(resolved, with_surface=False)
     assert state.converged
-    return state.force, contradiction(resolved, state, Rows()) or ""
+    return state.force, violated_bound(resolved, state, PreviousRows()) or ""
 
 
 def narrowed(body: dict[str, Any], to: float) -> dict[str, Any]:

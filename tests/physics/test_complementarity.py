@@ -18,7 +18,7 @@ from indent_sim.fe.condensed import contact
 from indent_sim.fe.condensed.contact import solve_complementarity
 from indent_sim.fe.terms.contact import active_set
 from indent_sim.model.state import Surface
-from indent_sim.run.chain import condense
+from indent_sim.run.simulate import condense
 from indent_sim.scene.scene import Scene
 
 DELTA, H = 0.01, 0.01

@@ -13,8 +13,8 @@ from scenes import BOX, CYLINDER, ELASTIC, STRIP, scene, solve
 
 from indent_sim.model.tips import Plate
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.chain import states
-from indent_sim.run.plausibility import Rows, contradiction
+from indent_sim.run.sanity_checks import PreviousRows, violated_bound
+from indent_sim.run.simulate import states
 from indent_sim.run.summary import theory_comparison
 from indent_sim.scene.scene import Scene
 
@@ -214,7 +214,7 @@ def test_a_side_that_folds_up_against_the_plate_is_found() -> None:
     )
     found = list(states(base))
     first, second, third = (
-        contradiction(base, one, Rows(found[:k])) for k, one in enumerate(found)
+        violated_bound(base, one, PreviousRows(found[:k])) for k, one in enumerate(found)
     )
     assert first is None and second is None
     assert third is not None and "folds up against it from a depth between 0.2 and 0.25 on" in third

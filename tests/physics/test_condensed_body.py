@@ -17,7 +17,7 @@ from indent_sim.config.scene_file import load
 from indent_sim.fe.condensed import compliance, equilibrium
 from indent_sim.model.tips import Paraboloid, Sphere
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.chain import condense, states
+from indent_sim.run.simulate import condense, states
 from indent_sim.scene import choices
 from indent_sim.scene.scene import Scene, resolve
 

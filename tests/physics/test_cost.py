@@ -20,9 +20,11 @@ import pytest
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, WALLED, grid_of, scene
 
 from indent_sim.config.scene_file import load
-from indent_sim.run.chain import states
-from indent_sim.run.companions.accuracy import _ratios_foreseen as ratios_foreseen
-from indent_sim.run.companions.accuracy import foreseen
+from indent_sim.run.error_estimation.refinement import (
+    _expected_refinement_ratios as ratios_foreseen,
+)
+from indent_sim.run.error_estimation.refinement import predict_total_cost
+from indent_sim.run.simulate import states
 from indent_sim.scene.cost import _mesh_counts as counts
 from indent_sim.scene.scene import resolve
 
@@ -136,7 +138,9 @@ def test_meshes_on_the_way_to_an_accuracy_of_a_body_that_drains() -> None:
     ball = {"material": WET, "loading": HOLD, "accuracy": 0.002, "mesh": {}}
     punch = ball | {"indenter": {"shape": "flat_punch", "radius": 1.0}}
     sharp = ball | {"accuracy": 0.001, "contact": {"method": "active_set"}}
-    found = [foreseen(scene({"shape": "half_space"}, **one)) for one in (ball, punch, sharp)]
+    found = [
+        predict_total_cost(scene({"shape": "half_space"}, **one)) for one in (ball, punch, sharp)
+    ]
     assert [len(ratios_foreseen(one)) for one in found] == [3, 0, 1]
 
 
@@ -213,7 +217,7 @@ def test_seconds_with_error_bars(name: str, tmp_path: Path) -> None:
     """The companions too."""
     path = next(path for path in SCENES if path.stem == name)
     _, seconds = measured(path, tmp_path / "run", "--error-bars")
-    assert_close(foreseen(resolve(load(path)), True).plan.prediction["seconds"], seconds)
+    assert_close(predict_total_cost(resolve(load(path)), True).plan.prediction["seconds"], seconds)
 
 
 @pytest.mark.verify
@@ -225,7 +229,9 @@ def test_seconds_with_accuracy(change: str, tmp_path: Path) -> None:
     _, seconds = measured(
         path, tmp_path / "run", *(word for one in settings for word in ("--set", one))
     )
-    assert_close(foreseen(resolve(load(path, settings))).plan.prediction["seconds"], seconds)
+    assert_close(
+        predict_total_cost(resolve(load(path, settings))).plan.prediction["seconds"], seconds
+    )
 
 
 def test_a_sharp_punch_in_three_dimensions_takes_one_mesh() -> None:

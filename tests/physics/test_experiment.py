@@ -19,8 +19,8 @@ from theory_bodies import BONDED_PULL_OFF, one_layer
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import NotConverged
-from indent_sim.run import chain
-from indent_sim.run.experiment import Findings, _Evaluation, conduct
+from indent_sim.run import simulate
+from indent_sim.run.history_on_curve import HistoryResult, _HistoryEvaluation, evaluate_with_units
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory import profiles
 from indent_sim.theory.layer import Layer
@@ -48,18 +48,20 @@ def scene_of(
     return resolve(from_mapping(placed(given), overrides))
 
 
-def found(*args: Any, **sections: Any) -> Findings:
+def found(*args: Any, **sections: Any) -> HistoryResult:
     base = scene_of(*args, **sections)
-    return conduct(base, chain.condense(base).equilibrium if base.is_meshed else None)
+    return evaluate_with_units(
+        base, simulate.condense(base).equilibrium if base.is_meshed else None
+    )
 
 
-def pull_off(findings: Findings, how: str = "force_control") -> dict[str, float]:
+def pull_off(findings: HistoryResult, how: str = "force_control") -> dict[str, float]:
     """Depth and force at pull-off."""
     held: dict[str, float] = findings.report["adhesion"]["pull_off"][how]
     return held
 
 
-def at(findings: Findings, t: float) -> Any:
+def at(findings: HistoryResult, t: float) -> Any:
     """The last row of a time."""
     return [row for row in findings.rows if row.t == t][-1]
 
@@ -74,11 +76,13 @@ def test_rows_do_not_know_what_else_is_made_of_the_curve() -> None:
     }
     scenes = [scene_of(LAYER, {"frequencies": [1.0]}, "solver.method=condensed", **relaxing)]
     scenes += [replace(scenes[0], experiment=None)]
-    one, other = (conduct(scene, chain.condense(scene).equilibrium).rows for scene in scenes)
+    one, other = (
+        evaluate_with_units(scene, simulate.condense(scene).equilibrium).rows for scene in scenes
+    )
     assert one == other
 
 
-def sticky(nu: float, h: float, *overrides: str) -> Findings:
+def sticky(nu: float, h: float, *overrides: str) -> HistoryResult:
     """Equilibria of a bonded layer, E = R = 1, work = 1e-3."""
     layer = LAYER | {"height": h}
     return found(layer, STICKY, *overrides, material=ELASTIC | {"nu": nu}, loading={"delta": 0.01})
@@ -222,8 +226,8 @@ def test_any_history_on_a_layer_against_stepping_with_all_of_the_past(compliance
     }
     experiment |= {"frame": {"compliance": compliance}} if compliance else {}
     base = scene_of(LAYER, experiment, "solver.method=condensed")
-    one = _Evaluation(base, chain.condense(base).equilibrium)
-    surface, asked = one.surface(0.01), [t for t, _ in TWICE[1:]]
+    one = _HistoryEvaluation(base, simulate.condense(base).equilibrium)
+    surface, asked = one.relaxing_surface(0.01), [t for t, _ in TWICE[1:]]
     forces = []
     for step in (0.01, 0.005):
         times = np.arange(0.0, 3.0 + step / 2, step)
@@ -232,7 +236,7 @@ def test_any_history_on_a_layer_against_stepping_with_all_of_the_past(compliance
             np.interp(asked, times, stepped_directly(surface, one.modulus, times, z, compliance))
         )
     exact = forces[1] + (forces[1] - forces[0]) / 3
-    findings = conduct(base, one._equilibrium)
+    findings = evaluate_with_units(base, one._equilibrium)
     assert findings.time["method"] == "time steps"
     assert [at(findings, t).force for t in asked] == pytest.approx(exact, abs=1e-4 * exact.max())
 
@@ -245,8 +249,8 @@ def test_lee_and_radok_is_time_stepping_on_the_same_compliance(body: dict[str, A
     """
     history = {"relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": [[0, 0], [1, 0.01]]}
     base = scene_of(body, history, "solver.method=condensed", "mesh.h_contact=0.008")
-    one = _Evaluation(base, chain.condense(base).equilibrium)
-    surface, t = one.surface(0.01), np.linspace(0, 1, 2001)
+    one = _HistoryEvaluation(base, simulate.condense(base).equilibrium)
+    surface, t = one.relaxing_surface(0.01), np.linspace(0, 1, 2001)
     elastic = SurfaceContact(surface, surface.A)
     force = [
         float(surface.areas @ elastic.pressures(surface.heights - 0.01 * x * surface.areas))
@@ -492,19 +496,19 @@ def test_what_no_row_reaches_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> No
     base = scene_of(
         LAYER, {"frame": {"compliance": 1.0}}, "solver.method=condensed", loading={"delta": 0.01}
     )
-    equilibrium = chain.condense(base).equilibrium
+    equilibrium = simulate.condense(base).equilibrium
     monkeypatch.setattr(type(equilibrium), "solve", lambda self, depth: False)
     with pytest.raises(NotConverged, match="was not reached"):
-        conduct(base, equilibrium)
+        evaluate_with_units(base, equilibrium)
 
 
 def test_a_step_that_finds_no_contact_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """What has not settled is no number: it is said, and the run is not converged."""
     base = scene_of(STRIP, {"relaxation": SLOW, "history": TWICE}, "solver.method=condensed")
-    body = chain.condense(base).equilibrium
+    body = simulate.condense(base).equilibrium
     monkeypatch.setattr(stepping, "TOUCHES", 1)
     with pytest.raises(NotConverged, match="did not settle"):
-        conduct(base, body)
+        evaluate_with_units(base, body)
 
 
 def test_a_mesh_too_coarse_for_a_curve_is_said_so() -> None:
@@ -513,7 +517,7 @@ def test_a_mesh_too_coarse_for_a_curve_is_said_so() -> None:
         BOX, given, "mesh.h_contact=0.2", indenter={"shape": "cone", "half_angle": 70.0}
     )
     with pytest.raises(NotConverged, match="give a smaller mesh"):
-        conduct(base, chain.condense(base).equilibrium)
+        evaluate_with_units(base, simulate.condense(base).equilibrium)
 
 
 @pytest.mark.parametrize(
@@ -541,12 +545,12 @@ def test_a_spring_on_a_body_softer_than_a_half_space(
     }
     spring = {"cantilever": {"stiffness": stiffness}}
     history = {"history": [[0, 0], [1, 0.05]], "times": [0.5, 1]}
-    rows = chain.simulate(
+    rows = simulate.simulate(
         from_mapping(given | {"loading": history, "experiment": spring}), directory=tmp_path / "a"
     ).states
     depth, force = rows[-1].delta, rows[-1].force
     assert depth + force / stiffness == pytest.approx(0.05, rel=1e-9)
-    pressed = chain.simulate(
+    pressed = simulate.simulate(
         from_mapping(given | {"loading": {"delta": depth, "steps": 1}}), directory=tmp_path / "b"
     )
     assert force == pytest.approx(pressed.states[-1].force, rel=5e-4)
@@ -571,10 +575,10 @@ def test_a_punch_creeps_as_its_modulus(body: dict[str, Any], tmp_path: Path) -> 
     }
     relaxing = punch | {"material": ELASTIC | {"relaxation": {"prony": [[g, 1.0]]}}}
     ramp = {"force_history": [[0, 0], [1, 0.003], [1.5, 0.003]], "times": [1, 1.5]}
-    rows = chain.simulate(
+    rows = simulate.simulate(
         from_mapping(relaxing | {"loading": ramp}), directory=tmp_path / "a"
     ).states
-    (pressed,) = chain.simulate(
+    (pressed,) = simulate.simulate(
         from_mapping(punch | {"loading": {"force": 0.003, "steps": 1}}), directory=tmp_path / "b"
     ).states
 

@@ -18,10 +18,10 @@ from indent_sim.fe.condensed import equilibrium
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.chain import simulate, states
-from indent_sim.run.companions.companion import Companion, beside
-from indent_sim.run.companions.error_bars import ErrorBars, ways
-from indent_sim.run.companions.sticking import sticks
+from indent_sim.run.error_estimation.coarser_run import CoarserRun, coarser_scene
+from indent_sim.run.error_estimation.error_bars import ErrorBars, step_refinement
+from indent_sim.run.error_estimation.no_slip_runs import solve_no_slip_effect
+from indent_sim.run.simulate import simulate, states
 from indent_sim.run.summary import theory_comparison
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.studies import cases, study_file
@@ -466,10 +466,10 @@ def test_one_row_in_a_few_steps_or_many(ways_in: tuple[int, ...]) -> None:
     for steps in ways_in:
         path = {"delta": A**2, "steps": steps}
         base = scene(THICK, contact={"friction": 0.2}, mesh={"h_contact": A / 8}, loading=path)
-        ratio, other = beside(base)
-        companion = Companion(ratio, solve(other), other)
-        bars = ErrorBars(base, companion, None, ways(companion, solve))
-        rows = [bars.judged(state) for state in solve(base)]
+        ratio, other = coarser_scene(base)
+        companion = CoarserRun(ratio, solve(other), other)
+        bars = ErrorBars(base, companion, None, step_refinement(companion, solve))
+        rows = [bars.add_error_estimate(state) for state in solve(base)]
         lost, unsure = (
             sum(getattr(row, name) for row in rows) for name in ("dissipation", "dissipation_error")
         )
@@ -541,10 +541,12 @@ def test_error_bars_hold_what_shorter_steps_and_smaller_elements_find(
         }
     )
     base = resolve(config)
-    ratio, other = beside(base)
-    companion = Companion(ratio, list(states(other)), other)
-    bars = ErrorBars(base, companion, None, ways(companion, lambda one: list(states(one))))
-    judged = [bars.judged(state) for state in states(base)]
+    ratio, other = coarser_scene(base)
+    companion = CoarserRun(ratio, list(states(other)), other)
+    bars = ErrorBars(
+        base, companion, None, step_refinement(companion, lambda one: list(states(one)))
+    )
+    judged = [bars.add_error_estimate(state) for state in states(base)]
     truth = {
         round(s.delta, 12): s.force
         for s in rough(
@@ -568,7 +570,7 @@ def test_the_path_to_the_first_row_is_known_to_two_per_cent() -> None:
         contact={"method": "augmented_lagrangian", "friction": "stick"},
     )
     (row,) = solve(base)
-    found = ways(Companion(1.0, [row], base), lambda one: list(states(one)))
+    found = step_refinement(CoarserRun(1.0, [row], base), lambda one: list(states(one)))
     assert found
     truth = rough("stick", 0.0, {"delta": A**2, "steps": 40}, mesh={"h_contact": A / 10})[-1].force
     assert abs(row.force - truth) < found.error(row, "force") < 0.02 * row.force
@@ -620,7 +622,7 @@ def test_no_slip_beside_another_surface_is_no_number(contact: dict[str, Any]) ->
         newton_iterations=1,
         wall_s=0.0,
     )
-    assert sticks(Companion(1.6, [pushed], base), lambda one: [pushed]) is None
+    assert solve_no_slip_effect(CoarserRun(1.6, [pushed], base), lambda one: [pushed]) is None
 
 
 @pytest.mark.parametrize("solver", ["condensed", pytest.param("newton", marks=pytest.mark.verify)])

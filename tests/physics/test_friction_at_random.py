@@ -15,8 +15,8 @@ from scenes import scene, solve
 
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.companions.companion import Companion, beside
-from indent_sim.run.companions.error_bars import ErrorBars, ways
+from indent_sim.run.error_estimation.coarser_run import CoarserRun, coarser_scene
+from indent_sim.run.error_estimation.error_bars import ErrorBars, step_refinement
 from indent_sim.scene.scene import Scene
 
 SCENES, STICKY = 6, 5  # 20 s of CPU each; 120 and 80 told no more of the bars
@@ -124,10 +124,10 @@ class Drawn:
 
 def judged(base: Scene) -> list[State]:
     """The rows of a scene with their error bars."""
-    ratio, other = beside(base)
-    companion = Companion(ratio, solve(other), other)
-    bars = ErrorBars(base, companion, None, ways(companion, solve))
-    return [bars.judged(state) for state in solve(base)]
+    ratio, other = coarser_scene(base)
+    companion = CoarserRun(ratio, solve(other), other)
+    bars = ErrorBars(base, companion, None, step_refinement(companion, solve))
+    return [bars.add_error_estimate(state) for state in solve(base)]
 
 
 def sticky(number: int) -> Drawn:

@@ -16,11 +16,11 @@ from scenes import scene
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.materials import Gel
 from indent_sim.model.state import State
-from indent_sim.run import chain
-from indent_sim.run.chain import simulate
-from indent_sim.run.companions.companion import RATIO, Companion
-from indent_sim.run.companions.error_bars import ErrorBars
-from indent_sim.run.plausibility import unresolved
+from indent_sim.run import simulate
+from indent_sim.run.error_estimation.coarser_run import REFINEMENT_RATIO, CoarserRun
+from indent_sim.run.error_estimation.error_bars import ErrorBars
+from indent_sim.run.sanity_checks import underresolved_rows
+from indent_sim.run.simulate import simulate
 from indent_sim.scene.model_warnings import UNDERRESOLVED_ERROR, swelling_force_error
 from indent_sim.scene.scene import Scene
 
@@ -44,7 +44,7 @@ def gel(body: dict[str, Any] = LAYER, **sections: Any) -> Scene:
 
 
 def rows(base: Scene) -> list[State]:
-    found = list(chain.states(base, with_surface=False))
+    found = list(simulate.states(base, with_surface=False))
     assert len(found) == len(base.physics.deltas) and all(row.converged for row in found), found[
         -1
     ].reason
@@ -222,12 +222,12 @@ def test_what_is_said_of_a_small_contact_that_a_gel_closes() -> None:
     assert any(
         abs(one.force / other.force - 1) > 0.05 for one, other in zip(coarse, fine, strict=True)
     )
-    bars = ErrorBars(base, Companion(RATIO, coarse))
+    bars = ErrorBars(base, CoarserRun(REFINEMENT_RATIO, coarse))
     for one, other in zip(coarse, fine, strict=True):
         assert base.physics.is_closed_by_swelling(one.delta, one.a)
         assert abs(one.force / other.force - 1) <= swelling_force_error(base.sizes, one.a) + 0.01
-        assert isnan(bars.judged(one).p_max_error or 0.0)
-    (said,) = unresolved(base, coarse)
+        assert isnan(bars.add_error_estimate(one).p_max_error or 0.0)
+    (said,) = underresolved_rows(base, coarse)
     few = sum(swelling_force_error(base.sizes, one.a) >= UNDERRESOLVED_ERROR for one in coarse)
     assert 2 <= few < len(coarse) and said.startswith(f"{few} rows from step 1 on have at most")
 
@@ -258,7 +258,7 @@ def test_the_error_of_a_bath_that_takes_some_time_is_inside_its_part(tmp_path: P
     loading = {"history": [[0, 0.02], [10, 0.02]], "times": [1.5, 3.0, 10.0], "per_doubling": 2}
     base |= {"loading": loading, "drainage": {"bath": 0.0, "bath_ramp": ramp}, "output": QUIET}
     found = simulate(from_mapping(base), directory=tmp_path / "run", error_bars=True)
-    sooner = chain.states(
+    sooner = simulate.states(
         from_mapping(base | {"drainage": {"bath": 0.0, "bath_ramp": ramp / 10}}), with_surface=False
     )
     for row, right, budget in zip(found.states, sooner, found.report["error_budget"], strict=True):

@@ -15,8 +15,8 @@ from scenes import CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, force, grid_of,
 from test_layers import state_on
 
 from indent_sim.config.scene_file import from_mapping
-from indent_sim.run import chain
-from indent_sim.run.resolved import resolved
+from indent_sim.run import simulate
+from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.resolution import coarsened_sizes
 from indent_sim.scene.scene import Scene, resolve
 
@@ -95,7 +95,7 @@ def test_a_ball_inclusion_to_a_given_accuracy(tmp_path: Path) -> None:
             loading={"delta": 0.05, "steps": 4},
         )
     )
-    states = chain.simulate(config, directory=tmp_path / "run").states
+    states = simulate.simulate(config, directory=tmp_path / "run").states
     bars = [state.force_error or np.nan for state in states]
     assert all(bar <= 1e-3 * state.force for bar, state in zip(bars, states, strict=True))
     print(f"accuracy 0.001: {states[-1].force / EXACT - 1:+.4%}, bar {bars[-1] / EXACT:.4%}")
@@ -326,7 +326,7 @@ def test_a_resolved_scene_is_meshed_the_same(body: dict[str, Any]) -> None:
     """Whatever chose the sizes: they stand in the resolved scene, one for each inclusion."""
     config = from_mapping(given(body, ball(), upright((0.0, 0.0, -0.75)), accuracy=0.01))
     first = resolve(config)
-    again = resolve(resolved(config, first))
+    again = resolve(explicit_config(config, first))
     assert grid_of(again).hash == grid_of(first).hash
     assert [h for _, h in again.sizes.inclusions] == [h for _, h in first.sizes.inclusions]
 
@@ -378,7 +378,7 @@ def test_error_bars_of_inclusions_drawn_at_random(tmp_path: Path) -> None:
     for number, document in enumerate(drawn(4, seed=3)):
         configs = [from_mapping(document | {"accuracy": accuracy}) for accuracy in (0.005, 0.0005)]
         runs = [
-            chain.simulate(config, directory=tmp_path / f"{number}_{k}").states
+            simulate.simulate(config, directory=tmp_path / f"{number}_{k}").states
             for k, config in enumerate(configs)
         ]
         for state, fine in zip(*runs, strict=True):

@@ -15,12 +15,12 @@ from scenes import BOX, ELASTIC, meshed, scene, solve
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.iterative import Iterative
 from indent_sim.model.state import State
-from indent_sim.run import chain
-from indent_sim.run.companions.companion import Companion, beside
-from indent_sim.run.companions.error_bars import ErrorBars
-from indent_sim.run.companions.sticking import sticks
-from indent_sim.run.readings import Readings
-from indent_sim.run.simulation import backend
+from indent_sim.run import simulate
+from indent_sim.run.derived_quantities import DerivedQuantities
+from indent_sim.run.error_estimation.coarser_run import CoarserRun, coarser_scene
+from indent_sim.run.error_estimation.error_bars import ErrorBars
+from indent_sim.run.error_estimation.no_slip_runs import solve_no_slip_effect
+from indent_sim.run.single_run import backend
 from indent_sim.scene.predictions import NoSlipEffect
 from indent_sim.scene.scene import Scene
 
@@ -167,10 +167,10 @@ def test_error_bars_are_those_of_factorisations() -> None:
             linear,
             {"mesh": {"h_contact": 0.15, "h_far": 0.8}, "loading": {"delta": 0.04, "steps": 1}},
         )
-        ratio, other = beside(base)
+        ratio, other = coarser_scene(base)
         bars.append(
-            ErrorBars(base, Companion(ratio, solve(other), other))
-            .judged(solve(base)[-1])
+            ErrorBars(base, CoarserRun(ratio, solve(other), other))
+            .add_error_estimate(solve(base)[-1])
             .force_error
         )
     assert bars[0] and bars[1] == pytest.approx(bars[0], rel=1e-5)
@@ -183,11 +183,13 @@ def test_what_no_slip_would_change_is_solved_by_a_factorisation(monkeypatch: Any
     direct, iterative = (scene(BOX, **sections, solver=way) for way in reversed(ways))
 
     def found(base: Scene) -> NoSlipEffect | None:
-        return sticks(Companion(1.0, solve(base), base), lambda other: list(chain.states(other)))
+        return solve_no_slip_effect(
+            CoarserRun(1.0, solve(base), base), lambda other: list(simulate.states(other))
+        )
 
     expected, stick = found(direct), found(iterative)
     assert expected and stick and stick.percent == pytest.approx(expected.percent, rel=1e-6)
-    monkeypatch.setattr("indent_sim.run.companions.sticking.machine_memory", lambda: 1e8)
+    monkeypatch.setattr("indent_sim.run.error_estimation.sticking.machine_memory", lambda: 1e8)
     assert found(iterative) is None
 
 
@@ -250,8 +252,11 @@ def test_every_iteration_is_counted() -> None:
     """Those of the stiffness in the row that has it."""
     base = on("iterative", {})
     walk = backend().walk(base, meshed(base))
-    readings = Readings(base, walk.equilibrium)
-    states = [readings.read(state) for state in walk.states(base.physics.path, lambda step: False)]
+    readings = DerivedQuantities(base, walk.equilibrium)
+    states = [
+        readings.complete_state(state)
+        for state in walk.states(base.physics.path, lambda step: False)
+    ]
     assert sum(state.krylov_iterations or 0 for state in states) == walk.equilibrium.effort.krylov
 
 
@@ -325,7 +330,7 @@ def test_a_system_that_is_not_solved_is_no_step(monkeypatch: Any) -> None:
     from indent_sim.fe.solve import iterative
 
     monkeypatch.setattr(iterative, "MOST_KRYLOV_ITERATIONS", 1)
-    state = list(chain.states(on("iterative", {})))[-1]
+    state = list(simulate.states(on("iterative", {})))[-1]
     assert not state.converged and "a linear system was not solved within" in state.reason
     assert "; solver.linear: direct or" in state.reason
 

@@ -15,8 +15,8 @@ from promised_bars import ROWS_OF_A_CLASS
 from scenes import ELASTIC, force, grid_of, scene, solve
 
 from indent_sim.config.scene_file import from_mapping
-from indent_sim.run import chain, simulation
-from indent_sim.run.companions.error_bars import ErrorBars
+from indent_sim.run import simulate, single_run
+from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.scene.scene import Scene, resolve
 
 Layers = list[tuple[float, float, float]]  # thickness, E, nu
@@ -207,7 +207,7 @@ def test_theory_asked_for_says_that_it_pulls(tmp_path: Any) -> None:
         "output": {"plot": False},
     }
     outcomes = {
-        method: chain.simulate(
+        method: simulate.simulate(
             from_mapping(given | {"solver": {"method": method}}),
             error_bars=True,
             directory=tmp_path / method,
@@ -295,7 +295,7 @@ def judged(
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ErrorBars, "_from_theory", lambda self, state: 0.0)
-        patch.setattr(simulation, "contradiction", lambda *_: None)  # it asks theory too
+        patch.setattr(single_run, "contradiction", lambda *_: None)  # it asks theory too
         own = [{"thickness": h, "material": ELASTIC | {"E": E, "nu": nu}} for h, E, nu in layers]
         config = from_mapping(
             {
@@ -306,5 +306,5 @@ def judged(
                 "output": {"plot": False, "fields": "none", "surface": "none"},
             }
         )
-        states = chain.simulate(config, directory=place).states
+        states = simulate.simulate(config, directory=place).states
     return np.array([s.force for s in states]), np.array([s.force_error / s.force for s in states])  # type: ignore[operator]

@@ -24,7 +24,7 @@ from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve import uzawa
 from indent_sim.fe.solve.newton import Newton
 from indent_sim.process.errors import NotConverged
-from indent_sim.run.chain import Outcome, simulate
+from indent_sim.run.simulate import Outcome, simulate
 
 SCENE: dict[str, Any] = {
     "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0},

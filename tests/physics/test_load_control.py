@@ -13,7 +13,7 @@ from scenes import BOX, CYLINDER, STRIP, WALLED, scene, solve
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run import chain
+from indent_sim.run import simulate
 from indent_sim.scene.scene import Scene
 
 COARSE = {"mesh": {"h_contact": 0.04}}
@@ -126,7 +126,9 @@ def test_up_and_down_is_one_curve(material: dict[str, Any] | None) -> None:
     given = {"material": material} if material else {}
     path = [0.001, 0.003, 0.0, 0.003, 0.002, 0.001, 0.0]
     states = list(
-        chain.states(scene(CYLINDER, loading={"forces": path}, mesh={"h_contact": 0.02}, **given))
+        simulate.states(
+            scene(CYLINDER, loading={"forces": path}, mesh={"h_contact": 0.02}, **given)
+        )
     )
     assert len(states) == len(path) and all(state.converged for state in states)
     # at the first touch the reactions are round-off of a finite strain, 1e-16 of E height^2
@@ -198,7 +200,7 @@ def test_too_large_a_force() -> None:
         scene(WALLED, loading={"force": 1e3, "steps": 2})
     assert caught.value.key == "loading" and caught.value.exit_code == 3
     gent = {"model": "gent", "mu": 1.0, "Jm": 0.5, "nu": 0.3}
-    *_, last = chain.states(
+    *_, last = simulate.states(
         scene(CYLINDER, material=gent, loading={"forces": [0.01, 1e4]}, mesh={"h_contact": 0.2})
     )
     assert (

@@ -23,7 +23,7 @@ from test_hertz import RADII
 from indent_sim.cli import commands
 from indent_sim.fe.solve import uzawa
 from indent_sim.model.state import State
-from indent_sim.run import chain
+from indent_sim.run import simulate
 
 METHODS = ("augmented_lagrangian", "uzawa", "active_set", "nitsche")
 SOLVERS = ("condensed", "newton")
@@ -243,7 +243,7 @@ def test_stiffness_far_beyond_what_is_sensible(name: str, decade: int, solver: s
 def test_a_multiplier_that_does_not_settle_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Uzawa far below E*/h creeps; where its loops end, there is no number, but a reason."""
     monkeypatch.setattr(uzawa, "LOOPS", 15)
-    (state,) = chain.states(
+    (state,) = simulate.states(
         scene(CYLINDER, contact=method("uzawa", 1e-5), mesh={"h_contact": 0.05})
     )
     assert not state.converged

@@ -13,8 +13,8 @@ from mesh_files import block, write
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.chain import states
-from indent_sim.run.readings import hertz_fit
+from indent_sim.run.derived_quantities import hertz_fit
+from indent_sim.run.simulate import states
 from indent_sim.run.summary import theory_comparison
 from indent_sim.scene.scene import Scene, resolve
 

@@ -13,8 +13,8 @@ from scenes import ELASTIC, PARABOLOID, STRIP, WALLED, scene, solve
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.state import State
-from indent_sim.run import chain
-from indent_sim.run.readings import Readings, hertz_fit
+from indent_sim.run import simulate
+from indent_sim.run.derived_quantities import DerivedQuantities, hertz_fit
 
 SHALLOW = {"delta": 0.01, "steps": 3}
 
@@ -64,7 +64,7 @@ def test_a_half_space_reads_its_own_modulus() -> None:
     rounding.
     """
     body = {"shape": "half_space"}
-    assert list(chain.states(scene(body)))[-1].E_hertz == pytest.approx(1.0, rel=1e-12)
+    assert list(simulate.states(scene(body)))[-1].E_hertz == pytest.approx(1.0, rel=1e-12)
     meshed = solve(scene(body, "solver.method=condensed"))[-1]
     assert meshed.E_hertz == pytest.approx(1.0, rel=3e-3)
     assert meshed.area == pytest.approx(math.pi * meshed.a**2)
@@ -83,7 +83,7 @@ def test_the_modulus_of_a_half_space_is_within_its_error_bar(nu: float, tmp_path
             "output": {"plot": False},
         }
     )
-    for state in chain.simulate(config, directory=tmp_path / "out", error_bars=True).states:
+    for state in simulate.simulate(config, directory=tmp_path / "out", error_bars=True).states:
         assert state.force_error and state.E_hertz
         assert abs(state.E_hertz - 1.0) <= state.force_error / state.force
 
@@ -97,14 +97,14 @@ def test_a_force_of_zero_reads_no_modulus(rounding: float) -> None:
         WALLED, contact={"adhesion": {"work": 1e-4, "range": 1e-2}}, loading={"forces": [0.0, 1e-3]}
     )
     balanced = State(1, 3e-3, rounding, 0.05, nan, 0.0, nan, 1, 0.0, stiffness=1.0)
-    assert math.isnan(Readings(base).read(balanced).E_hertz or 0.0)
-    assert Readings(base).read(replace(balanced, step=2, force=1e-3)).E_hertz
+    assert math.isnan(DerivedQuantities(base).complete_state(balanced).E_hertz or 0.0)
+    assert DerivedQuantities(base).complete_state(replace(balanced, step=2, force=1e-3)).E_hertz
 
 
 def test_a_fit_to_an_exact_curve_is_off_by_nothing() -> None:
     """Not by rounding: theory's half-space is the formula that is fitted."""
     whole = scene({"shape": "half_space"}, "loading.steps=3")
-    fit = hertz_fit(whole, list(chain.states(whole)))
+    fit = hertz_fit(whole, list(simulate.states(whole)))
     assert fit and fit["percent"] == 0.0 and fit["E"] == pytest.approx(1.0, rel=1e-12)
 
 

@@ -16,7 +16,7 @@ import yaml
 from indent_sim.config.scene_file import from_mapping, load
 from indent_sim.process.errors import ConfigError, VerificationError
 from indent_sim.results.reader import read
-from indent_sim.run import chain, simulation
+from indent_sim.run import simulate, single_run
 from indent_sim.scene import resolution
 from indent_sim.scene.scene import resolve
 
@@ -31,8 +31,8 @@ SCENE: dict[str, Any] = {
 
 def simulate(
     folder: Path, error_bars: bool = False, resume: bool = False, **sections: Any
-) -> chain.Outcome:
-    return chain.simulate(
+) -> simulate.Outcome:
+    return simulate.simulate(
         from_mapping(SCENE | sections), directory=folder, error_bars=error_bars, resume=resume
     )
 
@@ -66,7 +66,7 @@ def test_the_written_config_gives_the_same_run_without_accuracy(tmp_path: Path) 
         first = simulate(tmp_path / tip["shape"], indenter=tip, accuracy=0.01)
         written = load(tmp_path / tip["shape"] / "config.yaml")
         assert written.accuracy is None
-        again = chain.simulate(written, directory=tmp_path / f"{tip['shape']} again")
+        again = simulate.simulate(written, directory=tmp_path / f"{tip['shape']} again")
         assert [state.force for state in again.states] == [state.force for state in first.states]
 
 
@@ -97,7 +97,7 @@ def test_what_no_mesh_can_mend_ends_with_exit_code_6_and_the_rows(tmp_path: Path
 
 
 def test_a_machine_that_is_too_small_ends_the_refinement(tmp_path: Path, monkeypatch: Any) -> None:
-    monkeypatch.setattr("indent_sim.run.companions.accuracy.ATTEMPTS", 1)
+    monkeypatch.setattr("indent_sim.run.error_estimation.accuracy.ATTEMPTS", 1)
     monkeypatch.setitem(resolution.ERROR_CONSTANT, 2, 0.02)
     with pytest.raises(VerificationError, match="1 attempts were not enough"):
         simulate(tmp_path / "run", accuracy=0.001)
@@ -118,7 +118,7 @@ def test_a_resumed_run_has_the_same_rows_and_bars(tmp_path: Path, sections: dict
     whole = simulate(tmp_path / "whole", error_bars=bars, **sections)
     config = from_mapping(SCENE | sections)
     with pytest.raises(Stop):
-        chain.simulate(config, directory=tmp_path / "run", error_bars=bars, progress=stop)
+        simulate.simulate(config, directory=tmp_path / "run", error_bars=bars, progress=stop)
     assert len(read(tmp_path / "run")) == 3
     resumed = simulate(tmp_path / "run", resume=True, error_bars=bars, **sections)
     assert resumed.resumed_after == 3
@@ -145,8 +145,8 @@ def test_a_later_attempt_that_is_resumed_has_the_same_bars(
     differences to 1e-6.
     """
     monkeypatch.setitem(resolution.ERROR_CONSTANT, 2, 0.02)
-    monkeypatch.setattr("indent_sim.run.companions.accuracy.GREATEST", 1.3)  # in small steps
-    monkeypatch.setattr("indent_sim.run.companions.accuracy.ATTEMPTS", 9)
+    monkeypatch.setattr("indent_sim.run.error_estimation.accuracy.GREATEST", 1.3)  # in small steps
+    monkeypatch.setattr("indent_sim.run.error_estimation.accuracy.ATTEMPTS", 9)
     told: list[int] = []
 
     def stop(state: Any, step: int, total: int) -> None:
@@ -158,7 +158,7 @@ def test_a_later_attempt_that_is_resumed_has_the_same_bars(
     whole = simulate(tmp_path / "whole", **sections)
     assert len(whole.report["accuracy"]["tried"]) >= 2
     with pytest.raises(Stop):
-        chain.simulate(from_mapping(SCENE | sections), directory=tmp_path / "run", progress=stop)
+        simulate.simulate(from_mapping(SCENE | sections), directory=tmp_path / "run", progress=stop)
     resumed = simulate(tmp_path / "run", resume=True, **sections)
     tried, same = (outcome.report["accuracy"]["tried"] for outcome in (resumed, whole))
     assert tried == pytest.approx(same, rel=1e-6)
@@ -247,7 +247,7 @@ def test_loading_the_libraries_is_no_cost_of_the_companions(
 ) -> None:
     import time
 
-    load = simulation.backend
+    load = single_run.backend
     loaded: list[float] = []
 
     def slow() -> Any:
@@ -256,7 +256,7 @@ def test_loading_the_libraries_is_no_cost_of_the_companions(
             loaded.append(time.perf_counter())
         return load()
 
-    monkeypatch.setattr(chain, "backend", slow)
+    monkeypatch.setattr(simulate, "backend", slow)
     timings = simulate(tmp_path / "run", error_bars=True).report["timings"]
     assert timings["imports"] >= 0.5
 

@@ -16,11 +16,11 @@ from scipy.optimize import brentq
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import from_mapping
-from indent_sim.run.chain import states
-from indent_sim.run.requirements.bench import Bench
-from indent_sim.run.requirements.cheapest import Requirements, require
-from indent_sim.run.requirements.effects import Effect
-from indent_sim.run.requirements.table import REQUIREMENTS
+from indent_sim.run.model_selection.effect_table import EFFECT_ROWS
+from indent_sim.run.model_selection.effects import Effect
+from indent_sim.run.model_selection.recommended_model import Requirements, require
+from indent_sim.run.model_selection.variant_solver import VariantSolver
+from indent_sim.run.simulate import states
 from indent_sim.scene.scene import resolve
 from indent_sim.theory import half_space
 from indent_sim.theory.films import dimitriadis_force
@@ -81,8 +81,8 @@ def row(scene: dict[str, Any], name: str) -> Effect:
 @cache
 def _row(text: str, name: str) -> Effect:
     config = from_mapping(placed(json.loads(text)))
-    (requirement,) = (one for one in REQUIREMENTS if one.name == name)
-    return requirement.effect(Bench(config, resolve(config)), 0.01)
+    (requirement,) = (one for one in EFFECT_ROWS if one.name == name)
+    return requirement.effect(VariantSolver(config, resolve(config)), 0.01)
 
 
 def threshold(effect: Effect) -> float:
@@ -261,7 +261,7 @@ def test_what_was_not_solved_says_so() -> None:
         "material": ELASTIC | {"nu": -0.3},
     }
     found = row(layer, "side_walls")
-    assert found.percent is found.low is found.high is None and found.size == math.inf
+    assert found.percent is found.low is found.high is None and found.max_change == math.inf
     assert found.source.startswith("not solved: ") and not found.needs
 
 
@@ -455,7 +455,7 @@ def test_the_cheapest_model(scene: dict[str, Any], shape: str, model: str, tip: 
     if (
         scene["body"]["shape"] == "box"
     ):  # whose walls are far: the row says so, and a mesh of it is not made here
-        assert effects["side_walls"].size < 0.5
+        assert effects["side_walls"].max_change < 0.5
         whole["body"] = {"shape": "layer", "height": 1.0}
     share = force(config) / force(whole)
     assert share == pytest.approx(1.0, rel=0.0105)

@@ -16,7 +16,7 @@ from scenes import placed
 from scipy.optimize import brentq
 
 from indent_sim.config.scene_file import from_mapping
-from indent_sim.run.requirements.cheapest import require
+from indent_sim.run.model_selection.recommended_model import require
 
 FINER = 0.8  # element sizes of references, of automatic ones
 MOMENTS = 60  # of a history on its way in
@@ -300,7 +300,7 @@ def test_every_effect_has_a_row(seed: int) -> None:
         for name, known in drawn.known().items()
     ]
     assert not [row for row in rows if not row.is_right]
-    assert all(effects[row.name].applies for row in rows if abs(row.known) > TELLING)
+    assert all(effects[row.name].is_possible for row in rows if abs(row.known) > TELLING)
     if drawn.is_isotropic and not {"layers", "inclusions"} & drawn.body.keys():
         assert not [row for row in thresholds(drawn, found) if not row.is_right]
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import pytest
 from rubber_with_friction import drawn, judged
 
-from indent_sim.run.plausibility import ROUGH
+from indent_sim.run.sanity_checks import MAX_ROUGHNESS
 
 
 @pytest.mark.verify
@@ -15,4 +15,4 @@ from indent_sim.run.plausibility import ROUGH
 def test_rough_pressures_are_warned_of(number: int) -> None:
     """By a measure that knows nothing of the facets of which the run's own measure is made."""
     found = judged(drawn(1, number))
-    assert found.warnings or found.alternation <= ROUGH
+    assert found.warnings or found.alternation <= MAX_ROUGHNESS

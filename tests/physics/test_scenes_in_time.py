@@ -18,17 +18,17 @@ from indent_sim.config.scene_file import from_mapping
 from indent_sim.fe.terms.flow import Flow
 from indent_sim.model.state import State
 from indent_sim.process.errors import NotConverged, VerificationError
-from indent_sim.run.chain import simulate, states
-from indent_sim.run.companions.companion import coarser, in_half_steps
+from indent_sim.run.error_estimation.coarser_run import coarsen_scene, halve_increments
+from indent_sim.run.simulate import simulate, states
 from indent_sim.scene.scene import Scene, resolve
 
 NAMES = ("force", "delta", "a", "p_max")
 
 
 def truth(base: Scene) -> list[State]:
-    fine, halvings = coarser(base, 0.5), 1 if base.physics.has_friction else 2
+    fine, halvings = coarsen_scene(base, 0.5), 1 if base.physics.has_friction else 2
     for _ in range(halvings):
-        once = in_half_steps(fine)
+        once = halve_increments(fine)
         assert once is not None
         fine = once
     rows = list(states(fine, with_surface=False))

@@ -14,8 +14,8 @@ from mpi4py import MPI
 from scenes import ELASTIC, PARABOLOID, force, grid_of, scene, solve
 
 from indent_sim.config.scene_file import from_mapping
-from indent_sim.run.chain import simulate
-from indent_sim.run.resolved import resolved
+from indent_sim.run.explicit_config import explicit_config
+from indent_sim.run.simulate import simulate
 from indent_sim.scene.resolution import coarsened_sizes
 from indent_sim.scene.scene import Scene, resolve
 
@@ -261,7 +261,7 @@ def test_a_nucleus_inside_a_skin() -> None:
 def test_the_resolved_config_has_the_same_mesh() -> None:
     """The sizes inside skins are written as all others, and given back."""
     base = from_mapping(with_skins(BALL, (0.05, 10.0), (0.02, 1.0)))
-    first, again = resolve(base), resolve(resolved(base, resolve(base)))
+    first, again = resolve(base), resolve(explicit_config(base, resolve(base)))
     assert grid_of(first).hash == grid_of(again).hash
 
 

@@ -20,7 +20,7 @@ from indent_sim.config.scene_file import from_mapping
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.terms.surface_tension import SurfaceTension
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.chain import simulate
+from indent_sim.run.simulate import simulate
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.surface import tension

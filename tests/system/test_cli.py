@@ -31,7 +31,7 @@ from indent_sim.process.errors import (
 )
 from indent_sim.process.signals import Stopped
 from indent_sim.results.reader import read
-from indent_sim.run.chain import simulate
+from indent_sim.run.simulate import simulate
 
 SCENE = """\
 title: A coarse one
@@ -446,7 +446,7 @@ class TestJson:
         def fails(*args, **options):
             raise error
 
-        monkeypatch.setattr("indent_sim.run.chain.simulate", fails)
+        monkeypatch.setattr("indent_sim.run.simulate.simulate", fails)
         ended = indent_sim("run", "scene.yaml", "--json")
         told = json.loads(ended.stdout)
         assert (ended.exit_code, told["exit_code"], told["status"]) == (code, code, status)
@@ -491,7 +491,7 @@ class TestEndings:
         def fail(*args, **options):
             raise error
 
-        monkeypatch.setattr("indent_sim.run.chain.simulate", fail)
+        monkeypatch.setattr("indent_sim.run.simulate.simulate", fail)
         done = indent_sim("run", "scene.yaml")
         assert done.exit_code == code and done.stdout == "" and done.stderr
         assert ("Traceback" in done.stderr) == (code == 1)
@@ -506,7 +506,7 @@ class TestEndings:
             except BaseException as error:
                 raise ImportError("initialization failed") from error
 
-        monkeypatch.setattr("indent_sim.run.chain.simulate", swallow)
+        monkeypatch.setattr("indent_sim.run.simulate.simulate", swallow)
         assert indent_sim("run", "scene.yaml").exit_code == 143
 
     @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
@@ -759,7 +759,7 @@ class TestAnotherScene:
                 raise end
 
             with monkeypatch.context() as patched:
-                patched.setattr("indent_sim.run.simulation.Simulation.follow", ends)
+                patched.setattr("indent_sim.run.single_run.Simulation.follow", ends)
                 done = indent_sim("run", "scene.yaml", "--output", "out")
             assert done.exit_code == code and "the finished run in out is as it was" in done.stderr
             assert content_of(theory_run) == before

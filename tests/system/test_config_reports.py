@@ -12,7 +12,7 @@ from test_configs import COARSER, CONFIGS, SCENES, Run
 
 from indent_sim.config.scene_file import load
 from indent_sim.results.report import of_run
-from indent_sim.run.chain import simulate
+from indent_sim.run.simulate import simulate
 
 
 @pytest.mark.parametrize("name", SCENES)

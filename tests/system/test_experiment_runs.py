@@ -88,7 +88,7 @@ def test_a_scene_without_an_experiment_loads_and_writes_nothing_of_it(tmp_path: 
 import sys
 from indent_sim.cli.commands import program
 program(sys.argv[1:], standalone_mode=False)
-assert not [name for name in sys.modules if name.startswith("indent_sim.run.experiment") or name == "scipy.optimize"]
+assert not [name for name in sys.modules if name.startswith("indent_sim.run.history_on_curve") or name == "scipy.optimize"]
 """
     config = tmp_path / "scene.yaml"
     given = {name: part for name, part in SCENE.items() if name != "experiment"} | {

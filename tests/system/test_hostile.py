@@ -30,7 +30,7 @@ from indent_sim.cli import commands
 from indent_sim.config.scene_file import from_mapping, to_yaml
 from indent_sim.config.strict_yaml import dump
 from indent_sim.process.errors import ConfigError, UsageError, printable
-from indent_sim.run.resolved import resolved
+from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.scene import resolve
 from indent_sim.studies import study_file as study_file
 from indent_sim.studies.study_folder import StudyFolder
@@ -563,7 +563,9 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     drawn = ["plot", str(place / "out"), "--output", str(place / "picture.png")]
     assert CliRunner().invoke(commands.program, drawn).exit_code == 0
     config = from_mapping(SCENE)
-    assert (place / "out" / "config.yaml").read_text() == to_yaml(resolved(config, resolve(config)))
+    assert (place / "out" / "config.yaml").read_text() == to_yaml(
+        explicit_config(config, resolve(config))
+    )
     return place / "out"
 
 

@@ -46,7 +46,7 @@ def test_the_solver_loads_no_more_than_it_needs() -> None:
     """
     ran("""
 import sys
-from indent_sim.run.simulation import backend
+from indent_sim.run.single_run import backend
 backend()
 assert not {"pkg_resources", "scipy.optimize", "scipy.integrate", "matplotlib"} & {*sys.modules}
 """)

@@ -138,7 +138,7 @@ PROGRAM = f"""
 import json, sys
 from mpi4py import MPI
 from indent_sim.config.scene_file import from_mapping
-from indent_sim.run.chain import states
+from indent_sim.run.simulate import states
 from indent_sim.scene.scene import resolve
 
 comm = MPI.COMM_WORLD
@@ -303,7 +303,7 @@ def test_same_curves_on_ranks_that_share_little(ranks: int, mpirun: Mpirun) -> N
 @pytest.mark.verify
 def test_same_curves_where_ranks_factor_a_body_together(mpirun: Mpirun) -> None:
     """As where there is no memory for the whole body on every rank."""
-    program = f"from indent_sim.run.simulation import backend\nbackend()\n{TOGETHER}{PROGRAM}"
+    program = f"from indent_sim.run.single_run import backend\nbackend()\n{TOGETHER}{PROGRAM}"
     assert_same_on(2, ("axisymmetric", "box", "rough"), mpirun, program)
 
 
@@ -319,7 +319,7 @@ def test_same_curves_where_linear_elements_are_aggregated(mpirun: Mpirun) -> Non
     Each preconditioner leaves another remainder below the tolerance of the linear solves, by which
     the last Newton iteration may be needed or not.
     """
-    program = f"from indent_sim.run.simulation import backend\nbackend()\n{AGGREGATED}{PROGRAM}"
+    program = f"from indent_sim.run.single_run import backend\nbackend()\n{AGGREGATED}{PROGRAM}"
     together = parsed(mpirun(2, "-c", program, mappings(["iterative"])))
     assert_same_curves(
         alone(*SCENES)["iterative"], together["iterative"], "iterative", steps_apart=1
@@ -559,7 +559,7 @@ from mpi4py import MPI
 from indent_sim.cli import commands
 from indent_sim.process import ranks as process
 from indent_sim.process.errors import NotConverged
-from indent_sim.run.readings import Readings
+from indent_sim.run.derived_quantities import Readings
 read, ranks, how = Readings.read, sys.argv.pop(1), sys.argv.pop(1)
 def fail(readings, state, *more):
     if state.step == 2 and str(MPI.COMM_WORLD.rank) in ranks:
@@ -601,7 +601,7 @@ MISSING = """
 import sys
 from mpi4py import MPI
 from indent_sim.cli import commands
-from indent_sim.run.readings import Readings
+from indent_sim.run.derived_quantities import Readings
 hertz, rank = Readings._hertz, int(sys.argv.pop(1))
 def fail(readings, state):
     if MPI.COMM_WORLD.rank == rank:

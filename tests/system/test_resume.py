@@ -32,7 +32,7 @@ from indent_sim.results import folder
 from indent_sim.results.outline import scene_of
 from indent_sim.results.reader import read
 from indent_sim.results.xdmf import FieldWriter
-from indent_sim.run import chain, simulation
+from indent_sim.run import simulate, single_run
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = """\
@@ -101,7 +101,7 @@ def interrupt(
             raise error
 
     with pytest.raises(error):
-        chain.simulate(
+        simulate.simulate(
             load(place / "scene.yaml"), MPI.COMM_SELF, directory=place / "out", progress=stop
         )
     lines = (place / "out" / "force_indentation.csv").read_bytes().splitlines(keepends=True)
@@ -291,7 +291,7 @@ class TestKilled:
         with monkeypatch.context() as patch:
             patch.setattr(LoadStepper, "_equilibrium_between", stopped_at(2))
             with pytest.raises(KeyboardInterrupt):
-                chain.simulate(
+                simulate.simulate(
                     load(tmp_path / "scene.yaml"),
                     MPI.COMM_SELF,
                     directory=tmp_path / "out",
@@ -359,7 +359,7 @@ class TestCheckpoint:
     ):
         file = tmp_path / "out" / "checkpoint.h5"
         if harm == "old":  # as after a kill: the one written at the first row
-            monkeypatch.setattr(simulation.Simulation, "_save_checkpoint", lambda *_, **__: None)
+            monkeypatch.setattr(single_run.SingleRun, "_save_checkpoint", lambda *_, **__: None)
             interrupt(tmp_path, 3)
             monkeypatch.undo()
             monkeypatch.chdir(tmp_path)
@@ -524,7 +524,7 @@ class TestTheDeepestAndTheLast:
         (tmp_path / "scene.yaml").write_text(
             self.scene.replace(UP_AND_DOWN, "delta: 0.08, steps: 3")
         )
-        chain.simulate(load(tmp_path / "scene.yaml"), MPI.COMM_SELF, directory=tmp_path / "out")
+        simulate.simulate(load(tmp_path / "scene.yaml"), MPI.COMM_SELF, directory=tmp_path / "out")
         assert (
             set(kept_fields(tmp_path / "out")) == set(read(tmp_path / "out").surface["step"]) == {3}
         )
@@ -587,7 +587,11 @@ class TestNothingToGoOnWith:
         mesh = "mesh: {h_contact: 0.12, h_far: 0.6}\n"
         (tmp_path / "scene.yaml").write_text(scene.replace(mesh, "") if "--set" in asked else scene)
         with monkeypatch.context() as patch:
-            at = (chain.Run, "_bars") if where == "outcome" else (simulation.Simulation, "follow")
+            at = (
+                (simulate.SimulationDriver, "_bars")
+                if where == "outcome"
+                else (single_run.SingleRun, "follow")
+            )
             patch.setattr(*at, stop)
             assert indent_sim(*asked).exit_code == 130
         assert folder.read_report(tmp_path / "out")["rows"] == 0

@@ -21,7 +21,7 @@ from indent_sim import studies
 from indent_sim.cli import commands
 from indent_sim.process.errors import ConfigError, NotConverged, UsageError
 from indent_sim.results.reader import Results, read
-from indent_sim.run.chain import warm_up
+from indent_sim.run.simulate import warm_up
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import study_table
 from indent_sim.studies.points import Multiple
@@ -469,16 +469,16 @@ class TestRuns:
     def test_whatever_ends_a_run_ends_that_run_alone(
         self, written, tmp_path, monkeypatch, ending, exit_code, reason
     ):
-        from indent_sim.run import chain
+        from indent_sim.run import simulate
 
-        whole = chain.simulate
+        whole = simulate.simulate
 
         def run(config, **options):
             if config.mesh.h_contact == 0.05:
                 exec(ending)
             return whole(config, **options)
 
-        monkeypatch.setattr(chain, "simulate", run)
+        monkeypatch.setattr(simulate, "simulate", run)
         text = METHODS.replace("[penalty, active_set]", "active_set")
         done = studies.carry_out(written(text), output=tmp_path / "out")
         assert [row["status"] for row in done.rows] == ["done", "failed", "done"]
@@ -490,15 +490,15 @@ class TestRuns:
         """Batch systems send SIGTERM to every process of a job; that the study's own one ends is
         enough.
         """
-        from indent_sim.run import chain
+        from indent_sim.run import simulate
 
-        whole = chain.simulate
+        whole = simulate.simulate
 
         def run(config, **options):
             os.kill(os.getpid(), signal.SIGTERM)
             return whole(config, **options)
 
-        monkeypatch.setattr(chain, "simulate", run)
+        monkeypatch.setattr(simulate, "simulate", run)
         assert studies.carry_out(written(METHODS), output=tmp_path / "out").failures == []
 
     def test_a_run_that_was_cut_off_goes_on(self, written, tmp_path, monkeypatch):
@@ -545,7 +545,7 @@ class TestRuns:
         def run(*args, **options):
             raise NotConverged("never")
 
-        monkeypatch.setattr("indent_sim.run.chain.simulate", run)
+        monkeypatch.setattr("indent_sim.run.simulate.simulate", run)
         with pytest.raises(NotConverged, match="never"):
             studies.carry_out(written(METHODS), output=tmp_path / "out")
         assert {row["reason"] for row in rows_of(tmp_path / "out")} == {"never"}
@@ -590,7 +590,7 @@ class TestRuns:
             raise NotConverged("no memory left")
 
         before, table = content(), rows_of(tmp_path / "out")
-        monkeypatch.setattr("indent_sim.run.chain.simulate", fails)
+        monkeypatch.setattr("indent_sim.run.simulate.simulate", fails)
         studies.carry_out(path, output=tmp_path / "out")
         assert content() == before and rows_of(tmp_path / "out") == table
 

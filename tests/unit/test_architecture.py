@@ -339,6 +339,6 @@ def test_imports_are_found_wherever_they_stand() -> None:
 
 def test_an_arrow_that_the_table_lacks_is_found() -> None:
     without = ROOMS | {"run": ROOMS["run"] - {"fe"}}
-    assert "run/simulation.py -> indent_sim.fe.solver" in forbidden(
+    assert "run/single_run.py -> indent_sim.fe.solver" in forbidden(
         FILES, without, 1, "indent_sim."
     )

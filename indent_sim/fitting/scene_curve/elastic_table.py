@@ -21,8 +21,8 @@ from indent_sim.config.strict_yaml import key_path
 from indent_sim.fitting.scene_curve.lattice import NUMBERS, Lattice, NoTable
 from indent_sim.fitting.scene_curve.parameters import Parameter
 from indent_sim.process.errors import ConfigError, NotConverged
-from indent_sim.run.prospect import Prospect
-from indent_sim.run.walks.elastic_curve import ElasticForces, forces_at, punches_to
+from indent_sim.run.planned_run import PlannedRun
+from indent_sim.run.solvers.elastic_curve import ElasticForces, elastic_forces, flat_punches
 
 # depths at which a scene is solved, and of the polynomial through them: 5e-11 by theory
 SOLVED_DEPTHS = 20
@@ -114,7 +114,7 @@ def _array(table: ElasticTable) -> np.ndarray:
     return np.array([*table.coefficients, *rest])
 
 
-def elastic_prospect(config: Config, deepest: float) -> Prospect:
+def elastic_prospect(config: Config, deepest: float) -> PlannedRun:
     """The scene without its experiment, of matter that is drained and does not relax, pressed to a
     depth, by a load path to the depths of a table; ConfigError where it cannot exist.
     """
@@ -123,12 +123,12 @@ def elastic_prospect(config: Config, deepest: float) -> Prospect:
             "contact.adhesion", "a fit takes adhesion without range", "give experiment.adhesion"
         )
     document = _at_once(config)
-    prospect = Prospect.of(
+    prospect = PlannedRun.resolve(
         from_mapping(document | {"loading": {"delta": float(deepest), "steps": 1}})
     )
-    if prospect.is_of_any_depth:
+    if prospect.accepts_any_depth:
         return prospect
-    return Prospect.of(
+    return PlannedRun.resolve(
         from_mapping(document | {"loading": {"deltas": [float(deepest * s * s) for s in S]}})
     )
 
@@ -166,7 +166,7 @@ def solved(
     """
     prospect = elastic_prospect(config, deepest)
     try:
-        found = forces_at(prospect, deepest * S**2)
+        found = elastic_forces(prospect, deepest * S**2)
         table = (_of_mesh if prospect.scene.is_meshed else _of_theory)(found, deepest, power)
         punches, widest = _punches(prospect, deepest) if wants_punches else (None, 0.0)
     except (NotConverged, *NUMBERS) as error:
@@ -178,14 +178,14 @@ def _of_theory(found: ElasticForces, deepest: float, power: float | None) -> Ela
     depths = deepest * S**2
     power = _power(depths, found.forces) if power is None else power
     g = Chebyshev.fit(S, np.log(found.forces) - power * np.log(depths), DEGREE, domain=DOMAIN)
-    return ElasticTable(deepest, power, g.coef, radius=found.radius)
+    return ElasticTable(deepest, power, g.coef, radius=found.contact_radius)
 
 
 def _of_mesh(found: ElasticForces, deepest: float, power: float | None) -> ElasticTable:
     """The same where a mesh is solved: what it adds to theory is smoothed, and its error bar kept."""
     depths = deepest * S**2
     forces = found.forces
-    base = found.of_theory
+    base = found.theory_forces
     base = base if base is not None and (base > 0).all() else None
     used = (S >= ON_MESH) & (forces > 0)
     if np.count_nonzero(used) <= MESH_DEGREE:
@@ -197,7 +197,7 @@ def _of_mesh(found: ElasticForces, deepest: float, power: float | None) -> Elast
     added = np.where(S[used][0] > S, ratio(S[used][0]), ratio(S))
     g = Chebyshev.fit(S, known + added - power * np.log(depths), DEGREE, domain=DOMAIN)
     return ElasticTable(
-        deepest, power, g.coef, error=math.hypot(scatter, found.error), radius=found.radius
+        deepest, power, g.coef, error=math.hypot(scatter, found.error), radius=found.contact_radius
     )
 
 
@@ -210,9 +210,9 @@ def _power(depths: np.ndarray, forces: np.ndarray) -> float:
     return nearest if abs(slope - nearest) < SAME_EXPONENT else slope
 
 
-def _punches(prospect: Prospect, deepest: float) -> tuple[np.ndarray, float]:
+def _punches(prospect: PlannedRun, deepest: float) -> tuple[np.ndarray, float]:
     """ln delta_1, F_1, K, K' over ln a, in the scene's units, and the widest radius."""
-    shares, columns, widest = punches_to(prospect, deepest, LEAST_RADIUS)
+    shares, columns, widest = flat_punches(prospect, deepest, LEAST_RADIUS)
     x = np.log(shares)
     logs = np.log(columns)
     fits = [

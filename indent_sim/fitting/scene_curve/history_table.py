@@ -23,8 +23,8 @@ from indent_sim.config.schema import Config
 from indent_sim.fitting.scene_curve.lattice import NUMBERS, Lattice, NoTable
 from indent_sim.fitting.scene_curve.parameters import Parameter
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.chain import states
-from indent_sim.run.prospect import Prospect
+from indent_sim.run.planned_run import PlannedRun
+from indent_sim.run.simulate import states
 
 CORNER = 0.003  # of the deepest: by as much a measured way may miss its corners
 SHALLOW_CONTACT = (
@@ -178,7 +178,7 @@ def _gains(config: Config, way: MeasuredWay, power: float, finer: int = 1) -> np
     if finer > 1 or config.loading.per_doubling:
         document["loading"]["per_doubling"] = finer * config.loading.steps_per_doubling
     try:
-        found = list(states(Prospect.of(from_mapping(document)).scene, with_surface=False))
+        found = list(states(PlannedRun.resolve(from_mapping(document)).scene, with_surface=False))
     except NUMBERS as error:
         raise NoTable(str(error)) from error
     if not found or not found[-1].converged:

@@ -42,7 +42,7 @@ from indent_sim.fitting.scene_curve.parameters import (
     with_numbers,
 )
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.experiment import modulus_of
+from indent_sim.run.history_on_curve import relaxation_modulus
 
 SAMPLES_OF_WAY = 1500  # of the table of depths behind a spring
 SAMPLES_OF_RADIUS = 600  # of the branch of a tip that adheres
@@ -341,13 +341,13 @@ def relaxation_of(config: Config, values: Mapping[str, float] | None = None) -> 
             name: numbers.get(("power_law", name), getattr(own, name))
             for name in ("exponent", "time")
         }
-        return modulus_of(replace(law, power_law=replace(own, **changed))).over
+        return relaxation_modulus(replace(law, power_law=replace(own, **changed))).over
     given = enumerate(law.prony or ())
     terms = tuple(
         tuple(numbers.get(("prony", k, i), value) for i, value in enumerate(term))
         for k, term in given
     )
-    return modulus_of(replace(law, prony=terms)).over
+    return relaxation_modulus(replace(law, prony=terms)).over
 
 
 def is_in_time(config: Config) -> bool:

@@ -80,7 +80,7 @@ def check(members: Sequence[Member], cases: Sequence[Case]) -> None:
             "delta": np.array(depths),
             "t": np.empty(0),
         }
-        is_found = name == "delta" and case.prospect.finds_depths
+        is_found = name == "delta" and case.prospect.has_prescribed_forces
         if not is_found and not np.isclose(known[name], wanted, rtol=SAME_PLACE, atol=0).any():
             problem = f"the scene of {member.name} has no row with {name} {wanted:g}"
             raise ConfigError("published.at", problem, "add it to loading.deltas", *member.place)
@@ -256,7 +256,7 @@ def _by_theory(published: Published, case: Case | None, results: Results | None)
     P = physics.scales.pressure
     F = physics.scales.force
     depth: float | None = float(results["delta"][row]) / D
-    if case.prospect.finds_depths:
+    if case.prospect.has_prescribed_forces:
         depth = theory.depth(float(results["force"][row]) / F, physics.body.height)
     solution = theory.at(depth) if depth is not None else None
     if solution is None:

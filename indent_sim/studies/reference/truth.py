@@ -102,7 +102,7 @@ class Truth:
         if self._wanted == "theory":
             self._take_theory(cases, where)
         elif isinstance(self._wanted, float):
-            if any(case.prospect.finds_depths for case in cases):
+            if any(case.prospect.has_prescribed_forces for case in cases):
                 raise _error(
                     where,
                     "forces are prescribed, and depths found",
@@ -211,7 +211,7 @@ class Truth:
 
 def _for(case: Case, answer: Answer) -> Answer:
     """The answer as a case needs it, whose depths may be found, not prescribed."""
-    return dataclasses.replace(answer, between=case.prospect.finds_depths)
+    return dataclasses.replace(answer, between=case.prospect.has_prescribed_forces)
 
 
 def of_theory(case: Case) -> Answer | None:
@@ -221,7 +221,7 @@ def of_theory(case: Case) -> Answer | None:
     scene = case.prospect.scene
     depths = [delta for delta in scene.physics.deltas if delta > 0]
     depths = depths[:: -max(1, len(depths) // MOST_DEPTHS)][::-1]  # the last among them
-    if case.prospect.finds_depths and depths:
+    if case.prospect.has_prescribed_forces and depths:
         around = np.geomspace(
             min(depths) / DEPTH_FACTOR,
             min(max(depths) * DEPTH_FACTOR, scene.physics.body.height),

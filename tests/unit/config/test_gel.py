@@ -11,7 +11,7 @@ import pytest
 from indent_sim.config.scene_file import from_mapping, loads, to_yaml
 from indent_sim.model.materials import Gel
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.resolved import left_open, resolved
+from indent_sim.run.explicit_config import automatic_keys, explicit_config
 from indent_sim.scene.scene import Scene, resolve
 
 GEL: dict[str, Any] = {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.6, "stretch": 1.4}
@@ -149,14 +149,14 @@ def test_how_soon_a_bath_comes_is_no_matter_of_the_mesh(h: float) -> None:
 def test_a_given_bath_ramp_is_kept_and_one_that_is_found_is_written_down() -> None:
     config = from_mapping(SCENE)
     scene = resolve(config)
-    own = resolved(config, scene)
+    own = explicit_config(config, scene)
     assert own.drainage is not None and own.drainage.bath_ramp == scene.physics.bath_ramp > 0
     again = resolve(own)
     assert (
         again.physics.bath_ramp == scene.physics.bath_ramp
         and again.physics.path == scene.physics.path
     )
-    assert "drainage.bath_ramp" in left_open(config, own)
+    assert "drainage.bath_ramp" in automatic_keys(config, own)
     assert found(drainage={"bath": 0.0, "bath_ramp": 0.25}).physics.bath_ramp == 0.25
 
 

@@ -19,7 +19,7 @@ from indent_sim.fitting.scene_curve.history_table import MeasuredWay, way_of
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import Measured, parts_of
-from indent_sim.run.chain import states
+from indent_sim.run.simulate import states
 from indent_sim.scene.scene import resolve
 
 E, D = "material.E", "material.flow.diffusivity"

@@ -13,17 +13,22 @@ from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.companions.accuracy import Attempt
-from indent_sim.run.companions.companion import RATIO, Companion, beside, coarser
-from indent_sim.run.companions.error_bars import (
-    FLOOR,
-    PEAK,
-    PRESSURE_RATE,
-    RADIUS,
-    SAFETY,
-    Budget,
-    ErrorBars,
+from indent_sim.run.error_estimation.coarser_run import (
+    REFINEMENT_RATIO,
+    CoarserRun,
+    coarsen_scene,
+    coarser_scene,
 )
+from indent_sim.run.error_estimation.error_bars import (
+    MIN_ERROR_FRACTION,
+    PEAK_ERROR,
+    PRESSURE_ORDER,
+    RADIUS_ERROR,
+    SAFETY_FACTOR,
+    ErrorBars,
+    ErrorBudget,
+)
+from indent_sim.run.error_estimation.refinement import RefinementLevel
 from indent_sim.scene.resolution import (
     ERROR_CONSTANT,
     ORDER_OF_CONVERGENCE,
@@ -66,8 +71,8 @@ def states(error: float, steps: range = range(1, 5), flip: int = 0) -> list[Stat
     ]
 
 
-def companion(rate: float = ORDER_OF_CONVERGENCE, ratio: float = RATIO) -> Companion:
-    return Companion(ratio, states(ERROR * ratio**rate))
+def companion(rate: float = ORDER_OF_CONVERGENCE, ratio: float = REFINEMENT_RATIO) -> CoarserRun:
+    return CoarserRun(ratio, states(ERROR * ratio**rate))
 
 
 def with_theory(base: Scene, theory: Theory | None) -> Scene:
@@ -75,22 +80,22 @@ def with_theory(base: Scene, theory: Theory | None) -> Scene:
 
 
 def bars_of(
-    base: Scene, run: list[State], other: Companion, soft: list[State] | None = None
+    base: Scene, run: list[State], other: CoarserRun, soft: list[State] | None = None
 ) -> np.ndarray:
     """The bars of a scene that no theory knows: its curves are made up."""
     bars = ErrorBars(with_theory(base, None), other, soft)
-    return np.array([bars.judged(state).force_error for state in run])
+    return np.array([bars.add_error_estimate(state).force_error for state in run])
 
 
 def test_a_bar_holds_an_error_that_falls_as_expected() -> None:
     """Two forces whose error falls as h^RATE: the bar is Roache's index, SAFETY times the error,
     whatever the ratio of their meshes, coarser or (of a mesh from a file) finer.
     """
-    for ratio in (RATIO, 1.3, 2.5, 0.5):
+    for ratio in (REFINEMENT_RATIO, 1.3, 2.5, 0.5):
         relative = bars_of(scene(accuracy=0.001), states(ERROR), companion(ratio=ratio)) / np.array(
             [*EXACT.values()]
         )
-        assert relative == pytest.approx(SAFETY * ERROR, rel=1e-9)
+        assert relative == pytest.approx(SAFETY_FACTOR * ERROR, rel=1e-9)
 
 
 def test_an_accidental_crossing_gives_no_tiny_bar() -> None:
@@ -104,7 +109,7 @@ def test_an_accidental_crossing_gives_no_tiny_bar() -> None:
         replace(state, force=EXACT[2] * (1 + wrong)) if state.step == 2 else state
         for state in states(8 * wrong)
     ]
-    bars = bars_of(base, states(wrong), Companion(RATIO, crossing))
+    bars = bars_of(base, states(wrong), CoarserRun(REFINEMENT_RATIO, crossing))
     assert bars[1] > wrong * EXACT[2] and bars[0] > 2 * bars[1] * EXACT[1] / EXACT[2]
 
 
@@ -113,16 +118,16 @@ def test_meshes_that_agree_leave_the_error_of_their_elements() -> None:
     radius and pressure, for any ratio of the meshes.
     """
     same = [replace(state, p_max=2.0) for state in states(0.0)]
-    for ratio in (RATIO, 2.0, 0.5):
-        judge = ErrorBars(with_theory(scene(), None), Companion(ratio, same))
-        for found in map(judge.judged, same):
+    for ratio in (REFINEMENT_RATIO, 2.0, 0.5):
+        judge = ErrorBars(with_theory(scene(), None), CoarserRun(ratio, same))
+        for found in map(judge.add_error_estimate, same):
             h = float(scene().sizes.at(np.array(found.a), np.zeros(())))
             n = found.a / h
             assert found.force_error == pytest.approx(
-                FLOOR * ERROR_CONSTANT[2] * error_decay(n) * found.force
+                MIN_ERROR_FRACTION * ERROR_CONSTANT[2] * error_decay(n) * found.force
             )
-            assert found.a_error == pytest.approx(RADIUS * h)
-            assert found.p_max_error == pytest.approx(2.0 * PEAK * n**-PRESSURE_RATE)
+            assert found.a_error == pytest.approx(RADIUS_ERROR * h)
+            assert found.p_max_error == pytest.approx(2.0 * PEAK_ERROR * n**-PRESSURE_ORDER)
 
 
 @pytest.mark.parametrize("shape", ["flat_punch", "paraboloid"])
@@ -139,7 +144,8 @@ def test_a_sharp_edge_in_three_dimensions_is_told_by_its_elements(shape: str) ->
         for body in ({}, {"body": solid, "mesh": {"symmetry": "quarter"}})
     )
     in_section, in_box = (
-        bars_of(one, rows, Companion(RATIO, rows))[-1] / EXACT[4] for one in (section, box)
+        bars_of(one, rows, CoarserRun(REFINEMENT_RATIO, rows))[-1] / EXACT[4]
+        for one in (section, box)
     )
     sizes = box.sizes
     if shape == "flat_punch":
@@ -152,7 +158,7 @@ def test_a_sharp_edge_in_three_dimensions_is_told_by_its_elements(shape: str) ->
         assert sizes.edge is None
         n = 0.3 / float(sizes.at(np.array(0.3), np.zeros(())))
         assert in_box == pytest.approx(
-            FLOOR * ERROR_CONSTANT[3] * error_decay(n) + sizes.corner_error
+            MIN_ERROR_FRACTION * ERROR_CONSTANT[3] * error_decay(n) + sizes.corner_error
         )
 
 
@@ -174,13 +180,18 @@ def test_corners_that_are_left_coarse_come_on_top() -> None:
 def test_the_companion_of_a_run_is_coarser_or_its_last_attempt() -> None:
     """One companion; a mesh from a file has other levels of refinement alone."""
     base, before = scene(accuracy=0.001), scene(accuracy=0.01)
-    ratio, other = beside(base)
-    assert ratio == RATIO and other.sizes.h_contact == pytest.approx(RATIO * base.sizes.h_contact)
-    ratio, other = beside(base, before)
+    ratio, other = coarser_scene(base)
+    assert ratio == REFINEMENT_RATIO and other.sizes.h_contact == pytest.approx(
+        REFINEMENT_RATIO * base.sizes.h_contact
+    )
+    ratio, other = coarser_scene(base, before)
     assert other is before and ratio == pytest.approx(before.sizes.h_contact / base.sizes.h_contact)
     for level, (ratio, found) in {2: (2.0, 1), 1: (2.0, 0), 0: (0.5, 1)}.items():
         of_file = replace(base, sizes=replace(base.sizes, refinements=level))
-        assert beside(of_file)[0] == ratio and beside(of_file)[1].sizes.refinements == found
+        assert (
+            coarser_scene(of_file)[0] == ratio
+            and coarser_scene(of_file)[1].sizes.refinements == found
+        )
 
 
 def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
@@ -188,7 +199,7 @@ def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
     no say.
     """
     least = (
-        FLOOR * ERROR_CONSTANT[2] * error_decay(required_elements(0.01, 2)) * 1.2
+        MIN_ERROR_FRACTION * ERROR_CONSTANT[2] * error_decay(required_elements(0.01, 2)) * 1.2
     )  # a little fewer elements in the first contact
     base = scene(accuracy=0.01)
     assert base.plan.theory is not None
@@ -202,8 +213,8 @@ def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
         (inexact, 0.0, least),
         (base.replace_physics(gap="current"), 0.0, least),
     ):
-        bars = ErrorBars(judge, Companion(RATIO, wrong))
-        found = np.array([bars.judged(state).force_error for state in wrong]) / exact
+        bars = ErrorBars(judge, CoarserRun(REFINEMENT_RATIO, wrong))
+        found = np.array([bars.add_error_estimate(state).force_error for state in wrong]) / exact
         assert np.all(found >= low * (1 - 1e-9)) and np.all(found <= high * (1 + 1e-9))
 
 
@@ -221,20 +232,20 @@ def test_rows_with_few_elements_have_bars_of_their_own_error() -> None:
             for state, s in zip(states(0.0), share, strict=True)
         ]
 
-    bars = bars_of(base, walked(1.0), Companion(RATIO, walked(RATIO)))
+    bars = bars_of(base, walked(1.0), CoarserRun(REFINEMENT_RATIO, walked(REFINEMENT_RATIO)))
     over = bars / (0.1 * np.array(law) * np.array(list(EXACT.values())))
     assert np.all(over > 1) and np.all(over < 6)
 
 
 def test_a_step_that_a_companion_did_not_reach_has_no_bar() -> None:
-    short = Companion(RATIO, states(ERROR, range(1, 3)))
+    short = CoarserRun(REFINEMENT_RATIO, states(ERROR, range(1, 3)))
     bars = bars_of(scene(accuracy=0.01), states(0.0), short)
     assert np.isfinite(bars[:2]).all() and np.isnan(bars[2:]).all()
 
 
 def test_out_of_contact_there_is_no_error() -> None:
     nothing = [replace(state, delta=-state.delta, force=0.0, a=0.0) for state in states(0.0)]
-    assert not bars_of(scene(), nothing, Companion(RATIO, nothing)).any()
+    assert not bars_of(scene(), nothing, CoarserRun(REFINEMENT_RATIO, nothing)).any()
 
 
 def test_a_contact_that_no_mesh_finds_has_less_force_than_a_deeper_one() -> None:
@@ -247,11 +258,11 @@ def test_a_contact_that_no_mesh_finds_has_less_force_than_a_deeper_one() -> None
     coarse = [
         replace(state, force=0.0, a=0.0) if state.step < 3 else state for state in states(0.0)
     ]
-    judge = ErrorBars(scene(), Companion(RATIO, coarse))
-    first = judge.judged(missed[0])
+    judge = ErrorBars(scene(), CoarserRun(REFINEMENT_RATIO, coarse))
+    first = judge.add_error_estimate(missed[0])
     assert (first.force_error, first.a_error) == (coarse[2].force, coarse[2].a)
     nowhere = [replace(state, force=0.0, a=0.0) for state in states(0.0)]
-    assert np.isnan(bars_of(scene(), nowhere, Companion(RATIO, nowhere))).all()
+    assert np.isnan(bars_of(scene(), nowhere, CoarserRun(REFINEMENT_RATIO, nowhere))).all()
 
 
 def test_radius_and_peak_have_bars_of_their_own() -> None:
@@ -265,21 +276,25 @@ def test_radius_and_peak_have_bars_of_their_own() -> None:
     def off(ratio: float) -> list[State]:
         return [replace(state, p_max=1 + 0.01 * ratio**2) for state in exact]
 
-    judge = ErrorBars(base, Companion(RATIO, off(RATIO)))
+    judge = ErrorBars(base, CoarserRun(REFINEMENT_RATIO, off(REFINEMENT_RATIO)))
     for state in off(1.0):
-        found = judge.judged(state)
-        assert found.p_max_error == pytest.approx(SAFETY * 0.01)
-        assert found.a_error == pytest.approx(RADIUS * base.sizes.on_surface(state.a))
+        found = judge.add_error_estimate(state)
+        assert found.p_max_error == pytest.approx(SAFETY_FACTOR * 0.01)
+        assert found.a_error == pytest.approx(RADIUS_ERROR * base.sizes.on_surface(state.a))
     sharp = [replace(state, p_max=float("nan")) for state in exact]
-    assert np.isnan(ErrorBars(base, Companion(RATIO, sharp)).judged(sharp[0]).p_max_error)
+    assert np.isnan(
+        ErrorBars(base, CoarserRun(REFINEMENT_RATIO, sharp))
+        .add_error_estimate(sharp[0])
+        .p_max_error
+    )
 
 
 def test_the_error_of_a_depth_is_that_of_its_force_over_the_slope() -> None:
     base = scene(loading={"forces": list(EXACT.values())})
-    found = ErrorBars(base, companion()).judged(states(ERROR)[1])
+    found = ErrorBars(base, companion()).add_error_estimate(states(ERROR)[1])
     slope = (EXACT[3] - EXACT[1]) / (2 * 0.0025)  # by the chord; the curve is nearly straight there
     assert found.delta_error == pytest.approx(found.force_error / slope, rel=0.2)
-    assert ErrorBars(scene(), companion()).judged(states(ERROR)[1]).delta_error is None
+    assert ErrorBars(scene(), companion()).add_error_estimate(states(ERROR)[1]).delta_error is None
 
 
 def test_the_error_of_a_penalty_is_extrapolated() -> None:
@@ -288,9 +303,9 @@ def test_the_error_of_a_penalty_is_extrapolated() -> None:
     own, soft = (
         [replace(s, force=s.force / (1 + k * low / (1 - low))) for s in states(0.0)] for k in (1, 2)
     )
-    judge = ErrorBars(scene(contact={"method": "penalty"}), Companion(RATIO, own), soft)
+    judge = ErrorBars(scene(contact={"method": "penalty"}), CoarserRun(REFINEMENT_RATIO, own), soft)
     for state in own:
-        judge.judged(state)
+        judge.add_error_estimate(state)
     found = [budget.enforcement for budget in judge.budgets]
     assert found == pytest.approx(
         [EXACT[k] - state.force for k, state in enumerate(own, 1)], rel=1e-9
@@ -305,10 +320,10 @@ def test_a_companion_with_a_softer_penalty_says_more_than_the_error() -> None:
     own, soft = (
         [replace(s, force=s.force / (1 + k * low / (1 - low))) for s in states(0.0)] for k in (1, 2)
     )
-    same, other = (Companion(RATIO, own, at) for at in (base, before))
+    same, other = (CoarserRun(REFINEMENT_RATIO, own, at) for at in (base, before))
     whole, third = (ErrorBars(base, one, soft) for one in (same, other))
     for state in own:
-        whole.judged(state), third.judged(state)
+        whole.add_error_estimate(state), third.add_error_estimate(state)
     assert [b.enforcement for b in third.budgets] == pytest.approx(
         [b.enforcement / 3 for b in whole.budgets]
     )
@@ -331,7 +346,9 @@ def test_with_prescribed_forces_the_depths_differ_and_say_the_same() -> None:
         bars_of(
             scene(accuracy=0.01),
             walked(ERROR, control),
-            Companion(RATIO, walked(ERROR * RATIO**ORDER_OF_CONVERGENCE, control)),
+            CoarserRun(
+                REFINEMENT_RATIO, walked(ERROR * REFINEMENT_RATIO**ORDER_OF_CONVERGENCE, control)
+            ),
         )
         for control in ("depth", "force")
     )
@@ -350,18 +367,18 @@ def test_films_are_counted_once() -> None:
     """Run and companion are low by what their films take, and by nothing else: the mesh's part is
     its floor, as of two equal runs, and the film's part is the error.
     """
-    lost = {1.0: 0.01, RATIO: 0.023}  # relative, by the size of the elements
+    lost = {1.0: 0.01, REFINEMENT_RATIO: 0.023}  # relative, by the size of the elements
 
     def film_error(state: State, coarser: float = 1.0) -> float:
         return lost[coarser] * EXACT[state.step]
 
     film: Any = SimpleNamespace(error=film_error)
     base = with_theory(scene(**DRAINING), None)
-    bars = ErrorBars(base, Companion(RATIO, states(-lost[RATIO])), film=film)
-    alike = ErrorBars(base, Companion(RATIO, states(-lost[1.0])))
+    bars = ErrorBars(base, CoarserRun(REFINEMENT_RATIO, states(-lost[REFINEMENT_RATIO])), film=film)
+    alike = ErrorBars(base, CoarserRun(REFINEMENT_RATIO, states(-lost[1.0])))
     for state in states(-lost[1.0]):
-        bars.judged(state)
-        alike.judged(state)
+        bars.add_error_estimate(state)
+        alike.add_error_estimate(state)
     for budget, equal in zip(bars.budgets, alike.budgets, strict=True):
         assert budget.film == pytest.approx(lost[1.0] * EXACT[budget.step], rel=1e-12)
         assert budget.discretisation == pytest.approx(equal.discretisation, rel=1e-9)
@@ -370,15 +387,17 @@ def test_films_are_counted_once() -> None:
 def test_a_bath_that_comes_in_twice_the_time_says_what_its_ramp_costs() -> None:
     """Of first order: what the doubled ramp changes is the error, and the bar SAFETY times that."""
     base = with_theory(scene(**DRAINING), None)
-    bars = ErrorBars(base, Companion(RATIO, states(0.0)), bath=states(-0.02))
+    bars = ErrorBars(base, CoarserRun(REFINEMENT_RATIO, states(0.0)), bath=states(-0.02))
     for state in states(0.0):
-        bars.judged(state)
-        assert bars.budgets[-1].bath == pytest.approx(SAFETY * 0.02 * EXACT[state.step], rel=1e-9)
+        bars.add_error_estimate(state)
+        assert bars.budgets[-1].bath == pytest.approx(
+            SAFETY_FACTOR * 0.02 * EXACT[state.step], rel=1e-9
+        )
 
 
 def test_a_coarser_scene_is_coarser_everywhere() -> None:
     base = scene(accuracy=0.001, indenter={"shape": "flat_punch", "radius": 0.5})
-    larger = coarser(base, 1.6)
+    larger = coarsen_scene(base, 1.6)
     r, z = np.meshgrid(np.linspace(0, 2, 41), np.linspace(0, 1, 21))
     assert np.all(larger.sizes.at(r, z) >= base.sizes.at(r, z))
     assert larger.sizes.h_contact == pytest.approx(1.6 * base.sizes.h_contact)
@@ -453,9 +472,9 @@ def test_more_steps_are_advised_where_they_help(paths: tuple[float, float], said
     base = scene(accuracy=0.01, contact={"method": "auto", "friction": "stick"})
     rows = states(0.0, range(1, 3))
     budgets = [
-        Budget(row.step, 0.0, 0.0, 0.0, path=path * row.force)
+        ErrorBudget(row.step, 0.0, 0.0, 0.0, path=path * row.force)
         for row, path in zip(rows, paths, strict=True)
     ]
-    attempt = Attempt(base)
-    attempt.judge(lambda elements: base, rows, SimpleNamespace(budgets=budgets, companion=None))  # type: ignore[arg-type]
-    assert said in attempt.missed and attempt.following is None
+    attempt = RefinementLevel(base)
+    attempt.assess(lambda elements: base, rows, SimpleNamespace(budgets=budgets, companion=None))  # type: ignore[arg-type]
+    assert said in attempt.failure and attempt.next_level is None

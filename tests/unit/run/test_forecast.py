@@ -12,9 +12,13 @@ from indent_sim.cli import commands
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.strict_yaml import dump
 from indent_sim.model.state import State
-from indent_sim.run import chain
-from indent_sim.run.companions.accuracy import Attempt, companions_of, foreseen
-from indent_sim.run.companions.companion import Companion
+from indent_sim.run import simulate
+from indent_sim.run.error_estimation.coarser_run import CoarserRun
+from indent_sim.run.error_estimation.refinement import (
+    RefinementLevel,
+    auxiliary_scenes,
+    predict_total_cost,
+)
 from indent_sim.scene.scene import Scene, resolve
 
 PLAIN: dict[str, Any] = {
@@ -95,21 +99,23 @@ def test_the_companions_that_are_planned_are_those_that_are_run(
     config = from_mapping(PLAIN | SCENES[name])
     scene = resolve(config)
     solved: list[Said] = []
-    monkeypatch.setattr(chain, "backend", lambda: None)
+    monkeypatch.setattr(simulate, "backend", lambda: None)
     monkeypatch.setattr(
-        chain.Run, "_curve", lambda self, other: solved.append(said(other)) or reached(other)
+        simulate.SimulationDriver,
+        "_curve",
+        lambda self, other: solved.append(said(other)) or reached(other),
     )
-    run = chain.Run(config, None, None, tmp_path, None, False, with_stick, False)
-    bars = run._bars(Attempt(scene))
+    run = simulate.SimulationDriver(config, None, None, tmp_path, None, False, with_stick, False)
+    bars = run._error_bars(RefinementLevel(scene))
     if with_stick:
-        run._stick(Companion(1.0, reached(scene), scene), bars)
-    assert solved == [said(other) for other in companions_of(scene, with_stick)]
+        run._no_slip_effect(CoarserRun(1.0, reached(scene), scene), bars)
+    assert solved == [said(other) for other in auxiliary_scenes(scene, with_stick)]
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_a_whole_run_costs_more_than_its_own_mesh(name):
     scene = resolve(from_mapping(PLAIN | SCENES[name]))
-    alone, beside = (foreseen(scene, bars).plan.prediction for bars in (False, True))
+    alone, beside = (predict_total_cost(scene, bars).plan.prediction for bars in (False, True))
     assert beside["seconds"] > scene.plan.prediction["seconds"]
     assert beside["memory_MB"] >= scene.plan.prediction["memory_MB"]
     assert (alone["seconds"] > scene.plan.prediction["seconds"]) == ("accuracy" in SCENES[name])
@@ -120,7 +126,7 @@ def test_a_whole_run_costs_more_than_its_own_mesh(name):
 
 def test_theory_has_no_companions():
     scene = resolve(from_mapping(PLAIN | {"body": {"shape": "half_space"}, "accuracy": 0.01}))
-    assert foreseen(scene, True) is scene
+    assert predict_total_cost(scene, True) is scene
 
 
 def test_plan_counts_them_where_it_is_asked_to(tmp_path, monkeypatch):

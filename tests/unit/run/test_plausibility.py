@@ -12,14 +12,14 @@ import pytest
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.state import State
-from indent_sim.run.plausibility import (
-    ALWAYS,
-    WHEN_PRESSED,
-    Rows,
-    contradiction,
-    long_steps,
-    rough,
-    unresolved,
+from indent_sim.run.sanity_checks import (
+    CONTACT_RULES,
+    GENERAL_RULES,
+    PreviousRows,
+    long_step_warnings,
+    oscillating_pressure_warnings,
+    underresolved_rows,
+    violated_bound,
 )
 from indent_sim.scene.model_warnings import SUDDEN_BATH_RATIO, _swelling_deficit
 from indent_sim.scene.scene import Scene, resolve
@@ -81,7 +81,7 @@ def test_theory_itself(body: str, tip: str) -> None:
     base, earlier = scene(body, tip, loading={"deltas": path}), list[State]()
     for step, delta in enumerate(path, start=1):
         state = theorys(base, delta, step)
-        assert contradiction(base, state, Rows(earlier)) is None
+        assert violated_bound(base, state, PreviousRows(earlier)) is None
         earlier.append(state)
 
 
@@ -103,7 +103,7 @@ def test_what_coarse_or_soft_models_do(sections: dict[str, Any], change: dict[st
     changed = replace(
         state, **{name: factor * getattr(state, name) for name, factor in change.items()}
     )
-    assert contradiction(base, changed, Rows([before])) is None
+    assert violated_bound(base, changed, PreviousRows([before])) is None
 
 
 @pytest.mark.parametrize("tip", ["sphere", "cone", "flat_punch"])
@@ -113,8 +113,8 @@ def test_first_touch_on_a_mesh_for_the_deepest_contact(tip: str) -> None:
     """
     base = scene(tip=tip, loading={"deltas": [1e-8, 0.01, 0.1]})
     missed = [replace(theorys(base, delta), force=0.0, a=0.0, energy=0.0) for delta in (1e-8, 0.01)]
-    assert contradiction(base, missed[0], Rows()) is None
-    assert "finds no force" in (contradiction(base, missed[1], Rows()) or "")
+    assert violated_bound(base, missed[0], PreviousRows()) is None
+    assert "finds no force" in (violated_bound(base, missed[1], PreviousRows()) or "")
 
 
 # ---- each kind of wrong state
@@ -143,7 +143,9 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 def test_a_wrong_state(name: str) -> None:
     change, said = WRONG[name]
     base = scene()
-    assert said in (contradiction(base, replace(theorys(base, 0.1), **change), Rows()) or "")
+    assert said in (
+        violated_bound(base, replace(theorys(base, 0.1), **change), PreviousRows()) or ""
+    )
 
 
 def test_every_rule_is_tried() -> None:
@@ -151,9 +153,11 @@ def test_every_rule_is_tried() -> None:
     base = scene()
     states = [replace(theorys(base, 0.1), **change) for change, _ in WRONG.values()]
     tried = {
-        rule for rule in ALWAYS + WHEN_PRESSED if any(rule(base, state, Rows()) for state in states)
+        rule
+        for rule in GENERAL_RULES + CONTACT_RULES
+        if any(rule(base, state, PreviousRows()) for state in states)
     }
-    assert {rule.__name__ for rule in {*ALWAYS, *WHEN_PRESSED} - tried} == {
+    assert {rule.__name__ for rule in {*GENERAL_RULES, *CONTACT_RULES} - tried} == {
         "_stands_still",
         "_falls",
         "_stands_on_a_side",
@@ -167,9 +171,9 @@ def test_a_tip_on_the_top_of_a_fixed_side() -> None:
     body = {"shape": "cylinder", "radius": 0.5, "height": 2.0, "sides": "fixed"}
     base = scene(tip="paraboloid", body=body, loading={"force": 0.01, "steps": 1})
     state = State(1, 0.124, 0.01, 0.4, 0.1, 0.0, 0.0005, 5, 0.1, reaction=0.01)
-    assert contradiction(base, state, Rows()) is None
+    assert violated_bound(base, state, PreviousRows()) is None
     assert "top of a fixed side from 0.125 on" in (
-        contradiction(base, replace(state, delta=0.126), Rows()) or ""
+        violated_bound(base, replace(state, delta=0.126), PreviousRows()) or ""
     )
 
 
@@ -177,9 +181,9 @@ def test_nothing_solved() -> None:
     base = scene()
     first, second = theorys(base, 0.05), theorys(base, 0.1, step=2)
     still = replace(second, newton_iterations=0, force=first.force, energy=first.energy)
-    assert "nothing was solved" in (contradiction(base, still, Rows([first])) or "")
+    assert "nothing was solved" in (violated_bound(base, still, PreviousRows([first])) or "")
     assert "nothing was solved" in (
-        contradiction(base, replace(first, newton_iterations=0), Rows()) or ""
+        violated_bound(base, replace(first, newton_iterations=0), PreviousRows()) or ""
     )
 
 
@@ -196,9 +200,11 @@ def test_a_force_that_falls_with_depth(
         replace(theorys(base, delta, step=k), force=forces[delta])
         for k, delta in enumerate(depths, start=1)
     ]
-    assert "where it must be larger" in (contradiction(base, states[1], Rows(states[:1])) or "")
+    assert "where it must be larger" in (
+        violated_bound(base, states[1], PreviousRows(states[:1])) or ""
+    )
     excused = [replace(state, force_error=0.3 * force) for state in states]
-    assert contradiction(base, excused[1], Rows(excused[:1])) is None
+    assert violated_bound(base, excused[1], PreviousRows(excused[:1])) is None
 
 
 def test_a_law_that_softens_may_give_way() -> None:
@@ -207,7 +213,10 @@ def test_a_law_that_softens_may_give_way() -> None:
     base = scene(material=soft, loading={"delta": 0.4, "steps": 2})
     assert any("loses its stability" in warning for warning in base.plan.warnings)
     first, second = (theorys(base, delta) for delta in (0.3, 0.4))
-    assert contradiction(base, replace(second, force=0.8 * first.force), Rows([first])) is None
+    assert (
+        violated_bound(base, replace(second, force=0.8 * first.force), PreviousRows([first]))
+        is None
+    )
 
 
 def test_theory_says_little_where_the_body_is_another() -> None:
@@ -217,8 +226,10 @@ def test_theory_says_little_where_the_body_is_another() -> None:
     base = scene(tip="flat_punch", body={"shape": "cylinder", "radius": 0.35, "height": 4.0})
     state = theorys(base, 0.1)
     assert (
-        contradiction(
-            base, replace(state, force=0.05 * state.force, energy=0.05 * state.energy), Rows()
+        violated_bound(
+            base,
+            replace(state, force=0.05 * state.force, energy=0.05 * state.energy),
+            PreviousRows(),
         )
         is None
     )
@@ -255,34 +266,34 @@ def rows_of(radii: list[float], delta: float = 0.0, force: float = 1.0) -> list[
 
 def test_rows_of_a_history_whose_contact_is_small() -> None:
     base = scene(**DRAINING)
-    assert unresolved(base, rows_of([2.0, 5.0])) == []
-    (said,) = unresolved(base, rows_of([0.5, 1.8, 2.0, 5.0], delta=0.1))
+    assert underresolved_rows(base, rows_of([2.0, 5.0])) == []
+    (said,) = underresolved_rows(base, rows_of([0.5, 1.8, 2.0, 5.0], delta=0.1))
     assert (
         said.startswith("2 rows from step 1 on have at most 1.8 elements")
         and "about 2 % to tens of per cent" in said
     )
-    (said,) = unresolved(base, rows_of([5.0, 1.0]))
+    (said,) = underresolved_rows(base, rows_of([5.0, 1.0]))
     assert (
         said.startswith("step 2 has at most 1 elements")
         and "about 7 %" in said
         and "mesh.h_axis" in said
     )
-    assert unresolved(base, [replace(row, force=0.0) for row in rows_of([0.5, 1.0])]) == []
+    assert underresolved_rows(base, [replace(row, force=0.0) for row in rows_of([0.5, 1.0])]) == []
 
 
 def test_a_contact_that_a_gel_closes_needs_more_elements() -> None:
     base = scene(**DRAINING | SWELLING)
-    (said,) = unresolved(base, rows_of([2.0, 5.0, 8.0]))
+    (said,) = underresolved_rows(base, rows_of([2.0, 5.0, 8.0]))
     assert said.startswith("2 rows from step 1 on have at most 5 elements") and "about 7 %" in said
     assert (
-        unresolved(base, rows_of([2.0, 5.0, 8.0], delta=0.1)) == []
+        underresolved_rows(base, rows_of([2.0, 5.0, 8.0], delta=0.1)) == []
     )  # pressed in: the tip is wider at this depth
 
 
 def test_what_was_said_beforehand_is_not_said_again() -> None:
     base = scene(mesh={"h_contact": 0.2})
     assert any(doubt.key == "elements" for doubt in base.plan.model_warnings)
-    assert unresolved(base, rows_of([0.5])) == []
+    assert underresolved_rows(base, rows_of([0.5])) == []
 
 
 # ---- pressures that alternate, steps that are too long
@@ -292,16 +303,18 @@ def test_what_was_said_beforehand_is_not_said_again() -> None:
 def test_rough_pressures_are_said_once_with_their_size() -> None:
     base, smooth = scene(), rows_of([5.0, 5.0, 5.0])
     assert (
-        rough(base, smooth) == rough(base, [replace(row, roughness=0.029) for row in smooth]) == []
+        oscillating_pressure_warnings(base, smooth)
+        == oscillating_pressure_warnings(base, [replace(row, roughness=0.029) for row in smooth])
+        == []
     )
-    (said,) = rough(
+    (said,) = oscillating_pressure_warnings(
         base, [replace(row, roughness=r) for row, r in zip(smooth, (0.01, 0.05, 0.12), strict=True)]
     )
     assert (
         said.startswith("2 rows from step 2 on") and "by 5 to 12 % of p_max, most in step 3" in said
     )
     assert "mesh.h_contact" in said
-    (said,) = rough(base, [replace(smooth[0], roughness=0.3)])
+    (said,) = oscillating_pressure_warnings(base, [replace(smooth[0], roughness=0.3)])
     assert said.startswith("step 1:") and "30 % of p_max" in said
 
 
@@ -316,29 +329,29 @@ def test_a_long_step_with_friction_says_what_it_costs() -> None:
     finds.
     """
     base = scene(contact={"friction": 0.1})
-    (said,) = long_steps(base, even_rows(1, 0.1))
+    (said,) = long_step_warnings(base, even_rows(1, 0.1))
     assert said.startswith("step 1 changes the contact radius by up to 100 %")
     assert said.count("its own size or more") == 2
-    (said,) = long_steps(base, even_rows(4, 0.3))
+    (said,) = long_step_warnings(base, even_rows(4, 0.3))
     assert said.startswith("2 rows from step 1 on") and "stick_radius" in said
 
 
 def test_ten_steps_are_short_enough_unless_little_slips() -> None:
     base = scene(contact={"friction": 0.3})
-    assert long_steps(base, even_rows(10, 0.5)) == []
-    (said,) = long_steps(base, even_rows(10, 0.9))
+    assert long_step_warnings(base, even_rows(10, 0.5)) == []
+    (said,) = long_step_warnings(base, even_rows(10, 0.9))
     assert (
         "dissipation by its own size or more" in said
         and "stick_radius may be wrong by about 22 %" in said
     )
     for contact in ({}, {"friction": "stick"}):  # nothing slips that is reported
-        assert long_steps(scene(contact=contact), even_rows(1, 0.1)) == []
+        assert long_step_warnings(scene(contact=contact), even_rows(1, 0.1)) == []
 
 
 def test_a_punch_touches_at_once() -> None:
     """Its contact does not grow, and one step slips as ten do."""
     flat = scene(contact={"friction": 0.3}, indenter={"shape": "flat_punch", "radius": 0.1})
-    assert long_steps(flat, even_rows(1, 0.5)) == []
+    assert long_step_warnings(flat, even_rows(1, 0.5)) == []
 
 
 # ---- baths that come within a time

@@ -8,7 +8,7 @@ import pytest
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import ConfigError, ConfigErrors
-from indent_sim.run.prospect import Prospect, foreseen
+from indent_sim.run.planned_run import PlannedRun, plan_with_cost
 
 SCENE: dict[str, Any] = {
     "body": {"shape": "cylinder", "radius": 4.0, "height": 2.0},
@@ -18,8 +18,8 @@ SCENE: dict[str, Any] = {
 }
 
 
-def of(**changes: Any) -> Prospect:
-    return Prospect.of(from_mapping(SCENE | changes))
+def of(**changes: Any) -> PlannedRun:
+    return PlannedRun.resolve(from_mapping(SCENE | changes))
 
 
 def test_titles_have_no_part_in_an_identity_and_numbers_have() -> None:
@@ -32,17 +32,18 @@ def test_titles_have_no_part_in_an_identity_and_numbers_have() -> None:
 
 def test_depths_and_units_are_the_users() -> None:
     prospect = of(contact={"method": "penalty"})
-    assert prospect.depths == pytest.approx([0.02, 0.04]) and not prospect.finds_depths
+    assert prospect.depths == pytest.approx([0.02, 0.04]) and not prospect.has_prescribed_forces
     assert prospect.modulus == pytest.approx(3.0)
     assert prospect.stiffness == pytest.approx(100.0, rel=0.5)  # of the penalty's own choice
-    assert prospect.stiffness_unit > 0 and of(loading={"force": 0.1}).finds_depths
+    assert prospect.stiffness_unit > 0 and of(loading={"force": 0.1}).has_prescribed_forces
 
 
 def test_error_bars_cost_seconds() -> None:
     alone = of()
-    assert alone.whole() is alone
+    assert alone.add_estimation_cost() is alone
     assert (
-        alone.whole(error_bars=True).plan.prediction["seconds"] > alone.plan.prediction["seconds"]
+        alone.add_estimation_cost(error_bars=True).plan.prediction["seconds"]
+        > alone.plan.prediction["seconds"]
     )
 
 
@@ -52,9 +53,9 @@ def test_a_plan_tells_all_mistakes_at_once() -> None:
         SCENE | {"solver": {"method": "theory"}, "loading": {"delta": 3.0, "steps": 1}}
     )
     with pytest.raises(ConfigError) as first:
-        Prospect.of(config)
+        PlannedRun.resolve(config)
     with pytest.raises(ConfigError) as told:
-        foreseen(config)
+        plan_with_cost(config)
     assert str(first.value.errors[0].problem) in str(told.value)
     assert not isinstance(first.value, ConfigErrors)
 
@@ -71,8 +72,8 @@ def test_what_was_left_out_is_not_asked_for() -> None:
     }
     away: dict[str, Any] = {"material": relaxing, "loading": {"history": [[0, 0], [1, -0.1]]}}
     with pytest.raises(ConfigError) as told:
-        foreseen(from_mapping(SCENE | away))
+        plan_with_cost(from_mapping(SCENE | away))
     assert [one.key for one in told.value.errors] == ["loading.history"]
     with pytest.raises(ConfigError) as told:
-        foreseen(from_mapping(SCENE | away | {"drainage": {"tip": "sealed"}}))
+        plan_with_cost(from_mapping(SCENE | away | {"drainage": {"tip": "sealed"}}))
     assert {one.key for one in told.value.errors} == {"loading.history", "drainage"}

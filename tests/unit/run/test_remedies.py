@@ -13,7 +13,7 @@ import pytest
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.model.state import State
-from indent_sim.run.companions.remedies import are_tried, remedies, tried
+from indent_sim.run.remedies import has_remedies, remedies, try_remedies
 from indent_sim.scene.scene import Scene, resolve
 
 RUBBER = {"model": "neo_hookean", "E": 10.0, "nu": 0.45}
@@ -59,7 +59,7 @@ def test_rounder_edges_come_first_then_smaller_and_larger_elements() -> None:
 
 def test_the_first_that_helps_is_the_last_that_is_tried() -> None:
     config, scene = configured()
-    said = tried(remedies(config, scene), 2, 1000, resolve, walk_to({1.0: 3}))
+    said = try_remedies(remedies(config, scene), 2, 1000, resolve, walk_to({1.0: 3}))
     ends, comes = (
         "indenter.edge_radius: 0.3 ends after delta = 0.5",
         "indenter.edge_radius: 1 comes to delta = 1 ",
@@ -71,7 +71,7 @@ def test_the_first_that_helps_is_the_last_that_is_tried() -> None:
 def test_all_tries_cost_no_more_than_the_run() -> None:
     """Of 15 iterations the first try takes 20, with its last row, and none begins after it."""
     config, scene = configured()
-    said = tried(remedies(config, scene), 3, 15, resolve, walk_to({}))
+    said = try_remedies(remedies(config, scene), 3, 15, resolve, walk_to({}))
     assert said == "; tried: indenter.edge_radius: 0.3 ends after delta = 0.5"
 
 
@@ -85,8 +85,8 @@ def test_all_tries_cost_no_more_than_the_run() -> None:
     ids=["small strain", "forces", "gap at the undeformed point"],
 )
 def test_nothing_is_tried_where_nothing_is_known_to_help(sections: dict[str, Any]) -> None:
-    assert not are_tried(configured(**sections)[1])
-    assert are_tried(configured()[1])
+    assert not has_remedies(configured(**sections)[1])
+    assert has_remedies(configured()[1])
 
 
 def test_a_plate_has_no_edge_to_round() -> None:

@@ -13,7 +13,7 @@ from indent_sim.config.scene_file import from_mapping, to_mapping, to_yaml
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.reader import earlier_run
 from indent_sim.results.writer import to_json
-from indent_sim.run.resolved import left_open, resolved
+from indent_sim.run.explicit_config import automatic_keys, explicit_config
 from indent_sim.scene.scene import resolve
 
 SIZES = {"mesh.h_contact", "mesh.h_far", "mesh.grading", "mesh.symmetry"}
@@ -50,7 +50,7 @@ def test_what_stays_auto_is_what_the_scene_has_no_use_for(
         }
         | sections
     )
-    assert set(_autos(to_mapping(resolved(config, resolve(config))))) == left
+    assert set(_autos(to_mapping(explicit_config(config, resolve(config))))) == left
 
 
 def _autos(document: dict[str, Any]) -> Iterator[str]:
@@ -103,11 +103,11 @@ def test_a_resume_blames_the_key_that_was_changed(contact: str, tmp_path: Path) 
         own = {name: part for name, part in data.items() if part} | {"contact": {"method": contact}}
         told = []
         for config in (from_mapping(own), from_mapping(own, [change])):
-            decided = resolved(config, resolve(config))
+            decided = explicit_config(config, resolve(config))
             told.append(
                 (
                     to_yaml(decided),
-                    {"program": "indent-sim", "plan": {"auto": left_open(config, decided)}},
+                    {"program": "indent-sim", "plan": {"auto": automatic_keys(config, decided)}},
                 )
             )
         for (there, report), (here, ours) in (told, told[::-1]):

@@ -11,7 +11,7 @@ from scenes import CYLINDER, E_STAR, STRIP, WALLED, scene
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.contact import Adhesion
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.resolved import resolved
+from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.scene import resolve
 from indent_sim.theory.surface.adhesion import maugis_pull_off
 
@@ -178,7 +178,7 @@ def test_a_resolved_scene_is_the_same_scene() -> None:
     }
     config = from_mapping(given)
     found = resolve(config)
-    again = resolve(resolved(config, found))
+    again = resolve(explicit_config(config, found))
     assert again.physics.contact == found.physics.contact and again.sizes == found.sizes
     assert (
         found.physics.contact.has_memory

@@ -16,8 +16,8 @@ from indent_sim.config.scene_file import from_mapping
 from indent_sim.mesh.modelled_part import Side
 from indent_sim.mesh.sizes import size_formula
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.companions.companion import coarser
-from indent_sim.run.resolved import resolved
+from indent_sim.run.error_estimation.coarser_run import coarsen_scene
+from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.corner_singularities import corners
 from indent_sim.scene.scene import resolve
 
@@ -85,7 +85,9 @@ def test_corners_shrink_with_the_accuracy_and_grow_in_companions() -> None:
     )
     assert coarse.h_corner and fine.h_corner and fine.h_corner < coarse.h_corner / 5
     base = scene(CYLINDER, material=SOFT, indenter=PLATE, accuracy=0.001)
-    assert coarser(base, 1.6).sizes.h_corner == pytest.approx(1.6 ** (2.5 / 1.2) * fine.h_corner)
+    assert coarsen_scene(base, 1.6).sizes.h_corner == pytest.approx(
+        1.6 ** (2.5 / 1.2) * fine.h_corner
+    )
 
 
 def test_what_refined_corners_still_cost_is_known() -> None:
@@ -108,7 +110,7 @@ def test_the_resolved_config_has_the_same_sizes(sections: dict[str, Any]) -> Non
         {"body": CYLINDER, "material": SOFT, "indenter": PLATE, "loading": DEEP} | sections
     )
     first = resolve(config)
-    again = resolve(resolved(config, first))
+    again = resolve(explicit_config(config, first))
     assert again.sizes == first.sizes and first.sizes.h_corner is not None
 
 

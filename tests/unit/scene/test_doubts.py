@@ -13,9 +13,9 @@ from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.model.contact import Penalty
 from indent_sim.model.materials import LinearElastic
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid
-from indent_sim.run.companions.companion import Companion
-from indent_sim.run.companions.error_bars import ErrorBars
-from indent_sim.run.resolved import resolved
+from indent_sim.run.error_estimation.coarser_run import CoarserRun
+from indent_sim.run.error_estimation.error_bars import ErrorBars
+from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.model_warnings import characteristic_strain, penalty_force_loss
 from indent_sim.scene.scene import Scene, resolve
 
@@ -143,7 +143,7 @@ def test_without_contact_only_that_is_said() -> None:
 
 def test_the_error_budget_has_the_doubt_of_the_finite_body() -> None:
     found = scene(**SCENES["half_space"])
-    bars = ErrorBars(found, Companion(1.6, [], found))
+    bars = ErrorBars(found, CoarserRun(1.6, [], found))
     (doubt,) = (doubt for doubt in found.plan.model_warnings if doubt.key == "truncation")
     assert bars._truncation == doubt.force_error == found.plan.prediction["truncation_error"]
 
@@ -191,4 +191,6 @@ def test_a_material_that_nothing_has_is_named_and_read_by_nothing(
         and found.plan.prediction == expected.plan.prediction
     )
     assert (found.sizes, found.solver) == (expected.sizes, expected.solver)
-    assert to_mapping(resolved(having, found)) == to_mapping(resolved(lacking, expected))
+    assert to_mapping(explicit_config(having, found)) == to_mapping(
+        explicit_config(lacking, expected)
+    )

@@ -12,7 +12,7 @@ from scipy.linalg import solve_banded
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.resolved import resolved
+from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.boundary_films import path_rows
 from indent_sim.scene.resolution import coarsened_sizes
 from indent_sim.scene.scene import Scene, resolve
@@ -130,7 +130,7 @@ def test_films_get_finer_with_the_accuracy_and_coarser_in_companions() -> None:
 def test_a_resolved_scene_has_the_same_films() -> None:
     config = from_mapping(BASE)
     first = resolve(config)
-    again = resolve(resolved(config, first))
+    again = resolve(explicit_config(config, first))
     assert again.sizes == first.sizes
 
 

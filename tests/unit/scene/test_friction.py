@@ -10,7 +10,7 @@ import pytest
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.tips import FlatPunch
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.resolved import resolved
+from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.predictions import NoSlipEffect, tensile_rim_width
 from indent_sim.scene.scene import Scene, resolve
 
@@ -93,9 +93,9 @@ def test_a_run_says_the_friction_that_it_had() -> None:
     friction it stays auto.
     """
     rough, smooth = config({"friction": "stick"}), config({})
-    contact = resolved(rough, resolve(rough)).contact
+    contact = explicit_config(rough, resolve(rough)).contact
     assert contact.friction == "stick" and contact.epsilon_t == contact.epsilon_n
-    assert resolved(smooth, resolve(smooth)).contact.epsilon_t == "auto"
+    assert explicit_config(smooth, resolve(smooth)).contact.epsilon_t == "auto"
 
 
 def test_epsilon_t_is_measured_in_the_scenes_units() -> None:

@@ -11,18 +11,18 @@ import numpy as np
 
 from indent_sim.model.state import State
 from indent_sim.process.errors import NotConverged
-from indent_sim.run.chain import condense, states
-from indent_sim.run.companions.companion import Companion, beside, softer
-from indent_sim.run.companions.error_bars import ErrorBars
-from indent_sim.run.prospect import Prospect
-from indent_sim.run.readings import hertz_forces, punches_of
+from indent_sim.run.derived_quantities import hertz_forces, punches_of
+from indent_sim.run.error_estimation.coarser_run import CoarserRun, coarser_scene, halve_penalty
+from indent_sim.run.error_estimation.error_bars import ErrorBars
+from indent_sim.run.planned_run import PlannedRun
+from indent_sim.run.simulate import condense, states
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.surface.punches import radius_at
 
-DEEP = 0.5  # of the deepest: from there on the error bar of a curve counts
+DEEP_FRACTION = 0.5  # of the deepest: from there on the error bar of a curve counts
 ADHERING_DEPTH = 1.6  # times the depth: an adhering tip has the contact of a deeper one
-PUNCH_RADII = 40  # flat punches
+PUNCH_COUNT = 40  # flat punches
 
 
 @dataclass(frozen=True)
@@ -32,66 +32,74 @@ class ElasticForces:
     """
 
     forces: np.ndarray
-    of_theory: np.ndarray | None
-    radius: float
+    theory_forces: np.ndarray | None
+    contact_radius: float
     error: float = 0.0
 
 
-def forces_at(prospect: Prospect, depths: np.ndarray) -> ElasticForces:
+def elastic_forces(prospect: PlannedRun, depths: np.ndarray) -> ElasticForces:
     """The forces of an elastic scene at depths, increasing; those of the load path where neither
     theory solves it nor it condenses. NotConverged where one is not reached, UNSOLVED where
     theory has no solution.
     """
     scene = prospect.scene
     scales = prospect.scene.physics.scales
-    asked = [float(depth / scales.depth) for depth in depths]
+    scaled_depths = [float(depth / scales.depth) for depth in depths]
     theory = scene.plan.theory
     if not scene.is_meshed:
         assert theory is not None
-        exact = theory.contact.curve(asked)
+        solutions = theory.contact.curve(scaled_depths)
         return ElasticForces(
-            np.array([one.force for one in exact]) * scales.force, None, exact[-1].a * scales.length
+            np.array([solution.force for solution in solutions]) * scales.force,
+            None,
+            solutions[-1].a * scales.length,
         )
-    found = _solved(scene, depths)
-    if len(found) < len(depths) or not found[-1].converged:
+    states_found = _solve_depths(scene, depths)
+    if len(states_found) < len(depths) or not states_found[-1].converged:
         raise NotConverged(
-            next((state.reason for state in found if not state.converged), "the path ended")
+            next((state.reason for state in states_found if not state.converged), "the path ended")
         )
-    curve = theory.curve(asked) if theory else None
-    of_theory = np.array([one.force for one in curve]) * scales.force if curve else None
-    forces = np.array([state.force for state in found])
-    return ElasticForces(forces, of_theory, found[-1].a, _bar(scene, found, depths))
+    curve = theory.curve(scaled_depths) if theory else None
+    theory_forces = (
+        np.array([solution.force for solution in curve]) * scales.force if curve else None
+    )
+    forces = np.array([state.force for state in states_found])
+    return ElasticForces(
+        forces, theory_forces, states_found[-1].a, _relative_error(scene, states_found, depths)
+    )
 
 
-def _solved(scene: Scene, depths: np.ndarray) -> list[State]:
+def _solve_depths(scene: Scene, depths: np.ndarray) -> list[State]:
     if scene.solver.method == "condensed":
         return condense(scene).states(deltas=list(map(float, depths)))
     return list(states(scene, with_surface=False))
 
 
-def _bar(scene: Scene, found: list[State], depths: np.ndarray) -> float:
+def _relative_error(scene: Scene, states_found: list[State], depths: np.ndarray) -> float:
     """The relative error bar of the deepest forces, from a coarser mesh."""
-    ratio, other = beside(scene)
-    soft = softer(other)
-    bars = ErrorBars(
+    ratio, coarse_scene = coarser_scene(scene)
+    soft_scene = halve_penalty(coarse_scene)
+    error_bars = ErrorBars(
         scene,
-        Companion(ratio, _solved(other, depths), other),
-        _solved(soft, depths) if soft else None,
+        CoarserRun(ratio, _solve_depths(coarse_scene, depths), coarse_scene),
+        _solve_depths(soft_scene, depths) if soft_scene else None,
     )
-    judged = [bars.judged(state) for state in found]  # each knows those before it
-    deep = [
+    estimated = [
+        error_bars.add_error_estimate(state) for state in states_found
+    ]  # each knows those before it
+    deep_states = [
         state
-        for state in judged
-        if state.delta > DEEP * depths[-1] and np.isfinite(state.force_error or 0.0)
+        for state in estimated
+        if state.delta > DEEP_FRACTION * depths[-1] and np.isfinite(state.force_error or 0.0)
     ]
-    return max(((state.force_error or 0.0) / state.force for state in deep), default=0.0)
+    return max(((state.force_error or 0.0) / state.force for state in deep_states), default=0.0)
 
 
-def punches_to(
-    prospect: Prospect, deepest: float, least: float
+def flat_punches(
+    prospect: PlannedRun, deepest: float, min_ratio: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Flat punches under the tip: radii (n,) over the widest, that of an adhering contact at a
-    depth, from `least` on; depth, force, stiffness and its slope over the radius (4, n); the
+    depth, from `min_ratio` on; depth, force, stiffness and its slope over the radius (4, n); the
     widest radius. UNSOLVED where there are none.
     """
     scene = prospect.scene
@@ -105,7 +113,7 @@ def punches_to(
         widest = radius_at(punches, ADHERING_DEPTH * deepest / scales.depth)
     except UNSOLVED:
         widest = 0.999 * punches.largest
-    radii = np.geomspace(max(least * widest, punches.smallest), widest, PUNCH_RADII)
+    radii = np.geomspace(max(min_ratio * widest, punches.smallest), widest, PUNCH_COUNT)
     rows = [punches.at(float(a)) for a in radii]
     units = (
         scales.depth,
@@ -113,26 +121,30 @@ def punches_to(
         scales.force / scales.depth,
         scales.force / scales.depth / scales.length,
     )
-    columns = zip(*((one.delta, one.force, one.stiffness, one.slope) for one in rows), strict=True)
+    columns = zip(
+        *((punch.delta, punch.force, punch.stiffness, punch.slope) for punch in rows), strict=True
+    )
     values = [np.array(column) * unit for column, unit in zip(columns, units, strict=True)]
     return radii / widest, np.array(values), widest * scales.length
 
 
-def half_space_modulus(prospect: Prospect, delta: np.ndarray, force: np.ndarray) -> float | None:
+def half_space_modulus(prospect: PlannedRun, delta: np.ndarray, force: np.ndarray) -> float | None:
     """The modulus E that a least-squares fit of the half-space formula to a curve (n,) reads; None
     where there is no formula or no contact.
     """
     scene = prospect.scene
     scales = prospect.scene.physics.scales
     try:
-        known = [force or 0.0 for force in hertz_forces(scene, map(float, delta / scales.depth))]
+        unit_forces = [
+            force or 0.0 for force in hertz_forces(scene, map(float, delta / scales.depth))
+        ]
     except UNSOLVED:
         return None
-    total = sum(one * one for one in known)
+    total = sum(value * value for value in unit_forces)
     if not total:
         return None
     return (
-        float(np.dot(known, force))
+        float(np.dot(unit_forces, force))
         / total
         / scales.force
         * scene.physics.material.constants.E

@@ -27,7 +27,7 @@ LEAST_ROUNDING = 0.2
 FINER = 0.5
 COARSER = 2.0
 
-Walk = Callable[[Scene], Iterator[State]]
+SolveStates = Callable[[Scene], Iterator[State]]
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Remedy:
     config: Config
 
 
-def are_tried(scene: Scene) -> bool:
+def has_remedies(scene: Scene) -> bool:
     """Whether remedies are tried for a scene: of a hyperelastic section, its gap at the deformed
     point, whose depths are prescribed without times.
     """
@@ -53,18 +53,18 @@ def remedies(config: Config, scene: Scene) -> list[Remedy]:
     """What may help, in the order in which it is tried: rounder edges, smaller elements, larger
     ones.
     """
-    found = [
-        Remedy("indenter.edge_radius", rho, _rounded(config, rho))
-        for rho in _roundings(config, scene)
+    remedies_found = [
+        Remedy("indenter.edge_radius", rho, _set_edge_radius(config, rho))
+        for rho in _edge_radii(config, scene)
     ]
     h_contact = scene.sizes.h_contact * scene.physics.scales.length
     for factor in (FINER, COARSER):
         h = float(f"{factor * h_contact:.3g}")
-        found.append(Remedy("mesh.h_contact", h, _with_elements(config, h)))
-    return found
+        remedies_found.append(Remedy("mesh.h_contact", h, _set_element_size(config, h)))
+    return remedies_found
 
 
-def _roundings(config: Config, scene: Scene) -> list[float]:
+def _edge_radii(config: Config, scene: Scene) -> list[float]:
     """Larger edge radii of a punch [user's lengths]: twice its own, at least LEAST_ROUNDING, and
     half a ball.
     """
@@ -75,11 +75,11 @@ def _roundings(config: Config, scene: Scene) -> list[float]:
         or tip.edge_radius >= tip.radius
     ):
         return []
-    rounder = min(max(2 * tip.edge_radius, LEAST_ROUNDING * tip.radius), tip.radius)
-    return list(dict.fromkeys([float(f"{rounder:.3g}"), tip.radius]))
+    larger_radius = min(max(2 * tip.edge_radius, LEAST_ROUNDING * tip.radius), tip.radius)
+    return list(dict.fromkeys([float(f"{larger_radius:.3g}"), tip.radius]))
 
 
-def _rounded(config: Config, edge_radius: float) -> Config:
+def _set_edge_radius(config: Config, edge_radius: float) -> Config:
     tip: Any = config.indenter
     mesh = replace(config.mesh, h_edge=None)  # of a sharp edge, which this one may not be
     return config.model_copy(
@@ -87,15 +87,19 @@ def _rounded(config: Config, edge_radius: float) -> Config:
     )
 
 
-def _with_elements(config: Config, h_contact: float) -> Config:
+def _set_element_size(config: Config, h_contact: float) -> Config:
     mesh = replace(
         config.mesh, h_contact=h_contact, h_axis=None, h_edge=None, h_corner=None, h_far="auto"
     )
     return config.model_copy(update={"accuracy": None, "mesh": mesh})
 
 
-def tried(
-    found: list[Remedy], step: int, spent: int, resolve: Callable[[Config], Scene], walk: Walk
+def try_remedies(
+    remedies_found: list[Remedy],
+    step: int,
+    iterations_left: int,
+    resolve: Callable[[Config], Scene],
+    solve_states: SolveStates,
 ) -> str:
     """How far the remedies came, in words, up to the first that comes to the step at which the run
     ended.
@@ -111,33 +115,33 @@ def tried(
     resolve, walk
         What makes a scene of a config, and its states of a scene.
     """
-    words: list[str] = []
-    for remedy in found:
-        if spent <= 0:
+    reports: list[str] = []
+    for remedy in remedies_found:
+        if iterations_left <= 0:
             break
         try:
-            scene = _up_to(resolve(remedy.config), step)
+            scene = _truncate_path(resolve(remedy.config), step)
         except IndentSimError:
             continue  # the scene does not allow this value
         last: State | None = None
-        for state in walk(scene):
-            spent -= state.newton_iterations
+        for state in solve_states(scene):
+            iterations_left -= state.newton_iterations
             if state.converged:
                 last = state
-            if not state.converged or spent <= 0:
+            if not state.converged or iterations_left <= 0:
                 break
         name = f"{remedy.key}: {remedy.value:g}"
         if last is not None and last.step == step:
-            words.append(
+            reports.append(
                 f"{name} comes to delta = {last.delta:.6g} with the force {last.force:.6g}"
             )
             break
         end = f"ends after delta = {last.delta:.6g}" if last else "comes to no row"
-        words.append(f"{name} {end}")
-    return f"; tried: {'; '.join(words)}" if words else ""
+        reports.append(f"{name} {end}")
+    return f"; tried: {'; '.join(reports)}" if reports else ""
 
 
-def _up_to(scene: Scene, step: int) -> Scene:
+def _truncate_path(scene: Scene, step: int) -> Scene:
     """The scene with the first rows of its path alone."""
     values = scene.physics.path.values[:step]
     return scene.replace_physics(path=LoadPath("depth", values), deltas=values)

@@ -19,19 +19,19 @@ from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import KeyPath, key_path
 from indent_sim.process.errors import ConfigError, NotConverged
-from indent_sim.run import chain
-from indent_sim.run.resolved import resolved
+from indent_sim.run import simulate
+from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.scene import Scene, resolve
 
 MESH_ERROR = 1e-3  # relative, of a force at automatic sizes
-STEP = 0.02  # relative; the second difference has twice as much
+RELATIVE_STEP = 0.02  # relative; the second difference has twice as much
 # steps of a key that are tried, in this order
-CENTRAL = (-2.0, -1.0, 1.0, 2.0)
-BACKWARD = (-4.0, -2.0, -1.0, 0.0)
+CENTRAL_STEPS = (-2.0, -1.0, 1.0, 2.0)
+BACKWARD_STEPS = (-4.0, -2.0, -1.0, 0.0)
 Derivatives = dict[str, dict[str, list[float]]]
 
 
-def sensitivities(config: Config, keys: Sequence[str], step: float = STEP) -> Derivatives:
+def sensitivities(config: Config, keys: Sequence[str], step: float = RELATIVE_STEP) -> Derivatives:
     """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}} in the user's units per
     unit of the key.
 
@@ -48,18 +48,21 @@ def sensitivities(config: Config, keys: Sequence[str], step: float = STEP) -> De
             "derivatives of the force are at given depths",
             "give loading.delta or deltas",
         )
-    pinned = resolved(config, base)
-    body = _Body(base)
-    found: Derivatives = {}
+    explicit = explicit_config(config, base)
+    body = _MeshedScene(base)
+    derivatives: Derivatives = {}
     for key in keys:
         path = key_path(key)
-        value, error, forces = _derivative(pinned, path, body.forces, step)
-        own = body.error * np.abs(forces / _number(pinned, path))
-        found[key] = {"value": list(map(float, value)), "error": list(map(float, error + own))}
-    return found
+        value, error, forces = _derivative(explicit, path, body.forces, step)
+        force_error = body.error * np.abs(forces / _key_value(explicit, path))
+        derivatives[key] = {
+            "value": list(map(float, value)),
+            "error": list(map(float, error + force_error)),
+        }
+    return derivatives
 
 
-class _Body:
+class _MeshedScene:
     """A scene and its mesh, which others that differ a little from it are solved on."""
 
     def __init__(self, scene: Scene):
@@ -84,7 +87,7 @@ class _Body:
             if self._grid is None
             else partial(Scene.adapt_grid, other=self.scene, grid=self._grid)
         )
-        states = list(chain.states(scene, with_surface=False, mesher=mesher))
+        states = list(simulate.states(scene, with_surface=False, mesher=mesher))
         if not all(state.converged for state in states):
             raise NotConverged(f"a scene beside this one: {states[-1].reason}")
         return np.array([state.force for state in states])
@@ -94,26 +97,34 @@ def _derivative(
     config: Config, path: KeyPath, forces: Callable[[Config], np.ndarray], step: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The derivative at every row, how far that over h and over 2 h are apart, and a force near it."""
-    value = _number(config, path)
-    for steps in (CENTRAL, BACKWARD):
+    value = _key_value(config, path)
+    for steps in (CENTRAL_STEPS, BACKWARD_STEPS):
         with suppress(ConfigError):
-            scenes = [_changed(config, path, value * (1 + n * step)) for n in steps]
+            scenes = [_replace_value(config, path, value * (1 + n * step)) for n in steps]
             for scene in scenes:
                 resolve(scene)
-            found = [forces(scene) for scene in scenes]
+            forces_at_steps = [forces(scene) for scene in scenes]
             h = step * value
-            if steps is CENTRAL:
-                near = (found[2] - found[1]) / (2 * h)
-                far = (found[3] - found[0]) / (4 * h)
+            if steps is CENTRAL_STEPS:
+                near_slope = (forces_at_steps[2] - forces_at_steps[1]) / (2 * h)
+                far_slope = (forces_at_steps[3] - forces_at_steps[0]) / (4 * h)
             else:  # of second order each
-                near = (3 * found[3] - 4 * found[2] + found[1]) / (2 * h)
-                far = (3 * found[3] - 4 * found[1] + found[0]) / (4 * h)
-            return (4 * near - far) / 3, np.abs(near - far) / 3, found[2]
-    resolve(_changed(config, path, value * (1 - step)))  # which says what is wrong
+                near_slope = (
+                    3 * forces_at_steps[3] - 4 * forces_at_steps[2] + forces_at_steps[1]
+                ) / (2 * h)
+                far_slope = (
+                    3 * forces_at_steps[3] - 4 * forces_at_steps[1] + forces_at_steps[0]
+                ) / (4 * h)
+            return (
+                (4 * near_slope - far_slope) / 3,
+                np.abs(near_slope - far_slope) / 3,
+                forces_at_steps[2],
+            )
+    resolve(_replace_value(config, path, value * (1 - step)))  # which says what is wrong
     raise ConfigError(".".join(map(str, path)), "neither side of its value can be run")
 
 
-def _number(config: Config, path: KeyPath) -> float:
+def _key_value(config: Config, path: KeyPath) -> float:
     """The value of a key, in the units of the scene."""
     value: Any = to_mapping(config)
     with suppress(KeyError, IndexError, TypeError):
@@ -127,7 +138,7 @@ def _number(config: Config, path: KeyPath) -> float:
     )
 
 
-def _changed(config: Config, path: KeyPath, value: float) -> Config:
+def _replace_value(config: Config, path: KeyPath, value: float) -> Config:
     """The scene with another value."""
     document: Any = to_mapping(config)
     section = document

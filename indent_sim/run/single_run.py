@@ -21,14 +21,14 @@ from indent_sim.process.usage import Clock
 from indent_sim.results.checkpoint import Checkpoint
 from indent_sim.results.outline import Outline, drawn_width, outline
 from indent_sim.results.tables import EXPERIMENT
-from indent_sim.run.companions.error_bars import Bars
-from indent_sim.run.plausibility import Rows, contradiction, foresee
-from indent_sim.run.readings import Readings
-from indent_sim.run.record import Record
-from indent_sim.run.resolved import fields_of
-from indent_sim.run.summary import stages, summary
-from indent_sim.run.walks.by_curve import CurveWalk
-from indent_sim.run.walks.by_theory import TheoryWalk
+from indent_sim.run.derived_quantities import DerivedQuantities
+from indent_sim.run.error_estimation.error_bars import AnyErrorBars
+from indent_sim.run.explicit_config import written_fields
+from indent_sim.run.run_output import RunOutput
+from indent_sim.run.sanity_checks import PreviousRows, precompute_theory_forces, violated_bound
+from indent_sim.run.solvers.hereditary_integral import HereditaryIntegralSolver
+from indent_sim.run.solvers.semi_analytic import SemiAnalyticSolver
+from indent_sim.run.summary import rounded_timings, summary
 from indent_sim.scene.scene import Scene
 
 AUDIT_TOLERANCE = 1e-8  # contact integral against the supports' reactions, relative
@@ -38,11 +38,11 @@ AUDIT_TOLERANCE = 1e-8  # contact integral against the supports' reactions, rela
 AUDIT_FLOOR = 1e-4
 
 # of E height^2, or of E a^2 of a body that only drains, what Newton takes for its reactions
-SWELLING_SCALE = 100.0
+SWELLING_REACTION_SCALE = 100.0
 # Of a^2 delta: less fluid than this that moves is none, as in the first moment of a step.
 # AUDIT_TOLERANCE of it is 1e-10 of what the tip displaces, as Newton leaves 1e-10 of the reactions;
 # a snap of a porous rubber leaves 2e-11
-DISPLACED = 1e-2
+MIN_FLUID_FRACTION = 1e-2
 
 Progress = Callable[[State, int, int], None]
 Remedies = Callable[
@@ -50,7 +50,7 @@ Remedies = Callable[
 ]  # of a step that was not reached and the iterations spent: what was tried, in words
 
 
-class Simulation:
+class SingleRun:
     """A scene on its way through mesh, problem and load path; every converged state is on disk
     before the next.
     """
@@ -59,74 +59,80 @@ class Simulation:
         self,
         config: Config,
         scene: Scene,
-        record: Record,
+        run_output: RunOutput,
         clock: Clock,
-        bars: Bars | None,
+        error_bars: AnyErrorBars | None,
         remedies: Remedies,
     ):
         self._remedies = remedies
-        self.bars = bars
-        self.output = config.output
+        self.error_bars = error_bars
+        self.output_settings = config.output
         self.scene = scene
-        self.record = record
+        self.run_output = run_output
         self.clock = clock
-        earlier = record.earlier
+        earlier = run_output.earlier
         self.states = list(earlier.states) if earlier else []
         if earlier and (
-            known := earlier.report.get("roughness")
+            roughness := earlier.report.get("roughness")
         ):  # which the table of rows does not have
             self.states = [
-                replace(row, roughness=known.get(str(row.step), 0.0)) for row in self.states
+                replace(row, roughness=roughness.get(str(row.step), 0.0)) for row in self.states
             ]
-        if bars is not None and scene.history_on_curve is None:
-            self.states = [bars.judged(state) for state in self.states]
-        self._rows = Rows(self.states)
+        if error_bars is not None and scene.history_on_curve is None:
+            self.states = [error_bars.add_error_estimate(state) for state in self.states]
+        self._previous_rows = PreviousRows(self.states)
         self._pull_off: PullOff | None = None
-        self._keep_fields = fields_of(config, scene)
+        self._keep_fields = written_fields(config, scene)
         self._kept_steps = frozenset() if scene.history_on_curve else scene.physics.path.kept
         audit = (earlier.report.get("audit") or {}) if earlier else {}  # of the rows that are there
         self._worst_audit = float(audit.get("force_against_reaction") or 0.0)
         self._next_checkpoint = 0.0  # on the monotonic clock [s]
-        self._walked_to = len(self.states)  # the row at which the walk stands
+        self._first_step = len(self.states)  # the row at which the walk stands
         self._assemble()
 
     def _assemble(self) -> None:
-        spent = self.states[-1].wall_s if self.states else 0.0
+        earlier_seconds = self.states[-1].wall_s if self.states else 0.0
         if not self.scene.is_meshed:
-            self._walk: Any = TheoryWalk(self.scene, self.record.comm, self.clock.started - spent)
-            self._readings: Any = Readings(self.scene, None, self.record.beside)
+            self._solver: Any = SemiAnalyticSolver(
+                self.scene, self.run_output.comm, self.clock.started - earlier_seconds
+            )
+            self._derived_quantities: Any = DerivedQuantities(
+                self.scene, None, self.run_output.optional_output
+            )
             self._fields = self._mesh = None
-            self._follow_in_time(spent)
+            self._use_history_solver(earlier_seconds)
             return
-        record = self.record
+        record = self.run_output
         scene = self.scene
         clock = self.clock
         part = scene.physics.domain
-        answer: Any = on_root(
+        meshing: Any = on_root(
             record.comm, scene.start_meshing
         )  # it is meshed while the libraries load
         with clock.stage("imports"):
             fe = backend()
         with clock.stage("mesh"):
-            grid = on_root(record.comm, answer)
+            grid = on_root(record.comm, meshing)
             self._mesh = mesh = fe.distribute(grid, part, record.comm)
         with clock.stage("assemble"):
-            self._walk = fe.walk(scene, mesh, clock.started - spent)
-            self._follow_in_time(spent)
-        self._readings = Readings(scene, self._walk.equilibrium, record.beside)
-        foresee(scene)
-        dofs = self._walk.equilibrium.observed.dofs
+            self._solver = fe.walk(scene, mesh, clock.started - earlier_seconds)
+            self._use_history_solver(earlier_seconds)
+        self._derived_quantities = DerivedQuantities(
+            scene, self._solver.equilibrium, record.optional_output
+        )
+        precompute_theory_forces(scene)
+        dofs = self._solver.equilibrium.observed_body.dofs
         versions = fe.versions()
         if grid is not None:  # rank 0, which writes
-            size = {"cells": len(grid.cells), "points": len(grid.points)}
-            tuned = (
+            mesh_size = {"cells": len(grid.cells), "points": len(grid.points)}
+            petsc_options = (
                 {"PETSC_OPTIONS": options} if (options := os.environ.get("PETSC_OPTIONS")) else {}
             )
-            record.note(
+            record.add_entries(
                 dofs=dofs,
-                mesh={"hash": mesh.hash} | size,
-                versions=versions | {"gmsh": grid.gmsh},
-                **tuned,
+                mesh={"hash": mesh.hash} | mesh_size,
+                versions=versions | {"gmsh": grid.gmsh_version},
+                **petsc_options,
             )
         self._identity = {
             "mesh": mesh.hash,
@@ -140,33 +146,42 @@ class Simulation:
             self._identity["pull_off"] = "rows around the largest pull"
         earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
         if earlier not in (None, mesh.hash):
-            record.warn(
+            record.add_warnings(
                 f"steps 1 to {len(self.states)} were computed on another mesh (another version of "
                 "gmsh?)"
             )
-        self._take_up()
+        self._resume()
         self._fields = None
         if self._keep_fields != "none" and len(self.states) < len(scene.physics.deltas):
-            self._fields = fe.Fields(self._walk.equilibrium.observed, self.output.nodal_stress)
-            told = {
+            self._fields = fe.Fields(
+                self._solver.equilibrium.observed_body, self.output_settings.nodal_stress
+            )
+            field_metadata = {
                 f"region {k}": region.name for k, region in enumerate(scene.physics.domain.regions)
             }
             L = scene.physics.scales.length
-            shown = (
+            mesh_arrays = (
                 ()
                 if grid is None
-                else (grid.points * L, grid.cells, grid.regions, self._drawn_tip())
+                else (grid.points * L, grid.cells, grid.regions, self._drawn_tip_geometry())
             )
-            record.open_fields(*shown, keep=self._keep_fields, more=self._fields.more, told=told)
+            record.open_fields(
+                *mesh_arrays,
+                keep=self._keep_fields,
+                more=self._fields.optional_names,
+                told=field_metadata,
+            )
 
-    def _follow_in_time(self, spent: float) -> None:
+    def _use_history_solver(self, earlier_seconds: float) -> None:
         """Take the rows of a history in place of those of its elastic curve, whose error bars they
         have.
         """
         if self.scene.history_on_curve:
-            self._walk = CurveWalk(self.scene, self._walk, self.clock.started - spent)
+            self._solver = HereditaryIntegralSolver(
+                self.scene, self._solver, self.clock.started - earlier_seconds
+            )
 
-    def _drawn_tip(self) -> Outline:
+    def _drawn_tip_geometry(self) -> Outline:
         """The tip above the mesh of the fields, in the user's units."""
         physics = self.scene.physics
         scales = self.scene.physics.scales
@@ -177,94 +192,107 @@ class Simulation:
         )
         return outline(tip, center, width, physics.domain.kinematics.name, scales.pieces)
 
-    def _take_up(self) -> None:
+    def _resume(self) -> None:
         """Stand where the run that is continued stopped."""
         physics = self.scene.physics
-        done = len(self.states)
-        is_through = done == len(physics.deltas) and not physics.searches_pull_off
-        if done == 0 or is_through or self.scene.history_on_curve:
+        row_count = len(self.states)
+        is_complete = row_count == len(physics.deltas) and not physics.searches_pull_off
+        if row_count == 0 or is_complete or self.scene.history_on_curve:
             return
-        saved = self.record.read_checkpoint(self._identity)
+        saved = self.run_output.read_checkpoint(self._identity)
         if physics.path.times:  # the rows since then are walked again, as they were
             with self.clock.stage("resume"):
-                self._walk.resume(saved.points, [], saved.step, saved.pull_off_points)
-            self._walked_to = saved.step
+                self._solver.resume(saved.points, [], saved.step, saved.pull_off_points)
+            self._first_step = saved.step
             return
-        legs = [
-            physics.path.leg(step) for step in range(saved.step + 1, done + 1)
+        increments = [
+            physics.path.leg(step) for step in range(saved.step + 1, row_count + 1)
         ]  # with the rows that are there
-        passed = [place for leg in legs for place in leg]
+        points_passed = [point for increment in increments for point in increment]
         if physics.path.control != "depth":  # every step is a row
-            passed = [
+            points_passed = [
                 (state.delta / physics.scales.depth, 0.0) for state in self.states[saved.step :]
             ]
         with self.clock.stage("resume"):
-            if not self._walk.resume(saved.points, passed, saved.step, saved.pull_off_points):
+            if not self._solver.resume(
+                saved.points, points_passed, saved.step, saved.pull_off_points
+            ):
                 depth = f"delta = {self.states[-1].delta:.6g}"
                 raise NotConverged(
-                    f"the last row's {depth} was not reached again: {self._walk.failure}"
+                    f"the last row's {depth} was not reached again: {self._solver.failure}"
                 )
 
     def _save_checkpoint(self) -> None:
         """Keep the last equilibria; the next time after a second, and twenty times as long as this
         took.
         """
-        began = time.monotonic()
-        if self.states and (points := self._walk.points):
-            pulls = self._walk.pull_off_points if self.scene.physics.searches_pull_off else {}
-            self.record.save_checkpoint(Checkpoint(len(self.states), points, pulls), self._identity)
-            ended = time.monotonic()
-            self._next_checkpoint = ended + max(1.0, 20 * (ended - began))
+        start_time = time.monotonic()
+        if self.states and (points := self._solver.points):
+            pulls = self._solver.pull_off_points if self.scene.physics.searches_pull_off else {}
+            self.run_output.save_checkpoint(
+                Checkpoint(len(self.states), points, pulls), self._identity
+            )
+            end_time = time.monotonic()
+            self._next_checkpoint = end_time + max(1.0, 20 * (end_time - start_time))
 
     @property
-    def _total(self) -> int:
+    def _row_count(self) -> int:
         """Rows of the whole run; of a history known once its curve is."""
         return len(
-            self._walk.findings.rows
-            if isinstance(self._walk, CurveWalk)
+            self._solver.history_result.rows
+            if isinstance(self._solver, HereditaryIntegralSolver)
             else self.scene.physics.deltas
         )
 
-    def follow(self, progress: Progress | None) -> list[State]:
+    def solve_path(self, progress: Progress | None) -> list[State]:
         """Walk the load path to its end; NotConverged or VerificationError where it stops before."""
-        done = len(self.states)
+        row_count = len(self.states)
         try:
-            if isinstance(self._walk, CurveWalk):
+            if isinstance(self._solver, HereditaryIntegralSolver):
                 with self.clock.stage("solve"):
-                    self._walk.solve(self.bars)
+                    self._solver.solve(self.error_bars)
             if progress is not None and self.states:
-                progress(self.states[-1], done, self._total)
-            walked = self._walk.states(
-                self.scene.physics.path, self._wants_surface, min(self._walked_to, done)
+                progress(self.states[-1], row_count, self._row_count)
+            solved_states = self._solver.states(
+                self.scene.physics.path, self._wants_surface, min(self._first_step, row_count)
             )
-            while state := self._next(walked):
+            while state := self._next_state(solved_states):
                 if not state.converged:
                     raise NotConverged(
-                        f"step {state.step} of {self._total}: {state.reason}{self._tried(state)}"
+                        f"step {state.step} of {self._row_count}: {state.reason}{self._remedies_text(state)}"
                     )
-                if state.step <= done:
+                if state.step <= row_count:
                     continue
-                self._keep(state.in_units(self.scene.physics.scales))
+                self._record_state(state.in_units(self.scene.physics.scales))
                 if progress is not None:
-                    progress(self.states[-1], state.step, self._total)
+                    progress(self.states[-1], state.step, self._row_count)
             if self.scene.physics.searches_pull_off:
                 with self.clock.stage("pull-off"):
-                    self._pull_off = self.record.beside("pull-off", self._find_pull_off, None)
+                    self._pull_off = self.run_output.optional_output(
+                        "pull-off", self._find_pull_off, None
+                    )
         except (NotConverged, KeyboardInterrupt) as end:
             # a signal reaches the ranks one by one: only a failure may be known to all of them
-            if self.record.comm.size == 1 or (
-                isinstance(end, NotConverged) and self.record.end.all_arrive()
+            if self.run_output.comm.size == 1 or (
+                isinstance(end, NotConverged) and self.run_output.failure_consensus.all_arrive()
             ):
                 self._save_checkpoint()
                 if self.states and self._keep_fields == "last":
                     self._write_fields(self.states[-1])
             raise
         finally:
-            worst = self._worst_audit if self.scene.is_meshed else None
-            self._note_time()
+            worst_audit = self._worst_audit if self.scene.is_meshed else None
+            self._note_time_stepping()
             pull_off = self._pull_off
-            self.record.note(
-                **summary(self.scene, self.states, self.clock, worst, self.record.alone, pull_off)
+            self.run_output.add_entries(
+                **summary(
+                    self.scene,
+                    self.states,
+                    self.clock,
+                    worst_audit,
+                    self.run_output.rank_optional_output,
+                    pull_off,
+                )
             )
         return self.states
 
@@ -272,7 +300,7 @@ class Simulation:
         """Search for the largest pull between the rows; audited, in the user's units, None where
         there is none.
         """
-        found: PullOff | None = self._walk.find_pull_off()
+        found: PullOff | None = self._solver.find_pull_off()
         if found is None:
             return None
         scales = self.scene.physics.scales
@@ -280,54 +308,62 @@ class Simulation:
         self._audit(state)
         return PullOff(state, found.error * scales.force, found.equilibria)
 
-    def _tried(self, failed: State) -> str:
+    def _remedies_text(self, failed: State) -> str:
         """Which remedies were tried for a row that was not found, in words."""
-        spent = failed.newton_iterations + sum(state.newton_iterations for state in self.states)
+        iterations = failed.newton_iterations + sum(
+            state.newton_iterations for state in self.states
+        )
         with self.clock.stage("remedies"):
-            return self._remedies(failed.step, spent)
+            return self._remedies(failed.step, iterations)
 
-    def _note_time(self) -> None:
+    def _note_time_stepping(self) -> None:
         """Say how a history was followed row by row, the parts before this one included."""
         if not (self.scene.plan.time and self.scene.physics.path.times):
             return
-        before = (self.record.earlier.report.get("time") or {}) if self.record.earlier else {}
-        before = (
-            before if "cuts" in before else {}
+        previous = (
+            (self.run_output.earlier.report.get("time") or {}) if self.run_output.earlier else {}
+        )
+        previous = (
+            previous if "cuts" in previous else {}
         )  # of a run that was killed stages are the planned ones
-        done = {name: count + int(before.get(name, 0)) for name, count in self._walk.counts.items()}
-        self.record.note(time=self.scene.plan.time.report | done)
+        counts = {
+            name: count + int(previous.get(name, 0)) for name, count in self._solver.counts.items()
+        }
+        self.run_output.add_entries(time=self.scene.plan.time.report | counts)
 
-    def experiment(self) -> None:
+    def write_experiment(self) -> None:
         """Compute and write what the experiment makes of the curve; nothing without one."""
         if not self.scene.uses_elastic_curve:
             return
-        from indent_sim.run.experiment import (
-            Findings,
-            conduct,
+        from indent_sim.run.history_on_curve import (
+            HistoryResult,
+            evaluate_with_units,
         )  # with scipy's searches, which no other scene needs
 
-        if isinstance(self._walk, CurveWalk):
-            findings = self._walk.findings.in_units(self.scene.physics.scales)
+        if isinstance(self._solver, HereditaryIntegralSolver):
+            findings = self._solver.history_result.in_units(self.scene.physics.scales)
         else:
-            equilibrium = self._walk.equilibrium if self.scene.is_meshed else None
+            equilibrium = self._solver.equilibrium if self.scene.is_meshed else None
             with self.clock.stage("experiment"):
-                findings = self.record.beside(
-                    EXPERIMENT, lambda: conduct(self.scene, equilibrium), Findings([])
+                findings = self.run_output.optional_output(
+                    EXPERIMENT,
+                    lambda: evaluate_with_units(self.scene, equilibrium),
+                    HistoryResult([]),
                 )
-        self.record.write_experiment(
+        self.run_output.write_experiment(
             [] if self.scene.history_on_curve else findings.rows, findings.dynamic
         )
-        said: dict[str, Any] = {"experiment": findings.report} if self.scene.experiment else {}
+        entries: dict[str, Any] = {"experiment": findings.report} if self.scene.experiment else {}
         if self.scene.plan.time and findings.time:
-            said["time"] = self.scene.plan.time.report | findings.time
-        self.record.note(**said, timings=stages(self.clock.stages))
-        self.record.warn(*findings.warnings)
+            entries["time"] = self.scene.plan.time.report | findings.time
+        self.run_output.add_entries(**entries, timings=rounded_timings(self.clock.stages))
+        self.run_output.add_warnings(*findings.warnings)
 
     def release(self) -> None:
         """Give the memory of the solution back (collective); a process may have many runs before
         it.
         """
-        self._walk = self._fields = self._readings = None
+        self._solver = self._fields = self._derived_quantities = None
         if self._mesh is not None:
             backend().release(self._mesh)
 
@@ -335,59 +371,65 @@ class Simulation:
         has_few = (
             self.scene.is_meshed and len(self.scene.physics.deltas) <= 100
         )  # then a killed run has its last too
-        kept = {"all": True, "last": has_few or step in self._kept_steps}
-        return kept.get(self.output.surface, False)
+        is_written = {"all": True, "last": has_few or step in self._kept_steps}
+        return is_written.get(self.output_settings.surface, False)
 
-    def _next(self, walked: Iterator[State]) -> State | None:
+    def _next_state(self, solved_states: Iterator[State]) -> State | None:
         with self.clock.stage("solve"):
-            state = next(walked, None)
+            state = next(solved_states, None)
             return (
-                self._readings.read(state)
+                self._derived_quantities.complete_state(state)
                 if state and self.scene.history_on_curve is None
                 else state
             )
 
-    def _keep(self, state: State) -> None:
+    def _record_state(self, state: State) -> None:
         """Audit a converged state and write it down; the rows of a history follow from a curve that
         was judged.
         """
         state = (
-            self._walk.with_bars(state)
-            if isinstance(self._walk, CurveWalk)
-            else self._checked(state)
+            self._solver.add_error_estimate(state)
+            if isinstance(self._solver, HereditaryIntegralSolver)
+            else self._check_state(state)
         )
         with self.clock.stage("write"):
             if self._keep_fields == "all" or state.step in self._kept_steps:
                 self._write_fields(state)
-            self.record.append(state)
+            self.run_output.append(state)
             self.states.append(state)
-            self._rows.append(state)
-            is_time = self.record.comm.bcast(
+            self._previous_rows.append(state)
+            is_time = self.run_output.comm.bcast(
                 time.monotonic() >= self._next_checkpoint
             )  # all ranks give their share
-            if is_time and state.step < self._total:
+            if is_time and state.step < self._row_count:
                 self._save_checkpoint()
 
-    def _checked(self, state: State) -> State:
+    def _check_state(self, state: State) -> State:
         """A state with its error bars; VerificationError for one that fails its audit or cannot be
         true.
         """
         if self.scene.is_meshed:
             self._audit(state)
-        state = state if self.bars is None else self.bars.judged(state)
-        if said := self.record.alone(
-            "check of its rows", lambda: contradiction(self.scene, state, self._rows), None
+        state = state if self.error_bars is None else self.error_bars.add_error_estimate(state)
+        if violation := self.run_output.rank_optional_output(
+            "check of its rows",
+            lambda: violated_bound(self.scene, state, self._previous_rows),
+            None,
         ):
-            place = f"step {state.step}, at delta = {state.delta:.6g}"
-            raise VerificationError(f"{place}, is a row that cannot be true: {said}")
+            step_text = f"step {state.step}, at delta = {state.delta:.6g}"
+            raise VerificationError(f"{step_text}, is a row that cannot be true: {violation}")
         return state
 
     @property
-    def judged(self) -> list[State]:
+    def states_with_errors(self) -> list[State]:
         """The states that the error bars are of: the rows, or those of the elastic curve of a
         history.
         """
-        return self._walk.judged if isinstance(self._walk, CurveWalk) else self.states
+        return (
+            self._solver.states_with_errors
+            if isinstance(self._solver, HereditaryIntegralSolver)
+            else self.states
+        )
 
     def _audit(self, state: State) -> None:
         physics = self.scene.physics
@@ -396,28 +438,28 @@ class Simulation:
         pull = (
             attraction.work * a if attraction else 0.0
         )  # about; the force may be less, where as much pushes
-        swollen = 0.0  # what supports hold of a body with fluid, with or without a tip
+        swelling_force = 0.0  # what supports hold of a body with fluid, with or without a tip
         if physics.permeable_regions:
-            swollen = (
-                SWELLING_SCALE
+            swelling_force = (
+                SWELLING_REACTION_SCALE
                 * physics.scales.force
                 * (1.0 if physics.is_swelling else (a / physics.scales.length) ** 2)
             )
-        largest = max(swollen, self._rows.largest_force, abs(state.force))
-        size = max(abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest, pull)
-        difference = abs(state.force - state.reaction) / size if size > 0 else 0.0
-        stray = state.stray_reaction / size if size > 0 else 0.0
-        self._worst_audit = max(self._worst_audit, difference, stray)
-        if not max(difference, stray) <= AUDIT_TOLERANCE:
-            said = (
+        largest = max(swelling_force, self._previous_rows.largest_force, abs(state.force))
+        force_scale = max(abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest, pull)
+        difference = abs(state.force - state.reaction) / force_scale if force_scale > 0 else 0.0
+        pin_fraction = state.stray_reaction / force_scale if force_scale > 0 else 0.0
+        self._worst_audit = max(self._worst_audit, difference, pin_fraction)
+        if not max(difference, pin_fraction) <= AUDIT_TOLERANCE:
+            message = (
                 f"contact force {state.force:.10g}, reaction of the supports "
                 f"{state.reaction:.10g}, largest reaction"
             )
-            said += (
+            message += (
                 f" of the rigid-mode pins {state.stray_reaction:.3g}; they must agree to "
                 f"{AUDIT_TOLERANCE:g}"
             )
-            raise VerificationError(f"step {state.step} failed its audit: {said}")
+            raise VerificationError(f"step {state.step} failed its audit: {message}")
         self._audit_fluid(state)
 
     def _audit_fluid(self, state: State) -> None:
@@ -430,17 +472,17 @@ class Simulation:
         if state.unbalanced == 0:
             return
         a = self.scene.plan.prediction["a"]
-        depth = max(abs(one.delta) for one in (*self.states, state))
-        moved = max(max(abs(one.outflow or 0.0), one.moved) for one in (*self.states, state))
-        largest = max(moved, DISPLACED * a ** (self.scene.physics.scales.dim - 1) * depth)
+        depth = max(abs(row.delta) for row in (*self.states, state))
+        moved = max(max(abs(row.outflow or 0.0), row.moved) for row in (*self.states, state))
+        largest = max(moved, MIN_FLUID_FRACTION * a ** (self.scene.physics.scales.dim - 1) * depth)
         unbalanced = state.unbalanced / largest if largest > 0 else 0.0
         self._worst_audit = max(self._worst_audit, unbalanced)
         if not unbalanced <= AUDIT_TOLERANCE:
-            said = (
+            message = (
                 f"{state.unbalanced:.3g} of the fluid has neither left nor is there, of "
                 f"{largest:.3g} that moved"
             )
-            raise VerificationError(f"step {state.step} failed its audit: {said}")
+            raise VerificationError(f"step {state.step} failed its audit: {message}")
 
     def _write_fields(self, state: State) -> None:
         if (observed := self._fields) is None:
@@ -450,13 +492,17 @@ class Simulation:
             "displacement": scales.length,
             **dict.fromkeys(("J", "fluid_content", "swelling"), 1.0),
         }
-        self._walk.return_to_row()
-        if (found := self.record.beside("fields", lambda: observed.gather() or {}, None)) is None:
+        self._solver.restore_row()
+        if (
+            gathered := self.run_output.optional_output(
+                "fields", lambda: observed.gather() or {}, None
+            )
+        ) is None:
             return
-        fields = found.items()  # rank 0 has them
+        fields = gathered.items()  # rank 0 has them
         values = {name: field * units.get(name, scales.pressure) for name, field in fields}
         grows = self.scene.physics.path.grows
-        self.record.write_fields(
+        self.run_output.write_fields(
             state, values, state.delta if state.t is None and grows else state.t
         )
 

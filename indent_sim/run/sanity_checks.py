@@ -40,23 +40,23 @@ from indent_sim.theory.solution import Solution
 
 # of the largest force so far: what round-off and the supports' tolerance may leave of none
 FORCE_NOISE = 1e-6
-SAME = 1e-6  # of a depth: closer ones may have one solution to the solver's tolerance
+DEPTH_TOLERANCE = 1e-6  # of a depth: closer ones may have one solution to the solver's tolerance
 # of the path's largest force: a row with less to expect may lie between two points of its mesh
-FIRST_TOUCH = 1e-5
+FIRST_TOUCH_FRACTION = 1e-5
 # of the force, with greater depth: convex problems solved to 1e-7; kinks of the others
-LINEAR_FALL = 1e-3
-FALL = 0.02
+MAX_LINEAR_FALL = 1e-3
+MAX_FALL = 0.02
 # of force delta: what the contact term of a multiplier adds to the energy on a coarse mesh
-WORK_SLACK = 0.02
-SUNK = (
+ENERGY_TOLERANCE = 0.02
+MAX_OVERLAP = (
     0.1,
     0.5,
 )  # of the depth, of an element: twice what a contact of one element was seen to sink in
 # Of the depth. A contact group that ends beside the contact costs force: 0.02 % where the tip is
 # 2e-4 inside the next facets, 0.4 % at 8e-3, 4 % at 6e-2, 20 % at 0.2, measured (axisymmetric and
 # plane; both gaps). Where it does not: 0
-INTRUDED = 1e-3
-PENETRATIONS = (
+MAX_OUTSIDE_PENETRATION = 1e-3
+PENETRATION_FACTOR = (
     2.0  # of a law that lets the tip sink in: between its quadrature points it may be somewhat more
 )
 # Factors from theory: the same problem; a half-space at small strain instead of the body's
@@ -66,34 +66,34 @@ HALF_SPACE_CONTACT = (
     0.3  # of the thickness and of the way to the rim: a contact up to this feels little of them
 )
 PILLAR_HEIGHT = 10.0  # ways to the rim: a thicker body is a pillar, whose own shortening counts
-SHALLOW = 0.1  # of the contact radius: up to this depth no law stiffens by a factor
+MAX_LINEAR_DEPTH = 0.1  # of the contact radius: up to this depth no law stiffens by a factor
 THEORY_FORCE_ERROR = 1e-4  # of theory's force: its own error
 
 # A contact pressure that oscillates from node to node by more than this fraction of p_max is warned
 # of. In scenes with a smooth pressure the fraction is 0.002 to 0.02, in a saw-tooth 0.09 to 0.5
 # (measured in docs/decisions/0053).
-ROUGH = 0.03
+MAX_ROUGHNESS = 0.03
 # A stick radius or a dissipation that a long step may have wrong by more than this is warned of.
 # Measured with 1, 2, 5, 10 and 40 even steps under a paraboloid (thick layer, nu 0): with friction
 # 0.3 the stick radius is 0.24, 0.45, 0.50, 0.52 and 0.54 of the contact radius and all heat 2.4,
 # 1.5, 1.07, 1.01 times that of 40 steps; with friction 0.6 it is 0.82, 0.82, 0.85, 0.87 and 0.90 of
 # it, and 0.97, 0.60, 0.64, 0.89 times. The last step adds 1, 0.29, 0.11 and 0.05 of the contact
 # radius.
-LONG_STEP = 0.25
+MAX_STEP_CHANGE = 0.25
 
-MAY_HELP = (
+REFINEMENT_REMEDY = (
     "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
 )
-STAY_ABOVE = (
+SIDE_REMEDY = (
     "the top alone is a contact surface: stay above that depth, or let the top slide "
     "(contact.friction: 0)"
 )
 
 
-Compared = tuple[float, float, float]  # of a row: depth, force, half its bar's width
+RowForce = tuple[float, float, float]  # of a row: depth, force, half its bar's width
 
 
-class Rows:
+class PreviousRows:
     """Rows in the order of their path, with what a new one is compared with: it costs the same
     after few and many.
     """
@@ -101,9 +101,9 @@ class Rows:
     def __init__(self, states: Iterable[State] = ()):
         self.last: State | None = None
         self.has_turned = False  # back to a smaller depth
-        self.deepest = -inf
+        self.max_depth = -inf
         self.largest_force = 0.0
-        self._strongest: Compared | None = None  # that which surely pushes most
+        self._largest_force_row: RowForce | None = None  # that which surely pushes most
         self._columns: np.ndarray = np.empty((3, 64))  # depth, force and half its bar's width
         self._count = 0
         for state in states:
@@ -116,48 +116,49 @@ class Rows:
         """Add the next row."""
         if self._count == self._columns.shape[1]:
             self._columns = np.concatenate([self._columns, np.empty_like(self._columns)], axis=1)
-        self._columns[:, self._count] = own = _compared(state)
-        pushes = own[1] - own[2]
-        if pushes == pushes and (
-            self._strongest is None or pushes > self._strongest[1] - self._strongest[2]
+        self._columns[:, self._count] = row_force = _row_force(state)
+        least_force = row_force[1] - row_force[2]
+        if least_force == least_force and (
+            self._largest_force_row is None
+            or least_force > self._largest_force_row[1] - self._largest_force_row[2]
         ):
-            self._strongest = own
+            self._largest_force_row = row_force
         self._count += 1
         self.has_turned |= self.last is not None and state.delta < self.last.delta
-        self.deepest = max(self.deepest, state.delta)
+        self.max_depth = max(self.max_depth, state.delta)
         self.largest_force = max(self.largest_force, abs(state.force))
         self.last = state
 
-    def strongest_above(self, delta: float) -> Compared | None:
+    def largest_shallower_force(self, delta: float) -> RowForce | None:
         """That which surely pushes most of the rows that are less deep; None where there is none."""
-        if delta > self.deepest:
-            return self._strongest
+        if delta > self.max_depth:
+            return self._largest_force_row
         depth, force, bar = self._columns[:, : self._count]
-        return self._of_most(force - bar, depth < delta)
+        return self._row_at_maximum(force - bar, depth < delta)
 
-    def weakest_below(self, delta: float) -> Compared | None:
+    def smallest_deeper_force(self, delta: float) -> RowForce | None:
         """That which surely pushes least of the rows that are deeper; None where there is none."""
-        if delta >= self.deepest:
+        if delta >= self.max_depth:
             return None
         depth, force, bar = self._columns[:, : self._count]
-        return self._of_most(-force - bar, depth > delta)
+        return self._row_at_maximum(-force - bar, depth > delta)
 
-    def _of_most(self, value: np.ndarray, where: np.ndarray) -> Compared | None:
+    def _row_at_maximum(self, value: np.ndarray, where: np.ndarray) -> RowForce | None:
         if not where.any():
             return None
         depth, force, bar = self._columns[:, int(np.argmax(np.where(where, value, -inf)))]
         return float(depth), float(force), float(bar)
 
 
-def _compared(state: State) -> Compared:
-    return state.delta, state.force, _bar(state)
+def _row_force(state: State) -> RowForce:
+    return state.delta, state.force, _error_half_width(state)
 
 
-Rule = Callable[[Scene, State, Rows], "str | None"]
+Rule = Callable[[Scene, State, PreviousRows], "str | None"]
 Rules = tuple[Rule, ...]
 
 
-def foresee(scene: Scene) -> None:
+def precompute_theory_forces(scene: Scene) -> None:
     """Have theory find the forces that rows will be held to together, where their depths are known."""
     physics = scene.physics
     if scene.plan.theory and physics.path.control == "depth":
@@ -167,57 +168,72 @@ def foresee(scene: Scene) -> None:
         )  # as rows say their depths
 
 
-def contradiction(scene: Scene, state: State, earlier: Rows) -> str | None:
+def violated_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """What cannot be true of a converged state after others on its path, None where nothing is
     known against it.
 
     The states are in the user's units.
     """
     is_pressed = scene.is_meshed and not _is_first_touch(scene, state)
-    for rule in _rules(is_pressed, scene.physics.is_time_dependent, scene.physics.contact.may_snap):
-        if said := rule(scene, state, earlier):
-            is_side = rule is _is_inside_the_skin and scene.physics.is_compressed
-            return f"{said}; {STAY_ABOVE if is_side else MAY_HELP}"
+    for rule in _applicable_rules(
+        is_pressed, scene.physics.is_time_dependent, scene.physics.contact.may_snap
+    ):
+        if violation := rule(scene, state, earlier):
+            is_side = rule is _check_outside_penetration and scene.physics.is_compressed
+            return f"{violation}; {SIDE_REMEDY if is_side else REFINEMENT_REMEDY}"
     return None
 
 
-def unresolved(scene: Scene, states: Sequence[State]) -> list[str]:
+def underresolved_rows(scene: Scene, states: Sequence[State]) -> list[str]:
     """What to say of rows (in the user's units) whose contact has too few elements; nothing where
     the scene said so beforehand.
 
     Where the contact grows by itself, in time or under a force, its smallest radius is known only
     now.
     """
-    foreseen = any(doubt.key == "elements" for doubt in scene.plan.model_warnings)
-    if foreseen or not scene.is_meshed or scene.history_on_curve or scene.physics.contact.may_snap:
+    is_predicted = any(force_error.key == "elements" for force_error in scene.plan.model_warnings)
+    if (
+        is_predicted
+        or not scene.is_meshed
+        or scene.history_on_curve
+        or scene.physics.contact.may_snap
+    ):
         return []
     L = scene.physics.scales.length
     sizes = scene.sizes
-    least = FORCE_NOISE * max((state.force for state in states), default=0.0)
-    doubts = {
-        state.step: _doubt_of_force(scene, state)
+    min_force = FORCE_NOISE * max((state.force for state in states), default=0.0)
+    force_errors = {
+        state.step: _row_force_error(scene, state)
         for state in states
-        if state.force > least and state.a > 0
+        if state.force > min_force and state.a > 0
     }
-    few = [step for step, doubt in doubts.items() if doubt >= UNDERRESOLVED_ERROR]
-    if not few:
+    steps = [
+        step for step, force_error in force_errors.items() if force_error >= UNDERRESOLVED_ERROR
+    ]
+    if not steps:
         return []
-    most = max(
+    max_elements = max(
         sizes.elements(scene.physics.full_contact_radius(state.a / L))
         for state in states
-        if state.step in few
+        if state.step in steps
     )
-    rows = f"step {few[0]} has" if len(few) == 1 else f"{len(few)} rows from step {few[0]} on have"
-    likely = sorted(doubts[step] for step in few)
-    span = " to ".join(dict.fromkeys(error_text(likely[k]) for k in (0, -1)))
-    wrong = f"the force there may be wrong by {span}, pressures by more"
+    rows = (
+        f"step {steps[0]} has"
+        if len(steps) == 1
+        else f"{len(steps)} rows from step {steps[0]} on have"
+    )
+    errors = sorted(force_errors[step] for step in steps)
+    span = " to ".join(dict.fromkeys(error_text(errors[k]) for k in (0, -1)))
+    force_text = f"the force there may be wrong by {span}, pressures by more"
     remedy = refinement_advice(
         sizes, "give mesh.h_contact and a smaller mesh.h_axis, or ask for an accuracy"
     )
-    return [f"{rows} at most {most:.2g} elements in the contact radius: {wrong}; {remedy}"]
+    return [
+        f"{rows} at most {max_elements:.2g} elements in the contact radius: {force_text}; {remedy}"
+    ]
 
 
-def rough(scene: Scene, states: Sequence[State]) -> list[str]:
+def oscillating_pressure_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
     """Warn of rows whose contact pressure oscillates from node to node (a saw-tooth).
 
     Parameters
@@ -232,26 +248,26 @@ def rough(scene: Scene, states: Sequence[State]) -> list[str]:
     list of str
         One warning at most.
     """
-    found = [state for state in states if state.roughness > ROUGH]
-    if not found:
+    oscillating = [state for state in states if state.roughness > MAX_ROUGHNESS]
+    if not oscillating:
         return []
-    worst = max(found, key=lambda state: state.roughness)
-    size = f"{100 * worst.roughness:.2g} % of p_max"
-    rows = f"step {worst.step}: the pressure alternates from node to node by {size}"
-    if len(found) > 1:
+    worst = max(oscillating, key=lambda state: state.roughness)
+    size_text = f"{100 * worst.roughness:.2g} % of p_max"
+    rows = f"step {worst.step}: the pressure alternates from node to node by {size_text}"
+    if len(oscillating) > 1:
         rows = (
-            f"{len(found)} rows from step {found[0].step} on: the pressure alternates from "
+            f"{len(oscillating)} rows from step {oscillating[0].step} on: the pressure alternates from "
             "node to node"
         )
-        least = min(state.roughness for state in found)
-        rows = f"{rows}, by {100 * least:.2g} to {size}, most in step {worst.step}"
+        min_roughness = min(state.roughness for state in oscillating)
+        rows = f"{rows}, by {100 * min_roughness:.2g} to {size_text}, most in step {worst.step}"
     return [
         f"{rows}; p_max and `pressure` of the surface are as uncertain, the force far "
-        f"less; {_smoother(scene)}"
+        f"less; {_smoothing_advice(scene)}"
     ]
 
 
-def long_steps(scene: Scene, states: Sequence[State]) -> list[str]:
+def long_step_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
     """Warn of load increments that are too long to resolve where the surface slips on the tip.
 
     A step that makes the contact radius grow from a_0 to a takes all that is new in contact to have
@@ -274,34 +290,40 @@ def long_steps(scene: Scene, states: Sequence[State]) -> list[str]:
     if not scene.physics.contact.slips or not scene.is_meshed:
         return []
     widest = max((state.a for state in states), default=0.0)
-    before = _radius_of_first_contact(scene) * scene.physics.scales.length
-    found: dict[int, tuple[float, float, float]] = {}
+    previous_radius = _radius_of_first_contact(scene) * scene.physics.scales.length
+    step_changes: dict[int, tuple[float, float, float]] = {}
     for state in states:
-        wider = max(before, state.a)
-        moved = abs(state.a - before) / wider if wider > 0 else 0.0
+        wider = max(previous_radius, state.a)
+        radius_change = abs(state.a - previous_radius) / wider if wider > 0 else 0.0
         slips = 1 - (state.stick_radius or 0.0) / state.a if state.a > 0 else 0.0
-        heat = min(moved / (2 * slips), 1.0) if state.dissipation and slips > 0 else 0.0
-        if state.a > 0 and wider >= widest / 2 and max(moved, heat) > LONG_STEP:
-            found[state.step] = moved, min(moved / (1 - moved), 1.0) if moved < 1 else 1.0, heat
-        before = state.a
-    if not found:
+        heat = min(radius_change / (2 * slips), 1.0) if state.dissipation and slips > 0 else 0.0
+        if state.a > 0 and wider >= widest / 2 and max(radius_change, heat) > MAX_STEP_CHANGE:
+            step_changes[state.step] = (
+                radius_change,
+                min(radius_change / (1 - radius_change), 1.0) if radius_change < 1 else 1.0,
+                heat,
+            )
+        previous_radius = state.a
+    if not step_changes:
         return []
-    moved, stick, heat = (max(sizes) for sizes in zip(*found.values(), strict=True))
-    first = next(iter(found))
+    radius_change, stick, heat = (max(sizes) for sizes in zip(*step_changes.values(), strict=True))
+    first = next(iter(step_changes))
     rows = (
         f"step {first} changes"
-        if len(found) == 1
-        else f"{len(found)} rows from step {first} on change"
+        if len(step_changes) == 1
+        else f"{len(step_changes)} rows from step {first} on change"
     )
-    wrong = (
-        f"stick_radius may be wrong by {_about(stick)} there, dissipation by "
-        f"{_about(heat)}, the force hardly"
+    error_text = (
+        f"stick_radius may be wrong by {_percent_text(stick)} there, dissipation by "
+        f"{_percent_text(heat)}, the force hardly"
     )
     remedy = "use more loading.steps, or --error-bars, which say how much"
-    return [f"{rows} the contact radius by up to {100 * moved:.0f} %: {wrong}; {remedy}"]
+    return [
+        f"{rows} the contact radius by up to {100 * radius_change:.0f} %: {error_text}; {remedy}"
+    ]
 
 
-def _about(error: float) -> str:
+def _percent_text(error: float) -> str:
     """A relative error in words."""
     return "its own size or more" if error >= 0.5 else f"about {100 * error:.0f} %"
 
@@ -316,7 +338,7 @@ def _radius_of_first_contact(scene: Scene) -> float:
     return 0.0 if physics.domain.dome else flat_radius(physics.indenter)
 
 
-def _smoother(scene: Scene) -> str:
+def _smoothing_advice(scene: Scene) -> str:
     """Name the element size whose reduction makes the contact pressure smoother (measured in
     docs/decisions/0053).
     """
@@ -325,7 +347,7 @@ def _smoother(scene: Scene) -> str:
     return refinement_advice(scene.sizes, "a smaller mesh.h_contact helps")
 
 
-def _doubt_of_force(scene: Scene, state: State) -> float:
+def _row_force_error(scene: Scene, state: State) -> float:
     """The relative error of the force to fear with the contact radius that was found."""
     physics = scene.physics
     a = scene.physics.full_contact_radius(state.a / scene.physics.scales.length)
@@ -335,17 +357,19 @@ def _doubt_of_force(scene: Scene, state: State) -> float:
 
 
 @cache
-def _rules(is_pressed: bool, evolves: bool, snaps: bool) -> Rules:
+def _applicable_rules(is_pressed: bool, evolves: bool, snaps: bool) -> Rules:
     """Those that hold for a row that is more than a first touch, where fluid flows, where a tip may
     snap.
     """
-    unknown = {*(OF_TIPS_THAT_PUSH if snaps else ()), *(OF_ELASTIC_BODIES if evolves else ())}
+    unknown = {*(REPULSIVE_RULES if snaps else ()), *(ELASTIC_RULES if evolves else ())}
     return tuple(
-        rule for rule in (ALWAYS + WHEN_PRESSED if is_pressed else ALWAYS) if rule not in unknown
+        rule
+        for rule in (GENERAL_RULES + CONTACT_RULES if is_pressed else GENERAL_RULES)
+        if rule not in unknown
     )
 
 
-def _is_no_number(scene: Scene, state: State, earlier: Rows) -> str | None:
+def _check_finite(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Depth, force, contact radius and energy are finite; p_max is infinite in truth under a sharp
     tip.
     """
@@ -355,35 +379,35 @@ def _is_no_number(scene: Scene, state: State, earlier: Rows) -> str | None:
         "a",
         *(("energy",) if scene.is_meshed and not scene.physics.relaxing_regions else ()),
     )
-    wrong = [name for name in names if not isfinite(getattr(state, name))]
-    return f"{', '.join(wrong)} is not a number" if wrong else None
+    infinite_names = [name for name in names if not isfinite(getattr(state, name))]
+    return f"{', '.join(infinite_names)} is not a number" if infinite_names else None
 
 
-def _pulls(scene: Scene, state: State, earlier: Rows) -> str | None:
+def _check_no_tension(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """force >= 0."""
-    if state.force >= 0 or state.force >= -_noise(scene, state, earlier):
+    if state.force >= 0 or state.force >= -_force_noise(scene, state, earlier):
         return None
     return f"the force is {state.force:.6g}, and nothing holds on to the tip"
 
 
-def _pushes_from_afar(scene: Scene, state: State, earlier: Rows) -> str | None:
+def _check_no_force_above(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """No force above the body."""
-    if state.delta >= 0 or state.force <= _noise(scene, state, earlier):
+    if state.delta >= 0 or state.force <= _force_noise(scene, state, earlier):
         return None
     return f"the force is {state.force:.6g}, and the tip is above the body"
 
 
-def _touches_nothing(scene: Scene, state: State, earlier: Rows) -> str | None:
+def _check_contact_found(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """force > 0 and a > 0 where delta > 0: the body was flat, and the tip stands over it."""
     if (state.force > 0 or scene.physics.contact.may_snap) and state.a > 0:
         return None
-    missed = "no force" if state.force <= 0 else "no contact radius"
+    missing_text = "no force" if state.force <= 0 else "no contact radius"
     mesh = f"the mesh (h_contact = {scene.sizes.h_contact * scene.physics.scales.length:.3g})"
-    words = "it went through, or the contact lies between two points of"
-    return f"the tip is {state.delta:.6g} deep in the body and finds {missed}: {words} {mesh}"
+    cause = "it went through, or the contact lies between two points of"
+    return f"the tip is {state.delta:.6g} deep in the body and finds {missing_text}: {cause} {mesh}"
 
 
-def _is_wider_than_tip(scene: Scene, state: State, earlier: Rows) -> str | None:
+def _check_contact_radius(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """a up to the radius at which the tip ends, and an element to either side."""
     end = scene.physics.indenter.radius_at(scene.physics.body.height)
     L = scene.physics.scales.length
@@ -392,69 +416,76 @@ def _is_wider_than_tip(scene: Scene, state: State, earlier: Rows) -> str | None:
     return f"the contact radius {state.a:.6g} is beyond the tip, which ends at {end * L:.6g}"
 
 
-def _stands_on_a_side(scene: Scene, state: State, earlier: Rows) -> str | None:
+def _check_side_contact(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """delta <= f at the top of a fixed side, which no force moves."""
     end = scene.physics.side_contact_depth * scene.physics.scales.depth
-    if state.delta <= end * (1 + SAME):
+    if state.delta <= end * (1 + DEPTH_TOLERANCE):
         return None
     return (
         f"the tip is on the top of a fixed side from {end:.6g} on, and the force there has no bound"
     )
 
 
-def _stands_still(scene: Scene, state: State, earlier: Rows) -> str | None:
+def _check_new_solution(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """A new depth is another solution: of no iteration, only where the one foretold was right and
     the force another.
     """
-    before = earlier.last
-    is_new = before is None or abs(state.delta - before.delta) > SAME * abs(state.delta)
+    previous = earlier.last
+    is_new = previous is None or abs(state.delta - previous.delta) > DEPTH_TOLERANCE * abs(
+        state.delta
+    )
     moved = (
-        abs(state.force - before.force)
-        if before and (before.force > 0 or scene.physics.contact.may_snap)
+        abs(state.force - previous.force)
+        if previous and (previous.force > 0 or scene.physics.contact.may_snap)
         else 0.0
     )
-    is_other = moved > FORCE_NOISE * SAME * abs(state.force)
+    is_other = moved > FORCE_NOISE * DEPTH_TOLERANCE * abs(state.force)
     if state.newton_iterations > 0 or not is_new or is_other:
         return None
     return "nothing was solved for this depth, and the force is that of another"
 
 
-def _overlaps(scene: Scene, state: State, earlier: Rows) -> str | None:
+def _check_overlap(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """No facet of the deformed surface lies inside the tip, but for what a coarse mesh or a penalty
     lets it sink in.
     """
     allowed = max(
-        SUNK[0] * state.delta, SUNK[1] * scene.sizes.h_contact * scene.physics.scales.length
+        MAX_OVERLAP[0] * state.delta,
+        MAX_OVERLAP[1] * scene.sizes.h_contact * scene.physics.scales.length,
     )
-    if state.overlap <= allowed + _sunk(scene, state):
+    if state.overlap <= allowed + _allowed_penetration(scene, state):
         return None
     return f"a facet of the surface lies {state.overlap:.3g} inside the tip, which went through it"
 
 
-def _is_inside_the_skin(scene: Scene, state: State, earlier: Rows) -> str | None:
+def _check_outside_penetration(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """No part of the surface that contact is not looked for on lies inside the tip."""
-    if state.intrusion <= INTRUDED * state.delta + _sunk(scene, state):
+    if state.intrusion <= MAX_OUTSIDE_PENETRATION * state.delta + _allowed_penetration(
+        scene, state
+    ):
         return None
-    why = (
+    cause = (
         "a side of the body has come to the tip, or the contact group of a mesh file ends too early"
     )
     if scene.physics.is_compressed:
-        since = earlier.last.delta if earlier.last and earlier.last.delta < state.delta else 0.0
-        why = (
-            f"a side of the body folds up against it from a depth between {since:.6g} and "
+        previous_depth = (
+            earlier.last.delta if earlier.last and earlier.last.delta < state.delta else 0.0
+        )
+        cause = (
+            f"a side of the body folds up against it from a depth between {previous_depth:.6g} and "
             f"{state.delta:.6g} on"
         )
     where = "inside the surface beside the contact surface, where nothing keeps it out"
-    return f"the tip is {state.intrusion:.3g} {where}: {why}"
+    return f"the tip is {state.intrusion:.3g} {where}: {cause}"
 
 
-def _energy_is_not_its_work(scene: Scene, state: State, earlier: Rows) -> str | None:
+def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """0 <= Pi <= force delta, as of any force that grows with the depth."""
     work = state.force * state.delta
-    is_its_work = -WORK_SLACK * work <= state.energy <= (1 + WORK_SLACK) * work
-    if is_its_work or _may_soften(scene):
+    is_its_work = -ENERGY_TOLERANCE * work <= state.energy <= (1 + ENERGY_TOLERANCE) * work
+    if is_its_work or _may_be_unstable(scene):
         return None
-    if scene.physics.has_friction and earlier.deepest > state.delta:
+    if scene.physics.has_friction and earlier.max_depth > state.delta:
         return None
     return (
         f"the energy is {state.energy:.6g}, and a force that grew to {state.force:.6g} "
@@ -462,21 +493,29 @@ def _energy_is_not_its_work(scene: Scene, state: State, earlier: Rows) -> str | 
     )
 
 
-def _falls(scene: Scene, state: State, earlier: Rows) -> str | None:
+def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """force <= force at a greater depth, within the error bars of both where there are any."""
     last = earlier.last
     if scene.physics.has_friction and last and (earlier.has_turned or state.delta < last.delta):
         return None  # friction gives less back
-    fall = LINEAR_FALL if scene.physics.small_strain and scene.physics.gap == "reference" else FALL
-    own = _compared(state)
+    fall = (
+        MAX_LINEAR_FALL
+        if scene.physics.small_strain and scene.physics.gap == "reference"
+        else MAX_FALL
+    )
+    row_force = _row_force(state)
     for shallow, deep in (
-        (earlier.strongest_above(state.delta), own),
-        (own, earlier.weakest_below(state.delta)),
+        (earlier.largest_shallower_force(state.delta), row_force),
+        (row_force, earlier.smallest_deeper_force(state.delta)),
     ):
         if shallow is None or deep is None:
             continue
-        lost = shallow[1] - deep[1] - shallow[2] - deep[2] - fall * abs(shallow[1])
-        if lost > 0 and lost > _noise(scene, state, earlier) and not _may_soften(scene):
+        force_drop = shallow[1] - deep[1] - shallow[2] - deep[2] - fall * abs(shallow[1])
+        if (
+            force_drop > 0
+            and force_drop > _force_noise(scene, state, earlier)
+            and not _may_be_unstable(scene)
+        ):
             forces = (
                 f"{shallow[1]:.6g} at delta = {shallow[0]:.6g} and {deep[1]:.6g} at {deep[0]:.6g}"
             )
@@ -484,7 +523,7 @@ def _falls(scene: Scene, state: State, earlier: Rows) -> str | None:
     return None
 
 
-def _is_not_theorys(scene: Scene, state: State, earlier: Rows) -> str | None:
+def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """The force is theory's within the error bar where theory is exact, and within a factor where
     it is nearly so.
     """
@@ -494,45 +533,50 @@ def _is_not_theorys(scene: Scene, state: State, earlier: Rows) -> str | None:
     if theory is None or solution is None or solution.force <= 0:
         return None
     expected = solution.force / scene.physics.mirror_multiplicity * scales.force
-    lowest, highest = _range(scene, solution)
-    said = f"the force is {state.force:.6g}, and {theory.name}"
+    lowest, highest = _force_ratio_range(scene, solution)
+    message = f"the force is {state.force:.6g}, and {theory.name}"
     if not lowest * expected <= state.force <= highest * expected:
-        return f"{said} expects {expected:.6g}"
+        return f"{message} expects {expected:.6g}"
     if not scene.exact_theory or state.force_error is None or isnan(state.force_error):
         return None
     if abs(state.force - expected) <= state.force_error + THEORY_FORCE_ERROR * expected:
         return None
     return (
-        f"{said}, exact for this body, {expected:.6g}: the error bar "
+        f"{message}, exact for this body, {expected:.6g}: the error bar "
         f"{state.force_error:.3g} does not hold it"
     )
 
 
-ALWAYS: Rules = (
-    _is_no_number,
-    _overlaps,
-    _pulls,
-    _pushes_from_afar,
-    _is_wider_than_tip,
-    _falls,
-    _stands_on_a_side,
+GENERAL_RULES: Rules = (
+    _check_finite,
+    _check_overlap,
+    _check_no_tension,
+    _check_no_force_above,
+    _check_contact_radius,
+    _check_force_growth,
+    _check_side_contact,
 )
-WHEN_PRESSED: Rules = (
-    _touches_nothing,
-    _is_inside_the_skin,
-    _stands_still,
-    _energy_is_not_its_work,
-    _is_not_theorys,
+CONTACT_RULES: Rules = (
+    _check_contact_found,
+    _check_outside_penetration,
+    _check_new_solution,
+    _check_energy,
+    _check_against_theory,
 )
-OF_TIPS_THAT_PUSH: Rules = (_pulls, _falls, _energy_is_not_its_work, _is_not_theorys)
+REPULSIVE_RULES: Rules = (
+    _check_no_tension,
+    _check_force_growth,
+    _check_energy,
+    _check_against_theory,
+)
 # What takes time lets a force fall in a hold, and what was pressed in may not have come back yet,
 # or swells
-OF_ELASTIC_BODIES: Rules = (
-    _pushes_from_afar,
-    _falls,
-    _touches_nothing,
-    _energy_is_not_its_work,
-    _is_not_theorys,
+ELASTIC_RULES: Rules = (
+    _check_no_force_above,
+    _check_force_growth,
+    _check_contact_found,
+    _check_energy,
+    _check_against_theory,
 )
 
 
@@ -545,12 +589,12 @@ def _is_first_touch(scene: Scene, state: State) -> bool:
     if depth <= 0 or deepest <= depth:
         return depth <= 0
     if scene.physics.is_compressed:
-        return depth <= FIRST_TOUCH * deepest
+        return depth <= FIRST_TOUCH_FRACTION * deepest
     radius_at = relative_tip(scene.physics.indenter, scene.physics.body).radius_at
-    return depth * radius_at(depth) <= FIRST_TOUCH * deepest * radius_at(deepest)
+    return depth * radius_at(depth) <= FIRST_TOUCH_FRACTION * deepest * radius_at(deepest)
 
 
-def _noise(scene: Scene, state: State, earlier: Rows) -> float:
+def _force_noise(scene: Scene, state: State, earlier: PreviousRows) -> float:
     """A force that is none [force]: beside those so far, or beside one that presses an element in
     as deep.
     """
@@ -566,42 +610,44 @@ def _noise(scene: Scene, state: State, earlier: Rows) -> float:
     return FORCE_NOISE * max(pressed, earlier.largest_force)
 
 
-def _sunk(scene: Scene, state: State) -> float:
+def _allowed_penetration(scene: Scene, state: State) -> float:
     """How far the contact law lets the tip sink in [length]."""
     return (
-        PENETRATIONS * state.penetration
+        PENETRATION_FACTOR * state.penetration
         if isinstance(scene.physics.contact, Penalty | Nitsche)
         else 0.0
     )
 
 
-def _bar(state: State) -> float:
+def _error_half_width(state: State) -> float:
     return state.force_error if state.force_error and isfinite(state.force_error) else 0.0
 
 
-def _may_soften(scene: Scene) -> bool:
+def _may_be_unstable(scene: Scene) -> bool:
     """Whether the law is no longer stable at the strains to expect: then a force may fall."""
     return any(doubt.key == "stability" for doubt in scene.plan.model_warnings)
 
 
-def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
+def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
     """Least and largest force over theory's that may be true, mesh and penalty included."""
-    coarse = 1 + expected_force_error(scene.sizes, theory.a, scene.physics.largest_nu)
-    left = 1 - penalty_force_loss(
+    mesh_factor = 1 + expected_force_error(scene.sizes, theory.a, scene.physics.largest_nu)
+    force_fraction = 1 - penalty_force_loss(
         scene.physics.contact, scene.physics.material, scene.plan.theory, theory.delta, theory.a
     )
     if scene.exact_theory:
-        return left / (SAME_PROBLEM_FACTOR * coarse), SAME_PROBLEM_FACTOR * coarse
+        return force_fraction / (
+            SAME_PROBLEM_FACTOR * mesh_factor
+        ), SAME_PROBLEM_FACTOR * mesh_factor
     height = scene.physics.body.height
     rim = scene.physics.body.rim_distance(scene.physics.center)
-    feels_a_half_space = (
+    is_half_space_like = (
         theory.a <= HALF_SPACE_CONTACT * min(height, rim) and height <= PILLAR_HEIGHT * rim
     )
     if (
-        scene.physics.body.inclusions or scene.physics.domain.skins or not feels_a_half_space
+        scene.physics.body.inclusions or scene.physics.domain.skins or not is_half_space_like
     ):  # skins bend as shells
         return 0.0, float("inf")
-    may_stiffen = not scene.physics.small_strain and theory.delta > SHALLOW * theory.a
-    return left / (HALF_SPACE_FACTOR * coarse), float(
+    may_stiffen = not scene.physics.small_strain and theory.delta > MAX_LINEAR_DEPTH * theory.a
+    return force_fraction / (HALF_SPACE_FACTOR * mesh_factor), float(
         "inf"
-    ) if may_stiffen else HALF_SPACE_FACTOR * coarse
+    ) if may_stiffen else HALF_SPACE_FACTOR * mesh_factor

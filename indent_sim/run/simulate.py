@@ -26,36 +26,50 @@ from indent_sim.process.usage import Clock, memory
 from indent_sim.results.folder import asked_from, read_report
 from indent_sim.results.reader import begun_report, earlier_run, lost_files, read
 from indent_sim.results.tables import EXPERIMENT
-from indent_sim.run.companions.accuracy import (
-    Asked,
-    Attempt,
-    asked_in,
-    attempts,
-    entry,
-    foreseen,
-    refuse_other_bars,
-    unjudged,
+from indent_sim.run.derived_quantities import DerivedQuantities, Equilibrium
+from indent_sim.run.error_estimation.coarser_run import (
+    CoarserRun,
+    coarser_scene,
+    double_bath_ramp,
+    halve_penalty,
 )
-from indent_sim.run.companions.companion import Companion, beside, in_slower_bath, softer
-from indent_sim.run.companions.drained_film import film_of
-from indent_sim.run.companions.error_bars import Bars, ErrorBars, TheoryBars, ways
-from indent_sim.run.companions.remedies import are_tried, remedies, tried
-from indent_sim.run.companions.sticking import bearer, sticks
-from indent_sim.run.plausibility import long_steps, rough, unresolved
-from indent_sim.run.prospect import all_mistakes
-from indent_sim.run.readings import Equilibrium, Readings
-from indent_sim.run.record import Beside, Comm, Record, amend
-from indent_sim.run.resolved import left_open, resolved
-from indent_sim.run.simulation import Progress, Simulation, backend
-from indent_sim.run.summary import stages
-from indent_sim.run.walks.by_curve import BARS, CurveWalk
-from indent_sim.run.walks.by_theory import TheoryWalk
+from indent_sim.run.error_estimation.error_bars import (
+    AnyErrorBars,
+    ErrorBars,
+    TheoryBars,
+    step_refinement,
+)
+from indent_sim.run.error_estimation.film_error import estimate_film_error
+from indent_sim.run.error_estimation.no_slip_runs import no_slip_base_run, solve_no_slip_effect
+from indent_sim.run.error_estimation.refinement import (
+    ErrorRequest,
+    RefinementLevel,
+    accuracy_entry,
+    adaptive_refinement,
+    check_same_request,
+    error_request_of,
+    forceless_row_warnings,
+    predict_total_cost,
+)
+from indent_sim.run.explicit_config import automatic_keys, explicit_config
+from indent_sim.run.planned_run import collect_errors
+from indent_sim.run.remedies import has_remedies, remedies, try_remedies
+from indent_sim.run.run_output import Comm, OptionalOutput, RunOutput, optional_output_after_run
+from indent_sim.run.sanity_checks import (
+    long_step_warnings,
+    oscillating_pressure_warnings,
+    underresolved_rows,
+)
+from indent_sim.run.single_run import Progress, SingleRun, backend
+from indent_sim.run.solvers.hereditary_integral import ERROR_SOURCES, HereditaryIntegralSolver
+from indent_sim.run.solvers.semi_analytic import SemiAnalyticSolver
+from indent_sim.run.summary import rounded_timings
 from indent_sim.scene.problem_setup import read_imported_mesh
 from indent_sim.scene.resolution import target_error
 from indent_sim.scene.scene import Mesher, Scene, resolve, start_mesher
 
 Floats = Sequence[float]
-TOLD_EVERY = 30.0  # s between lines about a run beside this one
+LOG_INTERVAL = 30.0  # s between lines about a run beside this one
 log = logging.getLogger("indent_sim")
 
 
@@ -97,17 +111,17 @@ def simulate(
     config = config_of(given)
     target = Path(directory or config.output.directory or "results/run")
     try:
-        outcome = Run(
+        outcome = SimulationDriver(
             config, scene, comm, target, progress, resume, error_bars, overwrite
-        ).outcome()
+        ).run()
     except ConfigError as error:
-        raise all_mistakes(error, config) from None
+        raise collect_errors(error, config) from None
     if config.output.plot:
         on_root(comm, _plot, target, outcome.report)
     return outcome
 
 
-class Run:
+class SimulationDriver:
     """One config simulated on one mesh, or on finer and finer ones, into the same folder."""
 
     def __init__(
@@ -116,117 +130,151 @@ class Run:
         scene: Scene | None,
         comm: Comm,
         target: Path,
-        say: Progress | None,
+        progress: Progress | None,
         resume: bool,
-        bars: bool,
+        error_bars: bool,
         overwrite: bool,
     ):
         self.config = config
         self.comm = comm
         self.target = target
-        self.progress = say
+        self.progress = progress
         self._scene = scene
         self._resume = resume
         self._overwrite = overwrite
         self._clock = Clock()
-        self._before = comm.bcast(on_root(comm, begun_report, target)) if resume else {}
-        before = asked_in(self._before)
-        self._asked = Asked(bars or before.error_bars, target_error(config.accuracy))
-        if self._before:
-            refuse_other_bars(before, self._asked, target)
-        self._beside = Beside()
+        self._previous_report = comm.bcast(on_root(comm, begun_report, target)) if resume else {}
+        previous_request = error_request_of(self._previous_report)
+        self._request = ErrorRequest(
+            error_bars or previous_request.error_bars, target_error(config.accuracy)
+        )
+        if self._previous_report:
+            check_same_request(previous_request, self._request, target)
+        self._optional_output = OptionalOutput()
         with self._clock.stage("resolve"), spent():
-            self._piece = read_imported_mesh(config, comm)
+            self._imported_mesh = read_imported_mesh(config, comm)
 
-    def outcome(self) -> Outcome:
+    def run(self) -> Outcome:
         """What the last attempt came to; VerificationError when it is not as accurate as asked for."""
-        known = self._before.get("accuracy") or {}
-        for attempt in attempts(self._resolved, known.get("elements"), known.get("tried", ())):
-            outcome = self._outcome(attempt)
-        if attempt.missed:
-            raise VerificationError(attempt.missed)
+        accuracy_report = self._previous_report.get("accuracy") or {}
+        for level in adaptive_refinement(
+            self._resolve_scene, accuracy_report.get("elements"), accuracy_report.get("tried", ())
+        ):
+            outcome = self._run_level(level)
+        if level.failure:
+            raise VerificationError(level.failure)
         return outcome
 
-    def _resolved(self, elements: float | None) -> Scene:
+    def _resolve_scene(self, elements: float | None) -> Scene:
         """The scene with that many elements in a contact radius, where `accuracy` leaves it open."""
         if (
-            elements is None and self._scene is not None and self._piece is None
+            elements is None and self._scene is not None and self._imported_mesh is None
         ):  # a mesh file may have changed since
             return self._scene
         with self._clock.stage("resolve"):
-            return resolve(self.config, elements, self._piece)
+            return resolve(self.config, elements, self._imported_mesh)
 
-    def _outcome(self, attempt: Attempt) -> Outcome:
+    def _run_level(self, level: RefinementLevel) -> Outcome:
         """Simulate an attempt, with its error bars, and judge it."""
         config = self.config
-        scene = attempt.scene
-        decided = resolved(self.config, attempt.scene)
+        scene = level.scene
+        decided = explicit_config(self.config, level.scene)
         self.comm = communicator(self.comm, scene)
-        resume = self._resume and attempt.companion is None  # only the first one
-        whole = scene if attempt.companion else foreseen(scene, self._asked.error_bars)
-        said = self._said(scene, decided, whole.plan.prediction)
-        text = to_yaml(decided)
-        if resume and (outcome := self._finished(text, scene, decided.output, said)):
-            return outcome
-        columns = (*scene.columns, *self._columns(scene))
-        body = config.body
-        mesh = self._piece.text(body) if self._piece and isinstance(body, MeshFromFile) else ()
-        folder = {"columns": columns, "guard": not self._overwrite, "resume": resume}
-        opened = Record(
-            self.comm, self.target, text, said, surface=config.output.surface, mesh=mesh, **folder
+        resume = self._resume and level.coarser_run is None  # only the first one
+        scene_with_cost = (
+            scene if level.coarser_run else predict_total_cost(scene, self._request.error_bars)
         )
-        with opened as record, unmasked(), spent():
+        report = self._initial_report(scene, decided, scene_with_cost.plan.prediction)
+        config_yaml = to_yaml(decided)
+        if resume and (
+            outcome := self._finished_outcome(config_yaml, scene, decided.output, report)
+        ):
+            return outcome
+        columns = (*scene.columns, *self._optional_columns(scene))
+        body = config.body
+        mesh = (
+            self._imported_mesh.text(body)
+            if self._imported_mesh and isinstance(body, MeshFromFile)
+            else ()
+        )
+        folder = {"columns": columns, "guard": not self._overwrite, "resume": resume}
+        opened = RunOutput(
+            self.comm,
+            self.target,
+            config_yaml,
+            report,
+            surface=config.output.surface,
+            mesh=mesh,
+            **folder,
+        )
+        with opened as run_output, unmasked(), spent():
             plan = scene.plan
-            self._beside = record.beside
-            bars = self._bars(attempt) if self._asked.bars else None
-            if bars is not None:
-                record.note(
-                    error_budget=bars.budgets,
-                    accuracy=entry(config, plan.resolution, attempt.tried),
+            self._optional_output = run_output.optional_output
+            error_bars = self._error_bars(level) if self._request.has_error_bars else None
+            if error_bars is not None:
+                run_output.add_entries(
+                    error_budget=error_bars.budgets,
+                    accuracy=accuracy_entry(config, plan.resolution, level.previous_resolutions),
                 )
-            simulation = Simulation(
-                config, scene, record, self._clock, bars, partial(self._remedies, scene)
+            single_run = SingleRun(
+                config,
+                scene,
+                run_output,
+                self._clock,
+                error_bars,
+                partial(self._try_remedies, scene),
             )
-            states = simulation.follow(self.progress)
-            simulation.experiment()
-            judged = simulation.judged
-            simulation.release()
-            record.warn(*rough(scene, judged))
-            if bars is None:
-                record.warn(*unresolved(scene, states), *long_steps(scene, states))
+            states = single_run.solve_path(self.progress)
+            single_run.write_experiment()
+            states_with_errors = single_run.states_with_errors
+            single_run.release()
+            run_output.add_warnings(*oscillating_pressure_warnings(scene, states_with_errors))
+            if error_bars is None:
+                run_output.add_warnings(
+                    *underresolved_rows(scene, states), *long_step_warnings(scene, states)
+                )
             else:
-                record.warn(*unjudged(scene, judged, bars))
-                attempt.judge(self._resolved, judged, bars)
-                if self._asked.error_bars and attempt.following is None:
-                    run = Companion(1.0, judged, scene)
-                    stick = self._beside(
-                        "what no slip would change", lambda: self._stick(run, bars), None
+                run_output.add_warnings(
+                    *forceless_row_warnings(scene, states_with_errors, error_bars)
+                )
+                level.assess(self._resolve_scene, states_with_errors, error_bars)
+                if self._request.error_bars and level.next_level is None:
+                    own_run = CoarserRun(1.0, states_with_errors, scene)
+                    no_slip = self._optional_output(
+                        "what no slip would change",
+                        lambda: self._no_slip_effect(own_run, error_bars),
+                        None,
                     )
-                    record.note(stick=stick, timings=stages(self._clock.stages))
-            if attempt.missed:
-                record.fail(VerificationError(attempt.missed))
+                    run_output.add_entries(
+                        stick=no_slip, timings=rounded_timings(self._clock.stages)
+                    )
+            if level.failure:
+                run_output.mark_failed(VerificationError(level.failure))
         return Outcome(
-            self.target, record.report, states, len(record.earlier.states) if record.earlier else 0
+            self.target,
+            run_output.report,
+            states,
+            len(run_output.earlier.states) if run_output.earlier else 0,
         )
 
-    def _remedies(self, scene: Scene, step: int, spent: int) -> str:
+    def _try_remedies(self, scene: Scene, step: int, iterations: int) -> str:
         """What was tried where a path ended early, and how far it came, in words; by one process
         alone.
         """
-        if self.comm.size > 1 or not are_tried(scene):
+        if self.comm.size > 1 or not has_remedies(scene):
             return ""
-        walk = partial(states, with_surface=False)
-        return tried(remedies(self.config, scene), step, spent, resolve, walk)
+        solve_states = partial(states, with_surface=False)
+        return try_remedies(remedies(self.config, scene), step, iterations, resolve, solve_states)
 
-    def _finished(
-        self, text: str, scene: Scene, output: OutputSettings, said: dict[str, Any]
+    def _finished_outcome(
+        self, config_yaml: str, scene: Scene, output: OutputSettings, initial_report: dict[str, Any]
     ) -> Outcome | None:
         """The outcome of a run that came to its end before, with what its files lack since among
         its warnings.
         """
         comm = self.comm
         target = self.target
-        earlier = comm.bcast(on_root(comm, earlier_run, target, text, said))
+        earlier = comm.bcast(on_root(comm, earlier_run, target, config_yaml, initial_report))
         if earlier is None:
             return None
         physics = scene.physics
@@ -237,30 +285,34 @@ class Run:
         if earlier.report.get("status") != "done" or len(earlier.states) != steps:
             return None
         surface = "none" if scene.history_on_curve else output.surface
-        lost = comm.bcast(on_root(comm, lost_files, target, surface, output.fields))
-        is_said = EXPERIMENT in (earlier.report.get("missing") or ())
+        missing_files = comm.bcast(on_root(comm, lost_files, target, surface, output.fields))
+        is_reported_missing = EXPERIMENT in (earlier.report.get("missing") or ())
         has_table = scene.experiment is not None and scene.history_on_curve is None
-        if has_table and not (is_said or comm.bcast(on_root(comm, (target / EXPERIMENT).exists))):
-            lost = [*lost, EXPERIMENT]
-        again = "missing or damaged since; leave --resume out to compute them again"
-        told = [f"{', '.join(lost)}: {again}"] if lost else []
-        report = earlier.report | {"warnings": [*earlier.report.get("warnings", []), *told]}
+        if has_table and not (
+            is_reported_missing or comm.bcast(on_root(comm, (target / EXPERIMENT).exists))
+        ):
+            missing_files = [*missing_files, EXPERIMENT]
+        advice = "missing or damaged since; leave --resume out to compute them again"
+        notes = [f"{', '.join(missing_files)}: {advice}"] if missing_files else []
+        report = earlier.report | {"warnings": [*earlier.report.get("warnings", []), *notes]}
         return Outcome(target, report, list(earlier.states), steps)
 
-    def _said(self, scene: Scene, decided: Config, prediction: dict[str, float]) -> dict[str, Any]:
+    def _initial_report(
+        self, scene: Scene, decided: Config, prediction: dict[str, float]
+    ) -> dict[str, Any]:
         """What run.json says from the beginning."""
         physics = scene.physics
         plan = scene.plan
-        asked = asdict(self._asked) | asked_from(self.config.source.name, self.target)
-        said = {
-            "asked": asked,
+        request = asdict(self._request) | asked_from(self.config.source.name, self.target)
+        report = {
+            "asked": request,
             "title": plan.title,
             "units": plan.units,
             "gap": physics.gap,
             "method": scene.method,
         }
         center = [c * physics.scales.length for c in physics.center]
-        auto = left_open(self.config, decided)
+        auto = automatic_keys(self.config, decided)
         planned = {
             "choices": list(plan.choices),
             "prediction": prediction,
@@ -268,78 +320,92 @@ class Run:
             "auto": auto,
         }
         if plan.time and physics.path.times:
-            said["time"] = plan.time.report
-        said |= {
+            report["time"] = plan.time.report
+        report |= {
             "control": physics.path.control,
             "center": center,
             "plan": planned,
             "warnings": list(plan.warnings),
         }
-        return said | {"ranks": self.comm.size, "memory_before_MB": round(memory(), 1)}
+        return report | {"ranks": self.comm.size, "memory_before_MB": round(memory(), 1)}
 
-    def _columns(self, scene: Scene) -> tuple[str, ...]:
+    def _optional_columns(self, scene: Scene) -> tuple[str, ...]:
         """Columns that apply to the scene: of its linear solver, and the error bars of what it
         finds.
         """
-        effort = KRYLOV_COLUMNS if scene.solver.linear == "iterative" else ()
-        given = {"delta"} if scene.physics.path.control == "depth" else set()
-        found = (
-            BARS.values() if scene.history_on_curve else (*STATE_COLUMNS, *scene.physics.columns)
+        krylov_columns = KRYLOV_COLUMNS if scene.solver.linear == "iterative" else ()
+        prescribed = {"delta"} if scene.physics.path.control == "depth" else set()
+        columns = (
+            ERROR_SOURCES.values()
+            if scene.history_on_curve
+            else (*STATE_COLUMNS, *scene.physics.columns)
         )
-        judged = {*found} - given if self._asked.bars else set[str]()
-        errors = (name for name in ERROR_COLUMNS if name.removesuffix("_error") in judged)
+        columns_with_errors = (
+            {*columns} - prescribed if self._request.has_error_bars else set[str]()
+        )
+        errors = (
+            name for name in ERROR_COLUMNS if name.removesuffix("_error") in columns_with_errors
+        )
         reactions = scene.reaction_columns if self.config.output.reactions else ()
-        return (*effort, *errors, *reactions)
+        return (*krylov_columns, *errors, *reactions)
 
-    def _bars(self, attempt: Attempt) -> Bars:
-        if not attempt.scene.is_meshed:
-            return TheoryBars(attempt.scene)
+    def _error_bars(self, level: RefinementLevel) -> AnyErrorBars:
+        if not level.scene.is_meshed:
+            return TheoryBars(level.scene)
         with self._clock.stage("imports"):
             backend()
         with self._clock.stage("companions"):
-            companion = attempt.companion
-            if companion is None:  # that of a resumed run is its earlier attempt, as before
-                earlier = self._resolved(attempt.tried[-1]) if attempt.tried else None
-                ratio, other = beside(attempt.scene, earlier)
-                companion = Companion(ratio, self._curve(other), other)
-            soft = softer(companion.scene) if companion.scene else None
-            curve = self._curve(soft) if soft else None
-            in_halves = ways(companion, self._curve)
-            slower = in_slower_bath(companion.scene) if companion.scene else None
-            bath = self._curve(slower) if slower else None
-            film = film_of(attempt.scene, self._curve)
-            return ErrorBars(attempt.scene, companion, curve, in_halves, film, bath)
+            coarser_run = level.coarser_run
+            if coarser_run is None:  # that of a resumed run is its earlier attempt, as before
+                earlier = (
+                    self._resolve_scene(level.previous_resolutions[-1])
+                    if level.previous_resolutions
+                    else None
+                )
+                ratio, coarse_scene = coarser_scene(level.scene, earlier)
+                coarser_run = CoarserRun(ratio, self._elastic_states(coarse_scene), coarse_scene)
+            soft_scene = halve_penalty(coarser_run.scene) if coarser_run.scene else None
+            soft_states = self._elastic_states(soft_scene) if soft_scene else None
+            half_steps = step_refinement(coarser_run, self._elastic_states)
+            slow_bath_scene = double_bath_ramp(coarser_run.scene) if coarser_run.scene else None
+            bath_states = self._elastic_states(slow_bath_scene) if slow_bath_scene else None
+            film = estimate_film_error(level.scene, self._elastic_states)
+            return ErrorBars(level.scene, coarser_run, soft_states, half_steps, film, bath_states)
 
-    def _stick(self, run: Companion, bars: Bars) -> dict[str, Any] | None:
+    def _no_slip_effect(self, run: CoarserRun, error_bars: AnyErrorBars) -> dict[str, Any] | None:
         """What no slip would change of the deepest force: as the plan knows it, or solved beside
         the run.
         """
         assert run.scene is not None
         with self._clock.stage("companions"):
-            known = run.scene.plan.stick
-            changed = (
-                sticks(bearer(run, bars.companion), self._curve) if run.scene.is_meshed else known
+            planned_effect = run.scene.plan.stick
+            effect = (
+                solve_no_slip_effect(
+                    no_slip_base_run(run, error_bars.coarser_run), self._elastic_states
+                )
+                if run.scene.is_meshed
+                else planned_effect
             )
-        return asdict(changed) | {"words": changed.sentence} if changed else None
+        return asdict(effect) | {"words": effect.sentence} if effect else None
 
-    def _curve(self, scene: Scene) -> list[State]:
+    def _elastic_states(self, scene: Scene) -> list[State]:
         """The elastic states of a scene without surface tables; what one failed to reach is
         missing, all where it ended.
         """
-        elastic = replace(scene, history_on_curve=None)
-        total = len(elastic.physics.deltas)
+        elastic_scene = replace(scene, history_on_curve=None)
+        total = len(elastic_scene.physics.deltas)
 
         def followed() -> list[State]:
-            found = []
-            told = time.monotonic()
-            for state in states(elastic, self.comm, with_surface=False):
-                found.append(state)
-                if (now := time.monotonic()) - told > TOLD_EVERY:
-                    log.info("beside this run, for its error bars: step %d/%d", len(found), total)
-                    told = now
-            return found
+            reached = []
+            last_log = time.monotonic()
+            for state in states(elastic_scene, self.comm, with_surface=False):
+                reached.append(state)
+                if (now := time.monotonic()) - last_log > LOG_INTERVAL:
+                    log.info("beside this run, for its error bars: step %d/%d", len(reached), total)
+                    last_log = now
+            return reached
 
-        return self._beside("a run beside this one", followed, [])
+        return self._optional_output("a run beside this one", followed, [])
 
 
 def states(
@@ -359,28 +425,28 @@ def states(
     """
     scene = given if isinstance(given, Scene) else resolve(config_of(given))
     comm = communicator(comm if comm is not None else Alone(), scene)
-    beside = Beside(comm)
+    optional_output = OptionalOutput(comm)
     fe = backend() if scene.is_meshed else None
-    part = scene.physics.domain
-    mesh = fe and fe.distribute(on_root(comm, mesher, scene), part, comm)
-    walk: Any = fe.walk(scene, mesh) if fe else TheoryWalk(scene, comm)
-    readings = Readings(scene, walk.equilibrium if fe else None, beside)
+    domain = scene.physics.domain
+    mesh = fe and fe.distribute(on_root(comm, mesher, scene), domain, comm)
+    walk: Any = fe.walk(scene, mesh) if fe else SemiAnalyticSolver(scene, comm)
+    readings = DerivedQuantities(scene, walk.equilibrium if fe else None, optional_output)
     if scene.history_on_curve:
-        walk = CurveWalk(scene, walk)
+        walk = HereditaryIntegralSolver(scene, walk)
         walk.solve()
-    is_through = False
+    is_complete = False
     try:
         for state in walk.states(scene.physics.path, lambda step: with_surface):
-            yield (state if scene.history_on_curve else readings.read(state)).in_units(
-                scene.physics.scales
-            )
-        is_through = True
+            yield (
+                state if scene.history_on_curve else readings.complete_state(state)
+            ).to_user_units(scene.physics.scales)
+        is_complete = True
     finally:
         del walk, readings  # what dies after the release stays
         # Several ranks release together: one that leaves early does not know whether the others do.
         # At the end of the process PETSc is gone before the last of Python's objects are
-        if is_through or (comm.size == 1 and not sys.is_finalizing()):
-            beside.meeting.free()
+        if is_complete or (comm.size == 1 and not sys.is_finalizing()):
+            optional_output.consensus.free()
             if fe:
                 fe.release(mesh)
 
@@ -424,16 +490,16 @@ class CondensedBody:
             values = tuple(delta / scales.depth for delta in deltas)
             scene = scene.replace_physics(deltas=values, path=LoadPath("depth", values))
         if forces is not None:
-            begin = max(*physics.deltas, 1e-3 * physics.body.height)  # of the search
+            first_depth = max(*physics.deltas, 1e-3 * physics.body.height)  # of the search
             values = tuple(force / scales.force for force in forces)
             scene = scene.replace_physics(
-                deltas=(begin,) * len(forces), path=LoadPath("force", values)
+                deltas=(first_depth,) * len(forces), path=LoadPath("force", values)
             )
-        equilibrium = self.equilibrium.under(scene)
-        readings = Readings(scene, equilibrium)
+        equilibrium = self.equilibrium.reuse_body(scene)
+        readings = DerivedQuantities(scene, equilibrium)
         walk = backend().Walk(equilibrium)
         states = walk.states(scene.physics.path, lambda step: False)
-        return [readings.read(state).in_units(scene.physics.scales) for state in states]
+        return [readings.complete_state(state).in_units(scene.physics.scales) for state in states]
 
 
 def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
@@ -449,16 +515,16 @@ def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
         )
     fe = backend()
     comm = comm if comm is not None else mpi().COMM_SELF
-    while _left:
-        fe.release(_left.pop())
+    while _released_meshes:
+        fe.release(_released_meshes.pop())
     mesh = fe.distribute(on_root(comm, scene.grid), scene.physics.domain, comm)
     body = CondensedBody(scene, fe.equilibrium(scene, mesh))
     if comm.size == 1:  # several ranks need not let go of it at the same time
-        weakref.finalize(body, _left.append, mesh).atexit = False
+        weakref.finalize(body, _released_meshes.append, mesh).atexit = False
     return body
 
 
-_left: list[
+_released_meshes: list[
     Any
 ] = []  # meshes of condensed bodies that are gone: what PETSc keeps of them goes with the next one
 
@@ -495,7 +561,7 @@ def mpi() -> Any:
 def _plot(directory: Path, report: dict[str, Any]) -> None:
     from indent_sim.results.pictures import canvas, experiment, panels
 
-    draw = amend(directory, report)
+    draw = optional_output_after_run(directory, report)
     picture = directory / canvas.FORCE_PICTURE
     draw(
         picture.name,

@@ -21,65 +21,69 @@ from indent_sim.results.reader import Earlier
 from indent_sim.results.writer import ResultFolder, to_json
 
 T = TypeVar("T")
-Other = TypeVar("Other")
+Fallback = TypeVar("Other")
 log = logging.getLogger("indent_sim")
 
 Comm = Any  # a communicator of mpi4py, which is loaded where a mesh is solved alone, or `Alone`
 Failure = tuple[str, str]  # why something is missing: in words, and the traceback
 
 
-class Beside:
+class OptionalOutput:
     """Finds what stands beside the rows of a run: where that fails it is missing, and the run goes
     on.
 
     `say` is told what is missing and why, once for each thing [the log]. Signals pass through.
     """
 
-    def __init__(self, comm: Comm = None, say: Callable[[str, Failure], None] | None = None):
+    def __init__(
+        self, comm: Comm = None, report_missing: Callable[[str, Failure], None] | None = None
+    ):
         self._comm = comm if comm is not None else Alone()
-        self.meeting = Meeting(self._comm)
-        self._say = say or (lambda what, why: log.warning(f"{what} is missing: {why[0]}"))
+        self.consensus = Meeting(self._comm)
+        self._report_missing = report_missing or (
+            lambda name, failure: log.warning(f"{name} is missing: {failure[0]}")
+        )
         self._missing: set[str] = set()
 
-    def __call__(self, what: str, find: Callable[[], T], otherwise: Other) -> T | Other:
-        """What `find` returns, or `otherwise` on all ranks where it fails on any (collective).
+    def __call__(self, name: str, find: Callable[[], T], fallback: Fallback) -> T | Fallback:
+        """What `find` returns, or `fallback` on all ranks where it fails on any (collective).
 
         The error of a rank that the others wait for inside `find` passes through: there all must
         end.
         """
         failure: Failure | None = None
         try:
-            value: T | Other = find()
+            value: T | Fallback = find()
         except Exception as error:
             check()
             kind = "" if isinstance(error, IndentSimError) else f"{type(error).__name__}: "
             failure = f"{kind}{printable(str(error))}", "".join(traceback.format_exception(error))
-            if (count := self.meeting.failures(True)) is None:
+            if (count := self.consensus.failures(True)) is None:
                 raise
         else:
-            count = self.meeting.failures(False)
+            count = self.consensus.failures(False)
         if not count:
             return value
         first = next(filter(None, self._comm.allgather(failure)))
-        if what not in self._missing:
-            self._missing.add(what)
-            self._say(what, first)
-        return otherwise
+        if name not in self._missing:
+            self._missing.add(name)
+            self._report_missing(name, first)
+        return fallback
 
 
-def _by_root(act: Callable[..., T]) -> Callable[..., T | None]:
+def _root_method(method: Callable[..., T]) -> Callable[..., T | None]:
     """A method of a record that does something with the folder on rank 0; its failure is that of
     all ranks.
     """
 
-    @wraps(act)
-    def call(record: Record, *args: Any, **options: Any) -> T | None:
-        return on_root(record.comm, lambda: act(record._folder, *args, **options))
+    @wraps(method)
+    def call(record: RunOutput, *args: Any, **options: Any) -> T | None:
+        return on_root(record.comm, lambda: method(record._folder, *args, **options))
 
     return call
 
 
-class Record:
+class RunOutput:
     """The result folder seen from all ranks: rank 0 writes, every rank learns of a failure."""
 
     def __init__(
@@ -87,43 +91,43 @@ class Record:
     ):
         self.comm = comm
         self.report = dict(report)
-        self._open = lambda: ResultFolder(
+        self._open_folder = lambda: ResultFolder(
             target, config_yaml, report=self.report, **options
         ).__enter__()
         self._folder: ResultFolder | None = None
         self.earlier: Earlier | None = None
         # of all ranks, of this one
-        self.beside = Beside(comm, self._miss)
-        self.alone = Beside(None, self._miss)
-        self.end = Meeting(
+        self.optional_output = OptionalOutput(comm, self._report_missing)
+        self.rank_optional_output = OptionalOutput(None, self._report_missing)
+        self.failure_consensus = Meeting(
             comm
         )  # of ranks whose run has failed: others may just then meet in `beside`
 
-    def __enter__(self) -> Record:
-        self._folder = on_root(self.comm, self._open)
+    def __enter__(self) -> RunOutput:
+        self._folder = on_root(self.comm, self._open_folder)
         self.earlier = self.comm.bcast(self._folder.earlier if self._folder is not None else None)
         return self
 
     def __exit__(self, *error: Any) -> None:
         if error[0] is None:
-            on_root(self.comm, self._close, *error)
-            self.beside.meeting.free()
-            self.end.free()
+            on_root(self.comm, self._close_folder, *error)
+            self.optional_output.consensus.free()
+            self.failure_consensus.free()
         else:
-            self._close(*error)
+            self._close_folder(*error)
 
-    def _close(self, *error: Any) -> None:
+    def _close_folder(self, *error: Any) -> None:
         if self._folder is not None:
             self._folder.__exit__(*error)
             self.report = dict(self._folder.report)
 
     # what rank 0 does, with what it alone may have
-    open_fields = _by_root(ResultFolder.open_fields)
-    write_fields = _by_root(ResultFolder.write_fields)
-    append = _by_root(ResultFolder.append)
-    write_experiment = _by_root(ResultFolder.write_experiment)
-    save_checkpoint = _by_root(ResultFolder.save_checkpoint)
-    _read_checkpoint = _by_root(ResultFolder.read_checkpoint)
+    open_fields = _root_method(ResultFolder.open_fields)
+    write_fields = _root_method(ResultFolder.write_fields)
+    append = _root_method(ResultFolder.append)
+    write_experiment = _root_method(ResultFolder.write_experiment)
+    save_checkpoint = _root_method(ResultFolder.save_checkpoint)
+    _read_checkpoint = _root_method(ResultFolder.read_checkpoint)
 
     def read_checkpoint(self, identity: Mapping[str, Any]) -> Checkpoint:
         """The last equilibria of the run that is continued, on all ranks; it may have had another
@@ -131,41 +135,41 @@ class Record:
         """
         return self.comm.bcast(self._read_checkpoint(identity)) or Checkpoint()
 
-    def note(self, **entries: Any) -> None:
+    def add_entries(self, **entries: Any) -> None:
         """Add entries to run.json."""
         if self._folder is not None:
             self._folder.report.update(entries)
 
-    def fail(self, error: IndentSimError) -> None:
+    def mark_failed(self, error: IndentSimError) -> None:
         """Say that the run has failed, though all of its rows are there."""
         if self._folder is not None:
             self._folder.finish(error)
 
-    def warn(self, *warnings: str) -> None:
+    def add_warnings(self, *warnings: str) -> None:
         """Add warnings to those of run.json."""
         if self._folder is not None:
-            self.note(warnings=[*self._folder.report.get("warnings", []), *warnings])
+            self.add_entries(warnings=[*self._folder.report.get("warnings", []), *warnings])
 
-    def _miss(self, what: str, failure: Failure) -> None:
+    def _report_missing(self, name: str, failure: Failure) -> None:
         if self._folder is not None:
-            _add(self._folder.report, what, failure)
+            _add_missing_entry(self._folder.report, name, failure)
 
 
-def amend(folder: Path, report: dict[str, Any]) -> Beside:
+def optional_output_after_run(folder: Path, report: dict[str, Any]) -> OptionalOutput:
     """Finds what stands beside the rows of a run that has ended, and says in its run.json, and in
     `report`, what is missing.
     """
 
-    def say(what: str, failure: Failure) -> None:
+    def say(name: str, failure: Failure) -> None:
         for entries in (report, written := read_report(folder)):
-            _add(entries, what, failure)
+            _add_missing_entry(entries, name, failure)
         with suppress(OSError):
             write_atomically(folder / REPORT, to_json(written) + "\n")
 
-    return Beside(None, say)
+    return OptionalOutput(None, say)
 
 
-def _add(report: dict[str, Any], what: str, failure: Failure) -> None:
-    said = f"{what} is missing: {failure[0]}; run.json has the traceback"
-    report["warnings"] = [*(report.get("warnings") or []), said]
-    report["missing"] = (report.get("missing") or {}) | {what: failure[1]}
+def _add_missing_entry(report: dict[str, Any], name: str, failure: Failure) -> None:
+    message = f"{name} is missing: {failure[0]}; run.json has the traceback"
+    report["warnings"] = [*(report.get("warnings") or []), message]
+    report["missing"] = (report.get("missing") or {}) | {name: failure[1]}

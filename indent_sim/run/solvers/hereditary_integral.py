@@ -12,18 +12,18 @@ import numpy as np
 
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
-from indent_sim.run.companions.error_bars import Bars
-from indent_sim.run.readings import Equilibrium
+from indent_sim.run.derived_quantities import Equilibrium
+from indent_sim.run.error_estimation.error_bars import AnyErrorBars
 from indent_sim.scene.scene import Scene
 
-BARS = {
+ERROR_SOURCES = {
     "force_error": "force",
     "a_error": "a",
     "delta_error": "delta",
 }  # that the rows of a history have, and of what
 
 
-class CurveWalk:
+class HereditaryIntegralSolver:
     """The rows of a history, step by step: what `fe.walk` is for a path without time.
 
     `elastic`: the walk of the same scene along its elastic curve, on a mesh or by theory. All rows
@@ -35,36 +35,40 @@ class CurveWalk:
 
     def __init__(self, scene: Scene, elastic: Any, started: float | None = None):
         self.scene = scene
-        self._elastic = elastic
+        self._elastic_solver = elastic
         self._started = time.perf_counter() if started is None else started
-        self.judged: list[
+        self.states_with_errors: list[
             State
         ] = []  # equilibria of the elastic curve with their error bars, in the user's units
 
     @property
     def equilibrium(self) -> Equilibrium:
         """The condensed body; None by theory."""
-        return self._elastic.equilibrium if self.scene.is_meshed else None
+        return self._elastic_solver.equilibrium if self.scene.is_meshed else None
 
     def resume(self, saved: Any, depths: Any) -> bool:
         """Nothing is left to be reached again."""
         return True
 
-    def solve(self, bars: Bars | None = None) -> None:
+    def solve(self, error_bars: AnyErrorBars | None = None) -> None:
         """Find all rows, and judge the equilibria of the elastic curve; NotConverged where the
         curve is not known.
         """
-        from indent_sim.run.experiment import (
-            followed,
+        from indent_sim.run.history_on_curve import (
+            evaluate_history,
         )  # with scipy's searches, which no other scene needs
 
-        self.findings = followed(self.scene, self.equilibrium)
+        self.history_result = evaluate_history(self.scene, self.equilibrium)
         self._seconds = time.perf_counter() - self._started
-        if bars is not None:
-            walked = self._elastic.states(self.scene.physics.path, lambda step: False)
+        if error_bars is not None:
+            elastic_states = self._elastic_solver.states(
+                self.scene.physics.path, lambda step: False
+            )
             scales = self.scene.physics.scales
-            self.judged = [
-                bars.judged(state.in_units(scales)) for state in walked if state.converged
+            self.states_with_errors = [
+                error_bars.add_error_estimate(state.to_user_units(scales))
+                for state in elastic_states
+                if state.converged
             ]
 
     def states(
@@ -72,24 +76,28 @@ class CurveWalk:
     ) -> Iterator[State]:
         """One State per row after the first `done`, once they are found."""
         has_base = "z" in self.scene.columns
-        for step, row in enumerate(self.findings.rows[done:], start=done + 1):
-            known = (row.delta, row.force, row.a, nan, nan, nan, 0, self._seconds)
+        for step, row in enumerate(self.history_result.rows[done:], start=done + 1):
+            numbers = (row.delta, row.force, row.a, nan, nan, nan, 0, self._seconds)
             state = State(
-                step, *known, t=row.t, branch=row.branch, calibration_error=row.calibration_error
+                step, *numbers, t=row.t, branch=row.branch, calibration_error=row.calibration_error
             )
             yield replace(state, z=row.z) if has_base else state
 
-    def with_bars(self, row: State) -> State:
+    def add_error_estimate(self, row: State) -> State:
         """A row with the relative error of the elastic curve at its depth; one that does not push
         has none.
         """
-        reached = [state for state in self.judged if state.delta > 0]
-        if not reached:
+        loaded_states = [state for state in self.states_with_errors if state.delta > 0]
+        if not loaded_states:
             return row
-        depths = [state.delta for state in reached]
-        found = {}
-        for name, of in BARS.items():
-            if getattr(reached[0], name) is not None:
-                shares = [getattr(state, name) / abs(getattr(state, of)) for state in reached]
-                found[name] = abs(getattr(row, of)) * float(np.interp(row.delta, depths, shares))
-        return replace(row, **found)
+        depths = [state.delta for state in loaded_states]
+        errors = {}
+        for name, quantity in ERROR_SOURCES.items():
+            if getattr(loaded_states[0], name) is not None:
+                relative_errors = [
+                    getattr(state, name) / abs(getattr(state, quantity)) for state in loaded_states
+                ]
+                errors[name] = abs(getattr(row, quantity)) * float(
+                    np.interp(row.delta, depths, relative_errors)
+                )
+        return replace(row, **errors)

@@ -12,14 +12,14 @@ from indent_sim.scene import resolution
 from indent_sim.scene.scene import Scene
 
 # of the element sizes of the companion to those of the run; its reason stands in `error_bars`
-RATIO = 1.6
+REFINEMENT_RATIO = 1.6
 
-Curve = dict[int, State]
+StatesByStep = dict[int, State]
 States = Sequence[State]
 
 
 @dataclass(frozen=True)
-class Companion:
+class CoarserRun:
     """A run of the same scene on a mesh whose sizes are `ratio` times as large.
 
     A ratio below 1 is a finer mesh. `scene`: that of this mesh; None where it is not known.
@@ -30,17 +30,17 @@ class Companion:
     scene: Scene | None = field(default=None, repr=False)
 
     @property
-    def curve(self) -> Curve:
+    def states_by_step(self) -> StatesByStep:
         """The state of every step that was reached."""
-        return curve_of(self.states)
+        return states_by_step(self.states)
 
 
-def curve_of(states: States) -> Curve:
+def states_by_step(states: States) -> StatesByStep:
     """The converged states by their step."""
     return {state.step: state for state in states if state.converged}
 
 
-def coarser(scene: Scene, ratio: float) -> Scene:
+def coarsen_scene(scene: Scene, ratio: float) -> Scene:
     """The same scene on a mesh whose sizes are that much larger, near and far alike."""
     physics = scene.physics
     sizes = resolution.coarsened_sizes(
@@ -51,7 +51,7 @@ def coarser(scene: Scene, ratio: float) -> Scene:
     )
 
 
-def beside(scene: Scene, earlier: Scene | None = None) -> tuple[float, Scene]:
+def coarser_scene(scene: Scene, previous_scene: Scene | None = None) -> tuple[float, Scene]:
     """The scene of the companion, and the ratio of its element sizes to those of this scene.
 
     Parameters
@@ -69,57 +69,57 @@ def beside(scene: Scene, earlier: Scene | None = None) -> tuple[float, Scene]:
     """
     level = scene.sizes.refinements
     if level is not None:
-        other = level - 1 if level > 0 else level + 1
-        return 2.0 ** (level - other), _refined(scene, other)
-    if earlier is not None:
-        return earlier.sizes.h_contact / scene.sizes.h_contact, earlier
-    return RATIO, coarser(scene, RATIO)
+        coarser_level = level - 1 if level > 0 else level + 1
+        return 2.0 ** (level - coarser_level), _set_refinements(scene, coarser_level)
+    if previous_scene is not None:
+        return previous_scene.sizes.h_contact / scene.sizes.h_contact, previous_scene
+    return REFINEMENT_RATIO, coarsen_scene(scene, REFINEMENT_RATIO)
 
 
-def on_finer_mesh(scene: Scene, ratio: float) -> Scene:
+def refine_scene(scene: Scene, ratio: float) -> Scene:
     """The same scene on a mesh whose sizes are that much smaller, or halved where it is from a
     file.
     """
     level = scene.sizes.refinements
-    return coarser(scene, 1 / ratio) if level is None else _refined(scene, level + 1)
+    return coarsen_scene(scene, 1 / ratio) if level is None else _set_refinements(scene, level + 1)
 
 
-def _refined(scene: Scene, refinements: int) -> Scene:
+def _set_refinements(scene: Scene, refinements: int) -> Scene:
     """The same scene on the same file, refined that often."""
     return replace(scene, sizes=resolution.refined_sizes(scene.sizes, refinements))
 
 
-def softer(scene: Scene) -> Scene | None:
+def halve_penalty(scene: Scene) -> Scene | None:
     """The same scene with half the penalty stiffness; None without a penalty."""
     law = scene.physics.contact
     if not isinstance(law, Penalty):
         return None
     tangential = law.epsilon_t if law.epsilon_t == "auto" else law.epsilon_t / 2
-    halved = replace(law, epsilon_n=law.stiffness / 2, epsilon_t=tangential)
-    return scene.replace_physics(contact=halved)
+    soft_law = replace(law, epsilon_n=law.stiffness / 2, epsilon_t=tangential)
+    return scene.replace_physics(contact=soft_law)
 
 
-def in_half_steps(scene: Scene) -> Scene | None:
+def halve_increments(scene: Scene) -> Scene | None:
     """The same scene in steps half as long; None where neither the path nor time matters."""
     physics = scene.physics
     if not physics.depends_on_step_size:
         return None
-    return scene.replace_physics(path=physics.path.halved(), deltas=_halved(physics.deltas))
+    return scene.replace_physics(path=physics.path.halved(), deltas=_halve_values(physics.deltas))
 
 
-def in_slower_bath(scene: Scene) -> Scene | None:
+def double_bath_ramp(scene: Scene) -> Scene | None:
     """The same scene with a bath that takes twice as long to come; None where no bath comes."""
     ramp = scene.physics.bath_ramp
     return scene.replace_physics(bath_ramp=2 * ramp) if ramp else None
 
 
-def on_its_mesh(companion: Scene) -> list[Scene]:
+def same_mesh_scenes(scene: Scene) -> list[Scene]:
     """What is solved beside the companion, on its mesh."""
-    others = (softer(companion), in_half_steps(companion), in_slower_bath(companion))
-    return [other for other in others if other is not None]
+    scenes = (halve_penalty(scene), halve_increments(scene), double_bath_ramp(scene))
+    return [auxiliary for auxiliary in scenes if auxiliary is not None]
 
 
-def _halved(values: Sequence[float]) -> tuple[float, ...]:
+def _halve_values(values: Sequence[float]) -> tuple[float, ...]:
     """The values of a path, and between each and the one before the mean of the two."""
     steps = pairwise((0.0, *values))
-    return tuple(part for before, value in steps for part in ((before + value) / 2, value))
+    return tuple(half for previous, value in steps for half in ((previous + value) / 2, value))

@@ -17,34 +17,34 @@ from indent_sim.scene.scene import Plan, Scene, resolve, start_mesher
 
 
 @dataclass(frozen=True)
-class Prospect:
+class PlannedRun:
     """A config and the scene that it becomes. Depths are in the user's units."""
 
     config: Config = field(repr=False)
     scene: Scene = field(repr=False)
 
     @classmethod
-    def of(cls, config: Config) -> Self:
+    def resolve(cls, config: Config) -> Self:
         """The prospect of a config; ConfigError for a scene that cannot exist or that this machine
         cannot hold.
         """
         return cls(config, resolve(config))
 
-    def whole(self, error_bars: bool = False) -> Self:
+    def add_estimation_cost(self, error_bars: bool = False) -> Self:
         """The same with seconds and memory of all that is solved for it, for `accuracy` and for
         error bars.
         """
         if not (error_bars or self.scene.plan.resolution):  # nothing is solved beside it
             return self
-        from indent_sim.run.companions.accuracy import foreseen
+        from indent_sim.run.error_estimation.refinement import predict_total_cost
 
-        return replace(self, scene=foreseen(self.scene, error_bars))
+        return replace(self, scene=predict_total_cost(self.scene, error_bars))
 
-    def seconds_in_study(self, error_bars: bool = False) -> float:
+    def study_seconds(self, error_bars: bool = False) -> float:
         """Processor time [s] to expect of the run in a process that has its libraries."""
-        from indent_sim.run.companions.accuracy import seconds_in_study
+        from indent_sim.run.error_estimation.refinement import study_seconds
 
-        return seconds_in_study(self.scene, error_bars)
+        return study_seconds(self.scene, error_bars)
 
     @property
     def plan(self) -> Plan:
@@ -57,12 +57,12 @@ class Prospect:
         return [delta * self.scene.physics.scales.depth for delta in self.scene.physics.deltas]
 
     @property
-    def finds_depths(self) -> bool:
+    def has_prescribed_forces(self) -> bool:
         """Whether forces are prescribed."""
         return self.scene.physics.path.control == "force"
 
     @property
-    def is_of_any_depth(self) -> bool:
+    def accepts_any_depth(self) -> bool:
         """Whether forces at any depths are found without a load path to them: by theory, or on a
         condensed body.
         """
@@ -107,17 +107,17 @@ class Prospect:
         return self.scene.physics.material.E_star / self.scene.sizes.h_contact
 
 
-def foreseen(config: Config, error_bars: bool = False) -> Prospect:
+def plan_with_cost(config: Config, error_bars: bool = False) -> PlannedRun:
     """The prospect of a config, with all that is solved for it; ConfigError with everything that is
     wrong with it.
     """
     try:
-        return Prospect.of(config).whole(error_bars)
+        return PlannedRun.resolve(config).add_estimation_cost(error_bars)
     except ConfigError as error:
-        raise all_mistakes(error, config) from None
+        raise collect_errors(error, config) from None
 
 
-def all_mistakes(first: ConfigError, config: Config) -> ConfigError:
+def collect_errors(first: ConfigError, config: Config) -> ConfigError:
     """An error of a scene, and those that it has without; a mesh file is read once, so there it
     stands alone.
     """
@@ -125,7 +125,7 @@ def all_mistakes(first: ConfigError, config: Config) -> ConfigError:
     return located(config, first) if is_of_file else told_together(first, config, resolve)
 
 
-def starts_mesher(read: Callable[[], Config]) -> bool:
+def start_mesher_if_needed(read: Callable[[], Config]) -> bool:
     """Fork the process that meshes, before MPI is up, unless theory solves what is read; whether it
     was.
     """

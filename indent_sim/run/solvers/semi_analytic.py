@@ -14,14 +14,14 @@ from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State, Surface
 from indent_sim.model.tips import below
 from indent_sim.process.ranks import on_root
-from indent_sim.run.record import Comm
+from indent_sim.run.run_output import Comm
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.solution import Solution
 
-SEEN = 10.0  # contact radii of the surface that are written, where no wall is nearer
+SURFACE_EXTENT = 10.0  # contact radii of the surface that are written, where no wall is nearer
 
 
-class TheoryWalk:
+class SemiAnalyticSolver:
     """States by theory, row by row: what `fe.walk` is for a mesh. Rank 0 alone computes.
 
     No row depends on another, so there is nothing to keep for a run that goes on (`points`).
@@ -42,9 +42,9 @@ class TheoryWalk:
         """One State per requested value after the first `done`; after one that theory does not
         reach no other.
         """
-        known = on_root(self._comm, self._together, path.values) or [None] * len(path.values)
+        solutions = on_root(self._comm, self._solve_all, path.values) or [None] * len(path.values)
         rows = list(
-            zip(path.values, known, strict=True)
+            zip(path.values, solutions, strict=True)
         )  # of the whole path: a row does not know where a run goes on
         for step, (value, solution) in enumerate(rows[done:], start=done + 1):
             state = self._comm.bcast(
@@ -54,27 +54,33 @@ class TheoryWalk:
             if not state.converged:
                 return
 
-    def _together(self, asked: Sequence[float]) -> Sequence[Solution | None] | None:
+    def _solve_all(self, values: Sequence[float]) -> Sequence[Solution | None] | None:
         """The contacts of all rows at once, which cost little more than a few; None where theory
         ends before.
         """
-        return self.theory.under(asked) if self._is_of_force else self.theory.curve(asked)
+        return (
+            self.theory.under(values) if self._has_prescribed_forces else self.theory.curve(values)
+        )
 
     @property
-    def _is_of_force(self) -> bool:
+    def _has_prescribed_forces(self) -> bool:
         return self.scene.physics.path.control == "force"
 
-    def _alone(self, value: float) -> Solution | None:
+    def _solve_one(self, value: float) -> Solution | None:
         """The contact at one depth, or under one force; None where theory ends before."""
         depth: float | None = value
-        if self._is_of_force:
+        if self._has_prescribed_forces:
             depth = self.theory.depth(value, inf) if value > 0 else 0.0
         return None if depth is None else self.theory.at(depth)
 
     def _state(
-        self, step: int, value: float, known: Solution | None, wants_surface: Callable[[int], bool]
+        self,
+        step: int,
+        value: float,
+        cached_solution: Solution | None,
+        wants_surface: Callable[[int], bool],
     ) -> State:
-        solution = known or self._alone(value)
+        solution = cached_solution or self._solve_one(value)
         seconds = time.perf_counter() - self._started
         if solution is None:
             reason = (
@@ -90,7 +96,7 @@ class TheoryWalk:
 
     @cached_property
     def _radii(self) -> np.ndarray:
-        return radii(self.scene)
+        return surface_radii(self.scene)
 
     def _surface(self, solution: Solution) -> Surface:
         """Pressure (not a number where it is infinite), u_z and gap; theory does not say u_x."""
@@ -106,7 +112,7 @@ class TheoryWalk:
         return Surface(r + axis, 0 * r, u, gap, np.where(np.isfinite(p), p, nan), 0 * r)
 
 
-def radii(scene: Scene) -> np.ndarray:
+def surface_radii(scene: Scene) -> np.ndarray:
     """Distances from the tip's axis at which the surface is written: to its rim, or SEEN radii of
     the widest contact.
 
@@ -114,7 +120,7 @@ def radii(scene: Scene) -> np.ndarray:
     """
     sizes = scene.sizes
     rim = scene.physics.body.rim_distance(scene.physics.center)
-    end = min(SEEN * sizes.a, rim)
+    end = min(SURFACE_EXTENT * sizes.a, rim)
     distances = [0.0]
     while distances[-1] < end * (1 - 1e-9):
         distances.append(distances[-1] + float(sizes.at(np.array(distances[-1]), np.array(0.0))))

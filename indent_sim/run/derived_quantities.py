@@ -10,7 +10,7 @@ from math import nan
 from typing import Any
 
 from indent_sim.model.state import State
-from indent_sim.run.record import Beside
+from indent_sim.run.run_output import OptionalOutput
 from indent_sim.scene.reference_theory import half_space_force, relative_tip, theory_tip_shape
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.solution import UNSOLVED
@@ -21,7 +21,7 @@ Equilibrium = (
 )
 
 
-class Readings:
+class DerivedQuantities:
     """Reads a scene's states, without units, one by one; `equilibrium`: the body that has just
     found it.
 
@@ -30,34 +30,41 @@ class Readings:
     cent where the next one does), or the tangent's.
     """
 
-    def __init__(self, scene: Scene, equilibrium: Equilibrium = None, beside: Beside | None = None):
+    def __init__(
+        self,
+        scene: Scene,
+        equilibrium: Equilibrium = None,
+        optional_output: OptionalOutput | None = None,
+    ):
         self.scene = scene
         self._equilibrium = equilibrium
-        self._beside = beside or Beside()
+        self._optional_output = optional_output or OptionalOutput()
         self._condensed_to = -1  # nodes, as many as the punches are made of
         self._punches: Punches | None = None
 
-    def read(self, state: State) -> State:
+    def complete_state(self, state: State) -> State:
         """The state with its stiffness, area and E_hertz; NaN where there is none."""
         if not state.converged:
             return state
-        before = self._krylov_iterations
-        stiffness = self._beside("stiffness", lambda: self._stiffness(state), nan)
-        area = self._beside(
+        krylov_before = self._krylov_iterations
+        stiffness = self._optional_output("stiffness", lambda: self._stiffness(state), nan)
+        area = self._optional_output(
             "area", lambda: self.scene.physics.domain.kinematics.contact_area(state.a), nan
         )
-        E_hertz = self._beside("E_hertz", lambda: self._hertz(state), nan)
-        found = {"stiffness": stiffness, "area": area, "E_hertz": E_hertz}
+        E_hertz = self._optional_output("E_hertz", lambda: self._hertz_modulus(state), nan)
+        values = {"stiffness": stiffness, "area": area, "E_hertz": E_hertz}
         if state.krylov_iterations is not None:
-            found["krylov_iterations"] = state.krylov_iterations + self._krylov_iterations - before
-        return State(**vars(state) | found)  # `replace` would ask for every field's default
+            values["krylov_iterations"] = (
+                state.krylov_iterations + self._krylov_iterations - krylov_before
+            )
+        return State(**vars(state) | values)  # `replace` would ask for every field's default
 
     @property
     def _krylov_iterations(self) -> int:
         """Those of the body so far."""
-        return (self._equilibrium.effort.krylov or 0) if self._equilibrium else 0
+        return (self._equilibrium.statistics.krylov or 0) if self._equilibrium else 0
 
-    def _hertz(self, state: State) -> float:
+    def _hertz_modulus(self, state: State) -> float:
         physics = self.scene.physics
         if (
             physics.path.control == "force" and physics.path.values[state.step - 1] == 0
@@ -118,14 +125,14 @@ def hertz_forces(scene: Scene, deltas: Iterable[float]) -> list[float | None]:
         return [None for _ in deltas]
     tip = relative_tip(physics.indenter, physics.body)
     E_star = physics.material.E_star
-    found = (half_space_force(tip, delta, E_star) for delta in deltas)
-    return [closed[1] / physics.mirror_multiplicity if closed else None for closed in found]
+    formulas = (half_space_force(tip, delta, E_star) for delta in deltas)
+    return [formula[1] / physics.mirror_multiplicity if formula else None for formula in formulas]
 
 
 def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
     """The modulus E in the user's units that a least-squares fit of the half-space formula to a
     curve reads, and by how many `percent` it is off that of the matter that the tip touches,
-    which `against` names where there are several.
+    which `modulus_text` names where there are several.
 
     None where there is no formula or no contact, or a tip that adheres.
     """
@@ -133,14 +140,20 @@ def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
         return None
     D = scene.physics.scales.depth
     F = scene.physics.scales.force
-    known = hertz_forces(scene, (state.delta / D for state in states))
-    points = [(state.force / F, force) for state, force in zip(states, known, strict=True) if force]
+    unit_forces = hertz_forces(scene, (state.delta / D for state in states))
+    points = [
+        (state.force / F, force) for state, force in zip(states, unit_forces, strict=True) if force
+    ]
     total = sum(force**2 for _, force in points)
     if not total:
         return None
-    ratio = sum(found * force for found, force in points) / total
+    ratio = sum(run_force * force for run_force, force in points) / total
     percent = 100 * (ratio - 1)
     E = scene.physics.material.constants.E * scene.physics.scales.pressure
-    touched, *others = scene.physics.domain.regions
-    against = f", against E = {E:.4g} of {touched.name}" if others else ""
-    return {"E": ratio * E, "percent": percent if abs(percent) >= 1e-6 else 0.0, "against": against}
+    touched, *other_regions = scene.physics.domain.regions
+    modulus_text = f", against E = {E:.4g} of {touched.name}" if other_regions else ""
+    return {
+        "E": ratio * E,
+        "percent": percent if abs(percent) >= 1e-6 else 0.0,
+        "against": modulus_text,
+    }

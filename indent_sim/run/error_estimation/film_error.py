@@ -25,11 +25,11 @@ from indent_sim.scene.boundary_films import PathRow
 from indent_sim.scene.problem_setup import is_undrained_incompressible
 from indent_sim.scene.scene import Scene
 
-NEAR = 0.95  # of the largest depth or force: the second equilibrium, for the slope
+SECOND_DEPTH_FRACTION = 0.95  # of the largest depth or force: the second equilibrium, for the slope
 
 
 @dataclass(frozen=True)
-class DrainedFilm:
+class FilmError:
     """The error that films leave in the force of each row [force].
 
     heights, losses: at each vertex of a drained face the height of its elements [length], and the
@@ -39,19 +39,19 @@ class DrainedFilm:
 
     rows: Sequence[PathRow]
     diffusivity: float
-    heights: np.ndarray
-    losses: np.ndarray
-    is_column: bool = False
+    element_heights: np.ndarray
+    force_losses: np.ndarray
+    is_draining_column: bool = False
 
-    def error(self, state: State, coarser: float = 1.0) -> float:
+    def force_error(self, state: State, coarser: float = 1.0) -> float:
         """Of a row's force, at its depth [force]; on elements that are so many times as large."""
         row = self.rows[state.step - 1]
-        heights = coarser * self.heights
-        if self.is_column:
-            return self._of_column(row, state, heights)
-        return float(self.losses @ row.excess_length(heights, self.diffusivity))
+        heights = coarser * self.element_heights
+        if self.is_draining_column:
+            return self._column_error(row, state, heights)
+        return float(self.force_losses @ row.excess_length(heights, self.diffusivity))
 
-    def _of_column(self, row: PathRow, state: State, heights: np.ndarray) -> float:
+    def _column_error(self, row: PathRow, state: State, heights: np.ndarray) -> float:
         """Of a column that gives way by what has drained alone: the share of that length which is
         too much.
         """
@@ -60,7 +60,9 @@ class DrainedFilm:
         return abs(state.force) * excess / drained if drained else 0.0
 
 
-def film_of(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> DrainedFilm | None:
+def estimate_film_error(
+    scene: Scene, follow: Callable[[Scene], Sequence[State]]
+) -> FilmError | None:
     """The errors of films in a scene's rows; None where there are none: no fluid, or a gel that its
     bath swells.
 
@@ -71,24 +73,26 @@ def film_of(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> Drained
         return None
     rows = boundary_films.path_rows(physics.path)
     D = boundary_films.smallest_diffusivity(physics)
-    sudden = at_once(scene)
-    if sudden is None:
-        at_faces = [film.h for film in scene.sizes.films] or [scene.sizes.h_contact]
-        return DrainedFilm(rows, D, np.array(at_faces), np.empty(0), is_column=True)
-    states = [state for state in follow(sudden) if state.converged]
-    found = [state.drained for state in states]
-    if len(found) < 2 or any(one is None for one in found):
-        return DrainedFilm(rows, D, np.ones(1), np.array([nan]))
-    (heights, before), (_, there) = (one.T for one in found if one is not None)
-    way = (states[1].delta - states[0].delta) / physics.scales.depth
-    lost = (
+    sudden_scene = sudden_load_scene(scene)
+    if sudden_scene is None:
+        face_sizes = [film.h for film in scene.sizes.films] or [scene.sizes.h_contact]
+        return FilmError(rows, D, np.array(face_sizes), np.empty(0), is_draining_column=True)
+    states = [state for state in follow(sudden_scene) if state.converged]
+    drained_vertices = [state.drained for state in states]
+    if len(drained_vertices) < 2 or any(vertices is None for vertices in drained_vertices):
+        return FilmError(rows, D, np.ones(1), np.array([nan]))
+    (heights, lower_loss), (_, upper_loss) = (
+        vertices.T for vertices in drained_vertices if vertices is not None
+    )
+    depth_difference = (states[1].delta - states[0].delta) / physics.scales.depth
+    losses = (
         physics.domain.copies
-        * (there - before)
-        / (2 * way)
+        * (upper_loss - lower_loss)
+        / (2 * depth_difference)
         * boundary_films.largest_inverse_modulus(physics)
         * physics.scales.force
     )
-    return DrainedFilm(rows, D, heights, lost)
+    return FilmError(rows, D, heights, losses)
 
 
 def _has_films(scene: Scene) -> bool:
@@ -103,7 +107,7 @@ def _has_films(scene: Scene) -> bool:
     )
 
 
-def at_once(scene: Scene) -> Scene | None:
+def sudden_load_scene(scene: Scene) -> Scene | None:
     """The scene whose largest depth or force comes at once, in two steps, which tells what films
     cost; None where nothing is asked of it: without films, or of a column that has no undrained
     equilibrium.
@@ -113,11 +117,13 @@ def at_once(scene: Scene) -> Scene | None:
         return None
     largest = max(path.values)
     deepest = max(scene.physics.deltas)
-    sudden = LoadPath(
+    sudden_path = LoadPath(
         path.control,
-        (NEAR * largest, largest),
+        (SECOND_DEPTH_FRACTION * largest, largest),
         times=(path.begin or 0.0,) * 2,
         branches=("approach",) * 2,
         begin=path.begin,
     )
-    return scene.replace_physics(path=sudden, deltas=(NEAR * deepest, deepest))
+    return scene.replace_physics(
+        path=sudden_path, deltas=(SECOND_DEPTH_FRACTION * deepest, deepest)
+    )

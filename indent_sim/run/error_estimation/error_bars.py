@@ -37,8 +37,14 @@ import numpy as np
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
 from indent_sim.model.tips import flat_radius
-from indent_sim.run.companions.companion import Companion, Curve, States, curve_of, in_half_steps
-from indent_sim.run.companions.drained_film import DrainedFilm
+from indent_sim.run.error_estimation.coarser_run import (
+    CoarserRun,
+    States,
+    StatesByStep,
+    halve_increments,
+    states_by_step,
+)
+from indent_sim.run.error_estimation.film_error import FilmError
 from indent_sim.scene.model_warnings import EDGE_ERROR, FORCE_DEPTH_EXPONENT, edge_error
 from indent_sim.scene.resolution import ERROR_CONSTANT, ORDER_OF_CONVERGENCE, error_decay
 from indent_sim.scene.scene import Scene
@@ -46,19 +52,24 @@ from indent_sim.scene.scene import Scene
 # ---- the numbers of the rule: docs/accuracy.md has coverage and width with and without each
 # ------------------------
 
-SAFETY = 3.0  # Roache's, where two meshes alone are known
+SAFETY_FACTOR = 3.0  # Roache's, where two meshes alone are known
 # of CONSTANT n^-RATE, from which `accuracy` chooses n elements in a contact radius (see `fineness`)
-FLOOR = 0.2
-RADIUS = 0.09  # of the element where the contact ends, to which the radius is read off
+MIN_ERROR_FRACTION = 0.2
+RADIUS_ERROR = 0.09  # of the element where the contact ends, to which the radius is read off
 # of the largest pressure: quadratic elements have stresses of order 2
-PRESSURE_RATE = 2.0
-PEAK = 0.2
+PRESSURE_ORDER = 2.0
+PEAK_ERROR = 0.2
 
-BESIDE = ("a", "p_max", "stick_radius", "dissipation")  # numbers beside the force that have bars
+SECONDARY_COLUMNS = (
+    "a",
+    "p_max",
+    "stick_radius",
+    "dissipation",
+)  # numbers beside the force that have bars
 
 
 @dataclass(frozen=True)
-class Budget:
+class ErrorBudget:
     """What makes up the half-width of the error bar of a row's force [force].
 
     discretisation: the mesh. enforcement: the penalty's stiffness. truncation: the finite body that
@@ -81,7 +92,9 @@ class Budget:
     @property
     def parts(self) -> dict[str, float]:
         """Everything that is estimated, which adds up."""
-        return {name: part for name, part in asdict(self).items() if name not in ("step", "theory")}
+        return {
+            name: value for name, value in asdict(self).items() if name not in ("step", "theory")
+        }
 
     @property
     def estimated(self) -> float:
@@ -96,7 +109,7 @@ class Budget:
         return self.theory if self.theory > self.estimated else self.estimated
 
 
-def grid_convergence(difference: float, ratio: float, rate: float) -> float:
+def grid_convergence_index(difference: float, ratio: float, rate: float) -> float:
     """The error of a number by Roache's grid convergence index: SAFETY difference/|ratio^rate - 1|.
 
     Parameters
@@ -108,7 +121,7 @@ def grid_convergence(difference: float, ratio: float, rate: float) -> float:
     rate
         Of the error, which falls as h^rate.
     """
-    return SAFETY * difference / abs(ratio**rate - 1)
+    return SAFETY_FACTOR * difference / abs(ratio**rate - 1)
 
 
 def ridge_pressure(turn: float, refinements: int) -> float:
@@ -133,13 +146,13 @@ def ridge_pressure(turn: float, refinements: int) -> float:
 
 
 @dataclass(frozen=True)
-class Ways:
+class StepRefinement:
     """The path of a scene with friction, or of a body that evolves, in its own steps and in steps
     half as long.
     """
 
-    own: Curve
-    finer: Curve
+    full_steps: StatesByStep
+    half_steps: StatesByStep
 
     def error(self, state: State, name: str) -> float:
         """The error of a number of a step: SAFETY times what steps half as long change; NaN without
@@ -148,26 +161,28 @@ class Ways:
         Twice that change is Richardson's error of first order, 2.6 times that of order 0.7, with
         which a path converges whose new contact sticks where its step began.
         """
-        return SAFETY * _difference(self.own, self.finer, state.step, name)
+        return SAFETY_FACTOR * _value_difference(self.full_steps, self.half_steps, state.step, name)
 
 
-def ways(run: Companion, follow: Callable[[Scene], States]) -> Ways | None:
+def step_refinement(
+    base_run: CoarserRun, follow: Callable[[Scene], States]
+) -> StepRefinement | None:
     """What the steps of a path may cost, by a run and steps half as long; None where it does not
     matter.
     """
-    finer = in_half_steps(run.scene) if run.scene else None
-    if run.scene is None or finer is None:
+    finer = halve_increments(base_run.scene) if base_run.scene else None
+    if base_run.scene is None or finer is None:
         return None
-    halves = follow(finer)
-    kept = [
+    half_step_states = follow(finer)
+    full_step_states = [
         replace(
             last,
             step=last.step // 2,
             dissipation=(first.dissipation or 0.0) + (last.dissipation or 0.0),
         )
-        for first, last in zip(halves[::2], halves[1::2], strict=False)
+        for first, last in zip(half_step_states[::2], half_step_states[1::2], strict=False)
     ]
-    return Ways(run.curve, curve_of(kept))
+    return StepRefinement(base_run.states_by_step, states_by_step(full_step_states))
 
 
 class ErrorBars:
@@ -195,81 +210,101 @@ class ErrorBars:
     def __init__(
         self,
         scene: Scene,
-        companion: Companion,
+        companion: CoarserRun,
         soft: States | None = None,
-        ways: Ways | None = None,
-        film: DrainedFilm | None = None,
+        ways: StepRefinement | None = None,
+        film: FilmError | None = None,
         bath: States | None = None,
     ):
-        self.budgets: list[Budget] = []
-        self.companion = companion
-        self._ways = ways
-        self._film = film
-        self._bath = None if bath is None else curve_of(bath)
-        self._coarse = companion.curve
-        self._soft = None if soft is None else curve_of(soft)
-        self._run: Curve = {}
+        self.budgets: list[ErrorBudget] = []
+        self.coarser_run = companion
+        self._step_refinement = ways
+        self._film_error = film
+        self._bath_states = None if bath is None else states_by_step(bath)
+        self._coarse_states = companion.states_by_step
+        self._soft_states = None if soft is None else states_by_step(soft)
+        self._run_states: StatesByStep = {}
         self._scene = scene
         self._physics = scene.physics
         self._sizes = scene.sizes
         self._scales = scene.physics.scales
-        self._finds_depths = scene.physics.path.control == "force"
+        self._has_prescribed_forces = scene.physics.path.control == "force"
         self._truncation = sum(
             doubt.force_error for doubt in scene.plan.model_warnings if doubt.key == "truncation"
         )
-        part = scene.physics.domain
-        near = scene.physics.center, scene.sizes.a, scene.sizes.refinements or 0
-        self._sag = part.sag(*near)
-        sharpened = ridge_pressure(part.turn(*near), scene.sizes.refinements or 0)
-        self._ridged = scene.physics.material.E_star * sharpened * self._scales.pressure
-        own = scene.physics.contact
-        theirs = (companion.scene or scene).physics.contact
-        self._stiffer = 1.0  # than its companion, whose penalty may be that of an earlier attempt
-        if isinstance(own, Penalty) and isinstance(theirs, Penalty):
-            self._stiffer = own.stiffness / theirs.stiffness
+        domain = scene.physics.domain
+        contact_place = scene.physics.center, scene.sizes.a, scene.sizes.refinements or 0
+        self._sag = domain.sag(*contact_place)
+        ridge_excess = ridge_pressure(domain.turn(*contact_place), scene.sizes.refinements or 0)
+        self._ridge_pressure_error = (
+            scene.physics.material.E_star * ridge_excess * self._scales.pressure
+        )
+        law = scene.physics.contact
+        coarse_law = (companion.scene or scene).physics.contact
+        self._stiffness_ratio = (
+            1.0  # than its companion, whose penalty may be that of an earlier attempt
+        )
+        if isinstance(law, Penalty) and isinstance(coarse_law, Penalty):
+            self._stiffness_ratio = law.stiffness / coarse_law.stiffness
 
-    def judged(self, state: State) -> State:
+    def add_error_estimate(self, state: State) -> State:
         """The state with its error bars; NaN where the companion has no such step."""
-        self._run[state.step] = state
-        parts = self._missing(state) if self._is_missed(state) else self._parts(state)
-        budget = Budget(state.step, theory=self._from_theory(state), **parts)
+        self._run_states[state.step] = state
+        force_parts = (
+            self._missed_contact_parts(state)
+            if self._is_contact_missed(state)
+            else self._force_error_parts(state)
+        )
+        budget = ErrorBudget(state.step, theory=self._theory_distance(state), **force_parts)
         self.budgets.append(budget)
-        bars: dict[str, Any] = {
-            f"{name}_error": self._beside_force(state, name) for name in self._known(state)
+        errors: dict[str, Any] = {
+            f"{name}_error": self._secondary_error(state, name)
+            for name in self._secondary_names(state)
         }
         return replace(
-            state, force_error=budget.total, delta_error=self._of_depth(state, budget.total), **bars
+            state,
+            force_error=budget.total,
+            delta_error=self._depth_error(state, budget.total),
+            **errors,
         )
 
     # ---- the force
     # ---------------------------------------------------------------------------------------------------
 
-    def _parts(self, state: State) -> dict[str, float]:
+    def _force_error_parts(self, state: State) -> dict[str, float]:
         """The parts of the force's error [force], as `Budget` names them; one line each."""
         force = abs(state.force)
         return {
-            "discretisation": self._discretisation(state),
-            "enforcement": self._enforcement(state.step) * force,
-            "truncation": self._misshapen(state) * force,
-            "path": 0.0 if self._physics.is_time_dependent else self._path(state, "force"),
-            "time": self._path(state, "force") if self._physics.is_time_dependent else 0.0,
-            "film": self._film.error(state) if self._film else 0.0,
-            "bath": self._of_bath(state, "force"),
+            "discretisation": self._discretisation_error(state),
+            "enforcement": self._penalty_error(state.step) * force,
+            "truncation": self._geometry_error(state) * force,
+            "path": 0.0 if self._physics.is_time_dependent else self._step_error(state, "force"),
+            "time": self._step_error(state, "force") if self._physics.is_time_dependent else 0.0,
+            "film": self._film_error.force_error(state) if self._film_error else 0.0,
+            "bath": self._bath_error(state, "force"),
         }
 
-    def _discretisation(self, state: State) -> float:
+    def _discretisation_error(self, state: State) -> float:
         """What the mesh costs the force."""
         force = abs(state.force)
         dim = self._physics.domain.dim
-        said = grid_convergence(self._off(state.step), self.companion.ratio, ORDER_OF_CONVERGENCE)
-        least = FLOOR * ERROR_CONSTANT[dim] * error_decay(self._elements(state)) * force
+        estimate = grid_convergence_index(
+            self._force_difference(state.step), self.coarser_run.ratio, ORDER_OF_CONVERGENCE
+        )
+        min_error = (
+            MIN_ERROR_FRACTION
+            * ERROR_CONSTANT[dim]
+            * error_decay(self._elements_in_radius(state))
+            * force
+        )
         edge = edge_error(self._sizes) * force if dim == 3 else 0.0
-        crease = self._at_a_crease(state) * force
+        discontinuity_error = self._slope_discontinuity_error(state) * force
         return (
-            float(np.max([said, least, edge, crease])) + self._sizes.corner_error * force
+            float(np.max([estimate, min_error, edge, discontinuity_error]))
+            + self._sizes.corner_error * force
         )  # NaN where one is
 
-    def _at_a_crease(self, state: State) -> float:
+    def _slope_discontinuity_error(self, state: State) -> float:
         """The relative error of a contact that ends within an element of a circle where the tip's
         slope jumps.
 
@@ -287,55 +322,61 @@ class ErrorBars:
                 error = max(error, EDGE_ERROR * size / r)
         return error
 
-    def _elements(self, state: State) -> float:
+    def _elements_in_radius(self, state: State) -> float:
         """Elements in the contact radius, as they were chosen from an accuracy: not those near an
         edge or a corner.
         """
-        chosen = replace(self._sizes, corners=(), edge=None)
-        return chosen.elements(state.a / self._scales.length)
+        regular_sizes = replace(self._sizes, corners=(), edge=None)
+        return regular_sizes.elements(state.a / self._scales.length)
 
-    def _off(self, step: int) -> float:
+    def _force_difference(self, step: int) -> float:
         """How far the companion's force is from the run's at the same depth; NaN where one has no
         such step.
         """
-        run = self._run
-        coarse = self._coarse
-        if step not in run or step not in coarse:
+        run_states = self._run_states
+        coarse_states = self._coarse_states
+        if step not in run_states or step not in coarse_states:
             return nan
-        own = run[step]
-        other = coarse[step]
+        state = run_states[step]
+        coarse_state = coarse_states[step]
         if self._physics.is_time_dependent:  # no other row is on its curve
-            return self._off_in_time(own, other)
-        return abs(force_at(other, own.delta, coarse) - own.force)
+            return self._transient_force_difference(state, coarse_state)
+        return abs(interpolate_force(coarse_state, state.delta, coarse_states) - state.force)
 
-    def _off_in_time(self, own: State, other: State) -> float:
+    def _transient_force_difference(self, state: State, coarse_state: State) -> float:
         """The same of a row in time, which has a curve of its own.
 
         What the films beside drained faces take from the force is known on both meshes, and has a
         part of the bar.
         """
-        more = other.force - own.force - (other.delta - own.delta) * self._slope(own)
-        if self._film:
-            more += self._film.error(own, self.companion.ratio) - self._film.error(own)
-        return abs(more)
+        difference = (
+            coarse_state.force
+            - state.force
+            - (coarse_state.delta - state.delta) * self._force_slope(state)
+        )
+        if self._film_error:
+            difference += self._film_error.force_error(
+                state, self.coarser_run.ratio
+            ) - self._film_error.force_error(state)
+        return abs(difference)
 
-    def _enforcement(self, step: int) -> float:
+    def _penalty_error(self, step: int) -> float:
         """The relative error of a penalty, whose 1/force is linear in 1/epsilon_n from stiff to
         soft.
         """
-        if self._soft is None:
+        if self._soft_states is None:
             return 0.0
-        own = self._coarse.get(step)
-        soft = self._soft.get(step)
-        if own is None or soft is None:
+        stiff_state = self._coarse_states.get(step)
+        soft_state = self._soft_states.get(step)
+        if stiff_state is None or soft_state is None:
             return nan
-        low = force_at(soft, own.delta, self._soft)
-        if own.force == low:
+        soft_force = interpolate_force(soft_state, stiff_state.delta, self._soft_states)
+        if stiff_state.force == soft_force:
             return 0.0
-        inverse = 2 - own.force / low if low else -1.0
-        return abs(1 / inverse - 1) / self._stiffer if inverse > 0 else inf
+        inverse = 2 - stiff_state.force / soft_force if soft_force else -1.0
+        return abs(1 / inverse - 1) / self._stiffness_ratio if inverse > 0 else inf
 
-    def _misshapen(self, state: State) -> float:
+    def _geometry_error(self, state: State) -> float:
         """The relative error of a body that stands for a half-space, or of facets by which a tip is
         less deep.
         """
@@ -346,7 +387,7 @@ class ErrorBars:
         )
         return self._truncation + faceted
 
-    def _from_theory(self, state: State) -> float:
+    def _theory_distance(self, state: State) -> float:
         """|F - F_theory| where theory is exact for the body [force]; 0 where it is not, or ends
         before this depth.
         """
@@ -356,70 +397,74 @@ class ErrorBars:
         )
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
-    def _of_depth(self, state: State, error: float) -> float | None:
+    def _depth_error(self, state: State, error: float) -> float | None:
         """The error of a depth that was found, from that of the force; None where depths are given."""
-        if not self._finds_depths:
+        if not self._has_prescribed_forces:
             return None
-        slope = self._slope(state)
+        slope = self._force_slope(state)
         return error / slope if slope > 0 else error
 
-    def _slope(self, state: State) -> float:
+    def _force_slope(self, state: State) -> float:
         """dF/ddelta of the companion; of a body that evolves at its time: a paraboloid's power of
         the depth, or that of the contact on a half-space, whichever is more.
         """
         if self._physics.is_time_dependent:
-            of_contact = self._physics.material.E_star * self._scales.pressure
-            of_contact *= 2 * state.a if self._scales.dim == 3 else 1.0
+            contact_stiffness = self._physics.material.E_star * self._scales.pressure
+            contact_stiffness *= 2 * state.a if self._scales.dim == 3 else 1.0
             return max(
-                of_contact,
+                contact_stiffness,
                 FORCE_DEPTH_EXPONENT * state.force / state.delta if state.delta > 0 else 0.0,
             )
         if state.delta <= 0:
             return 0.0
         return (
-            _exponent(self._coarse.get(state.step, state), self._coarse) * state.force / state.delta
+            _log_slope(self._coarse_states.get(state.step, state), self._coarse_states)
+            * state.force
+            / state.delta
         )
 
     # ---- the numbers beside the force
     # --------------------------------------------------------------------------------
 
-    def _known(self, state: State) -> list[str]:
-        return [name for name in BESIDE if getattr(state, name) is not None]
+    def _secondary_names(self, state: State) -> list[str]:
+        return [name for name in SECONDARY_COLUMNS if getattr(state, name) is not None]
 
-    def _beside_force(self, state: State, name: str) -> float:
+    def _secondary_error(self, state: State, name: str) -> float:
         """The error of a number beside the force."""
-        if self._is_missed(state):
-            return self._beyond(state, name)
+        if self._is_contact_missed(state):
+            return self._shallowest_value(state, name)
         value = abs(getattr(state, name))
-        parts = [
-            self._by_mesh(state, name),
-            self._soft_difference(state.step, name),
-            self._misshapen(state) * value,
-            self._path(state, name),
-            self._of_bath(state, name),
-            self._ridged if name == "p_max" and value > 0 else 0.0,
+        contributions = [
+            self._secondary_mesh_error(state, name),
+            self._secondary_penalty_error(state.step, name),
+            self._geometry_error(state) * value,
+            self._step_error(state, name),
+            self._bath_error(state, name),
+            self._ridge_pressure_error if name == "p_max" and value > 0 else 0.0,
         ]
-        return sum(parts)
+        return sum(contributions)
 
-    def _by_mesh(self, state: State, name: str) -> float:
+    def _secondary_mesh_error(self, state: State, name: str) -> float:
         """What the mesh costs a number beside the force."""
         L = self._scales.length
-        at_end = self._sizes.on_surface(state.a / L) * L if state.a > 0 else 0.0
+        end_element = self._sizes.on_surface(state.a / L) * L if state.a > 0 else 0.0
         if name == "a":
-            return RADIUS * at_end
+            return RADIUS_ERROR * end_element
         value = abs(getattr(state, name))
-        least = RADIUS * at_end / state.a * value if state.a > 0 else 0.0
+        min_error = RADIUS_ERROR * end_element / state.a * value if state.a > 0 else 0.0
         if name == "p_max":
             if self._physics.is_closed_by_swelling(state.delta / self._scales.depth, state.a / L):
                 return (
                     nan  # the pressure of the element that closed last, which no other mesh shares
                 )
-            least = PEAK * self._coarseness_of_peak(state, at_end) ** PRESSURE_RATE * value
-        off = _difference(self._coarse, self._run, state.step, name)
-        said = grid_convergence(off, self.companion.ratio, PRESSURE_RATE)
-        return float(np.max([said, least]))  # NaN where one is
+            min_error = (
+                PEAK_ERROR * self._relative_peak_size(state, end_element) ** PRESSURE_ORDER * value
+            )
+        difference = _value_difference(self._coarse_states, self._run_states, state.step, name)
+        estimate = grid_convergence_index(difference, self.coarser_run.ratio, PRESSURE_ORDER)
+        return float(np.max([estimate, min_error]))  # NaN where one is
 
-    def _coarseness_of_peak(self, state: State, at_end: float) -> float:
+    def _relative_peak_size(self, state: State, end_element: float) -> float:
         """The size at_end [length] of the element where the contact ends, over the width of what
         bears the peak.
 
@@ -431,46 +476,51 @@ class ErrorBars:
         width = state.a
         if self._sizes.edge is not None:
             width -= flat_radius(self._physics.indenter) * self._scales.length
-        return at_end / max(width, min(at_end, state.a))
+        return end_element / max(width, min(end_element, state.a))
 
-    def _soft_difference(self, step: int, name: str) -> float:
+    def _secondary_penalty_error(self, step: int, name: str) -> float:
         """What a penalty takes from a number, which is as linear in 1/epsilon_n."""
-        if self._soft is None:
+        if self._soft_states is None:
             return 0.0
-        return _difference(self._coarse, self._soft, step, name) / self._stiffer
+        return (
+            _value_difference(self._coarse_states, self._soft_states, step, name)
+            / self._stiffness_ratio
+        )
 
     # ---- the path
     # ----------------------------------------------------------------------------------------------------
 
-    def _path(self, state: State, name: str) -> float:
+    def _step_error(self, state: State, name: str) -> float:
         """What the steps of the path may cost a number, in a force of the depth that prescribed
         forces have found.
         """
-        if self._ways is None:
+        if self._step_refinement is None:
             return 0.0
-        if name == "force" and self._finds_depths:
-            return self._ways.error(state, "delta") * self._slope(state)
-        unseen = self._unseen(state, name) if self._physics.contact.slips else 0.0
-        return self._ways.error(state, name) + unseen
+        if name == "force" and self._has_prescribed_forces:
+            return self._step_refinement.error(state, "delta") * self._force_slope(state)
+        unseen = self._long_step_error(state, name) if self._physics.contact.slips else 0.0
+        return self._step_refinement.error(state, name) + unseen
 
-    def _of_bath(self, state: State, name: str) -> float:
+    def _bath_error(self, state: State, name: str) -> float:
         """What it costs a number, in a force of the depth that is found, that a sudden bath takes
         some time to come.
 
         A bath that takes twice as long changes a number by as much as this one does, as soon as it
         is all there.
         """
-        if self._bath is None:
+        if self._bath_states is None:
             return 0.0
-        if name == "force" and self._finds_depths:
+        if name == "force" and self._has_prescribed_forces:
             return (
-                SAFETY
-                * _difference(self._coarse, self._bath, state.step, "delta")
-                * self._slope(state)
+                SAFETY_FACTOR
+                * _value_difference(self._coarse_states, self._bath_states, state.step, "delta")
+                * self._force_slope(state)
             )
-        return SAFETY * _difference(self._coarse, self._bath, state.step, name)
+        return SAFETY_FACTOR * _value_difference(
+            self._coarse_states, self._bath_states, state.step, name
+        )
 
-    def _unseen(self, state: State, name: str) -> float:
+    def _long_step_error(self, state: State, name: str) -> float:
         """What halves of a step that is long beside its contact may not show of where and how far
         the surface slips.
 
@@ -478,18 +528,18 @@ class ErrorBars:
         dissipation, which is one of the area, in the square of that share. After one step from rest
         neither is known.
         """
-        before = self._run.get(state.step - 1)
+        previous = self._run_states.get(state.step - 1)
         value = getattr(state, name)
-        moved = _share(before.a if before else 0.0, state.a)
+        radius_change = _relative_change(previous.a if previous else 0.0, state.a)
         if name == "dissipation":
-            return float(moved**2 * value)
+            return float(radius_change**2 * value)
         if name == "stick_radius":
-            stick = (before.stick_radius if before else None) or 0.0
-            narrow = self._unresolved(value) if state.a > 0 else 0.0
-            return float(max(moved, _share(stick, value)) * value + narrow)
+            stick = (previous.stick_radius if previous else None) or 0.0
+            narrow_stick = self._unresolved_stick(value) if state.a > 0 else 0.0
+            return float(max(radius_change, _relative_change(stick, value)) * value + narrow_stick)
         return 0.0
 
-    def _unresolved(self, stick: float) -> float:
+    def _unresolved_stick(self, stick: float) -> float:
         """What an element may not show of a place that sticks and is narrower than itself [length]."""
         r = stick / self._scales.length
         return max(self._sizes.on_surface(r) - r, 0.0) / 2 * self._scales.length
@@ -497,23 +547,23 @@ class ErrorBars:
     # ---- a contact that no point of the mesh notices
     # -----------------------------------------------------------------
 
-    def _is_missed(self, state: State) -> bool:
+    def _is_contact_missed(self, state: State) -> bool:
         """Whether the tip is pressed in so little that no point of the mesh notices."""
         return state.delta > 0 and state.force == 0 and not self._physics.is_time_dependent
 
-    def _missing(self, state: State) -> dict[str, float]:
-        return {"discretisation": self._beyond(state, "force")}
+    def _missed_contact_parts(self, state: State) -> dict[str, float]:
+        return {"discretisation": self._shallowest_value(state, "force")}
 
-    def _beyond(self, state: State, name: str) -> float:
+    def _shallowest_value(self, state: State, name: str) -> float:
         """A number of the companion's shallowest contact from this depth on, where what grows with
         it is more.
         """
-        deeper = (
-            other
-            for other in self._coarse.values()
-            if other.delta >= state.delta and other.force > 0
+        deeper_states = (
+            coarse_state
+            for coarse_state in self._coarse_states.values()
+            if coarse_state.delta >= state.delta and coarse_state.force > 0
         )
-        shallowest = min(deeper, key=lambda other: other.delta, default=None)
+        shallowest = min(deeper_states, key=lambda coarse_state: coarse_state.delta, default=None)
         return float(getattr(shallowest, name)) if shallowest else nan
 
 
@@ -523,41 +573,41 @@ class TheoryBars:
     Where its tip would have to pull, contact radius and pressure are not known at all.
     """
 
-    companion: Companion | None = None
+    coarser_run: CoarserRun | None = None
 
     def __init__(self, scene: Scene):
         assert scene.plan.theory is not None
-        self.budgets: list[Budget] = []
+        self.budgets: list[ErrorBudget] = []
         self._error = scene.plan.theory.error
-        self._finds_depths = scene.physics.path.control == "force"
-        self._of_contact = 1.0 if scene.plan.theory.pull else self._error
+        self._has_prescribed_forces = scene.physics.path.control == "force"
+        self._contact_error = 1.0 if scene.plan.theory.pull else self._error
 
-    def judged(self, state: State) -> State:
+    def add_error_estimate(self, state: State) -> State:
         """The state with its error bars."""
         force = self._error * abs(state.force)
-        contact = self._of_contact
-        self.budgets.append(Budget(state.step, theory=force))
-        depth = self._error * abs(state.delta) if self._finds_depths else None
-        found = replace(state, a_error=contact * state.a, p_max_error=contact * state.p_max)
-        return replace(found, force_error=force, delta_error=depth)
+        contact = self._contact_error
+        self.budgets.append(ErrorBudget(state.step, theory=force))
+        depth = self._error * abs(state.delta) if self._has_prescribed_forces else None
+        estimated = replace(state, a_error=contact * state.a, p_max_error=contact * state.p_max)
+        return replace(estimated, force_error=force, delta_error=depth)
 
 
-Bars = ErrorBars | TheoryBars
+AnyErrorBars = ErrorBars | TheoryBars
 
 
-def _share(before: float, after: float) -> float:
+def _relative_change(old: float, new: float) -> float:
     """How much of the larger of two lengths a step adds or takes."""
-    return abs(after - before) / (max(before, after) or 1.0)
+    return abs(new - old) / (max(old, new) or 1.0)
 
 
-def _difference(one: Curve, other: Curve, step: int, name: str) -> float:
+def _value_difference(first: StatesByStep, second: StatesByStep, step: int, name: str) -> float:
     """How far a number of a step is apart on two curves; NaN where one has no such step."""
-    if step not in one or step not in other:
+    if step not in first or step not in second:
         return nan
-    return float(abs(getattr(other[step], name) - getattr(one[step], name)))
+    return float(abs(getattr(second[step], name) - getattr(first[step], name)))
 
 
-def force_at(state: State, delta: float, curve: Curve) -> float:
+def interpolate_force(state: State, delta: float, curve: StatesByStep) -> float:
     """The force of a curve at a depth near one of its states: force (delta/its depth)^m, m the
     slope of their logs.
 
@@ -565,14 +615,14 @@ def force_at(state: State, delta: float, curve: Curve) -> float:
     """
     if state.delta == delta or state.delta <= 0 or delta <= 0:
         return state.force
-    return float(state.force * (delta / state.delta) ** _exponent(state, curve))
+    return float(state.force * (delta / state.delta) ** _log_slope(state, curve))
 
 
-def _exponent(state: State, curve: Curve) -> float:
+def _log_slope(state: State, curve: StatesByStep) -> float:
     """dlnF/dlndelta between the states beside one; that of a paraboloid where there are none."""
-    beside = [curve[k] for k in (state.step - 1, state.step, state.step + 1) if k in curve]
-    first = min(beside, key=lambda s: s.delta)
-    last = max(beside, key=lambda s: s.delta)
+    neighbours = [curve[k] for k in (state.step - 1, state.step, state.step + 1) if k in curve]
+    first = min(neighbours, key=lambda s: s.delta)
+    last = max(neighbours, key=lambda s: s.delta)
     if first.force <= 0 or first.delta <= 0 or last.delta <= first.delta:
         return 1.5
     return float(np.log(last.force / first.force) / np.log(last.delta / first.delta))
