@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
-from indent_sim.theory.march import LayerContact
+from indent_sim.theory.contact_curve import ContactCurve
 from indent_sim.theory.profiles import Tip
 from indent_sim.theory.solution import Solution
-from indent_sim.theory.stack import Ply, Stack
+from indent_sim.theory.stack import Stack, StackLayer
 
-Kind = TypeVar("Kind", bound=LayerContact)
+Kind = TypeVar("Kind", bound=ContactCurve)
 
 # nu and thickness of a layer bonded to its base, and the force [pi work R] at which a paraboloid
 # comes off it under force control (JKR, E = R = 1, work 1e-3): five digits of an independent
@@ -29,7 +29,7 @@ BONDED_PULL_OFF = [
 
 def stack_of(plies: Sequence[Sequence[float]], base: str | None = "fixed") -> Stack:
     """The stack of (thickness, E, nu) from the top."""
-    return Stack(tuple(Ply(*map(float, ply)) for ply in plies), base)
+    return Stack(tuple(StackLayer(*map(float, ply)) for ply in plies), base)
 
 
 def one_layer(
@@ -45,9 +45,9 @@ def one_layer(
     """The contact of a tip with one layer of thickness h, between frictionless walls where `wall`
     is given.
     """
-    return kind.on(tip, Stack((Ply(h, E, nu),), base), wall)
+    return kind.from_stack(tip, Stack((StackLayer(h, E, nu),), base), wall)
 
 
-def indent(kind: type[LayerContact], tip: Tip, delta: float, **body: Any) -> Solution:
+def indent(kind: type[ContactCurve], tip: Tip, delta: float, **body: Any) -> Solution:
     """The contact at one depth."""
-    return one_layer(kind, tip, **body).curve([delta])[0]
+    return one_layer(kind, tip, **body).solutions_at_depths([delta])[0]

@@ -13,8 +13,8 @@ from indent_sim.model.state import State
 from indent_sim.run.run_output import OptionalOutput
 from indent_sim.scene.reference_theory import half_space_force, relative_tip, theory_tip_shape
 from indent_sim.scene.scene import Scene
-from indent_sim.theory.solution import UNSOLVED
-from indent_sim.theory.surface.punches import FittedPunches, LayerPunches, Punches, radius_at
+from indent_sim.theory.punches import FittedPunches, LayerPunches, Punches, contact_radius
+from indent_sim.theory.solution import SOLUTION_ERRORS
 
 Equilibrium = (
     Any  # of fe, which is loaded where a mesh is solved alone: its body that has just found a state
@@ -87,12 +87,14 @@ class DerivedQuantities:
             self.scene.solver.method == "condensed"
             and physics.domain.kinematics.name == "axisymmetric"
         ):
-            with suppress(*UNSOLVED):
+            with suppress(*SOLUTION_ERRORS):
                 nodes = self._equilibrium.contact.compliance.size
                 if self._punches is None or nodes != self._condensed_to:
                     self._punches = punches_of(self.scene, self._equilibrium)
                     self._condensed_to = nodes
-                return self._punches.at(radius_at(self._punches, state.delta, state.a)).stiffness
+                return self._punches.punch_of_radius(
+                    contact_radius(self._punches, state.delta, state.a)
+                ).stiffness
         return float(self._equilibrium.stiffness)
 
 
@@ -108,7 +110,11 @@ def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
     if not scene.is_meshed and theory is not None:
         return LayerPunches(theory.contact)  # type: ignore[arg-type]
     shape = theory.contact.tip if theory else theory_tip_shape(physics.indenter)
-    if shape is None or shape.edge is not None or physics.domain.kinematics.name != "axisymmetric":
+    if (
+        shape is None
+        or shape.punch_radius is not None
+        or physics.domain.kinematics.name != "axisymmetric"
+    ):
         raise ValueError("the contact is no disc that grows with the load")
     a, K, P = equilibrium.punches()
     return FittedPunches(a, K, P, shape, physics.material.E_star)

@@ -22,14 +22,24 @@ from indent_sim.run.derived_quantities import Equilibrium, punches_of
 from indent_sim.scene.problem_setup import needs_time_stepping, remaining_modulus_fraction
 from indent_sim.scene.reference_theory import relative_tip, theory_tip_shape
 from indent_sim.scene.scene import Scene
+from indent_sim.theory.adhesion import (
+    AdhesiveContact,
+    Jkr,
+    maugis_lambda,
+    maugis_pull_off,
+    tabor_number,
+)
+from indent_sim.theory.contact_curve import ContactCurve
 from indent_sim.theory.layer import Layer
-from indent_sim.theory.march import LayerContact
-from indent_sim.theory.solution import UNSOLVED
-from indent_sim.theory.surface import relaxation
-from indent_sim.theory.surface.adhesion import Contact, Jkr, maugis_lambda, maugis_pull_off, tabor
-from indent_sim.theory.surface.punches import FittedPunches, Punches, radius_at
-from indent_sim.theory.surface.relaxation import LEAST_SAMPLES, ElasticCurve, Modulus, OneCycle
-from indent_sim.theory.surface.stepping import RelaxingSurface, StepByStep, layer_surface
+from indent_sim.theory.punches import FittedPunches, Punches, contact_radius
+from indent_sim.theory.solution import SOLUTION_ERRORS
+from indent_sim.theory.surface import viscoelasticity
+from indent_sim.theory.viscoelastic_stepping import (
+    RelaxingSurface,
+    ViscoelasticTimeStepper,
+    layer_surface,
+)
+from indent_sim.theory.viscoelasticity import MIN_CURVE_SAMPLES, ElasticCurve, LeeRadokTing, Modulus
 
 CURVE_POINTS = 200  # of an equilibrium curve
 MIN_DEPTH_FRACTION = 1e-5  # of the deepest depth: a power law below
@@ -126,9 +136,9 @@ def _scale_numbers(numbers: Mapping[str, Any], units: Mapping[str, float]) -> di
 def relaxation_modulus(law: Relaxation | None) -> Modulus:
     """G(t) of a relaxation; 1 of a body that does not relax."""
     if law and law.power_law:
-        return relaxation.PowerLaw(law.power_law.exponent, law.power_law.time)
+        return viscoelasticity.PowerLaw(law.power_law.exponent, law.power_law.time)
     terms = law.prony if law and law.prony else ()
-    return relaxation.Prony(
+    return viscoelasticity.ShearRelaxation(
         tuple(fraction for fraction, _ in terms), tuple(time for _, time in terms)
     )
 
@@ -147,7 +157,7 @@ def evaluate_history(scene: Scene, equilibrium: Equilibrium = None) -> HistoryRe
     """
     try:
         return _HistoryEvaluation(scene, equilibrium).evaluate()
-    except UNSOLVED as error:
+    except SOLUTION_ERRORS as error:
         raise NotConverged(
             f"{'history' if scene.history_on_curve else 'experiment'}: {error}"
         ) from error
@@ -194,7 +204,7 @@ class _HistoryEvaluation:
         if not self.scene.is_meshed:
             theory = self.scene.plan.theory
             assert theory is not None
-            solutions = theory.contact.curve(
+            solutions = theory.contact.solutions_at_depths(
                 _geometric_samples(MIN_DEPTH_FRACTION * top, DEPTH_OVERSHOOT * top)
             )
             return _elastic_curve([(s.delta, s.force, s.a) for s in solutions])
@@ -203,11 +213,11 @@ class _HistoryEvaluation:
         )  # which condenses to as much surface as is needed
         try:
             radii = _geometric_samples(
-                self.punches.smallest, radius_at(self.punches, DEPTH_OVERSHOOT * top)
+                self.punches.min_radius, contact_radius(self.punches, DEPTH_OVERSHOOT * top)
             )
-        except UNSOLVED:
+        except SOLUTION_ERRORS:
             return self._curve_from_equilibria(top)
-        samples = [self.punches.at(a) for a in radii]
+        samples = [self.punches.punch_of_radius(a) for a in radii]
         return _elastic_curve([(p.delta, p.force, p.a) for p in samples])
 
     def _solve_depth(self, equilibrium: Equilibrium, depth: float, stated_depth: float) -> None:
@@ -226,7 +236,7 @@ class _HistoryEvaluation:
             if numbers["a"] < MIN_CONTACT_ELEMENTS * self.scene.sizes.h_contact:
                 break
             samples.append((delta, numbers["force"], numbers["a"]))
-        if len(samples) < LEAST_SAMPLES:
+        if len(samples) < MIN_CURVE_SAMPLES:
             element_text = (
                 f"the contact has {MIN_CONTACT_ELEMENTS:g} elements at {len(samples)} of "
                 f"{CURVE_SAMPLES} depths"
@@ -239,7 +249,9 @@ class _HistoryEvaluation:
         if not self.scene.is_meshed:
             theory = self.scene.plan.theory
             assert theory is not None and isinstance(theory.contact, Layer)
-            return layer_surface(theory.contact, theory.contact.curve([DEPTH_OVERSHOOT * top])[0].a)
+            return layer_surface(
+                theory.contact, theory.contact.solutions_at_depths([DEPTH_OVERSHOOT * top])[0].a
+            )
         self._solve_depth(self._equilibrium, top * DEPTH_OVERSHOOT, top)
         x, heights, areas, A = self._equilibrium.contact.weighted_gap_system
         domain = self.scene.physics.domain
@@ -250,7 +262,9 @@ class _HistoryEvaluation:
         areas = symmetry_factor * areas[order]
         A = symmetry_factor * A[np.ix_(order, order)]
         if not is_round:
-            return RelaxingSurface(A, heights, areas, is_plane=self.scene.physics.scales.dim == 2)
+            return RelaxingSurface(
+                A, heights, areas, is_plane_strain=self.scene.physics.scales.dim == 2
+            )
         return RelaxingSurface(
             A, heights, areas, x[order, 0], EDGE_SHIFT[domain.regions[0].formulation]
         )
@@ -314,13 +328,13 @@ class _HistoryEvaluation:
         ]
 
     def _row_on_curve(self, curve: ElasticCurve, t: float, delta: float, branch: str) -> HistoryRow:
-        contact = Contact(
-            float(curve.a(np.array(delta))), delta, float(curve.force(np.array(delta)))
+        contact = AdhesiveContact(
+            float(curve.contact_radius(np.array(delta))), delta, float(curve.force(np.array(delta)))
         )
         return self._make_row(t, contact, branch)
 
     def _make_row(
-        self, t: float, contact: Contact | relaxation.Response, branch: str
+        self, t: float, contact: AdhesiveContact | viscoelasticity.Response, branch: str
     ) -> HistoryRow:
         return HistoryRow(
             t,
@@ -338,9 +352,9 @@ class _HistoryEvaluation:
         for instant in history.instants:
             value = instant.value
             delta = (
-                curve.depth(value)
+                curve.depth_of_force(value)
                 if self.has_prescribed_forces
-                else curve.depth_behind(self.compliance, value)
+                else curve.depth_behind_spring(self.compliance, value)
             )
             rows.append(self._row_on_curve(curve, instant.t, delta, instant.branch))
         return rows
@@ -366,9 +380,9 @@ class _HistoryEvaluation:
     def _lee_radok_ting_rows(self, history: History) -> list[HistoryRow]:
         """Lee-Radok and Ting; stepping where the contact turns out to grow again."""
         times, values = zip(*history.from_rest, strict=True)
-        cycle = OneCycle(self.modulus, times, values, self.elastic_curve(max(values)))
+        cycle = LeeRadokTing(self.modulus, times, values, self.elastic_curve(max(values)))
         instants = history.instants
-        if cycle.regrows([instant.t for instant in instants]):
+        if cycle.contact_grows_again([instant.t for instant in instants]):
             self.warnings.append(
                 "the contact grows again while the tip retracts or is held after it: stepped in "
                 "time"
@@ -378,7 +392,7 @@ class _HistoryEvaluation:
         rows = []
         for k, instant in enumerate(instants):
             jumps = k + 1 < len(instants) and instants[k + 1].t == instant.t
-            response = cycle.at(instant.t, after=not jumps)
+            response = cycle.response_at(instant.t, is_after_jump=not jumps)
             rows.append(
                 self._make_row(instant.t, replace(response, delta=instant.value), instant.branch)
             )
@@ -391,8 +405,12 @@ class _HistoryEvaluation:
                 max(values), remaining_modulus_fraction(self.scene.relaxation, history)
             )
         )
-        modulus = self.modulus.prony(MIN_TIME_FRACTION * history.span / len(times), history.span)
-        stepper = StepByStep(surface, modulus, self.compliance, self.has_prescribed_forces)
+        modulus = self.modulus.prony_series(
+            MIN_TIME_FRACTION * history.span / len(times), history.span
+        )
+        stepper = ViscoelasticTimeStepper(
+            surface, modulus, self.compliance, self.has_prescribed_forces
+        )
         segment_branches = [branch_of(*pair) for pair in pairwise(values)]
         # of the piece that ends at each point
         branches = [segment_branches[0], *segment_branches]
@@ -406,14 +424,16 @@ class _HistoryEvaluation:
     def _jkr_curve_rows(self, jkr: Jkr) -> list[HistoryRow]:
         """The whole equilibrium curve by the contact radius, without a history."""
         pull_off = jkr.pull_off(self.compliance)
-        deepest_contact = jkr.stable(self.max_depth)
+        deepest_contact = jkr.stable_equilibrium(self.max_depth)
         assert deepest_contact is not None
-        smallest_radius = max(1.001 * self.punches.smallest, 0.02 * pull_off.a)
+        smallest_radius = max(1.001 * self.punches.min_radius, 0.02 * pull_off.a)
         radii = smallest_radius * (deepest_contact.a / smallest_radius) ** np.linspace(
             0.0, 1.0, CURVE_POINTS
         )
         return [
-            self._make_row(nan, jkr.at(float(a)), "stable" if a >= pull_off.a else "unstable")
+            self._make_row(
+                nan, jkr.equilibrium_at(float(a)), "stable" if a >= pull_off.a else "unstable"
+            )
             for a in radii
         ]
 
@@ -430,7 +450,7 @@ class _HistoryEvaluation:
         )
         rows = []
         is_touching = False
-        stable = jkr.branch(max(instant.value for instant in history.instants), compliance)
+        stable = jkr.stable_branch(max(instant.value for instant in history.instants), compliance)
         for instant in history.instants:
             t = instant.t
             value = instant.value
@@ -462,7 +482,7 @@ class _HistoryEvaluation:
         ):  # of a mesh, which knows where the force is least up to an error
             depth_differences = (
                 abs(Jkr(neighbour, jkr.work).pull_off(inf).delta - by_force.delta)
-                for neighbour in self.punches.beside
+                for neighbour in self.punches.neighbouring_fits
             )
             pull_offs["force_control"]["delta_error"] = max(
                 2 * max(depth_differences), MIN_PULL_OFF_ERROR * abs(by_depth.delta)
@@ -471,7 +491,7 @@ class _HistoryEvaluation:
             "adhesion": {"pull_off": pull_offs, **self._attraction_range_report(jkr.work)}
         }
         if self.experiment.cantilever:
-            jump_in_contact = jkr.stable(0.0, self.compliance)
+            jump_in_contact = jkr.stable_equilibrium(0.0, self.compliance)
             pull_off = jkr.pull_off(self.compliance)
             assert jump_in_contact is not None  # no spring lets go before z < 0
             jump_out = {"z": pull_off.delta + self.compliance * pull_off.force} | _contact_entry(
@@ -493,7 +513,11 @@ class _HistoryEvaluation:
         numbers = work, attraction.range, R, physics.material.E_star
         parameter = maugis_lambda(*numbers)
         pull_off = maugis_pull_off(parameter) * np.pi * work * R
-        return {"tabor": tabor(*numbers), "maugis_lambda": parameter, "maugis_pull_off": pull_off}
+        return {
+            "tabor": tabor_number(*numbers),
+            "maugis_lambda": parameter,
+            "maugis_pull_off": pull_off,
+        }
 
     def _calibration_uncertainty(self, calibration: Calibration) -> tuple[float, float]:
         """Relative uncertainties of a force, k times a deflection, and of a modulus fitted to it, E
@@ -517,10 +541,10 @@ class _HistoryEvaluation:
         contact = theory.contact if theory else None
         if (
             not self.scene.is_meshed
-            and isinstance(contact, LayerContact)
+            and isinstance(contact, ContactCurve)
             and (shape := theory_tip_shape(tip))
         ):
-            return replace(contact, tip=shape).curve([self.max_depth])[0].force
+            return replace(contact, tip=shape).solutions_at_depths([self.max_depth])[0].force
         equilibrium = self._equilibrium.reuse_body(self.scene.replace_physics(indenter=tip))
         self._solve_depth(equilibrium, self.max_depth, self.max_depth)
         return float(equilibrium.force)
@@ -533,9 +557,11 @@ class _HistoryEvaluation:
         if frequencies and a > 0:
             curve = self.elastic_curve(self.max_depth)
             depths = np.geomspace(MIN_DEPTH_FRACTION, 1.0, 4000) * curve.deepest
-            delta = float(np.interp(a, curve.a(depths), depths))
+            delta = float(np.interp(a, curve.contact_radius(depths), depths))
             stiffness = float(curve.stiffness(np.array(delta)))
-        complex_stiffness = [stiffness * self.modulus.complex(2 * np.pi * f) for f in frequencies]
+        complex_stiffness = [
+            stiffness * self.modulus.complex_modulus(2 * np.pi * f) for f in frequencies
+        ]
         return [
             DynamicStiffness(f, K.real, K.imag)
             for f, K in zip(frequencies, complex_stiffness, strict=True)
@@ -550,5 +576,5 @@ def _elastic_curve(samples: list[tuple[float, float, float]]) -> ElasticCurve:
     return ElasticCurve(*np.array(samples, dtype=float).reshape(-1, 3).T)
 
 
-def _contact_entry(contact: Contact) -> dict[str, float]:
+def _contact_entry(contact: AdhesiveContact) -> dict[str, float]:
     return {"delta": contact.delta, "force": contact.force}

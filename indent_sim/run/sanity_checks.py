@@ -163,7 +163,7 @@ def precompute_theory_forces(scene: Scene) -> None:
     physics = scene.physics
     if scene.plan.theory and physics.path.control == "depth":
         scale = physics.scales.depth
-        scene.plan.theory.expect(
+        scene.plan.theory.expect_depths(
             [delta * scale / scale for delta in physics.deltas]
         )  # as rows say their depths
 
@@ -529,7 +529,7 @@ def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> 
     """
     theory = scene.plan.theory
     scales = scene.physics.scales
-    solution = theory.at(state.delta / scales.depth) if theory else None
+    solution = theory.solution_at_depth(state.delta / scales.depth) if theory else None
     if theory is None or solution is None or solution.force <= 0:
         return None
     expected = solution.force / scene.physics.mirror_multiplicity * scales.force

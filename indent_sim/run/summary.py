@@ -20,12 +20,12 @@ from indent_sim.run.sanity_checks import MAX_ROUGHNESS
 from indent_sim.scene.predictions import ExpectedAdhesion
 from indent_sim.scene.reference_theory import half_space_depth, half_space_force, relative_tip
 from indent_sim.scene.scene import FRICTION_WHY, Scene
-from indent_sim.theory.solution import UNSOLVED, Solution
-from indent_sim.theory.surface.no_slip import FRICTIONLESS
+from indent_sim.theory.no_slip import FRICTIONLESS
+from indent_sim.theory.solution import SOLUTION_ERRORS, Solution
 from indent_sim.theory.theory import Theory
 
 if TYPE_CHECKING:
-    from indent_sim.theory.surface.adhesion import Contact  # with scipy's searches
+    from indent_sim.theory.adhesion import AdhesiveContact  # with scipy's searches
 
 FORCE_TOLERANCE = 1e-6  # relative: rows with one force, but for what the solver leaves of it
 # of the curves kept for the plot, a formula's and theory's
@@ -220,9 +220,9 @@ def theory_comparison(
     L *= scene.physics.row_contact_radius(1.0)
     depth: float | None = deepest.delta / D
     if scene.physics.path.control == "force":  # theory's at this force, where it is in the body
-        depth = theory.depth(deepest.force / F, scene.physics.body.height)
+        depth = theory.depth_of_force(deepest.force / F, scene.physics.body.height)
         depth = depth if depth is not None and depth < scene.physics.body.height else None
-    solution = None if depth is None else theory.at(depth)
+    solution = None if depth is None else theory.solution_at_depth(depth)
     if solution is None:
         return None
     numbers = _contact_numbers(solution, D, F, L)
@@ -232,14 +232,14 @@ def theory_comparison(
         for name_compared in (name, "a")
     }
     curve = (
-        theory.contact.up_to(solution, THEORY_POINTS) if scene.is_meshed else []
+        theory.contact.solutions_up_to(solution, THEORY_POINTS) if scene.is_meshed else []
     )  # else: the rows
     friction_text = (
         f" {'with' if correction else 'without'} friction"
         if FRICTION_WHY in scene.theory_differences
         else ""
     )
-    why = "; ".join([*differences, *_mirror_notes(scene)]) or theory.why
+    why = "; ".join([*differences, *_mirror_notes(scene)]) or theory.reason
     entries = {"name": theory.name + friction_text, "exact": not differences, "why": why}
     comparisons: dict[str, Any] = {
         "half_space": optional_output(
@@ -264,13 +264,15 @@ def _mirror_notes(scene: Scene) -> list[str]:
     )
 
 
-def _contact_numbers(contact: Solution | Contact, D: float, F: float, L: float) -> dict[str, float]:
+def _contact_numbers(
+    contact: Solution | AdhesiveContact, D: float, F: float, L: float
+) -> dict[str, float]:
     """Depth, force and radius of a contact in the units D, F and L."""
     return {"delta": contact.delta * D, "force": contact.force * F, "a": contact.a * L}
 
 
 def _curve_columns(
-    curve: Sequence[Solution | Contact], D: float, F: float, L: float
+    curve: Sequence[Solution | AdhesiveContact], D: float, F: float, L: float
 ) -> dict[str, list[float]]:
     rows = [_contact_numbers(contact, D, F, L) for contact in curve]
     return {name: [row[name] for row in rows] for name in ("delta", "force", "a")}
@@ -286,7 +288,8 @@ def _formula_comparisons(scene: Scene, theory: Theory, state: State) -> list[dic
     name, unit, force = ("delta", D, state.force / F) if is_forced else ("force", F, None)
     run_value = getattr(state, name)
     predictions = (
-        (formula, theory.formula_at(formula, state.delta / D, force)) for formula in theory.formulas
+        (formula, theory.formula_value(formula, state.delta / D, force))
+        for formula in theory.formulas
     )
     values = [
         (formula, value * unit)
@@ -349,16 +352,16 @@ def _jkr_comparison(scene: Scene, states: Sequence[State]) -> dict[str, Any] | N
     D = scales.depth
     target = (deepest.force / F, inf) if is_forced else (deepest.delta / D, 0.0)
     try:
-        deepest_contact = jkr.stable(*target)
+        deepest_contact = jkr.stable_equilibrium(*target)
         pull_off = jkr.pull_off()
         if deepest_contact is None:
             return None
         contacts = map(
-            jkr.branch(deepest_contact.delta),
+            jkr.stable_branch(deepest_contact.delta),
             map(float, np.linspace(pull_off.delta, deepest_contact.delta, FORMULA_POINTS)),
         )
         curve = [contact for contact in contacts if contact]
-    except UNSOLVED:
+    except SOLUTION_ERRORS:
         return None
     numbers = _contact_numbers(deepest_contact, D, F, L)
     name = "delta" if is_forced else "force"

@@ -38,7 +38,7 @@ from indent_sim.scene.problem_setup import (
     is_undrained_incompressible,
 )
 from indent_sim.scene.reference_theory import undrained_law
-from indent_sim.theory.surface.drainage import drained_length, excess_length
+from indent_sim.theory.poroelasticity import drained_length, excess_length
 
 MEAN_SQUARE_FACTOR = 9 / 8  # mean square of a paraboloid's pressure over the square of its mean
 DEPTH_RATIO = 0.9  # of a depth: a second one, for slopes
@@ -186,7 +186,7 @@ def force_fraction_per_length(setup: ProblemSetup) -> float | None:
     physics = setup.physics
     delta = setup.max_depth
     theory = setup.theory_for_materials(undrained_law)
-    solutions = theory.curve([DEPTH_RATIO * delta, delta]) if theory else None
+    solutions = theory.solutions_at_depths([DEPTH_RATIO * delta, delta]) if theory else None
     if not solutions:
         pressure = undrained_law(physics.material).E_star * delta / (2 * setup.a)
         return MEAN_SQUARE_FACTOR * pressure / delta * largest_inverse_modulus(physics)

@@ -52,8 +52,8 @@ from indent_sim.scene.reference_theory import (
     theory_tip_shape,
 )
 from indent_sim.scene.resolution import MeshResolution, target_error
-from indent_sim.theory.solution import UNSOLVED
-from indent_sim.theory.theory import MOST_KEPT
+from indent_sim.theory.solution import SOLUTION_ERRORS
+from indent_sim.theory.theory import MAX_KEPT_SOLUTIONS
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -362,17 +362,17 @@ def _expected_adhesion(
     """What is known of this attraction beforehand; zone, h [length]: of its cohesive zone, of the
     elements there.
     """
-    from indent_sim.theory.surface.adhesion import (
+    from indent_sim.theory.adhesion import (
         maugis_lambda,
         maugis_pull_off,
-        tabor,
+        tabor_number,
     )  # with scipy's searches
 
     L = setup.physics.scales.length
     F = setup.physics.scales.force
     R = getattr(setup.relative_tip, "R", None)
     pull_off = None
-    with contextlib.suppress(*UNSOLVED):
+    with contextlib.suppress(*SOLUTION_ERRORS):
         pull_off = setup.jkr.pull_off(inf).force if setup.jkr else None
     expected = ExpectedAdhesion(zone * L, zone / h, jkr_pull_off=pull_off and pull_off * F)
     if R is None:
@@ -386,7 +386,7 @@ def _expected_adhesion(
     dugdale = maugis_pull_off(maugis_lambda(*numbers)) * unit * F if is_half_space_like else None
     return replace(
         expected,
-        tabor=tabor(*numbers),
+        tabor=tabor_number(*numbers),
         maugis_lambda=maugis_lambda(*numbers),
         maugis_pull_off=dugdale,
     )
@@ -555,10 +555,10 @@ def theory(config: Config, setup: ProblemSetup) -> Choice | None:
         return None
     error_text = (
         "too large a force"
-        if setup.theory.pull
+        if setup.theory.tension_fraction
         else f"exact but for {setup.theory.error:.0e} of the force"
     )
-    why = f"{setup.theory.why}: {error_text}, nothing is meshed"
+    why = f"{setup.theory.reason}: {error_text}, nothing is meshed"
     return Choice("solver.method", "theory", f"as given; {why}" if requested == "theory" else why)
 
 
@@ -573,15 +573,15 @@ def theory_obstacle(config: Config, setup: ProblemSetup) -> str:
         return (
             "theory knows no layers with nu < 0" if has_shape else "theory does not know this tip"
         )
-    if not reference_theory.exact and not (
-        reference_theory.pull and config.solver.method == "theory"
+    if not reference_theory.is_exact and not (
+        reference_theory.tension_fraction and config.solver.method == "theory"
     ):
-        return reference_theory.why
+        return reference_theory.reason
     if target is not None and target < reference_theory.error:
         return f"theory is good to {reference_theory.error:.0e} of the force, and accuracy asks for {target:g}"
-    if setup.physics.path.control == "depth" and len(setup.physics.deltas) <= MOST_KEPT:
-        reference_theory.expect(setup.physics.deltas)  # of which this is one
-    if not reference_theory.reaches(setup.max_depth, setup.physics.largest_force):
+    if setup.physics.path.control == "depth" and len(setup.physics.deltas) <= MAX_KEPT_SOLUTIONS:
+        reference_theory.expect_depths(setup.physics.deltas)  # of which this is one
+    if not reference_theory.covers_path(setup.max_depth, setup.physics.largest_force):
         return (
             "theory ends before the deepest contact: at a wall, at the tip's end, or at 100 "
             "thicknesses"
@@ -915,7 +915,7 @@ def tip(config: Config, setup: ProblemSetup, gap: str) -> tuple[Indenter, Choice
     solutions = [
         solution
         for item in theories
-        if item and setup.max_depth > 0 and (solution := item.at(setup.max_depth))
+        if item and setup.max_depth > 0 and (solution := item.solution_at_depth(setup.max_depth))
     ]
     change = ""
     if len(solutions) == 2 and all(item.force for item in solutions):

@@ -19,7 +19,7 @@ from indent_sim.model.materials import LinearElastic, Material
 from indent_sim.model.tips import Indenter
 from indent_sim.scene.reference_theory import half_space_theory, stack_of, theory_tip_shape
 from indent_sim.theory import profiles
-from indent_sim.theory.half_space import section_depth
+from indent_sim.theory.half_space import estimate_depth
 from indent_sim.theory.layer import Layer as LayerContact
 from indent_sim.theory.solution import MAX_SLENDERNESS, Solution
 
@@ -146,19 +146,19 @@ def _truncate_layer(
         body.base,
     )
     assert stack is not None
-    contact = LayerContact.on(tip_shape, stack) if tip_shape else None
+    contact = LayerContact.from_stack(tip_shape, stack) if tip_shape else None
     deepest = _contact_at_depth(contact, depth) if contact else None
     radius = deepest.a if deepest else tip.radius_at(depth)
     if deepest is None or contact is None:
         punch = profiles.flat_punch(min(radius, 0.5 * MAX_SLENDERNESS * stack.h))
-        contact = LayerContact.on(punch, stack)
-        deepest = contact.curve([depth])[0]
+        contact = LayerContact.from_stack(punch, stack)
+        deepest = contact.solutions_at_depths([depth])[0]
     wall_distance = FIRST_WALL_DISTANCE * height + _inclusion_extent(body)
     error = inf
     while error > TRUNCATION_ERROR_SHARE * FORCE_ACCURACY:
         wall_distance *= WALL_DISTANCE_FACTOR
         walled_contact = _contact_at_depth(
-            LayerContact.on(contact.tip, stack, deepest.a + wall_distance), depth
+            LayerContact.from_stack(contact.tip, stack, deepest.a + wall_distance), depth
         )
         error = abs(walled_contact.force / deepest.force - 1) if walled_contact else inf
     # a stiff plane carries it farther
@@ -186,7 +186,7 @@ def _truncate_half_space(
     ]  # films far too thin
     for shape, modelled in models:
         stack = stack_of(modelled, None, tip.radius_at(depth))
-        if stack and (deepest := _contact_at_depth(LayerContact.on(shape, stack), depth)):
+        if stack and (deepest := _contact_at_depth(LayerContact.from_stack(shape, stack), depth)):
             break
     assert deepest is not None
     upper_thickness = sum(layer.thickness or 0.0 for layer in layers[:-1])
@@ -200,7 +200,11 @@ def _truncate_half_space(
         stack = stack_of(_finite_layers(modelled, size), "fixed")
         assert stack is not None
         return decay_factor * (
-            LayerContact.on(shape, stack, size).curve([deepest.delta])[0].force / deepest.force - 1
+            LayerContact.from_stack(shape, stack, size)
+            .solutions_at_depths([deepest.delta])[0]
+            .force
+            / deepest.force
+            - 1
         )
 
     while (error := error_of(ratio * deepest.a)) > target:
@@ -223,9 +227,9 @@ def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> floa
         return 0.0
     material = layers[0].material
     assert material is not None
-    start = section_depth(tip.radius_at, force, material.E_star)
+    start = estimate_depth(tip.radius_at, force, material.E_star)
     theory = half_space_theory(tip, layers, max(start, tip.radius_at(start)))
-    return (theory and theory.depth(force, 1e6 * start)) or start
+    return (theory and theory.depth_of_force(force, 1e6 * start)) or start
 
 
 def _nonnegative_nu_law(material: Material | None) -> Material:
@@ -243,5 +247,5 @@ def _finite_layers(layers: Sequence[Layer], size: float) -> tuple[Layer, ...]:
 def _contact_at_depth(contact: LayerContact, delta: float) -> Solution | None:
     """The contact at a depth; None where theory ends."""
     with contextlib.suppress(ValueError):
-        return contact.curve([delta])[0]
+        return contact.solutions_at_depths([delta])[0]
     return None

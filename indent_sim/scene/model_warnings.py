@@ -39,7 +39,7 @@ from indent_sim.scene.problem_setup import (
     unused_material_message,
 )
 from indent_sim.scene.reference_theory import half_space_force
-from indent_sim.theory.solution import UNSOLVED
+from indent_sim.theory.solution import SOLUTION_ERRORS
 from indent_sim.theory.theory import Theory
 
 if TYPE_CHECKING:
@@ -249,13 +249,13 @@ def material_warnings(config: Config, setup: ProblemSetup) -> tuple[ModelWarning
 
 def pull_warnings(setup: ProblemSetup) -> tuple[ModelWarning, ...]:
     """What theory's contact has that none has that is pushed alone."""
-    if not (setup.theory and setup.theory.pull):
+    if not (setup.theory and setup.theory.tension_fraction):
         return ()
     message = (
-        f"{setup.theory.why}; pushed alone, the body has a smaller one and feels less: "
+        f"{setup.theory.reason}; pushed alone, the body has a smaller one and feels less: "
         "only a mesh knows how much"
     )
-    return (ModelWarning("pull", message, setup.theory.pull),)
+    return (ModelWarning("pull", message, setup.theory.tension_fraction),)
 
 
 def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
@@ -362,16 +362,16 @@ def _adhesion_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
         or not isinstance(setup.relative_tip, Paraboloid | Sphere | Hyperboloid)
     ):
         return
-    from indent_sim.theory.surface.adhesion import (
+    from indent_sim.theory.adhesion import (
         maugis_lambda,
         maugis_pull_off,
-        tabor,
+        tabor_number,
     )  # with scipy's searches
 
     parameters = limit.work, limit.range, setup.relative_tip.R, setup.physics.material.E_star
     pull_off_factor = maugis_pull_off(maugis_lambda(*parameters))
     if abs(pull_off_factor / -1.5 - 1) > JKR_TOLERANCE:
-        range_ = f"at a Tabor number of {tabor(*parameters):.3g} its range is not short"
+        range_ = f"at a Tabor number of {tabor_number(*parameters):.3g} its range is not short"
         pull_off_text = (
             f"on a half-space it holds with {-pull_off_factor:.4g} pi work R (Maugis-Dugdale), in the "
             "JKR limit with 1.5"
@@ -566,8 +566,8 @@ def _expected_radius(setup: ProblemSetup, delta: float) -> float:
     """
     if setup.attraction is None:
         return setup.expected_radius(delta)
-    with suppress(*UNSOLVED):
-        if setup.jkr and (contact := setup.jkr.stable(delta)):
+    with suppress(*SOLUTION_ERRORS):
+        if setup.jkr and (contact := setup.jkr.stable_equilibrium(delta)):
             return max(contact.a, setup.expected_radius(delta))
     return inf
 
@@ -678,7 +678,11 @@ def _forces_and_pressures(
     theory: Theory | None, material: Material, delta: float, a: float, depth_fractions: np.ndarray
 ) -> np.ndarray:
     """Force (in any unit) and mean pressure at parts s of a depth."""
-    curve = theory.curve([float(depth) for depth in depth_fractions * delta]) if theory else None
+    curve = (
+        theory.solutions_at_depths([float(depth) for depth in depth_fractions * delta])
+        if theory
+        else None
+    )
     if curve:
         force = np.array([solution.force for solution in curve])
         return np.array([force, force / [solution.area for solution in curve]])

@@ -34,10 +34,10 @@ from indent_sim.scene.reference_theory import (
     relaxed_law,
     undrained_law,
 )
-from indent_sim.theory.solution import UNSOLVED
+from indent_sim.theory.no_slip import FrictionCorrection
+from indent_sim.theory.poroelasticity import paraboloid_fraction_remaining
+from indent_sim.theory.solution import SOLUTION_ERRORS
 from indent_sim.theory.surface import no_slip
-from indent_sim.theory.surface.drainage import paraboloid_left
-from indent_sim.theory.surface.no_slip import Rubbed
 
 PROFILE_EXPONENTS: dict[type, float] = {
     Paraboloid: 2.0,
@@ -92,8 +92,8 @@ def prediction_of(setup: ProblemSetup) -> dict[str, float]:
     ):  # no elastic body at that depth has the force of a gel that rises against its tip
         return {"a": setup.a * scales.length}
     if setup.attraction:
-        with suppress(*UNSOLVED):
-            contact = setup.jkr and setup.jkr.stable(
+        with suppress(*SOLUTION_ERRORS):
+            contact = setup.jkr and setup.jkr.stable_equilibrium(
                 *((delta,) if largest is None else (largest, inf))
             )
             values[f"{quantity}_JKR"] = getattr(contact, quantity, None)
@@ -113,7 +113,7 @@ def prediction_of(setup: ProblemSetup) -> dict[str, float]:
         values[f"{quantity}_half_space"] = half_space_formula[1] if half_space_formula else None
         if theory and delta > 0:
             values |= {
-                f"{quantity}_{name}": theory.formula_at(name, delta, largest)
+                f"{quantity}_{name}": theory.formula_value(name, delta, largest)
                 for name in theory.formulas
             }
     converted = {name: value * unit for name, value in values.items() if value is not None}
@@ -354,7 +354,7 @@ def _percent_text(change: float) -> str:
 def _drainage_transition(
     setup: ProblemSetup, physics: ProblemDefinition
 ) -> _LimitTransition | None:
-    """From undrained to drained, by what is left under a paraboloid on a layer (`paraboloid_left`)."""
+    """From undrained to drained, by what is left under a paraboloid on a layer (`paraboloid_fraction_remaining`)."""
     if not physics.permeable_regions or setup.surface_rise:
         return None
     assert setup.history is not None
@@ -374,10 +374,12 @@ def _drainage_transition(
         and (tip == "sealed" or tip == "drained")
     ):
         diffusion_rate = largest_diffusivity(physics) / setup.a**2
-        remaining_fraction = paraboloid_left(diffusion_rate * setup.history.way_in, tip, "ramp")
+        remaining_fraction = paraboloid_fraction_remaining(
+            diffusion_rate * setup.history.way_in, tip, "ramp"
+        )
         final_fraction = min(
             remaining_fraction,
-            paraboloid_left(diffusion_rate * setup.history.rest_after, tip, "step"),
+            paraboloid_fraction_remaining(diffusion_rate * setup.history.rest_after, tip, "step"),
         )
     undrained_material = undrained_law(touched_material)
     laws = ("undrained", undrained_law), ("drained", lambda material: replace(material, flow=None))
@@ -445,9 +447,9 @@ def _limit_value(setup: ProblemSetup, change: Callable[[Material], Material]) ->
     if theory is None or setup.history.largest <= 0:
         return None
     if setup.history.control == "force":
-        depth = theory.depth(setup.history.largest, setup.physics.body.height)
+        depth = theory.depth_of_force(setup.history.largest, setup.physics.body.height)
         return None if depth is None else depth * scales.depth
-    solution = theory.at(setup.max_depth)
+    solution = theory.solution_at_depth(setup.max_depth)
     return solution.force * scales.force if solution else None
 
 
@@ -501,7 +503,7 @@ def _small_strain_effect(setup: ProblemSetup) -> NoSlipEffect | None:
         )
     if domain.supports.get("base") != "fixed" or rim < MIN_WALL_DISTANCE * max(domain.height, a):
         return None
-    ratios = no_slip.layer_range(nu, a / domain.height, power)
+    ratios = no_slip.layer_force_range(nu, a / domain.height, power)
     if ratios is None:
         return None
     low, high = (100 * (ratio - 1) for ratio in ratios)
@@ -546,7 +548,7 @@ def profile_exponent(tip: Indenter) -> float | None:
 
 def friction_correction(
     setup: ProblemSetup, physics: ProblemDefinition, friction: Friction
-) -> Rubbed | None:
+) -> FrictionCorrection | None:
     """What friction makes of the deepest contact of a half-space; None where that is not known: for
     other tips, other matter, a path that turns back on its way there, or more friction than the
     theory bears.
@@ -563,15 +565,15 @@ def friction_correction(
     if power is None or not _is_homogeneous_isotropic(physics.domain) or turns_back:
         return None
     from indent_sim.theory.surface import (
-        coulomb as coulomb_friction,
+        friction as coulomb_friction,
     )  # with scipy's functions, which no other scene needs
 
     with suppress(ValueError):
-        return coulomb_friction.rubbed(physics.material.constants.nu, friction, power)
+        return coulomb_friction.friction_correction(physics.material.constants.nu, friction, power)
     return None
 
 
-def friction_sentence(physics: ProblemDefinition, correction: Rubbed) -> str:
+def friction_sentence(physics: ProblemDefinition, correction: FrictionCorrection) -> str:
     """The same as a sentence."""
     cause = "no slip"
     stick_text = ""

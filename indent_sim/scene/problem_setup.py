@@ -55,13 +55,13 @@ from indent_sim.scene.reference_theory import (
 )
 from indent_sim.scene.resolution import target_error
 from indent_sim.scene.symmetry_reduction import reduce
-from indent_sim.theory.half_space import section_depth
+from indent_sim.theory.half_space import estimate_depth
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.theory import Theory
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
-    from indent_sim.theory.surface.adhesion import Jkr
+    from indent_sim.theory.adhesion import Jkr
 
 MAX_DEPTH_FRACTION = 0.9  # of the thickness: there no force is expected to find its depth
 # at which theory is asked for a depth: the largest sizes the mesh, and a search needs no more
@@ -539,7 +539,7 @@ class ProblemSetup:
 
     def solution(self, delta: float) -> Solution | None:
         """Theory's contact at a depth [length], where there is a theory."""
-        return self.theory.at(delta) if self.theory else None
+        return self.theory.solution_at_depth(delta) if self.theory else None
 
 
 def set_up_problem(config: Config, imported_mesh: Piece | None = None) -> ProblemSetup:
@@ -615,7 +615,7 @@ def tension_width_factor(setup: ProblemSetup) -> float:
     if not elastocapillary_length or theory_without_tension is None or setup.max_depth <= 0:
         return 1.0
     solution = setup.solution(setup.max_depth)
-    reference = theory_without_tension.at(setup.max_depth)
+    reference = theory_without_tension.solution_at_depth(setup.max_depth)
     force = solution.force / reference.force if solution and reference else 1.0
     return max(force, 1.0 + elastocapillary_length / setup.physics.body.height)
 
@@ -672,7 +672,7 @@ def _set_up(
     )
     attraction = scales.scaled(config.contact).adhesion
     radius = cache(partial(_expected_radius, theory, (relative, tip), body, center))
-    theory = theory and theory.along(deltas)
+    theory = theory and theory.checked_for_tension(deltas)
 
     def theory_with(change: Callable[[Material], Material]) -> Theory | None:
         changed = [replace(layer, material=change(_layer_material(layer))) for layer in layers]
@@ -817,8 +817,8 @@ def expected_depths(
     sample_depths = []
     E_star = material.E_star
     for force in map(float, sample_forces):
-        start = section_depth(tip.radius_at, force, E_star) if scales.dim == 3 else force / E_star
-        depth = (theory and theory.depth(force, max_depth)) or min(start, max_depth / 2)
+        start = estimate_depth(tip.radius_at, force, E_star) if scales.dim == 3 else force / E_star
+        depth = (theory and theory.depth_of_force(force, max_depth)) or min(start, max_depth / 2)
         sample_depths.append(float(f"{depth:.9g}"))  # the same in all units, and so is the mesh
     interpolate_log = partial(np.interp, xp=np.log(sample_forces), fp=np.log(sample_depths))
     depths = tuple(
@@ -1017,12 +1017,12 @@ def prony_series(law: Relaxation, shortest: float, longest: float) -> Exponentia
     if law.power_law is None:
         fractions, times = zip(*(law.prony or ()), strict=True)
         return Exponentials(1.0 - sum(fractions), fractions, times)
-    from indent_sim.theory.surface.relaxation import (
+    from indent_sim.theory.viscoelasticity import (
         PowerLaw,
     )  # with scipy's splines, which no other scene needs
 
-    series = PowerLaw(law.power_law.exponent, law.power_law.time).prony(shortest, longest)
-    return Exponentials(series.lasting, series.fractions, series.times)
+    series = PowerLaw(law.power_law.exponent, law.power_law.time).prony_series(shortest, longest)
+    return Exponentials(series.long_term, series.fractions, series.times)
 
 
 def remaining_modulus_fraction(law: Relaxation | None, history: History | None) -> float:
@@ -1356,7 +1356,7 @@ def _expected_radius(
         return 0.2 * rim if isfinite(rim) else 1.0
     if isinstance(body, Meshed):
         return min(_overlap_radius(tips[0], body, center, delta), rim)
-    solution = theory.at(delta) if theory else None
+    solution = theory.solution_at_depth(delta) if theory else None
     return min(solution.a if solution else min(tip.radius_at(delta) for tip in tips), rim)
 
 

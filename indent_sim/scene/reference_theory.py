@@ -42,21 +42,21 @@ from indent_sim.theory.compression import (
     LinearBar,
     bonded_modulus,
 )
+from indent_sim.theory.contact_curve import ContactCurve
 from indent_sim.theory.films import (
     dimitriadis_force,
     film_force,
     gao_modulus,
     perriot_barthel_modulus,
 )
-from indent_sim.theory.half_space import section_depth
+from indent_sim.theory.half_space import estimate_depth
 from indent_sim.theory.layer import Layer, sneddon_force
-from indent_sim.theory.march import LayerContact
-from indent_sim.theory.roots import Curve, depth_of
-from indent_sim.theory.solution import UNSOLVED
-from indent_sim.theory.stack import Ply, Stack
+from indent_sim.theory.poroelasticity import PorousSolid
+from indent_sim.theory.roots import ForceCurve, depth_of_force
+from indent_sim.theory.solution import SOLUTION_ERRORS
+from indent_sim.theory.stack import Stack, StackLayer
 from indent_sim.theory.strip import Strip
-from indent_sim.theory.surface.drainage import PorousSolid
-from indent_sim.theory.theory import OWN_ERROR, Theory
+from indent_sim.theory.theory import THEORY_ERROR, Theory
 
 NO_INCLUSIONS = "theory's body has no inclusions"
 # Between moduli from which theory loses digits, and the power: 2e-6 was measured at 1e5
@@ -99,15 +99,17 @@ def _piecewise_linear_tip(
     slope_discontinuities = {
         round(edge, 15) for c, w, _ in slope_jumps() for edge in (c - w, c + w)
     }
-    return profiles.profile(
-        slope, reach=points[-1][0], breaks=sorted(b for b in slope_discontinuities if b > 0)
+    return profiles.tip_from_slope(
+        slope,
+        max_radius=points[-1][0],
+        slope_discontinuities=sorted(b for b in slope_discontinuities if b > 0),
     )
 
 
 PUNCH_FORMULA = ("Sneddon (flat punch)", half_space.flat_punch_force)
 SQUARE_PYRAMID_FORMULA = ("a square pyramid on a half-space", half_space.square_pyramid_force)
 PYRAMID_THEORY = TipTheory(
-    profiles.equal_sections, ("half_angle", "roundness", "tip_radius"), *SQUARE_PYRAMID_FORMULA
+    profiles.equivalent_cone, ("half_angle", "roundness", "tip_radius"), *SQUARE_PYRAMID_FORMULA
 )
 TIP_THEORIES: dict[type, TipTheory] = {
     Paraboloid: TipTheory(profiles.paraboloid, ("R",), "Hertz", half_space.paraboloid_force),
@@ -117,7 +119,7 @@ TIP_THEORIES: dict[type, TipTheory] = {
     ),
     tips.Hyperboloid: TipTheory(profiles.hyperboloid, ("R", "half_angle")),
     FlatPunch: TipTheory(profiles.flat_punch, ("radius", "edge_radius"), *PUNCH_FORMULA),
-    Plate: TipTheory(profiles.plane),
+    Plate: TipTheory(profiles.flat_plate),
     **dict.fromkeys((tips.Pyramid, tips.Berkovich, tips.Vickers, tips.CubeCorner), PYRAMID_THEORY),
     Profile: TipTheory(_piecewise_linear_tip, ("points", "tip_radius", "slope", "corners")),
 }
@@ -159,7 +161,9 @@ def theory_of(
     if theory is None or not body.inclusions:
         return theory
     return replace(
-        theory, exact=False, why=NO_INCLUSIONS if theory.exact else f"{theory.why}; {NO_INCLUSIONS}"
+        theory,
+        is_exact=False,
+        reason=NO_INCLUSIONS if theory.is_exact else f"{theory.reason}; {NO_INCLUSIONS}",
     )
 
 
@@ -167,24 +171,24 @@ def _add_surface_tension(theory: Theory, surface_tension: float) -> Theory | Non
     """The same with a surface tension, whose theory knows no walls, and nothing in plane strain."""
     if not isinstance(theory.contact, Layer):
         return None
-    from indent_sim.theory.surface.tension import TensedLayer
+    from indent_sim.theory.surface_tension import LayerWithSurfaceTension
 
-    contact = TensedLayer.of(theory.contact, surface_tension)
+    contact = LayerWithSurfaceTension.from_layer(theory.contact, surface_tension)
     has_wall = theory.contact.wall < inf
     difference = first_reason(
         (has_wall, "theory's layer is infinitely wide"),
         (
-            contact.has_kinks,
+            contact.has_slope_discontinuities,
             "with a surface tension theory's pressure ripples under a tip with kinks",
         ),
     )
-    exact = theory.exact and not difference
-    why = difference or theory.why
+    exact = theory.is_exact and not difference
+    why = difference or theory.reason
     return replace(
         theory,
         contact=contact,
-        exact=exact,
-        why=why,
+        is_exact=exact,
+        reason=why,
         error=max(theory.error, contact.error),
         formulas={},
     )
@@ -209,7 +213,7 @@ def layer_theory(
     if shape is None or stack is None or (is_plane and shape.f is None):
         return None
     wall, exact, why = _roller_wall(body, center)
-    contact = (Strip if is_plane else Layer).on(shape, stack, wall)
+    contact = (Strip if is_plane else Layer).from_stack(shape, stack, wall)
     formulas = {} if is_plane else _layer_formulas(layers, tip, body.base)
     return _assess_exactness(
         Theory("layer theory", exact, why, contact, formulas=formulas), layers, tip
@@ -261,7 +265,7 @@ def _compression_theory(
         why or why_exact,
         contact,
         formulas=formulas,
-        is_finite=is_finite,
+        is_finite_strain=is_finite,
     )
 
 
@@ -305,7 +309,7 @@ def _area_of_top(body: Cylinder | BodyStrip | Box) -> float:
 
 def _bonded_formulas(
     body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer]
-) -> dict[str, Curve]:
+) -> dict[str, ForceCurve]:
     """Gent and Lindley's force of a nearly incompressible disc or strip that is bonded at its base."""
     if isinstance(body, Box) or len(layers) > 1 or layers[0].material is None:
         return {}
@@ -328,7 +332,7 @@ def _spherical_body_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indente
     stack = stack_of(layers, body.base if is_cap else None)
     if shape is None or stack is None:
         return None
-    contact = Layer.on(profiles.over_dome(shape, body.radius), stack)
+    contact = Layer.from_stack(profiles.tip_over_spherical_body(shape, body.radius), stack)
     why = "theory's body is flat, and its tip has the curvature of this one relative to the body's"
     return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
 
@@ -353,9 +357,9 @@ def adhesive_radii(
             tip, [replace(layers[0], thickness=None)], tip.radius_at(depth) or 1.0
         )
         jkr = half_space.jkr(work) if half_space else None
-    with contextlib.suppress(*UNSOLVED):
+    with contextlib.suppress(*SOLUTION_ERRORS):
         target = (depth,) if force is None else (max(force, 0.0), inf)
-        if jkr is not None and (deepest_contact := jkr.stable(*target)):
+        if jkr is not None and (deepest_contact := jkr.stable_equilibrium(*target)):
             return jkr.pull_off().a, deepest_contact.a
     return ()
 
@@ -386,7 +390,11 @@ def half_space_theory(
         return None
     why = "the half-space itself" if len(layers) == 1 else "the layers on the half-space itself"
     theory = Theory(
-        "half-space theory", True, why, Layer.on(shape, stack), formulas=_film_formulas(layers, tip)
+        "half-space theory",
+        True,
+        why,
+        Layer.from_stack(shape, stack),
+        formulas=_film_formulas(layers, tip),
     )
     return _assess_exactness(theory, layers, tip)
 
@@ -409,10 +417,10 @@ def _assess_exactness(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter
     """The theory of a body like its own, with what tip and materials have that it has not, and its
     error.
     """
-    assert isinstance(theory.contact, LayerContact)
+    assert isinstance(theory.contact, ContactCurve)
     materials = [layer.material for layer in layers if layer.material]
     is_one_half_space = (
-        len(layers) == 1 and theory.contact.scaled.is_bottomless
+        len(layers) == 1 and theory.contact.scaled_stack.is_bottomless
     )  # of the same indentation modulus
     is_isotropic = is_one_half_space or all(material.is_isotropic for material in materials)
     why = first_reason(
@@ -425,13 +433,15 @@ def _assess_exactness(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter
     )
     moduli = [material.constants.E for material in materials]
     error = (
-        OWN_ERROR
+        THEORY_ERROR
         * max(1.0, max(moduli) / min(moduli) / INEXACT_CONTRAST) ** CONTRAST_ERROR_EXPONENT
     )
-    return replace(theory, exact=theory.exact and not why, why=why or theory.why, error=error)
+    return replace(
+        theory, is_exact=theory.is_exact and not why, reason=why or theory.reason, error=error
+    )
 
 
-def _layer_formulas(layers: Sequence[BodyLayer], tip: Indenter, base: str) -> dict[str, Curve]:
+def _layer_formulas(layers: Sequence[BodyLayer], tip: Indenter, base: str) -> dict[str, ForceCurve]:
     """Dimitriadis, for a paraboloid or a sphere on a single layer."""
     if len(layers) > 1 or not isinstance(tip, Paraboloid | Sphere):
         return {}
@@ -442,20 +452,20 @@ def _layer_formulas(layers: Sequence[BodyLayer], tip: Indenter, base: str) -> di
     }
 
 
-def _film_formulas(layers: Sequence[BodyLayer], tip: Indenter) -> dict[str, Curve]:
+def _film_formulas(layers: Sequence[BodyLayer], tip: Indenter) -> dict[str, ForceCurve]:
     """Gao and Perriot-Barthel, for one film on a half-space."""
     film_theory = half_space_theory(tip, layers[:1]) if len(layers) == 2 else None
     if film_theory is None:
         return {}
     film, substrate = map(_theory_layer, layers)
     moduli = {"Gao": gao_modulus, "Perriot-Barthel": perriot_barthel_modulus}
-    force = partial(film_force, film=film, substrate=substrate, alone=film_theory.at)
+    force = partial(film_force, film=film, substrate=substrate, alone=film_theory.solution_at_depth)
     return {name: partial(force, modulus=modulus) for name, modulus in moduli.items()}
 
 
-def _theory_layer(layer: BodyLayer) -> Ply:
+def _theory_layer(layer: BodyLayer) -> StackLayer:
     assert layer.material is not None
-    return Ply(layer.thickness or inf, *layer.material.constants)
+    return StackLayer(layer.thickness or inf, *layer.material.constants)
 
 
 def _roller_wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, str]:
@@ -479,9 +489,9 @@ def half_space_depth(tip: Indenter, force: float, E_star: float) -> tuple[str, f
     """Name and depth of a tip on a half-space at a force; None for the tips that nobody has a
     formula for.
     """
-    start = section_depth(tip.radius_at, force, E_star)
+    start = estimate_depth(tip.radius_at, force, E_star)
     name, force_at = _half_space_formula(tip, start, E_star)
-    depth = depth_of(force_at, force, start) if force_at else None
+    depth = depth_of_force(force_at, force, start) if force_at else None
     return (name, depth) if depth else None
 
 
@@ -492,11 +502,13 @@ def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, f
     name, force_at = _half_space_formula(tip, delta, E_star)
     try:
         return (name, force_at(delta)) if force_at else None
-    except UNSOLVED:
+    except SOLUTION_ERRORS:
         return None
 
 
-def _half_space_formula(tip: Indenter, delta: float, E_star: float) -> tuple[str, Curve | None]:
+def _half_space_formula(
+    tip: Indenter, delta: float, E_star: float
+) -> tuple[str, ForceCurve | None]:
     """Name and force of a tip on a half-space near a depth; by quadrature where it has no closed
     form.
     """
@@ -512,7 +524,7 @@ def _half_space_formula(tip: Indenter, delta: float, E_star: float) -> tuple[str
 
 
 @lru_cache(maxsize=16)  # every row and every point of a curve asks
-def _closed_form_formula(tip: Indenter, E_star: float) -> tuple[str, Curve | None]:
+def _closed_form_formula(tip: Indenter, E_star: float) -> tuple[str, ForceCurve | None]:
     """Name and force of a tip on a half-space; no force where it takes a quadrature, no name where
     nobody knows it.
     """

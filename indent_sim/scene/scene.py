@@ -58,12 +58,12 @@ from indent_sim.scene.problem_setup import (
 )
 from indent_sim.scene.resolution import MeshResolution
 from indent_sim.scene.sizing import END_FRACTION
-from indent_sim.theory.surface.no_slip import Rubbed
+from indent_sim.theory.no_slip import FrictionCorrection
 from indent_sim.theory.theory import Theory
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config, SolverSettings, Units
-    from indent_sim.theory.surface.adhesion import Jkr
+    from indent_sim.theory.adhesion import Jkr
 
 # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
 WALL_STIFFNESS = 1e3
@@ -89,7 +89,9 @@ class Plan:
     stick: NoSlipEffect | None = (
         None  # what no slip would change; None where there is friction, or nothing is known
     )
-    friction: Rubbed | None = None  # what it changes of theory's contact, where that is known
+    friction: FrictionCorrection | None = (
+        None  # what it changes of theory's contact, where that is known
+    )
     adhesion: ExpectedAdhesion | None = None  # of a tip that adheres
     jkr: Jkr | None = field(default=None, repr=False)  # the same tip without range, without units
     time: TimePrediction | None = None  # of a scene that is followed in time
@@ -237,7 +239,7 @@ class Scene:
         """
         theory = self.plan.theory
         physics = self.physics
-        is_finite = theory is not None and theory.is_finite
+        is_finite = theory is not None and theory.is_finite_strain
         has_plate = physics.is_compressed  # a plane is the same at every point
         reasons = (
             (not physics.small_strain and not is_finite, "strain is finite, theory's small"),
@@ -247,7 +249,7 @@ class Scene:
             (physics.contact.may_snap, "the attraction has a range, theory's none"),
             (physics.gap == "current" and not has_plate, GAP_WHY),
             (physics.gap == "reference" and is_finite, PLANE_GAP_WHY),
-            (theory is not None and not theory.exact, theory.why if theory else ""),
+            (theory is not None and not theory.is_exact, theory.reason if theory else ""),
         )
         return tuple(why for applies, why in reasons if applies)
 
@@ -324,7 +326,7 @@ def _theory_scene(config: Config, setup: ProblemSetup, solver: Choice) -> Scene:
     )
     seconds_per_row = (
         SECONDS_PER_SEARCHED_ROW
-        if setup.theory and setup.theory.contact.tip.breaks
+        if setup.theory and setup.theory.contact.tip.slope_discontinuities
         else SECONDS_PER_ROW
     )
     prediction = prediction_of(setup) | {

@@ -23,10 +23,10 @@ from indent_sim.theory.solution import Solution, no_contact
 # Step of the differences, in logarithmic strain. The five-point formula errs by STEP^4/30 of the
 # fifth derivative, 3e-14 of a modulus, and by 1e-16/STEP of one in rounding: stresses have ten
 # digits from a strain of 1e-3 on
-STEP = 1e-3
+DIFFERENCE_STEP = 1e-3
 # logarithmic strain left by Newton's method, and its rounds at most
-SETTLED = 1e-13
-ROUNDS = 50
+STRAIN_TOLERANCE = 1e-13
+MAX_NEWTON_STEPS = 50
 TANGENT_STEP = 1e-4  # of the strain over which the tangent modulus is a difference
 
 # psi(l1, l2, l3) [F/L^2]: the strain energy of the principal stretches, the last one along z
@@ -42,10 +42,10 @@ class Bar(Protocol):
     def energy(self, strain: float) -> float:
         """Strain energy per undeformed volume [F/L^2]."""
 
-    def tangent(self, strain: float) -> float:
+    def tangent_modulus(self, strain: float) -> float:
         """d stress/d strain [F/L^2]."""
 
-    def widening(self, strain: float) -> float:
+    def area_ratio(self, strain: float) -> float:
         """Area of its ends over that at rest."""
 
 
@@ -63,11 +63,11 @@ class LinearBar:
         """Modulus strain^2/2 [F/L^2]."""
         return self.modulus * strain**2 / 2
 
-    def tangent(self, strain: float) -> float:
+    def tangent_modulus(self, strain: float) -> float:
         """The modulus [F/L^2]."""
         return self.modulus
 
-    def widening(self, strain: float) -> float:
+    def area_ratio(self, strain: float) -> float:
         """Small strain does not change the area."""
         return 1.0
 
@@ -92,68 +92,78 @@ class HyperelasticBar:
 
     psi: Energy
     is_incompressible: bool
-    held: int = 0
+    confined_directions: int = 0
 
     def stress(self, strain: float) -> float:
         """Nominal pressure [F/L^2]; ValueError where the bar has no equilibrium."""
-        along = math.log1p(-strain)
+        axial_strain = math.log1p(-strain)
         if self.is_incompressible:
-            slope = _slope(lambda e: self._energy(self._lateral(e), e), along)
+            slope = _first_derivative(
+                lambda e: self._energy(self._lateral_strain(e), e), axial_strain
+            )
         else:
-            lateral = self._lateral(along)
-            slope = _slope(lambda e: self._energy(lateral, e), along)
-        return -slope / math.exp(along)
+            lateral_strain = self._lateral_strain(axial_strain)
+            slope = _first_derivative(lambda e: self._energy(lateral_strain, e), axial_strain)
+        return -slope / math.exp(axial_strain)
 
     def energy(self, strain: float) -> float:
         """Strain energy per undeformed volume [F/L^2]."""
-        along = math.log1p(-strain)
-        return self._energy(self._lateral(along), along)
+        axial_strain = math.log1p(-strain)
+        return self._energy(self._lateral_strain(axial_strain), axial_strain)
 
-    def tangent(self, strain: float) -> float:
+    def tangent_modulus(self, strain: float) -> float:
         """d stress/d strain [F/L^2]."""
         step = TANGENT_STEP * (1 - strain)
         return (self.stress(strain + step) - self.stress(strain - step)) / (2 * step)
 
-    def widening(self, strain: float) -> float:
+    def area_ratio(self, strain: float) -> float:
         """Product of the two stretches across the bar."""
-        free = 2 - self.held
-        return math.exp(free * self._lateral(math.log1p(-strain)))
+        free_directions = 2 - self.confined_directions
+        return math.exp(free_directions * self._lateral_strain(math.log1p(-strain)))
 
-    def _energy(self, lateral: float, along: float) -> float:
+    def _energy(self, lateral_strain: float, axial_strain: float) -> float:
         """psi [F/L^2] at logarithmic strains of the free directions and along the bar."""
-        across = math.exp(lateral)
-        return float(self.psi(across, across if self.held == 0 else 1.0, math.exp(along)))
+        lateral_stretch = math.exp(lateral_strain)
+        return float(
+            self.psi(
+                lateral_stretch,
+                lateral_stretch if self.confined_directions == 0 else 1.0,
+                math.exp(axial_strain),
+            )
+        )
 
-    def _lateral(self, along: float) -> float:
+    def _lateral_strain(self, axial_strain: float) -> float:
         """The logarithmic strain of the free directions."""
-        if self.held == 2:
-            if self.is_incompressible and along != 0:
+        if self.confined_directions == 2:
+            if self.is_incompressible and axial_strain != 0:
                 raise ValueError("an incompressible body between walls cannot be compressed")
             return 0.0
         if self.is_incompressible:
-            return -along / (2 - self.held)
-        lateral = 0.0
-        for _ in range(ROUNDS):
-            change = _slope(lambda e: self._energy(e, along), lateral)
-            bend = _bend(lambda e: self._energy(e, along), lateral)
-            if not (bend > 0 and math.isfinite(change)):
+            return -axial_strain / (2 - self.confined_directions)
+        lateral_strain = 0.0
+        for _ in range(MAX_NEWTON_STEPS):
+            slope = _first_derivative(lambda e: self._energy(e, axial_strain), lateral_strain)
+            curvature = _second_derivative(lambda e: self._energy(e, axial_strain), lateral_strain)
+            if not (curvature > 0 and math.isfinite(slope)):
                 break
-            lateral -= change / bend
-            if abs(change) <= SETTLED * bend:
-                return lateral
+            lateral_strain -= slope / curvature
+            if abs(slope) <= STRAIN_TOLERANCE * curvature:
+                return lateral_strain
         raise ValueError("the bar has no equilibrium at this strain")
 
 
-def _slope(function: Callable[[float], float], x: float) -> float:
+def _first_derivative(function: Callable[[float], float], x: float) -> float:
     """First derivative by the five-point formula."""
-    near = function(x + STEP) - function(x - STEP)
-    far = function(x + 2 * STEP) - function(x - 2 * STEP)
-    return (8 * near - far) / (12 * STEP)
+    near_difference = function(x + DIFFERENCE_STEP) - function(x - DIFFERENCE_STEP)
+    far_difference = function(x + 2 * DIFFERENCE_STEP) - function(x - 2 * DIFFERENCE_STEP)
+    return (8 * near_difference - far_difference) / (12 * DIFFERENCE_STEP)
 
 
-def _bend(function: Callable[[float], float], x: float) -> float:
+def _second_derivative(function: Callable[[float], float], x: float) -> float:
     """Second derivative by three points."""
-    return (function(x + STEP) - 2 * function(x) + function(x - STEP)) / STEP**2
+    return (
+        function(x + DIFFERENCE_STEP) - 2 * function(x) + function(x - DIFFERENCE_STEP)
+    ) / DIFFERENCE_STEP**2
 
 
 @dataclass(frozen=True)
@@ -178,14 +188,14 @@ class Compression:
     height: float
     area: float
     dimensions: int = 2
-    widest: float = math.inf
+    max_area_ratio: float = math.inf
 
     @property
     def tip(self) -> Tip:
         """A flat punch as large as the top: its contact does not grow with the depth."""
         return flat_punch(self._radius(self.area))
 
-    def curve(self, deltas: Sequence[float]) -> list[Solution]:
+    def solutions_at_depths(self, deltas: Sequence[float]) -> list[Solution]:
         """One Solution per depth [L], none for a depth <= 0.
 
         Raises
@@ -193,48 +203,56 @@ class Compression:
         ValueError
             Where a depth is beyond the height, the bar has no equilibrium there, or the top bulges past the tip.
         """
-        return [self._at(delta) if delta > 0 else no_contact(delta) for delta in deltas]
+        return [
+            self._solution_at_depth(delta) if delta > 0 else no_contact(delta) for delta in deltas
+        ]
 
-    def under(self, forces: Sequence[float]) -> list[Solution]:
+    def solutions_at_forces(self, forces: Sequence[float]) -> list[Solution]:
         """One Solution per force [F], none for a force <= 0; errors as `curve`."""
-        return self.curve([self.depth(force) if force > 0 else 0.0 for force in forces])
+        return self.solutions_at_depths(
+            [self.depth_of_force(force) if force > 0 else 0.0 for force in forces]
+        )
 
-    def depth(self, force: float) -> float:
+    def depth_of_force(self, force: float) -> float:
         """The depth [L] at which the force is this one [F] > 0; ValueError where there is none."""
-        start = min(force * self.height / (self.bar.tangent(0.0) * self.area), 0.5 * self.height)
-        return increasing_root(lambda delta: self._at(delta).force, force, start, self.height)
+        start = min(
+            force * self.height / (self.bar.tangent_modulus(0.0) * self.area), 0.5 * self.height
+        )
+        return increasing_root(
+            lambda delta: self._solution_at_depth(delta).force, force, start, self.height
+        )
 
-    def up_to(self, deepest: Solution, count: int) -> list[Solution]:
+    def solutions_up_to(self, deepest: Solution, count: int) -> list[Solution]:
         """Solutions at even steps of the depth up to a known one."""
-        return self.curve(list(deepest.delta * np.arange(1, count + 1) / count))
+        return self.solutions_at_depths(list(deepest.delta * np.arange(1, count + 1) / count))
 
-    def _at(self, delta: float) -> Solution:
+    def _solution_at_depth(self, delta: float) -> Solution:
         strain = delta / self.height
         if not strain < 1:
             raise ValueError(f"the depth {delta:g} is beyond the height {self.height:g}")
-        widening = self.bar.widening(strain)
-        if widening > self.widest:
+        area_ratio = self.bar.area_ratio(strain)
+        if area_ratio > self.max_area_ratio:
             raise ValueError(f"at the depth {delta:g} the top bulges past the edge of the tip")
-        area = self.area * widening
+        area = self.area * area_ratio
         force = self.area * self.bar.stress(strain)
         a = self._radius(area)
         p = force / area
         energy = self.area * self.height * self.bar.energy(strain)
-        stiffness = self.area / self.height * self.bar.tangent(strain)
-        fields = partial(_inside, a, p), partial(_level, -delta)
-        return Solution(delta, force, a, area, energy, stiffness, *fields, peak=lambda: p)
+        stiffness = self.area / self.height * self.bar.tangent_modulus(strain)
+        fields = partial(_uniform_pressure, a, p), partial(_uniform_displacement, -delta)
+        return Solution(delta, force, a, area, energy, stiffness, *fields, peak_pressure=lambda: p)
 
     def _radius(self, area: float) -> float:
         """Radius [L] of the disc of an area [L^2]; in plane strain half of the width."""
         return math.sqrt(area / math.pi) if self.dimensions == 2 else area / 2
 
 
-def _inside(a: float, p: float, x: np.ndarray) -> np.ndarray:
+def _uniform_pressure(a: float, p: float, x: np.ndarray) -> np.ndarray:
     """The pressure p within the distance a, none beyond."""
     return np.where(np.abs(np.asarray(x, dtype=float)) <= a, p, 0.0)[()]
 
 
-def _level(u: float, x: np.ndarray) -> np.ndarray:
+def _uniform_displacement(u: float, x: np.ndarray) -> np.ndarray:
     """The same displacement everywhere."""
     return np.full_like(np.asarray(x, dtype=float), u)[()]
 
@@ -258,7 +276,9 @@ def bonded_modulus(E: float, bulk_modulus: float, shape_factor: float, dimension
     Source: Gent & Lindley (1959), Proc. Inst. Mech. Eng. 173, 111; the sum of compliances: Gent &
     Meinecke (1970), Polym. Eng. Sci. 10, 48.
     """
-    sheared = (
+    shear_modulus = (
         E * (1 + 2 * shape_factor**2) if dimensions == 2 else 4 / 3 * E * (1 + shape_factor**2)
     )
-    return 1 / (1 / sheared + 1 / bulk_modulus) if math.isfinite(bulk_modulus) else sheared
+    return (
+        1 / (1 / shear_modulus + 1 / bulk_modulus) if math.isfinite(bulk_modulus) else shear_modulus
+    )

@@ -17,15 +17,15 @@ from collections.abc import Callable
 
 from indent_sim.theory.half_space import E_star, paraboloid_force
 from indent_sim.theory.solution import Solution, require_positive
-from indent_sim.theory.stack import BASE_SUPPORTS, Ply
+from indent_sim.theory.stack import BASE_SUPPORTS, StackLayer
 
 Modulus = Callable[
-    [Ply, Ply, float], float
+    [StackLayer, StackLayer, float], float
 ]  # E* [F/L^2] of film and substrate under a contact radius [L]
-Contact = Callable[[float], Solution | None]  # at a depth [L]
+HalfSpaceContact = Callable[[float], Solution | None]  # at a depth [L]
 
 
-def gao_modulus(film: Ply, substrate: Ply, a: float) -> float:
+def gao_modulus(film: StackLayer, substrate: StackLayer, a: float) -> float:
     """E* = E*_s + (E*_f - E*_s) I0(t/a) [F/L^2] (Gao et al. 1992).
 
     I0(x) = 2/pi atan x + [(1 - 2 nu) x ln(1 + 1/x^2) - x/(1 + x^2)]/(2 pi (1 - nu)), nu the
@@ -33,44 +33,56 @@ def gao_modulus(film: Ply, substrate: Ply, a: float) -> float:
     """
     require_positive(a=a, thickness=film.thickness)
     x = film.thickness / a
-    slope = x * math.log1p(1.0 / x**2)
-    angle = 2.0 / math.pi * math.atan(x)
-    I1 = angle + slope / math.pi
-    rest = (
+    log_term = x * math.log1p(1.0 / x**2)
+    angle_term = 2.0 / math.pi * math.atan(x)
+    I1 = angle_term + log_term / math.pi
+    one_minus_nu = (
         (1.0 - film.nu) * (1.0 - substrate.nu) / (1.0 - (1.0 - I1) * film.nu - I1 * substrate.nu)
     )  # 1 - nu
-    share = angle + ((2.0 * rest - 1.0) * slope - x / (1.0 + x * x)) / (2.0 * math.pi * rest)
-    return share * E_star(film.E, film.nu) + (1.0 - share) * E_star(substrate.E, substrate.nu)
+    film_weight = angle_term + ((2.0 * one_minus_nu - 1.0) * log_term - x / (1.0 + x * x)) / (
+        2.0 * math.pi * one_minus_nu
+    )
+    return film_weight * E_star(film.E, film.nu) + (1.0 - film_weight) * E_star(
+        substrate.E, substrate.nu
+    )
 
 
-def perriot_barthel_modulus(film: Ply, substrate: Ply, a: float) -> float:
+def perriot_barthel_modulus(film: StackLayer, substrate: StackLayer, a: float) -> float:
     """E* = E*_f + (E*_s - E*_f)/(1 + (x0 t/a)^1.27) [F/L^2] (Perriot & Barthel 2004). log10 x0 =
     -0.093 + 0.792 l + 0.05 l^2, l = log10(E*_s/E*_f).
     """
     require_positive(a=a, thickness=film.thickness)
-    of_film = E_star(film.E, film.nu)
-    of_substrate = E_star(substrate.E, substrate.nu)
-    ratio = math.log10(of_substrate / of_film)
+    film_modulus = E_star(film.E, film.nu)
+    substrate_modulus = E_star(substrate.E, substrate.nu)
+    ratio = math.log10(substrate_modulus / film_modulus)
     x0 = 10.0 ** (-0.093 + 0.792 * ratio + 0.05 * ratio**2)
-    return of_film + (of_substrate - of_film) / (1.0 + (x0 * film.thickness / a) ** 1.27)
+    return film_modulus + (substrate_modulus - film_modulus) / (
+        1.0 + (x0 * film.thickness / a) ** 1.27
+    )
 
 
-def film_force(delta: float, modulus: Modulus, film: Ply, substrate: Ply, alone: Contact) -> float:
-    """Force [F] on a film by one of the moduli above; `alone`: the contact with a half-space of the
+def film_force(
+    delta: float,
+    modulus: Modulus,
+    film: StackLayer,
+    substrate: StackLayer,
+    film_contact: HalfSpaceContact,
+) -> float:
+    """Force [F] on a film by one of the moduli above; `film_contact`: the contact with a half-space of the
     film at a depth.
 
     The moduli are those under a contact radius, which a tip has on a half-space of any modulus. NaN
     without a contact.
     """
-    found = alone(delta)
+    solution = film_contact(delta)
     return (
-        found.force * modulus(film, substrate, found.a) / E_star(film.E, film.nu)
-        if found
+        solution.force * modulus(film, substrate, solution.a) / E_star(film.E, film.nu)
+        if solution
         else math.nan
     )
 
 
-def dimitriadis_force(delta: float, R: float, layer: Ply, base: str = "fixed") -> float:
+def dimitriadis_force(delta: float, R: float, layer: StackLayer, base: str = "fixed") -> float:
     """Force [F] of a paraboloid on a thin layer, Hertz's times a polynomial in x = sqrt(R delta)/h.
 
     1 - 2 A x/pi + 4 A^2 x^2/pi^2 - 8 (A^3 + 4 pi^2 B/15) x^3/pi^3 + 16 A (A^3 + 3 pi^2 B/5)

@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from indent_sim.theory.roots import depth_of
-from indent_sim.theory.solution import require_positive, tangent
+from indent_sim.theory.roots import depth_of_force
+from indent_sim.theory.solution import require_positive, tangent_of_half_angle
 
 SPHERE_SERIES = tuple(
     1.0 / (2 * n + 1) + 1.0 / (2 * n - 1) for n in range(17, 0, -1)
@@ -71,7 +71,7 @@ def _sphere_angle(delta: float, R: float) -> float:
 def cone_force(delta: float, half_angle: float, E_star: float) -> float:
     """Force F = 2/pi E* tan(alpha) delta^2 [F], alpha in degrees from axis to flank (Sneddon 1965)."""
     require_positive(E_star=E_star)
-    return 2.0 / math.pi * E_star * tangent(half_angle) * max(delta, 0.0) ** 2
+    return 2.0 / math.pi * E_star * tangent_of_half_angle(half_angle) * max(delta, 0.0) ** 2
 
 
 def flat_punch_force(delta: float, radius: float, E_star: float) -> float:
@@ -85,16 +85,16 @@ def square_pyramid_force(delta: float, half_angle: float, E_star: float) -> floa
     C is a boundary-element result; the contact is a rounded square, so no closed form exists.
     """
     require_positive(E_star=E_star)
-    return PYRAMID_CONSTANT * E_star * tangent(half_angle) * max(delta, 0.0) ** 2
+    return PYRAMID_CONSTANT * E_star * tangent_of_half_angle(half_angle) * max(delta, 0.0) ** 2
 
 
-def section_depth(radius_at: Callable[[float], float], force: float, E_star: float) -> float:
+def estimate_depth(radius_at: Callable[[float], float], force: float, E_star: float) -> float:
     """About the depth [L] of a force under any tip, radius_at(depth) its section: force = E*
     radius_at(depth) depth.
     """
-    size = max(force, 0.0) / E_star
-    start = math.sqrt(size)
-    return depth_of(lambda depth: radius_at(depth) * depth, size, start) or start
+    force_scale = max(force, 0.0) / E_star
+    start = math.sqrt(force_scale)
+    return depth_of_force(lambda depth: radius_at(depth) * depth, force_scale, start) or start
 
 
 def check_nu(nu: float) -> None:

@@ -20,23 +20,23 @@ from numpy.polynomial.chebyshev import chebder
 
 from indent_sim.theory.stack import Stack
 
-S_MAX = 22.0  # M(22) < 2e-16
-PER_PANEL = 18  # Gauss points that resolve M between s and 3 s
-PER_PHASE = 0.6  # more of them for each unit of the phase x ds of cos(sx)
+MAX_WAVENUMBER = 22.0  # M(22) < 2e-16
+POINTS_PER_PANEL = 18  # Gauss points that resolve M between s and 3 s
+POINTS_PER_PHASE = 0.6  # more of them for each unit of the phase x ds of cos(sx)
 LONGEST_PHASE = 100.0  # phase on one panel: a rule of many points is an eigenvalue problem as large
 SINGLE_MODES = 32  # modes between walls that are summed one by one
 Nodes = tuple[np.ndarray, np.ndarray]  # and their weights
 AXIS_POINTS = 64  # of an integral of cosh(y x), which has no poles, to x < W
 # least and largest reach of even polynomials [h]
-LEAST_EVEN = 2.0**-10
-LARGEST_EVEN = 2.0
+MIN_EVEN_RADIUS = 2.0**-10
+MAX_EVEN_RADIUS = 2.0
 # polynomials; of the largest part of a kernel, what is left out
-MOST_EVEN = 32
-EVEN_LEFT = 1e-17
-BESSEL_BEYOND = (
+MAX_EVEN_POLYNOMIALS = 32
+EVEN_TOLERANCE = 1e-17
+EXTRA_BESSEL_ORDERS = (
     20  # orders beyond the last one from which a recurrence of Bessel functions sets out
 )
-CHANGE = 2.0  # k W at which the wall integral changes from its split to its direct form
+WALL_FORM_SWITCH = 2.0  # k W at which the wall integral changes from its split to its direct form
 
 
 @dataclass(frozen=True)
@@ -60,16 +60,20 @@ class Kernel:
         hyperbolic = 0.5 * (np.exp(y * (x - self.wall)) + np.exp(-y * (x + self.wall)))
         return np.vstack([cosines, hyperbolic, np.ones((1, x.size))])
 
-    def applied(self, values: np.ndarray) -> np.ndarray:
+    def apply_weights(self, values: np.ndarray) -> np.ndarray:
         """weight_j values_j of values (..., modes, n)."""
         return self.weight[:, None] * values
 
-    def solved(self, direct: np.ndarray, project: np.ndarray, across: np.ndarray) -> np.ndarray:
+    def solve_modes(
+        self, direct: np.ndarray, projection: np.ndarray, modes_at_points: np.ndarray
+    ) -> np.ndarray:
         """m = direct + project across m (..., modes, n), by phi = across m at the points: beside a
         wall modes are nearly dependent, and a system of theirs loses digits.
         """
-        inside = np.eye(project.shape[-1]) - across @ project
-        return np.asarray(direct + project @ np.linalg.solve(inside, across @ direct))
+        point_matrix = np.eye(projection.shape[-1]) - modes_at_points @ projection
+        return np.asarray(
+            direct + projection @ np.linalg.solve(point_matrix, modes_at_points @ direct)
+        )
 
     def slope_over_x(self, x: np.ndarray) -> np.ndarray:
         """b_j'(x)/x for x > 0, shape (modes, len(x)); finite as x -> 0 because every b is even."""
@@ -90,13 +94,13 @@ class Kernel:
         cosines = -self.k[:, None] * sici(np.multiply.outer(self.k, a))[0]
         if not self.y.size:
             return cosines
-        x, w = gauss(0.0, 1.0, AXIS_POINTS)
-        others = self.slope_over_x(np.multiply.outer(a, x).ravel())[self.k.size :].reshape(
+        x, w = gauss_legendre(0.0, 1.0, AXIS_POINTS)
+        hyperbolic = self.slope_over_x(np.multiply.outer(a, x).ravel())[self.k.size :].reshape(
             -1, a.size, x.size
         )
-        return np.vstack([cosines, others @ w * a])
+        return np.vstack([cosines, hyperbolic @ w * a])
 
-    def surface(self, r: np.ndarray) -> np.ndarray:
+    def surface_displacements(self, r: np.ndarray) -> np.ndarray:
         """(2/pi) ∫_0^r b_j(x)/sqrt(r^2 - x^2) dx, shape (modes, len(r)): J0(k r), I0(y r) exp(-y W)
         and 1.
         """
@@ -115,44 +119,55 @@ class EvenKernel:
     = T_2j(x/reach).
     """
 
-    reach: float
+    max_radius: float
     matrix: np.ndarray
 
     def basis(self, x: np.ndarray) -> np.ndarray:
         """b_j(x), shape (modes, len(x))."""
-        return _chebyshev(self._places(x), len(self.matrix))
+        return _chebyshev_values(self._chebyshev_argument(x), len(self.matrix))
 
-    def applied(self, values: np.ndarray) -> np.ndarray:
+    def apply_weights(self, values: np.ndarray) -> np.ndarray:
         """sum_l matrix_jl values_l of values (..., modes, n)."""
         return self.matrix @ values
 
-    def solved(self, direct: np.ndarray, project: np.ndarray, across: np.ndarray) -> np.ndarray:
+    def solve_modes(
+        self, direct: np.ndarray, projection: np.ndarray, modes_at_points: np.ndarray
+    ) -> np.ndarray:
         """m = direct + project across m (..., modes, n)."""
-        return np.asarray(np.linalg.solve(np.eye(len(self.matrix)) - project @ across, direct))
+        return np.asarray(
+            np.linalg.solve(np.eye(len(self.matrix)) - projection @ modes_at_points, direct)
+        )
 
     def slope_over_x(self, x: np.ndarray) -> np.ndarray:
         """b_j'(x)/x, shape (modes, len(x))."""
-        of_slopes = _slopes(len(self.matrix))
-        return 4.0 / self.reach**2 * (of_slopes @ _chebyshev(self._places(x), of_slopes.shape[1]))
+        derivative_matrix = _derivative_matrix(len(self.matrix))
+        return (
+            4.0
+            / self.max_radius**2
+            * (
+                derivative_matrix
+                @ _chebyshev_values(self._chebyshev_argument(x), derivative_matrix.shape[1])
+            )
+        )
 
     def slope_integrals(self, a: np.ndarray) -> np.ndarray:
         """∫_0^a b_j'(x)/x dx, shape (modes, len(a))."""
-        x, w = gauss(0.0, 1.0, len(self.matrix))
+        x, w = gauss_legendre(0.0, 1.0, len(self.matrix))
         slopes = self.slope_over_x(np.multiply.outer(a, x).ravel())
         return np.asarray(slopes.reshape(-1, a.size, x.size) @ w * a)
 
-    def _places(self, x: np.ndarray) -> np.ndarray:
+    def _chebyshev_argument(self, x: np.ndarray) -> np.ndarray:
         """Where Chebyshev's T_j are T_2j(x/reach)."""
-        return 2.0 * (x / self.reach) ** 2 - 1.0
+        return 2.0 * (x / self.max_radius) ** 2 - 1.0
 
 
 @lru_cache(maxsize=8)
-def _slopes(count: int) -> np.ndarray:
+def _derivative_matrix(count: int) -> np.ndarray:
     """Coefficients of the derivatives of T_0 to T_(count - 1), shape (count, count - 1)."""
     return np.ascontiguousarray(chebder(np.eye(count)).T)
 
 
-def _chebyshev(x: np.ndarray, count: int) -> np.ndarray:
+def _chebyshev_values(x: np.ndarray, count: int) -> np.ndarray:
     """T_0 to T_(count - 1) at places, shape (count, len(x))."""
     values = np.empty((count, x.size))
     values[0] = 1.0
@@ -170,27 +185,31 @@ def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
     Without walls it is analytic 2 h off the axis: polynomials meet it where the contact is smaller,
     and are cached in powers of the square root of two.
     """
-    if math.isinf(wall) and a <= LARGEST_EVEN:
-        reach = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(max(a, LEAST_EVEN))))
-        if even := _even_kernel(reach, stack):
-            return even
+    if math.isinf(wall) and a <= MAX_EVEN_RADIUS:
+        max_radius = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(max(a, MIN_EVEN_RADIUS))))
+        if polynomial_kernel := _polynomial_kernel(max_radius, stack):
+            return polynomial_kernel
     return axisymmetric_kernel(a, stack, wall)
 
 
 @lru_cache(maxsize=64)
-def _even_kernel(reach: float, stack: Stack) -> EvenKernel | None:
+def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
     """By cos(k x) = J_0(k reach) + 2 sum_j (-1)^j J_2j(k reach) T_2j(x/reach); None where that
     takes many.
     """
-    kernel = axisymmetric_kernel(reach, stack, math.inf)
-    j = np.arange(MOST_EVEN)
+    kernel = axisymmetric_kernel(max_radius, stack, math.inf)
+    j = np.arange(MAX_EVEN_POLYNOMIALS)
     waves = np.where(j == 0, 1.0, 2.0 * (-1.0) ** j)[:, None] * _even_bessel(
-        kernel.k * reach, MOST_EVEN
+        kernel.k * max_radius, MAX_EVEN_POLYNOMIALS
     )
     matrix = waves @ (kernel.weight[:, None] * waves.T)
     sizes = np.abs(matrix).max(axis=0)
-    needed = max(1, int(np.count_nonzero(sizes > EVEN_LEFT * sizes.max())))
-    return EvenKernel(reach, matrix[:needed, :needed]) if needed < MOST_EVEN else None
+    polynomial_count = max(1, int(np.count_nonzero(sizes > EVEN_TOLERANCE * sizes.max())))
+    return (
+        EvenKernel(max_radius, matrix[:polynomial_count, :polynomial_count])
+        if polynomial_count < MAX_EVEN_POLYNOMIALS
+        else None
+    )
 
 
 def _even_bessel(x: np.ndarray, count: int) -> np.ndarray:
@@ -199,14 +218,14 @@ def _even_bessel(x: np.ndarray, count: int) -> np.ndarray:
     By J_n/J_(n-1) = x/(2 n - x J_(n+1)/J_n) downwards, and J_0 + 2 sum_j J_2j = 1 (Abramowitz &
     Stegun 9.1.46, 9.1.73); scipy.special is not loaded for it.
     """
-    last = 2 * count + BESSEL_BEYOND
-    ratios = np.empty((last, x.size))
+    last_order = 2 * count + EXTRA_BESSEL_ORDERS
+    ratios = np.empty((last_order, x.size))
     ratio = np.zeros_like(x)
-    for n in range(last, 0, -1):
+    for n in range(last_order, 0, -1):
         ratio = x / (2.0 * n - x * ratio)
         ratios[n - 1] = ratio
-    over_first = np.vstack([np.ones_like(x), np.cumprod(ratios, axis=0)[1::2]])
-    return np.asarray(over_first[:count] / (2.0 * over_first.sum(axis=0) - 1.0))
+    ratios_to_first = np.vstack([np.ones_like(x), np.cumprod(ratios, axis=0)[1::2]])
+    return np.asarray(ratios_to_first[:count] / (2.0 * ratios_to_first.sum(axis=0) - 1.0))
 
 
 def axisymmetric_kernel(a: float, stack: Stack, wall: float) -> Kernel:
@@ -217,21 +236,21 @@ def axisymmetric_kernel(a: float, stack: Stack, wall: float) -> Kernel:
     integral over L becomes the Dini sum over k_n = j_{1,n}/W. Cached in powers of two, so that
     neighbouring radii share one kernel.
     """
-    reach = 2.0 ** math.ceil(math.log2(max(a, 1.0)))
+    max_radius = 2.0 ** math.ceil(math.log2(max(a, 1.0)))
     if math.isinf(wall):
-        return _layer_kernel(reach, stack)
+        return _layer_kernel(max_radius, stack)
     clearance = 2.0 ** math.floor(math.log2(1.0 - a / wall))
-    return _cylinder_kernel(min(reach, wall), clearance, stack, wall)
+    return _cylinder_kernel(min(max_radius, wall), clearance, stack, wall)
 
 
 @lru_cache(maxsize=64)
-def _layer_kernel(reach: float, stack: Stack) -> Kernel:
-    s, w = wavenumbers(reach, stack.finest)
-    return Kernel(s, np.empty(0), math.inf, w * stack.complement(s))
+def _layer_kernel(max_radius: float, stack: Stack) -> Kernel:
+    s, w = wavenumber_nodes(max_radius, stack.min_wavenumber)
+    return Kernel(s, np.empty(0), math.inf, w * stack.compliance_complement(s))
 
 
 @lru_cache(maxsize=64)
-def _cylinder_kernel(reach: float, clearance: float, stack: Stack, wall: float) -> Kernel:
+def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: float) -> Kernel:
     """Dini sum over L, as the half-space integral + smooth terms: the equation stays of the second
     kind.
     """
@@ -240,15 +259,17 @@ def _cylinder_kernel(reach: float, clearance: float, stack: Stack, wall: float) 
     # compression
     from scipy.special import j1, y1
 
-    number, weight = wall_numbers(reach, wall)
+    number, weight = wall_mode_nodes(max_radius, wall)
     zeros = bessel_j1_zeros(number)
     k = zeros / wall
     j0_squared = 4.0 / (
         (math.pi * zeros) ** 2 * (j1(zeros) ** 2 + y1(zeros) ** 2)
     )  # by the Wronskian; smooth in n
-    dini = 2.0 * weight * stack.complement(k) / (k * wall**2 * j0_squared)
+    dini = 2.0 * weight * stack.compliance_complement(k) / (k * wall**2 * j0_squared)
     z, wall_weight, pole = _wall_modes(clearance)
-    weight = np.concatenate([dini, -wall_weight / wall, [-pole / wall - stack.confined / wall**2]])
+    weight = np.concatenate(
+        [dini, -wall_weight / wall, [-pole / wall - stack.confined_compliance / wall**2]]
+    )
     return Kernel(k, z / wall, wall, weight)
 
 
@@ -261,79 +282,93 @@ def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
     # pi exp(-2z)
     from scipy.special import i1e, k1e
 
-    def ratio(z):  # exp(2z) K1/I1; the factor cancels those of the scaled basis
+    def scaled_bessel_ratio(z):  # exp(2z) K1/I1; the factor cancels those of the scaled basis
         return k1e(z) / i1e(z)
 
-    z0, w0 = gauss(0.0, CHANGE, 32)
-    v, wv = gauss(0.0, 1.0, 48)
-    z1 = CHANGE * v**4
-    w1 = CHANGE * 4.0 * v**3 * wv
-    parts = [(z0, w0 * (ratio(z0) * np.exp(-2.0 * z0) - np.log(z0 / 2.0)) * np.exp(2.0 * z0))]
+    z0, w0 = gauss_legendre(0.0, WALL_FORM_SWITCH, 32)
+    v, wv = gauss_legendre(0.0, 1.0, 48)
+    z1 = WALL_FORM_SWITCH * v**4
+    w1 = WALL_FORM_SWITCH * 4.0 * v**3 * wv
+    parts = [
+        (
+            z0,
+            w0
+            * (scaled_bessel_ratio(z0) * np.exp(-2.0 * z0) - np.log(z0 / 2.0))
+            * np.exp(2.0 * z0),
+        )
+    ]
     parts.append((z1, w1 * np.log(z1 / 2.0) * np.exp(2.0 * z1)))
-    end = max(2.0 * CHANGE, 19.0 / clearance)
-    edges = CHANGE * np.geomspace(1.0, end / CHANGE, 1 + math.ceil(math.log(end / CHANGE, 3.0)))
+    end = max(2.0 * WALL_FORM_SWITCH, 19.0 / clearance)
+    edges = WALL_FORM_SWITCH * np.geomspace(
+        1.0, end / WALL_FORM_SWITCH, 1 + math.ceil(math.log(end / WALL_FORM_SWITCH, 3.0))
+    )
     for lo, hi in pairwise(edges):
-        z, w = gauss(lo, hi, 28)
-        parts.append((z, w * ratio(z)))
-    pole = -float(np.sum(w0 * 2.0 / z0**2)) - 2.0 / CHANGE
-    nodes, weights = joined(parts)
+        z, w = gauss_legendre(lo, hi, 28)
+        parts.append((z, w * scaled_bessel_ratio(z)))
+    pole = -float(np.sum(w0 * 2.0 / z0**2)) - 2.0 / WALL_FORM_SWITCH
+    nodes, weights = join_nodes(parts)
     return nodes, 2.0 / math.pi * weights, 2.0 / math.pi * pole
 
 
-def bessel_j1_zeros(number: np.ndarray) -> np.ndarray:
+def bessel_j1_zeros(numbers: np.ndarray) -> np.ndarray:
     """Zeros of J1 by number from 1; between numbers (from SINGLE_MODES on) what McMahon's expansion
     makes of them.
     """
     from scipy.special import j0, j1
 
-    b = (number + 0.25) * math.pi
+    b = (numbers + 0.25) * math.pi
     v = 8.0 * b
     z = b - 3.0 / v + 12.0 / v**3 - 7545.6 / v**5 + 3567925.0 / v**7
-    first = number <= SINGLE_MODES
+    is_first = numbers <= SINGLE_MODES
     for _ in range(3):
-        z[first] -= j1(z[first]) / (j0(z[first]) - j1(z[first]) / z[first])
+        z[is_first] -= j1(z[is_first]) / (j0(z[is_first]) - j1(z[is_first]) / z[is_first])
     return z
 
 
-def wavenumbers(reach: float, finest: float) -> Nodes:
+def wavenumber_nodes(max_radius: float, min_wavenumber: float) -> Nodes:
     """Nodes s and weights of ∫_0^inf M(s) cos(sx) cos(st) ds for x, t <= reach: panels graded down
-    to `finest`.
+    to `min_wavenumber`.
     """
-    panels = max(1, math.ceil(math.log(S_MAX / finest, 3.0)))
-    edges = _split([0.0, *(S_MAX * 3.0 ** np.arange(-panels, 1.0))], LONGEST_PHASE / reach)
+    panels = max(1, math.ceil(math.log(MAX_WAVENUMBER / min_wavenumber, 3.0)))
+    edges = _split_panels(
+        [0.0, *(MAX_WAVENUMBER * 3.0 ** np.arange(-panels, 1.0))], LONGEST_PHASE / max_radius
+    )
     parts = [
-        gauss(lo, hi, PER_PANEL + math.ceil(PER_PHASE * reach * (hi - lo)))
+        gauss_legendre(
+            lo, hi, POINTS_PER_PANEL + math.ceil(POINTS_PER_PHASE * max_radius * (hi - lo))
+        )
         for lo, hi in pairwise(edges)
     ]
-    return joined(parts)
+    return join_nodes(parts)
 
 
-def wall_numbers(reach: float, wall: float) -> Nodes:
+def wall_mode_nodes(max_radius: float, wall: float) -> Nodes:
     """Nodes n and weights of sum_n M(k_n) cos(k_n x) cos(k_n t) for x, t <= reach, over k_n of
     about n pi/W. The first SINGLE_MODES one by one; then, in doubling blocks, Gauss's rule for
     the sum, exact for polynomials in n.
     """
-    last = max(1, math.ceil(S_MAX * wall / math.pi))
-    doubling = (n for i in range(64) if (n := (SINGLE_MODES + 1) * 2**i) <= last)
-    edges = [*range(1, min(last, SINGLE_MODES) + 1), *doubling, last + 1]
+    last = max(1, math.ceil(MAX_WAVENUMBER * wall / math.pi))
+    doubling_edges = (n for i in range(64) if (n := (SINGLE_MODES + 1) * 2**i) <= last)
+    edges = [*range(1, min(last, SINGLE_MODES) + 1), *doubling_edges, last + 1]
     blocks = pairwise(
-        round(edge) for edge in _split(edges, max(1.0, LONGEST_PHASE / reach * wall / math.pi))
+        round(edge)
+        for edge in _split_panels(edges, max(1.0, LONGEST_PHASE / max_radius * wall / math.pi))
     )
-    per_number = PER_PHASE * reach * math.pi / wall
-    return joined(
+    per_number = POINTS_PER_PHASE * max_radius * math.pi / wall
+    return join_nodes(
         [
-            _gauss_sum(*ends, PER_PANEL + math.ceil(per_number * (ends[1] - ends[0])))
+            _gauss_sum(*ends, POINTS_PER_PANEL + math.ceil(per_number * (ends[1] - ends[0])))
             for ends in blocks
         ]
     )
 
 
-def joined(parts: Sequence[Nodes]) -> Nodes:
+def join_nodes(parts: Sequence[Nodes]) -> Nodes:
     """Nodes and weights of all parts in one."""
     return np.concatenate([x for x, _ in parts]), np.concatenate([w for _, w in parts])
 
 
-def _split(edges: Sequence[float], longest: float) -> list[float]:
+def _split_panels(edges: Sequence[float], longest: float) -> list[float]:
     """The edges, and equally many between two of them as make no panel longer."""
     parts = [
         np.linspace(lo, hi, math.ceil((hi - lo) / longest), endpoint=False)
@@ -346,22 +381,22 @@ def _gauss_sum(first: int, end: int, count: int) -> Nodes:
     """Nodes and weights of sum_{n=first}^{end-1} f(n), exact below degree 2 count (Gautschi 2004,
     sect. 1.5.2).
     """
-    size = end - first
-    if size <= count:
-        return np.arange(float(first), end), np.ones(size)
+    term_count = end - first
+    if term_count <= count:
+        return np.arange(float(first), end), np.ones(term_count)
     j = np.arange(1.0, count)
-    beside = 0.5 * j * np.sqrt((size - j) * (size + j) / (4.0 * j * j - 1.0))
-    nodes, vectors = np.linalg.eigh(np.diag(beside, 1) + np.diag(beside, -1))
-    return nodes + 0.5 * (first + end - 1.0), size * vectors[0] ** 2
+    off_diagonal = 0.5 * j * np.sqrt((term_count - j) * (term_count + j) / (4.0 * j * j - 1.0))
+    nodes, vectors = np.linalg.eigh(np.diag(off_diagonal, 1) + np.diag(off_diagonal, -1))
+    return nodes + 0.5 * (first + end - 1.0), term_count * vectors[0] ** 2
 
 
-def gauss(lo: float, hi: float, count: int) -> Nodes:
+def gauss_legendre(lo: float, hi: float, count: int) -> Nodes:
     """Gauss-Legendre nodes and weights on [lo, hi], each of shape (count,)."""
-    x, w = _legendre(count)
+    x, w = _legendre_rule(count)
     return 0.5 * (lo + hi) + 0.5 * (hi - lo) * x, 0.5 * (hi - lo) * w
 
 
 @lru_cache(maxsize=256)
-def _legendre(count: int) -> Nodes:
+def _legendre_rule(count: int) -> Nodes:
     """numpy's leggauss, kept: an eigenvalue problem of this size would dominate a solve."""
     return np.polynomial.legendre.leggauss(count)

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from indent_sim.theory.solution import require_positive, tangent
+from indent_sim.theory.solution import require_positive, tangent_of_half_angle
 
 Shape = Callable[[np.ndarray], np.ndarray]
 
@@ -34,26 +34,28 @@ class Tip:
 
     g: Shape
     f: Shape | None = None
-    edge: float | None = None
-    reach: float = math.inf
-    breaks: tuple[float, ...] = ()
-    corner: float = 0.0
+    punch_radius: float | None = None
+    max_radius: float = math.inf
+    slope_discontinuities: tuple[float, ...] = ()
+    apex_slope: float = 0.0
 
 
-def plane() -> Tip:
-    """f = g = 0 without end: a tip for curved bodies, see `over_dome`; on flat ones it is that of
+def flat_plate() -> Tip:
+    """f = g = 0 without end: a tip for curved bodies, see `tip_over_spherical_body`; on flat ones it is that of
     `Compression`.
     """
     return Tip(lambda x: 0.0 * x, lambda x: 0.0 * x)
 
 
-def over_dome(tip: Tip, radius: float) -> Tip:
+def tip_over_spherical_body(tip: Tip, radius: float) -> Tip:
     """The tip that leaves over a flat body the gap of this one over a paraboloid r^2/(2 radius): g
     + x^2/radius. What a flat punch touches then grows with the load, up to its edge.
     """
     require_positive(radius=radius)
-    reach = min(tip.reach, tip.edge or math.inf)
-    return replace(tip, g=lambda x: tip.g(x) + x * x / radius, f=None, edge=None, reach=reach)
+    max_radius = min(tip.max_radius, tip.punch_radius or math.inf)
+    return replace(
+        tip, g=lambda x: tip.g(x) + x * x / radius, f=None, punch_radius=None, max_radius=max_radius
+    )
 
 
 def paraboloid(R: float) -> Tip:
@@ -69,7 +71,7 @@ def sphere(R: float) -> Tip:
     def f(x):
         return x * x / (R + np.sqrt(np.maximum((R - x) * (R + x), 0.0)))
 
-    return Tip(lambda x: x * np.arctanh(x / R), f, reach=R)
+    return Tip(lambda x: x * np.arctanh(x / R), f, max_radius=R)
 
 
 def cone(half_angle: float, tip_radius: float = 0.0) -> Tip:
@@ -78,17 +80,17 @@ def cone(half_angle: float, tip_radius: float = 0.0) -> Tip:
     With tip_radius > 0 a sphere of that radius replaces the apex, tangent to the flank at r =
     tip_radius cos(alpha).
     """
-    cot = 1.0 / tangent(half_angle)
+    cot = 1.0 / tangent_of_half_angle(half_angle)
     if tip_radius == 0.0:
-        return Tip(lambda x: 0.5 * math.pi * cot * x, lambda x: cot * np.abs(x), corner=cot)
+        return Tip(lambda x: 0.5 * math.pi * cot * x, lambda x: cot * np.abs(x), apex_slope=cot)
     require_positive(tip_radius=tip_radius)
     junction = tip_radius * math.cos(math.radians(half_angle))
 
     def slope(r):
-        cap = np.minimum(r, junction)
-        return cap / np.sqrt((tip_radius - cap) * (tip_radius + cap))
+        cap_radius = np.minimum(r, junction)
+        return cap_radius / np.sqrt((tip_radius - cap_radius) * (tip_radius + cap_radius))
 
-    return profile(slope, breaks=(junction,))
+    return tip_from_slope(slope, slope_discontinuities=(junction,))
 
 
 def hyperboloid(R: float, half_angle: float) -> Tip:
@@ -96,13 +98,13 @@ def hyperboloid(R: float, half_angle: float) -> Tip:
     degrees between axis and asymptote.
     """
     require_positive(R=R)
-    b = R / tangent(half_angle)
+    b = R / tangent_of_half_angle(half_angle)
     return Tip(
         lambda x: x * np.arctan(x / b) * b / R, lambda x: x * x / (R * (1.0 + np.hypot(1.0, x / b)))
     )
 
 
-def equal_sections(half_angle: float, roundness: float, tip_radius: float = 0.0) -> Tip:
+def equivalent_cone(half_angle: float, roundness: float, tip_radius: float = 0.0) -> Tip:
     """The cone with sections as large as a pyramid's, of `roundness` times their inner radius."""
     return cone(math.degrees(math.atan(roundness * math.tan(math.radians(half_angle)))), tip_radius)
 
@@ -113,16 +115,20 @@ def flat_punch(radius: float, edge_radius: float = 0.0) -> Tip:
     """
     require_positive(radius=radius)
     if edge_radius == 0.0:
-        return Tip(lambda x: 0.0 * x, lambda x: 0.0 * x, edge=radius)
+        return Tip(lambda x: 0.0 * x, lambda x: 0.0 * x, punch_radius=radius)
     if not 0.0 < edge_radius <= radius:
         raise ValueError(f"edge_radius must lie in [0, radius], got {edge_radius!r}")
-    flat = radius - edge_radius
+    flat_radius = radius - edge_radius
 
     def slope(r):
-        rim = np.clip(r - flat, 0.0, edge_radius * (1.0 - 1e-15))
-        return rim / np.sqrt((edge_radius - rim) * (edge_radius + rim))
+        edge_distance = np.clip(r - flat_radius, 0.0, edge_radius * (1.0 - 1e-15))
+        return edge_distance / np.sqrt(
+            (edge_radius - edge_distance) * (edge_radius + edge_distance)
+        )
 
-    return profile(slope, breaks=(flat,) if flat > 0.0 else (), reach=radius)
+    return tip_from_slope(
+        slope, slope_discontinuities=(flat_radius,) if flat_radius > 0.0 else (), max_radius=radius
+    )
 
 
 def piecewise_linear(points: Sequence[Sequence[float]]) -> Tip:
@@ -136,41 +142,53 @@ def piecewise_linear(points: Sequence[Sequence[float]]) -> Tip:
     if r.size < 2 or r[0] != 0.0 or z[0] != 0.0 or np.any(np.diff(r) <= 0.0):
         raise ValueError("points must start at [0, 0] and r must increase")
     slopes = np.diff(z) / np.diff(r)
-    jumps = np.diff(slopes, prepend=0.0)
-    if np.any(jumps < -1e-12 * np.max(np.abs(slopes))):
+    slope_jumps = np.diff(slopes, prepend=0.0)
+    if np.any(slope_jumps < -1e-12 * np.max(np.abs(slopes))):
         raise ValueError("points must describe a convex tip: the slope must not decrease")
 
     def g(x):
         x = np.asarray(x, dtype=float)
-        safe = np.where(x > 0.0, x, 1.0)
-        corners = (
-            d * np.arccos(np.minimum(c / safe, 1.0)) for d, c in zip(jumps, r[:-1], strict=True)
+        nonzero_x = np.where(x > 0.0, x, 1.0)
+        jump_terms = (
+            d * np.arccos(np.minimum(c / nonzero_x, 1.0))
+            for d, c in zip(slope_jumps, r[:-1], strict=True)
         )
-        return x * sum(corners)
+        return x * sum(jump_terms)
 
-    return Tip(g, reach=float(r[-1]), breaks=tuple(r[1:-1].tolist()), corner=float(slopes[0]))
+    return Tip(
+        g,
+        max_radius=float(r[-1]),
+        slope_discontinuities=tuple(r[1:-1].tolist()),
+        apex_slope=float(slopes[0]),
+    )
 
 
-def profile(
-    slope: Shape, *, reach: float = math.inf, breaks: Sequence[float] = (), corner: float = 0.0
+def tip_from_slope(
+    slope: Shape,
+    *,
+    max_radius: float = math.inf,
+    slope_discontinuities: Sequence[float] = (),
+    apex_slope: float = 0.0,
 ) -> Tip:
     """Any tip from its slope f'(r) (array in, array out): g(x) = x ∫_0^{pi/2} f'(x sin q) dq by
     quadrature. breaks: the radii where f' jumps or kinks; between them the quadrature converges
     exponentially.
     """
-    breaks = tuple(float(b) for b in breaks)
+    slope_discontinuities = tuple(float(b) for b in slope_discontinuities)
     node, weight = np.polynomial.legendre.leggauss(48)
 
     def g(x):
         x = np.asarray(x, dtype=float)
-        safe = np.where(x > 0.0, x, 1.0)
-        cuts = [np.arcsin(np.minimum(b / safe, 1.0)) for b in breaks]
-        ends = [np.zeros_like(safe), *cuts, np.full_like(safe, 0.5 * math.pi)]
-        total = np.zeros_like(safe)
+        nonzero_x = np.where(x > 0.0, x, 1.0)
+        break_angles = [np.arcsin(np.minimum(b / nonzero_x, 1.0)) for b in slope_discontinuities]
+        ends = [np.zeros_like(nonzero_x), *break_angles, np.full_like(nonzero_x, 0.5 * math.pi)]
+        integral = np.zeros_like(nonzero_x)
         for lo, hi in pairwise(ends):
             half = 0.5 * (hi - lo)
             angle = (0.5 * (hi + lo))[..., None] + half[..., None] * node
-            total += half * np.sum(weight * slope(x[..., None] * np.sin(angle)), axis=-1)
-        return x * total
+            integral += half * np.sum(weight * slope(x[..., None] * np.sin(angle)), axis=-1)
+        return x * integral
 
-    return Tip(g, reach=reach, breaks=breaks, corner=corner)
+    return Tip(
+        g, max_radius=max_radius, slope_discontinuities=slope_discontinuities, apex_slope=apex_slope
+    )

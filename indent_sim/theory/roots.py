@@ -8,10 +8,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from indent_sim.theory.solution import UNSOLVED
+from indent_sim.theory.solution import SOLUTION_ERRORS
 
-Curve = Callable[[float], float]  # the force [F] at a depth [L]
-GUESSED = np.geomspace(
+ForceCurve = Callable[[float], float]  # the force [F] at a depth [L]
+GUESS_FRACTIONS = np.geomspace(
     1e-18, 1.0, 400
 )  # of the limit, the sizes among which the first guess is sought
 LEAST_END_DISTANCE = (
@@ -23,25 +23,27 @@ def first_guess(profile: Callable[[np.ndarray], np.ndarray], depth: float, limit
     """Contact size in (0, limit) at which an increasing profile(x) is about `depth`: where to
     start.
     """
-    grid = limit * (1.0 - 1e-9) * GUESSED
+    grid = limit * (1.0 - 1e-9) * GUESS_FRACTIONS
     values = profile(grid)
     if values[-1] <= depth:
         return 0.5 * limit
-    i = max(1, int(np.searchsorted(values, depth)))
-    return float(np.sqrt(grid[i - 1] * grid[i]))
+    index = max(1, int(np.searchsorted(values, depth)))
+    return float(np.sqrt(grid[index - 1] * grid[index]))
 
 
-def next_guess(known: list[tuple[float, float]], depth: float) -> float | None:
+def next_guess(previous_points: list[tuple[float, float]], depth: float) -> float | None:
     """Contact size at `depth` from the last two (depth, size) of a curve, which nearly obey a power
     law.
     """
-    if not known:
+    if not previous_points:
         return None
-    last, a = known[-1]
+    last_depth, a = previous_points[-1]
     exponent = 0.5
-    if len(known) > 1 and known[-2][0] != last:
-        exponent = math.log(a / known[-2][1]) / math.log(last / known[-2][0])
-    return a * (depth / last) ** min(max(exponent, 0.0), 1.0)
+    if len(previous_points) > 1 and previous_points[-2][0] != last_depth:
+        exponent = math.log(a / previous_points[-2][1]) / math.log(
+            last_depth / previous_points[-2][0]
+        )
+    return a * (depth / last_depth) ** min(max(exponent, 0.0), 1.0)
 
 
 def increasing_root(
@@ -68,7 +70,7 @@ def increasing_root(
             return step  # the secant squares this error
         previous = (a, value)
         if (iteration > 30 and iteration % 2) or not lo < step < hi:
-            step = _between(lo, hi, limit)
+            step = _bracketed_step(lo, hi, limit)
         if lo > limit * (1.0 - LEAST_END_DISTANCE):
             reason = "a wall, the end of the tip, or too thin a layer"
             raise ValueError(f"the contact would reach {limit:g} thicknesses: {reason}")
@@ -78,11 +80,11 @@ def increasing_root(
     )
 
 
-def depth_of(force_at: Curve, force: float, start: float) -> float | None:
+def depth_of_force(force_at: ForceCurve, force: float, start: float) -> float | None:
     """The depth at which an increasing force_at(depth) is `force` > 0, near `start`; None when it
     is not reached.
     """
-    with contextlib.suppress(*UNSOLVED), np.errstate(all="ignore"):
+    with contextlib.suppress(*SOLUTION_ERRORS), np.errstate(all="ignore"):
         return increasing_root(force_at, force, start, 1e15 * start)
     return None
 
@@ -104,7 +106,7 @@ def power_law_step(
     return a * (target / value) ** (1.0 / exponent)
 
 
-def _between(lo: float, hi: float, limit: float) -> float:
+def _bracketed_step(lo: float, hi: float, limit: float) -> float:
     if lo == 0.0:
         return 0.25 * hi
     if hi >= limit:  # nothing is known above lo: approach the limit quickly, but not in one leap

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 # Points of a search for the largest pressure, rounds, and their end
-COARSE = 101
-REFINED_POINTS = 11
+PEAK_POINTS = 101
+REFINED_PEAK_POINTS = 11
 PEAK_ROUNDS = 12
-STILL = 1e-10
-UNSOLVED = (
+PEAK_TOLERANCE = 1e-10
+SOLUTION_ERRORS = (
     ValueError,
     ArithmeticError,
     np.linalg.LinAlgError,
@@ -41,9 +41,9 @@ class Solution:
     stiffness: float
     pressure: Callable[[np.ndarray], np.ndarray]
     u_z: Callable[[np.ndarray], np.ndarray]
-    peak: Callable[[], float] | None = None
+    peak_pressure: Callable[[], float] | None = None
 
-    def largest_pressure(self, points: int = COARSE) -> float:
+    def largest_pressure(self, points: int = PEAK_POINTS) -> float:
         """The largest pressure [F/L^2], to 1e-9; NaN where it is infinite, under a sharp apex or
         edge.
 
@@ -52,47 +52,49 @@ class Solution:
         """
         if self.force <= 0.0:
             return 0.0
-        if self.peak is not None:
-            return self.peak()
+        if self.peak_pressure is not None:
+            return self.peak_pressure()
         r = np.linspace(0.0, self.a, points)
         largest = 0.0
         for _ in range(PEAK_ROUNDS):
             with np.errstate(all="ignore"):
                 p = np.asarray(self.pressure(r), dtype=float)
-            before = largest
+            previous_largest = largest
             largest = float(p.max())
             if largest == math.inf:
                 return math.nan
-            if before == 0.0 and p[0] == largest and p[1] > p[2]:
+            if previous_largest == 0.0 and p[0] == largest and p[1] > p[2]:
                 return largest  # on the axis, or the middle, where an even pressure is flat
-            if abs(largest - before) <= STILL * largest:
+            if abs(largest - previous_largest) <= PEAK_TOLERANCE * largest:
                 return largest
             k = int(np.argmax(p))
-            r = np.linspace(r[max(k - 1, 0)], r[min(k + 1, r.size - 1)], REFINED_POINTS)
+            r = np.linspace(r[max(k - 1, 0)], r[min(k + 1, r.size - 1)], REFINED_PEAK_POINTS)
         return math.nan
 
 
 def no_contact(delta: float) -> Solution:
     """The untouched body: everything but delta is zero."""
 
-    def nothing(r):
+    def zero_field(r):
         return np.zeros_like(np.asarray(r, dtype=float))[()]
 
-    return Solution(float(delta), 0.0, 0.0, 0.0, 0.0, 0.0, nothing, nothing)
+    return Solution(float(delta), 0.0, 0.0, 0.0, 0.0, 0.0, zero_field, zero_field)
 
 
-def check_contact(delta: float, edge: float | None, h: float, wall: float) -> None:
+def check_contact(delta: float, punch_radius: float | None, h: float, wall: float) -> None:
     """Raise ValueError if delta is not finite or a fixed edge is wider than the body or the theory
     allows.
     """
     if not math.isfinite(delta):
         raise ValueError(f"delta must be finite, got {delta!r}")
-    if edge is not None and edge > MAX_SLENDERNESS * h:
+    if punch_radius is not None and punch_radius > MAX_SLENDERNESS * h:
         raise ValueError(
-            f"a punch of radius {edge:g} is wider than {MAX_SLENDERNESS:g} thicknesses"
+            f"a punch of radius {punch_radius:g} is wider than {MAX_SLENDERNESS:g} thicknesses"
         )
-    if edge is not None and edge >= wall:
-        raise ValueError(f"a punch of radius {edge:g} does not fit between walls at {wall:g}")
+    if punch_radius is not None and punch_radius >= wall:
+        raise ValueError(
+            f"a punch of radius {punch_radius:g} does not fit between walls at {wall:g}"
+        )
 
 
 def require_positive(**values: float) -> None:
@@ -102,7 +104,7 @@ def require_positive(**values: float) -> None:
             raise ValueError(f"{name} must be a finite number > 0, got {value!r}")
 
 
-def tangent(half_angle: float) -> float:
+def tangent_of_half_angle(half_angle: float) -> float:
     """tan of an angle in degrees; ValueError unless it lies in (0, 90)."""
     if not 0.0 < half_angle < 90.0:
         raise ValueError(f"half_angle must lie in (0, 90) degrees, got {half_angle!r}")

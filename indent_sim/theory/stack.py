@@ -26,12 +26,12 @@ from indent_sim.theory.half_space import E_star
 from indent_sim.theory.solution import require_positive
 
 BASE_SUPPORTS = ("fixed", "roller")
-FAR_WALL = 1e6  # in heights; a stack that wide is infinite, but for less than 1e-9
+FAR_WALL_HEIGHTS = 1e6  # in heights; a stack that wide is infinite, but for less than 1e-9
 # k h from which a layer is a medium of waves; both ways are good to 1e-15 between 0.3 and 3
-THICK = 1.0
+WAVE_THICKNESS = 1.0
 
 
-class Ply(NamedTuple):
+class StackLayer(NamedTuple):
     """One layer: thickness [L], infinite for an elastic half-space, Young's modulus [F/L^2],
     Poisson's ratio.
     """
@@ -50,15 +50,15 @@ class Stack:
     but the last finite, nu in [0, 0.5].
     """
 
-    plies: tuple[Ply, ...]
+    layers: tuple[StackLayer, ...]
     base: str | None = "fixed"
 
     def __post_init__(self) -> None:
         """Check every ply and that the base goes with the last one."""
-        if not self.plies:
+        if not self.layers:
             raise ValueError("a stack needs at least one layer")
-        for number, (thickness, E, nu) in enumerate(self.plies, 1):
-            half_space = 1 < number == len(self.plies) and thickness == math.inf
+        for number, (thickness, E, nu) in enumerate(self.layers, 1):
+            half_space = 1 < number == len(self.layers) and thickness == math.inf
             require_positive(E=E, h=1.0 if half_space else thickness)
             if not 0.0 <= nu <= 0.5:
                 raise ValueError(f"nu must lie in [0, 0.5], got {nu!r}")
@@ -72,54 +72,55 @@ class Stack:
         """A homogeneous half-space, which knows E and nu only as E*; unit [L]: about a contact
         radius.
         """
-        return cls((Ply(unit, E_star, 0.0), Ply(math.inf, E_star, 0.0)), None)
+        return cls((StackLayer(unit, E_star, 0.0), StackLayer(math.inf, E_star, 0.0)), None)
 
     @property
     def is_bottomless(self) -> bool:
         """Whether the last ply is a half-space."""
-        return self.plies[-1].thickness == math.inf
+        return self.layers[-1].thickness == math.inf
 
     @property
     def E_star(self) -> float:
         """E* of the top ply [F/L^2]."""
-        return E_star(self.plies[0].E, self.plies[0].nu)
+        return E_star(self.layers[0].E, self.layers[0].nu)
 
     @property
     def h(self) -> float:
         """Thickness of the top ply [L]."""
-        return self.plies[0].thickness
+        return self.layers[0].thickness
 
     @property
     def height(self) -> float:
         """Thickness of all plies above a half-space [L]."""
-        return sum(ply.thickness for ply in self.plies if ply.thickness < math.inf)
+        return sum(ply.thickness for ply in self.layers if ply.thickness < math.inf)
 
     @property
-    def confined(self) -> float:
+    def confined_compliance(self) -> float:
         """E*/h sum h_i/M_i, M_i the oedometric modulus: compliance under a uniform pressure; 0 if
         incompressible.
         """
         layers = sum(
-            t * (1.0 + nu) * (1.0 - 2.0 * nu) / ((1.0 - nu) * E) for t, E, nu in self.plies
+            t * (1.0 + nu) * (1.0 - 2.0 * nu) / ((1.0 - nu) * E) for t, E, nu in self.layers
         )
         return self.E_star / self.h * layers
 
     @property
-    def finest(self) -> float:
+    def min_wavenumber(self) -> float:
         """Wavenumber [1/h] below which L is a simple power: membrane, bending and substrate meet
         above it.
         """
-        moduli = [ply.E for ply in self.plies]
+        moduli = [ply.E for ply in self.layers]
         return min(moduli) / max(moduli) * self.h / self.height
 
-    def in_units_of_top(self) -> Stack:
+    def scaled_by_top(self) -> Stack:
         """The same stack with the thickness and modulus of its top ply as units."""
-        top = self.plies[0]
+        top = self.layers[0]
         return Stack(
-            tuple(Ply(t / top.thickness, E / top.E, nu) for t, E, nu in self.plies), self.base
+            tuple(StackLayer(t / top.thickness, E / top.E, nu) for t, E, nu in self.layers),
+            self.base,
         )
 
-    def wall(self, distance: float | None) -> float:
+    def scaled_wall_distance(self, distance: float | None) -> float:
         """Distance of side walls in units of the top ply, infinity where there are none; it must be
         > 0 or None. ValueError too for a half-space between walls, which would sink without end.
         """
@@ -129,22 +130,22 @@ class Stack:
             return math.inf
         if self.is_bottomless:
             raise ValueError("a half-space between side walls sinks without end")
-        return distance / self.h if distance < FAR_WALL * self.height else math.inf
+        return distance / self.h if distance < FAR_WALL_HEIGHTS * self.height else math.inf
 
-    def complement(self, k: np.ndarray) -> np.ndarray:
+    def compliance_complement(self, k: np.ndarray) -> np.ndarray:
         """M(k) = 1 - L(k) [-] for wavenumbers k > 0 [1/L], shape of k."""
-        top = self.plies[0]
-        layers = self.plies[:-1] if self.is_bottomless else self.plies
-        state = np.broadcast_to(self._bottom(), (k.size, 4, 2)).copy()
+        top = self.layers[0]
+        layers = self.layers[:-1] if self.is_bottomless else self.layers
+        states = np.broadcast_to(self._base_states(), (k.size, 4, 2)).copy()
         for ply in reversed(layers):
             shear = _shear_modulus(ply) / _shear_modulus(top)
-            state[:, 2:] /= shear
-            state[:, :2], extra = _through(ply, k * ply.thickness, state)
-            state[:, :2] /= shear
-            state[:, 2:] = np.eye(2)
-        return extra[:, 1, 1] / (1.0 - top.nu)
+            states[:, 2:] /= shear
+            states[:, :2], excess = _compliance_at_top(ply, k * ply.thickness, states)
+            states[:, :2] /= shear
+            states[:, 2:] = np.eye(2)
+        return excess[:, 1, 1] / (1.0 - top.nu)
 
-    def _bottom(self) -> np.ndarray:
+    def _base_states(self) -> np.ndarray:
         """A basis of the states (rows U, V, T, N) that the base allows, stresses in units of the
         top's mu k.
         """
@@ -152,47 +153,51 @@ class Stack:
             return np.eye(4)[:, 2:]
         if self.base == "roller":
             return np.eye(4)[:, [0, 3]]
-        waves = _waves(self.plies[-1].nu)[:, :2]
-        waves[2:] *= _shear_modulus(self.plies[-1]) / _shear_modulus(self.plies[0])
+        waves = _wave_matrix(self.layers[-1].nu)[:, :2]
+        waves[2:] *= _shear_modulus(self.layers[-1]) / _shear_modulus(self.layers[0])
         return waves
 
 
-def _shear_modulus(ply: Ply) -> float:
-    return ply.E / (2.0 * (1.0 + ply.nu))
+def _shear_modulus(layer: StackLayer) -> float:
+    return layer.E / (2.0 * (1.0 + layer.nu))
 
 
-def _through(ply: Ply, s: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _compliance_at_top(
+    layer: StackLayer, s: np.ndarray, state: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Compliance (T, N) -> (U, V) at a layer's top from states at its bottom; also its excess over
     the half-space's.
     """
-    total = np.empty((s.size, 2, 2))
-    extra = np.empty((s.size, 2, 2))
-    thin = s < THICK
-    half_space, extra[~thin] = _by_reflection(ply.nu, s[~thin], state[~thin])
-    total[~thin] = half_space + extra[~thin]
-    top = _transfer(ply.nu, s[thin]) @ state[thin]
-    total[thin] = top[:, :2] @ _inverse(top[:, 2:])
-    extra[thin] = total[thin] - half_space
-    return total, extra
+    compliance = np.empty((s.size, 2, 2))
+    excess = np.empty((s.size, 2, 2))
+    is_thin = s < WAVE_THICKNESS
+    half_space, excess[~is_thin] = _compliance_by_reflection(layer.nu, s[~is_thin], state[~is_thin])
+    compliance[~is_thin] = half_space + excess[~is_thin]
+    top = _transfer_matrix(layer.nu, s[is_thin]) @ state[is_thin]
+    compliance[is_thin] = top[:, :2] @ _inverse_2x2(top[:, 2:])
+    excess[is_thin] = compliance[is_thin] - half_space
+    return compliance, excess
 
 
-def _by_reflection(nu: float, s: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _compliance_by_reflection(
+    nu: float, s: np.ndarray, state: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Compliance of the layer's own half-space, and what the reflection of its downward waves adds
     to it.
     """
-    waves = _waves(nu)
+    waves = _wave_matrix(nu)
     down = waves[:, :2]
     up = waves[:, 2:]
     amplitudes = np.linalg.inv(waves) @ state
-    across = np.exp(-s)[:, None, None] * (np.eye(2) + s[:, None, None] * np.eye(2, k=1))
-    reflection = across @ amplitudes[:, 2:] @ _inverse(amplitudes[:, :2]) @ across
+    propagator = np.exp(-s)[:, None, None] * (np.eye(2) + s[:, None, None] * np.eye(2, k=1))
+    reflection = propagator @ amplitudes[:, 2:] @ _inverse_2x2(amplitudes[:, :2]) @ propagator
     half_space = down[:2] @ np.linalg.inv(down[2:])
-    return half_space, (up[:2] - half_space @ up[2:]) @ reflection @ _inverse(
+    return half_space, (up[:2] - half_space @ up[2:]) @ reflection @ _inverse_2x2(
         down[2:] + up[2:] @ reflection
     )
 
 
-def _waves(nu: float) -> np.ndarray:
+def _wave_matrix(nu: float) -> np.ndarray:
     """Columns x1, x2, y1, y2: x1 e^-s and (x2 + s x1) e^-s decay downwards, y1 e^s and (y2 - s y1)
     e^s upwards.
     """
@@ -202,7 +207,7 @@ def _waves(nu: float) -> np.ndarray:
     return np.column_stack([x1, x2, mirror * x1, mirror * x2])
 
 
-def _transfer(nu: float, s: np.ndarray) -> np.ndarray:
+def _transfer_matrix(nu: float, s: np.ndarray) -> np.ndarray:
     """exp(-A s) for s < THICK, shape (len(s), 4, 4), by Hermite's polynomial in A; no entry
     cancels.
     """
@@ -224,7 +229,7 @@ def _transfer(nu: float, s: np.ndarray) -> np.ndarray:
     return np.einsum("pk,pij->kij", factors, [np.eye(4), A, A2, A3])
 
 
-def _inverse(matrix: np.ndarray) -> np.ndarray:
+def _inverse_2x2(matrix: np.ndarray) -> np.ndarray:
     """Inverses of 2 x 2 matrices, shape (n, 2, 2), by cofactors: small entries keep their digits."""
     (a, b), (c, d) = np.moveaxis(matrix, 0, -1)
     return np.moveaxis(np.array([[d, -b], [-c, a]]) / (a * d - b * c), -1, 0)

@@ -24,34 +24,34 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from indent_sim.theory.hankel import wall_numbers, wavenumbers
-from indent_sim.theory.march import LayerContact, Sizes, pointwise
+from indent_sim.theory.contact_curve import ContactCurve, Sizes, field_of_position
+from indent_sim.theory.hankel import wall_mode_nodes, wavenumber_nodes
 from indent_sim.theory.profiles import Tip
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.stack import Stack
 
 
 @dataclass(frozen=True)
-class _Linear:
+class _LinearSolution:
     """Chebyshev coefficients of the linear solutions at one half-width, y = delta one - shape, unit
     pi E*/2.
     """
 
     q: np.ndarray
     f: np.ndarray
-    one: np.ndarray
-    shape: np.ndarray
-    kink: np.ndarray  # part of shape
-    shape_edge: float
-    corner: float  # f ~ corner |q| near the middle
+    unit_depth: np.ndarray
+    tip_shape: np.ndarray
+    kink_part: np.ndarray  # part of shape
+    tip_shape_edge: float
+    apex_slope: float  # f ~ corner |q| near the middle
 
     @property
-    def touch(self) -> float:
+    def indentation_of_radius(self) -> float:
         """Depth at which the square-root singularity at the edge vanishes (T_2m(1) = 1)."""
-        return self.shape_edge / float(np.sum(self.one))
+        return self.tip_shape_edge / float(np.sum(self.unit_depth))
 
 
-class Strip(LayerContact):
+class Strip(ContactCurve):
     """A strip in plane strain under a symmetric tip in its middle; force, energy, stiffness per
     unit length.
     """
@@ -59,7 +59,7 @@ class Strip(LayerContact):
     dimensions: ClassVar[int] = 1
 
     @classmethod
-    def on(cls, tip: Tip, stack: Stack, wall: float | None = None) -> Self:
+    def from_stack(cls, tip: Tip, stack: Stack, wall: float | None = None) -> Self:
         """As for every layer; ValueError for a half-space, where only differences of the sinking
         exist.
         """
@@ -75,7 +75,7 @@ class Strip(LayerContact):
             raise ValueError("plane strain does not know this tip")
         return self.tip.f(x * self.h) / self.h
 
-    def at(self, a: float) -> _Linear:
+    def linear_solution(self, a: float) -> _LinearSolution:
         """Solve by collocation for unit depth and for the tip's shape at the half-width a [h]."""
         n = self._node_count(a)
         theta = (
@@ -84,137 +84,150 @@ class Strip(LayerContact):
         q = np.cos(theta)
         T = np.cos(2.0 * np.outer(theta, np.arange(n)))
         eigenvalue = np.concatenate([[math.pi * math.log(2.0)], math.pi / (2.0 * np.arange(1, n))])
-        x, slope = self._position(q, a)
+        x, slope = self._position_in_strip(q, a)
         f = self.profile(x)
-        remainder = (math.pi / n) * self._remainder(x, x, a) @ T
+        remainder = (math.pi / n) * self._smooth_kernel(x, x, a) @ T
         # the kink's own solution under the logarithm is known, so that only a smooth rest is
         # collocated
-        corner = self.tip.corner * slope
-        kink = corner * _kink_coefficients(n) / eigenvalue
-        kink_edge = corner * 2.0 / math.pi**2 * (1.0 + 1.0 / math.log(2.0))
-        right = np.column_stack([np.ones(n), f - corner * q + remainder @ kink])
-        b = np.linalg.solve(T * eigenvalue - remainder, right)
+        apex_slope = self.tip.apex_slope * slope
+        kink = apex_slope * _kink_coefficients(n) / eigenvalue
+        kink_edge = apex_slope * 2.0 / math.pi**2 * (1.0 + 1.0 / math.log(2.0))
+        right_side = np.column_stack([np.ones(n), f - apex_slope * q + remainder @ kink])
+        b = np.linalg.solve(T * eigenvalue - remainder, right_side)
         shape_edge = float(np.sum(b[:, 1])) + kink_edge
-        return _Linear(q, f, b[:, 0], b[:, 1] + kink, kink, shape_edge, corner)
+        return _LinearSolution(q, f, b[:, 0], b[:, 1] + kink, kink, shape_edge, apex_slope)
 
     def _node_count(self, a: float) -> int:
         # exp. convergence: the remainder is analytic 2h off the axis, and singular at a wall or the
         # tip's end
-        near_end = sum(
-            math.sqrt(a / max(end - a, 1e-4 * a)) for end in (self.tip.reach / self.h, self.wall)
+        end_terms = sum(
+            math.sqrt(a / max(end_distance - a, 1e-4 * a))
+            for end_distance in (self.tip.max_radius / self.h, self.wall)
         )
-        fewest = 100 if self.tip.corner else 18  # between walls a corner leaves a |q|^3 behind
-        return fewest + math.ceil(6.0 * a + 12.0 * near_end)
+        least_count = (
+            100 if self.tip.apex_slope else 18
+        )  # between walls a corner leaves a |q|^3 behind
+        return least_count + math.ceil(6.0 * a + 12.0 * end_terms)
 
-    def _position(self, q: np.ndarray, a: float) -> tuple[np.ndarray, float]:
+    def _position_in_strip(self, q: np.ndarray, a: float) -> tuple[np.ndarray, float]:
         """x(q) [h], and dx/dq in the middle."""
         if math.isinf(self.wall):
             return a * q, a
         c = math.pi / (2.0 * self.wall)
         return np.arcsin(math.sin(c * a) * q) / c, math.sin(c * a) / c
 
-    def _remainder(self, x: np.ndarray, t: np.ndarray, a: float) -> np.ndarray:
+    def _smooth_kernel(self, x: np.ndarray, t: np.ndarray, a: float) -> np.ndarray:
         """What base, uniform mode and ln 2S take off -ln|q - q'| at x, pressed at t; shape (len(x),
         len(t)).
         """
-        reach = 2.0 ** math.ceil(math.log2(max(0.5 * float(x.max() + t.max()), 1.0)))
+        max_half_width = 2.0 ** math.ceil(math.log2(max(0.5 * float(x.max() + t.max()), 1.0)))
         if math.isinf(self.wall):
-            k, weight = _layer_modes(reach, self.scaled)
+            k, weight = _layer_modes(max_half_width, self.scaled_stack)
         else:
-            k, weight = _strip_modes(min(reach, self.wall), self.scaled, self.wall)
+            k, weight = _strip_modes(min(max_half_width, self.wall), self.scaled_stack, self.wall)
         smooth = np.cos(np.outer(x, k)) @ (weight[:, None] * np.cos(np.outer(k, t)))
         if math.isinf(self.wall):
-            near = np.subtract.outer(x, t)
-            far = np.add.outer(x, t)
-            return smooth - 0.25 * (np.log(near**2 + 4.0) + np.log(far**2 + 4.0)) + math.log(a)
-        uniform = math.pi * self.scaled.confined / (4.0 * self.wall)
-        return smooth - uniform + math.log(2.0 * math.sin(math.pi * a / (2.0 * self.wall)))
+            differences = np.subtract.outer(x, t)
+            sums = np.add.outer(x, t)
+            return (
+                smooth - 0.25 * (np.log(differences**2 + 4.0) + np.log(sums**2 + 4.0)) + math.log(a)
+            )
+        uniform_part = math.pi * self.scaled_stack.confined_compliance / (4.0 * self.wall)
+        return smooth - uniform_part + math.log(2.0 * math.sin(math.pi * a / (2.0 * self.wall)))
 
     @staticmethod
-    def stretched(a: Sizes) -> Sizes:
+    def interpolation_variable(a: Sizes) -> Sizes:
         """The logarithm of the half-width: the depth of a narrow contact goes with it."""
         return np.log(a)
 
     @staticmethod
-    def size_at(x: float) -> float:
+    def size_of_variable(x: float) -> float:
         """The half-width [h] with that logarithm."""
         return math.exp(x)
 
-    def solution(self, delta: float, a: float, found: _Linear | None = None) -> Solution:
+    def solution(self, delta: float, a: float, linear: _LinearSolution | None = None) -> Solution:
         """Turn the linear solutions at the half-width a [h] into physical quantities."""
         depth = delta / self.h
-        lin = found or self.at(a)
-        b = depth * lin.one - lin.shape
-        rest = b + lin.kink  # of y without the wedge's 2/pi^2 arcosh(1/q) sin(theta)
-        if lin.corner:
-            rest[0] -= np.sum(
-                rest
+        lin = linear or self.linear_solution(a)
+        b = depth * lin.unit_depth - lin.tip_shape
+        smooth_coefficients = (
+            b + lin.kink_part
+        )  # of y without the wedge's 2/pi^2 arcosh(1/q) sin(theta)
+        if lin.apex_slope:
+            smooth_coefficients[0] -= np.sum(
+                smooth_coefficients
             )  # the constant by which the kink's solution differs from the wedge's
         unit = 0.5 * math.pi * self.E_star
         force = unit * self.h * math.pi * float(b[0])
-        stiffness = unit * math.pi * float(lin.one[0])
-        energy = 0.5 * unit * self.h**2 * _work(lin, rest, depth)
-        pressure = pointwise(_pressure, self, a, rest, lin.corner)
-        u_z = pointwise(_u_z, self, lin, a, depth)
+        stiffness = unit * math.pi * float(lin.unit_depth[0])
+        energy = 0.5 * unit * self.h**2 * _energy_integral(lin, smooth_coefficients, depth)
+        pressure = field_of_position(_pressure, self, a, smooth_coefficients, lin.apex_slope)
+        u_z = field_of_position(_u_z, self, lin, a, depth)
         return Solution(
             float(delta), force, float(a * self.h), self.area(a), energy, stiffness, pressure, u_z
         )
 
 
-def _pressure(strip: Strip, a: float, b: np.ndarray, corner: float, x: np.ndarray) -> np.ndarray:
+def _pressure(
+    strip: Strip, a: float, b: np.ndarray, apex_slope: float, x: np.ndarray
+) -> np.ndarray:
     """p(x) = (pi E*/2) y(q)/sin(theta) dq/dx [F/L^2], y(1) = 0 for smooth tips; b: of y without the
     corner's wedge.
     """
-    inside = x < a
-    q, slope, below = _stretched(strip, x[inside], a)
-    theta = 2.0 * np.arcsin(np.sqrt(0.5 * below))
-    sine = np.sqrt(below * (1.0 + q))
+    is_inside = x < a
+    q, slope, edge_distance = _strip_coordinates(strip, x[is_inside], a)
+    theta = 2.0 * np.arcsin(np.sqrt(0.5 * edge_distance))
+    sin_theta = np.sqrt(edge_distance * (1.0 + q))
     m = np.arange(b.size)
-    if strip.tip.edge is None:  # cos(2 m theta) - 1: no division of a rounding error by sin(theta)
+    if (
+        strip.tip.punch_radius is None
+    ):  # cos(2 m theta) - 1: no division of a rounding error by sin(theta)
         y = -2.0 * np.sin(np.outer(theta, m)) ** 2 @ b
     else:
         y = np.cos(2.0 * np.outer(theta, m)) @ b
-    value = y / sine
-    if corner:
+    value = y / sin_theta
+    if apex_slope:
         q = np.maximum(q, 1e-300)
-        value += corner * 2.0 / math.pi**2 * np.arccosh(1.0 / q)
-    p = np.where((x == a) & (strip.tip.edge is not None), np.inf, 0.0)
-    p[inside] = 0.5 * math.pi * strip.E_star * value * slope
+        value += apex_slope * 2.0 / math.pi**2 * np.arccosh(1.0 / q)
+    p = np.where((x == a) & (strip.tip.punch_radius is not None), np.inf, 0.0)
+    p[is_inside] = 0.5 * math.pi * strip.E_star * value * slope
     return p
 
 
-def _u_z(strip: Strip, lin: _Linear, a: float, depth: float, x: np.ndarray) -> np.ndarray:
+def _u_z(strip: Strip, lin: _LinearSolution, a: float, depth: float, x: np.ndarray) -> np.ndarray:
     """u_z(x) [L]: f - depth inside the contact, outside what the logarithm and the remainder make
     of y.
     """
     value = np.where(x <= strip.wall * (1.0 + 1e-12), depth, math.nan)
     value[x <= a] -= strip.profile(x[x <= a])
-    seen = (x > a) & ~np.isnan(value)
-    if np.any(seen):
-        value[seen] = _sinking_outside(strip, lin, a, depth, x[seen])
+    is_outside = (x > a) & ~np.isnan(value)
+    if np.any(is_outside):
+        value[is_outside] = _sinking_outside(strip, lin, a, depth, x[is_outside])
     return -strip.h * value
 
 
 def _sinking_outside(
-    strip: Strip, lin: _Linear, a: float, depth: float, x: np.ndarray
+    strip: Strip, lin: _LinearSolution, a: float, depth: float, x: np.ndarray
 ) -> np.ndarray:
-    q = _stretched(strip, x, a)[0]
+    q = _strip_coordinates(strip, x, a)[0]
     z = 1.0 / (
         q + np.sqrt(np.maximum(q * q - 1.0, 0.0))
     )  # the logarithm makes pi/2m z^2m of T_2m, pi ln 2z of T_0
-    b = depth * lin.one - lin.shape
+    b = depth * lin.unit_depth - lin.tip_shape
     n = b.size
     m = np.arange(1, n)
     value = math.pi * np.log(2.0 * z) * b[0]
-    value += np.power.outer(z, 2 * m) @ (math.pi / (2.0 * m) * (b + lin.kink)[1:])
+    value += np.power.outer(z, 2 * m) @ (math.pi / (2.0 * m) * (b + lin.kink_part)[1:])
     value -= (
-        lin.corner * 2.0 / math.pi * ((z + 1.0 / z) * np.arctan(z) - 1.0)
+        lin.apex_slope * 2.0 / math.pi * ((z + 1.0 / z) * np.arctan(z) - 1.0)
     )  # of all of the kink but its T_0
     T = np.cos(2.0 * np.outer(np.arccos(lin.q), np.arange(n)))
-    return value - math.pi / n * strip._remainder(x, strip._position(lin.q, a)[0], a) @ (T @ b)
+    return value - math.pi / n * strip._smooth_kernel(
+        x, strip._position_in_strip(lin.q, a)[0], a
+    ) @ (T @ b)
 
 
-def _stretched(
+def _strip_coordinates(
     strip: Strip, x: np.ndarray, a: float
 ) -> tuple[np.ndarray, np.ndarray | float, np.ndarray]:
     """q(x), dq/dx and 1 - q (without cancellation at the edge)."""
@@ -222,25 +235,25 @@ def _stretched(
         return x / a, 1.0 / a, (a - x) / a
     c = math.pi / (2.0 * strip.wall)
     S = math.sin(c * a)
-    below = 2.0 * np.sin(0.5 * c * (a - x)) * np.cos(0.5 * c * (a + x)) / S
-    return np.sin(c * x) / S, c * np.cos(c * x) / S, below
+    edge_distance = 2.0 * np.sin(0.5 * c * (a - x)) * np.cos(0.5 * c * (a + x)) / S
+    return np.sin(c * x) / S, c * np.cos(c * x) / S, edge_distance
 
 
-def _work(lin: _Linear, b: np.ndarray, depth: float) -> float:
+def _energy_integral(lin: _LinearSolution, b: np.ndarray, depth: float) -> float:
     """∫ y (delta - f) d theta over [0, pi]; products with the corner's |q| and arcosh in closed
     form.
     """
     n = b.size
     theta = np.arccos(lin.q)
     y = np.cos(2.0 * np.outer(theta, np.arange(n))) @ b
-    smooth = lin.f - lin.corner * lin.q
+    smooth_shape = lin.f - lin.apex_slope * lin.q
     wedge = 2.0 / math.pi**2 * np.sin(theta) * np.arccosh(1.0 / lin.q)
     moments = 0.5 * math.pi * _kink_coefficients(n)
     moments[0] *= 2.0
-    by_corner = float(moments @ b) - 2.0 / math.pi * depth + 2.0 / math.pi**2 * lin.corner
+    apex_part = float(moments @ b) - 2.0 / math.pi * depth + 2.0 / math.pi**2 * lin.apex_slope
     return (
-        math.pi / n * float(y @ (depth - smooth) - lin.corner * wedge @ smooth)
-        - lin.corner * by_corner
+        math.pi / n * float(y @ (depth - smooth_shape) - lin.apex_slope * wedge @ smooth_shape)
+        - lin.apex_slope * apex_part
     )
 
 
@@ -253,21 +266,21 @@ def _kink_coefficients(n: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _strip_modes(reach: float, stack: Stack, wall: float) -> tuple[np.ndarray, np.ndarray]:
+def _strip_modes(max_half_width: float, stack: Stack, wall: float) -> tuple[np.ndarray, np.ndarray]:
     """k_n = n pi/W [1/h] and M(k_n)/n, to where M is below rounding, good for half-widths up to
     reach.
     """
-    n, weight = wall_numbers(reach, wall)
+    n, weight = wall_mode_nodes(max_half_width, wall)
     k = n * math.pi / wall
-    return k, weight * stack.complement(k) / n
+    return k, weight * stack.compliance_complement(k) / n
 
 
 @lru_cache(maxsize=64)
-def _layer_modes(reach: float, stack: Stack) -> tuple[np.ndarray, np.ndarray]:
+def _layer_modes(max_half_width: float, stack: Stack) -> tuple[np.ndarray, np.ndarray]:
     """Nodes s and weights of ∫ (M - exp(-2s))/s cos(sx) cos(st) ds, good for half-widths up to
     reach.
     """
     # compared with ∫_0^inf (1 - exp(-2s))/s cos(us) ds = ln sqrt(1 + 4/u^2), whose ln sqrt(u^2 + 4)
     # is added elsewhere
-    s, w = wavenumbers(reach, stack.finest)
-    return s, w * (stack.complement(s) - np.exp(-2.0 * s)) / s
+    s, w = wavenumber_nodes(max_half_width, stack.min_wavenumber)
+    return s, w * (stack.compliance_complement(s) - np.exp(-2.0 * s)) / s

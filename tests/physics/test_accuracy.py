@@ -119,7 +119,7 @@ def exact_forces(config: Config) -> np.ndarray:
     """The force of every step, by theory."""
     scene = resolve(config)
     assert scene.plan.theory is not None
-    solutions = scene.plan.theory.curve(scene.physics.deltas) or []
+    solutions = scene.plan.theory.solutions_at_depths(scene.physics.deltas) or []
     return np.array([solution.force for solution in solutions]) * scene.physics.scales.force
 
 

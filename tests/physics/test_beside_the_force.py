@@ -45,8 +45,8 @@ class Judged:
 def theory(case: Case, mapping: dict[str, Any]) -> dict[str, np.ndarray]:
     """delta, force, a and p_max of every step at prescribed depths, all of height and modulus 1."""
     scene = resolve(from_mapping(mapping))
-    assert scene.plan.theory is not None and scene.plan.theory.exact
-    curve = scene.plan.theory.curve(scene.physics.deltas) or []
+    assert scene.plan.theory is not None and scene.plan.theory.is_exact
+    curve = scene.plan.theory.solutions_at_depths(scene.physics.deltas) or []
     L, P, F = scene.physics.scales.length, scene.physics.scales.pressure, scene.physics.scales.force
     peaks = [float(np.max(solution.pressure(solution.a * RADII))) * P for solution in curve]
     return {

@@ -134,7 +134,9 @@ def test_hats_jitter_less_than_conditions_at_the_nodes() -> None:
     """
     base = scene(WALLED, contact={"method": "active_set"}, mesh={"h_contact": H})
     deltas = np.linspace(0.0017, DELTA, 200)  # four to ten elements in the radius
-    exact = np.array([solution.force for solution in base.plan.theory.curve(tuple(deltas))])
+    exact = np.array(
+        [solution.force for solution in base.plan.theory.solutions_at_depths(tuple(deltas))]
+    )
     body = condense(base)
     hats = np.array([state.force for state in body.states(deltas=deltas)])
     C, trace = body.compliance.C, body.compliance.trace

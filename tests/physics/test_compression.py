@@ -130,7 +130,7 @@ def test_theory_knows_every_law(law: dict[str, Any]) -> None:
         assert (
             state.newton_iterations <= 8
         )  # quadratic: where two stretches are equal Ogden's tangent has its digits
-        solution = theory.at(state.delta)
+        solution = theory.solution_at_depth(state.delta)
         assert solution is not None
         scales = base.physics.scales
         assert state.force == pytest.approx(solution.force * scales.force, rel=1e-8)
@@ -169,7 +169,7 @@ def test_a_wider_punch_is_a_plate_until_the_rim_is_at_its_edge() -> None:
     assert theory is not None
     expected = [pi * stress(1 - delta, 10.0, 0.45, 0) for delta in (0.05, 0.1, 0.15)]
     assert [state.force for state in found[:2]] == pytest.approx(expected[:2], rel=EXACT)
-    assert theory.at(0.1) is not None and theory.at(0.15) is None
+    assert theory.solution_at_depth(0.1) is not None and theory.solution_at_depth(0.15) is None
     assert found[2].force < expected[2]  # what hangs over its edge bears nothing
 
 

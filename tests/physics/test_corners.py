@@ -183,7 +183,11 @@ def true_forces(config: Config) -> np.ndarray:
     """The force of every step: by exact theory, where the body is its own, else on a graded mesh."""
     scene = resolve(config)
     theory = scene.plan.theory
-    if theory is not None and theory.exact and (found := theory.curve(scene.physics.deltas)):
+    if (
+        theory is not None
+        and theory.is_exact
+        and (found := theory.solutions_at_depths(scene.physics.deltas))
+    ):
         return np.array([solution.force for solution in found]) * scene.physics.scales.force
     return np.array([state.force for state in states(graded(config), with_surface=False)])
 

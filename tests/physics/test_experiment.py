@@ -24,9 +24,13 @@ from indent_sim.run.history_on_curve import HistoryResult, _HistoryEvaluation, e
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory import profiles
 from indent_sim.theory.layer import Layer
-from indent_sim.theory.surface import stepping
-from indent_sim.theory.surface.relaxation import Modulus
-from indent_sim.theory.surface.stepping import RelaxingSurface, StepByStep, SurfaceContact
+from indent_sim.theory.surface import viscoelastic_stepping
+from indent_sim.theory.viscoelastic_stepping import (
+    RelaxingSurface,
+    SurfaceContactLCP,
+    ViscoelasticTimeStepper,
+)
+from indent_sim.theory.viscoelasticity import Modulus
 
 LAYER = {"shape": "layer", "height": 1.0}
 HALF_SPACE = {"shape": "half_space"}
@@ -205,9 +209,9 @@ def stepped_directly(
         alpha, past = mean[n, n], mean[n, :n] @ jumps[:n]
         phi = jumps[:n].sum(axis=0)
         if factor is None or abs(alpha - factor[0]) > 1e-12:
-            stiff = surface.A / alpha + c * np.outer(surface.areas, surface.areas)
+            stiff = surface.compliance / alpha + c * np.outer(surface.areas, surface.areas)
             factor = alpha, np.linalg.cholesky(stiff)
-        gap = surface.heights - z[n + 1] * surface.areas + surface.A @ (phi - past / alpha)
+        gap = surface.heights - z[n + 1] * surface.areas + surface.compliance @ (phi - past / alpha)
         p, _ = nnls(factor[1].T, -solve_triangular(factor[1], gap, lower=True))
         jumps[n] = (p - past) / alpha
         forces.append(float(surface.areas @ p))
@@ -251,13 +255,13 @@ def test_lee_and_radok_is_time_stepping_on_the_same_compliance(body: dict[str, A
     base = scene_of(body, history, "solver.method=condensed", "mesh.h_contact=0.008")
     one = _HistoryEvaluation(base, simulate.condense(base).equilibrium)
     surface, t = one.relaxing_surface(0.01), np.linspace(0, 1, 2001)
-    elastic = SurfaceContact(surface, surface.A)
+    elastic = SurfaceContactLCP(surface, surface.compliance)
     force = [
-        float(surface.areas @ elastic.pressures(surface.heights - 0.01 * x * surface.areas))
+        float(surface.areas @ elastic.solve_pressures(surface.heights - 0.01 * x * surface.areas))
         for x in t
     ]
     superposed = float(one.modulus(1 - 0.5 * (t[1:] + t[:-1])) @ np.diff(force))
-    *_, stepped = StepByStep(surface, one.modulus.prony(1e-3, 1.0)).responses(
+    *_, stepped = ViscoelasticTimeStepper(surface, one.modulus.prony_series(1e-3, 1.0)).responses(
         [0.0, 1.0], [0.0, 0.01]
     )
     assert stepped.force == pytest.approx(superposed, rel=1e-4)
@@ -454,7 +458,8 @@ def test_a_wrong_radius_makes_a_modulus_wrong_by_the_curve_of_the_scene(
     """To 1 % of the exponent: theory's is of a change of 10 %, the mesh's force is good to 0.3 %."""
     layer = one_layer(Layer, profiles.paraboloid(1.0), E=1.0, nu=nu, h=h, wall=2.0)
     forces = [
-        replace(layer, tip=profiles.paraboloid(R)).curve([0.02])[0].force for R in (1 / 1.1, 1.1)
+        replace(layer, tip=profiles.paraboloid(R)).solutions_at_depths([0.02])[0].force
+        for R in (1 / 1.1, 1.1)
     ]
     exponent = math.log(forces[1] / forces[0]) / (2 * math.log(1.1))
     body = {"shape": "cylinder", "radius": 2.0, "height": h, "sides": "roller"}
@@ -506,7 +511,7 @@ def test_a_step_that_finds_no_contact_ends_the_run(monkeypatch: pytest.MonkeyPat
     """What has not settled is no number: it is said, and the run is not converged."""
     base = scene_of(STRIP, {"relaxation": SLOW, "history": TWICE}, "solver.method=condensed")
     body = simulate.condense(base).equilibrium
-    monkeypatch.setattr(stepping, "TOUCHES", 1)
+    monkeypatch.setattr(viscoelastic_stepping, "TOUCHES", 1)
     with pytest.raises(NotConverged, match="did not settle"):
         evaluate_with_units(base, body)
 

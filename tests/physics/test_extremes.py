@@ -42,8 +42,8 @@ def once(delta: float) -> dict[str, Any]:
 
 def error(base: Scene) -> float:
     """Force over that of theory - 1, at the last depth."""
-    theory = base.plan.theory.at(base.physics.deltas[-1])
-    assert base.plan.theory.exact
+    theory = base.plan.theory.solution_at_depth(base.physics.deltas[-1])
+    assert base.plan.theory.is_exact
     return solve(base)[-1].force / (theory.force * base.physics.scales.force) - 1
 
 

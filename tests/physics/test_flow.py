@@ -25,7 +25,7 @@ from indent_sim.model.materials import Flow, HolmesMow
 from indent_sim.model.state import State
 from indent_sim.run import simulate
 from indent_sim.scene.scene import Scene
-from indent_sim.theory.surface.drainage import drop_left
+from indent_sim.theory.poroelasticity import poroelastic_fraction_remaining
 
 DRAINED = ELASTIC | {"nu": 0.2}
 DELTA, PERMEABILITY = 0.02, 0.9  # M_c = 10/9, so D = 1
@@ -319,7 +319,7 @@ def test_flat_punch_on_a_half_space() -> None:
     for t, force in rows:
         if t >= 0.01:
             assert (force - at_last) / (at_once - at_last) == pytest.approx(
-                drop_left(t, nu), abs=4e-3
+                poroelastic_fraction_remaining(t, nu), abs=4e-3
             )
 
 

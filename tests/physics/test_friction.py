@@ -25,7 +25,12 @@ from indent_sim.run.simulate import simulate, states
 from indent_sim.run.summary import theory_comparison
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.studies import cases, study_file
-from indent_sim.theory.surface.no_slip import COMPRESSIBLE, LAYER, MAP_ERROR, MAPPED_SLENDERNESS
+from indent_sim.theory.no_slip import (
+    LAYER_FORCE_RATIOS,
+    MAP_ERROR,
+    MAPPED_POISSON_RATIOS,
+    MAPPED_SLENDERNESS,
+)
 
 # 2000 contact radii thick and wide: what friction adds to the force is that of a half-space to a
 # thousandth of itself
@@ -208,7 +213,9 @@ def test_the_shipped_map_is_that_of_plan(
         if case.values["material.nu"] == nu
         and case.prospect.scene.plan.prediction["a"] == pytest.approx(slender, rel=1e-3)
     }
-    known = LAYER[power][COMPRESSIBLE.index(nu)][MAPPED_SLENDERNESS.index(slender)]
+    known = LAYER_FORCE_RATIOS[power][MAPPED_POISSON_RATIOS.index(nu)][
+        MAPPED_SLENDERNESS.index(slender)
+    ]
     assert forces["stick"] / forces[0] == pytest.approx(known, rel=MAP_ERROR)
 
 

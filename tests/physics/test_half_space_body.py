@@ -68,7 +68,9 @@ def test_stated_error_covers_the_true_one(nu: float) -> None:
 def test_its_theory_is_the_half_space() -> None:
     """The layer that stands for it in theory is 1e7 bodies deep: Hertz to 1e-6 in force and radius."""
     base = over(*TIPS["paraboloid"][:2])
-    solution = base.plan.theory.at(base.physics.deltas[-1]) if base.plan.theory else None
+    solution = (
+        base.plan.theory.solution_at_depth(base.physics.deltas[-1]) if base.plan.theory else None
+    )
     assert solution and base.plan.theory and base.plan.theory.name == "half-space theory"
     force_scale, expected = base.physics.scales.force, base.plan.prediction["force_half_space"]
     assert solution.force * force_scale == pytest.approx(expected, rel=1e-6)

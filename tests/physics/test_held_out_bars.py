@@ -252,7 +252,7 @@ def forces_of(scene: dict[str, Any]) -> list[float]:
     if (theory := found.exact_theory) is not None:
         return [
             one.force * found.physics.scales.force
-            for one in theory.curve(found.physics.deltas) or []
+            for one in theory.solutions_at_depths(found.physics.deltas) or []
         ]
     return [state.force for state in states(found, with_surface=False)]
 

@@ -421,7 +421,7 @@ def test_other_tips_shallow(tip: dict[str, Any], delta: float, rel: float) -> No
     h = 0.004 if tip == PARABOLOID else 0.01
     base = ball(indenter=tip, loading={"delta": delta, "steps": 1}, mesh={"h_contact": h})
     assert base.plan.theory is not None
-    theory = base.plan.theory.at(delta)
+    theory = base.plan.theory.solution_at_depth(delta)
     assert theory is not None
     assert solve(base)[-1].force == pytest.approx(theory.force, rel=rel)
 

@@ -65,7 +65,9 @@ def test_incompressible_layers_beside_others(nus: tuple[float, float]) -> None:
     base = layered([(0.2, 1.0, nus[0]), (0.8, 5.0, nus[1])])
     theory = base.exact_theory
     assert theory is not None
-    assert force(base) == pytest.approx(theory.at(base.physics.deltas[-1]).force, rel=3e-3)  # type: ignore[union-attr]
+    assert force(base) == pytest.approx(
+        theory.solution_at_depth(base.physics.deltas[-1]).force, rel=3e-3
+    )  # type: ignore[union-attr]
     mixed = [region.formulation == "mixed" for region in base.physics.domain.regions]
     assert mixed == [nu >= 0.45 for nu in nus]
 
@@ -144,8 +146,8 @@ def test_a_coating_on_a_half_space() -> None:
         accuracy=0.001,
         solver={"method": "condensed"},
     )
-    assert base.plan.theory is not None and base.plan.theory.exact
-    solution = base.plan.theory.at(base.physics.deltas[-1])
+    assert base.plan.theory is not None and base.plan.theory.is_exact
+    solution = base.plan.theory.solution_at_depth(base.physics.deltas[-1])
     assert solution is not None
     stated = base.plan.prediction["truncation_error"]
     assert 0 < stated < 1e-3
@@ -191,11 +193,16 @@ def test_a_stiff_coating_leaves_the_middle_of_a_punch(tmp_path: Any) -> None:
     loading = {"delta": 0.05, "steps": 1}
     ring = scene(STIFF_ON_SOFT, "material=null", indenter=WIDE_PUNCH, loading=loading)
     theory = ring.plan.theory
-    assert ring.is_meshed and theory is not None and not theory.exact and 0.1 < theory.pull < 0.3
-    whole = theory.at(ring.physics.deltas[0])
+    assert (
+        ring.is_meshed
+        and theory is not None
+        and not theory.is_exact
+        and 0.1 < theory.tension_fraction < 0.3
+    )
+    whole = theory.solution_at_depth(ring.physics.deltas[0])
     assert whole is not None
     share = force(ring) / (whole.force * ring.physics.scales.force)
-    assert 1 - theory.pull < share < 1
+    assert 1 - theory.tension_fraction < share < 1
 
 
 def test_theory_asked_for_says_that_it_pulls(tmp_path: Any) -> None:
@@ -253,11 +260,13 @@ def test_automatic_sizes_of_stacks_drawn_at_random(number: int) -> None:
     for layers, tip in drawn(number, seed=4):
         base = layered(layers, indenter=tip)
         theory = base.plan.theory
-        assert theory is not None and (theory.exact or theory.pull)
-        solution = theory.at(base.physics.deltas[-1])
+        assert theory is not None and (theory.is_exact or theory.tension_fraction)
+        solution = theory.solution_at_depth(base.physics.deltas[-1])
         assert solution is not None
         error = abs(force(base) / (solution.force * base.physics.scales.force) - 1)
-        assert error <= max(theory.pull, 0.01 if tip["shape"] == "flat_punch" else 0.003), (
+        assert error <= max(
+            theory.tension_fraction, 0.01 if tip["shape"] == "flat_punch" else 0.003
+        ), (
             layers,
             tip,
         )
@@ -275,9 +284,11 @@ def test_accuracy_of_stacks_drawn_at_random(tmp_path: Any) -> None:
     inside, rows, worst = 0, 0, 0.0
     for number, (target, (layers, tip)) in enumerate(product((0.01, 0.001), drawn(10, seed=9))):
         base = layered(layers, indenter=tip, loading={"delta": 0.02, "steps": 10}, accuracy=target)
-        if base.plan.theory and base.plan.theory.pull:
+        if base.plan.theory and base.plan.theory.tension_fraction:
             continue
-        truth = np.array([s.force for s in base.plan.theory.curve(base.physics.deltas)])  # type: ignore[union-attr]
+        truth = np.array(
+            [s.force for s in base.plan.theory.solutions_at_depths(base.physics.deltas)]
+        )  # type: ignore[union-attr]
         found, bars = judged(layers, tip, target, tmp_path / str(number))
         errors = np.abs(found / (truth * base.physics.scales.force) - 1)
         assert errors.max() <= target, (layers, tip, errors)

@@ -106,8 +106,10 @@ def test_depth_is_theorys(tip: str, body: dict[str, Any]) -> None:
     shape, force = TIPS[tip]
     base = scene(body, indenter=shape, loading={"force": force, "steps": 2})
     half, whole = solve(base)
-    assert base.plan.theory and base.plan.theory.exact
-    expected = base.plan.theory.at(whole.delta)  # E = height = 1: the scene's units are the user's
+    assert base.plan.theory and base.plan.theory.is_exact
+    expected = base.plan.theory.solution_at_depth(
+        whole.delta
+    )  # E = height = 1: the scene's units are the user's
     assert expected and expected.force == pytest.approx(
         force, rel=0.01 if tip == "punch" else 0.003
     )

@@ -107,7 +107,9 @@ def test_a_section_and_a_block_feel_their_theory(tmp_path: Path) -> None:
     found = forces(in_folder(tmp_path, body, mesh={"refinements": 2}))
     theory = resolve(from_mapping(scene(CYLINDER))).plan.theory
     assert theory is not None
-    assert found == pytest.approx([theory.at(delta).force for delta in (0.02, 0.05)], rel=3e-3)  # type: ignore[union-attr]
+    assert found == pytest.approx(
+        [theory.solution_at_depth(delta).force for delta in (0.02, 0.05)], rel=3e-3
+    )  # type: ignore[union-attr]
 
 
 def test_a_block_is_a_box(tmp_path: Path) -> None:
@@ -219,7 +221,9 @@ def test_error_bars_of_a_given_mesh_hold_its_error(tmp_path: Path) -> None:
     for outcome in (given, asked):
         for state in outcome.states:
             assert state.force_error is not None
-            assert abs(state.force - theory.at(state.delta).force) <= state.force_error  # type: ignore[union-attr]
+            assert (
+                abs(state.force - theory.solution_at_depth(state.delta).force) <= state.force_error
+            )  # type: ignore[union-attr]
     assert all(state.force_error <= 0.01 * state.force for state in asked.states)  # type: ignore[operator]
 
 

@@ -119,8 +119,8 @@ def beside_theory(tip: str, name: str) -> tuple[np.ndarray, float, float]:
         loading={"delta": delta, "steps": 10},
     )
     assert base.plan.prediction["dofs"] < 6000
-    assert base.plan.theory is not None and base.plan.theory.exact
-    theory, states = base.plan.theory.curve(base.physics.deltas), solve(base)
+    assert base.plan.theory is not None and base.plan.theory.is_exact
+    theory, states = base.plan.theory.solutions_at_depths(base.physics.deltas), solve(base)
     assert theory is not None
     forces = np.array(
         [state.force / exact.force - 1 for state, exact in zip(states, theory, strict=True)]
@@ -385,7 +385,7 @@ def test_contact_radius_grows_without_stairs(name: str) -> None:
         mesh={"h_contact": h},
         loading={"deltas": np.linspace(0.006, 0.01, 81).tolist()},
     )
-    theory = base.plan.theory.curve(base.physics.deltas)
+    theory = base.plan.theory.solutions_at_depths(base.physics.deltas)
     off = (
         np.array([state.a - exact.a for state, exact in zip(solve(base), theory, strict=True)]) / h
     )

@@ -25,7 +25,7 @@ def test_stiffness_of_a_condensed_layer_is_the_flat_punchs(nu: float) -> None:
     base = scene(WALLED, material=ELASTIC | {"nu": nu}, loading=SHALLOW)
     assert base.solver.method == "condensed" and base.plan.theory
     for state in solve(base):
-        found = base.plan.theory.at(state.delta)
+        found = base.plan.theory.solution_at_depth(state.delta)
         assert found and state.stiffness == pytest.approx(found.stiffness, rel=1e-3)
 
 

@@ -211,7 +211,7 @@ def test_accuracy_under_prescribed_forces(tmp_path: Path) -> None:
     theory = resolve(from_mapping(SCENE)).plan.theory
     assert theory is not None
     for state in outcome.states:
-        solution = theory.at(state.delta)
+        solution = theory.solution_at_depth(state.delta)
         assert solution is not None and state.force_error is not None
         assert abs(state.force - solution.force) <= state.force_error <= 0.01 * state.force
 

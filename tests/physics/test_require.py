@@ -24,7 +24,7 @@ from indent_sim.run.simulate import states
 from indent_sim.scene.scene import resolve
 from indent_sim.theory import half_space
 from indent_sim.theory.films import dimitriadis_force
-from indent_sim.theory.stack import Ply
+from indent_sim.theory.stack import StackLayer
 
 DEPTH = 0.04
 ELASTIC = {"model": "linear_elastic", "E": 2.0, "nu": 0.3}
@@ -126,7 +126,7 @@ def test_thickness_against_dimitriadis() -> None:
         "body": {"shape": "layer", "height": 1.0},
         "material": ELASTIC | {"nu": 0.5},
     }
-    series = dimitriadis_force(DEPTH, 1.0, Ply(1.0, 2.0, 0.5), "fixed")
+    series = dimitriadis_force(DEPTH, 1.0, StackLayer(1.0, 2.0, 0.5), "fixed")
     alone = half_space.paraboloid_force(DEPTH, 1.0, half_space.E_star(2.0, 0.5))
     assert row(layer, "thickness").percent == pytest.approx(100 * (series / alone - 1), rel=0.05)
     h = threshold(row(HALF_SPACE, "thickness"))

@@ -23,7 +23,7 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.run.simulate import simulate
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.solution import Solution
-from indent_sim.theory.surface import tension
+from indent_sim.theory.surface import surface_tension
 
 HALF_SPACE = {"shape": "half_space"}
 STIFF = {"thickness": 0.1, "material": ELASTIC | {"E": 10.0}}
@@ -38,7 +38,7 @@ CAP = {"shape": "cap", "base_radius": 2.0, "height": 1.0}
 NEO_HOOKEAN = ELASTIC | {"model": "neo_hookean"}
 PLATE = {"shape": "plate"}
 CONE = {"shape": "cone", "half_angle": 70.0}
-OWN = {name: getattr(tension, name) for name in ("FEWEST", "PER_ROOT", "MOST")}
+OWN = {name: getattr(surface_tension, name) for name in ("FEWEST", "PER_ROOT", "MOST")}
 
 
 def tensed(body: dict[str, Any], gamma: float, delta: float = 0.01, **sections: Any) -> Scene:
@@ -50,8 +50,8 @@ def tensed(body: dict[str, Any], gamma: float, delta: float = 0.01, **sections: 
 
 def known(base: Scene) -> tuple[Solution, float]:
     """Theory's solution at the last depth, and its force in the scene's units."""
-    assert base.plan.theory and base.plan.theory.exact and base.solver.method == "theory"
-    found = base.plan.theory.at(base.physics.deltas[-1])
+    assert base.plan.theory and base.plan.theory.is_exact and base.solver.method == "theory"
+    found = base.plan.theory.solution_at_depth(base.physics.deltas[-1])
     assert found
     return found, found.force * base.physics.scales.force
 
@@ -101,7 +101,7 @@ def test_the_contact_radius_under_a_cone(gamma: float) -> None:
     off at 0.
     """
     base = tensed(HALF_SPACE, gamma, indenter=CONE)
-    exact = base.plan.theory and base.plan.theory.at(base.physics.deltas[-1])
+    exact = base.plan.theory and base.plan.theory.solution_at_depth(base.physics.deltas[-1])
     assert exact
     (state,) = solve(tensed(HALF_SPACE, gamma, indenter=CONE, solver={"method": "condensed"}))
     assert state.a == pytest.approx(exact.a * base.physics.scales.length, rel=0.025)
@@ -140,11 +140,11 @@ def test_theory_is_as_good_as_it_says(tip: str, more: int, monkeypatch: pytest.M
     force, error = [], 0.0
     for times in (1, more):
         for name in ("FEWEST", "PER_ROOT", "MOST"):
-            monkeypatch.setattr(tension, name, times * OWN[name])
+            monkeypatch.setattr(surface_tension, name, times * OWN[name])
         base = tensed(HALF_SPACE, 0.1, indenter=STATED[tip])
         theory = base.plan.theory
-        assert theory and theory.exact == (tip in ("paraboloid", "flat_punch"))
-        found = theory.at(base.physics.deltas[-1])
+        assert theory and theory.is_exact == (tip in ("paraboloid", "flat_punch"))
+        found = theory.solution_at_depth(base.physics.deltas[-1])
         assert found
         error = theory.error
         force.append(found.force * base.physics.scales.force)
@@ -186,7 +186,7 @@ def test_theory_is_of_one_piece(body: str) -> None:
     found, _ = known(base)
     theory = base.plan.theory
     assert theory
-    less, more = (theory.at(share * found.delta) for share in (0.99, 1.01))
+    less, more = (theory.solution_at_depth(share * found.delta) for share in (0.99, 1.01))
     assert less and more
     step = 0.02 * found.delta
     assert (more.energy - less.energy) / step == pytest.approx(found.force, rel=1e-4)
@@ -352,7 +352,11 @@ def test_error_bars_hold_theory(tmp_path: Path) -> None:
         meshed_ = from_mapping(document | {"accuracy": 0.003, "solver": {"method": "condensed"}})
         scales = exact.physics.scales
         for state in simulate(meshed_, MPI.COMM_SELF, directory=tmp_path / str(number)).states:
-            found = exact.plan.theory.at(state.delta / scales.depth) if exact.plan.theory else None
+            found = (
+                exact.plan.theory.solution_at_depth(state.delta / scales.depth)
+                if exact.plan.theory
+                else None
+            )
             assert found
             peak = float(found.pressure(np.linspace(0, 0.999, 200) * found.a).max())
             known_ = {

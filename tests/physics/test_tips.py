@@ -31,8 +31,10 @@ CURRENT = {"method": "auto", "gap": "current"}
 
 def theory(base: Scene) -> float:
     """The force of layer theory at the last depth."""
-    solution = base.plan.theory.at(base.physics.deltas[-1]) if base.plan.theory else None
-    assert base.plan.theory and base.plan.theory.exact and solution
+    solution = (
+        base.plan.theory.solution_at_depth(base.physics.deltas[-1]) if base.plan.theory else None
+    )
+    assert base.plan.theory and base.plan.theory.is_exact and solution
     return solution.force * base.physics.scales.force
 
 
@@ -56,9 +58,9 @@ def test_hyperboloid_against_theory(body: dict[str, Any]) -> None:
     )
     base = scene(body, indenter=tip, loading=loading, accuracy=5e-4, solver={"method": "condensed"})
     exact = scene(body, indenter=tip, loading=loading)
-    assert exact.plan.theory and exact.plan.theory.exact
+    assert exact.plan.theory and exact.plan.theory.is_exact
     for delta, state in zip(exact.physics.deltas, solve(base), strict=True):
-        found = exact.plan.theory.at(delta)
+        found = exact.plan.theory.solution_at_depth(delta)
         assert found and state.force == pytest.approx(
             found.force * exact.physics.scales.force, rel=1e-3
         )

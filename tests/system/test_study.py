@@ -836,7 +836,7 @@ class TestComparison:
         rows = studies.carry_out(written(text), output=tmp_path / "out").rows
         force = [row["force"] for row in rows]
         layer = case_list.asked_for(studies.read(tmp_path / "STUDY.yaml"))[0][0].prospect.scene
-        theory = layer.plan.theory.at(0.01).force
+        theory = layer.plan.theory.solution_at_depth(0.01).force
         reference = {"theory": theory, "1.6e-3": 1.6e-3}.get(wanted, force[1])
         assert [row["force_error_vs"] for row in rows] == pytest.approx(
             [value / reference - 1 for value in force], abs=1e-9

@@ -341,13 +341,13 @@ def relaxation_of(config: Config, values: Mapping[str, float] | None = None) -> 
             name: numbers.get(("power_law", name), getattr(own, name))
             for name in ("exponent", "time")
         }
-        return relaxation_modulus(replace(law, power_law=replace(own, **changed))).over
+        return relaxation_modulus(replace(law, power_law=replace(own, **changed))).force_relaxation
     given = enumerate(law.prony or ())
     terms = tuple(
         tuple(numbers.get(("prony", k, i), value) for i, value in enumerate(term))
         for k, term in given
     )
-    return relaxation_modulus(replace(law, prony=terms)).over
+    return relaxation_modulus(replace(law, prony=terms)).force_relaxation
 
 
 def is_in_time(config: Config) -> bool:

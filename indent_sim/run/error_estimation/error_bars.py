@@ -393,7 +393,9 @@ class ErrorBars:
         """
         theory = self._scene.exact_theory
         solution = (
-            theory.at(state.delta / self._scales.depth) if theory and state.delta > 0 else None
+            theory.solution_at_depth(state.delta / self._scales.depth)
+            if theory and state.delta > 0
+            else None
         )
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
@@ -580,7 +582,7 @@ class TheoryBars:
         self.budgets: list[ErrorBudget] = []
         self._error = scene.plan.theory.error
         self._has_prescribed_forces = scene.physics.path.control == "force"
-        self._contact_error = 1.0 if scene.plan.theory.pull else self._error
+        self._contact_error = 1.0 if scene.plan.theory.tension_fraction else self._error
 
     def add_error_estimate(self, state: State) -> State:
         """The state with its error bars."""

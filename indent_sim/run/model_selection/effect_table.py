@@ -48,10 +48,10 @@ from indent_sim.run.model_selection.variants import (
     replace_sections,
 )
 from indent_sim.scene.problem_setup import remaining_modulus_fraction
+from indent_sim.theory.adhesion import Jkr
 from indent_sim.theory.layer import Layer
+from indent_sim.theory.punches import LayerPunches
 from indent_sim.theory.roots import increasing_root
-from indent_sim.theory.surface.adhesion import Jkr
-from indent_sim.theory.surface.punches import LayerPunches
 
 SAMPLE_FRICTIONS: tuple[Friction, ...] = (
     0.1,
@@ -490,18 +490,18 @@ def _adhesion_work_search(solver: VariantSolver, tolerance: float) -> EffectSour
     punches = LayerPunches(contact)
     delta = solver.theory_scene.physics.deltas[-1]
     unit = scales.pressure * scales.length
-    contact_without = contact.curve([delta])[0]
+    contact_without = contact.solutions_at_depths([delta])[0]
 
     def pulled(work: float) -> float:
         jkr = Jkr(punches, work / unit)  # the stable contact is the one wider than without adhesion
         begin = contact_without.a * (1 + RADIUS_MARGIN)
         wider = increasing_root(
-            lambda a: max(jkr.at(a).delta, MIN_DEPTH_FRACTION * delta),
+            lambda a: max(jkr.equilibrium_at(a).delta, MIN_DEPTH_FRACTION * delta),
             delta,
             begin,
-            punches.largest,
+            punches.max_radius,
         )
-        return jkr.at(wider).force / contact_without.force
+        return jkr.equilibrium_at(wider).force / contact_without.force
 
     return ThresholdSearch(
         "work",

@@ -18,7 +18,7 @@ import numpy as np
 from indent_sim.config.schema import Config
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.run.model_selection.variant_solver import VariantSolver
-from indent_sim.theory.solution import UNSOLVED
+from indent_sim.theory.solution import SOLUTION_ERRORS
 
 # between values of a parameter that is followed: a change of sign is seen that lasts as long
 FIRST_STEP_RATIO = 1.5
@@ -76,7 +76,7 @@ def solve_effect(name: str, find: Callable[[], Effect]) -> Effect:
     try:
         with np.errstate(all="ignore"):  # theories try depths beyond a tip's end
             return find()
-    except (NotConverged, ConfigError, *UNSOLVED) as error:
+    except (NotConverged, ConfigError, *SOLUTION_ERRORS) as error:
         return Effect(name, None, None, None, f"not solved: {error}")
 
 
@@ -221,7 +221,7 @@ def sample_changes(search: ThresholdSearch, tolerance: float) -> tuple[Samples, 
         next_x = min(x * (step if abs(change) > tolerance / 10 else step**2), search.max_value)
         try:
             change = search.force_ratio(next_x) - 1
-        except (NotConverged, ConfigError, *UNSOLVED) as error:
+        except (NotConverged, ConfigError, *SOLUTION_ERRORS) as error:
             stop_reason = f"; beyond, {error}"
             step = step**0.5
             continue

@@ -37,7 +37,7 @@ from indent_sim.run.model_selection.variants import (
 from indent_sim.run.simulate import condense, states
 from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene, resolve
-from indent_sim.theory.solution import UNSOLVED
+from indent_sim.theory.solution import SOLUTION_ERRORS
 from indent_sim.theory.theory import Theory
 
 T = TypeVar("T")
@@ -260,7 +260,7 @@ class VariantSolver:
                 self._cache[name] = find()
             except BackendError:
                 raise
-            except (IndentSimError, *UNSOLVED) as error:
+            except (IndentSimError, *SOLUTION_ERRORS) as error:
                 self._cache[name] = NotConverged(
                     " ".join(str(error).split()) or type(error).__name__
                 )
@@ -404,8 +404,8 @@ class VariantSolver:
         """
         if self.theory_scene is not None and self.theory is not None:
             deepest = self.theory_scene.physics.deltas[-1]
-            solution = self.theory.at(delta / self.delta * deepest)
-            deepest_solution = self.theory.at(deepest)
+            solution = self.theory.solution_at_depth(delta / self.delta * deepest)
+            deepest_solution = self.theory.solution_at_depth(deepest)
             if solution and deepest_solution:
                 return self.scene_force * solution.force / deepest_solution.force
         nearby_force = self.force(

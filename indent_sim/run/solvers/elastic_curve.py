@@ -17,8 +17,8 @@ from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.run.planned_run import PlannedRun
 from indent_sim.run.simulate import condense, states
 from indent_sim.scene.scene import Scene
-from indent_sim.theory.solution import UNSOLVED
-from indent_sim.theory.surface.punches import radius_at
+from indent_sim.theory.punches import contact_radius
+from indent_sim.theory.solution import SOLUTION_ERRORS
 
 DEEP_FRACTION = 0.5  # of the deepest: from there on the error bar of a curve counts
 ADHERING_DEPTH = 1.6  # times the depth: an adhering tip has the contact of a deeper one
@@ -48,7 +48,7 @@ def elastic_forces(prospect: PlannedRun, depths: np.ndarray) -> ElasticForces:
     theory = scene.plan.theory
     if not scene.is_meshed:
         assert theory is not None
-        solutions = theory.contact.curve(scaled_depths)
+        solutions = theory.contact.solutions_at_depths(scaled_depths)
         return ElasticForces(
             np.array([solution.force for solution in solutions]) * scales.force,
             None,
@@ -59,7 +59,7 @@ def elastic_forces(prospect: PlannedRun, depths: np.ndarray) -> ElasticForces:
         raise NotConverged(
             next((state.reason for state in states_found if not state.converged), "the path ended")
         )
-    curve = theory.curve(scaled_depths) if theory else None
+    curve = theory.solutions_at_depths(scaled_depths) if theory else None
     theory_forces = (
         np.array([solution.force for solution in curve]) * scales.force if curve else None
     )
@@ -110,11 +110,11 @@ def flat_punches(
         equilibrium.solve(deepest / scales.depth)
     punches = punches_of(scene, equilibrium)
     try:
-        widest = radius_at(punches, ADHERING_DEPTH * deepest / scales.depth)
-    except UNSOLVED:
-        widest = 0.999 * punches.largest
-    radii = np.geomspace(max(min_ratio * widest, punches.smallest), widest, PUNCH_COUNT)
-    rows = [punches.at(float(a)) for a in radii]
+        widest = contact_radius(punches, ADHERING_DEPTH * deepest / scales.depth)
+    except SOLUTION_ERRORS:
+        widest = 0.999 * punches.max_radius
+    radii = np.geomspace(max(min_ratio * widest, punches.min_radius), widest, PUNCH_COUNT)
+    rows = [punches.punch_of_radius(float(a)) for a in radii]
     units = (
         scales.depth,
         scales.force,
@@ -122,7 +122,8 @@ def flat_punches(
         scales.force / scales.depth / scales.length,
     )
     columns = zip(
-        *((punch.delta, punch.force, punch.stiffness, punch.slope) for punch in rows), strict=True
+        *((punch.delta, punch.force, punch.stiffness, punch.stiffness_slope) for punch in rows),
+        strict=True,
     )
     values = [np.array(column) * unit for column, unit in zip(columns, units, strict=True)]
     return radii / widest, np.array(values), widest * scales.length
@@ -138,7 +139,7 @@ def half_space_modulus(prospect: PlannedRun, delta: np.ndarray, force: np.ndarra
         unit_forces = [
             force or 0.0 for force in hertz_forces(scene, map(float, delta / scales.depth))
         ]
-    except UNSOLVED:
+    except SOLUTION_ERRORS:
         return None
     total = sum(value * value for value in unit_forces)
     if not total:

@@ -59,7 +59,9 @@ class SemiAnalyticSolver:
         ends before.
         """
         return (
-            self.theory.under(values) if self._has_prescribed_forces else self.theory.curve(values)
+            self.theory.solutions_at_forces(values)
+            if self._has_prescribed_forces
+            else self.theory.solutions_at_depths(values)
         )
 
     @property
@@ -70,8 +72,8 @@ class SemiAnalyticSolver:
         """The contact at one depth, or under one force; None where theory ends before."""
         depth: float | None = value
         if self._has_prescribed_forces:
-            depth = self.theory.depth(value, inf) if value > 0 else 0.0
-        return None if depth is None else self.theory.at(depth)
+            depth = self.theory.depth_of_force(value, inf) if value > 0 else 0.0
+        return None if depth is None else self.theory.solution_at_depth(depth)
 
     def _state(
         self,

@@ -257,8 +257,8 @@ def _by_theory(published: Published, case: Case | None, results: Results | None)
     F = physics.scales.force
     depth: float | None = float(results["delta"][row]) / D
     if case.prospect.has_prescribed_forces:
-        depth = theory.depth(float(results["force"][row]) / F, physics.body.height)
-    solution = theory.at(depth) if depth is not None else None
+        depth = theory.depth_of_force(float(results["force"][row]) / F, physics.body.height)
+    solution = theory.solution_at_depth(depth) if depth is not None else None
     if solution is None:
         return None
     numbers = {"force": solution.force * F, "a": solution.a * L, "delta": solution.delta * D}

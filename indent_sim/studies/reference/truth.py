@@ -228,7 +228,11 @@ def of_theory(case: Case) -> Answer | None:
             MOST_DEPTHS,
         )
         depths = [float(depth) for depth in around]
-    curve = (scene.plan.theory.curve(depths) if scene.plan.theory else None) if depths else []
+    curve = (
+        (scene.plan.theory.solutions_at_depths(depths) if scene.plan.theory else None)
+        if depths
+        else []
+    )
     if curve is None:
         return None
     scales = scene.physics.scales

@@ -15,9 +15,9 @@ from indent_sim.fitting.scene_curve.elastic_table import NoTable, elastic_prospe
 from indent_sim.fitting.scene_curve.parameters import WORK, number_at, parameters_of
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 from indent_sim.process.errors import ConfigError
-from indent_sim.theory.surface.adhesion import Jkr
-from indent_sim.theory.surface.punches import LayerPunches
-from indent_sim.theory.surface.relaxation import ElasticCurve, OneCycle, Prony
+from indent_sim.theory.adhesion import Jkr
+from indent_sim.theory.punches import LayerPunches
+from indent_sim.theory.viscoelasticity import ElasticCurve, LeeRadokTing, ShearRelaxation
 
 DEEPEST = 0.13
 DEPTHS = np.array([1e-4, 0.001, 0.01, 0.03, 0.1, 0.13])
@@ -154,7 +154,7 @@ def test_adhesion_is_that_of_theory(compliance):
     L, F = given.physics.scales.length, given.physics.scales.force
     jkr = Jkr(LayerPunches(given.plan.theory.contact), work / E / given.physics.scales.pressure / L)
     ways = [0.0, 0.003, 0.02, 0.09]
-    known = [E * F * jkr.stable(z / L, compliance * E * F / L).force for z in ways]
+    known = [E * F * jkr.stable_equilibrium(z / L, compliance * E * F / L).force for z in ways]
     got = forces(np.log([E, work]), np.array(ways))
     np.testing.assert_allclose(
         got, known, rtol=2e-4, atol=2e-5 * max(known)
@@ -171,8 +171,8 @@ def test_relaxation_while_the_contact_grows_is_lee_and_radok():
     got = SceneForces(config, [], DEEPEST)(np.array([]), 0.1 * t, t)
     depths = np.geomspace(1e-5, 0.1001, 80)
     elastic = ElasticCurve(depths, by_theory(config, depths), np.sqrt(depths))
-    cycle = OneCycle(Prony((0.4, 0.2), (0.3, 2.0)), [0.0, 1.0], [0.0, 0.1], elastic)
-    known = [cycle.at(float(time)).force for time in t[[50, 200, 399]]]
+    cycle = LeeRadokTing(ShearRelaxation((0.4, 0.2), (0.3, 2.0)), [0.0, 1.0], [0.0, 0.1], elastic)
+    known = [cycle.response_at(float(time)).force for time in t[[50, 200, 399]]]
     np.testing.assert_allclose(
         got[[50, 200, 399]], known, rtol=1e-4
     )  # F_el is taken as straight between 400 times
@@ -180,12 +180,12 @@ def test_relaxation_while_the_contact_grows_is_lee_and_radok():
 
 def test_a_linear_rise_relaxes_exactly_at_any_times():
     """F_el = t under one term: F = (1 - g) t + g tau (1 - exp(-t/tau))."""
-    law, t = Prony((0.7,), (0.4,)), np.array([0.0, 0.1, 0.15, 0.9, 3.0])
+    law, t = ShearRelaxation((0.7,), (0.4,)), np.array([0.0, 0.1, 0.15, 0.9, 3.0])
     exact = 0.3 * t + 0.7 * 0.4 * -np.expm1(-t / 0.4)
-    np.testing.assert_allclose(law.over(t)(t), exact, rtol=1e-12)
+    np.testing.assert_allclose(law.force_relaxation(t)(t), exact, rtol=1e-12)
     even = np.linspace(0, 3, 7)
     np.testing.assert_allclose(
-        law.over(even)(even), 0.3 * even + 0.28 * -np.expm1(-even / 0.4), rtol=1e-12
+        law.force_relaxation(even)(even), 0.3 * even + 0.28 * -np.expm1(-even / 0.4), rtol=1e-12
     )
 
 

@@ -204,10 +204,13 @@ def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
     base = scene(accuracy=0.01)
     assert base.plan.theory is not None
     exact = np.array(
-        [solution.force for solution in base.plan.theory.curve([0.0025 * k for k in EXACT]) or []]
+        [
+            solution.force
+            for solution in base.plan.theory.solutions_at_depths([0.0025 * k for k in EXACT]) or []
+        ]
     )
     wrong = [replace(state, force=1.05 * F) for state, F in zip(states(0.0), exact, strict=True)]
-    inexact = with_theory(base, replace(base.plan.theory, exact=False))
+    inexact = with_theory(base, replace(base.plan.theory, is_exact=False))
     for judge, low, high in (
         (base, 0.05, 0.05),
         (inexact, 0.0, least),
@@ -421,7 +424,9 @@ def test_every_step_sees_the_same_number_of_elements() -> None:
     """The size at the edge of any contact on the path is the same share of its radius."""
     base = scene(accuracy=0.01, loading={"delta": 0.01, "steps": 20})
     assert base.plan.resolution is not None and base.plan.theory is not None
-    radii = np.array([solution.a for solution in base.plan.theory.curve(base.physics.deltas)])
+    radii = np.array(
+        [solution.a for solution in base.plan.theory.solutions_at_depths(base.physics.deltas)]
+    )
     share = base.sizes.at(radii, np.zeros_like(radii)) / radii * base.plan.resolution.n
     assert share == pytest.approx(1.0, rel=1e-6)
 

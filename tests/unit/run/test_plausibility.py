@@ -51,7 +51,11 @@ def scene(body: Any = "layer", tip: str = "sphere", **sections: Any) -> Scene:
 
 def theorys(base: Scene, delta: float, step: int = 1) -> State:
     """The state that theory sees at a depth in the user's units."""
-    found = base.plan.theory.at(delta / base.physics.scales.length) if base.plan.theory else None
+    found = (
+        base.plan.theory.solution_at_depth(delta / base.physics.scales.length)
+        if base.plan.theory
+        else None
+    )
     assert found is not None
     p_max = float(found.pressure(0.0))
     state = State(

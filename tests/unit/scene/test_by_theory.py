@@ -22,7 +22,7 @@ from indent_sim.scene.reference_theory import half_space_theory, layer_theory
 from indent_sim.theory import profiles
 from indent_sim.theory.films import dimitriadis_force, gao_modulus
 from indent_sim.theory.layer import Layer
-from indent_sim.theory.stack import Ply, Stack
+from indent_sim.theory.stack import Stack, StackLayer
 
 HALF_SPACE = {"shape": "half_space"}
 LAYER = {"shape": "layer", "height": 0.5}
@@ -150,7 +150,7 @@ def test_gao_and_perriot_barthel_stand_beside_a_coating() -> None:
     matter.
     """
     found = scene(COATED)
-    film, substrate = Ply(0.1, 10.0, 0.3), Ply(inf, 1.0, 0.3)
+    film, substrate = StackLayer(0.1, 10.0, 0.3), StackLayer(inf, 1.0, 0.3)
     hertz = 4 / 3 * gao_modulus(film, substrate, 0.1) * 0.01**1.5
     assert found.plan.prediction["force_Gao"] == pytest.approx(
         hertz, rel=1e-8
@@ -160,7 +160,7 @@ def test_gao_and_perriot_barthel_stand_beside_a_coating() -> None:
 
 @pytest.mark.parametrize("body", [LAYER, WALLED | {"height": 0.5}], ids=["layer", "cylinder"])
 def test_dimitriadis_stands_beside_a_single_layer(body: dict[str, Any]) -> None:
-    expected = dimitriadis_force(0.01, 1.0, Ply(0.5, 1.0, 0.3))
+    expected = dimitriadis_force(0.01, 1.0, StackLayer(0.5, 1.0, 0.3))
     assert scene(body).plan.prediction["force_Dimitriadis"] == pytest.approx(expected, rel=1e-12)
 
 
@@ -168,8 +168,8 @@ def test_at_a_force_the_formulas_give_depths() -> None:
     """And these depths give the force."""
     theory = scene(LAYER).plan.theory
     assert theory is not None
-    depth = theory.formula_at("Dimitriadis", 0.01, force=0.002)
-    assert depth and theory.formula_at("Dimitriadis", depth) == pytest.approx(0.002, rel=1e-10)
+    depth = theory.formula_value("Dimitriadis", 0.01, force=0.002)
+    assert depth and theory.formula_value("Dimitriadis", depth) == pytest.approx(0.002, rel=1e-10)
 
 
 def test_where_no_formula_belongs_there_is_none() -> None:
@@ -214,9 +214,11 @@ def test_the_stated_error_of_the_wall_is_theorys(base: str, nu: float, delta: fl
     )
     body, L = found.physics.body, found.physics.scales.length
     assert isinstance(body, Cylinder) and body.sides == "roller" and body.base == base
-    stack = Stack((Ply(0.5, 1.0, nu),), base)
+    stack = Stack((StackLayer(0.5, 1.0, nu),), base)
     free, walled = (
-        Layer.on(profiles.paraboloid(1.0), stack, wall).curve([delta])[0].force
+        Layer.from_stack(profiles.paraboloid(1.0), stack, wall)
+        .solutions_at_depths([delta])[0]
+        .force
         for wall in (None, body.radius * L)
     )
     stated = found.plan.prediction["truncation_error"]
@@ -288,5 +290,7 @@ def test_layers_of_a_layer_are_those_of_its_body() -> None:
     found = scene(LAYER | {"layers": layers}, "solver.method=condensed")
     assert [region.material.constants.E for region in found.physics.domain.regions] == [1.0, 0.1]
     assert (
-        found.plan.theory is not None and found.plan.theory.exact and not found.plan.theory.formulas
+        found.plan.theory is not None
+        and found.plan.theory.is_exact
+        and not found.plan.theory.formulas
     )

@@ -73,7 +73,7 @@ def test_a_gap_beside_the_contact_has_as_many_elements_as_the_contact() -> None:
         loading={"delta": 0.01249, "steps": 1},
     )
     assert base.plan.theory is not None and base.plan.resolution is not None
-    gap = 1.0 - base.plan.theory.at(0.01249).a  # type: ignore[union-attr]
+    gap = 1.0 - base.plan.theory.solution_at_depth(0.01249).a  # type: ignore[union-attr]
     assert gap < 0.1 and base.sizes.corners == ((1.0, 0.0),)
     assert base.sizes.h_corner == pytest.approx(gap / base.plan.resolution.n, rel=1e-6)
 

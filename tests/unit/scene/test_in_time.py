@@ -21,7 +21,7 @@ from indent_sim.scene.predictions import TimePrediction
 from indent_sim.scene.reference_theory import relaxed_law, undrained_law
 from indent_sim.scene.scene import resolve
 from indent_sim.theory.half_space import E_star, paraboloid_force
-from indent_sim.theory.surface.drainage import paraboloid_left
+from indent_sim.theory.poroelasticity import paraboloid_fraction_remaining
 
 DEPTH = 0.0225
 LAYER = {"shape": "layer", "height": 1.0}
@@ -135,9 +135,9 @@ def test_what_is_left_falls_from_one_to_nothing() -> None:
     times = [0.0, 1e-4, 0.01, 0.03, 0.1, 1.0, 30.0, 100.0, 1e4, float("inf")]
     for after in ("step", "ramp"):
         for tip in ("sealed", "drained"):
-            found = [paraboloid_left(tau, tip, after) for tau in times]  # type: ignore[arg-type]
+            found = [paraboloid_fraction_remaining(tau, tip, after) for tau in times]  # type: ignore[arg-type]
             assert found == sorted(found, reverse=True) and found[0] == 1 and found[-1] == 0
-    assert paraboloid_left(0.1, "sealed", "ramp") == pytest.approx(0.865)
+    assert paraboloid_fraction_remaining(0.1, "sealed", "ramp") == pytest.approx(0.865)
 
 
 @pytest.mark.parametrize(("alpha", "storage"), [(1.0, 0.0), (0.8, 0.5)])

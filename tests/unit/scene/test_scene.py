@@ -221,7 +221,7 @@ def test_the_middle_is_found_whatever_the_digits_of_the_width(width):
             )
         )
         assert found.physics.domain.symmetry == symmetry and found.plan.theory is not None
-        assert found.plan.theory.exact == (body is strip)
+        assert found.plan.theory.is_exact == (body is strip)
 
 
 @pytest.mark.parametrize(

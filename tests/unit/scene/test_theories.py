@@ -34,7 +34,7 @@ from indent_sim.scene.reference_theory import (
     theory_tip_shape,
 )
 from indent_sim.scene.scene import Scene, resolve
-from indent_sim.theory.march import LayerContact
+from indent_sim.theory.contact_curve import ContactCurve
 
 GEL = LinearElastic(E=1.0, nu=0.3)
 CYLINDER = Cylinder(2.0, 1.0, sides="roller")
@@ -74,7 +74,7 @@ def test_every_tip_is_in_the_table() -> None:
 def test_theory_sees_the_tip_end_where_it_ends(tip: Indenter) -> None:
     shape = theory_tip_shape(tip)
     assert shape is not None
-    assert reach(tip) == (shape.edge or shape.reach)
+    assert reach(tip) == (shape.punch_radius or shape.max_radius)
 
 
 @pytest.mark.parametrize("tip", SHARP.values(), ids=SHARP)
@@ -84,7 +84,7 @@ def test_layer_and_closed_form_agree_on_a_half_space(tip: Indenter) -> None:
         half_space_theory(tip, [Layer(None, GEL)]),
         half_space_force(tip, 0.01, GEL.E_star),
     )
-    assert theory and closed and (solution := theory.at(0.01))
+    assert theory and closed and (solution := theory.solution_at_depth(0.01))
     assert solution.force == pytest.approx(closed[1], rel=1e-6)  # the layer adds about a/h = 1e-7
 
 
@@ -95,9 +95,9 @@ def test_the_depth_of_a_force_is_that_depth(
     tip: Indenter, body: Cylinder | Strip, delta: float
 ) -> None:
     theory = layer_theory(body, [Layer(body.height, GEL)], tip, body.center)
-    assert theory and theory.exact and (solution := theory.at(delta))
+    assert theory and theory.is_exact and (solution := theory.solution_at_depth(delta))
     # both are searched to 1e-11 of the contact's size
-    assert theory.depth(solution.force, 0.9) == pytest.approx(delta, rel=1e-9)
+    assert theory.depth_of_force(solution.force, 0.9) == pytest.approx(delta, rel=1e-9)
 
 
 @pytest.mark.parametrize("delta", [1e-6, 1e-3, 0.1, 10.0])
@@ -108,7 +108,7 @@ def test_hyperboloid_on_a_half_space(delta: float) -> None:
     """
     R, slope = 0.2, 1 / np.tan(np.radians(50))
     theory = half_space_theory(Hyperboloid(R, 50.0), [Layer(None, GEL)], 2 * np.sqrt(R * delta))
-    found = theory.at(delta) if theory and theory.exact else None
+    found = theory.solution_at_depth(delta) if theory and theory.is_exact else None
     assert found
     a, b = found.a, R * slope
     assert a * slope * np.arctan(a / b) == pytest.approx(delta, rel=1e-9)
@@ -119,10 +119,10 @@ def test_hyperboloid_on_a_half_space(delta: float) -> None:
 def test_the_deepest_point_and_the_end_of_theory() -> None:
     theory = layer_theory(CYLINDER, [Layer(CYLINDER.height, GEL)], Sphere(0.05), CYLINDER.center)
     assert theory
-    assert theory.depth(1e9, 0.9) is None or theory.at(
+    assert theory.depth_of_force(1e9, 0.9) is None or theory.solution_at_depth(
         0.9
     )  # the contact would be wider than the ball
-    assert theory.depth(1e-6, 1e-6) == 1e-6
+    assert theory.depth_of_force(1e-6, 1e-6) == 1e-6
 
 
 def test_plane_strain_knows_sharp_tips_alone() -> None:
@@ -165,14 +165,14 @@ def test_theory_is_asked_once_for_each_depth(
     """Sizes, choices, doubts and prediction of one resolve want the same contacts; each is marched
     to once.
     """
-    asked: Counter[tuple[LayerContact, float]] = Counter()
-    march = LayerContact.curve
+    asked: Counter[tuple[ContactCurve, float]] = Counter()
+    march = ContactCurve.solutions_at_depths
 
-    def counted(layer: LayerContact, deltas: Any) -> Any:
+    def counted(layer: ContactCurve, deltas: Any) -> Any:
         asked.update((layer, float(delta)) for delta in deltas if delta > 0)
         return march(layer, deltas)
 
-    monkeypatch.setattr(LayerContact, "curve", counted)
+    monkeypatch.setattr(ContactCurve, "curve", counted)
     found = scene(**sections)
     assert found.plan.theory and set(asked.values()) == {1}
     depths = {delta for layer, delta in asked if layer == found.plan.theory.contact}
@@ -183,7 +183,10 @@ def test_theory_is_asked_once_for_each_depth(
     before = asked.total()
     assert np.all(
         np.array(
-            [solution.force for solution in found.plan.theory.curve(found.physics.deltas) or []]
+            [
+                solution.force
+                for solution in found.plan.theory.solutions_at_depths(found.physics.deltas) or []
+            ]
         )
         > 0
     )
@@ -210,5 +213,7 @@ def test_theory_of_a_round_body_is_never_exact(shape: Any) -> None:
     tip: Indenter = Paraboloid(1.0)
     theory = layer_theory(body, [Layer(body.height, GEL)], tip, body.center)
     closed = half_space_force(relative_tip(tip, body), 1e-6, GEL.E_star)
-    assert theory and not theory.exact and closed and (solution := theory.at(1e-6))
+    assert (
+        theory and not theory.is_exact and closed and (solution := theory.solution_at_depth(1e-6))
+    )
     assert solution.force == pytest.approx(closed[1], rel=2e-3)

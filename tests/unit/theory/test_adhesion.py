@@ -11,14 +11,15 @@ import pytest
 from theory_bodies import BONDED_PULL_OFF, one_layer
 
 from indent_sim.theory import profiles
+from indent_sim.theory.adhesion import Jkr, maugis_lambda, maugis_pull_off, tabor_number
 from indent_sim.theory.layer import Layer
-from indent_sim.theory.stack import Ply, Stack
-from indent_sim.theory.surface.adhesion import Jkr, maugis_lambda, maugis_pull_off, tabor
-from indent_sim.theory.surface.punches import FittedPunches, LayerPunches
+from indent_sim.theory.punches import FittedPunches, LayerPunches
+from indent_sim.theory.stack import Stack, StackLayer
 
 E_STAR, WORK, R = 4 / 3, 1e-3, 1.0
-HALF_SPACE = Layer.on(
-    profiles.paraboloid(R), Stack((Ply(1.0, E_STAR, 0.0), Ply(math.inf, E_STAR, 0.0)), None)
+HALF_SPACE = Layer.from_stack(
+    profiles.paraboloid(R),
+    Stack((StackLayer(1.0, E_STAR, 0.0), StackLayer(math.inf, E_STAR, 0.0)), None),
 )
 UNIT_FORCE, UNIT_DEPTH = math.pi * WORK * R, (math.pi**2 * WORK**2 * R / E_STAR**2) ** (1 / 3)
 
@@ -31,7 +32,7 @@ def jkr() -> Jkr:
 @pytest.mark.parametrize("a", [0.01, 0.07, 0.3])
 def test_both_branches_on_a_half_space(jkr: Jkr, a: float) -> None:
     """Johnson, Kendall & Roberts 1971, stable and not."""
-    found = jkr.at(a)
+    found = jkr.equilibrium_at(a)
     assert found.delta == pytest.approx(
         a**2 / R - math.sqrt(2 * math.pi * WORK * a / E_STAR), rel=1e-10
     )
@@ -60,12 +61,12 @@ def test_pull_off_of_bonded_layers(nu: float, h: float, pull_off: float) -> None
 def test_a_spring_lets_go_where_the_slope_is_its_own(jkr: Jkr, k: float) -> None:
     """dF/ddelta = -k by differences over 1e-5 of the radius; on the way back z falls no further."""
     found = jkr.pull_off(1 / k)
-    near = [jkr.at(found.a * (1 + step)) for step in (-1e-5, 1e-5)]
+    near = [jkr.equilibrium_at(found.a * (1 + step)) for step in (-1e-5, 1e-5)]
     slope = (near[1].force - near[0].force) / (near[1].delta - near[0].delta)
     assert slope == pytest.approx(-k, rel=1e-3)
     z = found.delta + found.force / k
-    assert jkr.stable(z - 1e-6 * abs(z), 1 / k) is None
-    held = jkr.stable(z + 0.1 * abs(z), 1 / k)
+    assert jkr.stable_equilibrium(z - 1e-6 * abs(z), 1 / k) is None
+    held = jkr.stable_equilibrium(z + 0.1 * abs(z), 1 / k)
     assert (
         held
         and held.a > found.a
@@ -80,9 +81,9 @@ def test_a_branch_from_samples(jkr: Jkr, compliance: float) -> None:
     """
     last = jkr.pull_off(compliance)
     lowest = last.force if math.isinf(compliance) else last.delta + compliance * last.force
-    branch = jkr.branch(-10 * lowest, compliance)
+    branch = jkr.stable_branch(-10 * lowest, compliance)
     for z in np.linspace(lowest * 0.999, -9 * lowest, 7):
-        exact, found = jkr.stable(float(z), compliance), branch(float(z))
+        exact, found = jkr.stable_equilibrium(float(z), compliance), branch(float(z))
         assert exact and found and found.a == pytest.approx(exact.a, rel=1e-5)
         assert found.force == pytest.approx(exact.force, abs=1e-6 * abs(branch(-9 * lowest).force))  # type: ignore[union-attr]
     assert branch(1.001 * lowest) is None
@@ -111,7 +112,7 @@ def test_a_curve_known_at_some_radii() -> None:
     layer = one_layer(Layer, profiles.paraboloid(1.0), E=1.0, nu=0.3, h=0.3)
     exact = LayerPunches(layer)
     a = np.linspace(0.01, 0.3, 24)
-    samples = [exact.at(float(x)) for x in a]
+    samples = [exact.punch_of_radius(float(x)) for x in a]
     K, P = (
         np.array(v)
         for v in zip(
@@ -156,4 +157,4 @@ def test_tabor_and_maugis_numbers() -> None:
     reach = 0.01
     direct = 2 * WORK / reach * (R / (math.pi * WORK * (4 * E_STAR / 3) ** 2)) ** (1 / 3)
     assert maugis_lambda(WORK, reach, R, E_STAR) == pytest.approx(direct, rel=1e-12)
-    assert direct / tabor(WORK, reach, R, E_STAR) == pytest.approx(1.127, abs=5e-4)
+    assert direct / tabor_number(WORK, reach, R, E_STAR) == pytest.approx(1.127, abs=5e-4)

@@ -9,9 +9,9 @@ import math
 import numpy as np
 import pytest
 
-from indent_sim.theory.surface import coulomb as coulomb_friction
+from indent_sim.theory.friction import friction_correction
+from indent_sim.theory.surface import friction as coulomb_friction
 from indent_sim.theory.surface import no_slip
-from indent_sim.theory.surface.coulomb import rubbed
 
 # Force with friction over the frictionless one, by rings of constant pressure and linear shear on
 # the surface itself
@@ -45,29 +45,35 @@ STICKS = {
 @pytest.mark.parametrize(("nu", "friction"), PUNCHES)
 def test_punches(nu: float, friction: float) -> None:
     """2.5e-5: what 200 rings leave, and half the last digit given."""
-    assert rubbed(nu, friction).force == pytest.approx(PUNCHES[nu, friction], abs=2.5e-5)
+    assert friction_correction(nu, friction).force == pytest.approx(
+        PUNCHES[nu, friction], abs=2.5e-5
+    )
 
 
 @pytest.mark.parametrize("nu", PARABOLOIDS)
 def test_paraboloids(nu: float) -> None:
     """7e-5: half the last digit given, and 2e-5."""
-    found = [rubbed(nu, friction, 2.0).force for friction in FRICTIONS]
+    found = [friction_correction(nu, friction, 2.0).force for friction in FRICTIONS]
     assert found == pytest.approx(PARABOLOIDS[nu], abs=7e-5)
 
 
 @pytest.mark.parametrize(("nu", "friction"), STICKS)
 def test_stick_radius(nu: float, friction: float) -> None:
     """To a ring: they are 0.015 wide at the axis, and finer outwards."""
-    assert rubbed(nu, friction).sticks == pytest.approx(STICKS[nu, friction], abs=0.012)
+    assert friction_correction(nu, friction).sticks == pytest.approx(
+        STICKS[nu, friction], abs=0.012
+    )
 
 
 @pytest.mark.parametrize("power", [1.0, 2.0, 3.5, math.inf])
 @pytest.mark.parametrize("nu", [-0.5, 0.0, 0.3])
 def test_between_no_friction_and_no_slip(nu: float, power: float) -> None:
     """More friction, more force and a narrower contact, from exactly nothing on."""
-    none, *some = (rubbed(nu, friction, power) for friction in (0.0, 1e-3, 0.1, 0.3, 1.0))
+    none, *some = (
+        friction_correction(nu, friction, power) for friction in (0.0, 1e-3, 0.1, 0.3, 1.0)
+    )
     assert (none.force, none.radius) == pytest.approx((1.0, 1.0), abs=1e-13)
-    stuck = rubbed(nu, "stick", power)
+    stuck = friction_correction(nu, "stick", power)
     forces = [1.0, *(found.force for found in some), stuck.force]
     assert np.all(np.diff(forces) > 0)
     assert np.all(np.diff([*(found.sticks for found in some), stuck.sticks]) >= 0)
@@ -80,7 +86,9 @@ def test_much_friction_does_not_slip(nu: float, power: float) -> None:
     """Nearly all of the surface sticks at a friction of 3: the closed quadrature, to the rings'
     2e-5.
     """
-    assert rubbed(nu, 3.0, power).force == pytest.approx(no_slip.force_ratio(nu, power), abs=2e-5)
+    assert friction_correction(nu, 3.0, power).force == pytest.approx(
+        no_slip.force_ratio(nu, power), abs=2e-5
+    )
 
 
 def test_little_friction_adds_its_own_share() -> None:
@@ -89,7 +97,7 @@ def test_little_friction_adds_its_own_share() -> None:
     int p u_r.
     """
     friction, nu = 1e-4, 0.2
-    once, twice = (rubbed(nu, f).force - 1 for f in (friction, 2 * friction))
+    once, twice = (friction_correction(nu, f).force - 1 for f in (friction, 2 * friction))
     assert twice == pytest.approx(2 * once, rel=1e-3)
     beta = (1 - 2 * nu) / (2 * (1 - nu))
     s = 1 - (np.arange(4000) + 0.5) / 4000  # r = 1 - s^4, close together at the edge
@@ -101,10 +109,10 @@ def test_little_friction_adds_its_own_share() -> None:
 
 def test_rings_converge() -> None:
     """Twice as many change the forces by less than 2e-5."""
-    coarse = [rubbed(0.0, friction).force for friction in (0.1, 0.3, 1.0)]
+    coarse = [friction_correction(0.0, friction).force for friction in (0.1, 0.3, 1.0)]
     fine = [
-        coulomb_friction.Rings(1 - (1 - np.linspace(0, 1, 401)) ** coulomb_friction.FINER)
-        .pressed(0.5, friction)
+        coulomb_friction.Rings(1 - (1 - np.linspace(0, 1, 401)) ** coulomb_friction.EDGE_GRADING)
+        .solve_punch(0.5, friction)
         .force
         for friction in (0.1, 0.3, 1.0)
     ]
@@ -112,7 +120,7 @@ def test_rings_converge() -> None:
 
 
 def test_incompressible_bodies_do_not_slip_anyway() -> None:
-    assert rubbed(0.5, 0.1, 2.0) == coulomb_friction.Rubbed(
+    assert friction_correction(0.5, 0.1, 2.0) == coulomb_friction.FrictionCorrection(
         pytest.approx(1.0, abs=1e-13), pytest.approx(1.0, abs=1e-13), 1.0
     )
 
@@ -130,4 +138,4 @@ def test_incompressible_bodies_do_not_slip_anyway() -> None:
 )
 def test_no_such_contact(nu: float, friction: float, power: float) -> None:
     with pytest.raises(ValueError):
-        rubbed(nu, friction, power)
+        friction_correction(nu, friction, power)

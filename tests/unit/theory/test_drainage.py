@@ -14,8 +14,12 @@ from theory_bodies import one_layer
 
 from indent_sim.theory import profiles
 from indent_sim.theory.layer import Layer
-from indent_sim.theory.surface import drainage
-from indent_sim.theory.surface.drainage import DrainingContact, PorousSolid, drop_left
+from indent_sim.theory.poroelasticity import (
+    PoroelasticContact,
+    PorousSolid,
+    poroelastic_fraction_remaining,
+)
+from indent_sim.theory.surface import poroelasticity
 from indent_sim.theory.theory import Theory
 
 SURFACES = ("drained", "sealed")
@@ -23,13 +27,13 @@ STOKES = PorousSolid(E=1.0, nu=0.2, permeability=0.9)
 WALLED: dict[str, Any] = {"tip": profiles.paraboloid(1.0), "h": 1.0, "wall": 2.0}
 
 
-def draining(solid: PorousSolid, surface: Any = "drained") -> DrainingContact:
+def draining(solid: PorousSolid, surface: Any = "drained") -> PoroelasticContact:
     """A paraboloid of R = 1 on a layer of height 1 between frictionless walls at 2."""
     pairs = ((solid.undrained_E, solid.undrained_nu), (solid.E, solid.nu))
     undrained, drained = (
         Theory("layer", True, "", one_layer(Layer, E=E, nu=nu, **WALLED)) for E, nu in pairs
     )
-    return DrainingContact(solid, undrained, drained, surface)
+    return PoroelasticContact(solid, undrained, drained, surface)
 
 
 @pytest.mark.parametrize(
@@ -41,16 +45,17 @@ def test_force_of_a_flat_punch(nu: float, surface: Any, tau: float, ratio: float
     printed.
     """
     last = 1 / (2 * (1 - nu))  # F(inf)/F(0+)
-    assert last + (1 - last) * drop_left(tau, nu, surface=surface) == pytest.approx(
-        ratio, abs=5.1e-9
-    )
+    assert last + (1 - last) * poroelastic_fraction_remaining(
+        tau, nu, surface=surface
+    ) == pytest.approx(ratio, abs=5.1e-9)
 
 
 @pytest.mark.parametrize("surface", SURFACES)
 @pytest.mark.parametrize("nu", [-0.5, 0.0, 0.3, 0.49])
 def test_fluid_leaves_and_never_comes_back(nu: float, surface: Any) -> None:
     left = [
-        drop_left(tau, nu, surface=surface) for tau in (0.0, *np.geomspace(1e-9, 1e9, 19), math.inf)
+        poroelastic_fraction_remaining(tau, nu, surface=surface)
+        for tau in (0.0, *np.geomspace(1e-9, 1e9, 19), math.inf)
     ]
     assert left[0] == 1.0 and left[-1] == 0.0
     assert np.all(np.diff(left) < 0)
@@ -69,9 +74,9 @@ def test_the_last_of_a_drained_surface_goes_as_one_over_the_root_of_time(
     c = r / (1 - r)
     constant = (1 + (c - 1) * math.atan(math.sqrt(c)) / math.sqrt(c)) / (math.pi * c)
     tau = 1e8
-    assert drop_left(tau, nu, undrained_nu) * math.sqrt(math.pi * tau) == pytest.approx(
-        constant, rel=1e-7
-    )
+    assert poroelastic_fraction_remaining(tau, nu, undrained_nu) * math.sqrt(
+        math.pi * tau
+    ) == pytest.approx(constant, rel=1e-7)
 
 
 @pytest.mark.parametrize("surface", SURFACES)
@@ -79,16 +84,20 @@ def test_early_times_join_the_others(surface: Any, monkeypatch: pytest.MonkeyPat
     """Where both are good, three times before the change: 3e-4 is what the law of early times
     leaves out.
     """
-    early = drop_left(3e-4, 0.2, surface=surface)
-    monkeypatch.setattr(drainage, "SHORT", 1e-5)
-    drop_left.cache_clear()
-    assert drop_left(3e-4, 0.2, surface=surface) == pytest.approx(early, abs=3e-4)
-    drop_left.cache_clear()
+    early = poroelastic_fraction_remaining(3e-4, 0.2, surface=surface)
+    monkeypatch.setattr(poroelasticity, "SHORT", 1e-5)
+    poroelastic_fraction_remaining.cache_clear()
+    assert poroelastic_fraction_remaining(3e-4, 0.2, surface=surface) == pytest.approx(
+        early, abs=3e-4
+    )
+    poroelastic_fraction_remaining.cache_clear()
 
 
 def test_a_sealed_surface_drains_later() -> None:
     for tau in np.geomspace(1e-6, 1e6, 5):
-        assert drop_left(tau, 0.2, surface="sealed") > drop_left(tau, 0.2, surface="drained")
+        assert poroelastic_fraction_remaining(
+            tau, 0.2, surface="sealed"
+        ) > poroelastic_fraction_remaining(tau, 0.2, surface="drained")
 
 
 @pytest.mark.parametrize(
@@ -96,7 +105,7 @@ def test_a_sealed_surface_drains_later() -> None:
 )
 def test_no_such_time_or_body(given: tuple[float, float, float]) -> None:
     with pytest.raises(ValueError):
-        drop_left(*given)
+        poroelastic_fraction_remaining(*given)
 
 
 # ---- constants
@@ -150,21 +159,21 @@ def test_no_such_solid(wrong: dict[str, float]) -> None:
 def test_limits_of_a_layer_in_a_cylinder(solid: PorousSolid, first: float) -> None:
     """Elastic layers with G and nu_u, or nu, by another program: eight digits are printed."""
     contact = draining(solid)
-    assert contact.limits(0.02) == pytest.approx((first, 0.0044524888), abs=5.1e-11)
+    assert contact.limit_forces(0.02) == pytest.approx((first, 0.0044524888), abs=5.1e-11)
     assert contact.force(0.02, 0.0) == pytest.approx(first, abs=5.1e-11)
     assert contact.force(0.02, math.inf) == pytest.approx(0.0044524888, abs=5.1e-11)
 
 
 def test_times_of_a_tip() -> None:
     contact = draining(replace(STOKES, permeability=0.45))
-    solution = contact.undrained.at(0.02)
-    assert solution and contact.times(0.02, 3.0) == pytest.approx(
+    solution = contact.undrained.solution_at_depth(0.02)
+    assert solution and contact.diffusion_times(0.02, 3.0) == pytest.approx(
         (2 * solution.a**2, 18.0), rel=1e-14
     )
     halfway = contact.force(0.02, 2 * solution.a**2)  # tau = 1
-    first, last = contact.limits(0.02) or (0.0, 0.0)
+    first, last = contact.limit_forces(0.02) or (0.0, 0.0)
     assert halfway and (halfway - last) / (first - last) == pytest.approx(
-        drop_left(1.0, 0.2), rel=1e-12
+        poroelastic_fraction_remaining(1.0, 0.2), rel=1e-12
     )
 
 

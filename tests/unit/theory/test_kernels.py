@@ -11,16 +11,18 @@ from scipy.special import jv
 from indent_sim.theory import hankel, profiles
 from indent_sim.theory.hankel import EvenKernel, Kernel, axisymmetric_kernel, contact_kernel
 from indent_sim.theory.layer import Layer
-from indent_sim.theory.stack import Ply, Stack
+from indent_sim.theory.stack import Stack, StackLayer
 
 STACKS = {
-    "rubber": Stack((Ply(1.0, 1.0, 0.5),)),
-    "a layer": Stack((Ply(1.0, 1.0, 0.3),)),
+    "rubber": Stack((StackLayer(1.0, 1.0, 0.5),)),
+    "a layer": Stack((StackLayer(1.0, 1.0, 0.3),)),
     "a half-space": Stack.half_space(1.0, 1.0),
     "a stiff film on a soft half-space": Stack(
-        (Ply(1.0, 1000.0, 0.3), Ply(math.inf, 1.0, 0.4)), None
+        (StackLayer(1.0, 1000.0, 0.3), StackLayer(math.inf, 1.0, 0.4)), None
     ),
-    "three layers": Stack((Ply(1.0, 1.0, 0.5), Ply(0.1, 100.0, 0.3), Ply(3.0, 0.1, 0.4))),
+    "three layers": Stack(
+        (StackLayer(1.0, 1.0, 0.5), StackLayer(0.1, 100.0, 0.3), StackLayer(3.0, 0.1, 0.4))
+    ),
 }
 # Of the kernel's largest value: it is a sum of a hundred terms, of either sign, in both forms
 ROUNDING = 1e-13
@@ -28,7 +30,7 @@ ROUNDING = 1e-13
 
 def values(kernel: Kernel | EvenKernel, x: np.ndarray, of: str) -> np.ndarray:
     """The kernel between places (n,), or how it changes with the second of them (n, n)."""
-    return kernel.basis(x).T @ kernel.applied(getattr(kernel, of)(x))
+    return kernel.basis(x).T @ kernel.apply_weights(getattr(kernel, of)(x))
 
 
 @pytest.mark.parametrize("a", [1e-5, 0.01, 0.3, 1.0])
@@ -46,7 +48,7 @@ def test_even_polynomials_are_the_kernel(name, a):
     )
     for name, power in (("slope_over_x", 2), ("slope_integrals", 1)):
         found, expected = (values(kernel, x[1:], name) for kernel in (even, whole))
-        np.testing.assert_allclose(found, expected, atol=ROUNDING * size / even.reach**power)
+        np.testing.assert_allclose(found, expected, atol=ROUNDING * size / even.max_radius**power)
 
 
 @pytest.mark.parametrize(("a", "wall"), [(5.0, math.inf), (0.3, 2.0)])
@@ -58,8 +60,8 @@ def test_a_wide_contact_and_one_between_walls_have_the_kernel_itself(a, wall):
 def test_bessel_functions_are_those_of_scipy():
     """Also beside zeros of J_0, where the recurrence divides by nearly nothing."""
     x = np.concatenate([np.geomspace(1e-6, 44.0, 500), [2.404825557695773, 5.520078110286311]])
-    orders = 2 * np.arange(hankel.MOST_EVEN)[:, None]
-    found, expected = hankel._even_bessel(x, hankel.MOST_EVEN), jv(orders, x)
+    orders = 2 * np.arange(hankel.MAX_EVEN_POLYNOMIALS)[:, None]
+    found, expected = hankel._even_bessel(x, hankel.MAX_EVEN_POLYNOMIALS), jv(orders, x)
     np.testing.assert_allclose(
         found, expected, atol=1e-14
     )  # of J_0(0) = 1: ninety steps, each rounded
@@ -75,13 +77,13 @@ def test_a_contact_that_nearly_reaches_a_wall_is_solved_to_its_digits(tip, monke
     """On twice as many points it is the same, one alone or with others; a system of modes would
     lose four digits.
     """
-    layer, sizes = Layer.on(tip, STACKS["rubber"], 1.2), np.array([0.9 * 1.2, 0.999 * 1.2])
+    layer, sizes = Layer.from_stack(tip, STACKS["rubber"], 1.2), np.array([0.9 * 1.2, 0.999 * 1.2])
 
     def numbers() -> np.ndarray:
-        return layer.numbers(sizes, layer.several(sizes.tolist(), sizes[-1]))
+        return layer.load_values(sizes, layer.linear_solutions(sizes.tolist(), sizes[-1]))
 
-    known, alone = numbers(), [layer.touching(a) for a in sizes]
-    count = Layer._smooth_count
+    known, alone = numbers(), [layer.solution_at_size(a) for a in sizes]
+    count = Layer._smooth_point_count
     monkeypatch.setattr(Layer, "_smooth_count", lambda self, a: 2 * count(self, a))
     finer = numbers()
     depth, force, stiffness, _ = known / finer - 1.0
@@ -94,4 +96,9 @@ def test_a_contact_that_nearly_reaches_a_wall_is_solved_to_its_digits(tip, monke
 
 def test_no_contact_has_a_kernel():
     """A search may begin there."""
-    assert Layer.on(profiles.sphere(1.0), STACKS["rubber"]).at(0.0).touch == 0.0
+    assert (
+        Layer.from_stack(profiles.sphere(1.0), STACKS["rubber"])
+        .linear_solution(0.0)
+        .indentation_of_radius
+        == 0.0
+    )

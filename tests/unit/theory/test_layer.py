@@ -12,7 +12,7 @@ from indent_sim.theory import half_space as hs
 from indent_sim.theory import profiles
 from indent_sim.theory.hankel import bessel_j1_zeros
 from indent_sim.theory.layer import Layer
-from indent_sim.theory.stack import Ply, Stack
+from indent_sim.theory.stack import Stack, StackLayer
 
 UNIT = {"E": 1.0, "h": 1.0}
 PARABOLOID = profiles.paraboloid(1.0)
@@ -123,7 +123,7 @@ def test_small_depth_series(nu, base, expected):
     # each depth by itself: what polynomials between many of them round, the fit of degree 14 would
     # magnify
     contact = one_layer(Layer, PARABOLOID, nu=nu, base=base, **UNIT)
-    forces = [contact.curve([delta])[0].force for delta in x**2]
+    forces = [contact.solutions_at_depths([delta])[0].force for delta in x**2]
     ratio = np.array(forces) / (4.0 / 3.0 * hs.E_star(1.0, nu) * x**3)
     c = np.polynomial.Polynomial.fit(x, ratio, 14).convert().coef
     assert c[0] == pytest.approx(1.0, abs=1e-9)
@@ -198,7 +198,7 @@ def test_conservation_from_thick_to_very_thin(nu, ratio, walled):
     delta = ratio**2 / R
     body = {"nu": nu, "wall": 3.0 * ratio + 1.0 if walled else None, **UNIT}
     depths = [delta * (1 - 1e-4), delta, delta * (1 + 1e-4)]
-    less, s, more = one_layer(Layer, profiles.paraboloid(R), **body).curve(depths)
+    less, s, more = one_layer(Layer, profiles.paraboloid(R), **body).solutions_at_depths(depths)
     assert ratio <= s.a < 2.0 * ratio
     assert disc_integral(s) == pytest.approx(s.force, rel=1e-8)
     assert np.all(s.pressure(np.linspace(0.0, 1.2 * s.a, 25)) >= 0.0)
@@ -228,8 +228,8 @@ def test_units_only_scale():
 @pytest.mark.parametrize("wall", [None, 2.0])
 def test_numerical_profiles_agree_with_closed_ones(wall):
     pairs = [
-        (PARABOLOID, profiles.profile(lambda r: r)),
-        (SPHERE, profiles.profile(lambda r: r / np.sqrt(1.0 - r * r), reach=1.0)),
+        (PARABOLOID, profiles.tip_from_slope(lambda r: r)),
+        (SPHERE, profiles.tip_from_slope(lambda r: r / np.sqrt(1.0 - r * r), max_radius=1.0)),
         (
             CONE,
             profiles.piecewise_linear(
@@ -276,11 +276,11 @@ def test_many_points_converge_to_the_smooth_tip():
 
 def test_curve_equals_single_depths_and_is_quick():
     depths = np.linspace(-0.001, 0.01, 12)
-    one_layer(Layer, PARABOLOID, nu=0.3, wall=2.0, **UNIT).curve(
+    one_layer(Layer, PARABOLOID, nu=0.3, wall=2.0, **UNIT).solutions_at_depths(
         depths
     )  # kernels cached, scipy imported
     start = time.perf_counter()
-    curve = one_layer(Layer, PARABOLOID, nu=0.3, wall=2.0, **UNIT).curve(depths)
+    curve = one_layer(Layer, PARABOLOID, nu=0.3, wall=2.0, **UNIT).solutions_at_depths(depths)
     assert time.perf_counter() - start < 0.5  # a few ms on an idle core
     for depth, s in zip(depths, curve, strict=True):
         assert s.delta == depth
@@ -296,10 +296,12 @@ def test_symbols():
     K = 3.0 - 4.0 * 0.3
     bonded = (2 * K * np.sinh(2 * s) - 4 * s) / (2 * K * np.cosh(2 * s) + 1 + K**2 + 4 * s**2)
     free = (np.cosh(2 * s) - 1) / (np.sinh(2 * s) + 2 * s)
-    assert Stack((Ply(1.0, 1.0, 0.3),)).complement(s) == pytest.approx(1 - bonded, abs=1e-15)
-    assert Stack((Ply(1.0, 1.0, 0.3),), "roller").complement(s[1:]) == pytest.approx(
-        1 - free[1:], abs=1e-12
+    assert Stack((StackLayer(1.0, 1.0, 0.3),)).compliance_complement(s) == pytest.approx(
+        1 - bonded, abs=1e-15
     )
+    assert Stack((StackLayer(1.0, 1.0, 0.3),), "roller").compliance_complement(
+        s[1:]
+    ) == pytest.approx(1 - free[1:], abs=1e-12)
     from scipy.special import jn_zeros
 
     assert bessel_j1_zeros(np.arange(1.0, 41.0)) == pytest.approx(jn_zeros(1, 40), rel=1e-14)
@@ -351,7 +353,9 @@ def test_pressures_beside_several_kinks_make_the_force():
     tip = profiles.piecewise_linear(
         [[0.0, 0.0], [0.03, 0.001], [0.06, 0.005], [0.09, 0.012], [0.3, 0.3]]
     )
-    found = Layer.on(tip, Stack((Ply(1.0, 1.0, 0.3),), "fixed")).curve([0.05])[0]
+    found = Layer.from_stack(tip, Stack((StackLayer(1.0, 1.0, 0.3),), "fixed")).solutions_at_depths(
+        [0.05]
+    )[0]
     assert found.a > kinks[-1]
     assert disc_integral(found, kinks) == pytest.approx(found.force, rel=5e-7)
 
@@ -360,15 +364,19 @@ def test_curvatures_of_tip_and_body_add():
     """A paraboloid over a dome is one of the curvature 1/R = 1/2 + 1/2; a punch there is a plate up
     to its edge.
     """
-    stack = Stack((Ply(1.0, 1.0, 0.3),), "fixed")
-    known = Layer.on(PARABOLOID, stack).curve([0.01])[0]
-    for tip, dome in ((profiles.paraboloid(2.0), 2.0), (profiles.plane(), 1.0), (PUNCH, 1.0)):
-        found = Layer.on(profiles.over_dome(tip, dome), stack).curve([0.01])[0]
+    stack = Stack((StackLayer(1.0, 1.0, 0.3),), "fixed")
+    known = Layer.from_stack(PARABOLOID, stack).solutions_at_depths([0.01])[0]
+    for tip, dome in ((profiles.paraboloid(2.0), 2.0), (profiles.flat_plate(), 1.0), (PUNCH, 1.0)):
+        found = Layer.from_stack(
+            profiles.tip_over_spherical_body(tip, dome), stack
+        ).solutions_at_depths([0.01])[0]
         assert (found.force, found.a) == pytest.approx((known.force, known.a), rel=1e-12)
         r = np.array([0.0, 0.5, 0.99, 1.5]) * known.a  # the surface, too, is pressed into one shape
         assert found.u_z(r) == pytest.approx(known.u_z(r), rel=1e-9)
     with pytest.raises(ValueError):
-        Layer.on(profiles.over_dome(profiles.flat_punch(0.05), 1.0), stack).curve([0.01])
+        Layer.from_stack(
+            profiles.tip_over_spherical_body(profiles.flat_punch(0.05), 1.0), stack
+        ).solutions_at_depths([0.01])
 
 
 @pytest.mark.parametrize(
@@ -379,8 +387,8 @@ def test_solutions_up_to_a_known_one_lie_on_the_curve(tip: profiles.Tip) -> None
     search.
     """
     contact = one_layer(Layer, tip, E=1.0, nu=0.3, h=0.5)
-    (deepest,) = contact.curve([0.02])
-    found = contact.up_to(deepest, 5)
-    again = contact.curve([s.delta for s in found])
+    (deepest,) = contact.solutions_at_depths([0.02])
+    found = contact.solutions_up_to(deepest, 5)
+    again = contact.solutions_at_depths([s.delta for s in found])
     assert found[-1].delta == pytest.approx(0.02, rel=1e-10)
     assert [s.force for s in found] == pytest.approx([s.force for s in again], rel=1e-10)

@@ -7,27 +7,30 @@ import math
 import numpy as np
 import pytest
 
-from indent_sim.theory import march, profiles
+from indent_sim.theory import contact_curve, profiles
+from indent_sim.theory.contact_curve import ChebyshevContactCurve, ContactCurve
 from indent_sim.theory.layer import Layer
-from indent_sim.theory.march import LayerContact, SampledContacts
 from indent_sim.theory.solution import Solution
-from indent_sim.theory.stack import Ply, Stack
+from indent_sim.theory.stack import Stack, StackLayer
 from indent_sim.theory.strip import Strip
-from indent_sim.theory.surface.tension import TensedLayer
+from indent_sim.theory.surface_tension import LayerWithSurfaceTension
 
-RUBBER, SPONGE = Stack((Ply(1.0, 1.0, 0.5),)), Stack((Ply(1.0, 1.0, 0.3),))
+RUBBER, SPONGE = Stack((StackLayer(1.0, 1.0, 0.5),)), Stack((StackLayer(1.0, 1.0, 0.3),))
 HALF_SPACE = Stack.half_space(1.0, 1.0)
-COATED = Stack((Ply(1.0, 1000.0, 0.3), Ply(math.inf, 1.0, 0.4)), None)
+COATED = Stack((StackLayer(1.0, 1000.0, 0.3), StackLayer(math.inf, 1.0, 0.4)), None)
 SMOOTH = {
-    "a sphere on a layer": (Layer.on(profiles.sphere(1.25), RUBBER), 0.05),
-    "a film much thinner than the contact": (Layer.on(profiles.paraboloid(500.0), SPONGE), 0.2),
-    "nearly the whole of a sphere": (Layer.on(profiles.sphere(1.0), HALF_SPACE), 0.95),
-    "a cone": (Layer.on(profiles.cone(60.0), RUBBER), 0.2),
-    "a hyperboloid": (Layer.on(profiles.hyperboloid(0.3, 60.0), RUBBER), 0.2),
-    "a stiff film on a soft half-space": (Layer.on(profiles.paraboloid(2.0), COATED), 0.1),
-    "beside a wall": (Layer.on(profiles.sphere(2.0), SPONGE, 2.0), 0.1),
-    "a roller": (Strip.on(profiles.paraboloid(5.0), SPONGE), 0.1),
-    "a roller between walls": (Strip.on(profiles.paraboloid(5.0), SPONGE, 3.0), 0.1),
+    "a sphere on a layer": (Layer.from_stack(profiles.sphere(1.25), RUBBER), 0.05),
+    "a film much thinner than the contact": (
+        Layer.from_stack(profiles.paraboloid(500.0), SPONGE),
+        0.2,
+    ),
+    "nearly the whole of a sphere": (Layer.from_stack(profiles.sphere(1.0), HALF_SPACE), 0.95),
+    "a cone": (Layer.from_stack(profiles.cone(60.0), RUBBER), 0.2),
+    "a hyperboloid": (Layer.from_stack(profiles.hyperboloid(0.3, 60.0), RUBBER), 0.2),
+    "a stiff film on a soft half-space": (Layer.from_stack(profiles.paraboloid(2.0), COATED), 0.1),
+    "beside a wall": (Layer.from_stack(profiles.sphere(2.0), SPONGE, 2.0), 0.1),
+    "a roller": (Strip.from_stack(profiles.paraboloid(5.0), SPONGE), 0.1),
+    "a roller between walls": (Strip.from_stack(profiles.paraboloid(5.0), SPONGE, 3.0), 0.1),
 }
 # of both ways: a search ends within 1e-11 of the size, squared, and sums of a hundred terms lose
 # digits
@@ -46,11 +49,11 @@ def numbers(found: list[Solution]) -> np.ndarray:
 def test_many_depths_are_those_sought_one_by_one(name):
     contact, deepest = SMOOTH[name]
     deltas = list(deepest * np.arange(1, 121) / 120)
-    assert contact._sampled(deltas[0], deltas[-1], len(deltas)) is not None
+    assert contact._interpolated_curve(deltas[0], deltas[-1], len(deltas)) is not None
     some = slice(0, None, 13)
     found, expected = (
-        numbers(contact.curve(deltas)[some]),
-        numbers(contact._one_by_one(deltas[some])),
+        numbers(contact.solutions_at_depths(deltas)[some]),
+        numbers(contact._solve_one_by_one(deltas[some])),
     )
     np.testing.assert_allclose(found, expected, rtol=ROUNDING)
 
@@ -58,8 +61,8 @@ def test_many_depths_are_those_sought_one_by_one(name):
 @pytest.mark.parametrize("name", SMOOTH)
 def test_forces_are_met(name):
     contact, deepest = SMOOTH[name]
-    expected = contact._one_by_one(list(deepest * np.linspace(0.1, 1.0, 60)))
-    found = contact.under([one.force for one in expected])
+    expected = contact._solve_one_by_one(list(deepest * np.linspace(0.1, 1.0, 60)))
+    found = contact.solutions_at_forces([one.force for one in expected])
     np.testing.assert_allclose(
         [one.delta for one in found], [one.delta for one in expected], rtol=ROUNDING
     )
@@ -67,8 +70,8 @@ def test_forces_are_met(name):
 
 def test_pressure_and_surface_are_solved_for_when_asked():
     contact, deepest = SMOOTH["a sphere on a layer"]
-    one = contact.curve(list(np.linspace(0.1, 1.0, 40) * deepest))[17]
-    expected = contact._one_by_one([one.delta])[0]
+    one = contact.solutions_at_depths(list(np.linspace(0.1, 1.0, 40) * deepest))[17]
+    expected = contact._solve_one_by_one([one.delta])[0]
     r = np.linspace(0.0, 2.0 * one.a, 50)
     np.testing.assert_allclose(
         one.pressure(r), expected.pressure(r), rtol=1e-9, atol=1e-9 * one.force / one.area
@@ -78,21 +81,25 @@ def test_pressure_and_surface_are_solved_for_when_asked():
     )  # beside the edge both lose half of the digits
 
 
-def no_polynomial() -> dict[str, LayerContact]:
+def no_polynomial() -> dict[str, ContactCurve]:
     """Contacts that are no polynomials of their size, or need none."""
     return {
-        "a rim": Layer.on(profiles.flat_punch(1.0, 0.3), RUBBER),
-        "a punch": Layer.on(profiles.flat_punch(1.0), RUBBER),
-        "corners": Layer.on(profiles.piecewise_linear([(0, 0), (1, 0.1), (2, 0.4)]), RUBBER),
-        "a wedge between walls": Strip.on(profiles.cone(70.0), SPONGE, 3.0),
-        "steps of its own quadrature": TensedLayer.of(Layer.on(profiles.sphere(1.25), RUBBER), 0.1),
+        "a rim": Layer.from_stack(profiles.flat_punch(1.0, 0.3), RUBBER),
+        "a punch": Layer.from_stack(profiles.flat_punch(1.0), RUBBER),
+        "corners": Layer.from_stack(
+            profiles.piecewise_linear([(0, 0), (1, 0.1), (2, 0.4)]), RUBBER
+        ),
+        "a wedge between walls": Strip.from_stack(profiles.cone(70.0), SPONGE, 3.0),
+        "steps of its own quadrature": LayerWithSurfaceTension.from_layer(
+            Layer.from_stack(profiles.sphere(1.25), RUBBER), 0.1
+        ),
     }
 
 
 @pytest.mark.parametrize("name", no_polynomial())
 def test_what_is_no_polynomial_is_sought_one_by_one(name):
     contact = no_polynomial()[name]
-    assert contact._sampled(0.001, 0.1, 500) is None
+    assert contact._interpolated_curve(0.001, 0.1, 500) is None
 
 
 def test_few_sizes_are_asked_for_where_few_depths_are_wanted():
@@ -104,15 +111,15 @@ def test_few_sizes_are_asked_for_where_few_depths_are_wanted():
             asked.extend(sizes)
             return super().several(sizes, largest)
 
-    counting = Counting(contact.tip, contact.scaled, contact.E_star, contact.h, contact.wall)
-    sizes = [one.a / contact.h for one in contact._one_by_one([0.1 * deepest, deepest])]
-    assert SampledContacts.between(counting, *sizes, most=15) is None
+    counting = Counting(contact.tip, contact.scaled_stack, contact.E_star, contact.h, contact.wall)
+    sizes = [one.a / contact.h for one in contact._solve_one_by_one([0.1 * deepest, deepest])]
+    assert ChebyshevContactCurve.interpolate(counting, *sizes, max_sizes=15) is None
     assert len(asked) == 8  # what the first coefficients say of the others is believed
 
 
 def test_no_contact_at_no_depth_among_many():
     contact, deepest = SMOOTH["a cone"]
-    found = contact.curve([-0.1 * deepest, 0.0, *np.linspace(0.1, 1.0, 20) * deepest])
+    found = contact.solutions_at_depths([-0.1 * deepest, 0.0, *np.linspace(0.1, 1.0, 20) * deepest])
     assert [one.force for one in found[:2]] == [0.0, 0.0] and found[2].force > 0.0
 
 
@@ -120,15 +127,15 @@ def test_no_contact_at_no_depth_among_many():
 def test_a_depth_that_is_no_number_is_refused_among_many(wrong):
     contact, deepest = SMOOTH["a cone"]
     with pytest.raises(ValueError, match="finite"):
-        contact.curve([*np.linspace(0.1, 1.0, 20) * deepest, wrong])
+        contact.solutions_at_depths([*np.linspace(0.1, 1.0, 20) * deepest, wrong])
 
 
 def test_a_depth_that_is_not_found_is_an_error(monkeypatch):
     """Nothing is returned for it: a theory whose depths are not found together is asked for each."""
     contact, deepest = SMOOTH["a film much thinner than the contact"]
-    monkeypatch.setattr(march, "ROUNDS", 1)
+    monkeypatch.setattr(contact_curve, "ROUNDS", 1)
     with pytest.raises(ArithmeticError, match="not found"):
-        contact.curve(list(deepest * np.arange(1, 121) / 120))
+        contact.solutions_at_depths(list(deepest * np.arange(1, 121) / 120))
 
 
 @pytest.mark.parametrize("name", SMOOTH)
@@ -137,13 +144,13 @@ def test_all_contacts_at_once_are_those_one_by_one(name):
     has.
     """
     contact, deepest = SMOOTH[name]
-    sampled = contact._sampled(0.2 * deepest, deepest, 120)
-    together, found = sampled.contact, sampled.found
-    expected = LayerContact.numbers(contact, sampled.sizes, found)
+    sampled = contact._interpolated_curve(0.2 * deepest, deepest, 120)
+    together, found = sampled.curve, sampled.linear_solutions
+    expected = ContactCurve.load_values(contact, sampled.sizes, found)
     np.testing.assert_allclose(together.numbers(sampled.sizes, found), expected, rtol=ROUNDING)
     with np.errstate(all="ignore"):  # on the axis of a cone it is infinite, in both
         p = together.pressures(sampled.sizes, found, 25)
-        expected = LayerContact.pressures(contact, sampled.sizes, found, 25)
+        expected = ContactCurve.pressures(contact, sampled.sizes, found, 25)
     p, expected = (np.where(np.isfinite(one), one, 0.0) for one in (p, expected))
     apart = (p - expected) / expected.max(axis=1, keepdims=True)
     assert (

@@ -9,14 +9,14 @@ import math
 import numpy as np
 import pytest
 
-from indent_sim.theory.surface import no_slip
-from indent_sim.theory.surface.no_slip import (
-    COMPRESSIBLE,
-    LAYER,
+from indent_sim.theory.no_slip import (
+    LAYER_FORCE_RATIOS,
+    MAPPED_POISSON_RATIOS,
     force_ratio,
-    layer_range,
+    layer_force_range,
     radius_ratio,
 )
+from indent_sim.theory.surface import no_slip
 
 # Force without slip over the frictionless one: flat punch, cone, paraboloid, by superposed bonded
 # punches on rings
@@ -51,15 +51,15 @@ def displacement_beside_punch(q: float, nu: float) -> float:
     """W(q), the depth of the surface at q >= 1 radii from the axis of a bonded flat punch over the
     punch's own.
     """
-    y, weights = no_slip._angles(
-        2.0 * no_slip.FAR_ANGLE
+    y, weights = no_slip._panel_nodes(
+        2.0 * no_slip.MAX_HYPERBOLIC_ANGLE
     )  # t = tanh y; q^2 - t^2 without cancellation
     slope = (
         np.cos(2.0 * no_slip._theta(nu) * y)
         / np.cosh(y)
         / np.sqrt((q * q - 1.0) * np.cosh(y) ** 2 + 1.0)
     )
-    return no_slip._factor(nu) * float(weights @ slope)
+    return no_slip._displacement_factor(nu) * float(weights @ slope)
 
 
 @pytest.mark.parametrize("nu", [-0.5, 0.0, 0.3, 0.49, 0.5])
@@ -108,7 +108,7 @@ BESIDE = [
 def test_a_cell_holds_what_lies_inside(
     power: float, nu: float, slenderness: float, solved: float
 ) -> None:
-    low, high = layer_range(nu, slenderness, power) or (math.inf, -math.inf)
+    low, high = layer_force_range(nu, slenderness, power) or (math.inf, -math.inf)
     assert low <= solved <= high
 
 
@@ -118,10 +118,12 @@ def test_the_map_begins_as_a_half_space_and_grows_with_the_tips_edge() -> None:
     paraboloid, a punch, which gains about 2.2 times what the cone does; 0.011 beyond that is the
     most.
     """
-    for power, rows in LAYER.items():
-        known = [force_ratio(nu, power) for nu in COMPRESSIBLE]
+    for power, rows in LAYER_FORCE_RATIOS.items():
+        known = [force_ratio(nu, power) for nu in MAPPED_POISSON_RATIOS]
         assert [row[0] for row in rows] == pytest.approx(known, abs=0.008)
-    cone, paraboloid, punch = (np.array(LAYER[power]) for power in (1.0, 2.0, math.inf))
+    cone, paraboloid, punch = (
+        np.array(LAYER_FORCE_RATIOS[power]) for power in (1.0, 2.0, math.inf)
+    )
     assert np.all((cone >= 1.0) & (paraboloid >= cone) & (punch >= paraboloid))
     assert np.all(punch - 1.0 <= 2.2 * (cone - 1.0) + 0.012)
 
@@ -131,14 +133,14 @@ def test_a_layer_on_a_line_of_the_map_is_of_no_other() -> None:
     nu = 0.
     """
     for nu in (0.3, 0.3 * (1 - 1e-12), 0.3 * (1 + 1e-12)):
-        low, high = layer_range(nu, 0.08, 2.0) or (0.0, math.inf)
+        low, high = layer_force_range(nu, 0.08, 2.0) or (0.0, math.inf)
         assert 1.01 < low < 1.0162 < high < 1.02
-    low, high = layer_range(0.49, 5.0, math.inf) or (0.0, math.inf)
-    assert high - low < 0.03 and low < LAYER[math.inf][4][5] < high
+    low, high = layer_force_range(0.49, 5.0, math.inf) or (0.0, math.inf)
+    assert high - low < 0.03 and low < LAYER_FORCE_RATIOS[math.inf][4][5] < high
 
 
 @pytest.mark.parametrize(
     ("nu", "slenderness", "power"), [(0.3, 10.1, 2.0), (-0.1, 1.0, 2.0), (0.3, 1.0, 3.0)]
 )
 def test_beyond_the_map(nu: float, slenderness: float, power: float) -> None:
-    assert layer_range(nu, slenderness, power) is None
+    assert layer_force_range(nu, slenderness, power) is None

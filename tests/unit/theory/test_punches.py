@@ -13,7 +13,7 @@ from theory_bodies import one_layer
 
 from indent_sim.theory import profiles
 from indent_sim.theory.layer import Layer
-from indent_sim.theory.surface.punches import FittedPunches, LayerPunches, radius_at
+from indent_sim.theory.punches import FittedPunches, LayerPunches, contact_radius
 
 E_STAR = 1 / (1 - 0.3**2)
 
@@ -24,11 +24,13 @@ def layer(tip: profiles.Tip, nu: float = 0.3, h: float = 1.0) -> Layer:
 
 def test_a_half_space() -> None:
     """K = 2 E* a, and Hertz; a layer 1e6 contact radii thick differs by a/h."""
-    punch = LayerPunches(layer(profiles.paraboloid(1.0), h=1e5)).at(0.1)
+    punch = LayerPunches(layer(profiles.paraboloid(1.0), h=1e5)).punch_of_radius(0.1)
     E_star = 1 / (1 - 0.3**2)
     assert punch.delta == pytest.approx(0.01, rel=1e-5)
     assert punch.force == pytest.approx(4 / 3 * E_star * 1e-3, rel=1e-5)
-    assert (punch.stiffness, punch.slope) == pytest.approx((0.2 * E_star, 2 * E_star), rel=1e-5)
+    assert (punch.stiffness, punch.stiffness_slope) == pytest.approx(
+        (0.2 * E_star, 2 * E_star), rel=1e-5
+    )
 
 
 @pytest.mark.parametrize(
@@ -36,7 +38,7 @@ def test_a_half_space() -> None:
 )
 def test_the_stiffness_is_that_of_a_flat_punch(a: float, nu: float, kappa: float) -> None:
     """kappa = F/(2 E* a delta) of bonded layers, six digits."""
-    punch = LayerPunches(layer(profiles.paraboloid(30.0), nu)).at(a)
+    punch = LayerPunches(layer(profiles.paraboloid(30.0), nu)).punch_of_radius(a)
     assert punch.stiffness == pytest.approx(2 * a / (1 - nu**2) * kappa, rel=3e-6)
 
 
@@ -51,12 +53,12 @@ def test_the_slope_of_the_curve_is_the_stiffness(tip: profiles.Tip, nu: float) -
     """
     punches = LayerPunches(layer(tip, nu))
     for a in (0.05, 0.3, 1.0):
-        low, here, high = (punches.at(a * (1 + step)) for step in (-1e-4, 0.0, 1e-4))
+        low, here, high = (punches.punch_of_radius(a * (1 + step)) for step in (-1e-4, 0.0, 1e-4))
         assert (high.force - low.force) / (high.delta - low.delta) == pytest.approx(
             here.stiffness, rel=1e-7
         )
         assert (high.stiffness - low.stiffness) / (high.a - low.a) == pytest.approx(
-            here.slope, rel=1e-7
+            here.stiffness_slope, rel=1e-7
         )
 
 
@@ -69,18 +71,20 @@ def test_punches_from_samples(tip: profiles.Tip) -> None:
     """
     exact = LayerPunches(layer(tip))
     a = np.linspace(0.02, 0.45, 20)
-    samples = [exact.at(float(radius)) for radius in a]
+    samples = [exact.punch_of_radius(float(radius)) for radius in a]
     K = np.array([punch.stiffness for punch in samples])
     found = FittedPunches(
         a, K, np.array([p.stiffness * p.delta - p.force for p in samples]), tip, E_STAR
     )
     for radius in (0.23, 0.3, 0.42):
-        ours, theirs = found.at(radius), exact.at(radius)
+        ours, theirs = found.punch_of_radius(radius), exact.punch_of_radius(radius)
         assert (ours.delta, ours.stiffness) == pytest.approx(
             (theirs.delta, theirs.stiffness), rel=1e-4
         )
-        assert (ours.force, ours.slope) == pytest.approx((theirs.force, theirs.slope), rel=1e-3)
-        assert radius_at(found, theirs.delta) == pytest.approx(radius, rel=1e-4)
+        assert (ours.force, ours.stiffness_slope) == pytest.approx(
+            (theirs.force, theirs.stiffness_slope), rel=1e-3
+        )
+        assert contact_radius(found, theirs.delta) == pytest.approx(radius, rel=1e-4)
 
 
 def test_radii_beyond_the_end_of_a_tip_are_left_out() -> None:
@@ -89,8 +93,8 @@ def test_radii_beyond_the_end_of_a_tip_are_left_out() -> None:
     under = a < 0.4
     assert not under.all()
     found, alone = (FittedPunches(x, 2 * x, x**3, ball, 1.0) for x in (a, a[under]))
-    assert found.at(0.3) == alone.at(0.3)
-    assert found.largest == alone.largest == a[under][-1]
+    assert found.punch_of_radius(0.3) == alone.punch_of_radius(0.3)
+    assert found.max_radius == alone.max_radius == a[under][-1]
 
 
 def test_too_little_is_refused() -> None:
@@ -101,5 +105,7 @@ def test_too_little_is_refused() -> None:
         a := np.linspace(0.1, 0.5, 9), 2 * a, 2 * a**3 / 3, profiles.paraboloid(1.0), 1.0
     )
     with pytest.raises(ValueError, match="smaller than"):
-        radius_at(few, 1e-5)
-    assert all(math.isclose(few.at(x).delta, x * x, rel_tol=1e-10) for x, _ in pairwise(a))
+        contact_radius(few, 1e-5)
+    assert all(
+        math.isclose(few.punch_of_radius(x).delta, x * x, rel_tol=1e-10) for x, _ in pairwise(a)
+    )

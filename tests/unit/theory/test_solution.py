@@ -47,8 +47,8 @@ def test_largest_pressure_beside_a_rounded_edge() -> None:
 )
 def test_an_infinite_pressure_is_not_a_number(tip: Tip) -> None:
     """Under a sharp apex or corner it grows as a logarithm, at a sharp edge as 1/sqrt."""
-    contact = Layer.on(tip, stack_of([(1.0, 1.0, 0.3)]))
-    assert math.isnan(contact.curve([0.01])[0].largest_pressure())
+    contact = Layer.from_stack(tip, stack_of([(1.0, 1.0, 0.3)]))
+    assert math.isnan(contact.solutions_at_depths([0.01])[0].largest_pressure())
 
 
 def test_a_finely_rounded_apex_has_a_largest_pressure() -> None:

@@ -68,7 +68,7 @@ def test_wedge_agrees_with_a_plain_profile():
     # without its corner declared the same wedge converges, only slowly
     wedge = profiles.cone(70.0)
     known = indent(ps.Strip, wedge, 0.1, nu=0.3, wall=1.0, **UNIT)
-    plain = indent(ps.Strip, replace(wedge, corner=0.0), 0.1, nu=0.3, wall=1.0, **UNIT)
+    plain = indent(ps.Strip, replace(wedge, apex_slope=0.0), 0.1, nu=0.3, wall=1.0, **UNIT)
     assert known.force == pytest.approx(plain.force, rel=1e-3)
     assert width_integral(known) == pytest.approx(known.force, rel=1e-6)
 
@@ -92,7 +92,9 @@ def test_walls_far_away():
 def test_conservation(tip, nu, base, wall):
     delta = 0.05
     depths = [delta * (1 - 1e-4), delta, delta * (1 + 1e-4)]
-    less, s, more = one_layer(ps.Strip, tip, nu=nu, base=base, wall=wall, **UNIT).curve(depths)
+    less, s, more = one_layer(
+        ps.Strip, tip, nu=nu, base=base, wall=wall, **UNIT
+    ).solutions_at_depths(depths)
     assert width_integral(s) == pytest.approx(s.force, rel=1e-6)
     assert np.all(s.pressure(np.linspace(-1.2 * s.a, 1.2 * s.a, 24)) >= 0.0)
     assert (more.energy - less.energy) / (2e-4 * delta) == pytest.approx(s.force, rel=1e-7)

@@ -9,7 +9,7 @@ import pytest
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.scene.scene import resolve
-from indent_sim.theory.surface import tension as tension_theory
+from indent_sim.theory.surface import surface_tension as tension_theory
 
 
 def force_and_radius(surface_tension: float, delta: float = 0.01) -> tuple[float, float]:
@@ -22,7 +22,7 @@ def force_and_radius(surface_tension: float, delta: float = 0.01) -> tuple[float
     }
     theory = resolve(from_mapping(given)).plan.theory
     assert theory is not None
-    found = theory.at(delta)
+    found = theory.solution_at_depth(delta)
     return found.force, found.a
 
 

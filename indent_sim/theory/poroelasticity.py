@@ -27,34 +27,36 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from indent_sim.theory.half_space import check_nu
-from indent_sim.theory.hankel import Nodes, gauss, joined
+from indent_sim.theory.hankel import Nodes, gauss_legendre, join_nodes
 from indent_sim.theory.solution import require_positive
 from indent_sim.theory.theory import Theory
 
-Surface = Literal["drained", "sealed"]
-CONTOUR = 24  # points of Talbot's contour, of which half are conjugates of the others: 12 digits
+SurfaceDrainage = Literal["drained", "sealed"]
+CONTOUR_POINTS = (
+    24  # points of Talbot's contour, of which half are conjugates of the others: 12 digits
+)
 CONTACT_POINTS = 64  # of the integral equation
 # largest k [1/a], and the first panel in it: what is subtracted leaves k^-6
-LARGEST_WAVE = 120.0
-GRADED = 1e-6
+MAX_WAVENUMBER = 120.0
+FIRST_PANEL = 1e-6
 # Gauss points of a panel, and more of them for each unit of the phase k x
 WAVE_POINTS = 24
 WAVE_PHASE_POINTS = 0.7
 # of the time since: a pressure that grows in less is sudden, and the difference of powers loses
 # digits
-SUDDEN = 1e-6
+SUDDEN_FRACTION = 1e-6
 # a^2/D: before it 1 - g = sqrt(tau)(A - B ln tau), of boundary layers too thin for these points
-SHORT = 1e-3
-SHORT_ENDS = SHORT, 4.0 * SHORT  # times that give A and B
+SHORT_TIME = 1e-3
+SHORT_TIME_SAMPLES = SHORT_TIME, 4.0 * SHORT_TIME  # times that give A and B
 # (F - F(inf))/(F(0+) - F(inf)) of a paraboloid at D t/a^2 = AT after it was pressed in at once, and
 # at the end of a ramp as long, by what the tip lets through: finite elements, a/h = 0.16, nu = 0.2,
 # the surface beside the tip drained
-AT = (0.01, 0.1, 1.0, 10.0, 100.0)
-PRESSED_LEFT = {
+TABULATED_TIMES = (0.01, 0.1, 1.0, 10.0, 100.0)
+STEP_FRACTIONS = {
     "sealed": (0.964, 0.745, 0.228, 0.0369, 1e-3),
     "drained": (0.792, 0.498, 0.182, 0.0355, 1e-3),
 }
-RAMPED_LEFT = {
+RAMP_FRACTIONS = {
     "sealed": (0.980, 0.865, 0.462, 0.1417, 0.0225),
     "drained": (0.873, 0.671, 0.3455, 0.1196, 0.0199),
 }
@@ -117,11 +119,11 @@ class PorousSolid:
         return 2.0 * self.shear_modulus * (1.0 + self.undrained_nu)
 
 
-def drained_length(diffusivity: float, since: np.ndarray, over: np.ndarray) -> np.ndarray:
+def drained_length(diffusivity: float, elapsed: np.ndarray, ramp_time: np.ndarray) -> np.ndarray:
     """The depth (n,) [length] of undrained body whose fluid has left through a drained face.
 
-    A half-space whose pressure p grows evenly over the time `over`, and stays then, has lost this
-    times p permeability/D of fluid per area at the time `since` its begin:
+    A half-space whose pressure p grows evenly over the time `ramp_time`, and stays then, has lost this
+    times p permeability/D of fluid per area at the time `elapsed` its begin:
 
         (4/3) (D/pi)^(1/2) (since^(3/2) - (since - over)^(3/2))/over,
 
@@ -131,16 +133,16 @@ def drained_length(diffusivity: float, since: np.ndarray, over: np.ndarray) -> n
     ----------
     diffusivity : D [length^2/time]
     since : times (n,) since the pressure began to grow, > 0 [time]
-    over : times (n,) in which it grows, 0 to `since` [time]
+    over : times (n,) in which it grows, 0 to `elapsed` [time]
     """
-    is_sudden = over < SUDDEN * since
-    took = np.where(is_sudden, since, over)
-    ramped = (since**1.5 - (since - took) ** 1.5) / took
+    is_sudden = ramp_time < SUDDEN_FRACTION * elapsed
+    growth_time = np.where(is_sudden, elapsed, ramp_time)
+    ramped = (elapsed**1.5 - (elapsed - growth_time) ** 1.5) / growth_time
     return (
         4.0
         / 3.0
         * np.sqrt(diffusivity / math.pi)
-        * np.where(is_sudden, 1.5 * np.sqrt(since), ramped)
+        * np.where(is_sudden, 1.5 * np.sqrt(elapsed), ramped)
     )
 
 
@@ -170,7 +172,7 @@ class DrainageTimes(NamedTuple):
 
 
 @dataclass(frozen=True)
-class DrainingContact:
+class PoroelasticContact:
     """A tip on a porous body pressed in at once and held: by its elastic theories with the
     undrained constants and with the drained ones, and the flat punch's g between them.
     """
@@ -178,38 +180,44 @@ class DrainingContact:
     solid: PorousSolid
     undrained: Theory
     drained: Theory
-    surface: Surface = "drained"
+    surface: SurfaceDrainage = "drained"
 
-    def limits(self, delta: float) -> tuple[float, float] | None:
+    def limit_forces(self, delta: float) -> tuple[float, float] | None:
         """Force at once and at last [F] at a depth [L]; None where theory ends."""
-        first = self.undrained.at(delta)
-        last = self.drained.at(delta)
-        return (first.force, last.force) if first and last else None
+        undrained_solution = self.undrained.solution_at_depth(delta)
+        drained_solution = self.drained.solution_at_depth(delta)
+        return (
+            (undrained_solution.force, drained_solution.force)
+            if undrained_solution and drained_solution
+            else None
+        )
 
-    def times(self, delta: float, height: float) -> DrainageTimes | None:
+    def diffusion_times(self, delta: float, height: float) -> DrainageTimes | None:
         """The times that matter at a depth [L] on a body of that height [L]; None where theory
         ends.
         """
-        contact = self.undrained.at(delta)
+        solution = self.undrained.solution_at_depth(delta)
         D = self.solid.diffusivity
-        return DrainageTimes(contact.a**2 / D, height**2 / D) if contact else None
+        return DrainageTimes(solution.a**2 / D, height**2 / D) if solution else None
 
     def force(self, delta: float, t: float) -> float | None:
         """The force [F] a time t [T] after the tip was pressed in; None where theory ends.
 
         That of a half-space: over a thin layer fluid has other ways to go.
         """
-        limits = self.limits(delta)
-        contact = self.undrained.at(delta)
-        if limits is None or contact is None:
+        limits = self.limit_forces(delta)
+        solution = self.undrained.solution_at_depth(delta)
+        if limits is None or solution is None:
             return None
-        tau = self.solid.diffusivity * t / contact.a**2 if contact.a > 0.0 else math.inf
-        return limits[1] + (limits[0] - limits[1]) * drop_left(
+        tau = self.solid.diffusivity * t / solution.a**2 if solution.a > 0.0 else math.inf
+        return limits[1] + (limits[0] - limits[1]) * poroelastic_fraction_remaining(
             tau, self.solid.nu, self.solid.undrained_nu, self.surface
         )
 
 
-def paraboloid_left(tau: float, tip: Surface, after: Literal["step", "ramp"]) -> float:
+def paraboloid_fraction_remaining(
+    tau: float, tip: SurfaceDrainage, loading: Literal["step", "ramp"]
+) -> float:
     """About what is left of F(0+) - F(inf) of a paraboloid at tau = D t/a^2 after a sudden depth
     that is held, or at the end of a ramp of that length: from 1 to 0.
 
@@ -218,17 +226,17 @@ def paraboloid_left(tau: float, tip: Surface, after: Literal["step", "ramp"]) ->
     """
     if tau <= 0.0 or math.isinf(tau):
         return float(tau <= 0.0)
-    known = np.array((PRESSED_LEFT if after == "step" else RAMPED_LEFT)[tip])
-    x = np.log(AT)
-    y = np.log(known / (1.0 - known))
+    fractions = np.array((STEP_FRACTIONS if loading == "step" else RAMP_FRACTIONS)[tip])
+    x = np.log(TABULATED_TIMES)
+    y = np.log(fractions / (1.0 - fractions))
     k = int(np.clip(np.searchsorted(x, math.log(tau)), 1, len(x) - 1))
-    odds = y[k - 1] + (y[k] - y[k - 1]) * (math.log(tau) - x[k - 1]) / (x[k] - x[k - 1])
-    return 1.0 / (1.0 + math.exp(min(-odds, 700.0)))
+    log_odds = y[k - 1] + (y[k] - y[k - 1]) * (math.log(tau) - x[k - 1]) / (x[k] - x[k - 1])
+    return 1.0 / (1.0 + math.exp(min(-log_odds, 700.0)))
 
 
 @lru_cache(maxsize=4096)
-def drop_left(
-    tau: float, nu: float, undrained_nu: float = 0.5, surface: Surface = "drained"
+def poroelastic_fraction_remaining(
+    tau: float, nu: float, undrained_nu: float = 0.5, surface: SurfaceDrainage = "drained"
 ) -> float:
     """g = (F - F(inf))/(F(0+) - F(inf)) of a flat punch on a porous half-space at tau = D t/a^2:
     from 1 to 0.
@@ -243,30 +251,36 @@ def drop_left(
         )
     if tau == 0.0 or math.isinf(tau):
         return float(tau == 0.0)
-    if tau < SHORT:
-        return _soon(tau, nu, undrained_nu, surface)
+    if tau < SHORT_TIME:
+        return _short_time_fraction(tau, nu, undrained_nu, surface)
     r = (undrained_nu - nu) / (1.0 - nu)
-    points, weights = _contour(CONTOUR)
+    points, weights = _talbot_contour(CONTOUR_POINTS)
     ratio = (
         sum(
-            (w * _transform(z / tau, r, surface)).real for z, w in zip(points, weights, strict=True)
+            (w * _laplace_transform(z / tau, r, surface)).real
+            for z, w in zip(points, weights, strict=True)
         )
         / tau
     )
     return (ratio - (1.0 - r)) / r
 
 
-def _soon(tau: float, nu: float, undrained_nu: float, surface: Surface) -> float:
+def _short_time_fraction(
+    tau: float, nu: float, undrained_nu: float, surface: SurfaceDrainage
+) -> float:
     """The fluid has left a thin layer alone; the punch's edge, whose pressure is infinite, brings
     the logarithm.
     """
-    slopes = [(1.0 - drop_left(t, nu, undrained_nu, surface)) / math.sqrt(t) for t in SHORT_ENDS]
-    per_log = (slopes[1] - slopes[0]) / math.log(SHORT_ENDS[1] / SHORT_ENDS[0])
-    return 1.0 - math.sqrt(tau) * (slopes[0] + per_log * math.log(tau / SHORT_ENDS[0]))
+    slopes = [
+        (1.0 - poroelastic_fraction_remaining(t, nu, undrained_nu, surface)) / math.sqrt(t)
+        for t in SHORT_TIME_SAMPLES
+    ]
+    per_log = (slopes[1] - slopes[0]) / math.log(SHORT_TIME_SAMPLES[1] / SHORT_TIME_SAMPLES[0])
+    return 1.0 - math.sqrt(tau) * (slopes[0] + per_log * math.log(tau / SHORT_TIME_SAMPLES[0]))
 
 
 @lru_cache
-def _contour(count: int) -> Nodes:
+def _talbot_contour(count: int) -> Nodes:
     """Points z of the upper half of Talbot's contour and weights: f(t) = Re sum w F(z/t)/t
     (Weideman 2006).
     """
@@ -281,29 +295,33 @@ def _contour(count: int) -> Nodes:
 
 
 @lru_cache
-def _waves() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _wave_nodes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Wavenumbers k, their weights, and cos(k x) at the points of the equation."""
     edges = [
         0.0,
-        *np.geomspace(GRADED, LARGEST_WAVE, math.ceil(math.log(LARGEST_WAVE / GRADED, 3.0))),
+        *np.geomspace(
+            FIRST_PANEL, MAX_WAVENUMBER, math.ceil(math.log(MAX_WAVENUMBER / FIRST_PANEL, 3.0))
+        ),
     ]
     parts = [
-        gauss(low, high, WAVE_POINTS + math.ceil(WAVE_PHASE_POINTS * (high - low)))
+        gauss_legendre(low, high, WAVE_POINTS + math.ceil(WAVE_PHASE_POINTS * (high - low)))
         for low, high in pairwise(edges)
     ]
-    k, weights = joined(parts)
-    return k, weights, np.cos(np.outer(gauss(0.0, 1.0, CONTACT_POINTS)[0], k))
+    k, weights = join_nodes(parts)
+    return k, weights, np.cos(np.outer(gauss_legendre(0.0, 1.0, CONTACT_POINTS)[0], k))
 
 
-def _transform(s: complex, r: float, surface: Surface) -> complex:
+def _laplace_transform(s: complex, r: float, surface: SurfaceDrainage) -> complex:
     """Laplace transform of F/F(0+) at s [D/a^2]."""
-    x, w = gauss(0.0, 1.0, CONTACT_POINTS)
-    k, weights, cosines = _waves()
+    x, w = gauss_legendre(0.0, 1.0, CONTACT_POINTS)
+    k, weights, cosines = _wave_nodes()
     contrast = r / (1.0 - r)
     root = np.sqrt(s)
-    first, second = _large_waves(contrast, surface)
-    share = s / (k * k + s)
-    rest = _softer(k, s, contrast, surface) - first * share - second * share**2
+    first, second = _large_wavenumber_coefficients(contrast, surface)
+    wave_share = s / (k * k + s)
+    remainder = (
+        _compliance_deficit(k, s, contrast, surface) - first * wave_share - second * wave_share**2
+    )
 
     def kernel(z: np.ndarray) -> np.ndarray:
         """(1/pi) int_0^inf of what was subtracted, times cos kz."""
@@ -315,18 +333,23 @@ def _transform(s: complex, r: float, surface: Surface) -> complex:
             1.0 - np.exp(-root * z)
         ) - second / 4.0 * root * z * np.exp(-root * z)
 
-    near = kernel(np.abs(x[:, None] - x)) * w
-    smooth = (2.0 / math.pi * (cosines * (rest * weights)) @ cosines.T + kernel(x[:, None] + x)) * w
-    kink = (
-        integral(x) + integral(1.0 - x) - near.sum(axis=1)
+    near_kernel = kernel(np.abs(x[:, None] - x)) * w
+    smooth_kernel = (
+        2.0 / math.pi * (cosines * (remainder * weights)) @ cosines.T + kernel(x[:, None] + x)
+    ) * w
+    diagonal_correction = (
+        integral(x) + integral(1.0 - x) - near_kernel.sum(axis=1)
     )  # what the points miss of a constant, all on the diagonal
     phi = np.linalg.solve(
-        np.eye(CONTACT_POINTS) - smooth - near - np.diag(kink), np.ones(CONTACT_POINTS)
+        np.eye(CONTACT_POINTS) - smooth_kernel - near_kernel - np.diag(diagonal_correction),
+        np.ones(CONTACT_POINTS),
     )
     return complex((1.0 - r) / s * (w @ phi))
 
 
-def _softer(k: np.ndarray, s: complex, contrast: float, surface: Surface) -> np.ndarray:
+def _compliance_deficit(
+    k: np.ndarray, s: complex, contrast: float, surface: SurfaceDrainage
+) -> np.ndarray:
     """1 - 1/(1 + contrast q): by how much less a wave finds the surface compliant than when
     drained.
     """
@@ -339,7 +362,9 @@ def _softer(k: np.ndarray, s: complex, contrast: float, surface: Surface) -> np.
     return contrast * q / (1.0 + contrast * q)
 
 
-def _large_waves(contrast: float, surface: Surface) -> tuple[float, float]:
+def _large_wavenumber_coefficients(
+    contrast: float, surface: SurfaceDrainage
+) -> tuple[float, float]:
     """First and second coefficient of `_softer` in powers of s/(k^2 + s)."""
     if surface == "drained":
         return contrast / 4.0, contrast / 8.0 - contrast**2 / 16.0

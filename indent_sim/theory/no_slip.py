@@ -24,15 +24,15 @@ from functools import lru_cache
 import numpy as np
 
 from indent_sim.theory.half_space import check_nu
-from indent_sim.theory.hankel import Nodes, gauss, joined
+from indent_sim.theory.hankel import Nodes, gauss_legendre, join_nodes
 
 # Force without slip over the frictionless one on a layer bonded to its base, by contact radius over
 # thickness (columns) and Poisson ratio (rows), to 0.5 %: paraboloid and cone at the depth where the
 # frictionless tip has the radius, punch of that radius; solved by finite elements in twenty steps
 # (configs/studies/friction)
 MAPPED_SLENDERNESS = (0.1, 0.3, 1.0, 2.0, 3.0, 5.0, 10.0)
-COMPRESSIBLE = (0.0, 0.3, 0.4, 0.45, 0.49, 0.5)
-LAYER = {
+MAPPED_POISSON_RATIOS = (0.0, 0.3, 0.4, 0.45, 0.49, 0.5)
+LAYER_FORCE_RATIOS = {
     2.0: (
         (1.057, 1.060, 1.043, 1.023, 1.013, 1.006, 1.002),
         (1.017, 1.016, 1.003, 1.000, 1.001, 1.001, 1.000),
@@ -59,12 +59,12 @@ LAYER = {
     ),
 }
 MAP_ERROR = 0.005  # of the force
-DIGIT = 0.001  # of the map
+MAP_ROUNDING = 0.001  # of the map
 # Beyond corners of a cell: up, of the effect, and down, of the force, where slip turns about
-MAP_PEAK = 0.02
-DIP = 0.004
+CELL_PEAK = 0.02
+CELL_DIP = 0.004
 
-FAR_ANGLE = (
+MAX_HYPERBOLIC_ANGLE = (
     20.0  # of the hyperbolic angle whose tanh is t: beyond it 1/cosh^2 is below 1e-17 of its peak
 )
 # the integrands are analytic to pi/2 beside the angle: rounding remains
@@ -73,7 +73,7 @@ POINTS_PER_PANEL = 24
 
 
 @dataclass(frozen=True)
-class Rubbed:
+class FrictionCorrection:
     """What friction makes of a frictionless contact at the same depth: factors of force and contact
     radius, and the stick radius over the contact radius.
     """
@@ -83,12 +83,12 @@ class Rubbed:
     sticks: float
 
 
-FRICTIONLESS = Rubbed(1.0, 1.0, 0.0)
+FRICTIONLESS = FrictionCorrection(1.0, 1.0, 0.0)
 
 
-def stuck(nu: float, power: float = math.inf) -> Rubbed:
+def no_slip_correction(nu: float, power: float = math.inf) -> FrictionCorrection:
     """What no slip makes of it, under f = B r^power; ValueError as `force_ratio`."""
-    return Rubbed(
+    return FrictionCorrection(
         force_ratio(nu, power), 1.0 if math.isinf(power) else radius_ratio(nu, power), 1.0
     )
 
@@ -100,18 +100,18 @@ def force_ratio(nu: float, power: float = math.inf) -> float:
     (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) times the ratio of the contact radii, to 1e-10. Raises
     ValueError unless -1 < nu <= 0.5 and power >= 1.
     """
-    check(nu, power)
+    check_parameters(nu, power)
     return punch_ratio(nu) * (1.0 if math.isinf(power) else radius_ratio(nu, power))
 
 
-def check(nu: float, power: float) -> None:
+def check_parameters(nu: float, power: float) -> None:
     """ValueError unless -1 < nu <= 0.5 and power >= 1."""
     check_nu(nu)
     if not power >= 1.0:
         raise ValueError(f"power must be at least 1, got {power!r}")
 
 
-def layer_range(nu: float, slenderness: float, power: float) -> tuple[float, float] | None:
+def layer_force_range(nu: float, slenderness: float, power: float) -> tuple[float, float] | None:
     """Least and largest force ratio in the map's cell around a bonded layer; None beyond the map.
 
     Those at the corners of the cell, or at the ends of the line of the map that the layer is on,
@@ -120,26 +120,28 @@ def layer_range(nu: float, slenderness: float, power: float) -> tuple[float, flo
     the other corners are the half-space's.
     """
     is_inside = (
-        COMPRESSIBLE[0] <= nu <= COMPRESSIBLE[-1] and 0 <= slenderness <= MAPPED_SLENDERNESS[-1]
+        MAPPED_POISSON_RATIOS[0] <= nu <= MAPPED_POISSON_RATIOS[-1]
+        and 0 <= slenderness <= MAPPED_SLENDERNESS[-1]
     )
-    if power not in LAYER or not is_inside:
+    if power not in LAYER_FORCE_RATIOS or not is_inside:
         return None
-    rows = _beside(COMPRESSIBLE, nu)
-    columns = _beside((0.0, *MAPPED_SLENDERNESS), slenderness)
-    known = {
-        row: (force_ratio(COMPRESSIBLE[row], power), *LAYER[power][row]) for row in rows
+    rows = _neighbouring_lines(MAPPED_POISSON_RATIOS, nu)
+    columns = _neighbouring_lines((0.0, *MAPPED_SLENDERNESS), slenderness)
+    force_ratios = {
+        row: (force_ratio(MAPPED_POISSON_RATIOS[row], power), *LAYER_FORCE_RATIOS[power][row])
+        for row in rows
     }  # from the half-space on
-    corners = [known[row][column] for row in rows for column in columns]
+    corners = [force_ratios[row][column] for row in rows for column in columns]
     low = min(corners)
     high = max(corners)
-    return low - DIP, high + DIGIT + MAP_PEAK * (high - 1.0)
+    return low - CELL_DIP, high + MAP_ROUNDING + CELL_PEAK * (high - 1.0)
 
 
-def _beside(lines: Sequence[float], at: float) -> list[int]:
+def _neighbouring_lines(lines: Sequence[float], value: float) -> list[int]:
     """The lines of a map on either side of a value between its ends, or the one that it is on."""
-    on = [k for k, line in enumerate(lines) if math.isclose(line, at, rel_tol=1e-9)]
-    above = int(np.searchsorted(lines, at))
-    return on or [above - 1, above]
+    matching_line = [k for k, line in enumerate(lines) if math.isclose(line, value, rel_tol=1e-9)]
+    next_line = int(np.searchsorted(lines, value))
+    return matching_line or [next_line - 1, next_line]
 
 
 def punch_ratio(nu: float) -> float:
@@ -153,10 +155,10 @@ def punch_ratio(nu: float) -> float:
 @lru_cache(maxsize=64)  # every scene of a study asks for the same few
 def radius_ratio(nu: float, power: float) -> float:
     """Contact radius without slip over the frictionless one at the same depth under f = B r^power."""
-    return float((_sinking(nu, power) / _sinking(0.5, power)) ** (1.0 / power))
+    return float((_sinking_integral(nu, power) / _sinking_integral(0.5, power)) ** (1.0 / power))
 
 
-def _factor(nu: float) -> float:
+def _displacement_factor(nu: float) -> float:
     return 4.0 * (1.0 - nu) / (math.pi * math.sqrt(3.0 - 4.0 * nu))
 
 
@@ -164,25 +166,27 @@ def _theta(nu: float) -> float:
     return math.log(3.0 - 4.0 * nu) / (2.0 * math.pi)
 
 
-def _sinking(nu: float, n: float) -> float:
+def _sinking_integral(nu: float, n: float) -> float:
     """int_0^1 (1 - W(1/s)) s^(n-1) ds = B/(n alpha)."""
-    y, weights = _angles(FAR_ANGLE)  # t = tanh y
-    part = np.cos(2.0 * _theta(nu) * y) * _moment(np.tanh(y), n) / np.cosh(y) ** 2
-    return 1.0 / n - _factor(nu) * float(weights @ part)
+    y, weights = _panel_nodes(MAX_HYPERBOLIC_ANGLE)  # t = tanh y
+    integrand = np.cos(2.0 * _theta(nu) * y) * _moment(np.tanh(y), n) / np.cosh(y) ** 2
+    return 1.0 / n - _displacement_factor(nu) * float(weights @ integrand)
 
 
 def _moment(t: np.ndarray, n: float) -> np.ndarray:
     """int_0^1 s^n/sqrt(1 - t^2 s^2) ds = int_0^asin(t) sin(w)^n dw / t^(n+1), with w ~ v^2: n need
     not be whole.
     """
-    v, weights = gauss(0.0, 1.0, 2 * POINTS_PER_PANEL)
+    v, weights = gauss_legendre(0.0, 1.0, 2 * POINTS_PER_PANEL)
     end = np.arcsin(t)
     return np.asarray(
         (np.sin(np.outer(end, v * v)) / t[:, None]) ** n @ (2.0 * v * weights) * end / t
     )
 
 
-def _angles(end: float) -> Nodes:
+def _panel_nodes(end: float) -> Nodes:
     """Gauss nodes and weights on [0, end], panel by panel."""
     starts = map(float, np.arange(0.0, end, PANEL_LENGTH))
-    return joined([gauss(start, start + PANEL_LENGTH, POINTS_PER_PANEL) for start in starts])
+    return join_nodes(
+        [gauss_legendre(start, start + PANEL_LENGTH, POINTS_PER_PANEL) for start in starts]
+    )

@@ -29,16 +29,18 @@ from typing import Literal
 
 import numpy as np
 
+from indent_sim.theory.no_slip import FrictionCorrection
 from indent_sim.theory.surface import no_slip
-from indent_sim.theory.surface.no_slip import Rubbed
 
 FRICTION_RINGS = 200  # forces to 2e-5; twice as many cost five times as much for half of it
-FINER = 4.0  # power of their widths towards the edge, where p and q are singular
+EDGE_GRADING = 4.0  # power of their widths towards the edge, where p and q are singular
 # friction beta up to which that holds; from 1 on the rings find another singularity at the edge
-LARGEST_FRICTION = 0.8
+MAX_FRICTION_BETA = 0.8
 
 
-def rubbed(nu: float, friction: float | Literal["stick"], power: float = math.inf) -> Rubbed:
+def friction_correction(
+    nu: float, friction: float | Literal["stick"], power: float = math.inf
+) -> FrictionCorrection:
     """Force, contact and stick radius under f = B r^power with friction, to 2e-5 (`sticks` to a
     ring, 0.01 at worst).
 
@@ -46,19 +48,20 @@ def rubbed(nu: float, friction: float | Literal["stick"], power: float = math.in
     friction is stick or between 0 and 0.8/beta, which is 1.6 at nu = 0 and 2.8 at nu = 0.3.
     """
     if friction == "stick":
-        return no_slip.stuck(nu, power)
-    no_slip.check(nu, power)
+        return no_slip.no_slip_correction(nu, power)
+    no_slip.check_parameters(nu, power)
     beta = (1.0 - 2.0 * nu) / (2.0 * (1.0 - nu))
-    if not 0.0 <= friction * beta <= LARGEST_FRICTION:
-        largest = LARGEST_FRICTION / beta if beta else math.inf
-        raise ValueError(f"friction must lie in [0, {largest:.3g}], got {friction!r}")
+    if not 0.0 <= friction * beta <= MAX_FRICTION_BETA:
+        max_friction = MAX_FRICTION_BETA / beta if beta else math.inf
+        raise ValueError(f"friction must lie in [0, {max_friction:.3g}], got {friction!r}")
     punch = _punch(beta, friction)
     radius = (
         1.0
         if math.isinf(power)
-        else (punch.sinking(power) / SMOOTH.sinking(power)) ** (1.0 / power)
+        else (punch.sinking_integral(power) / FRICTIONLESS_PUNCH.sinking_integral(power))
+        ** (1.0 / power)
     )
-    return Rubbed(punch.force * radius, radius, punch.sticks)
+    return FrictionCorrection(punch.force * radius, radius, punch.stick_radius)
 
 
 @dataclass(frozen=True)
@@ -67,27 +70,27 @@ class FrictionalPunch:
     `stuck` stick.
     """
 
-    x: np.ndarray
+    ring_edges: np.ndarray
     phi: np.ndarray
-    stuck: int
+    stick_ring_count: int
 
     @property
     def force(self) -> float:
         """The force over that of a frictionless punch, whose phi is 2/pi."""
-        return float(math.pi / 2.0 * self.phi @ np.diff(self.x))
+        return float(math.pi / 2.0 * self.phi @ np.diff(self.ring_edges))
 
     @property
-    def sticks(self) -> float:
+    def stick_radius(self) -> float:
         """The radius up to which the surface sticks."""
-        return float(self.x[self.stuck])
+        return float(self.ring_edges[self.stick_ring_count])
 
-    def sinking(self, n: float) -> float:
+    def sinking_integral(self, n: float) -> float:
         """int_0^1 (1 - W(1/s)) s^(n-1) ds = B/(n alpha), W(q) = int_0^1 phi/sqrt(q^2 - x^2) dx
         beside the punch.
         """
         from scipy.special import hyp2f1
 
-        x = self.x
+        x = self.ring_edges
         over_s = hyp2f1(0.5, (n + 1.0) / 2.0, (n + 3.0) / 2.0, x * x) / (
             n + 1.0
         )  # int_0^1 s^n/sqrt(1 - s^2 x^2) ds
@@ -96,9 +99,9 @@ class FrictionalPunch:
 
 @lru_cache(maxsize=16)
 def _punch(beta: float, friction: float) -> FrictionalPunch:
-    return Rings(1.0 - (1.0 - np.linspace(0.0, 1.0, FRICTION_RINGS + 1)) ** FINER).pressed(
-        beta, friction
-    )
+    return Rings(
+        1.0 - (1.0 - np.linspace(0.0, 1.0, FRICTION_RINGS + 1)) ** EDGE_GRADING
+    ).solve_punch(beta, friction)
 
 
 @dataclass(frozen=True)
@@ -107,46 +110,58 @@ class Rings:
     from r.
     """
 
-    x: np.ndarray
+    ring_edges: np.ndarray
 
     @cached_property
-    def r(self) -> np.ndarray:
+    def ring_middles(self) -> np.ndarray:
         """Their middles (n,), where displacements are asked for."""
-        return (self.x[1:] + self.x[:-1]) / 2.0
+        return (self.ring_edges[1:] + self.ring_edges[:-1]) / 2.0
 
     @cached_property
-    def _below(self) -> np.ndarray:
-        return np.minimum(self.x / self.r[:, None], 1.0)
+    def _inner_fraction(self) -> np.ndarray:
+        return np.minimum(self.ring_edges / self.ring_middles[:, None], 1.0)
 
-    def pressed(self, beta: float, friction: float) -> FrictionalPunch:
+    def solve_punch(self, beta: float, friction: float) -> FrictionalPunch:
         """The punch that presses on them: slip begins at a ring found by bisection."""
-        n = len(self.r)
-        angle = np.arcsin(self._below)
-        under = np.diff(angle)  # int_0^r 1/sqrt(r^2 - x^2) dx
-        along = self.r[:, None] / 2.0 * np.diff(angle - self._below * np.sqrt(1.0 - self._below**2))
-        beyond = self._beyond(self.r)
-        pushed = (np.diff(self.x) - beyond) / self.r[:, None]
-        stuck = np.block([[under, -beta * beyond], [-beta * pushed, along]])
-        on_rings = -np.diff(
-            self._beyond(self.x), axis=0
+        n = len(self.ring_middles)
+        angle = np.arcsin(self._inner_fraction)
+        vertical_rows = np.diff(angle)  # int_0^r 1/sqrt(r^2 - x^2) dx
+        radial_rows = (
+            self.ring_middles[:, None]
+            / 2.0
+            * np.diff(angle - self._inner_fraction * np.sqrt(1.0 - self._inner_fraction**2))
+        )
+        outer_integrals = self._outer_integrals(self.ring_middles)
+        pressure_rows = (np.diff(self.ring_edges) - outer_integrals) / self.ring_middles[:, None]
+        stick_equations = np.block(
+            [[vertical_rows, -beta * outer_integrals], [-beta * pressure_rows, radial_rows]]
+        )
+        ring_tractions = -np.diff(
+            self._outer_integrals(self.ring_edges), axis=0
         )  # q of chi, r p of phi, integrated over each ring
-        slipping = np.hstack([-friction / self.r[:, None] * on_rings, on_rings])
-        one = np.repeat([1.0, 0.0], n)
+        slip_equations = np.hstack(
+            [-friction / self.ring_middles[:, None] * ring_tractions, ring_tractions]
+        )
+        right_side = np.repeat([1.0, 0.0], n)
 
-        def from_ring(k: int) -> np.ndarray:
+        def solve_slip_from(k: int) -> np.ndarray:
             """phi and chi if the rings from k on slip."""
-            return np.linalg.solve(np.vstack([stuck[: n + k], slipping[k:]]), one)
+            return np.linalg.solve(
+                np.vstack([stick_equations[: n + k], slip_equations[k:]]), right_side
+            )
 
-        def holds(k: int) -> bool:
+        def is_slip_admissible(k: int) -> bool:
             """Whether the rings before k stick, of which the last is the first to slip."""
-            return k == 0 or bool(slipping[k - 1] @ from_ring(k) <= 0.0)
+            return k == 0 or bool(slip_equations[k - 1] @ solve_slip_from(k) <= 0.0)
 
-        k = bisect_left(range(n), True, key=lambda slipping: not holds(slipping + 1))
-        return FrictionalPunch(self.x, from_ring(k)[:n], k)
+        k = bisect_left(
+            range(n), True, key=lambda slip_equations: not is_slip_admissible(slip_equations + 1)
+        )
+        return FrictionalPunch(self.ring_edges, solve_slip_from(k)[:n], k)
 
-    def _beyond(self, r: np.ndarray) -> np.ndarray:
+    def _outer_integrals(self, r: np.ndarray) -> np.ndarray:
         """int_r^1 x/sqrt(x^2 - r^2) dx over each ring, seen from each r."""
-        return np.diff(np.sqrt(np.maximum(self.x**2 - r[:, None] ** 2, 0.0)))
+        return np.diff(np.sqrt(np.maximum(self.ring_edges**2 - r[:, None] ** 2, 0.0)))
 
 
-SMOOTH = FrictionalPunch(np.array([0.0, 1.0]), np.array([2.0 / math.pi]), 0)
+FRICTIONLESS_PUNCH = FrictionalPunch(np.array([0.0, 1.0]), np.array([2.0 / math.pi]), 0)

@@ -44,100 +44,106 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import Chebyshev
 
-from indent_sim.theory.hankel import Nodes, gauss, joined, wavenumbers
+from indent_sim.theory.contact_curve import ContactCurve, field_of_position
+from indent_sim.theory.hankel import Nodes, gauss_legendre, join_nodes, wavenumber_nodes
 from indent_sim.theory.layer import Layer
-from indent_sim.theory.march import LayerContact, pointwise
 from indent_sim.theory.solution import Solution
 
 # functions of phi: and more for each sqrt(a/b), as phi ends in a layer of width b
-FEWEST = 16
-PER_ROOT = 1.5
-MOST = 100
+LEAST_FUNCTIONS = 16
+FUNCTIONS_PER_ROOT = 1.5
+MAX_FUNCTIONS = 100
 # Of the force, against three times as many functions: 1.4e-4 at most was found under a tip with
 # kinks (a profile of straight pieces), 3e-6 under a sharp punch, 3e-9 under smooth tips
 KINKED_ERROR = 5e-4
-EDGED_ERROR = 1e-5
+SHARP_EDGE_ERROR = 1e-5
 SMOOTH_ERROR = 1e-8
 PANEL_POINTS = 10  # Gauss points on a panel of the angle
-INNERMOST = 20  # and where the logarithm is, towards which they crowd as v^3
-POINTS_BESIDE = 24  # Chebyshev's points beside the contact, where the surface is looked at
+INNERMOST_POINTS = 20  # and where the logarithm is, towards which they crowd as v^3
+OUTSIDE_POINTS = 24  # Chebyshev's points beside the contact, where the surface is looked at
 
 
-class Terms(NamedTuple):
+class LinearSolution(NamedTuple):
     """The coefficients (c, d_0, d_1, ...) of phi [h], in units of E*/pi, at one contact radius, for
     unit depth and for the tip's shape: phi = delta one - shape.
     """
 
-    one: np.ndarray
-    shape: np.ndarray
+    unit_depth: np.ndarray
+    tip_shape: np.ndarray
 
     @property
-    def touch(self) -> float:
+    def indentation_of_radius(self) -> float:
         """Depth [h] of a smooth tip with this contact radius: no line force along the edge."""
-        return float(self.shape[0] / self.one[0])
+        return float(self.tip_shape[0] / self.unit_depth[0])
 
 
 @dataclass(frozen=True)
-class TensedLayer(LayerContact):
+class LayerWithSurfaceTension(ContactCurve):
     """A layer under a tip of revolution, its surface under tension. b: twice gamma/E* [h]."""
 
     b: float = 0.0
 
     @classmethod
-    def of(cls, layer: Layer, surface_tension: float) -> TensedLayer:
+    def from_layer(cls, layer: Layer, surface_tension: float) -> LayerWithSurfaceTension:
         """The contact of an infinitely wide layer with a surface tension [F/L] > 0."""
         b = 2.0 * surface_tension / (layer.E_star * layer.h)
-        return cls(layer.tip, layer.scaled, layer.E_star, layer.h, math.inf, b)
+        return cls(layer.tip, layer.scaled_stack, layer.E_star, layer.h, math.inf, b)
 
     def profile(self, x: np.ndarray) -> np.ndarray:
         """g [h] of the tip."""
         return self.tip.g(x * self.h) / self.h
 
-    def at(self, a: float) -> Terms:
+    def linear_solution(self, a: float) -> LinearSolution:
         """Solve for unit depth and for the tip's shape at the contact radius a [h]."""
-        count = self._count(a)
-        theta = (np.arange(count) + 0.5) * math.pi / (2 * count)
+        function_count = self._function_count(a)
+        theta = (np.arange(function_count) + 0.5) * math.pi / (2 * function_count)
         x = a * np.cos(theta)
-        right = np.column_stack([np.ones(count), self._shape(a, theta)])
-        matrix = np.array([self._row(a, angle, count) for angle in theta]) - self._beneath(
-            a, x, count
-        )
-        return Terms(*np.linalg.solve(matrix, right).T)
+        right_side = np.column_stack([np.ones(function_count), self._tip_shape(a, theta)])
+        matrix = np.array(
+            [self._kernel_row(a, angle, function_count) for angle in theta]
+        ) - self._layer_matrix(a, x, function_count)
+        return LinearSolution(*np.linalg.solve(matrix, right_side).T)
 
-    def _count(self, a: float) -> int:
+    def _function_count(self, a: float) -> int:
         """How many functions; the same for a range of radii, in which a search finds one curve."""
-        layers = 2.0 ** math.ceil(math.log2(a / self.b))
-        few = FEWEST * (3 if self.has_kinks else 1)
-        return min(few + math.ceil(PER_ROOT * math.sqrt(layers)), MOST)
+        width_ratio = 2.0 ** math.ceil(math.log2(a / self.b))
+        base_count = LEAST_FUNCTIONS * (3 if self.has_slope_discontinuities else 1)
+        return min(
+            base_count + math.ceil(FUNCTIONS_PER_ROOT * math.sqrt(width_ratio)), MAX_FUNCTIONS
+        )
 
     @property
     def error(self) -> float:
         """The relative error of its force, stated."""
-        if self.has_kinks:
+        if self.has_slope_discontinuities:
             return KINKED_ERROR
-        return EDGED_ERROR if self.tip.edge is not None else SMOOTH_ERROR
+        return SHARP_EDGE_ERROR if self.tip.punch_radius is not None else SMOOTH_ERROR
 
     @property
-    def has_kinks(self) -> bool:
+    def has_slope_discontinuities(self) -> bool:
         """Whether the slope of the tip jumps, or bends, somewhere: phi is then found more slowly."""
-        return bool(self.tip.breaks) or self.tip.corner > 0.0
+        return bool(self.tip.slope_discontinuities) or self.tip.apex_slope > 0.0
 
-    def _shape(self, a: float, theta: np.ndarray) -> np.ndarray:
+    def _tip_shape(self, a: float, theta: np.ndarray) -> np.ndarray:
         """g [h] at angles; of a tip with kinks what as many cos(2 m theta) make of it."""
-        breaks = [math.acos(b / (a * self.h)) for b in self.tip.breaks if b < a * self.h]
-        if not self.has_kinks:
+        breaks = [
+            math.acos(b / (a * self.h)) for b in self.tip.slope_discontinuities if b < a * self.h
+        ]
+        if not self.has_slope_discontinuities:
             return self.profile(a * np.cos(theta))
         edges = [
             0.0,
             *reversed(breaks),
             0.5 * math.pi,
         ]  # beside a break g rises like the root, towards the edge
-        fine = 2 * theta.size
+        point_count = 2 * theta.size
         parts = [
-            _towards(hi, lo, fine) if hi in breaks else gauss(lo, hi, fine)
+            _graded_nodes(hi, lo, point_count)
+            if hi in breaks
+            else gauss_legendre(lo, hi, point_count)
             for lo, hi in pairwise(edges)
         ]
-        angle, weight = joined(parts)
+        angle, weight = join_nodes(parts)
         m = 2 * np.arange(theta.size)
         moments = (
             4.0 / math.pi * (weight * self.profile(a * np.cos(angle))) @ np.cos(np.outer(angle, m))
@@ -145,84 +151,92 @@ class TensedLayer(LayerContact):
         moments[0] *= 0.5
         return np.asarray(np.cos(np.outer(theta, m)) @ moments)
 
-    def _row(self, a: float, angle: float, count: int) -> np.ndarray:
+    def _kernel_row(self, a: float, angle: float, count: int) -> np.ndarray:
         """(1/pi) ∫ phi(t) k0(a cos(angle) - t) dt of each function of phi; an angle i eta stands
         for a cosh(eta).
         """
         levels = max(2, math.ceil(math.log2(1.0 + a / self.b)) + 3)
-        away, weight = _angles(angle, levels, count)
-        apart = 2.0 * a * np.sin(angle + 0.5 * away) * np.abs(np.sin(0.5 * away))
-        kernel = auxiliary(apart / self.b) / self.b
-        return a / math.pi * ((weight * kernel) @ _functions(angle + away, count))
+        angle_offsets, weight = _logarithmic_nodes(angle, levels, count)
+        distances = (
+            2.0 * a * np.sin(angle + 0.5 * angle_offsets) * np.abs(np.sin(0.5 * angle_offsets))
+        )
+        kernel = auxiliary_integral(distances / self.b) / self.b
+        return a / math.pi * ((weight * kernel) @ _basis_functions(angle + angle_offsets, count))
 
-    def _beneath(self, a: float, x: np.ndarray, count: int) -> np.ndarray:
+    def _layer_matrix(self, a: float, x: np.ndarray, count: int) -> np.ndarray:
         """(2/pi) ∫ phi(t) K(x, t) dt of each function, shape (len(x), count)."""
-        reach = 2.0 ** math.ceil(math.log2(max(a, float(x.max()), 1.0)))
-        k, weight = wavenumbers(reach, self.scaled.finest)
-        M = self.scaled.complement(k)
+        max_radius = 2.0 ** math.ceil(math.log2(max(a, float(x.max()), 1.0)))
+        k, weight = wavenumber_nodes(max_radius, self.scaled_stack.min_wavenumber)
+        M = self.scaled_stack.compliance_complement(k)
         weight = weight * M / ((1.0 + self.b * k * (1.0 - M)) * (1.0 + self.b * k))
-        theta, w = gauss(
+        theta, w = gauss_legendre(
             0.0, 0.5 * math.pi, count + math.ceil(20 + 2.0 * a * min(22.0, float(k.max())))
         )
-        modes = np.cos(np.outer(k, a * np.cos(theta))) @ (a * w[:, None] * _functions(theta, count))
+        modes = np.cos(np.outer(k, a * np.cos(theta))) @ (
+            a * w[:, None] * _basis_functions(theta, count)
+        )
         return 2.0 / math.pi * np.cos(np.outer(x, k)) @ (weight[:, None] * modes)
 
-    def solution(self, delta: float, a: float, found: Terms | None = None) -> Solution:
+    def solution(self, delta: float, a: float, linear: LinearSolution | None = None) -> Solution:
         """Turn the linear solutions at the contact radius a [h] into physical quantities."""
         depth = delta / self.h
-        found = found or self.at(a)
-        phi = depth * found.one - found.shape
-        if self.tip.edge is None:
+        linear = linear or self.linear_solution(a)
+        phi = depth * linear.unit_depth - linear.tip_shape
+        if self.tip.punch_radius is None:
             phi[0] = 0.0
-        theta, weight = gauss(0.0, 0.5 * math.pi, 4 * phi.size)
-        along = _functions(theta, phi.size)
-        whole = a * weight @ along  # ∫_0^a phi dt of each
+        theta, weight = gauss_legendre(0.0, 0.5 * math.pi, 4 * phi.size)
+        basis = _basis_functions(theta, phi.size)
+        basis_integrals = a * weight @ basis  # ∫_0^a phi dt of each
         energy = (
             self.E_star
             * self.h**3
             * a
-            * float(weight @ ((along @ phi) * (depth - self.profile(a * np.cos(theta)))))
+            * float(weight @ ((basis @ phi) * (depth - self.profile(a * np.cos(theta)))))
         )
-        force = 2.0 * self.E_star * self.h**2 * float(whole @ phi)
+        force = 2.0 * self.E_star * self.h**2 * float(basis_integrals @ phi)
         stiffness = 2.0 * self.E_star * self.h
-        pressure = pointwise(_pressure, self, a, phi)
-        u_z = pointwise(_u_z, self, a, phi, depth)
-        slope = stiffness * float(whole @ found.one)
+        pressure = field_of_position(_pressure, self, a, phi)
+        u_z = field_of_position(_u_z, self, a, phi, depth)
+        slope = stiffness * float(basis_integrals @ linear.unit_depth)
         return Solution(
             float(delta), force, float(a * self.h), self.area(a), energy, slope, pressure, u_z
         )
 
-    def sinking(self, a: float, phi: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def outside_displacement(self, a: float, phi: np.ndarray, x: np.ndarray) -> np.ndarray:
         """What the left of the equation is at places x > a [h]: of the surface beside the contact."""
-        rows = np.array([self._beside(a, place, phi.size) for place in x])
-        return (rows - self._beneath(a, x, phi.size)) @ phi
+        rows = np.array([self._outside_row(a, position, phi.size) for position in x])
+        return (rows - self._layer_matrix(a, x, phi.size)) @ phi
 
-    def _beside(self, a: float, x: float, count: int) -> np.ndarray:
+    def _outside_row(self, a: float, x: float, count: int) -> np.ndarray:
         """As `_row`, for a place x > a [h]: angles crowd towards the edge."""
-        theta, weight = _angles(
+        theta, weight = _logarithmic_nodes(
             0.0, max(2, math.ceil(math.log2(1.0 + a / min(self.b, x - a))) + 3), count
         )
-        kernel = auxiliary((x - a + 2.0 * a * np.sin(0.5 * theta) ** 2) / self.b) / self.b
-        return a / math.pi * ((weight * kernel) @ _functions(theta, count))
+        kernel = auxiliary_integral((x - a + 2.0 * a * np.sin(0.5 * theta) ** 2) / self.b) / self.b
+        return a / math.pi * ((weight * kernel) @ _basis_functions(theta, count))
 
 
-def _towards(begin: float, end: float, count: int) -> Nodes:
+def _graded_nodes(begin: float, end: float, count: int) -> Nodes:
     """Nodes and weights between two places that crowd at the first one as v^2."""
-    v, w = gauss(0.0, 1.0, count)
+    v, w = gauss_legendre(0.0, 1.0, count)
     return begin + (end - begin) * v**2, abs(end - begin) * 2.0 * v * w
 
 
-def auxiliary(z: np.ndarray) -> np.ndarray:
+def auxiliary_integral(z: np.ndarray) -> np.ndarray:
     """G(z) = ∫_0^inf cos t/(t + z) dt = Re e^(iz) E1(iz) for z > 0."""
     from scipy.special import exp1
 
-    far = z > 1e4  # where the next term is 1e-15 of it
-    near = np.where(far, 1.0, z)
+    is_far = z > 1e4  # where the next term is 1e-15 of it
+    near_argument = np.where(is_far, 1.0, z)
     square = np.maximum(z, 1.0) ** 2
-    return np.where(far, (1.0 - 6.0 / square) / square, (np.exp(1j * near) * exp1(1j * near)).real)
+    return np.where(
+        is_far,
+        (1.0 - 6.0 / square) / square,
+        (np.exp(1j * near_argument) * exp1(1j * near_argument)).real,
+    )
 
 
-def _functions(theta: np.ndarray, count: int) -> np.ndarray:
+def _basis_functions(theta: np.ndarray, count: int) -> np.ndarray:
     """phi dt/(a d theta) of each function at angles (len(theta), count): 1, then sin((2n + 1)
     theta) sin(theta).
     """
@@ -233,7 +247,7 @@ def _functions(theta: np.ndarray, count: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=4096)
-def _angles(angle: float, levels: int, count: int) -> Nodes:
+def _logarithmic_nodes(angle: float, levels: int, count: int) -> Nodes:
     """Nodes and weights on [0, pi] for a logarithm at an angle, and functions of count
     oscillations.
 
@@ -242,19 +256,24 @@ def _angles(angle: float, levels: int, count: int) -> Nodes:
     """
     longest = 2.0 * PANEL_POINTS / (3.0 * count)
     parts = []
-    for length, way in ((angle, -1.0), (math.pi - angle, 1.0)):
+    for length, direction in ((angle, -1.0), (math.pi - angle, 1.0)):
         if length <= 0.0:
             continue
         steps = [min(longest, 0.5 * length) * 0.5**k for k in range(levels, -1, -1)]
         panels = math.ceil((length - steps[-1]) / longest)
         edges = [*steps, *(steps[-1] + (length - steps[-1]) * np.arange(1, panels + 1) / panels)]
-        v, w = gauss(0.0, 1.0, INNERMOST)
-        parts.append((way * edges[0] * v**3, 3.0 * edges[0] * v**2 * w))
-        parts += [(way * x, w) for x, w in (gauss(*ends, PANEL_POINTS) for ends in pairwise(edges))]
-    return joined(parts)
+        v, w = gauss_legendre(0.0, 1.0, INNERMOST_POINTS)
+        parts.append((direction * edges[0] * v**3, 3.0 * edges[0] * v**2 * w))
+        parts += [
+            (direction * x, w)
+            for x, w in (gauss_legendre(*ends, PANEL_POINTS) for ends in pairwise(edges))
+        ]
+    return join_nodes(parts)
 
 
-def _pressure(layer: TensedLayer, a: float, phi: np.ndarray, r: np.ndarray) -> np.ndarray:
+def _pressure(
+    layer: LayerWithSurfaceTension, a: float, phi: np.ndarray, r: np.ndarray
+) -> np.ndarray:
     """p(r) = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1) [F/L^2]; infinite where there is a line
     force.
     """
@@ -268,27 +287,31 @@ def _pressure(layer: TensedLayer, a: float, phi: np.ndarray, r: np.ndarray) -> n
     return p
 
 
-def _u_z(layer: TensedLayer, a: float, phi: np.ndarray, depth: float, r: np.ndarray) -> np.ndarray:
+def _u_z(
+    layer: LayerWithSurfaceTension, a: float, phi: np.ndarray, depth: float, r: np.ndarray
+) -> np.ndarray:
     """u_z(r) = -(2/pi) ∫_0^r s(x)/sqrt(r^2 - x^2) dx [L], s = delta - g inside the contact and
     `sinking` beside it.
     """
-    q, w = gauss(0.0, 1.0, 64)
-    beside = None
+    q, w = gauss_legendre(0.0, 1.0, 64)
+    outside_sinking = None
     end = float(np.arccosh(max(1.0, r.max() / a)))
     if end > 0.0:
-        beside = Chebyshev.interpolate(
-            lambda y: layer.sinking(a, phi, a * np.cosh(np.maximum(y, 1e-9))),
-            POINTS_BESIDE,
+        outside_sinking = Chebyshev.interpolate(
+            lambda y: layer.outside_displacement(a, phi, a * np.cosh(np.maximum(y, 1e-9))),
+            OUTSIDE_POINTS,
             [0.0, end],
         )
     value = np.empty_like(r)
     for k, radius in enumerate(r):
-        top = math.asin(a / radius) if radius > a else 0.5 * math.pi
-        sunk = top * float(w @ (depth - layer.profile(radius * np.sin(top * q))))
-        if radius > a and beside is not None:
-            angle = top + (0.5 * math.pi - top) * q
-            sunk += (0.5 * math.pi - top) * float(
-                w @ beside(np.arccosh(np.maximum(radius * np.sin(angle) / a, 1.0)))
+        contact_angle = math.asin(a / radius) if radius > a else 0.5 * math.pi
+        sinking = contact_angle * float(
+            w @ (depth - layer.profile(radius * np.sin(contact_angle * q)))
+        )
+        if radius > a and outside_sinking is not None:
+            angle = contact_angle + (0.5 * math.pi - contact_angle) * q
+            sinking += (0.5 * math.pi - contact_angle) * float(
+                w @ outside_sinking(np.arccosh(np.maximum(radius * np.sin(angle) / a, 1.0)))
             )
-        value[k] = 2.0 / math.pi * sunk
+        value[k] = 2.0 / math.pi * sinking
     return -layer.h * value

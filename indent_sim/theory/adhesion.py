@@ -25,16 +25,16 @@ from numpy.polynomial import Chebyshev
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq, minimize_scalar
 
+from indent_sim.theory.punches import Punches
 from indent_sim.theory.solution import require_positive
-from indent_sim.theory.surface.punches import Punches
 
-MAUGIS = (
+MAUGIS_RANGE = (
     1e-10,
     1e5,
 )  # parameters beyond which the edge of the attraction is not to be told from that of the contact
 LAMBDA_PER_TABOR = 2.0 * (9.0 / (16.0 * math.pi)) ** (1.0 / 3.0)  # 1.1272
 # of ln a about an extremum, and points of the polynomial that finds it to 1e-10
-NARROW = 0.05
+EXTREMUM_WIDTH = 0.05
 EXTREMUM_POINTS = 13
 BRANCH_SAMPLES = 120  # of a stable branch
 MOST_EQUILIBRIA = (
@@ -43,12 +43,12 @@ MOST_EQUILIBRIA = (
 LEAST_UNSTABLE_RADIUS = (
     1e-3  # of the radius without force: no instability has a smaller contact, on any layer or tip
 )
-NEARER = 1.25  # steps of a radius from the largest one down
+RADIUS_STEP = 1.25  # steps of a radius from the largest one down
 LEAST_RIM_DISTANCE = 1e-9  # relative distance from the largest radius that is looked at
 
 
 @dataclass(frozen=True)
-class Contact:
+class AdhesiveContact:
     """An equilibrium: contact radius a [L], depth delta [L], force [F] < 0 pulling."""
 
     a: float
@@ -68,108 +68,126 @@ class Jkr:
         require_positive(work=work)
         self.punches = punches
         self.work = work
-        self.pull_off, self._at = cache(self._pull_off), lru_cache(MOST_EQUILIBRIA)(self._found)
+        self.pull_off, self._cached_equilibrium = (
+            cache(self._find_pull_off),
+            lru_cache(MOST_EQUILIBRIA)(self._solve),
+        )
 
-    def at(self, a: float) -> Contact:
+    def equilibrium_at(self, a: float) -> AdhesiveContact:
         """The equilibrium, stable or not, of contact radius a [L]."""
-        return self._at(a)
+        return self._cached_equilibrium(a)
 
-    def _found(self, a: float) -> Contact:
-        punch = self.punches.at(a)
-        if punch.slope <= 0.0:
+    def _solve(self, a: float) -> AdhesiveContact:
+        punch = self.punches.punch_of_radius(a)
+        if punch.stiffness_slope <= 0.0:
             raise ValueError(
                 f"flat punches of radius {a:.3g} are not known well enough: give a smaller "
                 "mesh.h_contact"
             )
-        q = math.sqrt(4.0 * math.pi * a * self.work / punch.slope)
-        return Contact(a, punch.delta - q, punch.force - punch.stiffness * q)
+        q = math.sqrt(4.0 * math.pi * a * self.work / punch.stiffness_slope)
+        return AdhesiveContact(a, punch.delta - q, punch.force - punch.stiffness * q)
 
-    def way(self, a: float, compliance: float) -> float:
+    def base_displacement(self, a: float, compliance: float) -> float:
         """z = delta + compliance force [L]: what prescribes the tip's place through a spring of
         1/compliance [L/F].
         """
-        found = self.at(a)
-        return found.delta + compliance * found.force
+        equilibrium = self.equilibrium_at(a)
+        return equilibrium.delta + compliance * equilibrium.force
 
-    def _pull_off(self, compliance: float = 0.0) -> Contact:
-        about = self._radius_at_rest
-        ends = math.log(max(LEAST_UNSTABLE_RADIUS * about, self.punches.smallest)), math.log(about)
-        return self.at(self._extremum(self._value(compliance), *ends))
+    def _find_pull_off(self, compliance: float = 0.0) -> AdhesiveContact:
+        zero_force_radius = self._zero_force_radius
+        log_bounds = (
+            math.log(max(LEAST_UNSTABLE_RADIUS * zero_force_radius, self.punches.min_radius)),
+            math.log(zero_force_radius),
+        )
+        return self.equilibrium_at(self._extremum(self._prescribed_value(compliance), *log_bounds))
 
     @cached_property
-    def _radius_at_rest(self) -> float:
+    def _zero_force_radius(self) -> float:
         """The radius without force, beyond which the contact is stable however it is held."""
-        low = self.punches.smallest
-        high = self.punches.largest * (1.0 - LEAST_RIM_DISTANCE)
+        low = self.punches.min_radius
+        high = self.punches.max_radius * (1.0 - LEAST_RIM_DISTANCE)
         low = max(low, 1e-9 * high)
-        if self.at(low).force > 0.0:
+        if self.equilibrium_at(low).force > 0.0:
             raise ValueError(
                 f"adhesion is weak: what pulls is smaller than {low:g}, of which nothing is known"
             )
         widest = high
         while (
-            self.at(high).force < 0.0
+            self.equilibrium_at(high).force < 0.0
         ):  # beside a wall, where no edge gives way, every contact pulls
-            high /= NEARER
+            high /= RADIUS_STEP
             if high <= low:
                 raise ValueError(
                     "adhesion is strong: contacts pull beyond "
                     f"{widest:g}, of which nothing is known"
                 )
         return math.exp(
-            brentq(lambda x: self.at(math.exp(x)).force, math.log(low), math.log(high), xtol=1e-10)
+            brentq(
+                lambda x: self.equilibrium_at(math.exp(x)).force,
+                math.log(low),
+                math.log(high),
+                xtol=1e-10,
+            )
         )
 
     def _extremum(self, value: Callable[[float], float], low: float, high: float) -> float:
         """Radius [L] of the smallest value between two ln a, to about 1e-10; ValueError where it
         lies at an end.
         """
-        found = float(
+        log_radius = float(
             minimize_scalar(lambda x: value(math.exp(x)), bounds=(low, high), method="bounded").x
         )
-        around = max(found - NARROW, low), min(found + NARROW, high)
-        near = Chebyshev.interpolate(
-            np.vectorize(lambda x: value(math.exp(x))), EXTREMUM_POINTS, domain=around
+        bounds = max(log_radius - EXTREMUM_WIDTH, low), min(log_radius + EXTREMUM_WIDTH, high)
+        polynomial = Chebyshev.interpolate(
+            np.vectorize(lambda x: value(math.exp(x))), EXTREMUM_POINTS, domain=bounds
         )
-        flat = np.asarray(near.deriv().roots(), dtype=complex)
-        inside = [x.real for x in flat if abs(x.imag) < 1e-6 and around[0] < x.real < around[1]]
-        if not inside:
+        stationary_points = np.asarray(polynomial.deriv().roots(), dtype=complex)
+        inner_extrema = [
+            x.real
+            for x in stationary_points
+            if abs(x.imag) < 1e-6 and bounds[0] < x.real < bounds[1]
+        ]
+        if not inner_extrema:
             raise ValueError(
-                f"the contact at pull-off, about {math.exp(found):.3g}, is too small to be known"
+                f"the contact at pull-off, about {math.exp(log_radius):.3g}, is too small to be known"
             )
-        return math.exp(min(inside, key=near))
+        return math.exp(min(inner_extrema, key=polynomial))
 
-    def stable(self, z: float, compliance: float = 0.0) -> Contact | None:
+    def stable_equilibrium(self, z: float, compliance: float = 0.0) -> AdhesiveContact | None:
         """The stable equilibrium at a way z [L] (see `way`); None where the tip has come off.
 
         With an infinite compliance z is the force [F].
         """
-        last = self.pull_off(compliance)
-        value = self._value(compliance)
-        if z < value(last.a):
+        pull_off = self.pull_off(compliance)
+        value = self._prescribed_value(compliance)
+        if z < value(pull_off.a):
             return None
-        high = self._beyond(z, value, last.a)
-        return self.at(
+        upper_radius = self._radius_beyond(z, value, pull_off.a)
+        return self.equilibrium_at(
             math.exp(
                 brentq(
-                    lambda x: value(math.exp(x)) - z, math.log(last.a), math.log(high), xtol=1e-13
+                    lambda x: value(math.exp(x)) - z,
+                    math.log(pull_off.a),
+                    math.log(upper_radius),
+                    xtol=1e-13,
                 )
             )
         )
 
-    def _value(self, compliance: float) -> Callable[[float], float]:
+    def _prescribed_value(self, compliance: float) -> Callable[[float], float]:
         """What is prescribed through a spring, by the radius: the way, or the force for an infinite
         compliance.
         """
         return (
-            (lambda a: self.at(a).force)
+            (lambda a: self.equilibrium_at(a).force)
             if math.isinf(compliance)
-            else (lambda a: self.way(a, compliance))
+            else (lambda a: self.base_displacement(a, compliance))
         )
 
-    def _beyond(self, z: float, value: Callable[[float], float], a: float) -> float:
+    def _radius_beyond(self, z: float, value: Callable[[float], float], a: float) -> float:
         """A radius [L] not far beyond the one with this value."""
-        high = self.punches.largest * (1.0 - LEAST_RIM_DISTANCE)
+        high = self.punches.max_radius * (1.0 - LEAST_RIM_DISTANCE)
         while value(a) < z:
             if a >= high:
                 raise ValueError(
@@ -178,42 +196,49 @@ class Jkr:
             a = min(1.5 * a, high)
         return a
 
-    def branch(self, largest: float, compliance: float = 0.0) -> Callable[[float], Contact | None]:
+    def stable_branch(
+        self, largest: float, compliance: float = 0.0
+    ) -> Callable[[float], AdhesiveContact | None]:
         """`stable` for many ways up to the `largest` [L], from some of its equilibria: to 1e-7 of
         the largest. The way is smooth in the root of its distance from pull-off, where the
         radius goes with that root.
         """
-        last = self.pull_off(compliance)
-        value = self._value(compliance)
-        lowest = value(last.a)
-        high = self._beyond(largest, value, last.a)
-        a = last.a * (high / last.a) ** (np.linspace(0.0, 1.0, BRANCH_SAMPLES) ** 1.5)
-        contacts = [last, *(self.at(float(x)) for x in a[1:])]
-        ways = [
-            c.force if math.isinf(compliance) else c.delta + compliance * c.force for c in contacts
+        pull_off = self.pull_off(compliance)
+        value = self._prescribed_value(compliance)
+        lowest = value(pull_off.a)
+        upper_radius = self._radius_beyond(largest, value, pull_off.a)
+        a = pull_off.a * (upper_radius / pull_off.a) ** (
+            np.linspace(0.0, 1.0, BRANCH_SAMPLES) ** 1.5
+        )
+        equilibria = [pull_off, *(self.equilibrium_at(float(x)) for x in a[1:])]
+        prescribed_values = [
+            c.force if math.isinf(compliance) else c.delta + compliance * c.force
+            for c in equilibria
         ]
-        root = np.sqrt(np.maximum(np.array(ways) - lowest, 0.0))
-        table = CubicSpline(root, [[c.a, c.delta, c.force] for c in contacts])
+        root_distances = np.sqrt(np.maximum(np.array(prescribed_values) - lowest, 0.0))
+        table = CubicSpline(root_distances, [[c.a, c.delta, c.force] for c in equilibria])
 
-        def found(z: float) -> Contact | None:
-            return Contact(*map(float, table(math.sqrt(z - lowest)))) if z >= lowest else None
+        def interpolated_equilibrium(z: float) -> AdhesiveContact | None:
+            return (
+                AdhesiveContact(*map(float, table(math.sqrt(z - lowest)))) if z >= lowest else None
+            )
 
-        return found
+        return interpolated_equilibrium
 
 
-def tabor(work: float, reach: float, R: float, E_star: float) -> float:
-    """Tabor number (R work^2/(E*^2 reach^3))^(1/3) of an attraction with a range `reach` [L]; JKR
+def tabor_number(work: float, attraction_range: float, R: float, E_star: float) -> float:
+    """Tabor number (R work^2/(E*^2 reach^3))^(1/3) of an attraction with a range `attraction_range` [L]; JKR
     above about 5.
     """
-    require_positive(work=work, range=reach, R=R, E_star=E_star)
-    return (R * work**2 / (E_star**2 * reach**3)) ** (1.0 / 3.0)
+    require_positive(work=work, range=attraction_range, R=R, E_star=E_star)
+    return (R * work**2 / (E_star**2 * attraction_range**3)) ** (1.0 / 3.0)
 
 
-def maugis_lambda(work: float, reach: float, R: float, E_star: float) -> float:
+def maugis_lambda(work: float, attraction_range: float, R: float, E_star: float) -> float:
     """Maugis' parameter lambda = 2 (work/reach) (R/(pi work (4E*/3)^2))^(1/3) = 1.127 of the Tabor
     number.
     """
-    return LAMBDA_PER_TABOR * tabor(work, reach, R, E_star)
+    return LAMBDA_PER_TABOR * tabor_number(work, attraction_range, R, E_star)
 
 
 def maugis_pull_off(parameter: float) -> float:
@@ -222,9 +247,11 @@ def maugis_pull_off(parameter: float) -> float:
     the ends of MAUGIS.
     """
     require_positive(parameter=parameter)
-    parameter = min(max(parameter, MAUGIS[0]), MAUGIS[1])
-    how = {"bounds": (-25.0, 25.0), "method": "bounded", "options": {"xatol": 1e-9}}
-    return float(minimize_scalar(lambda x: _maugis_force(1.0 + math.exp(x), parameter), **how).fun)
+    parameter = min(max(parameter, MAUGIS_RANGE[0]), MAUGIS_RANGE[1])
+    search_options = {"bounds": (-25.0, 25.0), "method": "bounded", "options": {"xatol": 1e-9}}
+    return float(
+        minimize_scalar(lambda x: _maugis_force(1.0 + math.exp(x), parameter), **search_options).fun
+    )
 
 
 def _maugis_force(m: float, parameter: float) -> float:

@@ -25,16 +25,16 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import cheb2poly
 
-from indent_sim.theory.hankel import gauss
+from indent_sim.theory.hankel import gauss_legendre
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.profiles import Tip
 from indent_sim.theory.roots import increasing_root
 
 FIT_DEGREE = 7  # of ln K and ln P over the radius: 3 and 7 are worse on noisy curves, 9 much
-LARGEST_MISFIT = 0.01  # of K and P: fits that miss one by more are of fewer radii
+MAX_MISFIT = 0.01  # of K and P: fits that miss one by more are of fewer radii
 FEWEST_RADII = 6  # that a fit needs at least
 FLAT_TIP_FORCE = 1e-9  # of P at the largest radius: less is that of a flat part of the tip
-QUADRATURE = 32  # points of the integral of g on each smooth piece of the tip
+QUADRATURE_POINTS = 32  # points of the integral of g on each smooth piece of the tip
 
 
 @dataclass(frozen=True)
@@ -47,29 +47,31 @@ class Punch:
     delta: float
     force: float
     stiffness: float
-    slope: float
+    stiffness_slope: float
 
 
 class Punches(Protocol):
     """The punches of a tip and a body, at any radius between `smallest` and `largest` [L]."""
 
-    smallest: float
-    largest: float
+    min_radius: float
+    max_radius: float
 
-    def at(self, a: float) -> Punch:
+    def punch_of_radius(self, a: float) -> Punch:
         """The punch of radius a [L]."""
 
 
-def radius_at(punches: Punches, delta: float, near: float = 0.0) -> float:
-    """Contact radius [L] of the tip at a depth [L] > 0, without adhesion, sought from one `near`
+def contact_radius(punches: Punches, delta: float, start_radius: float = 0.0) -> float:
+    """Contact radius [L] of the tip at a depth [L] > 0, without adhesion, sought from one `start_radius`
     it. ValueError where it would be beyond `largest`, or below half of `smallest`, of which
     nothing is known.
     """
-    start = near if 0.0 < near < punches.largest else 0.1 * punches.largest
-    found = increasing_root(lambda a: punches.at(a).delta, delta, start, punches.largest)
-    if found < 0.5 * punches.smallest:
-        raise ValueError(f"the contact radius {found:g} is smaller than those that are known")
-    return found
+    start = start_radius if 0.0 < start_radius < punches.max_radius else 0.1 * punches.max_radius
+    radius = increasing_root(
+        lambda a: punches.punch_of_radius(a).delta, delta, start, punches.max_radius
+    )
+    if radius < 0.5 * punches.min_radius:
+        raise ValueError(f"the contact radius {radius:g} is smaller than those that are known")
+    return radius
 
 
 class LayerPunches:
@@ -78,19 +80,33 @@ class LayerPunches:
     """
 
     def __init__(self, contact: Layer):
-        self._contact = contact
-        self.smallest = 0.0
-        self.largest = contact.largest() * contact.h
+        self._layer = contact
+        self.min_radius = 0.0
+        self.max_radius = contact.max_size() * contact.h
 
-    def at(self, a: float) -> Punch:
+    def punch_of_radius(self, a: float) -> Punch:
         """The punch of radius a [L]."""
-        contact = self._contact
-        h = contact.h
-        E_star = contact.E_star
-        linear = contact.at(a / contact.h)
-        force = 2.0 * E_star * h**2 * float(linear.w @ (linear.touch * linear.one - linear.shape))
-        stiffness = 2.0 * E_star * h * float(linear.w @ linear.one)
-        return Punch(a, linear.touch * h, force, stiffness, 2.0 * E_star * linear.one_edge**2)
+        layer = self._layer
+        h = layer.h
+        E_star = layer.E_star
+        linear = layer.linear_solution(a / layer.h)
+        force = (
+            2.0
+            * E_star
+            * h**2
+            * float(
+                linear.weights
+                @ (linear.indentation_of_radius * linear.unit_depth - linear.tip_shape)
+            )
+        )
+        stiffness = 2.0 * E_star * h * float(linear.weights @ linear.unit_depth)
+        return Punch(
+            a,
+            linear.indentation_of_radius * h,
+            force,
+            stiffness,
+            2.0 * E_star * linear.unit_depth_edge**2,
+        )
 
 
 class FittedPunches:
@@ -110,67 +126,76 @@ class FittedPunches:
         E_star: float,
         degree: int = FIT_DEGREE,
     ):
-        self._given = a, K, P, tip, E_star
-        self._nodes = gauss(0.0, 1.0, QUADRATURE)
+        self._arguments = a, K, P, tip, E_star
+        self._nodes = gauss_legendre(0.0, 1.0, QUADRATURE_POINTS)
         self._tip = tip
         self._E_star = E_star
-        a, K, P = (values[a < tip.reach] for values in (a, K, P))  # beyond its end g is unknown
-        P_0 = np.array([self._half_space(radius) for radius in a])
-        curved = (
+        a, K, P = (
+            values[a < tip.max_radius] for values in (a, K, P)
+        )  # beyond its end g is unknown
+        P_0 = np.array([self._half_space_force(radius) for radius in a])
+        is_curved = (
             FLAT_TIP_FORCE * P_0.max(initial=0.0) < P_0
         )  # a punch's rounded edge begins somewhere
-        if np.count_nonzero(curved) < FEWEST_RADII:
+        if np.count_nonzero(is_curved) < FEWEST_RADII:
             raise ValueError(
-                f"{np.count_nonzero(curved)} radii are too few to be smoothed, at least "
+                f"{np.count_nonzero(is_curved)} radii are too few to be smoothed, at least "
                 f"{FEWEST_RADII}"
             )
-        a = a[curved]
-        K = K[curved]
-        P = P[curved]
-        P_0 = P_0[curved]
-        logs = np.log([K / (2.0 * E_star * a), P / P_0])
+        a = a[is_curved]
+        K = K[is_curved]
+        P = P[is_curved]
+        P_0 = P_0[is_curved]
+        log_ratios = np.log([K / (2.0 * E_star * a), P / P_0])
         n = len(a)
         misfit = math.inf
         # towards the wall of a sealed body K grows without bound, and no polynomial follows
-        while misfit > LARGEST_MISFIT:
+        while misfit > MAX_MISFIT:
             if n < FEWEST_RADII:
                 raise ValueError("the punches are too rough to be smoothed")
             # what is wrong is a part of an element everywhere
             weights = a[:n] / a[n - 1]
             power = min(degree, n // 2)
-            ln_K, ln_P = (Chebyshev.fit(a[:n], values[:n], power, w=weights) for values in logs)
-            fits = zip((ln_K, ln_P), logs, strict=True)
+            ln_K, ln_P = (
+                Chebyshev.fit(a[:n], values[:n], power, w=weights) for values in log_ratios
+            )
+            fits = zip((ln_K, ln_P), log_ratios, strict=True)
             misfit = max(np.max(weights * np.abs(fit(a[:n]) - values[:n])) for fit, values in fits)
-            known = n
+            used_count = n
             n = int(0.95 * n)
-        self.smallest = float(a[0])
-        self.largest = float(a[known - 1])
+        self.min_radius = float(a[0])
+        self.max_radius = float(a[used_count - 1])
         # both and their derivatives in one: every row asks for several radii
         self._begin, self._scale = ln_K.mapparms()
-        series = [cheb2poly(one.coef) for one in (ln_K, ln_P, ln_K.deriv(), ln_P.deriv())]
+        series = [
+            cheb2poly(polynomial.coef) for polynomial in (ln_K, ln_P, ln_K.deriv(), ln_P.deriv())
+        ]
         self._series = np.stack(
-            [np.pad(one, (0, len(ln_K.coef) - len(one))) for one in series], axis=1
+            [np.pad(polynomial, (0, len(ln_K.coef) - len(polynomial))) for polynomial in series],
+            axis=1,
         )
         self._powers = np.arange(len(self._series))
 
     @property
-    def beside(self) -> list[FittedPunches]:
+    def neighbouring_fits(self) -> list[FittedPunches]:
         """By polynomials of the degrees beside its own."""
-        return [FittedPunches(*self._given, degree) for degree in (FIT_DEGREE - 1, FIT_DEGREE + 1)]
+        return [
+            FittedPunches(*self._arguments, degree) for degree in (FIT_DEGREE - 1, FIT_DEGREE + 1)
+        ]
 
-    def _half_space(self, a: float) -> float:
+    def _half_space_force(self, a: float) -> float:
         """P_0(a) = 2 E* int_0^a g [F]."""
-        if not self._tip.breaks:
+        if not self._tip.slope_discontinuities:
             s, w = self._nodes
             return 2.0 * self._E_star * a * float(w @ self._tip.g(a * s))
-        ends = [0.0, *(b for b in self._tip.breaks if b < a), a]
-        pieces = (gauss(low, high, QUADRATURE) for low, high in pairwise(ends))
+        ends = [0.0, *(b for b in self._tip.slope_discontinuities if b < a), a]
+        pieces = (gauss_legendre(low, high, QUADRATURE_POINTS) for low, high in pairwise(ends))
         return 2.0 * self._E_star * sum(float(w @ self._tip.g(x)) for x, w in pieces)
 
-    def at(self, a: float) -> Punch:
+    def punch_of_radius(self, a: float) -> Punch:
         """The punch of radius a [L]."""
         unit = 2.0 * self._E_star
-        P_0 = self._half_space(a)
+        P_0 = self._half_space_force(a)
         log_K, log_P, dK, dP = (
             (self._begin + self._scale * a) ** self._powers @ self._series
         ).tolist()
