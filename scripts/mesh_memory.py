@@ -18,7 +18,7 @@ from indent_sim.mesh import gmsh
 from indent_sim.process.ranks import is_first, on_root
 
 if is_first():
-    gmsh.start()  # as `indent-sim run` does, before MPI is up
+    gmsh.start_mesher()  # as `indent-sim run` does, before MPI is up
 
 from mpi4py import MPI
 
@@ -56,7 +56,7 @@ def main(path: str, *settings: str) -> None:
     config, began = load(Path(path), settings), time.monotonic()
     scene = scenes.resolve(config, piece=read_imported_mesh(config, comm))
     part = scene.physics.domain
-    grid = on_root(comm, gmsh.build, part, scene.sizes)
+    grid = on_root(comm, gmsh.build_mesh, part, scene.sizes)
     ready = comm.bcast(time.monotonic() - began)
     mesh = solver.distribute(grid, part, comm)
     took = time.monotonic() - began - ready

@@ -193,7 +193,7 @@ def grids_are_made_once(request: pytest.FixtureRequest, grids: dict[bytes, Any])
         return
     from indent_sim.mesh import gmsh
 
-    build = gmsh.build
+    build = gmsh.build_mesh
 
     def build_once(part: Any, sizes: Any) -> Any:
         identity = pickle.dumps((part, sizes))

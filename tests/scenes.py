@@ -70,7 +70,7 @@ def with_penalty(base: Scene, epsilon_n: float) -> Scene:
 
 def grid_of(base: Scene) -> Grid:
     """The mesh of a scene as gmsh makes it."""
-    return gmsh.build(base.physics.domain, base.sizes)
+    return gmsh.build_mesh(base.physics.domain, base.sizes)
 
 
 def meshed(base: Scene) -> Any:

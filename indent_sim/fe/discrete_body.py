@@ -21,8 +21,8 @@ from ufl.core.expr import Expr
 from indent_sim.fe import compat
 from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.surface import QUADRATURE_DEGREE, Trace, facet_nodes
-from indent_sim.mesh.modelled_part import Region
-from indent_sim.mesh.reactions import Surface
+from indent_sim.mesh.model_domain import Region
+from indent_sim.mesh.reactions import SurfaceComponent
 from indent_sim.scene.scene import Scene
 
 ConstrainedDofs = list[tuple[int, np.ndarray]]  # component and local dofs
@@ -173,7 +173,7 @@ def support_and_pin_dofs(
     surfaces = body_mesh.surfaces
     supports = [
         (c, fem.locate_dofs_topological(space.sub(c), dim, surfaces[side]))
-        for c, side in part.held_sides
+        for c, side in part.constrained_components
     ]
     pins = [
         (c, fem.locate_dofs_topological(space.sub(c), 0, body_mesh.vertices_at(point)))
@@ -351,7 +351,7 @@ class Body:
 
     def _find_support_shares(
         self, support_dofs: ConstrainedDofs
-    ) -> dict[Surface, tuple[np.ndarray, np.ndarray]]:
+    ) -> dict[SurfaceComponent, tuple[np.ndarray, np.ndarray]]:
         """Own dofs that the support of each surface holds along a component, and its share of what
         holds each dof.
 
@@ -362,9 +362,11 @@ class Body:
         part = self.scene.physics.domain
         owned = self.unknowns.owned_count
         symmetry_surfaces = {"r_min", *part.mirror_planes}
-        groups: dict[Surface, np.ndarray] = {}
+        groups: dict[SurfaceComponent, np.ndarray] = {}
         support_count = np.zeros(owned)  # that hold each dof
-        for (component, surface), (_, dofs) in zip(part.held_sides, support_dofs, strict=True):
+        for (component, surface), (_, dofs) in zip(
+            part.constrained_components, support_dofs, strict=True
+        ):
             groups[surface, component] = dofs[dofs < owned]
             if surface not in symmetry_surfaces:
                 support_count[dofs[dofs < owned]] += 1.0
@@ -402,7 +404,7 @@ class Body:
         """
         dim = self.body_mesh.dim - 1
         surfaces = self.body_mesh.surfaces
-        for component, surface in self.body_mesh.part.held_sides:
+        for component, surface in self.body_mesh.part.constrained_components:
             if component in field.axes:
                 field_component = component if len(field.axes) > 1 else None
                 self.constrain_dofs(

@@ -11,9 +11,9 @@ import numpy as np
 from mpi4py import MPI
 
 from indent_sim.fe import compat
-from indent_sim.mesh import rows
+from indent_sim.mesh import distributed_rows
 from indent_sim.mesh.grid import Grid
-from indent_sim.mesh.modelled_part import Part, on_dome
+from indent_sim.mesh.model_domain import ModelDomain, nearest_on_sphere
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class BodyMesh:
     """
 
     mesh: dolfinx.mesh.Mesh
-    part: Part
+    part: ModelDomain
     surfaces: dict[str, np.ndarray]
     noncontact_facets: np.ndarray
     regions: np.ndarray
@@ -48,7 +48,7 @@ class BodyMesh:
         )
 
 
-def distribute(grid: Grid | None, part: Part, comm: MPI.Comm) -> BodyMesh:
+def distribute(grid: Grid | None, part: ModelDomain, comm: MPI.Comm) -> BodyMesh:
     """Divide the grid of a part, which rank 0 can read, among all ranks; each has its named
     surfaces (collective).
 
@@ -58,9 +58,11 @@ def distribute(grid: Grid | None, part: Part, comm: MPI.Comm) -> BodyMesh:
     dim = part.dim
     fingerprint, named_facets = comm.bcast((grid.hash, grid.surfaces) if grid else None, root=0)
     tables = (None,) * 3 if grid is None else (*_curved_geometry(grid, part), grid.regions)
-    points, cells, regions = (rows.scatter(comm, table) for table in tables)
+    points, cells, regions = (distributed_rows.scatter_rows(comm, table) for table in tables)
     mesh = compat.create_mesh(comm, cells, points, dim)
-    regions = rows.fetch(comm, regions, np.asarray(mesh.topology.original_cell_index))
+    regions = distributed_rows.fetch_rows(
+        comm, regions, np.asarray(mesh.topology.original_cell_index)
+    )
     mesh.topology.create_connectivity(dim - 1, dim)
     mesh.topology.create_connectivity(dim, dim - 1)
     mesh.topology.create_connectivity(0, dim)
@@ -80,30 +82,32 @@ def distribute(grid: Grid | None, part: Part, comm: MPI.Comm) -> BodyMesh:
     return BodyMesh(mesh, part, surfaces, noncontact_facets, regions, fingerprint)
 
 
-def _curved_geometry(grid: Grid, part: Part) -> tuple[np.ndarray, np.ndarray]:
+def _curved_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndarray]:
     """Points and cells of a grid; with a spherical top the middles of edges too, on the sphere
     where its facets are.
     """
-    if part.dome is None:
+    if part.top_radius is None:
         return grid.points, grid.cells
     corners = grid.cells
     n = len(grid.points)
     edges = np.sort(corners[:, [[1, 2], [0, 2], [0, 1]]], axis=2).reshape(-1, 2)
     ends, number = np.unique(edges, axis=0, return_inverse=True)
     middles = grid.points[ends].mean(axis=1)
-    arcs = {side.surface for side in part.outline if side.middle is not None}
+    arcs = {side.surface for side in part.outline if side.center is not None}
     is_on_sphere = _match_facets(
         ends, np.concatenate([grid.surfaces[name] for name in sorted(arcs)])
     )
-    middles[is_on_sphere] = np.column_stack(on_dome(part.dome, *middles[is_on_sphere].T))
+    middles[is_on_sphere] = np.column_stack(
+        nearest_on_sphere(part.top_radius, *middles[is_on_sphere].T)
+    )
     for z, is_on_interface in _layer_interfaces(grid, part, number.ravel(), len(ends)):
-        r, height = on_dome(part.dome + z, *(middles[is_on_interface] - [0.0, z]).T)
+        r, height = nearest_on_sphere(part.top_radius + z, *(middles[is_on_interface] - [0.0, z]).T)
         middles[is_on_interface] = np.column_stack([r, height + z])
     return np.concatenate([grid.points, middles]), np.hstack([corners, n + number.reshape(-1, 3)])
 
 
 def _layer_interfaces(
-    grid: Grid, part: Part, edge_numbers: np.ndarray, edge_count: int
+    grid: Grid, part: ModelDomain, edge_numbers: np.ndarray, edge_count: int
 ) -> Iterator[tuple[float, np.ndarray]]:
     """z on the axis of each face between layers, and which of so many edges are on it; number: of
     each cell's three.

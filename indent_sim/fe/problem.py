@@ -24,7 +24,7 @@ from petsc4py import PETSc
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body, TimeLevel
 from indent_sim.fe.terms.term import Stage, Term, sdirk2_stages
-from indent_sim.mesh.reactions import Surface
+from indent_sim.mesh.reactions import SurfaceComponent
 from indent_sim.model.units import rounded
 
 
@@ -247,10 +247,10 @@ class Problem:
     def sum_over_body(self, local_value: float) -> float:
         """A number of the whole body by this rank's share of the modelled part (collective)."""
         return float(
-            self.scene.physics.domain.copies * self.comm.allreduce(local_value, op=MPI.SUM)
+            self.scene.physics.domain.symmetry_factor * self.comm.allreduce(local_value, op=MPI.SUM)
         )
 
-    def reactions(self) -> tuple[dict[Surface, float], float]:
+    def reactions(self) -> tuple[dict[SurfaceComponent, float], float]:
         """The force of each support on the modelled part [force], and the largest reaction of the
         pins that only remove rigid modes, of the whole body (collective).
         """
@@ -268,7 +268,7 @@ class Problem:
         pin_reaction = self.comm.allreduce(
             float(np.abs(values[body.pin_dofs]).max(initial=0.0)), op=MPI.MAX
         )
-        return support_reactions, self.scene.physics.domain.copies * pin_reaction
+        return support_reactions, self.scene.physics.domain.symmetry_factor * pin_reaction
 
 
 def _sum_forms(forms: Iterable[ufl.Form]) -> ufl.Form:

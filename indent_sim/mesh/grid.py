@@ -9,14 +9,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from indent_sim.mesh.modelled_part import Part
+from indent_sim.mesh.model_domain import ModelDomain
 
 # volume of a cell over length^dim, less is none: beside a split at 1e-8 of the body it is 1e-8
 FLAT_CELL_VOLUME = 1e-9
-AROUND = 2.0  # contact radii that a mesh is moved with as a whole
+MOVED_CONTACT_RADII = 2.0  # contact radii that a mesh is moved with as a whole
 # lengths are rounded to this many digits, so that a scene in nm and in m gives the same mesh
 LENGTH_DIGITS = 12
-ROWS_AT_ONCE = (
+ROWS_PER_CHUNK = (
     10**6
 )  # rows worked on at a time: what they take then is little beside what a solver takes
 
@@ -34,149 +34,167 @@ class Grid:
     cells: np.ndarray
     regions: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int32), repr=False)
     surfaces: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
-    gmsh: str = ""
+    gmsh_version: str = ""
 
     @property
     def hash(self) -> str:
         """Fingerprint of the mesh, for the record of a run; not all of it in memory at a time."""
         digest = hashlib.sha256()
-        for some in lots(len(self.points)):
-            digest.update(np.round(self.points[some], decimals=LENGTH_DIGITS).tobytes())
-        for some in lots(len(self.cells)):
-            digest.update(np.ascontiguousarray(self.cells[some]).tobytes())
+        for chunk in row_slices(len(self.points)):
+            digest.update(np.round(self.points[chunk], decimals=LENGTH_DIGITS).tobytes())
+        for chunk in row_slices(len(self.cells)):
+            digest.update(np.ascontiguousarray(self.cells[chunk]).tobytes())
         return digest.hexdigest()[:16]
 
 
-def moved(grid: Grid, part: Part, onto: Part, radii: tuple[float, ...]) -> Grid | None:
+def map_grid(
+    grid: Grid, source: ModelDomain, target: ModelDomain, radii: tuple[float, ...]
+) -> Grid | None:
     """The mesh of one part moved onto another, with its sides, the interfaces of its layers and the
     edge of the contact, which has the `radii` in the one and in the other [length].
 
     None where that is no map: both must be sections of straight sides and of layers, their tip's
     axis the left one.
     """
-    if not (_is_plain(part) and _is_plain(onto) and len(part.outline) == len(onto.outline)):
+    if not (
+        _is_mappable(source) and _is_mappable(target) and len(source.outline) == len(target.outline)
+    ):
         return None
-    (left, right), (bottom, top) = part.extent
-    (new_left, new_right), (new_bottom, new_top) = onto.extent
+    (left_end, right), (bottom, top) = source.extent
+    (new_left, new_right), (new_bottom, new_top) = target.extent
     a = radii[0]
-    beyond = min(AROUND, (1 + right / a) / 2) if 0 < a < right else 0.0
-    edge, new_edge = ([beyond * radius] if beyond else [] for radius in radii)
-    x = np.interp(grid.points[:, 0], [left, *edge, right], [new_left, *new_edge, new_right])
+    outer_radii = min(MOVED_CONTACT_RADII, (1 + right / a) / 2) if 0 < a < right else 0.0
+    contact_edge, new_contact_edge = (
+        [outer_radii * radius] if outer_radii else [] for radius in radii
+    )
+    x = np.interp(
+        grid.points[:, 0],
+        [left_end, *contact_edge, right],
+        [new_left, *new_contact_edge, new_right],
+    )
     levels, new_levels = (
-        [low, *sorted(one.interfaces), high]
-        for low, one, high in ((bottom, part, top), (new_bottom, onto, new_top))
+        [low, *sorted(domain.interfaces), high]
+        for low, domain, high in ((bottom, source, top), (new_bottom, target, new_top))
     )
     z = np.interp(grid.points[:, 1], levels, new_levels)
     return replace(grid, points=np.column_stack([x, z]))
 
 
-def _is_plain(part: Part) -> bool:
+def _is_mappable(domain: ModelDomain) -> bool:
     """Whether a part is a section of straight sides and of layers, its tip's axis the left one."""
-    is_straight = all(side.middle is None for side in part.outline)
+    is_straight = all(side.center is None for side in domain.outline)
     return (
-        part.dim == 2
+        domain.dim == 2
         and is_straight
-        and len(part.regions) == len(part.interfaces) + 1
-        and part.extent[0][0] == 0.0
+        and len(domain.regions) == len(domain.interfaces) + 1
+        and domain.extent[0][0] == 0.0
     )
 
 
 def named_surfaces(
-    points: np.ndarray, cells: np.ndarray, part: Part, finest: float
+    points: np.ndarray, cells: np.ndarray, domain: ModelDomain, finest: float
 ) -> dict[str, np.ndarray]:
     """The boundary facets on each surface of a part meshed with elements down to `finest` [length].
 
     A facet belongs to the surface that holds all its corners, to a flat one rather than to a curved
     one.
     """
-    near = min(
+    tolerance = min(
         1e-9, 1e-3 * finest
     )  # of coordinates near 1 with 12 digits; less than from a surface to the next nodes
-    boundary, _ = boundary_of(cells)
+    boundary, _ = boundary_facets(cells)
     distances = (
-        [] if part.dim == 2 else [("base", points[:, 2] + part.height), ("top", points[:, 2])]
+        [] if domain.dim == 2 else [("base", points[:, 2] + domain.height), ("top", points[:, 2])]
     )
-    sides = sorted(part.outline, key=lambda side: side.middle is not None)
+    sides = sorted(domain.outline, key=lambda side: side.center is not None)
     distances += [(side.surface, side.distance(points[:, 0], points[:, 1])) for side in sides]
-    found: dict[str, np.ndarray] = {}
+    surfaces: dict[str, np.ndarray] = {}
     for surface, distance in distances:
-        is_on = (np.abs(distance) < near)[boundary].all(axis=1)
-        found[surface] = np.concatenate([found.get(surface, boundary[:0]), boundary[is_on]])
+        is_on = (np.abs(distance) < tolerance)[boundary].all(axis=1)
+        surfaces[surface] = np.concatenate([surfaces.get(surface, boundary[:0]), boundary[is_on]])
         boundary = boundary[~is_on]
-    return found
+    return surfaces
 
 
-def regions_of_cells(points: np.ndarray, cells: np.ndarray, part: Part) -> np.ndarray:
+def regions_of_cells(points: np.ndarray, cells: np.ndarray, domain: ModelDomain) -> np.ndarray:
     """The number of the region that holds each cell's centroid (m,)."""
     x, *y, z = points[cells].mean(axis=1).T
-    found = len(part.interfaces) - np.searchsorted(part.interfaces, part.level(x, z))
-    for number, region in enumerate(part.regions):
+    region_numbers = len(domain.interfaces) - np.searchsorted(
+        domain.interfaces, domain.interface_level(x, z)
+    )
+    for number, region in enumerate(domain.regions):
         if region.inclusion is not None:
-            found[region.inclusion.holds((x, y[0] if y else 0.0, z))] = number
-    return found.astype(np.int32)
+            region_numbers[region.inclusion.holds((x, y[0] if y else 0.0, z))] = number
+    return region_numbers.astype(np.int32)
 
 
-def boundary_of(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def boundary_facets(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The facets (k, dim) that belong to one cell only, and the corner (k,) of that cell that is
     not on it.
     """
-    found = [cells[:0, 1:]]
+    boundary = [cells[:0, 1:]]
     opposite = [cells[:0, 0]]
-    for facets, cell, corner in facets_of(cells):
+    for facets, cell, corner in iterate_facets(cells):
         _, first, counts = np.unique(
             np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True
         )
-        alone = first[counts == 1]
-        found.append(facets[alone])
-        opposite.append(cells[cell[alone], corner[alone]])
-    return np.concatenate(found), np.concatenate(opposite)
+        unshared = first[counts == 1]
+        boundary.append(facets[unshared])
+        opposite.append(cells[cell[unshared], corner[unshared]])
+    return np.concatenate(boundary), np.concatenate(opposite)
 
 
-def facets_of(
-    cells: np.ndarray, lot: int = ROWS_AT_ONCE
+def iterate_facets(
+    cells: np.ndarray, chunk_size: int = ROWS_PER_CHUNK
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """The facets (k, dim) of all cells, with the cell (k,) of each and the corner (k,) of that
     which it leaves out.
 
-    About a `lot` of them at a time, by their smallest point: those of the same points come
+    About a `chunk_size` of them at a time, by their smallest point: those of the same points come
     together.
     """
     m, corners = cells.shape
-    first, second = np.partition(cells, 1, axis=1)[:, :2].T
-    least = np.where(first == cells.T, second, first).ravel()
-    ends = np.unique([*np.sort(least)[lot - 1 :: lot], least.max(initial=0)])
-    for low, high in pairwise([-1, *ends.tolist()]):
-        corner, cell = np.divmod(np.flatnonzero((low < least) & (least <= high)), max(m, 1))
-        kept = np.arange(corners) != corner[:, None]
-        yield cells[cell][kept].reshape(-1, corners - 1), cell, corner
+    smallest_corner, second_corner = np.partition(cells, 1, axis=1)[:, :2].T
+    smallest_point = np.where(smallest_corner == cells.T, second_corner, smallest_corner).ravel()
+    chunk_ends = np.unique(
+        [*np.sort(smallest_point)[chunk_size - 1 :: chunk_size], smallest_point.max(initial=0)]
+    )
+    for low, high in pairwise([-1, *chunk_ends.tolist()]):
+        corner, cell = np.divmod(
+            np.flatnonzero((low < smallest_point) & (smallest_point <= high)), max(m, 1)
+        )
+        is_kept = np.arange(corners) != corner[:, None]
+        yield cells[cell][is_kept].reshape(-1, corners - 1), cell, corner
 
 
 def is_flat(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Which cells have no volume (m,), as a triangle on three points of a straight side."""
     edges = points[cells[:, 1:]] - points[cells[:, :1]]
-    least = FLAT_CELL_VOLUME * np.abs(edges).max(axis=(1, 2)) ** points.shape[1]
-    return np.asarray(np.abs(np.linalg.det(edges)) <= least)
+    smallest_determinant = FLAT_CELL_VOLUME * np.abs(edges).max(axis=(1, 2)) ** points.shape[1]
+    return np.asarray(np.abs(np.linalg.det(edges)) <= smallest_determinant)
 
 
-def normals(corners: np.ndarray) -> np.ndarray:
+def unit_normals(corners: np.ndarray) -> np.ndarray:
     """The unit normals of segments or triangles (k, n, n), on either side."""
     edges = corners[:, 1:] - corners[:, :1]
     is_segment = corners.shape[2] == 2
-    first = edges[:, 0]
-    found = (
-        np.column_stack([first[:, 1], -first[:, 0]]) if is_segment else np.cross(first, edges[:, 1])
+    first_edge = edges[:, 0]
+    normal_vectors = (
+        np.column_stack([first_edge[:, 1], -first_edge[:, 0]])
+        if is_segment
+        else np.cross(first_edge, edges[:, 1])
     )
-    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+    return np.asarray(normal_vectors / np.linalg.norm(normal_vectors, axis=1, keepdims=True))
 
 
-def same_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def sort_and_match_rows(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The numbers of rows, in ascending order of them, and which of these (k - 1,) hold the same as
     the next.
     """
-    order = np.lexsort(rows.T)
-    return order, (rows[order[1:]] == rows[order[:-1]]).all(axis=1)
+    order = np.lexsort(table.T)
+    return order, (table[order[1:]] == table[order[:-1]]).all(axis=1)
 
 
-def lots(count: int, lot: int = ROWS_AT_ONCE) -> Iterator[slice]:
-    """Slices of so many rows, a `lot` at a time."""
-    return (slice(begin, begin + lot) for begin in range(0, count, lot))
+def row_slices(count: int, chunk_size: int = ROWS_PER_CHUNK) -> Iterator[slice]:
+    """Slices of so many rows, a `chunk_size` at a time."""
+    return (slice(start, start + chunk_size) for start in range(0, count, chunk_size))

@@ -131,8 +131,8 @@ def _mesh_section(config: Config, scene: Scene) -> Any:
     )
     if sizes.inclusions and mesh.h_inclusions is None:
         mesh = dataclasses.replace(mesh, h_inclusions=tuple(h * L for _, h in sizes.inclusions))
-    if sizes.skins:
-        mesh = _replace_auto(mesh, h_layers=tuple(h * L for _, h in sizes.skins))
+    if sizes.coatings:
+        mesh = _replace_auto(mesh, h_layers=tuple(h * L for _, h in sizes.coatings))
     if config.mesh.h_contact != "auto":
         return mesh
     local_sizes = {

@@ -255,7 +255,7 @@ class _HistoryEvaluation:
         self._solve_depth(self._equilibrium, top * DEPTH_OVERSHOOT, top)
         x, heights, areas, A = self._equilibrium.contact.weighted_gap_system
         domain = self.scene.physics.domain
-        symmetry_factor = self.scene.physics.domain.copies
+        symmetry_factor = self.scene.physics.domain.symmetry_factor
         is_round = domain.kinematics.name == "axisymmetric"
         order = np.argsort(x[:, 0]) if is_round else np.arange(len(x))
         heights = symmetry_factor * heights[order]

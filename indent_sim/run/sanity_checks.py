@@ -213,7 +213,7 @@ def underresolved_rows(scene: Scene, states: Sequence[State]) -> list[str]:
     if not steps:
         return []
     max_elements = max(
-        sizes.elements(scene.physics.full_contact_radius(state.a / L))
+        sizes.elements_in_contact(scene.physics.full_contact_radius(state.a / L))
         for state in states
         if state.step in steps
     )
@@ -335,14 +335,14 @@ def _radius_of_first_contact(scene: Scene) -> float:
     physics = scene.physics
     if physics.is_compressed:
         return physics.body.rim_distance(physics.center)
-    return 0.0 if physics.domain.dome else flat_radius(physics.indenter)
+    return 0.0 if physics.domain.top_radius else flat_radius(physics.indenter)
 
 
 def _smoothing_advice(scene: Scene) -> str:
     """Name the element size whose reduction makes the contact pressure smoother (measured in
     docs/decisions/0053).
     """
-    if scene.sizes.rubbed:
+    if scene.sizes.rounded_edge_width:
         return refinement_advice(scene.sizes, "a smaller mesh.h_edge helps")
     return refinement_advice(scene.sizes, "a smaller mesh.h_contact helps")
 
@@ -644,7 +644,7 @@ def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
         theory.a <= HALF_SPACE_CONTACT * min(height, rim) and height <= PILLAR_HEIGHT * rim
     )
     if (
-        scene.physics.body.inclusions or scene.physics.domain.skins or not is_half_space_like
+        scene.physics.body.inclusions or scene.physics.domain.coatings or not is_half_space_like
     ):  # skins bend as shells
         return 0.0, float("inf")
     may_stiffen = not scene.physics.small_strain and theory.delta > MAX_LINEAR_DEPTH * theory.a

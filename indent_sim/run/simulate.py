@@ -193,7 +193,7 @@ class SimulationDriver:
         columns = (*scene.columns, *self._optional_columns(scene))
         body = config.body
         mesh = (
-            self._imported_mesh.text(body)
+            self._imported_mesh.msh_text(body)
             if self._imported_mesh and isinstance(body, MeshFromFile)
             else ()
         )

@@ -218,7 +218,7 @@ def drained_faces(setup: ProblemSetup, earliest: float) -> dict[str, float]:
         face_distances["top"] = 0.0
     if _is_drained(physics, drainage.base, earliest):
         face_distances["base"] = domain.height
-    distances = domain.distances(physics.center)
+    distances = domain.wall_distances(physics.center)
     return face_distances | {
         wall: max(distances[wall] - setup.a, 0.0) for wall in physics.drained_walls
     }
@@ -274,11 +274,11 @@ def unresolved_film(
     for face, distance in drained_faces(
         setup, min(t for t in physics.path.times) - (physics.path.begin or 0.0)
     ).items():
-        film = next((film for film in sizes.films if film.side.surface == face), None)
+        film = next((film for film in sizes.drained_faces if film.side.surface == face), None)
         nearest = {"top": (0.0, 0.0), "base": (0.0, physics.domain.height)}.get(
             face, (distance + setup.a, 0.0)
         )
-        h_there = float(sizes.at(*map(np.array, nearest)))
+        h_there = float(sizes.size_at(*map(np.array, nearest)))
         h = min(film.h, h_there) if film else h_there
         weight = distance_weight(setup, distance)
         fractions = [

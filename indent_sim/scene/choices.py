@@ -8,8 +8,8 @@ from math import inf, pi
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.config.strict_yaml import key_text
-from indent_sim.mesh.modelled_part import Region
-from indent_sim.mesh.part_from_file import MeshedPart
+from indent_sim.mesh.imported_domain import ImportedDomain
+from indent_sim.mesh.model_domain import Region
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Endless, MeshFromFile
 from indent_sim.model.contact import (
@@ -197,10 +197,10 @@ def formulations(setup: ProblemSetup) -> Choices:
 def _formulation(region: Region, is_alone: bool) -> Choice:
     key = "material" if is_alone or region.name == "body" else f"body.{region.name}.material"
     key = f"body.{region.name}" if region.name.startswith("regions.") else key
-    nu = region.softest.nu
+    nu = region.softest_constants.nu
     sign = ">=" if region.formulation == "mixed" else "<"
     state_text = "" if region.material.is_isotropic else "as compressible as "
-    state_text = "its shear relaxes to " if region.least_share < 1 else state_text
+    state_text = "its shear relaxes to " if region.min_shear_fraction < 1 else state_text
     why = (
         "as given"
         if region.material.formulation != "auto"
@@ -414,7 +414,7 @@ def _auto_stiffness(
     law: Any, setup: ProblemSetup, sizes: Sizes, fineness: MeshResolution | None
 ) -> float:
     """The epsilon_n or gamma that `auto` stands for [pressure/length, without units]."""
-    unit = setup.physics.material.E_star / sizes.typical
+    unit = setup.physics.material.E_star / sizes.typical_size
     default_stiffness = float(law.auto_stiffness_factor * unit)
     if not isinstance(law, Penalty):
         return default_stiffness
@@ -666,10 +666,12 @@ def mesh(
     settings = config.mesh
     elements_text = f"{a / sizes.h_contact:.3g} elements in the expected contact radius {a * L:.4g}"
     choices = [Choice("accuracy", fineness.target, fineness.why(L))] if fineness else []
-    if isinstance(setup.physics.domain, MeshedPart):
-        imported_mesh = setup.physics.domain.piece
-        mesh_text = f"{imported_mesh.size.cells} cells, {imported_mesh.size.points} points"
-        if len(imported_mesh.middles[0]):
+    if isinstance(setup.physics.domain, ImportedDomain):
+        imported_mesh = setup.physics.domain.mesh
+        mesh_text = (
+            f"{imported_mesh.statistics.cells} cells, {imported_mesh.statistics.points} points"
+        )
+        if len(imported_mesh.midside_nodes[0]):
             mesh_text += "; order 2: its midside nodes are the new corners of the first refinement"
         refinement_reason = "as given" if settings.refinements else "the mesh as it is"
         refinements_choice = Choice(
@@ -713,8 +715,8 @@ def mesh(
             else "by what the force feels of each; sizes grow from this around them"
         )
         choices.append(Choice("mesh.h_inclusions", sizes_text, why))
-    if sizes.skins:
-        sizes_text = ", ".join(f"{h * L:.4g}" for _, h in sizes.skins)
+    if sizes.coatings:
+        sizes_text = ", ".join(f"{h * L:.4g}" for _, h in sizes.coatings)
         why = (
             "as given"
             if settings.h_layers
@@ -745,7 +747,10 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
             "the body"
         )
     if relaxing := [
-        t for region in physics.domain.regions if region.relaxing for t in region.relaxing.times
+        t
+        for region in physics.domain.regions
+        if region.relaxation_series
+        for t in region.relaxation_series.times
     ]:
         reasons.append(f"shear relaxes in {min(relaxing):.3g} to {max(relaxing):.3g}")
     method = "SDIRK2" if physics.permeable_regions else "the exponentials' own"

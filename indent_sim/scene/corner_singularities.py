@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp
 
-from indent_sim.mesh.modelled_part import Part
+from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.model.units import rounded
 
 SINGULARITY_RATE = 1.2  # 2 lambda
@@ -66,16 +66,17 @@ class Corner:
 
 
 def corners(
-    domain: Part, center: tuple[float, ...], a: float, nu: float, edge: float | None = None
+    domain: ModelDomain, center: tuple[float, ...], a: float, nu: float, edge: float | None = None
 ) -> list[Corner]:
     """Corners that a contact of the radius a [length] may feel; in three dimensions the points of
     edges next to it. edge: radius of the punch's edge at which the contact ends, which has a
     size of its own.
     """
-    if domain.dome:
-        return _base_edge_corners(domain, domain.dome, a, nu)
+    if domain.top_radius:
+        return _base_edge_corners(domain, domain.top_radius, a, nu)
     walls = [
-        (domain.supports[surface], rounded(r)) for surface, r in domain.distances(center).items()
+        (domain.supports[surface], rounded(r))
+        for surface, r in domain.wall_distances(center).items()
     ]
     return [
         corner
@@ -85,7 +86,7 @@ def corners(
     ]  # 0: a mirror plane
 
 
-def _base_edge_corners(domain: Part, radius: float, a: float, nu: float) -> list[Corner]:
+def _base_edge_corners(domain: ModelDomain, radius: float, a: float, nu: float) -> list[Corner]:
     """The edge between the base and a curved surface; an acute one is taken for a right angle."""
     r, z = next(side.end for side in domain.outline if side.surface == "base")
     distance = min(r, -z)
@@ -107,7 +108,7 @@ def _base_edge_corners(domain: Part, radius: float, a: float, nu: float) -> list
 
 
 def _side_corners(
-    side: str, r: float, domain: Part, a: float, nu: float, edge: float | None
+    side: str, r: float, domain: ModelDomain, a: float, nu: float, edge: float | None
 ) -> list[Corner]:
     """At the ends of a side at the distance r: at the base where that is bonded and the side free,
     and at the top.

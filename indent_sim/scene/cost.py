@@ -13,9 +13,9 @@ from math import pi
 
 import numpy as np
 
-from indent_sim.mesh.modelled_part import Part
-from indent_sim.mesh.part_from_file import MeshedPart
-from indent_sim.mesh.sizes import Film, Sizes
+from indent_sim.mesh.imported_domain import ImportedDomain
+from indent_sim.mesh.model_domain import ModelDomain
+from indent_sim.mesh.sizes import DrainedFace, Sizes
 from indent_sim.model.body import Inclusion, Shell
 
 COUNTS_2D = {"cells": 2.63, "nodes": 5.58, "vertices": 1.45}  # per size^2
@@ -106,7 +106,7 @@ class Cost:
     seconds: float
 
 
-def predict_cost(sizes: Sizes, domain: Part, work: SolverWork) -> Cost:
+def predict_cost(sizes: Sizes, domain: ModelDomain, work: SolverWork) -> Cost:
     """Predict what a scene will cost."""
     dim = domain.dim
     count = _mesh_counts(sizes, domain)
@@ -121,7 +121,7 @@ def predict_cost(sizes: Sizes, domain: Part, work: SolverWork) -> Cost:
 
 
 def _memory_and_seconds(
-    sizes: Sizes, domain: Part, work: SolverWork, dofs: float
+    sizes: Sizes, domain: ModelDomain, work: SolverWork, dofs: float
 ) -> tuple[float, float]:
     """Memory [bytes] and processor time [s] of the solution."""
     dim = domain.dim
@@ -156,15 +156,15 @@ def _memory_and_seconds(
     return memory, body_seconds + work.linear_solves * (3e-4 + 3e-11 * in_contact**3)
 
 
-def _mesh_counts(sizes: Sizes, domain: Part) -> dict[str, float]:
+def _mesh_counts(sizes: Sizes, domain: ModelDomain) -> dict[str, float]:
     """Cells, nodes of quadratic elements, and vertices of the mesh."""
-    if isinstance(domain, MeshedPart):
-        mesh_size = domain.piece.size
+    if isinstance(domain, ImportedDomain):
+        mesh_size = domain.mesh.statistics
         refinement_factor = 2 ** (domain.dim * (sizes.refinements or 0))
         nodes = (
             2 * mesh_size.points
             + mesh_size.cells
-            + (0 if domain.dim == 2 else mesh_size.outside / 2)
+            + (0 if domain.dim == 2 else mesh_size.boundary_facets / 2)
         )  # by Euler, holes left out
         return {
             "cells": mesh_size.cells * refinement_factor,
@@ -174,8 +174,8 @@ def _mesh_counts(sizes: Sizes, domain: Part) -> dict[str, float]:
     extra_elements = sum(
         _inclusion_elements(*feature, sizes, domain) for feature in sizes.inclusions
     )
-    extra_elements += sum(_coating_elements(*feature, sizes, domain) for feature in sizes.skins)
-    extra_elements += sum(_film_elements(film, sizes, domain) for film in sizes.films)
+    extra_elements += sum(_coating_elements(*feature, sizes, domain) for feature in sizes.coatings)
+    extra_elements += sum(_film_elements(film, sizes, domain) for film in sizes.drained_faces)
     if domain.dim == 2:
         area = _inverse_square_integral(sizes, domain) + extra_elements
         return {name: factor * area for name, factor in COUNTS_2D.items()}
@@ -186,11 +186,11 @@ def _mesh_counts(sizes: Sizes, domain: Part) -> dict[str, float]:
     }
 
 
-def _inverse_square_integral(sizes: Sizes, domain: Part) -> float:
+def _inverse_square_integral(sizes: Sizes, domain: ModelDomain) -> float:
     """The integral of 1/size^2 over a section."""
-    r, wr = _log_grid(max(abs(end - sizes.axis[0]) for end in domain.extent[0]), sizes.smallest)
-    z, wz = _log_grid(domain.height, sizes.smallest)
-    density = 1 / sizes.at(r[:, None], z[None, :]) ** 2
+    r, wr = _log_grid(max(abs(end - sizes.axis[0]) for end in domain.extent[0]), sizes.axis_size)
+    z, wz = _log_grid(domain.height, sizes.axis_size)
+    density = 1 / sizes.size_at(r[:, None], z[None, :]) ** 2
     return float(
         (
             density * (_ring_weight(r, 2, _sector_count(sizes, domain)) * wr)[:, None] * wz[None, :]
@@ -198,7 +198,7 @@ def _inverse_square_integral(sizes: Sizes, domain: Part) -> float:
     )
 
 
-def _inverse_size_integrals(sizes: Sizes, domain: Part) -> tuple[float, float]:
+def _inverse_size_integrals(sizes: Sizes, domain: ModelDomain) -> tuple[float, float]:
     """The integrals of 1/size^3 over a body, and of 1/size^2 over its surface and the interfaces of
     its layers.
     """
@@ -206,21 +206,24 @@ def _inverse_size_integrals(sizes: Sizes, domain: Part) -> tuple[float, float]:
         _two_sided_grid(*ends, c, sizes)
         for ends, c in zip(domain.extent[:-1], sizes.axis, strict=True)
     )
-    depth, wz = _log_grid(domain.height, sizes.smallest, INTEGRAL_POINTS)
+    depth, wz = _log_grid(domain.height, sizes.axis_size, INTEGRAL_POINTS)
     is_inside = np.all(
-        [side.inwards(x[:, None], y[None, :]) >= 0 for side in domain.outline], axis=0
+        [side.inward_distance(x[:, None], y[None, :]) >= 0 for side in domain.outline], axis=0
     )
     weight = wx[:, None] * wy[None, :] * is_inside
     r = np.hypot(x[:, None] - sizes.axis[0], y[None, :] - sizes.axis[1])
     volume = sum(
-        w * (weight / sizes.at(r, np.array(z)) ** 3).sum() for z, w in zip(depth, wz, strict=True)
+        w * (weight / sizes.size_at(r, np.array(z)) ** 3).sum()
+        for z, w in zip(depth, wz, strict=True)
     )
     levels = [0.0, domain.height, *(-z for z in domain.interfaces)]
-    surface = sum((weight / sizes.at(r, np.array(z)) ** 2).sum() for z in levels)
+    surface = sum((weight / sizes.size_at(r, np.array(z)) ** 2).sum() for z in levels)
     for side in domain.outline:
-        side_points, length = side.points(INTEGRAL_POINTS)
+        side_points, length = side.sample_points(INTEGRAL_POINTS)
         distance = np.hypot(side_points[:, 0] - sizes.axis[0], side_points[:, 1] - sizes.axis[1])
-        surface += (length * wz[None, :] / sizes.at(distance[:, None], depth[None, :]) ** 2).sum()
+        surface += (
+            length * wz[None, :] / sizes.size_at(distance[:, None], depth[None, :]) ** 2
+        ).sum()
     return float(volume), float(surface)
 
 
@@ -234,27 +237,29 @@ def _two_sided_grid(
         if abs(end - c) > 1e-9 * (high - low)
     ]
     grids = [
-        (sign, *_log_grid(length, sizes.smallest, INTEGRAL_POINTS)) for sign, length in directions
+        (sign, *_log_grid(length, sizes.axis_size, INTEGRAL_POINTS)) for sign, length in directions
     ]
     return np.concatenate([c + sign * x for sign, x, _ in grids]), np.concatenate(
         [w for _, _, w in grids]
     )
 
 
-def _inclusion_elements(inclusion: Inclusion, h_inside: float, sizes: Sizes, domain: Part) -> float:
+def _inclusion_elements(
+    inclusion: Inclusion, h_inside: float, sizes: Sizes, domain: ModelDomain
+) -> float:
     """Elements in and around an inclusion beyond those without it; a mirror image counts for its
     own part.
     """
     dim = domain.dim
-    distances = np.concatenate([[0.0], np.geomspace(h_inside / 4, domain.longest, 200)])
+    distances = np.concatenate([[0.0], np.geomspace(h_inside / 4, domain.max_extent, 200)])
     h_around = np.minimum(
         h_inside + sizes.grading * (distances[1:] + distances[:-1]) / 2, sizes.h_far
     )
     volume = inclusion.swollen(distances, dim)
-    domains_sharing = domain.copies * (2 if domain.symmetry == "axisymmetric" else 1)
+    domains_sharing = domain.symmetry_factor * (2 if domain.symmetry == "axisymmetric" else 1)
     *horizontal, z = inclusion.center
     r = np.linalg.norm([c - axis for c, axis in zip(horizontal, (*sizes.axis, 0.0), strict=False)])
-    h_without = sizes.at(np.array(r), np.array(-z))
+    h_without = sizes.size_at(np.array(r), np.array(-z))
     extra_densities = [
         np.maximum(1 / h**dim - 1 / h_without**dim, 0.0) for h in (h_inside, h_around)
     ]
@@ -264,7 +269,7 @@ def _inclusion_elements(inclusion: Inclusion, h_inside: float, sizes: Sizes, dom
     )
 
 
-def _coating_elements(coating: Shell, h_inside: float, sizes: Sizes, domain: Part) -> float:
+def _coating_elements(coating: Shell, h_inside: float, sizes: Sizes, domain: ModelDomain) -> float:
     """Elements in and around a skin beyond those without it, of the section of a cap or ball."""
     distances = np.concatenate([[0.0], np.geomspace(h_inside / 4, coating.outer, 200)])
     h_around = np.minimum(
@@ -279,7 +284,7 @@ def _coating_elements(coating: Shell, h_inside: float, sizes: Sizes, domain: Par
     return float((areas * np.maximum(extra_densities, 0.0)).sum())
 
 
-def _film_elements(film: Film, sizes: Sizes, domain: Part) -> float:
+def _film_elements(film: DrainedFace, sizes: Sizes, domain: ModelDomain) -> float:
     """Elements at a drained face of a section beyond those without a film there.
 
     The integral of 1/(h + grading d)^2 - 1/there^2 over the distance d from the face, as far as it
@@ -287,27 +292,27 @@ def _film_elements(film: Film, sizes: Sizes, domain: Part) -> float:
     """
     (x0, z0) = film.side.start
     (x1, z1) = film.side.end
-    is_level = film.side.middle is not None or z0 == z1
+    is_level = film.side.center is not None or z0 == z1
     length = max(abs(x - sizes.axis[0]) for x in (x0, x1)) if is_level else abs(z1 - z0)
     s, ds = _log_grid(length, film.h)
     depth = 0.0 if film.side.surface == "top" else domain.height
     r, z = (
         (s, np.full_like(s, depth)) if is_level else (np.full_like(s, abs(x0 - sizes.axis[0])), s)
     )
-    h_without = sizes.at(r, z)
+    h_without = sizes.size_at(r, z)
     growth = sizes.grading
-    h = np.minimum(film.h + growth * np.maximum(np.hypot(r, z) - film.reach, 0.0), h_without)
+    h = np.minimum(film.h + growth * np.maximum(np.hypot(r, z) - film.fine_radius, 0.0), h_without)
     elements_across = (1 / h - 1 / h_without) / growth - (h_without - h) / (growth * h_without**2)
     return float((_sector_count(sizes, domain) if is_level else 1.0) * (elements_across * ds).sum())
 
 
-def candidate_count(sizes: Sizes, domain: Part) -> float:
+def candidate_count(sizes: Sizes, domain: ModelDomain) -> float:
     """How many nodes of the surface may come into contact: the order of a condensed body's dense
     matrices.
     """
     dim = domain.dim
-    r, wr = _log_grid(sizes.patch + CONDENSED_MARGIN * sizes.h_contact, sizes.smallest)
-    size = sizes.at(r, np.zeros_like(r)) ** (dim - 1)
+    r, wr = _log_grid(sizes.fine_radius + CONDENSED_MARGIN * sizes.h_contact, sizes.axis_size)
+    size = sizes.size_at(r, np.zeros_like(r)) ** (dim - 1)
     return (
         NODES_PER_FACET
         * FACETS_PER_AREA[dim]
@@ -320,7 +325,7 @@ def _ring_weight(r: np.ndarray, dim: int, sectors: float) -> np.ndarray:
     return pi / 2 * sectors * r if dim == 3 else np.full_like(r, sectors)
 
 
-def _sector_count(sizes: Sizes, domain: Part) -> float:
+def _sector_count(sizes: Sizes, domain: ModelDomain) -> float:
     """Quarters of a full turn about the tip's axis that the modelled part contains; sides in two
     dimensions.
     """

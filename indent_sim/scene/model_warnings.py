@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from indent_sim.mesh.part_from_file import MeshedPart
+from indent_sim.mesh.imported_domain import ImportedDomain
 from indent_sim.mesh.sizes import DOUBTFUL_ELEMENTS, Sizes
 from indent_sim.model import stability
 from indent_sim.model.algebra import cos, tan
@@ -495,13 +495,15 @@ def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
         setup, min((delta for delta in setup.physics.deltas if delta > 0), default=setup.max_depth)
     )
     message = ""
-    if sizes.edge is not None and sizes.h_edge is not None and force_error >= NEGLIGIBLE_ERROR:
+    if (
+        sizes.punch_edge is not None
+        and sizes.h_edge is not None
+        and force_error >= NEGLIGIBLE_ERROR
+    ):
         advice = refinement_advice(sizes, "give a smaller h_contact or h_edge")
         low_text = f"the force may be too low by {error_text(force_error)}; {advice}"
-        message = (
-            f"elements of {sizes.h_edge / sizes.edge:.2g} radii at the punch's edge: {low_text}"
-        )
-    elif not sizes.is_enough(a):
+        message = f"elements of {sizes.h_edge / sizes.punch_edge:.2g} radii at the punch's edge: {low_text}"
+    elif not sizes.is_resolved(a):
         advice = refinement_advice(
             sizes, f"give h_contact at most {1 / DOUBTFUL_ELEMENTS:.2g} of the contact radius"
         )
@@ -512,7 +514,7 @@ def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
             f"only {a / sizes.h_contact:.2g} elements in the expected contact radius: {wrong_text}"
         )
     elif (
-        not sizes.is_enough(shallowest)
+        not sizes.is_resolved(shallowest)
         and (shallow_error := expected_force_error(sizes, shallowest, nu)) >= UNDERRESOLVED_ERROR
     ):
         element_text = f"only {shallowest / sizes.h_contact:.2g} of them are in the contact radius"
@@ -532,9 +534,9 @@ def _facet_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]
     less deep.
     """
     physics = setup.physics
-    if not isinstance(physics.domain, MeshedPart):
+    if not isinstance(physics.domain, ImportedDomain):
         return
-    sag = physics.domain.sag(physics.center, setup.a, sizes.refinements or 0)
+    sag = physics.domain.facet_sagitta(physics.center, setup.a, sizes.refinements or 0)
     if (error := FORCE_DEPTH_EXPONENT * sag / setup.max_depth) >= NEGLIGIBLE_ERROR:
         sag_text = (
             f"they lie up to {sag * physics.scales.length:.2g} inside it, {error_text(error)} "
@@ -610,9 +612,9 @@ def edge_error(sizes: Sizes) -> float:
     EDGE h_edge/radius, times how keenly the force feels the radius. The force is always too low:
     elements that end at the edge stand for a punch that is narrower.
     """
-    if sizes.edge is None or sizes.h_edge is None:
+    if sizes.punch_edge is None or sizes.h_edge is None:
         return 0.0
-    return EDGE_ERROR * sizes.keenness * sizes.h_edge / sizes.edge
+    return EDGE_ERROR * sizes.edge_refinement_factor * sizes.h_edge / sizes.punch_edge
 
 
 def expected_force_error(sizes: Sizes, a: float, nu: float) -> float:
@@ -624,11 +626,11 @@ def expected_force_error(sizes: Sizes, a: float, nu: float) -> float:
     below a quarter of the size of its elements over its radius (axisymmetric and in three
     dimensions), 0.65 of it where the body hardly compresses; times `keenness`.
     """
-    if sizes.edge is not None and sizes.h_edge is not None:
+    if sizes.punch_edge is not None and sizes.h_edge is not None:
         return (1.0 if nu < NEARLY_INCOMPRESSIBLE_NU else INCOMPRESSIBLE_EDGE_FACTOR) * edge_error(
             sizes
         )
-    return 0.0 if sizes.is_enough(a) else 0.07 / sizes.elements(a) ** 2
+    return 0.0 if sizes.is_resolved(a) else 0.07 / sizes.elements_in_contact(a) ** 2
 
 
 def swelling_force_error(sizes: Sizes, a: float) -> float:
@@ -640,7 +642,7 @@ def swelling_force_error(sizes: Sizes, a: float) -> float:
     and 6.5 elements in the contact radius, which is 2.7/n^3 to 8.6/n^3.
     `tests/physics/test_gel_scenes.py` measures one of the meshes again.
     """
-    return 0.0 if sizes.edge is not None else 9.0 / sizes.elements(a) ** 3
+    return 0.0 if sizes.punch_edge is not None else 9.0 / sizes.elements_in_contact(a) ** 3
 
 
 def penalty_force_loss(

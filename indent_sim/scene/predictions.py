@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.mesh.modelled_part import Part
+from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Dome
 from indent_sim.model.contact import Friction
@@ -510,7 +510,7 @@ def _small_strain_effect(setup: ProblemSetup) -> NoSlipEffect | None:
     return NoSlipEffect(None, low, high, "map of bonded layers at small strain")
 
 
-def _is_homogeneous_isotropic(domain: Part) -> bool:
+def _is_homogeneous_isotropic(domain: ModelDomain) -> bool:
     return len(domain.regions) == 1 and domain.regions[0].material.is_isotropic
 
 
@@ -592,12 +592,12 @@ def tensile_rim_width(tip: Indenter, nu: float, sizes: Sizes, dim: int) -> float
     """
     if (
         getattr(tip, "edge_radius", 1.0) > 0
-        or sizes.edge is None
+        or sizes.punch_edge is None
         or sizes.h_edge is None
         or nu >= 0.5
     ):
         return 0.0
-    rim = 2 * sizes.edge * exp(-(pi**2) / log(3 - 4 * nu))
+    rim = 2 * sizes.punch_edge * exp(-(pi**2) / log(3 - 4 * nu))
     return rim if sizes.h_edge <= MAX_RIM_ELEMENTS * rim or (dim == 3 and nu < MIN_SAFE_NU) else 0.0
 
 
@@ -623,7 +623,7 @@ def missing_peak_reason(physics: ProblemDefinition, sizes: Sizes, a: float) -> s
     body = physics.body
     tip = physics.indenter
     for r, width in tip.creases() if a > 0 else []:
-        element_size = float(sizes.at(np.array(r), np.array(0.0)))
+        element_size = float(sizes.size_at(np.array(r), np.array(0.0)))
         is_touched = r <= a + element_size or (
             tip.height(r, 0.0) <= 0 and not isinstance(body, Dome)
         )

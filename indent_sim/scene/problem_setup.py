@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from indent_sim.mesh import file_checks, part_from_file
-from indent_sim.mesh.body_from_file import Piece, Skin
-from indent_sim.mesh.modelled_part import Part, Region
+from indent_sim.mesh import imported_domain, mesh_import
+from indent_sim.mesh.imported_mesh import BoundaryCells, ImportedMesh
+from indent_sim.mesh.model_domain import ModelDomain, Region
 from indent_sim.model.body import (
     Ball,
     Body,
@@ -119,7 +119,7 @@ class ProblemDefinition:
 
     scales: Scales
     body: Body
-    domain: Part  # of the body, modelled
+    domain: ModelDomain  # of the body, modelled
     indenter: Indenter
     center: Center
     path: LoadPath  # what is prescribed, step by step
@@ -171,7 +171,7 @@ class ProblemDefinition:
         """
         if not self.has_friction or self.domain.kinematics.name == "axisymmetric":
             return {}
-        mirror_surfaces = self.domain.mirrors(self.center)
+        mirror_surfaces = self.domain.mirror_walls(self.center)
         axes = {name: axis for axis, name in enumerate("xy"[: self.domain.dim - 1])}
         return {
             name: axis
@@ -182,7 +182,7 @@ class ProblemDefinition:
     @property
     def mirror_multiplicity(self) -> int:
         """How many times the body the tip sees (`Part.seen_by`)."""
-        return self.domain.seen_by(self.center)
+        return self.domain.mirrored_body_count(self.center)
 
     def full_contact_radius(self, a: float) -> float:
         """The radius [length] of the whole contact, mirrored where the tip sees it go on, of a
@@ -208,8 +208,10 @@ class ProblemDefinition:
     @property
     def drained_walls(self) -> tuple[str, ...]:
         """The walls that let fluid out of the pores."""
-        mirror_surfaces = self.domain.mirrors(self.center)
-        walls = [wall for wall in self.domain.distances(self.center) if wall not in mirror_surfaces]
+        mirror_surfaces = self.domain.mirror_walls(self.center)
+        walls = [
+            wall for wall in self.domain.wall_distances(self.center) if wall not in mirror_surfaces
+        ]
         return tuple(
             wall
             for wall in walls
@@ -346,24 +348,25 @@ class ProblemDefinition:
             for candidate in self.domain.regions
             if candidate.formulation == "displacement" and not candidate.material.flow
         ]
-        return max((region.softest.nu for region in locking_regions), default=0.0)
+        return max((region.softest_constants.nu for region in locking_regions), default=0.0)
 
     @property
     def largest_nu(self) -> float:
         """Poisson's ratio of what the tip touches in its most incompressible state on the way."""
-        return self.domain.regions[0].softest.nu
+        return self.domain.regions[0].softest_constants.nu
 
     @property
     def drop_number(self) -> float:
         """gamma/(mu R) of a round body at finite strain, by the softest of its regions; 0 without
         tension.
         """
-        if self.small_strain or not self.domain.dome or not self.surface_tension:
+        if self.small_strain or not self.domain.top_radius or not self.surface_tension:
             return 0.0
         softest = min(
-            E / (2 * (1 + nu)) for E, nu in (region.softest for region in self.domain.regions)
+            E / (2 * (1 + nu))
+            for E, nu in (region.softest_constants for region in self.domain.regions)
         )
-        return self.surface_tension / (softest * self.domain.dome)
+        return self.surface_tension / (softest * self.domain.top_radius)
 
     @property
     def is_drop(self) -> bool:
@@ -542,7 +545,7 @@ class ProblemSetup:
         return self.theory.solution_at_depth(delta) if self.theory else None
 
 
-def set_up_problem(config: Config, imported_mesh: Piece | None = None) -> ProblemSetup:
+def set_up_problem(config: Config, imported_mesh: ImportedMesh | None = None) -> ProblemSetup:
     """The scene without units, its body as given; ConfigError for one that cannot exist.
     piece: what `read_imported_mesh` finds in the config's mesh file, where somebody has read it."""
     body = config.body
@@ -625,7 +628,7 @@ def _set_up(
     whole_body: Body,
     layers: Layers,
     truncation: Truncation | None,
-    imported_mesh: Piece | None,
+    imported_mesh: ImportedMesh | None,
 ) -> ProblemSetup:
     material = _layer_material(layers[0])
     center = whole_body.center if truncation else config.center or whole_body.center
@@ -664,7 +667,7 @@ def _set_up(
     theory = theory_of(whole_body, layers, tip, center, tension)
     relative = relative_tip(tip, body)
     deltas = expected_depths(
-        path, theory, relative, material, body.height, scales, domain.seen_by(center)
+        path, theory, relative, material, body.height, scales, domain.mirrored_body_count(center)
     )
     drainage = _drainage(config, history, scales)
     physics = ProblemDefinition(
@@ -717,12 +720,12 @@ def _plate_if_covering(tip: Indenter, body: Body, center: Center) -> Indenter:
 def _model_domain(
     config: Config,
     body: Body,
-    imported_mesh: Piece | None,
+    imported_mesh: ImportedMesh | None,
     center: tuple[float, ...],
     tip: Indenter,
     layers: Layers,
     scales: Scales,
-) -> tuple[Part, str]:
+) -> tuple[ModelDomain, str]:
     """The modelled piece of a body, and why it is that one."""
     if isinstance(body, Meshed):
         assert imported_mesh is not None
@@ -904,7 +907,7 @@ def is_undrained_incompressible(physics: ProblemDefinition) -> bool:
     """
     is_closed = all(
         physics.domain.supports.get(wall, "free") != "free"
-        for wall in physics.domain.distances(physics.center)
+        for wall in physics.domain.wall_distances(physics.center)
     )
     is_full = all(
         region.material.flow and not region.material.flow.storage
@@ -940,7 +943,10 @@ def first_step(setup: ProblemSetup, physics: ProblemDefinition, h_contact: float
     """
     assert setup.history is not None
     times = [
-        t for region in physics.domain.regions if region.relaxing for t in region.relaxing.times
+        t
+        for region in physics.domain.regions
+        if region.relaxation_series
+        for t in region.relaxation_series.times
     ]
     shortest = max(
         min(times, default=inf) / STEPS_PER_RELAXATION_TIME,
@@ -952,14 +958,16 @@ def first_step(setup: ProblemSetup, physics: ProblemDefinition, h_contact: float
     return min(first, physics.bath_ramp / RAMP_STEPS) if physics.bath_ramp else first
 
 
-def _expand_relaxation(physics: ProblemDefinition, history: History) -> Part:
+def _expand_relaxation(physics: ProblemDefinition, history: History) -> ModelDomain:
     """The modelled part, its laws of relaxation as sums of exponentials."""
 
     def followed(region: Region) -> Region:
         law = region.material.relaxation
         shortest = SHORTEST_TIME_FRACTION * MIN_STEP_FRACTION * history.shortest_piece
         return (
-            replace(region, relaxing=prony_series(law, shortest, history.span)) if law else region
+            replace(region, relaxation_series=prony_series(law, shortest, history.span))
+            if law
+            else region
         )
 
     return replace(physics.domain, regions=tuple(map(followed, physics.domain.regions)))
@@ -1085,7 +1093,13 @@ def _layer_regions(config: Config, layers: Layers) -> tuple[Region, ...]:
         shear_fraction = _least_shear_fraction(config, material)
         formulation = _formulation(config.material_key(k), material, shear_fraction)
         regions.append(
-            Region(name, material, formulation, -rounded(float(depth)), least_share=shear_fraction)
+            Region(
+                name,
+                material,
+                formulation,
+                -rounded(float(depth)),
+                min_shear_fraction=shear_fraction,
+            )
         )
     return tuple(regions)
 
@@ -1101,7 +1115,11 @@ def _inclusion_regions(config: Config, body: Drawn | Endless, scales: Scales) ->
         shear_fraction = _least_shear_fraction(config, material)
         formulation = _formulation(f"body.{name}.material", law, shear_fraction)
         yield Region(
-            name, law, formulation, inclusion=_round_lengths(inclusion), least_share=shear_fraction
+            name,
+            law,
+            formulation,
+            inclusion=_round_lengths(inclusion),
+            min_shear_fraction=shear_fraction,
         )
 
 
@@ -1159,8 +1177,8 @@ def _formulation(key: str, material: Material, least_share: float) -> str:
 
 
 def _position_imported_mesh(
-    config: Config, source: MeshFromFile, imported_mesh: Piece
-) -> tuple[Meshed, Piece]:
+    config: Config, source: MeshFromFile, imported_mesh: ImportedMesh
+) -> tuple[Meshed, ImportedMesh]:
     """The body that a file has, lowered so that the tip first touches it at z = 0."""
     center = config.center or source.center
     if source.hash not in (None, imported_mesh.hash):
@@ -1168,17 +1186,19 @@ def _position_imported_mesh(
         raise ConfigError(
             "body.hash", f"'{source.file}' holds another mesh, {imported_mesh.hash}", remedy
         )
-    imported_mesh = imported_mesh.led_by(part_from_file.under_axis(imported_mesh, center))
-    part_from_file.refuse_forgotten_mirrors(imported_mesh, source, center)
-    placed_mesh = imported_mesh.lowered(
-        part_from_file.first_touch(config.indenter, imported_mesh, center)
+    imported_mesh = imported_mesh.with_leading_region(
+        imported_domain.region_under_axis(imported_mesh, center)
     )
-    return part_from_file.body_of(
+    imported_domain.refuse_forgotten_mirrors(imported_mesh, source, center)
+    placed_mesh = imported_mesh.translated_to_contact(
+        imported_domain.first_contact_height(config.indenter, imported_mesh, center)
+    )
+    return imported_domain.imported_body(
         placed_mesh, source, center, _region_materials(placed_mesh, config)[0][1]
     ), placed_mesh
 
 
-def read_imported_mesh(config: Config, comm: Any) -> Piece | None:
+def read_imported_mesh(config: Config, comm: Any) -> ImportedMesh | None:
     """The body of the config's mesh file, None where it names none (collective).
 
     On several ranks rank 0 reads the file, has its arrays mapped, and all know the skin of the
@@ -1190,17 +1210,17 @@ def read_imported_mesh(config: Config, comm: Any) -> Piece | None:
         return _read_mesh_file(config, config.body)
     boundary_cells = on_root(comm, _read_boundary_cells, config, config.body)
     shared_cells = comm.bcast(
-        replace(boundary_cells, whole=None) if boundary_cells else None, root=0
+        replace(boundary_cells, unplaced_mesh=None) if boundary_cells else None, root=0
     )
     return boundary_cells or shared_cells
 
 
-def _read_mesh_file(config: Config, source: MeshFromFile) -> Piece:
+def _read_mesh_file(config: Config, source: MeshFromFile) -> ImportedMesh:
     """The body as its file, beside the scene's, has it."""
-    return file_checks.piece_in(os.path.dirname(config.source.name), source, config.material)
+    return mesh_import.import_mesh(os.path.dirname(config.source.name), source, config.material)
 
 
-def _read_boundary_cells(config: Config, source: MeshFromFile) -> Skin:
+def _read_boundary_cells(config: Config, source: MeshFromFile) -> BoundaryCells:
     """The skin of that body, read in the process that meshes; of the whole this one has arrays that
     lie in a file.
     """
@@ -1208,14 +1228,18 @@ def _read_boundary_cells(config: Config, source: MeshFromFile) -> Skin:
 
     failure_text = f"'{source.file}' could not be read"
     folder = os.path.dirname(config.source.name)
-    return gmsh.elsewhere(failure_text, file_checks.skin_in, folder, source, config.material)()
+    return gmsh.call_in_mesher(
+        failure_text, mesh_import.import_boundary_cells, folder, source, config.material
+    )()
 
 
-def _region_materials(imported_mesh: Piece, config: Config) -> list[tuple[str, Material]]:
+def _region_materials(imported_mesh: ImportedMesh, config: Config) -> list[tuple[str, Material]]:
     """The materials of a piece's regions with the keys where they stand, in their order."""
     regions = getattr(config.body, "regions", None) or {}
     region_laws = {name: (f"body.regions.{name}", material) for name, material in regions.items()}
-    laws = [region_laws.get(name, ("material", config.material)) for name in imported_mesh.names]
+    laws = [
+        region_laws.get(name, ("material", config.material)) for name in imported_mesh.region_names
+    ]
     return [
         (key, _instantaneous_law(config, material))
         for key, material in laws
@@ -1223,7 +1247,7 @@ def _region_materials(imported_mesh: Piece, config: Config) -> list[tuple[str, M
     ]
 
 
-def unused_material_message(config: Config, domain: Part) -> str:
+def unused_material_message(config: Config, domain: ModelDomain) -> str:
     """That nothing of a body has the material of the section `material`, in words; empty where
     something has.
     """
@@ -1238,7 +1262,7 @@ def unused_material_message(config: Config, domain: Part) -> str:
     return "" if is_used else f"nothing uses `material`: every {region_kind} has its own"
 
 
-def remove_unused_material(config: Config, domain: Part) -> Config:
+def remove_unused_material(config: Config, domain: ModelDomain) -> Config:
     """The config without the section `material` where nothing of the body has it."""
     return (
         config.model_copy(update={"material": None})
@@ -1247,19 +1271,29 @@ def remove_unused_material(config: Config, domain: Part) -> Config:
     )
 
 
-def _imported_domain(config: Config, imported_mesh: Piece, scales: Scales) -> tuple[Part, str]:
+def _imported_domain(
+    config: Config, imported_mesh: ImportedMesh, scales: Scales
+) -> tuple[ModelDomain, str]:
     assert isinstance(config.body, MeshFromFile)
     materials = [
         (key, scales.scaled(material)) for key, material in _region_materials(imported_mesh, config)
     ]
-    names = [f"regions.{name}" if name else "body" for name in imported_mesh.names]
+    names = [f"regions.{name}" if name else "body" for name in imported_mesh.region_names]
     named_laws = zip(names, materials, strict=True)
     shear_fractions = [_least_shear_fraction(config, law) for _, law in materials]
     regions = tuple(
-        Region(name, law, _formulation(key, law, shear_fraction), 0.0, least_share=shear_fraction)
+        Region(
+            name,
+            law,
+            _formulation(key, law, shear_fraction),
+            0.0,
+            min_shear_fraction=shear_fraction,
+        )
         for (name, (key, law)), shear_fraction in zip(named_laws, shear_fractions, strict=True)
     )
-    domain = part_from_file.part_of(imported_mesh.measured(scales.length), config.body, regions)
+    domain = imported_domain.imported_domain(
+        imported_mesh.scaled_by_length(scales.length), config.body, regions
+    )
     surfaces_text = (
         ""
         if config.body.named == config.body.surfaces

@@ -216,11 +216,11 @@ def coarsened_sizes(sizes: Sizes, ratio: float, height: float, *, is_column: boo
     grading_exponent = COLUMN_GRADING_EXPONENT if is_column else GRADING_EXPONENT
     h_contact = min(ratio * sizes.h_contact, height)
     coatings = tuple(
-        (feature, min(ratio * h, max(feature.thickness, h))) for feature, h in sizes.skins
+        (feature, min(ratio * h, max(feature.thickness, h))) for feature, h in sizes.coatings
     )
     films = tuple(
         replace(film, h=min(ratio ** (ORDER_OF_CONVERGENCE / FILM_ERROR_ORDER) * film.h, h_contact))
-        for film in sizes.films
+        for film in sizes.drained_faces
     )
     inclusions = [
         (feature, min(ratio ** (ORDER_OF_CONVERGENCE / 2) * h, feature.thinnest))
@@ -231,16 +231,16 @@ def coarsened_sizes(sizes: Sizes, ratio: float, height: float, *, is_column: boo
         h_contact=h_contact,
         h_far=max(ratio * sizes.h_far, h_contact),
         grading=min(ratio**grading_exponent * sizes.grading, MAX_GRADING),
-        patch=sizes.patch + 2 * (h_contact - sizes.h_contact),
+        fine_radius=sizes.fine_radius + 2 * (h_contact - sizes.h_contact),
         h_edge=sizes.h_edge and min(ratio**ORDER_OF_CONVERGENCE * sizes.h_edge, h_contact),
         h_axis=sizes.h_axis and min(ratio * sizes.h_axis, h_contact),
         h_corner=sizes.h_corner
         and min(ratio ** (ORDER_OF_CONVERGENCE / SINGULARITY_RATE) * sizes.h_corner, h_contact),
-        films=films,
+        drained_faces=films,
         h_film=sizes.h_film
         and min(ratio ** (ORDER_OF_CONVERGENCE / FILM_ERROR_ORDER) * sizes.h_film, h_contact),
         inclusions=tuple(inclusions),
-        skins=coatings,
+        coatings=coatings,
     )
 
 
@@ -249,13 +249,13 @@ def refined_sizes(sizes: Sizes, refinements: int) -> Sizes:
     ratio = 2.0 ** ((sizes.refinements or 0) - refinements)
     h = ratio * sizes.h_contact
     edge = sizes.h_edge
-    patch = sizes.patch + 2 * (ratio - 1) * sizes.h_contact
+    patch = sizes.fine_radius + 2 * (ratio - 1) * sizes.h_contact
     h_edge = edge and ratio * edge
     return replace(
         sizes,
         h_contact=h,
         h_far=ratio * sizes.h_far,
         h_edge=h_edge,
-        patch=patch,
+        fine_radius=patch,
         refinements=refinements,
     )

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from indent_sim.mesh.body_from_file import Piece
-from indent_sim.mesh.grid import Grid, moved
+from indent_sim.mesh.grid import Grid, map_grid
+from indent_sim.mesh.imported_mesh import ImportedMesh
 from indent_sim.mesh.reactions import reaction_columns
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Endless
@@ -206,7 +206,7 @@ class Scene:
         """The mesh of its part by its sizes; MeshError where gmsh fails."""
         from indent_sim.mesh import gmsh  # with processes, which no plan needs
 
-        return gmsh.build(self.physics.domain, self.sizes)
+        return gmsh.build_mesh(self.physics.domain, self.sizes)
 
     def adapt_grid(self, other: Scene, grid: Grid) -> Grid:
         """The mesh of a scene that differs from this one a little, moved to this one's body and
@@ -216,7 +216,7 @@ class Scene:
             scene.plan.prediction.get("a", 0.0) / scene.physics.scales.length
             for scene in (other, self)
         )
-        return moved(grid, other.physics.domain, self.physics.domain, radii) or self.grid()
+        return map_grid(grid, other.physics.domain, self.physics.domain, radii) or self.grid()
 
     def start_meshing(self) -> Callable[[], Grid]:
         """Have its mesh made in the process that meshes; the function that is returned waits for
@@ -224,7 +224,7 @@ class Scene:
         """
         from indent_sim.mesh import gmsh
 
-        return gmsh.begin(self.physics.domain, self.sizes)
+        return gmsh.start_meshing(self.physics.domain, self.sizes)
 
     def replace_physics(self, **changes: Any) -> Scene:
         """The same simulation of something else: another tip, path or contact law on the same
@@ -279,7 +279,7 @@ class Scene:
         """
         tip = self.physics.indenter
         if (
-            self.sizes.edge is not None
+            self.sizes.punch_edge is not None
             and not isinstance(tip, FlatPunch)
             and a >= END_FRACTION * reach(tip)
         ):
@@ -294,10 +294,12 @@ def start_mesher() -> None:
     """Fork the process that meshes, which loads gmsh while this one does something else."""
     from indent_sim.mesh import gmsh
 
-    gmsh.start()
+    gmsh.start_mesher()
 
 
-def resolve(config: Config, per_radius: float | None = None, piece: Piece | None = None) -> Scene:
+def resolve(
+    config: Config, per_radius: float | None = None, piece: ImportedMesh | None = None
+) -> Scene:
     """Decide everything the config leaves open.
 
     With `accuracy` there are `per_radius` elements in every contact radius, or as many as it is

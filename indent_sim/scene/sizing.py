@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from indent_sim.mesh.part_from_file import MeshedPart
-from indent_sim.mesh.sizes import Film, Sizes
+from indent_sim.mesh.imported_domain import ImportedDomain
+from indent_sim.mesh.sizes import DrainedFace, Sizes
 from indent_sim.model.body import Inclusion
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales, rounded
@@ -153,9 +153,9 @@ def mesh_resolution(
         _contact_state(setup, delta) for delta in (min(positive_depths), max(positive_depths))
     ]
     if isinstance(
-        physics.domain, MeshedPart
+        physics.domain, ImportedDomain
     ):  # at least one refinement: the bars compare the last two
-        initial_elements = setup.a / physics.domain.facet_near(physics.center, 0.0, setup.a)
+        initial_elements = setup.a / physics.domain.facet_size_near(physics.center, 0.0, setup.a)
         halvings = log2(
             (per_radius or required_elements(target, physics.domain.dim)) / initial_elements
         )
@@ -209,7 +209,7 @@ def _edge_radius(setup: ProblemSetup, gap: str, is_asked: bool) -> float | None:
     if setup.physics.is_compressed:
         return a if is_asked else None
     if isinstance(tip, FlatPunch):
-        if setup.physics.domain.dome and a < END_FRACTION * tip.radius:
+        if setup.physics.domain.top_radius and a < END_FRACTION * tip.radius:
             return None  # the curved top ends the contact
         return (a if tip.edge_radius else tip.radius) if _is_sharp(tip) else None
     # with a gap at the deformed point the body goes around the end
@@ -228,7 +228,7 @@ def sizes(
     a = setup.a
     edge_radius = _edge_radius(setup, gap, mesh.h_edge is not None)
     edge = rounded(edge_radius) if edge_radius is not None else None
-    if isinstance(domain, MeshedPart):
+    if isinstance(domain, ImportedDomain):
         return _imported_mesh_sizes(
             domain, setup, edge, resolution.refinements if resolution else mesh.refinements or 0
         )
@@ -238,7 +238,11 @@ def sizes(
     )  # and refused, whoever chooses
     if resolution:
         fixed_sizes = resolution.sizes(
-            domain.height, domain.width, edge, domain.bend or domain.dome, edge_refinement
+            domain.height,
+            domain.max_width,
+            edge,
+            domain.wall_radius or domain.top_radius,
+            edge_refinement,
         )
     if setup.uses_time_stepping and domain.dim == 2 and fixed_sizes.h_contact is None:
         fixed_sizes = replace(
@@ -257,7 +261,7 @@ def sizes(
     fixed_sizes = _refine_below_deep_tip(config, setup, fixed_sizes, edge, gap)
     default_sizes = replace(
         _default_sizes(setup, fixed_sizes, edge, edge_refinement),
-        rubbed=_frictional_edge_width(config, setup, edge, gap),
+        rounded_edge_width=_frictional_edge_width(config, setup, edge, gap),
     )
     refined_sizes = _refine_inclusions(
         _refine_corners(default_sizes, setup, fixed_sizes, resolution), config, setup, resolution
@@ -265,7 +269,7 @@ def sizes(
     refined_sizes = _refine_films(
         _refine_coatings(refined_sizes, config, setup, resolution), setup, fixed_sizes, resolution
     )
-    _refuse_bad_sizes(refined_sizes, setup, max(domain.width, domain.height))
+    _refuse_bad_sizes(refined_sizes, setup, max(domain.max_width, domain.height))
     return refined_sizes
 
 
@@ -284,10 +288,10 @@ def _default_sizes(
     h_contact = rounded(
         fixed_sizes.h_contact or min(a / (anisotropy * ELEMENTS_PER_RADIUS[dim]), domain.height / 4)
     )
-    max_size = (0.25 - 0.3 * min(max(a / domain.width - 0.5, 0.0), 0.5)) * max(
-        domain.height, domain.width
+    max_size = (0.25 - 0.3 * min(max(a / domain.max_width - 0.5, 0.0), 0.5)) * max(
+        domain.height, domain.max_width
     )
-    if wall_radius := domain.bend or domain.dome:
+    if wall_radius := domain.wall_radius or domain.top_radius:
         max_size = min(max_size, wall_radius / ELEMENTS_PER_WALL_RADIUS)
     ratio = EDGE_RATIO[dim] * (
         edge_refinement if dim == 2 else 1.0
@@ -317,7 +321,7 @@ def _default_sizes(
         h_edge,
         h_axis,
         rounded(a),
-        keenness=edge_refinement,
+        edge_refinement_factor=edge_refinement,
         axis=physics.center,
     )
 
@@ -420,20 +424,20 @@ def _refine_cohesive_zone(
 
 
 def _imported_mesh_sizes(
-    domain: MeshedPart, setup: ProblemSetup, edge: float | None, refinements: int
+    domain: ImportedDomain, setup: ProblemSetup, edge: float | None, refinements: int
 ) -> Sizes:
     """The sizes that a mesh from a file has after so many refinements: of its facets in the
     contact, of its largest.
     """
     size_factor = 0.5**refinements
     a = setup.a
-    h = rounded(size_factor * domain.facet_near(setup.physics.center, 0.0, a))
+    h = rounded(size_factor * domain.facet_size_near(setup.physics.center, 0.0, a))
     h_edge = (
-        rounded(size_factor * domain.facet_near(setup.physics.center, edge, edge))
+        rounded(size_factor * domain.facet_size_near(setup.physics.center, edge, edge))
         if edge is not None
         else None
     )
-    h_far = rounded(max(h, size_factor * domain.largest))
+    h_far = rounded(max(h, size_factor * domain.longest_edge))
     patch = rounded(PATCH_FACTOR * a + 2 * h)
     sizes_of_mesh = Sizes(
         h, h_far, patch, GRADING, edge, h_edge, a=rounded(a), axis=setup.physics.center
@@ -472,7 +476,7 @@ def _refine_corners(
     """
     physics = setup.physics
     nu = physics.largest_nu
-    contact_end = setup.a if physics.is_compressed else default_sizes.edge
+    contact_end = setup.a if physics.is_compressed else default_sizes.punch_edge
     near_corners = (
         corners(physics.domain, physics.center, setup.a, nu, contact_end)
         if setup.max_depth > 0
@@ -489,7 +493,7 @@ def _refine_corners(
         else (AUTO_ERROR, setup.a / default_sizes.h_contact)
     )
     corner_sizes = [
-        (corner, float(default_sizes.at(np.array(corner.r), np.array(corner.depth))))
+        (corner, float(default_sizes.size_at(np.array(corner.r), np.array(corner.depth))))
         for corner in near_corners
     ]
     h = fixed_sizes.h_corner
@@ -509,7 +513,8 @@ def _refine_corners(
         default_sizes, corners=corner_points, h_corner=min(rounded(h), default_sizes.h_contact)
     )
     sizes = (
-        float(refined.at(np.array(corner.r), np.array(corner.depth))) for corner in near_corners
+        float(refined.size_at(np.array(corner.r), np.array(corner.depth)))
+        for corner in near_corners
     )
     max_error = max(corner.error(size) for corner, size in zip(near_corners, sizes, strict=True))
     return replace(refined, corner_error=max_error)
@@ -541,7 +546,7 @@ def _refine_coatings(
     """The sizes, smaller in the skins of a cap or ball: as many elements across as all else has in
     the radius, of the number that it has at automatic sizes.
     """
-    coatings = setup.physics.domain.skins
+    coatings = setup.physics.domain.coatings
     given_sizes = config.mesh.h_layers
     L = setup.physics.scales.length
     refinement_factor = max(1.0, (resolution.n if resolution else 0.0) / ELEMENTS_PER_RADIUS[2])
@@ -553,7 +558,7 @@ def _refine_coatings(
         ]
     )
     return replace(
-        default_sizes, skins=tuple(zip(coatings, map(rounded, coating_sizes), strict=True))
+        default_sizes, coatings=tuple(zip(coatings, map(rounded, coating_sizes), strict=True))
     )
 
 
@@ -584,12 +589,12 @@ def _refine_films(
         fixed_sizes.h_film,
         FILM_ERROR_SHARE * resolution.error if resolution else AUTO_ERROR,
     )
-    return replace(default_sizes, films=faces, h_film=h_film if faces else None)
+    return replace(default_sizes, drained_faces=faces, h_film=h_film if faces else None)
 
 
 def film_sizes(
     setup: ProblemSetup, default_sizes: Sizes, given_size: float | None, max_fraction: float
-) -> tuple[tuple[Film, ...], float]:
+) -> tuple[tuple[DrainedFace, ...], float]:
     """The drained faces at which elements are smaller than those of `default_sizes`, and the size [length]
     at those next to the contact: the one asked for, or what costs at `max_fraction` this share of the
     force.
@@ -618,7 +623,9 @@ def film_sizes(
                 0.0 if side.surface == "top" else distance + (a if side.surface != "base" else 0.0)
             )
             if h < default_sizes.h_far:
-                films.append(Film(side, rounded(h), rounded(nearest + default_sizes.patch)))
+                films.append(
+                    DrainedFace(side, rounded(h), rounded(nearest + default_sizes.fine_radius))
+                )
     return tuple(films), h_film
 
 
@@ -643,7 +650,7 @@ def _elements_in_inclusion(inclusion: Inclusion, setup: ProblemSetup, error: flo
     cover_elements = ELEMENTS_ABOVE_INCLUSION * (INCLUSION_ERROR_SHARE * AUTO_ERROR / error) ** 0.5
     return (
         max(elements, cover_elements * inclusion.thinnest / cover_thickness)
-        if physics.domain.dome
+        if physics.domain.top_radius
         else elements
     )
 
@@ -654,11 +661,11 @@ def _refuse_bad_sizes(sizes_found: Sizes, setup: ProblemSetup, largest: float) -
     """
     domain = setup.physics.domain
     L = setup.physics.scales.length
-    edge = sizes_found.edge
+    edge = sizes_found.punch_edge
     if (
         edge is not None
         and domain.dim == 3
-        and domain.bend is None
+        and domain.wall_radius is None
         and edge < (min_size := MIN_PUNCH_RADIUS * largest)
     ):
         problem = (
@@ -671,9 +678,9 @@ def _refuse_bad_sizes(sizes_found: Sizes, setup: ProblemSetup, largest: float) -
     min_size = (
         MIN_AXIS_SIZE if domain.kinematics.name == "axisymmetric" else MIN_ELEMENT_SIZE
     ) * largest
-    if sizes_found.finest < min_size * (1 - 1e-9):
+    if sizes_found.min_size < min_size * (1 - 1e-9):
         problem = (
-            f"elements of {sizes_found.finest * L:.3g} are too small for a body of this size, at "
+            f"elements of {sizes_found.min_size * L:.3g} are too small for a body of this size, at "
             f"least {min_size * L:.3g}"
         )
         raise ConfigError(
@@ -682,7 +689,7 @@ def _refuse_bad_sizes(sizes_found: Sizes, setup: ProblemSetup, largest: float) -
             "make the body smaller: one of 1e5 contact radii feels like a half-space",
         )
     if edge is not None and (
-        size := float(sizes_found.at(np.array(edge), np.array(0.0)))
+        size := float(sizes_found.size_at(np.array(edge), np.array(0.0)))
     ) > edge * (1 + 1e-9):
         problem = f"elements of {size * L:.3g} are larger than the tip's radius {edge * L:.3g}"
         remedy = f"at most {edge * L / 4:.3g}, or auto; are both in the same unit of length?"

@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 from math import inf, isclose
 
-from indent_sim.mesh.modelled_part import Part, Pins, Point, Region, Side, polygon
+from indent_sim.mesh.model_domain import ModelDomain, Pins, Point, Region, Side, polygon_sides
 from indent_sim.model.body import Box, Cylinder, Dome, Drawn, Endless, Inclusion, Strip
 from indent_sim.model.kinematics import Axisymmetric, Kinematics, PlaneStrain, ThreeDimensional
 from indent_sim.model.tips import Indenter
@@ -28,7 +28,7 @@ QUARTER_ENDS = (
 
 def reduce(
     body: Drawn | Endless, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
-) -> tuple[Part, str]:
+) -> tuple[ModelDomain, str]:
     """Choose the symmetric part to model, and say why; `requested_symmetry` is `mesh.symmetry`.
 
     Raises ConfigError when the scene does not have the symmetry that is asked for.
@@ -81,7 +81,7 @@ def _round_center(inclusion: Inclusion) -> Inclusion:
 
 def _cylinder_domain(
     body: Cylinder, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
-) -> tuple[Part, str]:
+) -> tuple[ModelDomain, str]:
     on_axis = {axis: abs(c) <= 1e-12 * body.radius for axis, c in zip("xy", center, strict=True)}
     obstacle = "" if all(on_axis.values()) else "the tip stands off the cylinder's axis"
     obstacle = obstacle if tip.of_revolution else f"a {tip.shape} is no tip of revolution"
@@ -119,9 +119,9 @@ def _cylinder_domain(
 
 def _axisymmetric_domain(
     radius: float, height: float, regions: Regions, supports: Supports
-) -> Part:
+) -> ModelDomain:
     section = _rectangle_outline(("base", "r_max", "top", "r_min"), (0.0, radius), (-height, 0.0))
-    return Part(
+    return ModelDomain(
         Axisymmetric(), "axisymmetric", 1, section, height, regions, {**supports, "r_min": "roller"}
     )
 
@@ -133,7 +133,7 @@ def _sector_outline(radius: float, mirror_axes: list[str]) -> Sides:
     first = -1 if mirror_axes == ["x"] else 0
     quarters = [QUARTER_ENDS[k % 4] for k in range(first, first + 4 // 2 ** len(mirror_axes) + 1)]
     ends = [(radius * c, radius * s) for c, s in quarters]
-    arcs = tuple(Side("r_max", start, end, middle=(0.0, 0.0)) for start, end in pairwise(ends))
+    arcs = tuple(Side("r_max", start, end, center=(0.0, 0.0)) for start, end in pairwise(ends))
     if not mirror_axes:
         return arcs
     inwards = Side(f"{mirror_axes[0]}_min", ends[-1], (0.0, 0.0))
@@ -142,7 +142,7 @@ def _sector_outline(radius: float, mirror_axes: list[str]) -> Sides:
 
 def _strip_domain(
     body: Strip, center: Point, requested_symmetry: str, regions: Regions
-) -> tuple[Part, str]:
+) -> tuple[ModelDomain, str]:
     if requested_symmetry not in ("auto", "plane_strain", "half", "full"):
         raise _symmetry_error(
             requested_symmetry,
@@ -173,7 +173,7 @@ def _strip_domain(
 
 def _box_domain(
     body: Box, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
-) -> tuple[Part, str]:
+) -> tuple[ModelDomain, str]:
     if requested_symmetry not in ("auto", "quarter", "half", "full"):
         raise _symmetry_error(
             requested_symmetry,
@@ -218,12 +218,12 @@ def _cut_domain(
     height: float,
     regions: Regions,
     supports: Supports,
-) -> Part:
+) -> ModelDomain:
     """The part of a body that is cut along mirror planes, which are rollers."""
     supports = {**supports, **{f"{axis}_min": "roller" for axis in mirror_axes}}
     symmetry = SYMMETRY_NAMES[len(mirror_axes)]
     symmetry_factor = 2 ** len(mirror_axes)
-    return Part(
+    return ModelDomain(
         kinematics,
         symmetry,
         symmetry_factor,
@@ -231,11 +231,13 @@ def _cut_domain(
         height,
         regions,
         supports,
-        cuts=tuple(mirror_axes),
+        mirror_axes=tuple(mirror_axes),
     )
 
 
-def _spherical_domain(body: Dome, requested_symmetry: str, regions: Regions) -> tuple[Part, str]:
+def _spherical_domain(
+    body: Dome, requested_symmetry: str, regions: Regions
+) -> tuple[ModelDomain, str]:
     if requested_symmetry not in ("auto", "axisymmetric"):
         raise _symmetry_error(
             requested_symmetry, f"a {body.shape} is modelled about its axis", "use 'auto'"
@@ -253,7 +255,7 @@ def _spherical_domain(body: Dome, requested_symmetry: str, regions: Regions) -> 
             *middle_sides,
             Side("r_min", last.start, start),
         )
-    domain = Part(Axisymmetric(), "axisymmetric", 1, outline, body.height, regions, supports)
+    domain = ModelDomain(Axisymmetric(), "axisymmetric", 1, outline, body.height, regions, supports)
     mirrored = (
         "; half of the ball, which the plane through its center mirrors, and half of the approach"
     )
@@ -274,8 +276,8 @@ def _spherical_outline(body: Dome) -> Sides:
     middle = (0.0, -R)
     is_whole = base_edge[1] > bottom[1]
     arc_ends = [base_edge, *([(R, -R)] if base_edge[1] < -R else []), apex]
-    base = Side("base", bottom, base_edge, middle=middle if is_whole else None)
-    curved = (Side("top", start, end, middle=middle) for start, end in pairwise(arc_ends))
+    base = Side("base", bottom, base_edge, center=middle if is_whole else None)
+    curved = (Side("top", start, end, center=middle) for start, end in pairwise(arc_ends))
     return base, *curved, Side("r_min", apex, bottom)
 
 
@@ -284,20 +286,20 @@ def _rectangle_outline(
 ) -> Sides:
     (x0, x1) = x_range
     (y0, y1) = z_range
-    return polygon(surfaces, ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+    return polygon_sides(surfaces, ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
 
 
-def _pins(domain: Part) -> Pins:
+def _pins(domain: ModelDomain) -> Pins:
     """Point constraints (point, component) that take the rigid modes the supports leave, and
     nothing else.
     """
     if isinstance(domain.kinematics, Axisymmetric) or "fixed" in domain.supports.values():
         return ()
-    if domain.bend is not None:
-        return _cylinder_pins(domain, domain.bend)
+    if domain.wall_radius is not None:
+        return _cylinder_pins(domain, domain.wall_radius)
     corner = tuple(low for low, _ in domain.extent)
     constrained_components = {
-        domain.normal(surface)
+        domain.normal_component(surface)
         for surface, support in domain.supports.items()
         if support == "roller"
     }
@@ -312,7 +314,7 @@ def _pins(domain: Part) -> Pins:
     return tuple(pins)
 
 
-def _cylinder_pins(domain: Part, radius: float) -> Pins:
+def _cylinder_pins(domain: ModelDomain, radius: float) -> Pins:
     """Without a mirror plane the turn about z is free, even between rollers; along the planes, the
     shift.
     """

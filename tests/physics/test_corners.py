@@ -164,10 +164,10 @@ def graded(config: Config, n: float = 15.0, grading: float = 0.2) -> Scene:
     (low, high), (bottom, top) = base.physics.domain.extent
     ends = {abs(end - base.physics.center[0]) for end in (low, high)} - {0.0}
     points = {(r, depth) for r in ends for depth in (0.0, top - bottom)}
-    if base.sizes.edge is None:
+    if base.sizes.punch_edge is None:
         coarse = states(resolve(config, 13.0), with_surface=False)
         points |= {(state.a / base.physics.scales.length, 0.0) for state in coarse}
-    gap = min(min(ends) - base.sizes.a, 1.0) if base.sizes.edge is None else 0.1
+    gap = min(min(ends) - base.sizes.a, 1.0) if base.sizes.punch_edge is None else 0.1
     sizes = replace(
         base.sizes,
         corners=tuple(sorted(points)),

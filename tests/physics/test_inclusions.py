@@ -181,7 +181,7 @@ def test_the_part_has_the_symmetry_of_its_inclusions(inclusions: list[Any], symm
     if part.dim == 2:
         sizes *= 2 * np.pi * corners[:, :, 0].mean(axis=1)
     inside = sum(inclusion.volume for inclusion, _ in base.sizes.inclusions)
-    assert part.copies * sizes[grid.regions > 0].sum() == pytest.approx(inside, rel=0.1)
+    assert part.symmetry_factor * sizes[grid.regions > 0].sum() == pytest.approx(inside, rel=0.1)
 
 
 @pytest.mark.parametrize(

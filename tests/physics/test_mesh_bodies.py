@@ -13,7 +13,7 @@ import pytest
 from mesh_files import block, section, write
 
 from indent_sim.config.scene_file import from_mapping, load
-from indent_sim.mesh.gmsh import build
+from indent_sim.mesh.gmsh import build_mesh
 from indent_sim.run.simulate import simulate, states
 from indent_sim.scene.scene import resolve
 
@@ -53,7 +53,7 @@ def test_a_cylinder_read_back_gives_the_same_force(tmp_path: Path) -> None:
     """
     config = from_mapping(scene(CYLINDER))
     drawn = resolve(config)
-    grid = build(drawn.physics.domain, drawn.sizes)
+    grid = build_mesh(drawn.physics.domain, drawn.sizes)
     facets = {
         "top": grid.surfaces["top"],
         "bottom": grid.surfaces["base"],
@@ -241,7 +241,7 @@ def test_error_bars_of_flat_facets_hold_the_curved_surface(
     sections = {"indenter": {"shape": "sphere", "R": 1.0}, "loading": {"delta": 0.03, "steps": 2}}
     drawn = resolve(from_mapping(scene(cap, **sections, mesh={"h_contact": h, "h_far": 0.2})))
     grid, exact = (
-        build(drawn.physics.domain, drawn.sizes),
+        build_mesh(drawn.physics.domain, drawn.sizes),
         list(states(resolve(from_mapping(scene(cap, **sections))))),
     )
     facets = {"top": grid.surfaces["top"], "bottom": grid.surfaces["base"]}

@@ -27,7 +27,7 @@ def test_quarter_against_axisymmetric(base: str, sides: str) -> None:
     flat = scene(body, **DEEP)
     whole = scene(body, mesh={"h_contact": COARSE, "symmetry": "quarter"}, **DEEP)
     assert flat.physics.domain.symmetry == "axisymmetric"
-    assert (whole.physics.domain.symmetry, whole.physics.domain.copies) == ("quarter", 4)
+    assert (whole.physics.domain.symmetry, whole.physics.domain.symmetry_factor) == ("quarter", 4)
     assert force(whole) == pytest.approx(force(flat), rel=5e-3)
 
 
@@ -61,7 +61,7 @@ def test_off_axis_is_on_axis_in_a_wide_cylinder() -> None:
     beside = scene(
         wide, indenter=PARABOLOID | {"center": [0.0, -2.0]}, mesh={"h_contact": COARSE}, **DEEP
     )
-    assert (beside.physics.domain.symmetry, beside.physics.domain.copies) == ("half", 2)
+    assert (beside.physics.domain.symmetry, beside.physics.domain.symmetry_factor) == ("half", 2)
     assert force(beside) == pytest.approx(force(scene(wide, **DEEP)), rel=5e-3)
 
 

@@ -64,7 +64,7 @@ def covered(
         mesh={"h_contact": 0.5, "symmetry": symmetry},
     )
     beyond = FlatPunch(radius=1.1 * hypot(3.0, 2.0) / 2 / base.physics.scales.length)
-    sizes = dataclasses.replace(base.sizes, edge=None, h_edge=None)
+    sizes = dataclasses.replace(base.sizes, punch_edge=None, h_edge=None)
     return dataclasses.replace(base.replace_physics(indenter=beyond), sizes=sizes)
 
 

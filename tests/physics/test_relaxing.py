@@ -47,7 +47,9 @@ def relaxing(base: Scene, law: Exponentials) -> Scene:
     """The same scene of a material whose shear stress relaxes."""
     part = base.physics.domain
     return base.replace_physics(
-        part=replace(part, regions=tuple(replace(one, relaxing=law) for one in part.regions))
+        part=replace(
+            part, regions=tuple(replace(one, relaxation_series=law) for one in part.regions)
+        )
     )
 
 
@@ -326,7 +328,7 @@ def test_a_layer_relaxes_alone() -> None:
     part, grid = base.physics.domain, meshed(base)
     upper, lower = part.regions
     alone = base.replace_physics(
-        part=replace(part, regions=(replace(upper, relaxing=TWO_TIMES), lower))
+        part=replace(part, regions=(replace(upper, relaxation_series=TWO_TIMES), lower))
     )
     *_, force = along(
         solver.create_equilibrium(alone, grid), [(0.02, 0.0), (0.02, 1.0), (0.02, 1e3), (0.02, 1e5)]

@@ -63,7 +63,7 @@ def test_skins_have_their_volumes(body: dict[str, Any], skins: list[float]) -> N
     ones of the core less than 1 %.
     """
     base = skinned(body, *((t, 2.0) for t in skins))
-    R = base.physics.domain.dome * base.physics.scales.length
+    R = base.physics.domain.top_radius * base.physics.scales.length
     height = base.physics.body.height * base.physics.scales.length
     depths = np.cumsum([0.0, *skins])
     cut = [pi_cap(R - d, 2 * (R - d) if height == 2 * R else height - d) for d in depths]
@@ -161,7 +161,9 @@ def test_automatic_sizes(case: int) -> None:
     body, skins, nu = CASES[case]
     base = skinned(body, *skins, nu=nu)
     sizes = coarsened_sizes(base.sizes, 0.4, base.physics.domain.height)
-    ratios = [fine / h for (_, fine), (_, h) in zip(sizes.skins, base.sizes.skins, strict=True)]
+    ratios = [
+        fine / h for (_, fine), (_, h) in zip(sizes.coatings, base.sizes.coatings, strict=True)
+    ]
     assert ratios == pytest.approx([0.4] * len(skins))
     assert force(base) == pytest.approx(force(dataclasses.replace(base, sizes=sizes)), rel=3e-3)
 

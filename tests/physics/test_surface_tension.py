@@ -229,7 +229,7 @@ def test_the_energy_of_a_ball_that_grows(c: float, small_strain: bool) -> None:
     body, gamma, R = (
         Body(ball, meshed(ball)),
         ball.physics.surface_tension,
-        ball.physics.domain.dome,
+        ball.physics.domain.top_radius,
     )
     assert R is not None
     term = SurfaceTension(body)

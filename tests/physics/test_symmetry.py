@@ -38,7 +38,7 @@ def mirrored(grid: Grid, axis: int, plane: float) -> Grid:
 def on_grid(base: Scene, grid: Grid, monkeypatch: pytest.MonkeyPatch) -> list[State]:
     """The states of a scene on a given grid."""
     part = base.physics.domain
-    named = named_surfaces(grid.points, grid.cells, part, base.sizes.finest)
+    named = named_surfaces(grid.points, grid.cells, part, base.sizes.min_size)
     regions = regions_of_cells(grid.points, grid.cells, part)
     with monkeypatch.context() as patch:
         patch.setattr(
@@ -65,7 +65,7 @@ def test_strip_by_its_half(gap: str, sides: str, monkeypatch: pytest.MonkeyPatch
         scene(body, contact=contact, mesh={"h_contact": 0.03, "symmetry": symmetry}, **DEEP)
         for symmetry in ("half", "full")
     )
-    assert (half.physics.domain.copies, full.physics.domain.copies) == (2, 1)
+    assert (half.physics.domain.symmetry_factor, full.physics.domain.symmetry_factor) == (2, 1)
     grid = grid_of(half)
     assert_same(
         on_grid(half, grid, monkeypatch), on_grid(full, mirrored(grid, 0, 2.0), monkeypatch)
@@ -90,9 +90,9 @@ def test_box_by_its_quarter_and_half(
         for symmetry in ("quarter", "half", "full")
     )
     assert (
-        quarter.physics.domain.copies,
-        half.physics.domain.copies,
-        full.physics.domain.copies,
+        quarter.physics.domain.symmetry_factor,
+        half.physics.domain.symmetry_factor,
+        full.physics.domain.symmetry_factor,
     ) == (
         4,
         2,

@@ -25,8 +25,8 @@ from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.surface import Trace
 from indent_sim.fe.terms.scene_terms import bulk_terms
 from indent_sim.fe.terms.weak_roller import WeakRollerBC
-from indent_sim.mesh.grid import lots
-from indent_sim.mesh.reactions import Surface
+from indent_sim.mesh.grid import row_slices
+from indent_sim.mesh.reactions import SurfaceComponent
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.usage import machine_memory
 
@@ -102,7 +102,7 @@ class Condenser:
             matrix = matrix.createSubMatrices([all_rows], [all_rows])[0]
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         if body.unknowns.names == ("u",) and not (
-            bulk.surface_tension and body.scene.physics.domain.dome
+            bulk.surface_tension and body.scene.physics.domain.top_radius
         ):  # it pushes there
             matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._pc = PETSc.PC().create(self._comm)
@@ -147,7 +147,7 @@ class Condenser:
 
     def _support_reaction_rows(
         self, matrix: PETSc.Mat, walls: Sequence[WeakRollerBC]
-    ) -> tuple[tuple[Surface, ...], list[np.ndarray]]:
+    ) -> tuple[tuple[SurfaceComponent, ...], list[np.ndarray]]:
         """The surfaces that supports bear on, and for each what unit displacements add to its
         reaction.
         """
@@ -294,7 +294,7 @@ class Condenser:
         columns = np.flatnonzero(~is_cached)
         if self._solves_whole_body:
             columns = np.array_split(columns, self.body.comm.size)[self.body.comm.rank]
-        for block in (columns[some] for some in lots(len(columns), BLOCK_SIZE)):
+        for block in (columns[some] for some in row_slices(len(columns), BLOCK_SIZE)):
             compliance, reactions, pin_reactions[block], block_displacements = self._solve_block(
                 owned, dofs[block], is_free[block], n
             )

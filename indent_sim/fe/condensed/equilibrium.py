@@ -65,7 +65,7 @@ class CondensedEquilibrium(Equilibrium):
 
     def _initial_radius(self) -> float:
         scene = self.scene
-        patch = scene.sizes.patch + CANDIDATE_MARGIN * scene.sizes.h_contact
+        patch = scene.sizes.fine_radius + CANDIDATE_MARGIN * scene.sizes.h_contact
         a = scene.plan.prediction["a"] / scene.physics.scales.length
         if (
             scene.uses_elastic_curve or a == 0
@@ -119,7 +119,7 @@ class CondensedEquilibrium(Equilibrium):
     @property
     def force(self) -> float:
         """Force of the whole body on the tip [force]."""
-        return self.scene.physics.domain.copies * float(self.contact.F.sum())
+        return self.scene.physics.domain.symmetry_factor * float(self.contact.F.sum())
 
     def tighten_tolerance(self) -> float:
         """A dense solve leaves nothing to sharpen."""
@@ -129,7 +129,7 @@ class CondensedEquilibrium(Equilibrium):
         """Take the present equilibrium as the one that the next step sets out from; what was lost
         in this [energy].
         """
-        dissipation = self.scene.physics.domain.copies * self.contact.dissipation()
+        dissipation = self.scene.physics.domain.symmetry_factor * self.contact.dissipation()
         self._accept_state()
         return dissipation
 
@@ -186,7 +186,7 @@ class CondensedEquilibrium(Equilibrium):
     @property
     def stiffness(self) -> float:
         """dF/ddelta of the whole body at the present equilibrium, by its tangent."""
-        return self.scene.physics.domain.copies * self.contact.stiffness()
+        return self.scene.physics.domain.symmetry_factor * self.contact.stiffness()
 
     def punches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The flat punches of an axisymmetric body; see `condensed.flat_punches`."""
@@ -240,7 +240,7 @@ class CondensedEquilibrium(Equilibrium):
     def state_values(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
         contact = self.contact
-        symmetry_factor = self.scene.physics.domain.copies
+        symmetry_factor = self.scene.physics.domain.symmetry_factor
         compliance = self.contact.compliance
         X = contact.forces.ravel()
         values = {"force": self.force, "energy": symmetry_factor * contact.energy()}

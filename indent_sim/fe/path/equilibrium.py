@@ -10,8 +10,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from indent_sim.mesh.modelled_part import Part
-from indent_sim.mesh.reactions import Surface, reactions_of_whole_body
+from indent_sim.mesh.model_domain import ModelDomain
+from indent_sim.mesh.reactions import SurfaceComponent, reactions_of_whole_body
 from indent_sim.scene.scene import Scene
 
 
@@ -109,7 +109,9 @@ class Equilibrium(Protocol):
         """What a State says of the present equilibrium, by the names of its fields."""
 
 
-def state_reactions(part: Part, support_reactions: Mapping[Surface, float]) -> dict[str, Any]:
+def state_reactions(
+    part: ModelDomain, support_reactions: Mapping[SurfaceComponent, float]
+) -> dict[str, Any]:
     """What a State says of reactions [force]: the z-reaction of the whole body's supports, and that
     of each support.
 
@@ -119,6 +121,6 @@ def state_reactions(part: Part, support_reactions: Mapping[Surface, float]) -> d
         force for (_, component), force in support_reactions.items() if component == part.dim - 1
     )
     return {
-        "reaction": part.copies * vertical,
+        "reaction": part.symmetry_factor * vertical,
         "reactions": reactions_of_whole_body(part, support_reactions),
     }

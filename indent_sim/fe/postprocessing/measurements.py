@@ -335,7 +335,7 @@ def _edge_corrected_pressure(
     edge of a tip pushes with a force along a line, which the pressure of a mesh smears, so that
     elements beside it rise by LIFTED.
     """
-    if not body.scene.physics.surface_tension or body.scene.sizes.edge is None:
+    if not body.scene.physics.surface_tension or body.scene.sizes.punch_edge is None:
         return trial_pressure
     return np.where(
         (trial_pressure <= 0) & (gap <= EDGE_GAP_FRACTION * body.depth),
@@ -352,7 +352,7 @@ def _edge_pressure_step(body: ObservedBody, size: float, means: np.ndarray) -> f
     pressure.
     """
     physics = body.scene.physics
-    if not physics.surface_tension or not size or body.scene.sizes.edge is not None:
+    if not physics.surface_tension or not size or body.scene.sizes.punch_edge is not None:
         return 0.0
     tension_number = (
         physics.surface_tension
@@ -475,7 +475,7 @@ def _contact_area(
         overhangs = _signed_area(corners) * _signed_area(X[partial_facets][:, simplices]) < 0
         local_area = _positive_area(corners, np.where(overhangs[..., None], -1.0, corner_pressures))
     total_area = local_area if body.comm.size == 1 else body.comm.allreduce(local_area, op=MPI.SUM)
-    return body.scene.physics.domain.copies * total_area
+    return body.scene.physics.domain.symmetry_factor * total_area
 
 
 def _signed_area(corners: np.ndarray) -> np.ndarray:
@@ -531,7 +531,7 @@ def surface_table(body: ObservedBody) -> Surface | None:
     if parts is None:
         return None
     table = np.concatenate(parts)
-    tolerance = min(SAME_NODE_OF_HEIGHT, SAME_NODE_OF_ELEMENT * body.scene.sizes.finest)
+    tolerance = min(SAME_NODE_OF_HEIGHT, SAME_NODE_OF_ELEMENT * body.scene.sizes.min_size)
     keys = np.round(table[:, : dim - 1] / tolerance)
     _, first_rows, row_of_node, node_count = np.unique(
         keys, axis=0, return_index=True, return_inverse=True, return_counts=True

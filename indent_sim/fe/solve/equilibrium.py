@@ -271,7 +271,7 @@ class BodyEquilibrium:
     @property
     def _has_relaxation(self) -> bool:
         """Whether the modulus of what the tip touches changes with time."""
-        return self.scene.physics.domain.regions[0].relaxing is not None
+        return self.scene.physics.domain.regions[0].relaxation_series is not None
 
     def pack(self, state: Snapshot) -> list[np.ndarray]:
         """A state as arrays on rank 0, for a checkpoint, in an order that does not know the ranks

@@ -356,7 +356,7 @@ class Newton:
             SYMMETRIC_DERIVATIVE_RESIDUAL if problem.has_symmetric_tangent else DERIVATIVE_RESIDUAL
         )
         symmetry_factor = (
-            problem.scene.physics.domain.copies if problem.has_symmetric_tangent else 0
+            problem.scene.physics.domain.symmetry_factor if problem.has_symmetric_tangent else 0
         )
         derivative.set(0.0)
         start_residual, remaining, correction = (problem.b.duplicate() for _ in range(3))
@@ -391,7 +391,7 @@ class Newton:
         """
         assert self._iterative
         stiffness_error = (
-            self.problem.scene.physics.domain.copies
+            self.problem.scene.physics.domain.symmetry_factor
             * self._iterative.residual_energy(remaining)
             / step**2
         )

@@ -65,7 +65,7 @@ def bulk_terms(body: Body) -> BulkTerms:
     """The terms of a scene's body."""
     physics = body.scene.physics
     strain_energies = tuple(
-        (ViscoelasticStrainEnergy if region.relaxing else StrainEnergy)(body, region)
+        (ViscoelasticStrainEnergy if region.relaxation_series else StrainEnergy)(body, region)
         for region in physics.domain.regions
     )
     rollers = (WeakRollerBC(body),) if physics.wall_stiffness else ()

@@ -22,7 +22,7 @@ from indent_sim.fe.discrete_body import (
 )
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.variation import variations
-from indent_sim.mesh.modelled_part import Region
+from indent_sim.mesh.model_domain import Region
 from indent_sim.model.materials import Material
 from indent_sim.scene.scene import Scene
 

@@ -59,8 +59,8 @@ class SurfaceTension(Term):
         if self.has_membrane:
             area_growth += self._membrane_stiffness * _membrane_energy(H, P)
         self.energy = body.surface_integral("top", gamma * area_growth, SURFACE_DEGREE)
-        if physics.domain.dome:
-            pressure = 2 * gamma / fem.Constant(body.mesh, physics.domain.dome)
+        if physics.domain.top_radius:
+            pressure = 2 * gamma / fem.Constant(body.mesh, physics.domain.top_radius)
             volume_growth = (ufl.tr(H) ** 2 - ufl.tr(H * H)) / 2  # of J - 1 - tr H
             volume_growth = volume_growth if physics.small_strain else volume_growth + ufl.det(H)
             parts = (

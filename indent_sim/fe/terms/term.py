@@ -16,7 +16,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from indent_sim.fe.discrete_body import TimeLevel
-from indent_sim.mesh.reactions import Surface
+from indent_sim.mesh.reactions import SurfaceComponent
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class Term:
         """Force on the tip along a horizontal axis [force], this rank's share of the modelled part."""
         return 0.0
 
-    def reactions(self) -> dict[Surface, float]:
+    def reactions(self) -> dict[SurfaceComponent, float]:
         """Forces on the body [force] of a support that this term stands for, by
         `mesh.reactions.bearing_surfaces`: this rank's share on the modelled part.
         """

@@ -36,7 +36,7 @@ from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import VOLUME_DEGREE, Body
 from indent_sim.fe.terms.strain_energy import StrainEnergy
 from indent_sim.fe.terms.term import Stage
-from indent_sim.mesh.modelled_part import Region
+from indent_sim.mesh.model_domain import Region
 from indent_sim.model.materials import Material, Relaxable
 
 # Components of a symmetric tensor that a model has: those of (r, theta, z) or (x, y, z) with no
@@ -57,10 +57,10 @@ class ViscoelasticStrainEnergy(StrainEnergy):
     has_memory = True
 
     def __init__(self, body: Body, region: Region):
-        assert region.relaxing
+        assert region.relaxation_series
         self._long_term_fraction, self._prony_weights, self._relaxation_times = (
-            region.relaxing.rest,
-            *map(np.array, region.relaxing[1:]),
+            region.relaxation_series.rest,
+            *map(np.array, region.relaxation_series[1:]),
         )
         dim = body.body_mesh.dim
         degree = VOLUME_DEGREE[body.body_mesh.dim]

@@ -14,7 +14,7 @@ from petsc4py import PETSc
 
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.terms.term import Term
-from indent_sim.mesh.reactions import Surface
+from indent_sim.mesh.reactions import SurfaceComponent
 
 
 class WeakRollerBC(Term):
@@ -50,23 +50,23 @@ class WeakRollerBC(Term):
     def _reaction_form(self) -> fem.Form:
         return fem.form(self._reaction_expression)
 
-    def reactions(self) -> dict[Surface, float]:
+    def reactions(self) -> dict[SurfaceComponent, float]:
         """Return the force of the curved roller wall on the body along x and y [force], this rank's
         part of the sum.
         """
-        reactions: dict[Surface, float] = {}
+        reactions: dict[SurfaceComponent, float] = {}
         for axis in (0, 1):
             self._axis.value = np.eye(2)[axis]
             reactions["r_max", axis] = float(fem.assemble_scalar(self._reaction_form))
         return reactions
 
-    def reaction_rows(self) -> dict[Surface, np.ndarray]:
+    def reaction_rows(self) -> dict[SurfaceComponent, np.ndarray]:
         """What each dof of a linear body adds to `reactions` [force], an entry for each of this
         rank's own dofs (collective).
         """
         body = self._body
         form = fem.form(ufl.derivative(self._reaction_expression, body.now.function, body.now.test))
-        rows: dict[Surface, np.ndarray] = {}
+        rows: dict[SurfaceComponent, np.ndarray] = {}
         for axis in (0, 1):
             self._axis.value = np.eye(2)[axis]
             vector = fem_petsc.assemble_vector(form)

@@ -234,8 +234,10 @@ class ErrorBars:
         )
         domain = scene.physics.domain
         contact_place = scene.physics.center, scene.sizes.a, scene.sizes.refinements or 0
-        self._sag = domain.sag(*contact_place)
-        ridge_excess = ridge_pressure(domain.turn(*contact_place), scene.sizes.refinements or 0)
+        self._sag = domain.facet_sagitta(*contact_place)
+        ridge_excess = ridge_pressure(
+            domain.facet_angle(*contact_place), scene.sizes.refinements or 0
+        )
         self._ridge_pressure_error = (
             scene.physics.material.E_star * ridge_excess * self._scales.pressure
         )
@@ -317,8 +319,8 @@ class ErrorBars:
         a = state.a / self._scales.length
         error = 0.0
         for r, width in tip.creases():
-            ends_here = width == 0 and self._sizes.edge is not None
-            if r > 0 and not ends_here and abs(a - r) <= (size := self._sizes.on_surface(r)):
+            ends_here = width == 0 and self._sizes.punch_edge is not None
+            if r > 0 and not ends_here and abs(a - r) <= (size := self._sizes.surface_size(r)):
                 error = max(error, EDGE_ERROR * size / r)
         return error
 
@@ -326,8 +328,8 @@ class ErrorBars:
         """Elements in the contact radius, as they were chosen from an accuracy: not those near an
         edge or a corner.
         """
-        regular_sizes = replace(self._sizes, corners=(), edge=None)
-        return regular_sizes.elements(state.a / self._scales.length)
+        regular_sizes = replace(self._sizes, corners=(), punch_edge=None)
+        return regular_sizes.elements_in_contact(state.a / self._scales.length)
 
     def _force_difference(self, step: int) -> float:
         """How far the companion's force is from the run's at the same depth; NaN where one has no
@@ -449,7 +451,7 @@ class ErrorBars:
     def _secondary_mesh_error(self, state: State, name: str) -> float:
         """What the mesh costs a number beside the force."""
         L = self._scales.length
-        end_element = self._sizes.on_surface(state.a / L) * L if state.a > 0 else 0.0
+        end_element = self._sizes.surface_size(state.a / L) * L if state.a > 0 else 0.0
         if name == "a":
             return RADIUS_ERROR * end_element
         value = abs(getattr(state, name))
@@ -476,7 +478,7 @@ class ErrorBars:
         if state.a <= 0:
             return 0.0
         width = state.a
-        if self._sizes.edge is not None:
+        if self._sizes.punch_edge is not None:
             width -= flat_radius(self._physics.indenter) * self._scales.length
         return end_element / max(width, min(end_element, state.a))
 
@@ -544,7 +546,7 @@ class ErrorBars:
     def _unresolved_stick(self, stick: float) -> float:
         """What an element may not show of a place that sticks and is narrower than itself [length]."""
         r = stick / self._scales.length
-        return max(self._sizes.on_surface(r) - r, 0.0) / 2 * self._scales.length
+        return max(self._sizes.surface_size(r) - r, 0.0) / 2 * self._scales.length
 
     # ---- a contact that no point of the mesh notices
     # -----------------------------------------------------------------

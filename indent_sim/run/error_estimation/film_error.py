@@ -75,7 +75,7 @@ def estimate_film_error(
     D = boundary_films.smallest_diffusivity(physics)
     sudden_scene = sudden_load_scene(scene)
     if sudden_scene is None:
-        face_sizes = [film.h for film in scene.sizes.films] or [scene.sizes.h_contact]
+        face_sizes = [film.h for film in scene.sizes.drained_faces] or [scene.sizes.h_contact]
         return FilmError(rows, D, np.array(face_sizes), np.empty(0), is_draining_column=True)
     states = [state for state in follow(sudden_scene) if state.converged]
     drained_vertices = [state.drained for state in states]
@@ -86,7 +86,7 @@ def estimate_film_error(
     )
     depth_difference = (states[1].delta - states[0].delta) / physics.scales.depth
     losses = (
-        physics.domain.copies
+        physics.domain.symmetry_factor
         * (upper_loss - lower_loss)
         / (2 * depth_difference)
         * boundary_films.largest_inverse_modulus(physics)

@@ -73,7 +73,7 @@ def _frictionless_scene(scene: Scene) -> Scene | None:
         return _frictionless_scene(factored) if factored else None
     law = physics.contact
     if not isinstance(law, AugmentedLagrangian):
-        law = AugmentedLagrangian(epsilon_n=physics.material.E_star / scene.sizes.typical)
+        law = AugmentedLagrangian(epsilon_n=physics.material.E_star / scene.sizes.typical_size)
     return scene.replace_physics(contact=law)
 
 

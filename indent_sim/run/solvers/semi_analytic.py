@@ -125,7 +125,9 @@ def surface_radii(scene: Scene) -> np.ndarray:
     end = min(SURFACE_EXTENT * sizes.a, rim)
     distances = [0.0]
     while distances[-1] < end * (1 - 1e-9):
-        distances.append(distances[-1] + float(sizes.at(np.array(distances[-1]), np.array(0.0))))
+        distances.append(
+            distances[-1] + float(sizes.size_at(np.array(distances[-1]), np.array(0.0)))
+        )
     r = np.array(distances)
     widest = np.searchsorted(r, sizes.a * (1 - 1e-9))
     r[:widest] *= sizes.a / r[widest]

@@ -282,7 +282,7 @@ def test_a_deeper_history_sizes_the_mesh() -> None:
         )
         for depth in (0.01, 0.04)
     )
-    assert deep.sizes.patch == pytest.approx(2 * shallow.sizes.patch, rel=0.1)
+    assert deep.sizes.fine_radius == pytest.approx(2 * shallow.sizes.fine_radius, rel=0.1)
 
 
 def test_the_section_is_written_and_read_back() -> None:

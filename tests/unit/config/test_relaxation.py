@@ -75,15 +75,15 @@ def test_shear_is_followed_from_a_twentieth_of_its_shortest_time(material: dict[
     )
     assert found.physics.path.times[1] == pytest.approx(0.1 / 20, rel=1e-12)
     (region,) = found.physics.domain.regions
-    assert region.relaxing and region.relaxing[1:] == ((0.4, 0.3), (0.1, 1.0))
-    assert region.relaxing.rest == pytest.approx(0.3, rel=1e-12)
+    assert region.relaxation_series and region.relaxation_series[1:] == ((0.4, 0.3), (0.1, 1.0))
+    assert region.relaxation_series.rest == pytest.approx(0.3, rel=1e-12)
 
 
 def test_what_relaxes_as_a_whole_stays_on_its_curve() -> None:
     found = resolve(from_mapping(SCENE | {"material": SOFT | {"relaxation": ALL}}))
     assert found.solver.method == "condensed" and found.history_on_curve is not None
     assert found.relaxation is not None and not found.physics.is_time_dependent
-    assert all(region.relaxing is None for region in found.physics.domain.regions)
+    assert all(region.relaxation_series is None for region in found.physics.domain.regions)
 
 
 def test_a_layer_may_relax_alone_or_by_a_law_of_its_own() -> None:
@@ -94,7 +94,8 @@ def test_a_layer_may_relax_alone_or_by_a_law_of_its_own() -> None:
         found = resolve(from_mapping(SCENE | {"body": SCENE["body"] | {"layers": layers}}))
         assert (
             tuple(
-                one.relaxing.times if one.relaxing else () for one in found.physics.domain.regions
+                one.relaxation_series.times if one.relaxation_series else ()
+                for one in found.physics.domain.regions
             )
             == times
         )

@@ -48,7 +48,10 @@ def ended(seed: int, place: Path) -> tuple[int, float, float]:
     )
     assert printable(done.stderr, line_breaks=True) == done.stderr and len(done.stderr) < 2000, seed
     size = sum(path.stat().st_size for path in place.iterdir())
-    assert seconds <= mesh_file.SECONDS[0] + mesh_file.SECONDS[1] * size + OWN, (seed, seconds)
+    assert seconds <= mesh_file.READING_SECONDS[0] + mesh_file.READING_SECONDS[1] * size + OWN, (
+        seed,
+        seconds,
+    )
     assert memory <= mesh_file.READING_MEMORY[0] + mesh_file.READING_MEMORY[1] * size, (
         seed,
         memory,

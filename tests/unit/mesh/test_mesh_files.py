@@ -16,10 +16,10 @@ import pytest
 from mesh_files import block, section, write
 
 from indent_sim.config.scene_file import load, loads
-from indent_sim.mesh import file_checks
-from indent_sim.mesh.body_from_file import Piece, as_msh, halved
-from indent_sim.mesh.grid import boundary_of, facets_of
-from indent_sim.mesh.part_from_file import MeshedPart, first_touch, refined
+from indent_sim.mesh import mesh_import
+from indent_sim.mesh.grid import boundary_facets, iterate_facets
+from indent_sim.mesh.imported_domain import ImportedDomain, first_contact_height, refine_domain
+from indent_sim.mesh.imported_mesh import ImportedMesh, msh_text_parts, refined_once
 from indent_sim.model.body import MeshFromFile, MeshSurfaces
 from indent_sim.model.tips import Paraboloid
 from indent_sim.process.errors import ConfigError, MeshFileError
@@ -46,11 +46,11 @@ def piece(
     surfaces: MeshSurfaces = SURFACES,
     has_material: bool = True,
     **others: Any,
-) -> Piece:
+) -> ImportedMesh:
     """What is read of a body that is written into a file."""
     write(folder / name, body)
     source = MeshFromFile(name, kinematics, surfaces, **others)
-    return file_checks.piece_in(str(folder), source, has_material)
+    return mesh_import.import_mesh(str(folder), source, has_material)
 
 
 def scene(
@@ -63,7 +63,7 @@ def scene(
     return resolve(load(folder / "scene.yaml", settings))
 
 
-def volume(found: Piece) -> float:
+def volume(found: ImportedMesh) -> float:
     """The volume, or the area, of all cells together."""
     corners = found.grid.points[found.grid.cells]
     return float(np.linalg.det(corners[:, 1:] - corners[:, :1]).sum()) / (
@@ -93,7 +93,8 @@ def test_files_without_names_have_numbers_at_their_cells(
 ) -> None:
     found = piece(tmp_path, body, kinematics, name, MeshSurfaces("part=1", "part=2", "part=3"))
     assert (
-        np.ptp(found.corners("top")[..., -1]) == 0 and np.ptp(found.corners("base")[..., -1]) == 0
+        np.ptp(found.facet_corners("top")[..., -1]) == 0
+        and np.ptp(found.facet_corners("base")[..., -1]) == 0
     )
 
 
@@ -104,7 +105,7 @@ def test_sets_of_points_name_the_facets_between_them(tmp_path: Path) -> None:
     top = ", ".join(str(k + 1) for k in np.flatnonzero(body["points"][:, 1] == 0))
     (tmp_path / "part.inp").write_text(f"{text}*NSET, NSET=skin\n{top}\n", encoding="utf-8")
     source = MeshFromFile("part.inp", "plane_strain", MeshSurfaces("skin", "bottom"))
-    found = file_checks.piece_in(str(tmp_path), source, True)
+    found = mesh_import.import_mesh(str(tmp_path), source, True)
     assert len(found.grid.surfaces["top"]) == 8
 
 
@@ -116,14 +117,14 @@ def test_the_copy_of_a_piece_is_the_piece(
     body["points"][:, :2] *= 1 / 3
     found = piece(tmp_path, body, kinematics, has_material=False, regions={"gel": None})
     source = MeshFromFile("copy.msh", kinematics, SURFACES, regions={"gel": None})  # type: ignore[dict-item]
-    (tmp_path / "copy.msh").write_text("".join(as_msh(found, source)), encoding="utf-8")
-    again = file_checks.piece_in(str(tmp_path), source, False)
-    assert again.hash == found.hash and again.names == found.names == ("gel",)
+    (tmp_path / "copy.msh").write_text("".join(msh_text_parts(found, source)), encoding="utf-8")
+    again = mesh_import.import_mesh(str(tmp_path), source, False)
+    assert again.hash == found.hash and again.region_names == found.region_names == ("gel",)
 
 
 def test_a_material_of_no_cell_makes_no_region(tmp_path: Path) -> None:
     """As where every layer has its own: the scene warns of it."""
-    assert piece(tmp_path, section(), regions={"gel": None}).names == ("gel",)
+    assert piece(tmp_path, section(), regions={"gel": None}).region_names == ("gel",)
 
 
 @pytest.mark.parametrize("indenter", ["{shape: paraboloid, R: 1}", "{shape: cone, half_angle: 70}"])
@@ -173,7 +174,7 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
         body["facets"]["wall"] = np.array(
             [
                 facet
-                for facet in boundary_of(body["cells"])[0]
+                for facet in boundary_facets(body["cells"])[0]
                 if np.ptp(body["points"][facet], axis=0)[2] > 0
             ]
         )
@@ -190,8 +191,8 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
     source = MeshFromFile(
         "copy.msh", kinematics, MeshFromFile("", kinematics, sides="fixed").named, sides="fixed"
     )
-    (tmp_path / "copy.msh").write_text("".join(as_msh(bare, source)), encoding="utf-8")
-    assert file_checks.piece_in(str(tmp_path), source, True).hash == bare.hash
+    (tmp_path / "copy.msh").write_text("".join(msh_text_parts(bare, source)), encoding="utf-8")
+    assert mesh_import.import_mesh(str(tmp_path), source, True).hash == bare.hash
 
 
 def test_names_that_a_file_without_any_cannot_have(tmp_path: Path) -> None:
@@ -229,10 +230,10 @@ def test_refinement_keeps_the_body_and_its_surfaces(
     tmp_path: Path, body: dict[str, Any], kinematics: Any
 ) -> None:
     coarse = piece(tmp_path, body, kinematics)
-    fine = halved(halved(coarse))
+    fine = refined_once(refined_once(coarse))
     assert len(fine.grid.cells) == 4**coarse.dim * len(coarse.grid.cells)
     assert volume(fine) == pytest.approx(volume(coarse), rel=1e-12)
-    outside, _ = boundary_of(fine.grid.cells)
+    outside, _ = boundary_facets(fine.grid.cells)
     outer = {tuple(sorted(facet)) for facet in outside.tolist()}
     for name, facets in fine.grid.surfaces.items():
         assert len(facets) == 4 ** (coarse.dim - 1) * len(coarse.grid.surfaces[name])
@@ -286,13 +287,13 @@ def test_refinement_puts_new_corners_on_midside_nodes(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     source = MeshFromFile("part.msh", "plane_strain", SURFACES)
-    found = file_checks.piece_in(str(tmp_path), source, True)
+    found = mesh_import.import_mesh(str(tmp_path), source, True)
     assert len(found.grid.points) == 4
-    top = halved(found).corners("top").reshape(-1, 2)
+    top = refined_once(found).facet_corners("top").reshape(-1, 2)
     assert sorted(map(tuple, top.tolist())) == [(0.0, 0.0), (0.5, 0.06), (0.5, 0.06), (1.0, 0.0)]
     # where it is curved a tip touches it at the midside node, though the unrefined mesh has no
     # point there
-    assert first_touch(Paraboloid(R=1e9), found, (0.5,)) == pytest.approx(0.06, abs=1e-9)
+    assert first_contact_height(Paraboloid(R=1e9), found, (0.5,)) == pytest.approx(0.06, abs=1e-9)
 
 
 # ---- the skin of a body
@@ -315,7 +316,7 @@ def test_a_scene_of_the_skin_is_that_of_the_body(
     whole = scene(tmp_path, "part.msh", kinematics, regions, "mesh.refinements=1")
     config = load(tmp_path / "scene.yaml", (regions, "mesh.refinements=1"))
     assert isinstance(config.body, MeshFromFile)
-    skin = file_checks.skin_in(str(tmp_path), config.body, True)
+    skin = mesh_import.import_boundary_cells(str(tmp_path), config.body, True)
     found = resolve(config, piece=skin)
     assert found.sizes == whole.sizes and found.plan.choices == whole.plan.choices
     assert (
@@ -323,9 +324,9 @@ def test_a_scene_of_the_skin_is_that_of_the_body(
         and found.plan.prediction == whole.plan.prediction
     )
     parts = [one.physics.domain for one in (found, whole)]
-    assert isinstance(parts[0], MeshedPart) and isinstance(parts[1], MeshedPart)
+    assert isinstance(parts[0], ImportedDomain) and isinstance(parts[1], ImportedDomain)
     assert parts[0].pins == parts[1].pins and parts[0].extent == parts[1].extent
-    grids = [refined(part, whole.sizes) for part in parts]
+    grids = [refine_domain(part, whole.sizes) for part in parts]
     assert grids[0].hash == grids[1].hash and np.array_equal(grids[0].regions, grids[1].regions)
     for name, facets in grids[1].surfaces.items():
         assert np.array_equal(grids[0].surfaces[name], facets)
@@ -335,7 +336,7 @@ def test_a_scene_of_the_skin_is_that_of_the_body(
 @pytest.mark.parametrize("body", [section(), block()])
 def test_facets_in_lots_are_all_facets_and_neighbours_stay_together(body: dict[str, Any]) -> None:
     cells = body["cells"]
-    lots = list(facets_of(cells, lot=50))
+    lots = list(iterate_facets(cells, chunk_size=50))
     assert len(lots) > 1 and sum(len(facets) for facets, _, _ in lots) == cells.size
     seen: set[tuple[int, ...]] = set()
     for facets, cell, corner in lots:
@@ -358,7 +359,7 @@ def test_first_touch_of_a_slope_is_beside_the_axis(tmp_path: Path) -> None:
     body["points"][:, 0] -= 1
     body["points"][:, 1] += body["points"][:, 0] / 10 * (1 + body["points"][:, 1])
     found = piece(tmp_path, body, "plane_strain")
-    assert first_touch(Paraboloid(R=1.0), found, (0.0,)) == pytest.approx(0.005, abs=1e-9)
+    assert first_contact_height(Paraboloid(R=1.0), found, (0.0,)) == pytest.approx(0.005, abs=1e-9)
 
 
 def test_any_height_is_the_same_scene(tmp_path: Path) -> None:
@@ -382,8 +383,8 @@ def test_facets_that_look_like_a_curved_surface_are_told_of(tmp_path: Path) -> N
     write(tmp_path / "part.msh", body)
     found = scene(tmp_path)
     part = found.physics.domain
-    assert isinstance(part, MeshedPart)
-    assert part.sag((0.0, 0.0), 0.3) == pytest.approx(
+    assert isinstance(part, ImportedDomain)
+    assert part.facet_sagitta((0.0, 0.0), 0.3) == pytest.approx(
         1 / 256, rel=0.05
     )  # but for the squares of slopes up to 0.2
     assert any(doubt.key == "facets" for doubt in found.plan.model_warnings)

@@ -12,14 +12,14 @@ import pytest
 from scenes import BOX, CYLINDER, STRIP, scene
 
 from indent_sim.mesh.grid import named_surfaces
-from indent_sim.mesh.modelled_part import Part, Region, Side, on_dome, polygon
+from indent_sim.mesh.model_domain import ModelDomain, Region, Side, nearest_on_sphere, polygon_sides
 from indent_sim.model.kinematics import PlaneStrain
 from indent_sim.model.materials import LinearElastic
 
 
-def part_of(outline: tuple[Side, ...]) -> Part:
+def part_of(outline: tuple[Side, ...]) -> ModelDomain:
     region = Region("body", LinearElastic(E=1.0, nu=0.3), "displacement", -1.0)
-    return Part(PlaneStrain(), "full", 1, outline, 1.0, (region,), {})
+    return ModelDomain(PlaneStrain(), "full", 1, outline, 1.0, (region,), {})
 
 
 @pytest.mark.parametrize(("symmetry", "copies"), [("full", 1), ("half", 2), ("quarter", 4)])
@@ -30,8 +30,8 @@ def test_copies_of_the_outline_are_the_whole_cross_section(symmetry: str, copies
         (BOX, BOX["size"][0] * BOX["size"][1]),
     ):
         part = scene(body, mesh={"symmetry": symmetry, "h_contact": 0.2}).physics.domain
-        assert part.copies == copies
-        assert part.copies * part.area == pytest.approx(area, rel=1e-12)
+        assert part.symmetry_factor == copies
+        assert part.symmetry_factor * part.area == pytest.approx(area, rel=1e-12)
 
 
 @pytest.mark.parametrize("body", [CYLINDER, BOX])
@@ -49,9 +49,17 @@ def test_what_is_modelled_lies_where_x_and_y_grow(body: dict[str, Any]) -> None:
 def test_a_side_knows_its_normal_and_an_arc_has_none() -> None:
     whole = scene(CYLINDER, mesh={"symmetry": "half", "h_contact": 0.2}).physics.domain
     section = scene(STRIP).physics.domain
-    assert whole.normal("r_max") is None and whole.normal("base") == whole.normal("top") == 2
-    assert {whole.normal(name) for name in ("x_min", "y_min") if name in whole.supports} <= {0, 1}
-    assert section.normal("x_max") == 0 and section.normal("base") == section.normal("top") == 1
+    assert (
+        whole.normal_component("r_max") is None
+        and whole.normal_component("base") == whole.normal_component("top") == 2
+    )
+    assert {
+        whole.normal_component(name) for name in ("x_min", "y_min") if name in whole.supports
+    } <= {0, 1}
+    assert (
+        section.normal_component("x_max") == 0
+        and section.normal_component("base") == section.normal_component("top") == 1
+    )
 
 
 def test_walls_are_as_far_from_the_tip_as_they_are_drawn() -> None:
@@ -60,10 +68,10 @@ def test_walls_are_as_far_from_the_tip_as_they_are_drawn() -> None:
         "mesh": {"h_contact": 0.2},
     }
     found = scene(CYLINDER, **off)
-    distances = found.physics.domain.distances(found.physics.center)
+    distances = found.physics.domain.wall_distances(found.physics.center)
     assert distances == pytest.approx({"r_max": CYLINDER["radius"] - 0.3, "y_min": 0.0})
     strip = scene(STRIP, indenter={"shape": "paraboloid", "R": 1.0, "center": [0.4]})
-    assert strip.physics.domain.distances(strip.physics.center) == pytest.approx(
+    assert strip.physics.domain.wall_distances(strip.physics.center) == pytest.approx(
         {"x_min": 0.4 / STRIP["height"], "x_max": (STRIP["width"] - 0.4) / STRIP["height"]}
     )
 
@@ -72,7 +80,9 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
 def test_facets_are_on_the_surface_that_holds_their_corners() -> None:
-    part = part_of(polygon(("base", "x_max", "top", "x_min"), tuple(map(tuple, SQUARE.tolist()))))
+    part = part_of(
+        polygon_sides(("base", "x_max", "top", "x_min"), tuple(map(tuple, SQUARE.tolist())))
+    )
     found = named_surfaces(SQUARE, np.array([[0, 1, 2], [0, 2, 3]]), part, finest=0.5)
     edges = {
         name: {frozenset(facet) for facet in facets.tolist()} for name, facets in found.items()
@@ -89,7 +99,7 @@ def test_a_chord_between_points_of_an_arc_is_no_surface() -> None:
     """Four points of a half circle in two triangles: the chord between them is no boundary."""
     half = sqrt(0.5)
     points = np.array([[1.0, 0.0], [half, half], [-half, half], [-1.0, 0.0]])
-    arc = Side("top", (1.0, 0.0), (-1.0, 0.0), middle=(0.0, 0.0))
+    arc = Side("top", (1.0, 0.0), (-1.0, 0.0), center=(0.0, 0.0))
     part = part_of((arc, Side("base", (-1.0, 0.0), (1.0, 0.0))))
     found = named_surfaces(points, np.array([[0, 1, 2], [0, 2, 3]]), part, finest=0.5)
     assert {frozenset(facet) for facet in found["top"].tolist()} == {
@@ -98,7 +108,7 @@ def test_a_chord_between_points_of_an_arc_is_no_surface() -> None:
     assert part.area == pytest.approx(pi / 2, rel=1e-12)
 
 
-QUARTER = Side("top", (1.0, -1.0), (0.0, 0.0), middle=(0.0, -1.0))  # of the circle about (0, -1)
+QUARTER = Side("top", (1.0, -1.0), (0.0, 0.0), center=(0.0, -1.0))  # of the circle about (0, -1)
 
 
 def test_an_arc_is_no_further_than_its_ends() -> None:
@@ -129,12 +139,12 @@ def test_the_section_of_a_round_body_encloses_its_volume(body: dict, volume: flo
     total = 0.0
     for side in part.outline:
         share = np.linspace(0, 1, 2001)
-        if side.middle is None:
+        if side.center is None:
             r, z = (a + (b - a) * share for a, b in zip(side.start, side.end, strict=True))
         else:
-            begin = np.arctan2(side.start[1] - side.middle[1], side.start[0] - side.middle[0])
-            r = side.middle[0] + side.radius * np.cos(begin + side.turn * share)
-            z = side.middle[1] + side.radius * np.sin(begin + side.turn * share)
+            begin = np.arctan2(side.start[1] - side.center[1], side.start[0] - side.center[0])
+            r = side.center[0] + side.radius * np.cos(begin + side.arc_angle * share)
+            z = side.center[1] + side.radius * np.sin(begin + side.arc_angle * share)
         total += float(np.sum((r[1:] ** 2 + r[1:] * r[:-1] + r[:-1] ** 2) / 3 * np.diff(z)) * pi)
     assert total * scale**3 == pytest.approx(volume, rel=1e-6)
 
@@ -162,8 +172,8 @@ def test_a_chord_is_lifted_to_the_sphere(radius: float) -> None:
     """
     r = np.array([1e-6, 1e-3, 0.1, 0.6])
     z = -r * r / (radius + np.sqrt(radius**2 - r * r))
-    on_r, on_z = on_dome(radius, r, z * (1 + 0.1 * np.arange(4)))
+    on_r, on_z = nearest_on_sphere(radius, r, z * (1 + 0.1 * np.arange(4)))
     assert on_z == pytest.approx(
         -on_r * on_r / (radius + np.sqrt(radius**2 - on_r * on_r)), rel=1e-9
     )
-    assert on_dome(radius, r, z)[1] == pytest.approx(z, rel=1e-12)
+    assert nearest_on_sphere(radius, r, z)[1] == pytest.approx(z, rel=1e-12)

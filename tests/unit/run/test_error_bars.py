@@ -121,7 +121,7 @@ def test_meshes_that_agree_leave_the_error_of_their_elements() -> None:
     for ratio in (REFINEMENT_RATIO, 2.0, 0.5):
         judge = ErrorBars(with_theory(scene(), None), CoarserRun(ratio, same))
         for found in map(judge.add_error_estimate, same):
-            h = float(scene().sizes.at(np.array(found.a), np.zeros(())))
+            h = float(scene().sizes.size_at(np.array(found.a), np.zeros(())))
             n = found.a / h
             assert found.force_error == pytest.approx(
                 MIN_ERROR_FRACTION * ERROR_CONSTANT[2] * error_decay(n) * found.force
@@ -149,14 +149,15 @@ def test_a_sharp_edge_in_three_dimensions_is_told_by_its_elements(shape: str) ->
     )
     sizes = box.sizes
     if shape == "flat_punch":
-        assert sizes.edge and sizes.h_edge
+        assert sizes.punch_edge and sizes.h_edge
         assert in_box == pytest.approx(
-            0.25 * sizes.keenness * sizes.h_edge / sizes.edge + sizes.corner_error
+            0.25 * sizes.edge_refinement_factor * sizes.h_edge / sizes.punch_edge
+            + sizes.corner_error
         )
         assert section.sizes.h_edge and in_section < 0.25 * section.sizes.h_edge / 0.3
     else:
-        assert sizes.edge is None
-        n = 0.3 / float(sizes.at(np.array(0.3), np.zeros(())))
+        assert sizes.punch_edge is None
+        n = 0.3 / float(sizes.size_at(np.array(0.3), np.zeros(())))
         assert in_box == pytest.approx(
             MIN_ERROR_FRACTION * ERROR_CONSTANT[3] * error_decay(n) + sizes.corner_error
         )
@@ -283,7 +284,7 @@ def test_radius_and_peak_have_bars_of_their_own() -> None:
     for state in off(1.0):
         found = judge.add_error_estimate(state)
         assert found.p_max_error == pytest.approx(SAFETY_FACTOR * 0.01)
-        assert found.a_error == pytest.approx(RADIUS_ERROR * base.sizes.on_surface(state.a))
+        assert found.a_error == pytest.approx(RADIUS_ERROR * base.sizes.surface_size(state.a))
     sharp = [replace(state, p_max=float("nan")) for state in exact]
     assert np.isnan(
         ErrorBars(base, CoarserRun(REFINEMENT_RATIO, sharp))
@@ -402,7 +403,7 @@ def test_a_coarser_scene_is_coarser_everywhere() -> None:
     base = scene(accuracy=0.001, indenter={"shape": "flat_punch", "radius": 0.5})
     larger = coarsen_scene(base, 1.6)
     r, z = np.meshgrid(np.linspace(0, 2, 41), np.linspace(0, 1, 21))
-    assert np.all(larger.sizes.at(r, z) >= base.sizes.at(r, z))
+    assert np.all(larger.sizes.size_at(r, z) >= base.sizes.size_at(r, z))
     assert larger.sizes.h_contact == pytest.approx(1.6 * base.sizes.h_contact)
 
 
@@ -427,7 +428,7 @@ def test_every_step_sees_the_same_number_of_elements() -> None:
     radii = np.array(
         [solution.a for solution in base.plan.theory.solutions_at_depths(base.physics.deltas)]
     )
-    share = base.sizes.at(radii, np.zeros_like(radii)) / radii * base.plan.resolution.n
+    share = base.sizes.size_at(radii, np.zeros_like(radii)) / radii * base.plan.resolution.n
     assert share == pytest.approx(1.0, rel=1e-6)
 
 

@@ -13,7 +13,7 @@ import pytest
 from scenes import BOX, CYLINDER, ELASTIC, STRIP, WALLED, scene
 
 from indent_sim.config.scene_file import from_mapping
-from indent_sim.mesh.modelled_part import Side
+from indent_sim.mesh.model_domain import Side
 from indent_sim.mesh.sizes import size_formula
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.error_estimation.coarser_run import coarsen_scene
@@ -97,7 +97,7 @@ def test_what_refined_corners_still_cost_is_known() -> None:
     base = scene(CYLINDER, material=SOFT, indenter=PLATE, accuracy=0.001)
     physics, fineness = base.physics, base.plan.resolution
     assert fineness is not None and base.sizes.h_corner is not None
-    felt = corners(physics.domain, physics.center, base.sizes.a, 0.4999, base.sizes.edge)
+    felt = corners(physics.domain, physics.center, base.sizes.a, 0.4999, base.sizes.punch_edge)
     assert base.sizes.corner_error == pytest.approx(
         max(corner.error(base.sizes.h_corner) for corner in felt)
     )
@@ -153,7 +153,9 @@ def test_gmsh_is_told_the_same_sizes(body: dict[str, Any]) -> None:
         draw.uniform(*base.physics.domain.extent[1], 200),
     )
     found = eval(formula, {"Abs": np.abs, "Sqrt": np.sqrt, "x": x, "y": y})
-    assert found == pytest.approx(base.sizes.at(np.abs(x - base.physics.center[0]), -y), rel=1e-9)
+    assert found == pytest.approx(
+        base.sizes.size_at(np.abs(x - base.physics.center[0]), -y), rel=1e-9
+    )
 
 
 def test_a_body_that_overhangs_its_base_has_a_notch_there() -> None:

@@ -33,7 +33,7 @@ def scene(**changes: Any) -> Scene:
 
 
 def drained_faces(found: Scene) -> list[str]:
-    return [film.side.surface for film in found.sizes.films]
+    return [film.side.surface for film in found.sizes.drained_faces]
 
 
 @pytest.mark.parametrize("over", [0.0, 1.0])
@@ -113,7 +113,7 @@ def test_a_mesh_has_the_elements_of_its_film() -> None:
     """Beside the face elements are as large as asked for, within half."""
     found = scene()
     grid = found.grid()
-    top = grid.points[(grid.points[:, 1] == 0) & (grid.points[:, 0] < found.sizes.patch), 0]
+    top = grid.points[(grid.points[:, 1] == 0) & (grid.points[:, 0] < found.sizes.fine_radius), 0]
     assert np.diff(np.sort(top)).mean() == pytest.approx(found.sizes.h_film, rel=0.5)
 
 
@@ -124,7 +124,7 @@ def test_films_get_finer_with_the_accuracy_and_coarser_in_companions() -> None:
     )
     companion = coarsened_sizes(fine.sizes, 1.6, 1.0)
     assert companion.h_film is not None and companion.h_film > 1.5 * fine.sizes.h_film
-    assert companion.films[0].h == pytest.approx(companion.h_film)
+    assert companion.drained_faces[0].h == pytest.approx(companion.h_film)
 
 
 def test_a_resolved_scene_has_the_same_films() -> None:

@@ -231,7 +231,7 @@ def test_elements_larger_than_a_tip_are_refused(tip):
     """Their force was up to sixty times too large; sizes left to the program resolve the tip."""
     with pytest.raises(ConfigError, match="are larger than the tip's radius"):
         scene(indenter=tip, loading={"delta": 0.01, "steps": 1}, mesh={"h_contact": 0.01})
-    assert scene(indenter=tip, loading={"delta": 0.01, "steps": 1}, mesh={}).sizes.finest < 1e-5
+    assert scene(indenter=tip, loading={"delta": 0.01, "steps": 1}, mesh={}).sizes.min_size < 1e-5
 
 
 @pytest.mark.parametrize(
