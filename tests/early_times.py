@@ -382,7 +382,7 @@ class Drawn:
                 "stretch": float(self.draw.uniform(1.2, 1.7)),
             }
             gel = Gel(**law)
-            if gel.held_swelling(gel.bath_pressure(0.0)).stretch <= CREASING_STRETCH:
+            if gel.confined_swelling(gel.bath_pressure(0.0)).stretch <= CREASING_STRETCH:
                 return {"model": "gel"} | law
 
     def gel(self) -> EarlyScene:

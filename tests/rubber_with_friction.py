@@ -126,7 +126,7 @@ def alternation(scene: Scene, state: State) -> float:
     is_told = np.zeros(len(x), dtype=bool)
     is_told[inner[0] + (0 if inner[0] == 0 else MARGIN) : inner[-1] + 1 - MARGIN] = True
     touched = np.abs(x + surface.u[order, 0]) / scene.physics.scales.length
-    for radius, width in scene.physics.indenter.creases():
+    for radius, width in scene.physics.indenter.slope_discontinuities():
         for circle in (radius, radius + width):
             place = int(np.searchsorted(touched, circle))
             is_told[max(0, place - MARGIN) : place + MARGIN] = False

@@ -87,7 +87,7 @@ def solve(base: Scene) -> list[State]:
     states = list(simulate.states(base))
     assert len(states) == len(base.physics.deltas)
     largest = max(abs(state.force) for state in states)
-    attraction = base.physics.scales.unscaled(base.physics.contact).adhesion
+    attraction = base.physics.scales.to_user_units(base.physics.contact).adhesion
     for k, state in enumerate(states):
         assert state.converged, state.reason
         assert_audited(state, largest, attraction.work * state.a if attraction else 0.0)

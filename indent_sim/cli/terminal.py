@@ -49,7 +49,7 @@ def progress(tell: Callable[[str], None], config: Config) -> Iterator[Progress]:
     units = _units_of_rows(vars(config.units), is_flat or config.body.shape == "strip")
     if not sys.stderr.isatty():
         yield lambda state, step, total: _log(
-            tell, state.said(units), f"{state.newton_iterations} iterations", step, total, pace
+            tell, state.summary(units), f"{state.newton_iterations} iterations", step, total, pace
         )
         return
     from rich import progress as bars
@@ -62,7 +62,7 @@ def progress(tell: Callable[[str], None], config: Config) -> Iterator[Progress]:
             task,
             completed=step,
             total=total,
-            description=f"{state.said(units)}  {pace.after(total - step)[1]}",
+            description=f"{state.summary(units)}  {pace.after(total - step)[1]}",
         )
 
 
@@ -132,7 +132,7 @@ def _answer(outcome: Outcome) -> list[str]:
     if not states:
         return []
     units = _units_of_rows(_entries(report.get("units") or {}), _is_flat(report))
-    last = f"step {states[-1].step}: {states[-1].said(units)}"
+    last = f"step {states[-1].step}: {states[-1].summary(units)}"
     top = row_of_interest(states, report.get("control") == "force")
     if top is states[-1]:
         return [last]
@@ -142,7 +142,7 @@ def _answer(outcome: Outcome) -> list[str]:
     loop = (
         hysteresis_loop(states) if loses_work else None
     )  # an elastic body comes back along the way in
-    return [last, *_loop(loop, units), f"largest force, step {top.step}: {top.said(units)}"]
+    return [last, *_loop(loop, units), f"largest force, step {top.step}: {top.summary(units)}"]
 
 
 def _is_flat(report: Report) -> bool:

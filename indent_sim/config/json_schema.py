@@ -14,7 +14,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from indent_sim.config import key_types, schema
 from indent_sim.config.key_types import core, hints, kinds_of, members, words_of
 from indent_sim.config.schema import Config
-from indent_sim.model.loading import STEPPED, WAYS
+from indent_sim.model.loading import PATH_KEYS, STEPPED_KEYS
 from indent_sim.model.symbols import lookup
 
 QUANTITY_SCHEMA = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*[A-Za-zµ°]"}
@@ -27,7 +27,9 @@ def json_schema() -> dict[str, Any]:
     for kind in schema.sections()["indenter"]:
         found["$defs"][kind.__name__]["properties"]["center"] = center
     lists = [
-        {"required": [way], "not": {"required": ["steps"]}} for way in WAYS if way not in STEPPED
+        {"required": [way], "not": {"required": ["steps"]}}
+        for way in PATH_KEYS
+        if way not in STEPPED_KEYS
     ]
     one_of = [{"required": ["delta"]}, {"required": ["force"]}, *lists]
     found["$defs"]["Loading"]["oneOf"] = one_of

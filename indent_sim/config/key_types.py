@@ -46,7 +46,7 @@ def kinds_of(union: Any, tag: str) -> dict[str, type]:
 def tag_of(hint: Any) -> str | None:
     """The key that chooses among the alternatives of a section; None where there is no choice."""
     marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
-    return next((mark.tag for mark in marks if isinstance(mark, TaggedBy)), None)
+    return next((mark.key for mark in marks if isinstance(mark, TaggedBy)), None)
 
 
 def chosen(hint: Any, word: Any) -> type | None:

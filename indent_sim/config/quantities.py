@@ -28,8 +28,8 @@ from indent_sim.model.units import (
     TIME,
     Unit,
     UnitRow,
-    factors,
     field_units,
+    parse_unit_factors,
     unit_of,
 )
 from indent_sim.process.errors import ConfigError, ConfigErrors
@@ -214,7 +214,7 @@ def _factor(key: str, unit: str) -> Factor:
     total = Decimal(1)
     exponents = Counter({"length": 0, "mass": 0, "time": 0})
     try:
-        names = factors(unit)
+        names = parse_unit_factors(unit)
     except ValueError:
         raise _unknown(key, unit) from None
     for part, power in names:

@@ -22,7 +22,7 @@ from indent_sim.config.messages import AND_MORE, MOST_PROBLEMS, in_words
 from indent_sim.config.quantities import converted
 from indent_sim.config.schema import Config, Source
 from indent_sim.config.strict_yaml import MAX_BYTES, MAX_DEPTH, KeyPath, key_path, key_text
-from indent_sim.model.loading import STEPPED, Loading
+from indent_sim.model.loading import STEPPED_KEYS, Loading
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 
 OF_A_STUDY = {"base", "vary"}  # sections that no scene has
@@ -197,8 +197,8 @@ def _section(item: Any) -> Document:
     unused: set[str] = set()
     if isinstance(item, Loading):
         unused = {
-            *([] if {*STEPPED} & {*item.given} else ["steps"]),
-            *([] if item.in_time else ["times"]),
+            *([] if {*STEPPED_KEYS} & {*item.given_path_keys} else ["steps"]),
+            *([] if item.prescribed_history else ["times"]),
         }
     values = {
         name: getattr(item, name) for name in schema.file_order(type(item)) if name not in unused
@@ -421,8 +421,10 @@ def _checked(document: Document, source: Source) -> Config:
         # json, because strict pydantic takes a list for a tuple and a mapping for a dataclass only
         # from there
         config = Config.model_validate_json(json.dumps(_as_fields(document)))
-        if "steps" in document["loading"] and not {*STEPPED} & {*config.loading.given}:
-            given = config.loading.given[0]
+        if "steps" in document["loading"] and not {*STEPPED_KEYS} & {
+            *config.loading.given_path_keys
+        }:
+            given = config.loading.given_path_keys[0]
             of = "force" if "force" in given else "delta"
             are = "are" if given.endswith("s") else "is"
             raise ConfigError(

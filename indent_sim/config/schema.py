@@ -38,17 +38,17 @@ from indent_sim.model.body import (
     Cap,
     Cylinder,
     Drainage,
-    Endless,
     HalfSpace,
     Inclusion,
     Layer,
     MeshFromFile,
     Strip,
+    UnboundedBody,
 )
 from indent_sim.model.contact import AutoContact, Contact, Nitsche
 from indent_sim.model.experiment import Experiment, JKRAdhesion
-from indent_sim.model.loading import WAYS, Loading
-from indent_sim.model.materials import Gel, Material, NeoHookean, Relaxable, Relaxation
+from indent_sim.model.loading import PATH_KEYS, Loading
+from indent_sim.model.materials import Gel, Material, NeoHookean, Relaxation, ShearRelaxingLaw
 from indent_sim.model.tips import FlatPunch, Indenter, Plate, Profile
 from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt, TaggedBy
 from indent_sim.process.errors import ConfigError, ConfigErrors, printable
@@ -213,7 +213,7 @@ class Config(BaseModel):
     @property
     def first_bath(self) -> float:
         """The bath when the body is at rest."""
-        in_time = self.loading.in_time
+        in_time = self.loading.prescribed_history
         return (
             self.drainage.bath_at(in_time.points[0][0] if in_time else 0.0)
             if self.drainage
@@ -279,17 +279,17 @@ def _cap(config: Config) -> Iterator[ConfigError]:
         )
     elif not body.height and not body.contact_angle:
         yield ConfigError("body.height", "missing, and so is contact_angle", "give one of the two")
-    elif body.thickness < body.base_radius / FLATTEST:
+    elif body.apex_height < body.base_radius / FLATTEST:
         problem = (
-            f"a cap {body.thickness:.4g} high on a base of radius {body.base_radius:g} is all "
+            f"a cap {body.apex_height:.4g} high on a base of radius {body.base_radius:g} is all "
             "but flat"
         )
         yield ConfigError(
             "body", problem, f"height at least base_radius/{FLATTEST:g}, or a cylinder"
         )
-    elif body.thickness > body.base_radius * STEEPEST_CAP:
+    elif body.apex_height > body.base_radius * STEEPEST_CAP:
         problem = (
-            f"a cap {body.thickness:.4g} high on a base of radius {body.base_radius:g} stands "
+            f"a cap {body.apex_height:.4g} high on a base of radius {body.base_radius:g} stands "
             "on a point"
         )
         yield ConfigError(
@@ -354,14 +354,16 @@ def _skins(config: Config, body: Cap | Ball) -> Iterator[ConfigError]:
     if isinstance(body, Cap) and bool(body.height) == bool(body.contact_angle):
         return  # it has no shape yet
     thick = sum(layer.thickness or 0.0 for layer in skins)
-    dome = body.dome
+    dome = body.spherical_body
     thinnest = min((layer.thickness or inf for layer in skins), default=inf)
-    if thick > (1 - LEAST_CORE) * dome.room:
+    if thick > (1 - LEAST_CORE) * dome.max_coating_thickness:
         inside = "no core" if isinstance(body, Ball) else "a core that does not reach the base"
         problem = (
             f"the layers around the core are {thick:.6g} thick together, which leaves {inside}"
         )
-        yield ConfigError("body.layers", problem, f"at most {(1 - LEAST_CORE) * dome.room:.6g}")
+        yield ConfigError(
+            "body.layers", problem, f"at most {(1 - LEAST_CORE) * dome.max_coating_thickness:.6g}"
+        )
     elif thinnest < THINNEST_SKIN * dome.radius:
         problem = (
             f"a layer {thinnest:.4g} thick on a {body.shape} of radius {dome.radius:.4g} is "
@@ -382,7 +384,7 @@ def _tension(config: Config) -> Iterator[ConfigError]:
             "without tension"
         )
         yield ConfigError(key, problem, remedy)
-    if config.contact.may_snap:
+    if config.contact.may_snap_through:
         yield ConfigError(key, "together with contact.adhesion is not verified", remedy)
     if relaxing := next((where for where, law in config.materials() if law.relaxation), None):
         problem = (
@@ -431,7 +433,7 @@ def _foreign(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[str, str] | No
             f"a strip is the same all along y, and the center is at y = {inclusion.center[1]:g}",
             "set y to 0",
         )
-    if isinstance(body, Cap | Ball) and not inclusion.is_about((0.0, 0.0)):
+    if isinstance(body, Cap | Ball) and not inclusion.is_axisymmetric_about((0.0, 0.0)):
         why = (
             "a box is no body of revolution"
             if isinstance(inclusion, bodies.BoxInclusion)
@@ -452,7 +454,7 @@ def _foreign(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[str, str] | No
 
 def _beside(body: bodies.AnyBody, inclusion: Inclusion) -> str:
     """That an inclusion leaves the body through a side, or nearly does."""
-    room = (body.dome if isinstance(body, Cap | Ball) else body).room_beside(inclusion)  # type: ignore[union-attr]
+    room = (body.spherical_body if isinstance(body, Cap | Ball) else body).room_beside(inclusion)  # type: ignore[union-attr]
     if room >= _apart(inclusion):
         return ""
     return (
@@ -465,10 +467,10 @@ def _beside(body: bodies.AnyBody, inclusion: Inclusion) -> str:
 def _across(faces: Sequence[tuple[str, float]], inclusion: Inclusion) -> str:
     """That an inclusion crosses the top, the base, or an interface, or nearly does."""
     z = inclusion.center[2]
-    half = inclusion.half(2)
+    half = inclusion.half_width(2)
     apart = _apart(inclusion)
     for name, height in faces:
-        if name == MIRROR_PLANE and isclose(z, height, rel_tol=bodies.SAME_PLACE):
+        if name == MIRROR_PLANE and isclose(z, height, rel_tol=bodies.POSITION_TOLERANCE):
             return ""
         if abs(z - height) < half:
             return (
@@ -489,9 +491,10 @@ def _through_skins(body: bodies.AnyBody, inclusion: Inclusion) -> str:
     """That an inclusion crosses the inner face of a skin, or nearly does."""
     if not isinstance(body, Cap | Ball):
         return ""
-    radius = body.dome.radius
+    radius = body.spherical_body.radius
     near, far = (
-        float(reach((0.0, 0.0, -radius))) for reach in (inclusion.distance, inclusion.farthest)
+        float(reach((0.0, 0.0, -radius)))
+        for reach in (inclusion.distance, inclusion.farthest_distance)
     )
     for k, depth in enumerate(
         accumulate(layer.thickness or 0.0 for layer in (body.layers or ())[:-1])
@@ -513,7 +516,7 @@ def _faces(config: Config) -> list[tuple[str, float]]:
     body = config.body
     depths = list(accumulate(layer.thickness or inf for layer in config.layers))
     if isinstance(body, Cap | Ball):
-        depths = [body.dome.height]
+        depths = [body.spherical_body.height]
     ends = [f"the interface below {key_of_layer(k)}" for k in range(len(depths) - 1)]
     ends.append(MIRROR_PLANE if isinstance(body, Ball) and body.base == "roller" else "the base")
     return [("the top", 0.0), *((name, -depth) for name, depth in zip(ends, depths, strict=True))]
@@ -523,7 +526,7 @@ def _apart(*inclusions: Inclusion) -> float:
     """What must be left between inclusions, or one and any surface [length]: elements have to fit
     in.
     """
-    return LEAST_ROOM * min(inclusion.thinnest for inclusion in inclusions)
+    return LEAST_ROOM * min(inclusion.min_half_width for inclusion in inclusions)
 
 
 def key_of_inclusion(number: int) -> str:
@@ -550,7 +553,7 @@ def _flow(config: Config) -> Iterator[ConfigError]:
     """What is wrong with fluid in the pores: what it needs, and what does not go with it."""
     flows = {f"{key}.flow": material for key, material in config.materials() if material.flow}
     if config.loading.per_doubling is not None and not any(
-        material.evolves for _, material in config.materials()
+        material.is_time_dependent for _, material in config.materials()
     ):
         problem = (
             "is for a body that takes time, and nothing of this one flows, nor relaxes in "
@@ -571,7 +574,7 @@ def _flow(config: Config) -> Iterator[ConfigError]:
         yield from _gels(config)
         return
     key = next(iter(flows))
-    if config.loading.in_time is None:
+    if config.loading.prescribed_history is None:
         remedy = "give loading.history, or leave it out: nu as given is drained, nu: 0.5 undrained"
         yield ConfigError(key, "needs a time", remedy)
     yield from (error for key, material in flows.items() for error in _of_flow(key, material))
@@ -610,7 +613,7 @@ def _gels(config: Config) -> Iterator[ConfigError]:
     gels = {key: material for key, material in config.materials() if isinstance(material, Gel)}
     for key, gel in gels.items():
         try:
-            gel.swollen_in(config.first_bath).canonical()
+            gel.with_free_swelling(config.first_bath).canonical()
         except ValueError as error:
             yield ConfigError(f"{key}.stretch", str(error))
         if gel.relaxation:
@@ -650,11 +653,11 @@ def _of_flow(key: str, material: Material) -> Iterator[ConfigError]:
                 "is for other laws: a gel's pores are its solvent",
                 "leave it out",
             )
-    if not material.small_strain and (flow.alpha, flow.storage) != (1.0, 0.0):
+    if not material.is_small_strain and (flow.alpha, flow.storage) != (1.0, 0.0):
         name = "alpha" if flow.alpha != 1 else "storage"
         problem = "at finite strain grains and fluid are incompressible"
         yield ConfigError(f"{key}.{name}", problem, "alpha: 1, storage: 0")
-    if material.small_strain and flow.holmes_mow:
+    if material.is_small_strain and flow.holmes_mow:
         yield ConfigError(
             f"{key}.holmes_mow", "is for finite strain, and this law has none", "leave it out"
         )
@@ -682,12 +685,14 @@ def _contact(config: Config) -> Iterator[ConfigError]:
 def _path(config: Config) -> Iterator[ConfigError]:
     loading = config.loading
     attraction = config.contact.adhesion
-    if not loading.given:
-        yield ConfigError("loading", "says no depth and no force", f"give one of {', '.join(WAYS)}")
-    elif len(loading.given) > 1:
-        first, second = loading.given[:2]
+    if not loading.given_path_keys:
         yield ConfigError(
-            f"loading.{second}", f"contradicts {first}", f"give one of {', '.join(WAYS)}"
+            "loading", "says no depth and no force", f"give one of {', '.join(PATH_KEYS)}"
+        )
+    elif len(loading.given_path_keys) > 1:
+        first, second = loading.given_path_keys[:2]
+        yield ConfigError(
+            f"loading.{second}", f"contradicts {first}", f"give one of {', '.join(PATH_KEYS)}"
         )
     elif (forces := loading.forces) and not attraction and min(forces) < 0:
         pulls = next(k for k, force in enumerate(forces) if force < 0)
@@ -704,7 +709,7 @@ def _path(config: Config) -> Iterator[ConfigError]:
 def _axis(config: Config) -> Iterator[ConfigError]:
     center = config.center
     needed = len(config.body.center)
-    if isinstance(config.body, Endless | Cap | Ball) and any(center or ()):
+    if isinstance(config.body, UnboundedBody | Cap | Ball) and any(center or ()):
         is_dome = isinstance(config.body, Cap | Ball)
         why = "over a {} the tip stands on the axis" if is_dome else "a {} is the same everywhere"
         yield ConfigError("indenter.center", why.format(config.body.shape), "leave it out")
@@ -716,7 +721,7 @@ def _axis(config: Config) -> Iterator[ConfigError]:
 
 def _tip(config: Config) -> list[ConfigError]:
     tip = config.indenter
-    if getattr(config.body, "kinematics", "") == "axisymmetric" and not tip.of_revolution:
+    if getattr(config.body, "kinematics", "") == "axisymmetric" and not tip.is_axisymmetric:
         return [
             ConfigError(
                 "indenter.shape",
@@ -724,7 +729,7 @@ def _tip(config: Config) -> list[ConfigError]:
                 "use body.kinematics: 3d",
             )
         ]
-    if config.body.dim == 2 and not tip.of_revolution:
+    if config.body.dim == 2 and not tip.is_axisymmetric:
         return [
             ConfigError(
                 "indenter.shape",
@@ -732,14 +737,14 @@ def _tip(config: Config) -> list[ConfigError]:
                 "use a box, a cylinder or a half_space",
             )
         ]
-    if isinstance(config.body, Cap | Ball) and not tip.of_revolution:
+    if isinstance(config.body, Cap | Ball) and not tip.is_axisymmetric:
         problem = f"a {tip.shape} over a {config.body.shape}, which is modelled about its axis"
         return [
             ConfigError(
                 "indenter.shape", problem, "use a tip of revolution, a cone of equal sections"
             )
         ]
-    if isinstance(tip, Plate) and isinstance(config.body, Endless):
+    if isinstance(tip, Plate) and isinstance(config.body, UnboundedBody):
         problem = f"a plate on a {config.body.shape} touches all of a top without end"
         return [
             ConfigError(
@@ -760,7 +765,7 @@ def _tip(config: Config) -> list[ConfigError]:
         ]
     try:
         if isinstance(tip, Profile):
-            tip.check()
+            tip.check_points()
     except ValueError as error:
         return [ConfigError("indenter.points", str(error))]
     return []
@@ -791,7 +796,7 @@ def _experiment(config: Config) -> Iterator[ConfigError]:
 
 def _history(config: Config) -> Iterator[ConfigError]:
     """What is wrong with a path in time."""
-    found = config.loading.in_time
+    found = config.loading.prescribed_history
     times = config.loading.times
     if found is None:
         if not isinstance(times, str):
@@ -822,10 +827,10 @@ def _history(config: Config) -> Iterator[ConfigError]:
             )
             break
     swells = any(isinstance(material, Gel) and material.flow for _, material in config.materials())
-    if found.largest <= 0 and not swells:
+    if found.largest_value <= 0 and not swells:
         yield ConfigError(key, "never presses the tip in", "give a largest value above 0")
     low = min(value for _, value in found.points) if found.control == "force" else 0.0
-    if low < 0 and config.contact.may_snap:
+    if low < 0 and config.contact.may_snap_through:
         problem = f"a force of {low:g} pulls, and pulls in time have depths of their own"
         yield ConfigError(key, problem, "give loading.history, of depths, or forces of 0 and more")
     elif low < 0 and not (config.experiment and config.experiment.adhesion):
@@ -840,7 +845,7 @@ def _relaxation(config: Config) -> Iterator[ConfigError]:
     """What is wrong with how the materials relax."""
     laws = dict(config.materials())
     frequencies = config.experiment and config.experiment.frequencies
-    history = config.loading.in_time
+    history = config.loading.prescribed_history
     found = {f"{key}.relaxation": law.relaxation for key, law in laws.items() if law.relaxation}
     if not found:
         if frequencies:
@@ -852,7 +857,7 @@ def _relaxation(config: Config) -> Iterator[ConfigError]:
         error for key, given in found.items() for error in _of_relaxation(config, key, given)
     )
     key, given = next(iter(found.items()))
-    if any(law.relaxes_in_shear for law in laws.values()):
+    if any(law.has_shear_relaxation for law in laws.values()):
         yield from _of_shear(config, laws)
     elif other := next((other for other, law in laws.items() if law.relaxation != given), None):
         problem = f"is not that of {other}: what relaxes as a whole must do so alike everywhere"
@@ -871,7 +876,7 @@ def _of_shear(config: Config, laws: Mapping[str, Material]) -> Iterator[ConfigEr
                 "alone"
             )
             yield ConfigError(f"{key}.relaxation.of", problem, "of: shear")
-        if law.relaxation and not isinstance(law, Relaxable | Gel):
+        if law.relaxation and not isinstance(law, ShearRelaxingLaw | Gel):
             like = (
                 "mooney_rivlin with C10 = mu/2" if isinstance(law, NeoHookean) else "linear_elastic"
             )
@@ -886,7 +891,7 @@ def _of_shear(config: Config, laws: Mapping[str, Material]) -> Iterator[ConfigEr
     if isinstance(config.contact, Nitsche):
         problem = "nitsche takes the body's own stress, which relaxes"
         yield ConfigError("contact.method", problem, "use augmented_lagrangian")
-    if config.contact.may_snap:
+    if config.contact.may_snap_through:
         problem = "together with relaxation is not verified"
         yield ConfigError("contact.adhesion", problem, "leave one of the two out")
 
@@ -909,10 +914,10 @@ def _of_relaxation(config: Config, key: str, given: Relaxation) -> Iterator[Conf
             f"the fractions sum to {total:g}: nothing would bear in the end",
             "below 1",
         )
-    history = config.loading.in_time
-    if given.power_law and history and history.jumps:
+    history = config.loading.prescribed_history
+    if given.power_law and history and history.has_jumps:
         problem = "jumps, and the instantaneous modulus of a power law is infinite"
-        yield ConfigError(f"loading.{config.loading.given[0]}", problem, "use a ramp")
+        yield ConfigError(f"loading.{config.loading.given_path_keys[0]}", problem, "use a ramp")
 
 
 def _jkr_adhesion(config: Config, found: JKRAdhesion) -> Iterator[ConfigError]:
@@ -930,7 +935,7 @@ def _jkr_adhesion(config: Config, found: JKRAdhesion) -> Iterator[ConfigError]:
     if isinstance(body, Strip | Box):
         remedy = "use a cylinder, a layer, a half_space, a cap or a ball"
         yield ConfigError(key, problem.format(body.shape), remedy)
-    if not tip.of_revolution:
+    if not tip.is_axisymmetric:
         yield ConfigError(key, problem.format(tip.shape), "use a tip of revolution")
     if isinstance(tip, Plate) and not isinstance(body, Cap | Ball):
         problem = "the contact of a plate on a flat top does not shrink before it comes off at once"

@@ -221,7 +221,7 @@ class Body:
         )
         self.x = self.unknowns.x
         self.X = ufl.SpatialCoordinate(self.mesh)
-        self.weight = scene.physics.domain.kinematics.weight(self.X)
+        self.weight = scene.physics.domain.kinematics.integration_weight(self.X)
         self.dt = fem.Constant(self.mesh, 0.0)  # of the step's present stage [time]
         self.now = self._create_time_level(self.unknowns.solution)
         self._before: TimeLevel | None = None

@@ -25,7 +25,7 @@ from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body, TimeLevel
 from indent_sim.fe.terms.term import Stage, Term, sdirk2_stages
 from indent_sim.mesh.reactions import SurfaceComponent
-from indent_sim.model.units import rounded
+from indent_sim.model.units import round_length
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,9 @@ class Problem:
         """What the tangent depends on beside the state: where it is the same an old tangent is
         near.
         """
-        return rounded(float(self.body.dt.value)), *(term.tangent_version for term in self.terms)
+        return round_length(float(self.body.dt.value)), *(
+            term.tangent_version for term in self.terms
+        )
 
     def set_continuation_factor(self, factor: float) -> None:
         """Multiply the stiffness of the contact law; 1 makes it the law's own again."""

@@ -88,7 +88,7 @@ def _loading(config: Config, curve: Measured, entry: dict[str, Any]) -> dict[str
     """The path of the curve's approach: its depth, or in time the way from first touch on at an
     even pace.
     """
-    if not config.loading.in_time:
+    if not config.loading.prescribed_history:
         return {"delta": entry["depth"], "steps": config.loading.steps}
     held = config.experiment is not None and config.experiment.compliance > 0
     along = curve.along("z" if held else "delta")

@@ -212,7 +212,7 @@ def _measurement(config: Config, keys: tuple[str, ...], tables: Tables) -> _Meas
     if not depth > 0:
         raise ConfigError("loading", "the tip never touches the body", "give loading.delta > 0")
     way = _way(config)
-    path = config.loading.in_time
+    path = config.loading.prescribed_history
     try:
         forces = tables.forces(config, keys, SOLVED_WIDTHS * depth, way)
     except (ConfigError, NoTable):
@@ -222,21 +222,21 @@ def _measurement(config: Config, keys: tuple[str, ...], tables: Tables) -> _Meas
             forces.rigid(forces.start)(np.array([depth]))[0]
         )
         return _Measurement(config, forces, depth, np.array([0.0, top]), np.array([0.0, 1.0]))
-    t, x = np.array(path.from_rest).T
+    t, x = np.array(path.points_from_rest).T
     end = int(np.flatnonzero(x == x.max())[-1]) + 1
     return _Measurement(config, forces, depth, x[:end], t[:end])
 
 
 def _way(config: Config) -> MeasuredWay | None:
     """The scene's own way, where the force depends on it as a whole."""
-    path = config.loading.in_time
+    path = config.loading.prescribed_history
     if not remembers(config) or path is None:
         return None
     if config.experiment and config.experiment.compliance:
         raise ConfigError(
             "experiment", "a design of matter with a memory follows the tip", "leave the spring out"
         )
-    t, delta = np.array(path.from_rest).T
+    t, delta = np.array(path.points_from_rest).T
     return way_of(t, delta)
 
 

@@ -241,7 +241,7 @@ def _draw_inclusions(gmsh: Gmsh, domain: ModelDomain) -> None:
 def _add_inclusion(occ: Gmsh, inclusion: Inclusion, dim: int) -> int:
     """The inclusion as a solid; in two dimensions its section y = 0, drawn in (x, y)."""
     (x, y, z) = _round_point(inclusion.center)
-    (a, b, c) = _round_point(tuple(map(inclusion.half, range(3))))
+    (a, b, c) = _round_point(tuple(map(inclusion.half_width, range(3))))
     if isinstance(inclusion, EllipsoidInclusion):
         return _add_ellipsoid(occ, (x, y, z), (a, b, c), dim)
     if isinstance(inclusion, BallInclusion):

@@ -124,7 +124,7 @@ def regions_of_cells(points: np.ndarray, cells: np.ndarray, domain: ModelDomain)
     )
     for number, region in enumerate(domain.regions):
         if region.inclusion is not None:
-            region_numbers[region.inclusion.holds((x, y[0] if y else 0.0, z))] = number
+            region_numbers[region.inclusion.contains((x, y[0] if y else 0.0, z))] = number
     return region_numbers.astype(np.int32)
 
 

@@ -14,7 +14,7 @@ from indent_sim.mesh.imported_mesh import ImportedMesh, refined_once, split_at_m
 from indent_sim.mesh.mesh_file import format_midpoint, mesh_file_error
 from indent_sim.mesh.model_domain import ModelDomain, Pins, Point, Region
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Layer, Meshed, MeshFromFile, shares_of
+from indent_sim.model.body import ImportedBody, Layer, MeshFromFile, barycentric_coordinates
 from indent_sim.model.kinematics import Axisymmetric, Kinematics, PlaneStrain, ThreeDimensional
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import Indenter
@@ -68,7 +68,7 @@ class ImportedDomain(ModelDomain):
         facet_measures = np.sqrt(np.linalg.det(edges @ np.swapaxes(edges, 1, 2)))
         sizes = facet_measures if self.dim == 2 else np.sqrt(2 / np.sqrt(3) * facet_measures)
         distances = np.linalg.norm(corners[..., :-1] - np.asarray(center[: self.dim - 1]), axis=-1)
-        is_inside = (shares_of(corners, center) >= -LEVEL_TOLERANCE).all(axis=1)
+        is_inside = (barycentric_coordinates(corners, center) >= -LEVEL_TOLERANCE).all(axis=1)
         nearest_distances = np.where(is_inside, 0.0, distances.min(axis=1))
         excess_distances = np.maximum(
             np.maximum(nearest_distances - outer_radius, inner_radius - distances.max(axis=1)), 0.0
@@ -153,7 +153,9 @@ def region_under_axis(mesh: ImportedMesh, center: tuple[float, ...]) -> int:
     surface by.
     """
     corners = mesh.facet_corners("top")
-    inside_facets = np.flatnonzero((shares_of(corners, center) >= -LEVEL_TOLERANCE).all(axis=1))
+    inside_facets = np.flatnonzero(
+        (barycentric_coordinates(corners, center) >= -LEVEL_TOLERANCE).all(axis=1)
+    )
     if len(inside_facets) == 0:
         low = corners[..., :-1].min(axis=(0, 1))
         high = corners[..., :-1].max(axis=(0, 1))
@@ -176,7 +178,7 @@ def first_contact_height(tip: Indenter, mesh: ImportedMesh, center: tuple[float,
     mesh = refined_once(mesh) if len(mesh.midside_nodes[0]) else mesh
     corners = mesh.facet_corners("top")
     axis_position = np.pad(np.asarray(center), (0, 2))[:2]
-    barycentric = shares_of(corners, center)
+    barycentric = barycentric_coordinates(corners, center)
     is_under_axis = (barycentric >= -LEVEL_TOLERANCE).all(axis=1)
     largest_height = float(
         (barycentric * corners[..., -1]).sum(axis=1)[is_under_axis].max()
@@ -245,7 +247,7 @@ def refuse_forgotten_mirrors(mesh: ImportedMesh, source: MeshFromFile, center: P
 
 def imported_body(
     mesh: ImportedMesh, source: MeshFromFile, center: tuple[float, ...], material: Material
-) -> Meshed:
+) -> ImportedBody:
     """What the scene must know of a piece that lies with its first touch at z = 0; `material`:
     under the tip.
     """
@@ -272,7 +274,7 @@ def imported_body(
     boundary_points = (mesh.grid.points[boundary_edges], mesh.grid.points[fixed_points])
     layers = (Layer(mesh.height, material),)
     supports = source.base, "free" if source.sides == "auto" else source.sides
-    return Meshed(
+    return ImportedBody(
         mesh.height,
         center,
         mesh.facet_corners("top"),
@@ -295,7 +297,9 @@ def imported_domain(
             f"the first at {format_midpoint(mesh.facet_corners('base')[is_tilted][0])}: a roller would let "
             "them through it"
         )
-        problem = f"{is_tilted.sum()} facets of '{source.named.base}' are not level, {location}"
+        problem = (
+            f"{is_tilted.sum()} facets of '{source.surface_names.base}' are not level, {location}"
+        )
         raise mesh_file_error(problem, "base: fixed", "body.base")
     if "r_min" in surfaces:
         supports["r_min"] = "roller"
@@ -348,7 +352,7 @@ def _roller_facets(mesh: ImportedMesh, source: MeshFromFile) -> dict[int, np.nda
             facets[axis] = mesh.grid.surfaces["sides"][is_normal]
     if is_unassigned.any():
         location = f"the first at {format_midpoint(mesh.facet_corners('sides')[is_unassigned][0])}: no roller can guide them"
-        problem = f"{is_unassigned.sum()} facets of '{source.named.sides}' are normal to no axis, {location}"
+        problem = f"{is_unassigned.sum()} facets of '{source.surface_names.sides}' are normal to no axis, {location}"
         raise mesh_file_error(
             problem,
             "sides: fixed or free, or a round body as an axisymmetric section",

@@ -311,9 +311,9 @@ def msh_text_parts(mesh: ImportedMesh, source: MeshFromFile) -> Iterator[str]:
     grid = mesh.grid
     edges, midside_positions = mesh.midside_nodes
     surface_names = {
-        "top": source.named.contact,
-        "base": source.named.base,
-        "sides": source.named.sides,
+        "top": source.surface_names.contact,
+        "base": source.surface_names.base,
+        "sides": source.surface_names.sides,
     }
     facets = [
         (str(surface_names[surface]), surface_facets)

@@ -11,9 +11,9 @@ from math import atan2, pi, sin
 
 import numpy as np
 
-from indent_sim.model.body import Inclusion, Shell
+from indent_sim.model.body import Coating, Inclusion
 from indent_sim.model.kinematics import Kinematics
-from indent_sim.model.materials import Constants, Exponentials, Material
+from indent_sim.model.materials import Constants, Material, PronySeries
 
 Point = tuple[float, ...]
 Coordinates = float | np.ndarray
@@ -122,7 +122,7 @@ class Region:
     formulation: str
     bottom: float = 0.0  # z of a layer's lower face [length]
     inclusion: Inclusion | None = None
-    relaxation_series: Exponentials | None = None
+    relaxation_series: PronySeries | None = None
     min_shear_fraction: float = 1.0
 
     @property
@@ -130,7 +130,7 @@ class Region:
         """Small-strain E [pressure] and nu of its softest state on the way, which is its most
         incompressible one.
         """
-        return self.material.softened(self.min_shear_fraction)
+        return self.material.relaxed_constants(self.min_shear_fraction)
 
 
 MIRROR_DISTANCE = 1e-12  # distance [length] of a tip to the mirror plane that it stands over
@@ -218,13 +218,13 @@ class ModelDomain:
         )
 
     @property
-    def coatings(self) -> tuple[Shell, ...]:
+    def coatings(self) -> tuple[Coating, ...]:
         """The layers around the core of a body with a spherical top, from the surface inwards."""
         if self.top_radius is None:
             return ()
         radii = [self.top_radius, *(self.top_radius + z for z in reversed(self.interfaces))]
         return tuple(
-            Shell((0.0, 0.0, -self.top_radius), inner, outer) for outer, inner in pairwise(radii)
+            Coating((0.0, 0.0, -self.top_radius), inner, outer) for outer, inner in pairwise(radii)
         )
 
     @property
@@ -241,7 +241,7 @@ class ModelDomain:
 
         def is_inside(inclusion: Inclusion) -> bool:
             return all(
-                low - inclusion.half(k) < inclusion.center[k] < high + inclusion.half(k)
+                low - inclusion.half_width(k) < inclusion.center[k] < high + inclusion.half_width(k)
                 for k, (low, high) in horizontal_extents
             )
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from itertools import product
 
 from indent_sim.mesh.model_domain import ModelDomain
-from indent_sim.model.state import REACTION, REACTION_COLUMNS
+from indent_sim.model.state import REACTION_COLUMNS, REACTION_PREFIX
 
 SurfaceComponent = tuple[
     str, int
@@ -67,7 +67,7 @@ def reactions_of_whole_body(
             for name, sign in _mirror_images(domain, surface, axis):
                 key = f"{name}_{axis}"
                 reactions[key] = reactions.get(key, 0.0) + sign * force
-    ordered_names = (column.removeprefix(REACTION) for column in REACTION_COLUMNS)
+    ordered_names = (column.removeprefix(REACTION_PREFIX) for column in REACTION_COLUMNS)
     return {name: reactions[name] for name in ordered_names if name in reactions}
 
 
@@ -90,4 +90,4 @@ def _mirror_images(domain: ModelDomain, surface: str, axis: str) -> Iterable[tup
 def reaction_columns(domain: ModelDomain) -> tuple[str, ...]:
     """The columns of the force table with the reactions of a part's body, in order."""
     no_forces = dict.fromkeys(bearing_surfaces(domain), 0.0)
-    return tuple(f"{REACTION}{name}" for name in reactions_of_whole_body(domain, no_forces))
+    return tuple(f"{REACTION_PREFIX}{name}" for name in reactions_of_whole_body(domain, no_forces))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from indent_sim.mesh.model_domain import Side
-from indent_sim.model.body import EllipsoidInclusion, Inclusion, Shell
+from indent_sim.model.body import Coating, EllipsoidInclusion, Inclusion
 
 DOUBTFUL_ELEMENTS = 3.0  # elements per contact radius below which results are doubtful
 
@@ -51,7 +51,7 @@ class Sizes:
     h_corner: float | None = None
     corner_error: float = 0.0  # of the force, at most, what the elements at corners cost
     inclusions: tuple[tuple[Inclusion, float], ...] = ()
-    coatings: tuple[tuple[Shell, float], ...] = ()
+    coatings: tuple[tuple[Coating, float], ...] = ()
     drained_faces: tuple[DrainedFace, ...] = ()
     h_film: float | None = None
     edge_refinement_factor: float = (
@@ -205,13 +205,13 @@ def inclusion_formula(inclusion: Inclusion, inner_size: float, grading: float, d
     return f"{number(inner_size)}+{number(grading)}*Sqrt({'+'.join(squared_distances)})"
 
 
-def coating_formula(coating: Shell, inner_size: float, grading: float) -> str:
+def coating_formula(coating: Coating, inner_size: float, grading: float) -> str:
     """The element size that a skin wants in a section: the one inside it, growing with the distance
     from it.
     """
     number = "{:.12g}".format
     rho = f"Sqrt(x^2+(y-({number(coating.center[2])}))^2)"
-    distance = f"{_positive_part(f'({rho}-{number(coating.outer)})')}+{_positive_part(f'({number(coating.inner)}-{rho})')}"
+    distance = f"{_positive_part(f'({rho}-{number(coating.outer_radius)})')}+{_positive_part(f'({number(coating.inner_radius)}-{rho})')}"
     return f"{number(inner_size)}+{number(grading)}*({distance})"
 
 

@@ -33,23 +33,29 @@ def is_symbolic(*values: Expr) -> bool:
     return any(hasattr(value, "ufl_shape") for value in values)
 
 
-def _of(name: str, x: Expr) -> Expr:
+def _apply_function(name: str, x: Expr) -> Expr:
     """A function of both libraries by numpy's name for it."""
     return (
         getattr(ufl, "ln" if name == "log" else name)(x) if is_symbolic(x) else getattr(np, name)(x)
     )
 
 
-def _of_angle(name: str, degrees: Expr) -> Expr:
-    return _of(name, degrees * pi / 180 if is_symbolic(degrees) else np.radians(degrees))
+def _apply_to_degrees(name: str, degrees: Expr) -> Expr:
+    return _apply_function(
+        name, degrees * pi / 180 if is_symbolic(degrees) else np.radians(degrees)
+    )
 
 
-sqrt, log, exp = (partial(_of, name) for name in ("sqrt", "log", "exp"))  # log: the natural one
-sin, cos, tan = (partial(_of_angle, name) for name in ("sin", "cos", "tan"))  # of angles in degrees
+sqrt, log, exp = (
+    partial(_apply_function, name) for name in ("sqrt", "log", "exp")
+)  # log: the natural one
+sin, cos, tan = (
+    partial(_apply_to_degrees, name) for name in ("sin", "cos", "tan")
+)  # of angles in degrees
 
 # up to here ln(1 + x) and its derivatives come from a series, which keeps the digits of a small x
-SERIES = 0.03
-ODD = (
+LOG_SERIES_LIMIT = 0.03
+LOG_SERIES_FACTORS = (
     1 / 3,
     1 / 5,
     1 / 7,
@@ -60,37 +66,37 @@ ODD = (
 def log1p(x: Expr) -> Expr:
     """ln(1 + x)."""
     z = x / (2 + x)
-    return _where_small(x, 2 * z + 2 * z**3 * _odd(z), log(1 + x))
+    return _where_small(x, 2 * z + 2 * z**3 * _odd_series(z), log(1 + x))
 
 
 def log1p_remainder(x: Expr) -> Expr:
     """x - ln(1 + x), which is x^2/2 for small x."""
     z = x / (2 + x)
-    return _where_small(x, 2 * z * z / (1 - z) - 2 * z**3 * _odd(z), x - log(1 + x))
+    return _where_small(x, 2 * z * z / (1 - z) - 2 * z**3 * _odd_series(z), x - log(1 + x))
 
 
 # e^x - 1 - x up to x^10/10!: its second derivative is good to 2e-17, the next x^9/9! of SERIES
-TAYLOR = 10
+EXP_SERIES_TERMS = 10
 
 
 def expm1_remainder(x: Expr) -> Expr:
     """e^x - 1 - x, which is x^2/2 for small x."""
-    small: Expr = 0.0
-    for n in range(TAYLOR, 2, -1):
-        small = (1 + small) * x / n
-    return _where_small(x, x * x / 2 * (1 + small), exp(x) - 1 - x)
+    series: Expr = 0.0
+    for n in range(EXP_SERIES_TERMS, 2, -1):
+        series = (1 + series) * x / n
+    return _where_small(x, x * x / 2 * (1 + series), exp(x) - 1 - x)
 
 
-def _odd(z: Expr) -> Expr:
-    square = z * z
-    total = 0.0
-    for factor in reversed(ODD):
-        total = factor + square * total
-    return total
+def _odd_series(z: Expr) -> Expr:
+    z_squared = z * z
+    series = 0.0
+    for factor in reversed(LOG_SERIES_FACTORS):
+        series = factor + z_squared * series
+    return series
 
 
-def _where_small(x: Expr, small: Expr, large: Expr) -> Expr:
-    return where_less(x * x, SERIES**2, small, large)
+def _where_small(x: Expr, small_value: Expr, large_value: Expr) -> Expr:
+    return where_less(x * x, LOG_SERIES_LIMIT**2, small_value, large_value)
 
 
 def where_less(a: Expr, b: Expr, then: Expr, otherwise: Expr) -> Expr:
@@ -118,12 +124,12 @@ def macaulay(x: Expr) -> Expr:
 # A principal stretch has no derivative where two of them meet, yet a function symmetric in the
 # stretches has. Where all three meet the root stays away from zero by SPLIT, and a function has to
 # be written in another way (`power_sum`)
-SPLIT = 1e-6
+STRETCH_REGULARIZATION = 1e-6
 # Up to this squared relative difference a pair of stretches is summed by its series, whose next
 # term is 1e-13 of the sum for exponents up to 30
-PAIR = 1e-3
-PAIR_TERMS = 6
-NEWTON = 4  # steps to a root known to 0.3 %: two for its value, one more for each derivative
+PAIR_SERIES_LIMIT = 1e-3
+PAIR_SERIES_TERMS = 6
+NEWTON_STEPS = 4  # steps to a root known to 0.3 %: two for its value, one more for each derivative
 SMALL_DEVIATOR = 3e-3  # up to here, of a deviator's norm, sums of powers come from their series
 SERIES_TERMS = 7  # terms of it: the next is 1e-17 of one, 1e-12 of the sum
 
@@ -156,37 +162,37 @@ def unimodular_stretches(mean: Expr, square: Expr, cube: Expr) -> tuple[Expr, Ex
     follow from the trace, the product and (1 - y^2). All three are smooth where two stretches are
     equal, as they are in all of a bar under uniaxial stress, and the difference is not.
     """
-    size = sqrt(square + SPLIT**2)
-    cosine = cube / (2 * size**3)
-    side = where_less(cosine, 0.0 * cosine, -1.0, 1.0)
-    cosine = side * cosine
+    radius = sqrt(square + STRETCH_REGULARIZATION**2)
+    cosine = cube / (2 * radius**3)
+    sign = where_less(cosine, 0.0 * cosine, -1.0, 1.0)
+    cosine = sign * cosine
     y = 0.866 + 0.134 * cosine  # the largest root, from 0 to 1
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_STEPS):
         y = (8 * y**3 + cosine) / (12 * y * y - 3)
-    apart = sqrt(mean + 2 * side * size * y)
+    distinct_stretch = sqrt(mean + 2 * sign * radius * y)
     product = (
-        sqrt(1 - 3 * mean * SPLIT**2) / apart
+        sqrt(1 - 3 * mean * STRETCH_REGULARIZATION**2) / distinct_stretch
     )  # of the other two: all three are roots of one cubic
-    middle = sqrt(3 * mean - apart * apart + 2 * product) / 2
-    return apart, middle, size * size * 3 * (1 - y * y) / (4 * middle**4)
+    mean_stretch = sqrt(3 * mean - distinct_stretch * distinct_stretch + 2 * product) / 2
+    return distinct_stretch, mean_stretch, radius * radius * 3 * (1 - y * y) / (4 * mean_stretch**4)
 
 
-def pair_power_sum(exponent: Expr, middle: Expr, spread: Expr) -> Expr:
+def pair_power_sum(exponent: Expr, mean_stretch: Expr, spread: Expr) -> Expr:
     """l2^exponent + l3^exponent of two stretches by their mean and `spread`, see
     `unimodular_stretches`.
 
     Near the place where they are equal by the binomial series 2 m^a sum_k C(a, 2 k) spread^k:
     through the root of the spread the second derivatives would lose all digits there.
     """
-    terms = 1.0 + 0.0 * spread
+    series = 1.0 + 0.0 * spread
     binomial = 1.0
     power = 1.0 + 0.0 * spread
-    for k in range(1, PAIR_TERMS + 1):
+    for k in range(1, PAIR_SERIES_TERMS + 1):
         binomial = (
             binomial * (exponent - 2 * k + 2) * (exponent - 2 * k + 1) / ((2 * k - 1) * (2 * k))
         )
         power = power * spread
-        terms = terms + binomial * power
-    root = sqrt(maximum(spread, PAIR))
-    apart = (1 + root) ** exponent + (1 - root) ** exponent
-    return middle**exponent * where_less(spread, PAIR, 2 * terms, apart)
+        series = series + binomial * power
+    root = sqrt(maximum(spread, PAIR_SERIES_LIMIT))
+    direct_sum = (1 + root) ** exponent + (1 - root) ** exponent
+    return mean_stretch**exponent * where_less(spread, PAIR_SERIES_LIMIT, 2 * series, direct_sum)

@@ -34,23 +34,23 @@ Points = tuple[np.ndarray, np.ndarray]  # x and y [length]
 POINTS_PER_AXIS = (
     400  # along each axis; midpoints, so that the mean of a paraboloid is good to 1e-5
 )
-MIDDLES = (np.arange(POINTS_PER_AXIS) + 0.5) / POINTS_PER_AXIS
-SHARES = np.linspace(0, 1, POINTS_PER_AXIS + 1)
-TOUCHING = 1e-9  # of a facet: so far outside a point still counts as on it
+UNIT_MIDPOINTS = (np.arange(POINTS_PER_AXIS) + 0.5) / POINTS_PER_AXIS
+UNIT_POINTS = np.linspace(0, 1, POINTS_PER_AXIS + 1)
+FACET_TOLERANCE = 1e-9  # of a facet: so far outside a point still counts as on it
 TINY_SQUARE = 1e-300  # no length is 0
 ContactAngle = Annotated[float, Gt(0), Lt(180), ANGLE]
 PositiveSize = Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3), LENGTH]
-Place = Annotated[tuple[float, ...], Len(3, 3), LENGTH]  # (x, y, z)
+Position = Annotated[tuple[float, ...], Len(3, 3), LENGTH]  # (x, y, z)
 Spans = tuple[tuple[tuple[int, ...], float], ...]  # axes and half-width [length] of each
-UNIT_BALLS = {1: 2.0, 2: pi, 3: 4 * pi / 3}  # their measures, by dimension
-ALL = (0, 1, 2)  # axes
-MOST_POINTS = 10_000  # of a bath
-SAME_PLACE = 2e-11  # of a body: places to 12 digits
+UNIT_BALL_MEASURES = {1: 2.0, 2: pi, 3: 4 * pi / 3}  # their measures, by dimension
+ALL_AXES = (0, 1, 2)  # axes
+MAX_BATH_POINTS = 10_000  # of a bath
+POSITION_TOLERANCE = 2e-11  # of a body: places to 12 digits
 # of two convex bodies on one another, until they come no closer than by this share
-PROJECTIONS = 1000
-CLOSER = 1e-9
-ROOT_STEPS = 40  # of Newton's method: ellipsoids a thousand times as long as thick need 20
-TINY_SHARE = 1e-12  # of a semi-axis: so far from a plane of symmetry nothing is on two sides
+MAX_PROJECTIONS = 1000
+LEAST_APPROACH = 1e-9
+NEWTON_STEPS = 40  # of Newton's method: ellipsoids a thousand times as long as thick need 20
+SYMMETRY_OFFSET = 1e-12  # of a semi-axis: so far from a plane of symmetry nothing is on two sides
 
 
 @dataclass(frozen=True)
@@ -70,19 +70,19 @@ Layers = Annotated[tuple[Layer, ...], Len(1, 50)]
 
 
 @dataclass(frozen=True)
-class Shell:
+class Coating:
     """The points whose distance from `center` is between two radii [length]: a skin of a cap or a
     ball.
     """
 
-    center: Place
-    inner: float
-    outer: float
+    center: Position
+    inner_radius: float
+    outer_radius: float
 
     @property
     def thickness(self) -> float:
         """outer - inner [length]."""
-        return self.outer - self.inner
+        return self.outer_radius - self.inner_radius
 
 
 class _Inclusion(ABC):
@@ -90,7 +90,7 @@ class _Inclusion(ABC):
     normal to the axes.
     """
 
-    center: Place
+    center: Position
 
     @property
     @abstractmethod
@@ -98,78 +98,92 @@ class _Inclusion(ABC):
         """Volume [length^3]."""
 
     @abstractmethod
-    def half(self, axis: int) -> float:
+    def half_width(self, axis: int) -> float:
         """How far it reaches from its center along an axis [length]."""
 
     @abstractmethod
-    def is_round(self, dim: int) -> bool:
+    def is_curved_where_thinnest(self, dim: int) -> bool:
         """Whether it is curved where it is thinnest, in the section that is meshed or in space."""
 
     @abstractmethod
-    def is_about(self, center: tuple[float, ...]) -> bool:
+    def is_axisymmetric_about(self, center: tuple[float, ...]) -> bool:
         """Whether it is a body of revolution about a vertical axis."""
 
     @abstractmethod
-    def swollen(self, by: Expr, dim: int) -> Expr:
-        """About the area of its section, or the volume, of what is no farther from it than `by`
+    def measure_within_distance(self, distance: Expr, dim: int) -> Expr:
+        """About the area of its section, or the volume, of what is no farther from it than `distance`
         [length].
         """
 
     @abstractmethod
-    def nearest(self, point: Sequence[Expr]) -> list[Expr]:
+    def nearest_point(self, point: Sequence[Expr]) -> list[Expr]:
         """Its point nearest to a point (x, y, z), which itself may be inside [length]."""
 
     @abstractmethod
-    def farthest(self, point: Sequence[float], axes: Sequence[int] = ALL) -> float:
+    def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
         """Distance [length] from a point to its farthest point along some axes."""
 
     @property
-    def thinnest(self) -> float:
+    def min_half_width(self) -> float:
         """Half of its smallest thickness [length]."""
-        return min(map(self.half, ALL))
+        return min(map(self.half_width, ALL_AXES))
 
     @abstractmethod
-    def holds(self, point: Sequence[Expr]) -> Expr:
+    def contains(self, point: Sequence[Expr]) -> Expr:
         """Whether points (x, y, z) [length] are inside."""
 
     def distance(self, point: Sequence[Expr]) -> Expr:
         """Distance [length] from points to it, 0 inside."""
-        return _norm([there - here for there, here in zip(self.nearest(point), point, strict=True)])
+        return _norm(
+            [
+                nearest_coordinate - coordinate
+                for nearest_coordinate, coordinate in zip(
+                    self.nearest_point(point), point, strict=True
+                )
+            ]
+        )
 
-    def overlaps(self, other: _Inclusion, apart: float) -> bool:
+    def overlaps(self, second: _Inclusion, min_distance: float) -> bool:
         """Whether the two are nearer than a distance [length]: by projections on the one and on the
         other in turn.
         """
-        here = list(self.center)
-        between = inf
-        for _ in range(PROJECTIONS):
-            there = other.nearest(here)
-            here = self.nearest(there)
-            before = between
-            between = float(_norm([a - b for a, b in zip(here, there, strict=True)]))
-            if between < apart or between > (1 - CLOSER) * before:
+        point = list(self.center)
+        distance = inf
+        for _ in range(MAX_PROJECTIONS):
+            nearest = second.nearest_point(point)
+            point = self.nearest_point(nearest)
+            previous_distance = distance
+            distance = float(_norm([a - b for a, b in zip(point, nearest, strict=True)]))
+            if distance < min_distance or distance > (1 - LEAST_APPROACH) * previous_distance:
                 break
-        return between < apart
+        return distance < min_distance
 
-    def mirrored(self, axis: int, at: float) -> Self:
+    def mirror_image(self, axis: int, position: float) -> Self:
         """Its mirror image about a plane normal to an axis."""
         center = list(self.center)
-        center[axis] = 2 * at - center[axis]
+        center[axis] = 2 * position - center[axis]
         return replace(self, center=tuple(center))  # type: ignore[type-var]
 
-    def _stands_on(self, center: tuple[float, ...]) -> bool:
+    def _is_centered_on(self, center: tuple[float, ...]) -> bool:
         """Whether its center is on a vertical axis."""
-        return bool(self._off((*center, 0.0), (0, 1)) <= SAME_PLACE * max(1.0, *map(abs, center)))
+        return bool(
+            self._distance_from_center((*center, 0.0), (0, 1))
+            <= POSITION_TOLERANCE * max(1.0, *map(abs, center))
+        )
 
-    def _off(self, point: Sequence[Expr], axes: Sequence[int]) -> Expr:
+    def _distance_from_center(self, point: Sequence[Expr], axes: Sequence[int]) -> Expr:
         return _norm([point[axis] - self.center[axis] for axis in axes])
 
 
-def _norm(parts: Sequence[Expr]) -> Expr:
-    return np.abs(parts[0]) if len(parts) == 1 else np.sqrt(sum(part * part for part in parts))
+def _norm(components: Sequence[Expr]) -> Expr:
+    return (
+        np.abs(components[0])
+        if len(components) == 1
+        else np.sqrt(sum(component * component for component in components))
+    )
 
 
-class _Spanned(_Inclusion):
+class _ProductInclusion(_Inclusion):
     """The points within the half-width of each span from `center` along its axes."""
 
     @property
@@ -180,53 +194,68 @@ class _Spanned(_Inclusion):
     @property
     def volume(self) -> float:
         """Volume [length^3]."""
-        return prod(UNIT_BALLS[len(axes)] * half ** len(axes) for axes, half in self.spans)
+        return prod(UNIT_BALL_MEASURES[len(axes)] * half ** len(axes) for axes, half in self.spans)
 
-    def is_round(self, dim: int) -> bool:
+    def is_curved_where_thinnest(self, dim: int) -> bool:
         """As `_Inclusion`."""
         axes, _ = min(self.spans, key=lambda span: span[1])
         return len(axes) > (2 if dim == 2 else 1)
 
-    def half(self, axis: int) -> float:
+    def half_width(self, axis: int) -> float:
         """As `_Inclusion`."""
         return next(half for axes, half in self.spans if axis in axes)
 
-    def is_about(self, center: tuple[float, ...]) -> bool:
+    def is_axisymmetric_about(self, center: tuple[float, ...]) -> bool:
         """As `_Inclusion`."""
-        return any({0, 1} <= set(axes) for axes, _ in self.spans) and self._stands_on(center)
+        return any({0, 1} <= set(axes) for axes, _ in self.spans) and self._is_centered_on(center)
 
-    def swollen(self, by: Expr, dim: int) -> Expr:
+    def measure_within_distance(self, distance: Expr, dim: int) -> Expr:
         """As `_Inclusion`, corners sharp."""
-        spans = self.spans if dim == 3 else [((axis,), self.half(axis)) for axis in (0, 2)]
+        spans = self.spans if dim == 3 else [((axis,), self.half_width(axis)) for axis in (0, 2)]
         return np.prod(
-            [UNIT_BALLS[len(axes)] * (half + by) ** len(axes) for axes, half in spans], axis=0
+            [
+                UNIT_BALL_MEASURES[len(axes)] * (half + distance) ** len(axes)
+                for axes, half in spans
+            ],
+            axis=0,
         )
 
-    def holds(self, point: Sequence[Expr]) -> Expr:
+    def contains(self, point: Sequence[Expr]) -> Expr:
         """As `_Inclusion`."""
-        within = [self._off(point, axes) <= half for axes, half in self.spans]
-        return np.all(np.broadcast_arrays(*within), axis=0)
+        is_within = [self._distance_from_center(point, axes) <= half for axes, half in self.spans]
+        return np.all(np.broadcast_arrays(*is_within), axis=0)
 
-    def nearest(self, point: Sequence[Expr]) -> list[Expr]:
+    def nearest_point(self, point: Sequence[Expr]) -> list[Expr]:
         """As `_Inclusion`: nearest along each span."""
-        found = list(point)
+        coordinates = list(point)
         for axes, half in self.spans:
-            share = half / np.maximum(self._off(point, axes), half)
+            scale = half / np.maximum(self._distance_from_center(point, axes), half)
             for axis in axes:
-                found[axis] = self.center[axis] + share * (point[axis] - self.center[axis])
-        return found
+                coordinates[axis] = self.center[axis] + scale * (point[axis] - self.center[axis])
+        return coordinates
 
-    def farthest(self, point: Sequence[float], axes: Sequence[int] = ALL) -> float:
+    def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
         """As `_Inclusion`."""
-        seen = [(tuple(axis for axis in own if axis in axes), half) for own, half in self.spans]
-        return float(_norm([self._off(point, own) + half for own, half in seen if own]))
+        relevant_spans = [
+            (tuple(axis for axis in span_axes if axis in axes), half)
+            for span_axes, half in self.spans
+        ]
+        return float(
+            _norm(
+                [
+                    self._distance_from_center(point, span_axes) + half
+                    for span_axes, half in relevant_spans
+                    if span_axes
+                ]
+            )
+        )
 
 
 @dataclass(frozen=True)
-class BallInclusion(_Spanned):
+class BallInclusion(_ProductInclusion):
     """A ball about `center`; in a strip a round rod along y."""
 
-    center: Place
+    center: Position
     radius: Length
     material: Annotated[Material, TaggedBy("model")]
     shape: Literal["ball"] = "ball"
@@ -234,14 +263,14 @@ class BallInclusion(_Spanned):
     @property
     def spans(self) -> Spans:
         """Round in all directions."""
-        return ((ALL, self.radius),)
+        return ((ALL_AXES, self.radius),)
 
 
 @dataclass(frozen=True)
-class CylinderInclusion(_Spanned):
+class CylinderInclusion(_ProductInclusion):
     """An upright cylinder whose middle is `center`; in a strip a bar along y, 2 radius wide."""
 
-    center: Place
+    center: Position
     radius: Length
     height: Length
     material: Annotated[Material, TaggedBy("model")]
@@ -254,12 +283,12 @@ class CylinderInclusion(_Spanned):
 
 
 @dataclass(frozen=True)
-class BoxInclusion(_Spanned):
+class BoxInclusion(_ProductInclusion):
     """A box with edges along the axes whose middle is `center`; in a strip it goes on without end
     along y.
     """
 
-    center: Place
+    center: Position
     size: PositiveSize
     material: Annotated[Material, TaggedBy("model")]
     shape: Literal["box"] = "box"
@@ -276,7 +305,7 @@ class EllipsoidInclusion(_Inclusion):
     y.
     """
 
-    center: Place
+    center: Position
     semi_axes: PositiveSize
     material: Annotated[Material, TaggedBy("model")]
     shape: Literal["ellipsoid"] = "ellipsoid"
@@ -284,27 +313,27 @@ class EllipsoidInclusion(_Inclusion):
     @property
     def volume(self) -> float:
         """Volume [length^3]."""
-        return UNIT_BALLS[3] * prod(self.semi_axes)
+        return UNIT_BALL_MEASURES[3] * prod(self.semi_axes)
 
-    def half(self, axis: int) -> float:
+    def half_width(self, axis: int) -> float:
         """As `_Inclusion`."""
         return self.semi_axes[axis]
 
-    def is_round(self, dim: int) -> bool:
+    def is_curved_where_thinnest(self, dim: int) -> bool:
         """It is."""
         return True
 
-    def is_about(self, center: tuple[float, ...]) -> bool:
+    def is_axisymmetric_about(self, center: tuple[float, ...]) -> bool:
         """As `_Inclusion`."""
         a, b, _ = self.semi_axes
-        return isclose(a, b, rel_tol=SAME_PLACE) and self._stands_on(center)
+        return isclose(a, b, rel_tol=POSITION_TOLERANCE) and self._is_centered_on(center)
 
-    def swollen(self, by: Expr, dim: int) -> Expr:
+    def measure_within_distance(self, distance: Expr, dim: int) -> Expr:
         """As `_Inclusion`, by semi-axes that are longer by so much."""
         halves = self.semi_axes if dim == 3 else self.semi_axes[::2]
-        return UNIT_BALLS[dim] * np.prod([half + by for half in halves], axis=0)
+        return UNIT_BALL_MEASURES[dim] * np.prod([half + distance for half in halves], axis=0)
 
-    def holds(self, point: Sequence[Expr]) -> Expr:
+    def contains(self, point: Sequence[Expr]) -> Expr:
         """As `_Inclusion`."""
         return (
             sum(
@@ -314,45 +343,49 @@ class EllipsoidInclusion(_Inclusion):
             <= 1
         )
 
-    def nearest(self, point: Sequence[Expr]) -> list[Expr]:
+    def nearest_point(self, point: Sequence[Expr]) -> list[Expr]:
         """As `_Inclusion`: center + s^2 v/(t + s^2) of points center + v, t > 0 where that is on
         the surface.
         """
-        off = np.array(
+        offset = np.array(
             np.broadcast_arrays(*(p - c for p, c in zip(point, self.center, strict=True))),
             dtype=float,
         )
-        s = np.reshape(self.semi_axes, (3,) + (1,) * (off.ndim - 1))
-        t = _multiplier(off, s, np.maximum(np.max(s * np.abs(off) - s * s, axis=0), 0.0))
-        moved = np.where(((off / s) ** 2).sum(axis=0) > 1, off * s * s / (t + s * s), off)
-        return [c + along for c, along in zip(self.center, moved, strict=True)]
+        s = np.reshape(self.semi_axes, (3,) + (1,) * (offset.ndim - 1))
+        t = _projection_multiplier(
+            offset, s, np.maximum(np.max(s * np.abs(offset) - s * s, axis=0), 0.0)
+        )
+        surface_offset = np.where(
+            ((offset / s) ** 2).sum(axis=0) > 1, offset * s * s / (t + s * s), offset
+        )
+        return [c + component for c, component in zip(self.center, surface_offset, strict=True)]
 
-    def farthest(self, point: Sequence[float], axes: Sequence[int] = ALL) -> float:
+    def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
         """As `_Inclusion`: likewise with the largest -t, longest^2 + beyond, where all of it is on
         this side of it.
         """
         s = np.array([self.semi_axes[axis] for axis in axes])
-        off = (
-            np.array([abs(point[axis] - self.center[axis]) for axis in axes]) + TINY_SHARE * s
+        offset = (
+            np.array([abs(point[axis] - self.center[axis]) for axis in axes]) + SYMMETRY_OFFSET * s
         )  # on one side of it
-        shorter = (s.max() - s) * (s.max() + s)
+        squared_differences = (s.max() - s) * (s.max() + s)
         low = 0.0
-        high = float(s.max() * np.sqrt(len(s)) * np.max(off))
-        while low < (middle := (low + high) / 2) < high:
-            is_too_far = ((s * off / (middle + shorter)) ** 2).sum() < 1
-            low, high = (low, middle) if is_too_far else (middle, high)
-        return float(_norm(list(off + off * s * s / (high + shorter))))
+        high = float(s.max() * np.sqrt(len(s)) * np.max(offset))
+        while low < (midpoint := (low + high) / 2) < high:
+            is_too_far = ((s * offset / (midpoint + squared_differences)) ** 2).sum() < 1
+            low, high = (low, midpoint) if is_too_far else (midpoint, high)
+        return float(_norm(list(offset + offset * s * s / (high + squared_differences))))
 
 
-def _multiplier(off: np.ndarray, s: np.ndarray, start: np.ndarray) -> np.ndarray:
+def _projection_multiplier(offset: np.ndarray, s: np.ndarray, start: np.ndarray) -> np.ndarray:
     """The root t of sum (s off/(t + s^2))^2 = 1 by Newton's method from below, where the sum is
     convex and falls.
     """
     t = start
-    for _ in range(ROOT_STEPS):
-        part = (s * off / (t + s * s)) ** 2
-        slope = -2 * (part / (t + s * s)).sum(axis=0)
-        t = t + np.maximum((1 - part.sum(axis=0)) / np.where(slope < 0, slope, -1.0), 0.0)
+    for _ in range(NEWTON_STEPS):
+        terms = (s * offset / (t + s * s)) ** 2
+        slope = -2 * (terms / (t + s * s)).sum(axis=0)
+        t = t + np.maximum((1 - terms.sum(axis=0)) / np.where(slope < 0, slope, -1.0), 0.0)
     return t
 
 
@@ -376,23 +409,23 @@ class BoxSides(StripSides):
     y_max: Support = "free"
 
 
-class _OnAxis:
+class _CenteredBody:
     """What holds of a body about the z axis that says nothing else: no side holds it."""
 
     dim: ClassVar[int] = 3  # 2 in plane strain, where forces are per unit length
     center: ClassVar[tuple[float, ...]] = (0.0, 0.0)  # where the tip stands
 
     @property
-    def is_held(self) -> bool:
+    def is_laterally_confined(self) -> bool:
         """Whether no side lets the body out."""
         return False
 
-    def fixed_ends(self) -> Points:
+    def fixed_edge_points(self) -> Points:
         """Points along the top of all fixed sides."""
         return np.empty(0), np.empty(0)
 
 
-class _Round(_OnAxis):
+class _RoundBody(_CenteredBody):
     """What bodies of revolution have in common: their outline, as seen from above, is a circle
     about the origin.
     """
@@ -400,27 +433,27 @@ class _Round(_OnAxis):
     radius: float
 
     @property
-    def widest(self) -> float:
+    def max_section_radius(self) -> float:
         """The largest radius of a horizontal section [length]."""
         return self.radius
 
-    def rim_distance(self, center: tuple[float, ...]) -> float:
+    def lateral_extent(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the outline."""
-        return self.widest - float(sum(c * c for c in center) ** 0.5)
+        return self.max_section_radius - float(sum(c * c for c in center) ** 0.5)
 
-    def reach(self, center: tuple[float, ...]) -> float:
+    def max_lateral_extent(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the farthest point of the outline."""
-        return self.widest + float(sum(c * c for c in center) ** 0.5)
+        return self.max_section_radius + float(sum(c * c for c in center) ** 0.5)
 
-    def top(self) -> Points:
+    def top_points(self) -> Points:
         """Points as seen from above, each standing for an equal area there."""
-        r = self.widest * np.sqrt(MIDDLES)[:, None]
-        angle = 2 * np.pi * MIDDLES[None, :]
+        r = self.max_section_radius * np.sqrt(UNIT_MIDPOINTS)[:, None]
+        angle = 2 * np.pi * UNIT_MIDPOINTS[None, :]
         return r * np.cos(angle), r * np.sin(angle)
 
 
 @dataclass(frozen=True)
-class Cylinder(_Round):
+class Cylinder(_RoundBody):
     """0 <= r <= radius, -height <= z <= 0 [length]."""
 
     radius: Length
@@ -432,22 +465,22 @@ class Cylinder(_Round):
     inclusions: Inclusions | None = None
     surface_tension: SurfaceTension = 0.0
 
-    def room_beside(self, inclusion: Inclusion) -> float:
+    def wall_clearance(self, inclusion: Inclusion) -> float:
         """Distance [length] from an inclusion to the wall; negative where it is outside."""
-        return self.radius - inclusion.farthest((0.0, 0.0), (0, 1))
+        return self.radius - inclusion.farthest_distance((0.0, 0.0), (0, 1))
 
     @property
-    def is_held(self) -> bool:
+    def is_laterally_confined(self) -> bool:
         """Whether no side lets the body out."""
         return self.sides != "free"
 
-    def fixed_ends(self) -> Points:
+    def fixed_edge_points(self) -> Points:
         """Points along the top of all fixed sides."""
-        angle = 2 * np.pi * (SHARES if self.sides == "fixed" else SHARES[:0])
+        angle = 2 * np.pi * (UNIT_POINTS if self.sides == "fixed" else UNIT_POINTS[:0])
         return self.radius * np.cos(angle), self.radius * np.sin(angle)
 
 
-class _Walled(ABC):
+class _WalledBody(ABC):
     """What bodies between vertical walls have in common: each horizontal axis goes from 0 to a
     width.
     """
@@ -464,7 +497,7 @@ class _Walled(ABC):
         """The middle of the top."""
         return tuple(width / 2 for width in self.widths)
 
-    def rim_distance(self, center: tuple[float, ...]) -> float:
+    def lateral_extent(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the nearest edge of the top, beyond which nothing goes
         on.
 
@@ -472,37 +505,41 @@ class _Walled(ABC):
         behind it.
         """
         distances: dict[str, float] = {}
-        for axis, place, width in zip("xy", center, self.widths, strict=False):
-            distances |= {f"{axis}_min": place, f"{axis}_max": width - place}
+        for axis, position, width in zip("xy", center, self.widths, strict=False):
+            distances |= {f"{axis}_min": position, f"{axis}_max": width - position}
         return min(
             distance for wall, distance in distances.items() if not self._is_mirror(distance, wall)
         )
 
     def _is_mirror(self, distance: float, wall: str) -> bool:
         return (
-            abs(distance) <= SAME_PLACE * max(self.widths) and getattr(self.sides, wall) == "roller"
+            abs(distance) <= POSITION_TOLERANCE * max(self.widths)
+            and getattr(self.sides, wall) == "roller"
         )
 
-    def reach(self, center: tuple[float, ...]) -> float:
+    def max_lateral_extent(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the farthest corner of the top."""
-        places = zip(center, self.widths, strict=True)
-        return float(sum(max(place, width - place) ** 2 for place, width in places) ** 0.5)
+        positions = zip(center, self.widths, strict=True)
+        return float(
+            sum(max(position, width - position) ** 2 for position, width in positions) ** 0.5
+        )
 
-    def room_beside(self, inclusion: Inclusion) -> float:
+    def wall_clearance(self, inclusion: Inclusion) -> float:
         """Distance [length] from an inclusion to the nearest wall; negative where it is outside."""
-        places = enumerate(zip(inclusion.center, self.widths, strict=False))
+        positions = enumerate(zip(inclusion.center, self.widths, strict=False))
         return min(
-            min(place, width - place) - inclusion.half(axis) for axis, (place, width) in places
+            min(position, width - position) - inclusion.half_width(axis)
+            for axis, (position, width) in positions
         )
 
     @property
-    def is_held(self) -> bool:
+    def is_laterally_confined(self) -> bool:
         """Whether no side lets the body out."""
         return "free" not in vars(self.sides).values()
 
 
 @dataclass(frozen=True)
-class Strip(_Walled):
+class Strip(_WalledBody):
     """0 <= x <= width, -height <= z <= 0 [length], plane strain: forces per unit length."""
 
     width: Length
@@ -521,19 +558,25 @@ class Strip(_Walled):
         """The width alone [length]."""
         return (self.width,)
 
-    def top(self) -> Points:
+    def top_points(self) -> Points:
         """Points of the top edge, each standing for an equal length."""
-        return self.width * MIDDLES, np.zeros(POINTS_PER_AXIS)
+        return self.width * UNIT_MIDPOINTS, np.zeros(POINTS_PER_AXIS)
 
-    def fixed_ends(self) -> Points:
+    def fixed_edge_points(self) -> Points:
         """Points along the top of all fixed sides."""
-        ends = {"x_min": 0.0, "x_max": self.width}
-        x = np.array([end for side, end in ends.items() if getattr(self.sides, side) == "fixed"])
+        wall_positions = {"x_min": 0.0, "x_max": self.width}
+        x = np.array(
+            [
+                position
+                for side, position in wall_positions.items()
+                if getattr(self.sides, side) == "fixed"
+            ]
+        )
         return x, 0 * x
 
 
 @dataclass(frozen=True)
-class Box(_Walled):
+class Box(_WalledBody):
     """0 <= x <= lx, 0 <= y <= ly, -lz <= z <= 0 [length]."""
 
     size: PositiveSize
@@ -556,16 +599,16 @@ class Box(_Walled):
         """(lx, ly) [length]."""
         return self.size[:2]
 
-    def top(self) -> Points:
+    def top_points(self) -> Points:
         """Points of the top surface, each standing for an equal area."""
-        return self.size[0] * MIDDLES[:, None], self.size[1] * MIDDLES[None, :]
+        return self.size[0] * UNIT_MIDPOINTS[:, None], self.size[1] * UNIT_MIDPOINTS[None, :]
 
-    def fixed_ends(self) -> Points:
+    def fixed_edge_points(self) -> Points:
         """Points along the top of all fixed sides."""
         lx, ly = self.widths
-        x = lx * SHARES
-        y = ly * SHARES
-        zero = 0 * SHARES
+        x = lx * UNIT_POINTS
+        y = ly * UNIT_POINTS
+        zero = 0 * UNIT_POINTS
         lines = {
             "x_min": (zero, y),
             "x_max": (zero + lx, y),
@@ -573,34 +616,34 @@ class Box(_Walled):
             "y_max": (x, zero + ly),
         }
         fixed = [lines[side] for side, support in vars(self.sides).items() if support == "fixed"]
-        along = np.hstack([np.empty((2, 0)), *map(np.array, fixed)])
-        return along[0], along[1]
+        coordinates = np.hstack([np.empty((2, 0)), *map(np.array, fixed)])
+        return coordinates[0], coordinates[1]
 
 
-class _Endless(_OnAxis):
+class _UnboundedBody(_CenteredBody):
     """What bodies without sides have in common: every place is equal, and there is room beside any
     contact.
     """
 
-    def rim_distance(self, center: tuple[float, ...]) -> float:
+    def lateral_extent(self, center: tuple[float, ...]) -> float:
         """There is no edge of the top surface."""
         return inf
 
-    def reach(self, center: tuple[float, ...]) -> float:
+    def max_lateral_extent(self, center: tuple[float, ...]) -> float:
         """The top surface has no farthest point."""
         return inf
 
-    def room_beside(self, inclusion: Inclusion) -> float:
+    def wall_clearance(self, inclusion: Inclusion) -> float:
         """There is no wall."""
         return inf
 
-    def top(self) -> Points:
+    def top_points(self) -> Points:
         """No points: there is no mean over all of the top surface."""
         return np.empty(0), np.empty(0)
 
 
 @dataclass(frozen=True)
-class HalfSpace(_Endless):
+class HalfSpace(_UnboundedBody):
     """z <= 0 without end: solved by theory, or on a finite body that is large enough."""
 
     shape: Literal["half_space"] = "half_space"
@@ -612,7 +655,7 @@ class HalfSpace(_Endless):
 
 
 @dataclass(frozen=True)
-class InfiniteLayer(_Endless):
+class InfiniteLayer(_UnboundedBody):
     """-height <= z <= 0 [length], infinitely wide: solved by theory, or on a finite body that is
     large enough.
     """
@@ -626,7 +669,7 @@ class InfiniteLayer(_Endless):
 
 
 @dataclass(frozen=True)
-class Dome(_Round):
+class SphericalBody(_RoundBody):
     """The piece of a ball below its apex at z = 0, down to the plane z = -height [length]; its base
     is there.
 
@@ -637,11 +680,11 @@ class Dome(_Round):
     height: Length
     shape: Literal["cap", "ball"]
     base: BaseSupport = "fixed"
-    pieces: int = 1
+    contacts_per_body: int = 1
     inclusions: Inclusions | None = None
 
     @property
-    def room(self) -> float:
+    def max_coating_thickness(self) -> float:
         """How thick skins may be together [length], all but: beyond it the core would not reach the
         base.
         """
@@ -652,19 +695,19 @@ class Dome(_Round):
         )
 
     @property
-    def foot(self) -> tuple[float, float]:
+    def base_edge(self) -> tuple[float, float]:
         """(r, z) [length] of the edge between the curved surface and the base."""
         depth = self.radius if self.height == 2 * self.radius else self.height
         return float(depth * (2 * self.radius - depth)) ** 0.5, -depth
 
     @property
-    def widest(self) -> float:
+    def max_section_radius(self) -> float:
         """The largest radius of a horizontal section [length]."""
-        return self.radius if self.height > self.radius else self.foot[0]
+        return self.radius if self.height > self.radius else self.base_edge[0]
 
-    def room_beside(self, inclusion: Inclusion) -> float:
+    def wall_clearance(self, inclusion: Inclusion) -> float:
         """Distance [length] from an inclusion to the curved surface; negative where it is outside."""
-        return self.radius - inclusion.farthest((0.0, 0.0, -self.radius))
+        return self.radius - inclusion.farthest_distance((0.0, 0.0, -self.radius))
 
 
 @dataclass(frozen=True)
@@ -707,11 +750,11 @@ class MeshFromFile:
     surface_tension: ClassVar[float] = 0.0
 
     @property
-    def named(self) -> MeshSurfaces:
+    def surface_names(self) -> MeshSurfaces:
         """The names of all surfaces that it has, those for a copy of the file among them."""
-        own = self.surfaces
+        given = self.surfaces
         sides = "sides" if self.sides in ("roller", "fixed") else None
-        return MeshSurfaces(own.contact or "contact", own.base or "base", own.sides or sides)
+        return MeshSurfaces(given.contact or "contact", given.base or "base", given.sides or sides)
 
     @property
     def dim(self) -> int:
@@ -725,7 +768,7 @@ class MeshFromFile:
 
 
 @dataclass(frozen=True)
-class Meshed:
+class ImportedBody:
     """A body as its mesh has it: what is known of its contact surface. z = 0 where the tip first
     touches.
 
@@ -736,67 +779,71 @@ class Meshed:
     height: Length
     center: Annotated[tuple[float, ...], LENGTH]  # where the tip's axis is
     facets: Annotated[np.ndarray, LENGTH]
-    rim: Annotated[np.ndarray, LENGTH]
-    clamped: Annotated[np.ndarray, LENGTH]
+    boundary_edges: Annotated[np.ndarray, LENGTH]
+    fixed_points: Annotated[np.ndarray, LENGTH]
     layers: Layers  # the matter under the tip's axis, as a single one
     base: BaseSupport
     sides: Support
     dim: int  # 2 in plane strain, where forces are per unit length
     shape: Literal["mesh"] = "mesh"
 
-    is_held: ClassVar[bool] = False  # not known, and what is not known is not refused
+    is_laterally_confined: ClassVar[bool] = False  # not known, and what is not known is not refused
     inclusions: ClassVar[None] = None
 
-    def rim_distance(self, center: tuple[float, ...]) -> float:
+    def lateral_extent(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the nearest edge of the contact surface; negative
         outside of it.
         """
-        at = self._in_plan(center)
-        start = self.rim[:, 0, :-1]
-        along = self.rim[:, -1, :-1] - self.rim[:, 0, :-1]
-        share = ((at - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), TINY_SQUARE)
-        beside = start + np.clip(share, 0.0, 1.0)[:, None] * along
-        distance = float(np.linalg.norm(beside - at, axis=1).min(initial=np.inf))
+        position = self._plan_coordinates(center)
+        start = self.boundary_edges[:, 0, :-1]
+        edge_vector = self.boundary_edges[:, -1, :-1] - self.boundary_edges[:, 0, :-1]
+        edge_fraction = ((position - start) * edge_vector).sum(axis=1) / np.maximum(
+            (edge_vector**2).sum(axis=1), TINY_SQUARE
+        )
+        nearest_points = start + np.clip(edge_fraction, 0.0, 1.0)[:, None] * edge_vector
+        distance = float(np.linalg.norm(nearest_points - position, axis=1).min(initial=np.inf))
         return (
             distance
-            if (shares_of(self.facets, center) >= -TOUCHING).all(axis=1).any()
+            if (barycentric_coordinates(self.facets, center) >= -FACET_TOLERANCE).all(axis=1).any()
             else -distance
         )
 
-    def reach(self, center: tuple[float, ...]) -> float:
+    def max_lateral_extent(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the farthest point of the contact surface."""
-        return float(self.distances(center).max())
+        return float(self.corner_distances(center).max())
 
-    def distances(self, center: tuple[float, ...]) -> np.ndarray:
+    def corner_distances(self, center: tuple[float, ...]) -> np.ndarray:
         """Distances [length] of the corners of the facets from a vertical axis (k, n)."""
-        return np.asarray(np.linalg.norm(self.facets[..., :-1] - self._in_plan(center), axis=-1))
+        return np.asarray(
+            np.linalg.norm(self.facets[..., :-1] - self._plan_coordinates(center), axis=-1)
+        )
 
-    def top(self) -> Points:
+    def top_points(self) -> Points:
         """The corners of the facets, seen from above."""
         x, y = np.moveaxis(np.pad(self.facets[..., :-1], ((0, 0), (0, 0), (0, 1)))[..., :2], -1, 0)
         return x, y
 
-    def fixed_ends(self) -> Points:
+    def fixed_edge_points(self) -> Points:
         """Those points of the contact surface that are held, seen from above."""
-        x, y = np.pad(self.clamped[:, :-1], ((0, 0), (0, 1)))[:, :2].T
+        x, y = np.pad(self.fixed_points[:, :-1], ((0, 0), (0, 1)))[:, :2].T
         return x, y
 
-    def _in_plan(self, center: tuple[float, ...]) -> np.ndarray:
+    def _plan_coordinates(self, center: tuple[float, ...]) -> np.ndarray:
         return np.asarray(center[: self.facets.shape[2] - 1])
 
 
-def shares_of(facets: np.ndarray, center: tuple[float, ...]) -> np.ndarray:
+def barycentric_coordinates(facets: np.ndarray, center: tuple[float, ...]) -> np.ndarray:
     """The barycentric coordinates (k, n) of a point in facets (k, n, n), seen from above."""
-    plan = facets[..., :-1]
-    edges = np.swapaxes(plan[:, 1:] - plan[:, :1], 1, 2)
-    others = np.linalg.solve(edges, (np.asarray(center[: plan.shape[2]]) - plan[:, 0])[..., None])[
-        ..., 0
-    ]
-    return np.column_stack([1 - others.sum(axis=1), others])
+    plan_corners = facets[..., :-1]
+    edges = np.swapaxes(plan_corners[:, 1:] - plan_corners[:, :1], 1, 2)
+    coordinates = np.linalg.solve(
+        edges, (np.asarray(center[: plan_corners.shape[2]]) - plan_corners[:, 0])[..., None]
+    )[..., 0]
+    return np.column_stack([1 - coordinates.sum(axis=1), coordinates])
 
 
 @dataclass(frozen=True)
-class Cap(_OnAxis):
+class Cap(_CenteredBody):
     """The part of a ball above the plane z = -height, on which it stands with `base_radius`
     [length].
 
@@ -816,20 +863,20 @@ class Cap(_OnAxis):
     surface_tension: SurfaceTension = 0.0
 
     @property
-    def thickness(self) -> float:
+    def apex_height(self) -> float:
         """The height, given or by the contact angle [length]."""
         return self.height or self.base_radius * tan(radians(self.contact_angle or 90.0) / 2)
 
     @property
-    def dome(self) -> Dome:
+    def spherical_body(self) -> SphericalBody:
         """The same body by the radius of its ball, (base_radius^2 + height^2)/(2 height)."""
-        height = self.thickness
+        height = self.apex_height
         radius = (self.base_radius**2 + height**2) / (2 * height)
-        return Dome(radius, height, "cap", self.base, inclusions=self.inclusions)
+        return SphericalBody(radius, height, "cap", self.base, inclusions=self.inclusions)
 
 
 @dataclass(frozen=True)
-class Ball(_OnAxis):
+class Ball(_CenteredBody):
     """A ball whose highest point is the origin: -2 radius <= z <= 0 [length].
 
     base roller: the plane through its center is a mirror plane, below which the same tip pushes up:
@@ -846,11 +893,13 @@ class Ball(_OnAxis):
     surface_tension: SurfaceTension = 0.0
 
     @property
-    def dome(self) -> Dome:
+    def spherical_body(self) -> SphericalBody:
         """What is modelled of it: the half above the mirror plane, or all of it."""
         if self.base == "roller":
-            return Dome(self.radius, self.radius, "ball", self.base, 2, self.inclusions)
-        return Dome(self.radius, 2 * self.radius, "ball", self.base, inclusions=self.inclusions)
+            return SphericalBody(self.radius, self.radius, "ball", self.base, 2, self.inclusions)
+        return SphericalBody(
+            self.radius, 2 * self.radius, "ball", self.base, inclusions=self.inclusions
+        )
 
 
 @dataclass(frozen=True)
@@ -862,7 +911,7 @@ class Conductance:
     conductance: Annotated[float, Gt(0), Unit("length/(pressure time)")]
 
 
-Drain = Literal["drained", "sealed"]
+DrainCondition = Literal["drained", "sealed"]
 BathPoint = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, PRESSURE))]
 
 
@@ -882,25 +931,27 @@ class Drainage:
     strain auto is 0, at once.
     """
 
-    surface: Drain = "drained"
-    tip: Drain | Conductance = "sealed"
-    base: Drain | Conductance = "sealed"
-    sides: Drain | Auto = "auto"
-    bath: Annotated[float, PRESSURE] | Annotated[tuple[BathPoint, ...], Len(1, MOST_POINTS)] = 0.0
+    surface: DrainCondition = "drained"
+    tip: DrainCondition | Conductance = "sealed"
+    base: DrainCondition | Conductance = "sealed"
+    sides: DrainCondition | Auto = "auto"
+    bath: Annotated[float, PRESSURE] | Annotated[tuple[BathPoint, ...], Len(1, MAX_BATH_POINTS)] = (
+        0.0
+    )
     bath_ramp: Annotated[float, Gt(0), TIME] | Auto = "auto"
 
-    def since(self, begin: float) -> Drainage:
+    def with_time_origin(self, origin: float) -> Drainage:
         """The same with the bath's times counted from another one."""
         if isinstance(self.bath, float | int):
             return self
-        return replace(self, bath=tuple((t - begin, value) for t, value in self.bath))
+        return replace(self, bath=tuple((t - origin, value) for t, value in self.bath))
 
     def drains_wall(self, support: str) -> bool:
         """Whether a wall with this support lets fluid out."""
         return self.sides == "drained" or (self.sides == "auto" and support == "free")
 
     @property
-    def baths(self) -> tuple[float, ...]:
+    def bath_values(self) -> tuple[float, ...]:
         """Values of the bath, between which all others lie."""
         return (
             (float(self.bath),)
@@ -916,7 +967,7 @@ class Drainage:
         return float(np.interp(t, times, values))
 
 
-Endless = HalfSpace | InfiniteLayer
-Drawn = Cylinder | Strip | Box | Dome  # meshed here
-Body = Drawn | Meshed | Endless
-AnyBody = Cylinder | Strip | Box | Endless | Cap | Ball | MeshFromFile
+UnboundedBody = HalfSpace | InfiniteLayer
+DimensionedBody = Cylinder | Strip | Box | SphericalBody  # meshed here
+Body = DimensionedBody | ImportedBody | UnboundedBody
+AnyBody = Cylinder | Strip | Box | UnboundedBody | Cap | Ball | MeshFromFile

@@ -33,7 +33,7 @@ Friction = (
 # Where a point that comes into contact during a step is taken to have touched the tip: at its place
 # at the step's beginning (too stiff), nowhere before the end (too soft), or on the way between,
 # which the other two enclose.
-Anchor = Literal["implicit", "glue", "mid"]
+SlipReference = Literal["implicit", "glue", "mid"]
 
 
 @dataclass(frozen=True)
@@ -47,32 +47,32 @@ class Adhesion:
     range: LengthOrZero | None = None
 
     @property
-    def _reach(self) -> Expr:
+    def _interaction_range(self) -> Expr:
         return self.range
 
     def energy(self, g: Expr) -> Expr:
         """gamma(g) = -work exp(-<g>/range) - (work/range) <-g> per area [pressure length],
         negative.
         """
-        opened = macaulay(g)
-        reach = self._reach
-        return self.work * ((g - opened) / reach - exp(-opened / reach))
+        open_gap = macaulay(g)
+        interaction_range = self._interaction_range
+        return self.work * ((g - open_gap) / interaction_range - exp(-open_gap / interaction_range))
 
-    def pull(self, g: Expr) -> Expr:
+    def attraction(self, g: Expr) -> Expr:
         """sigma(g) = (work/range) exp(-<g>/range) [pressure], >= 0, constant where the gap is
         closed.
         """
-        return self.work / self._reach * exp(-macaulay(g) / self._reach)
+        return self.work / self._interaction_range * exp(-macaulay(g) / self._interaction_range)
 
-    def zone(self, E_star: float) -> float:
+    def cohesive_zone(self, E_star: float) -> float:
         """l = (pi/4) E* range^2/work [length]: how far the attraction reaches beside the edge of a
         contact.
         """
-        return float(pi / 4 * E_star * self._reach**2 / self.work)
+        return float(pi / 4 * E_star * self._interaction_range**2 / self.work)
 
-    def resolved_by(self, zone: float, E_star: float) -> float:
+    def range_for_cohesive_zone(self, cohesive_zone: float, E_star: float) -> float:
         """The range [length] that has this cohesive zone [length]."""
-        return (4 / pi * self.work * zone / E_star) ** 0.5
+        return (4 / pi * self.work * cohesive_zone / E_star) ** 0.5
 
 
 # ---- friction at a point
@@ -81,14 +81,14 @@ class Adhesion:
 UNBOUNDED = 1e30  # [pressure] no traction that sticks is as large
 TRACTION_FLOOR = 1e-30  # [pressure^2] added to |t|^2, whose root has no slope at zero
 # of a step's depth: a gap this small at its beginning is closed from then on, as under a flat punch
-AT_ONCE = 1e-6
+CLOSED_GAP = 1e-6
 # A point that comes into contact while a gap `widest` closes has gone CLOSED_SHARE
 # (gap/widest)^CLOSING of its way through the step when it touches, as if it were smooth. In
 # self-similar contact of a paraboloid without slip the share rises from 0 at the old edge of
 # contact to about 2/3 at the new one; these two leave the least error of the force over half-spaces
 # and layers, stick and Coulomb's law.
-CLOSED_SHARE = 0.63
-CLOSING = 1 / 3
+CLOSING_FRACTION = 0.63
+CLOSING_EXPONENT = 1 / 3
 
 
 @dataclass(frozen=True)
@@ -100,40 +100,40 @@ class CoulombPoint:
 
     friction: Expr
     p: Expr
-    t_hat: Vector
+    trial_traction: Vector
 
     @cached_property
-    def size(self) -> Expr:
+    def trial_magnitude(self) -> Expr:
         """|t_hat| [pressure], above zero."""
-        return length(self.t_hat)
+        return length(self.trial_traction)
 
     @cached_property
-    def bound(self) -> Expr:
+    def slip_limit(self) -> Expr:
         """friction p [pressure]; beyond all tractions for stick."""
         return friction_bound(self.friction, self.p)
 
     @cached_property
-    def room(self) -> Expr:
+    def stick_margin(self) -> Expr:
         """friction p - |t_hat| [pressure], >= 0 at a point that sticks."""
-        return self.bound - self.size
+        return self.slip_limit - self.trial_magnitude
 
     @cached_property
-    def share(self) -> Expr:
+    def traction_ratio(self) -> Expr:
         """t/t_hat: 1 at a point that sticks."""
         return (
             1.0
             if isinstance(self.friction, str)
-            else where_less(self.room, 0.0, self.bound / self.size, 1.0)
+            else where_less(self.stick_margin, 0.0, self.slip_limit / self.trial_magnitude, 1.0)
         )
 
-    def heat(self, t: Vector, slid: Vector, before: Expr) -> Expr:
+    def dissipation(self, t: Vector, slip: Vector, previous_pressure: Expr) -> Expr:
         """What slip turns into heat in a step [pressure length], >= 0: t . slid, 0 at a point that
-        sticks. With friction (p + before)/2 in place of friction p, `before` the pressure at the
+        sticks. With friction (p + before)/2 in place of friction p, `previous_pressure` the pressure at the
         step's beginning: the bound grows on the way, and with that of the step's end alone the
         sum is only of first order in the steps.
         """
-        mean = (self.p + before) / (2 * maximum(self.p, TRACTION_FLOOR))
-        return where_less(self.room, 0.0, mean, 0.0) * macaulay(dot(t, slid))
+        mean_ratio = (self.p + previous_pressure) / (2 * maximum(self.p, TRACTION_FLOOR))
+        return where_less(self.stick_margin, 0.0, mean_ratio, 0.0) * macaulay(dot(t, slip))
 
 
 def friction_bound(friction: Expr, p: Expr) -> Expr:
@@ -141,33 +141,37 @@ def friction_bound(friction: Expr, p: Expr) -> Expr:
     return UNBOUNDED + 0.0 * p if isinstance(friction, str) else friction * p
 
 
-def heat_of_leaving(friction: Expr, before: Expr, moved: Vector, way: Expr) -> Expr:
-    """The heat of a point that slips until it leaves, with less and less pressure than `before`
+def dissipation_on_separation(
+    friction: Expr, previous_pressure: Expr, slip: Vector, step_fraction: Expr
+) -> Expr:
+    """The heat of a point that slips until it leaves, with less and less pressure than `previous_pressure`
     [pressure length].
     """
-    return friction_bound(friction, before) / 2 * (1 - way) * length(moved)
+    return friction_bound(friction, previous_pressure) / 2 * (1 - step_fraction) * length(slip)
 
 
-def is_new_contact(opening: Expr, sunk: Expr) -> Expr:
-    """1 where a gap [length] was open at the beginning of a step of depth `sunk`, else 0; below
+def is_new_contact(initial_gap: Expr, depth_increment: Expr) -> Expr:
+    """1 where a gap [length] was open at the beginning of a step of depth `depth_increment`, else 0; below
     zero is in contact.
     """
-    return where_less(AT_ONCE * abs(sunk), opening, 1.0, 0.0)
+    return where_less(CLOSED_GAP * abs(depth_increment), initial_gap, 1.0, 0.0)
 
 
-def passed_gap(opening: Expr, is_new: Expr, p_hat: Expr, stiffness: Expr) -> Expr:
+def passed_gap(initial_gap: Expr, is_new: Expr, trial_pressure: Expr, stiffness: Expr) -> Expr:
     """The gap [length] that closed, or opened, during a step at a point that came into contact, or
     left; else 0.
     """
-    opened = where_less(opening, 0.0, -p_hat / stiffness, 0.0)
-    return where_less(0.0, p_hat, is_new * opening, opened)
+    final_gap = where_less(initial_gap, 0.0, -trial_pressure / stiffness, 0.0)
+    return where_less(0.0, trial_pressure, is_new * initial_gap, final_gap)
 
 
-def way_gone(passed: Expr, widest: Expr) -> Expr:
+def step_fraction_at_contact(passed_gap: Expr, largest_gap: Expr) -> Expr:
     """How much of its way through the step a new point had gone when it touched, one that left had
     yet to go.
     """
-    return CLOSED_SHARE * maximum(0.0, minimum(passed / widest, 1.0)) ** CLOSING
+    return (
+        CLOSING_FRACTION * maximum(0.0, minimum(passed_gap / largest_gap, 1.0)) ** CLOSING_EXPONENT
+    )
 
 
 def dot(a: Vector, b: Vector) -> Expr:
@@ -184,7 +188,7 @@ def length(t: Vector) -> Expr:
 # ----------------------------------------------------------------------------------------------------------
 
 
-NO_CURVE = "friction, or adhesion over a range: no curve determines it"
+NO_ELASTIC_CURVE = "friction, or adhesion over a range: no curve determines it"
 
 
 class _Law:
@@ -205,26 +209,28 @@ class _Law:
         return self.friction == "stick"
 
     @property
-    def may_snap(self) -> bool:
+    def may_snap_through(self) -> bool:
         """Whether two equilibria may be stable at one depth: of a tip that adheres."""
         return self.adhesion is not None
 
     @property
-    def has_memory(self) -> bool:
+    def is_path_dependent(self) -> bool:
         """Whether an equilibrium depends on the path to it."""
-        return self.may_snap or not self.is_conservative
+        return self.may_snap_through or not self.is_conservative
 
     @property
     def remedies(self) -> tuple[str, ...]:
         """Other keys of it that may help where no equilibrium is found."""
-        is_steered = not self.is_conservative and self.epsilon_t != getattr(self, "stiffness", None)
+        has_own_stiffness = not self.is_conservative and self.epsilon_t != getattr(
+            self, "stiffness", None
+        )
         return (
-            *(["contact.epsilon_t: auto"] * is_steered),
+            *(["contact.epsilon_t: auto"] * has_own_stiffness),
             *(["contact.friction: 5"] * self.is_bonded),
         )
 
     @property
-    def slips(self) -> bool:
+    def may_slip(self) -> bool:
         """Whether what touches may slip, and lose what that takes."""
         return not (self.is_conservative or self.is_bonded)
 
@@ -236,30 +242,30 @@ class _Law:
         return next((name for name in ("friction", "adhesion") if getattr(self, name)), "")
 
     @property
-    def beyond_theory(self) -> str:
+    def feature_without_theory(self) -> str:
         """What it has that no theory knows, in words; "" for nothing."""
         return {"friction": "friction", "adhesion": "attraction with a range"}.get(
             self.path_key, ""
         )
 
     @property
-    def beyond_curve(self) -> str:
+    def reason_no_elastic_curve(self) -> str:
         """Why no elastic curve determines what it does in time; "" where one does."""
-        return NO_CURVE if self.path_key else ""
+        return NO_ELASTIC_CURVE if self.path_key else ""
 
     @property
-    def unsymmetric(self) -> str:
+    def reason_unsymmetric(self) -> str:
         """Why its tangent is not symmetric and definite; "" where it is, or its multiplier alone is
         why.
         """
-        spoils = {
+        effects = {
             "friction": "has a tangent that is not symmetric",
             "adhesion": "has a tangent that may be indefinite",
         }
-        return f"{self.path_key} {spoils[self.path_key]}" if self.path_key else ""
+        return f"{self.path_key} {effects[self.path_key]}" if self.path_key else ""
 
     @property
-    def reach(self) -> float:
+    def adhesion_range(self) -> float:
         """How far the tip attracts the surface across the gap [length]; 0 where it does not."""
         return (self.adhesion.range or 0.0) if self.adhesion else 0.0
 
@@ -289,18 +295,20 @@ class _StiffnessLaw(_Law):
         """( <p_hat>^2 - lam^2 ) / (2 stiffness), and gamma(g) of a tip that adheres, per area
         [pressure length].
         """
-        pushed = (macaulay(self.trial_pressure(g, lam)) ** 2 - lam * lam) / (2 * self.stiffness)
-        return pushed + self.adhesion.energy(g) if self.adhesion else pushed
+        contact_energy = (macaulay(self.trial_pressure(g, lam)) ** 2 - lam * lam) / (
+            2 * self.stiffness
+        )
+        return contact_energy + self.adhesion.energy(g) if self.adhesion else contact_energy
 
     @property
-    def uncondensed(self) -> str:
+    def reason_not_condensable(self) -> str:
         """Why a condensed body, which has this potential written out, cannot have the law; "" where
         it can.
         """
-        if self.may_snap:
+        if self.may_snap_through:
             return "a tip that adheres is solved on the whole body"
-        is_other = type(self).potential is not _StiffnessLaw.potential
-        return f"{self.method} has a potential of its own" if is_other else ""
+        has_own_potential = type(self).potential is not _StiffnessLaw.potential
+        return f"{self.method} has a potential of its own" if has_own_potential else ""
 
 
 class _NormalStiffness(_StiffnessLaw):
@@ -325,16 +333,20 @@ class Penalty(_NormalStiffness):
     epsilon_t: ContactStiffness | Auto = "auto"
 
     multiplier: ClassVar[Multiplier] = "none"
-    auto_multiple: ClassVar[float] = 100.0  # of E*/h_contact, at least: 0.1 % of the force on HERTZ
-    smallest_tangential: ClassVar[float] = (
+    auto_stiffness_factor: ClassVar[float] = (
+        100.0  # of E*/h_contact, at least: 0.1 % of the force on HERTZ
+    )
+    min_tangential_factor: ClassVar[float] = (
         0.1  # of E*/h_contact: below, four fifths of what friction adds are lost
     )
 
     @property
-    def uncondensed(self) -> str:
+    def reason_not_condensable(self) -> str:
         """Of one that rubs, too: its traction along the surface is not written out."""
-        rubs = "" if self.is_conservative else "a penalty with friction is solved on the whole body"
-        return super().uncondensed or rubs
+        friction_reason = (
+            "" if self.is_conservative else "a penalty with friction is solved on the whole body"
+        )
+        return super().uncondensed or friction_reason
 
 
 @dataclass(frozen=True)
@@ -352,10 +364,10 @@ class AugmentedLagrangian(_NormalStiffness):
     adhesion: Adhesion | None = None
 
     multiplier: ClassVar[Multiplier] = "unknown"
-    auto_multiple: ClassVar[float] = 1.0  # of E*/h_contact: the most accurate, measured
+    auto_stiffness_factor: ClassVar[float] = 1.0  # of E*/h_contact: the most accurate, measured
     # Below, steps fail or end in forces without friction: from 1e-4 on with Coulomb's law; cut back
     # from 1e-3 on
-    smallest_tangential: ClassVar[float] = 0.01
+    min_tangential_factor: ClassVar[float] = 0.01
 
 
 @dataclass(frozen=True)
@@ -367,7 +379,7 @@ class Uzawa(_NormalStiffness):
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "frozen"
-    auto_multiple: ClassVar[float] = (
+    auto_stiffness_factor: ClassVar[float] = (
         100.0  # of E*/h_contact: few loops; softer ones fail in deep bodies of nu = 0.5
     )
 
@@ -383,7 +395,7 @@ class Nitsche(_StiffnessLaw):
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "stress"
-    auto_multiple: ClassVar[float] = (
+    auto_stiffness_factor: ClassVar[float] = (
         10.0  # of E*/h_contact: far enough above the smallest that works
     )
     # Without the variation of sigma_n nothing holds the tip back below about E*/h_contact. Measured
@@ -391,9 +403,9 @@ class Nitsche(_StiffnessLaw):
     # 0.4999 mixed; 4 to 20 elements in a): from 1 on the force is within 0.2 %, at 0.3 it is up to
     # 1.3 % too high, at 0.1 up to 9 %, at 0.01 up to 37 %; each of them converges as willingly as
     # the right one. With 2 elements in a: 3 % at 1, 8 % at 0.3.
-    smallest_multiple: ClassVar[float] = 1.0
+    min_stiffness_factor: ClassVar[float] = 1.0
 
-    uncondensed: ClassVar[str] = "Nitsche's method needs the stress inside the body"  # type: ignore[misc]
+    reason_not_condensable: ClassVar[str] = "Nitsche's method needs the stress inside the body"  # type: ignore[misc]
 
     @property
     def stiffness(self) -> Expr:  # type: ignore[override]
@@ -411,7 +423,7 @@ class ActiveSet(_Law):
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "nodal"
-    uncondensed: ClassVar[str] = ""
+    reason_not_condensable: ClassVar[str] = ""
 
 
 ContactLaw = Penalty | AugmentedLagrangian | Uzawa | ActiveSet | Nitsche

@@ -12,7 +12,7 @@ from annotated_types import Ge, Gt, Len
 from indent_sim.model.materials import Fraction
 from indent_sim.model.units import ADHESION, Length, Scales, Unit
 
-MOST_FREQUENCIES = 10_000
+MAX_FREQUENCIES = 10_000
 
 Work = Annotated[float, Gt(0), ADHESION]
 Frequency = Annotated[float, Gt(0), Unit("1/time")]
@@ -63,7 +63,7 @@ class Experiment:
     adhesion: JKRAdhesion | None = None
     cantilever: Cantilever | None = None
     frame: Frame | None = None
-    frequencies: Annotated[tuple[Frequency, ...], Len(1, MOST_FREQUENCIES)] | None = None
+    frequencies: Annotated[tuple[Frequency, ...], Len(1, MAX_FREQUENCIES)] | None = None
     calibration: Calibration | None = None
 
     @property
@@ -72,10 +72,10 @@ class Experiment:
         spring = 1.0 / self.cantilever.stiffness if self.cantilever else 0.0
         return spring + (self.frame.compliance if self.frame else 0.0)
 
-    def without_units(self, scales: Scales) -> Experiment:
+    def nondimensionalize(self, scales: Scales) -> Experiment:
         """The same experiment of the user's numbers in units of the scales; times stay."""
         stiffness = scales.force / scales.depth
-        adhesion = self.adhesion and scales.scaled(self.adhesion)
-        held = self.cantilever and Cantilever(self.cantilever.stiffness / stiffness)
+        adhesion = self.adhesion and scales.nondimensionalize(self.adhesion)
+        cantilever = self.cantilever and Cantilever(self.cantilever.stiffness / stiffness)
         frame = self.frame and Frame(self.frame.compliance * stiffness)
-        return replace(self, adhesion=adhesion, cantilever=held, frame=frame)
+        return replace(self, adhesion=adhesion, cantilever=cantilever, frame=frame)

@@ -14,11 +14,11 @@ class _Kinematics:
     weight.
     """
 
-    def in_plane(self, v: Expr) -> Expr:
+    def model_vector(self, v: Expr) -> Expr:
         """The components of a 3-vector along the model's own axes."""
         return ufl.as_vector([v[0], v[2]])
 
-    def in_space(self, v: Expr) -> Expr:
+    def space_vector(self, v: Expr) -> Expr:
         """The 3-vector of a vector along the model's own axes."""
         return ufl.as_vector([v[0], 0, v[1]])
 
@@ -30,7 +30,7 @@ class _Kinematics:
         """sqrt(area/pi) [length] of a contact of that area [length^2]."""
         return sqrt(area / pi)
 
-    def weight(self, x: Expr) -> Expr:
+    def integration_weight(self, x: Expr) -> Expr:
         """What an integral over the model must be multiplied with."""
         return 1.0
 
@@ -42,22 +42,22 @@ class Axisymmetric(_Kinematics):
     name: Literal["axisymmetric"] = "axisymmetric"
     dim: int = 2
     axes: tuple[str, ...] = ("r", "z")
-    why: ClassVar[str] = (
+    reason: ClassVar[str] = (
         "body and tip turn about one axis: (r, z) says it all, a point stands for a ring"
     )
 
-    def gradient(self, u: Expr, x: Expr) -> Expr:
+    def displacement_gradient(self, u: Expr, x: Expr) -> Expr:
         """Displacement gradient H (3x3) in the basis (r, theta, z)."""
         h = ufl.grad(u)
         return ufl.as_tensor([[h[0, 0], 0, h[0, 1]], [0, u[0] / x[0], 0], [h[1, 0], 0, h[1, 1]]])
 
-    def horizontal(self, point: Expr, center: Expr) -> tuple[Expr, Expr]:
+    def horizontal_position(self, point: Expr, center: Expr) -> tuple[Expr, Expr]:
         """Horizontal position (r, 0) relative to the tip's axis, which is the axis of symmetry
         [length].
         """
         return point[0], 0.0
 
-    def weight(self, x: Expr) -> Expr:
+    def integration_weight(self, x: Expr) -> Expr:
         """Circumference 2 pi r [length]: what an integral over (r, z) must be multiplied with."""
         return 2 * pi * x[0]
 
@@ -69,14 +69,16 @@ class PlaneStrain(_Kinematics):
     name: Literal["plane_strain"] = "plane_strain"
     dim: int = 2
     axes: tuple[str, ...] = ("x", "z")
-    why: ClassVar[str] = "a strip is the same all along y: no strain there, forces per unit length"
+    reason: ClassVar[str] = (
+        "a strip is the same all along y: no strain there, forces per unit length"
+    )
 
-    def gradient(self, u: Expr, x: Expr) -> Expr:
+    def displacement_gradient(self, u: Expr, x: Expr) -> Expr:
         """Displacement gradient H (3x3) in the basis (x, y, z)."""
         h = ufl.grad(u)
         return ufl.as_tensor([[h[0, 0], 0, h[0, 1]], [0, 0, 0], [h[1, 0], 0, h[1, 1]]])
 
-    def horizontal(self, point: Expr, center: Expr) -> tuple[Expr, Expr]:
+    def horizontal_position(self, point: Expr, center: Expr) -> tuple[Expr, Expr]:
         """Horizontal position (x - c, 0) relative to the tip's axis [length]."""
         return point[0] - center[0], 0.0
 
@@ -96,21 +98,21 @@ class ThreeDimensional(_Kinematics):
     name: Literal["three_dimensional"] = "three_dimensional"
     dim: int = 3
     axes: tuple[str, ...] = ("x", "y", "z")
-    why: ClassVar[str] = "tip and body vary along x and y"
+    reason: ClassVar[str] = "tip and body vary along x and y"
 
-    def gradient(self, u: Expr, x: Expr) -> Expr:
+    def displacement_gradient(self, u: Expr, x: Expr) -> Expr:
         """Displacement gradient H (3x3)."""
         return ufl.grad(u)
 
-    def horizontal(self, point: Expr, center: Expr) -> tuple[Expr, Expr]:
+    def horizontal_position(self, point: Expr, center: Expr) -> tuple[Expr, Expr]:
         """Horizontal position (x - c_x, y - c_y) relative to the tip's axis [length]."""
         return point[0] - center[0], point[1] - center[1]
 
-    def in_space(self, v: Expr) -> Expr:
+    def space_vector(self, v: Expr) -> Expr:
         """The 3-vector of a vector along the model's own axes."""
         return v
 
-    def in_plane(self, v: Expr) -> Expr:
+    def model_vector(self, v: Expr) -> Expr:
         """The components of a 3-vector along the model's own axes."""
         return v
 

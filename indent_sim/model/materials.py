@@ -38,13 +38,15 @@ from indent_sim.model.units import (
 )
 
 Formulation = Literal["auto", "displacement", "mixed"]
-LOCKING = 0.45  # Poisson's ratio from which displacement elements lock: see `docs/theory.md`
+LOCKING_POISSON_RATIO = (
+    0.45  # Poisson's ratio from which displacement elements lock: see `docs/theory.md`
+)
 ENERGY_ROUNDING = 1e-14  # of 1, a strain energy that is 0
-MOST_AUXETIC = -0.99  # Poisson's ratio of an isotropic stand-in
+LEAST_POISSON_RATIO = -0.99  # Poisson's ratio of an isotropic stand-in
 ISOTROPIC_CONSTANTS = ("E", "nu", "mu", "kappa", "lame_lambda")
 
 
-MOST_TERMS = 100  # of a relaxation
+MAX_PRONY_TERMS = 100  # of a relaxation
 Time = Annotated[float, Gt(0), TIME]
 Fraction = Annotated[float, Ge(0), Lt(1)]
 RelaxationTerm = Annotated[tuple[float, ...], Len(2, 2), UnitRow((None, TIME))]
@@ -65,17 +67,17 @@ class Relaxation:
     | shear: the bulk modulus stays what it is, and at finite strain too.
     """
 
-    prony: Annotated[tuple[RelaxationTerm, ...], Len(1, MOST_TERMS)] | None = None
+    prony: Annotated[tuple[RelaxationTerm, ...], Len(1, MAX_PRONY_TERMS)] | None = None
     power_law: PowerLaw | None = None
     of: Literal["all", "shear"] = "all"
 
 
-class Exponentials(NamedTuple):
+class PronySeries(NamedTuple):
     """G(t) = rest + sum fraction exp(-t/time) of a modulus, over that of the law's constants; times
     [time] > 0.
     """
 
-    rest: float
+    long_term: float
     fractions: tuple[float, ...]
     times: tuple[float, ...]
 
@@ -90,7 +92,7 @@ class HolmesMow:
     alpha: Annotated[float, Ge(0)] = 0.0
     M: Annotated[float, Ge(0)] = 0.0
 
-    def factor(self, J: Expr) -> Expr:
+    def permeability_ratio(self, J: Expr) -> Expr:
         """Of the permeability at rest, at a volume ratio J; not a number where no pore is left."""
         return ((J - self.phi0) / (1 - self.phi0)) ** self.alpha * exp(self.M * (J * J - 1) / 2)
 
@@ -144,26 +146,26 @@ class _Law(ABC):
     stiffness theta^2/2.
     """
 
-    small_strain: ClassVar[bool] = False
+    is_small_strain: ClassVar[bool] = False
     is_isotropic: ClassVar[bool] = True
     is_conservative: ClassVar[bool] = (
         True  # the stress is the slope of an energy: strains that come back cost no work
     )
-    has_memory: ClassVar[bool] = (
+    is_path_dependent: ClassVar[bool] = (
         False  # the stress depends on the strains before as well as on the present one
     )
     relaxation: Relaxation | None
     flow: Flow | None
 
     @property
-    def relaxes_in_shear(self) -> bool:
+    def has_shear_relaxation(self) -> bool:
         """Whether its shear relaxes alone."""
         return self.relaxation is not None and self.relaxation.of == "shear"
 
     @property
-    def evolves(self) -> bool:
+    def is_time_dependent(self) -> bool:
         """Whether a body of it changes with time other than by one common factor."""
-        return self.flow is not None or self.relaxes_in_shear
+        return self.flow is not None or self.has_shear_relaxation
 
     @property
     @abstractmethod
@@ -171,7 +173,7 @@ class _Law(ABC):
         """Small-strain E [pressure] and nu."""
 
     @property
-    def decay(self) -> tuple[float, float]:
+    def decay_rates(self) -> tuple[float, float]:
         """How fast the two waves exp(-k s z) of a surface pressure of wavenumber k fade, the slower
         first: Re s.
         """
@@ -182,7 +184,7 @@ class _Law(ABC):
         """Small-strain plane-strain modulus E/(1 - nu^2) [pressure]."""
         return self.constants.E_star
 
-    def softened(self, share: float) -> Constants:
+    def relaxed_constants(self, shear_fraction: float) -> Constants:
         """Small-strain constants of which a share of the shear modulus is left, and all of the bulk
         modulus.
 
@@ -198,12 +200,12 @@ class _Law(ABC):
             mu' = share mu: the less of mu is left, the nearer nu is to 1/2.
         """
         E, nu = self.constants
-        if share == 1 or nu == 0.5:
-            return Constants(share * E, nu)
-        mu = share * E / (2 * (1 + nu))
+        if shear_fraction == 1 or nu == 0.5:
+            return Constants(shear_fraction * E, nu)
+        mu = shear_fraction * E / (2 * (1 + nu))
         kappa = E / (3 * (1 - 2 * nu))
-        softer = (3 * kappa - 2 * mu) / (2 * (3 * kappa + mu))
-        return Constants(2 * mu * (1 + softer), softer)
+        relaxed_nu = (3 * kappa - 2 * mu) / (2 * (3 * kappa + mu))
+        return Constants(2 * mu * (1 + relaxed_nu), relaxed_nu)
 
     @property
     def confined_modulus(self) -> float:
@@ -213,11 +215,11 @@ class _Law(ABC):
         E, nu = self.constants
         return E * (1 - nu) / ((1 + nu) * (1 - 2 * nu)) if nu < 0.5 else math.inf
 
-    def bar_modulus(self, held: int) -> float:
-        """Small-strain modulus [pressure] of a bar along z that `held` of the two directions across
+    def bar_modulus(self, confined_directions: int) -> float:
+        """Small-strain modulus [pressure] of a bar along z that `confined_directions` of the two directions across
         it cannot leave: E, E/(1 - nu^2) or M_c.
         """
-        return (self.constants.E, self.E_star, self.confined_modulus)[held]
+        return (self.constants.E, self.E_star, self.confined_modulus)[confined_directions]
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
         """psi [pressure] of principal stretches (floats) at finite strain; of an incompressible law
@@ -240,37 +242,45 @@ class _Law(ABC):
         """Its flow, said by the permeability; ValueError where it is not well said."""
         return self.flow and self.flow.canonical(self.confined_modulus)
 
-    def growth(self, H: Expr) -> Expr:
+    def volume_growth(self, H: Expr) -> Expr:
         """Growth e of the volume, per undeformed volume: tr eps at small strain, else J - 1, to all
         digits.
         """
-        return ufl.tr(H) if self.small_strain else ufl.tr(H) + _curved_growth(H)
+        return ufl.tr(H) if self.is_small_strain else ufl.tr(H) + _nonlinear_volume_growth(H)
 
-    def content(self, H: Expr, p: Expr) -> Expr:
+    def fluid_content(self, H: Expr, p: Expr) -> Expr:
         """zeta = alpha e + storage p of the fluid per undeformed volume; p [pressure] from that at
         rest.
         """
         assert self.flow
-        return self.flow.alpha * self.growth(H) + self.flow.storage * p
+        return self.flow.alpha * self.volume_growth(H) + self.flow.storage * p
 
-    def swelling(self, J: Expr) -> Expr:
+    def swelling_ratio(self, J: Expr) -> Expr:
         """The volume over that of the dry body; J where nothing has swollen the body at rest."""
         return J
 
-    def mobility(self, H: Expr) -> Expr:
+    def nominal_permeability(self, H: Expr) -> Expr:
         """m (3 x 3) [length^2/(pressure time)] of the nominal flux -m grad p: the permeability at
         small strain, else J k(J) F^-1 F^-T with that of the deformed body, k(J).
         """
         assert self.flow
-        if self.small_strain:
+        if self.is_small_strain:
             return self.flow.permeability * ufl.Identity(3)
-        J = 1 + self.growth(H)
-        inverse = ufl.inv(ufl.Identity(3) + H)
-        return J * self.opening(J) * self.flow.permeability * inverse * inverse.T
+        J = 1 + self.volume_growth(H)
+        inverse_gradient = ufl.inv(ufl.Identity(3) + H)
+        return (
+            J
+            * self.permeability_ratio(J)
+            * self.flow.permeability
+            * inverse_gradient
+            * inverse_gradient.T
+        )
 
-    def opening(self, J: Expr) -> Expr:
+    def permeability_ratio(self, J: Expr) -> Expr:
         """The permeability of the deformed body over that at rest."""
-        return self.flow.holmes_mow.factor(J) if self.flow and self.flow.holmes_mow else 1
+        return (
+            self.flow.holmes_mow.permeability_ratio(J) if self.flow and self.flow.holmes_mow else 1
+        )
 
     def bath_pressure(self, bath: float) -> float:
         """The pressure [pressure] of a bath above that at rest."""
@@ -278,28 +288,28 @@ class _Law(ABC):
 
     @property
     @abstractmethod
-    def inverse_stiffness(self) -> Expr:
+    def volumetric_compliance(self) -> Expr:
         """1/stiffness [1/pressure] of the volume-like strain; 0 when incompressible."""
 
     @abstractmethod
-    def parts(self, H: Expr) -> tuple[Expr, Expr]:
+    def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
         """The energy without its volumetric part [pressure], and the volume-like strain theta: tr
         eps, or ln J.
         """
 
     def energy(self, H: Expr) -> Expr:
         """psi [pressure] of the displacement gradient H (3 x 3)."""
-        rest, theta = self.parts(H)
-        return rest + theta**2 / (2 * self.inverse_stiffness)
+        remaining_energy, theta = self.energy_parts(H)
+        return remaining_energy + theta**2 / (2 * self.volumetric_compliance)
 
     def mixed_energy(self, H: Expr, q: Expr) -> Expr:
         """The same with q theta - q^2/(2 stiffness) in place of stiffness theta^2/2 [pressure]."""
-        rest, theta = self.parts(H)
-        return rest + q * theta - q * q * self.inverse_stiffness / 2
+        remaining_energy, theta = self.energy_parts(H)
+        return remaining_energy + q * theta - q * q * self.volumetric_compliance / 2
 
 
 @dataclass(frozen=True)
-class _TwoConstants(_Law):
+class _TwoConstantLaw(_Law):
     """Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure]."""
 
     E: Modulus | None = None
@@ -321,8 +331,8 @@ class _TwoConstants(_Law):
             if getattr(self, name) is not None
         }
         E, nu = young_and_poisson(given)
-        said = replace(self, E=E, nu=nu, mu=None, kappa=None, lame_lambda=None)
-        return replace(said, flow=said.flow_by_permeability)
+        material = replace(self, E=E, nu=nu, mu=None, kappa=None, lame_lambda=None)
+        return replace(material, flow=material.flow_by_permeability)
 
     @property
     def constants(self) -> Constants:
@@ -336,13 +346,13 @@ class _TwoConstants(_Law):
         return self.E / (2 * (1 + self.nu))  # type: ignore[operator]
 
     @property
-    def inverse_stiffness(self) -> Expr:
+    def volumetric_compliance(self) -> Expr:
         """1/lame_lambda = (1 + nu)(1 - 2 nu)/(E nu) [1/pressure]; 0 when incompressible."""
         return (1 + self.nu) * (1 - 2 * self.nu) / (self.E * self.nu)  # type: ignore[operator]
 
 
 @dataclass(frozen=True)
-class LinearElastic(_TwoConstants):
+class LinearElastic(_TwoConstantLaw):
     """Isotropic Hooke's law at small strain, psi = mu eps:eps + lame_lambda/2 (tr eps)^2 (notes
     2.1-2.4).
 
@@ -351,19 +361,21 @@ class LinearElastic(_TwoConstants):
 
     model: Literal["linear_elastic"] = "linear_elastic"
 
-    small_strain: ClassVar[bool] = True
+    is_small_strain: ClassVar[bool] = True
 
-    def parts(self, H: Expr) -> tuple[Expr, Expr]:
+    def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
         """mu eps:eps and tr eps."""
         eps = ufl.sym(H)
         return self.shear_modulus * ufl.inner(eps, eps), ufl.tr(eps)
 
-    def split(self, H: Expr) -> tuple[Expr, Expr]:
+    def isochoric_parts(self, H: Expr) -> tuple[Expr, Expr]:
         """mu dev eps : dev eps, which is free of any change of volume, and tr eps."""
         deviator = ufl.dev(ufl.sym(H))
         return self.shear_modulus * ufl.inner(deviator, deviator), ufl.tr(H)
 
-    def mixed_volume(self, H: Expr, theta: Expr, q: Expr, share: Expr = 1.0) -> Expr:
+    def mixed_volumetric_energy(
+        self, H: Expr, theta: Expr, q: Expr, shear_fraction: Expr = 1.0
+    ) -> Expr:
         """q theta - q^2/(2 kappa) [pressure], whatever share of the shear modulus is left; q is the
         mean stress.
         """
@@ -398,15 +410,17 @@ class TransverselyIsotropic(_Law):
     flow: Flow | None = None
     model: Literal["transversely_isotropic"] = "transversely_isotropic"
 
-    small_strain: ClassVar[bool] = True
+    is_small_strain: ClassVar[bool] = True
     is_isotropic: ClassVar[bool] = False
 
     def canonical(self) -> Self:
         """Itself; ValueError where some strain would have negative energy."""
         if not self._D >= -ENERGY_ROUNDING:
-            most = math.sqrt((1 - self.nu) * self.E_z / (2 * self.E))
+            largest_nu_z = math.sqrt((1 - self.nu) * self.E_z / (2 * self.E))
             problem = f"nu_z = {self.nu_z:g} makes the energy of some strain negative"
-            raise ValueError(f"{problem}: with these E, E_z and nu it must lie within +-{most:.6g}")
+            raise ValueError(
+                f"{problem}: with these E, E_z and nu it must lie within +-{largest_nu_z:.6g}"
+            )
         return replace(self, flow=self.flow_by_permeability)
 
     @property
@@ -414,13 +428,13 @@ class TransverselyIsotropic(_Law):
         """E [pressure] and nu of the isotropic material that stands for it: of the same indentation
         modulus, and as compressible, nu = (1 - d)/2.
         """
-        nu = min(max((1 - self._d) / 2, MOST_AUXETIC), 0.5)
+        nu = min(max((1 - self._d) / 2, LEAST_POISSON_RATIO), 0.5)
         return Constants(self._indentation_modulus * (1 - nu * nu), nu)
 
-    def bar_modulus(self, held: int) -> float:
+    def bar_modulus(self, confined_directions: int) -> float:
         """E_z, E_z/(1 - nu_z^2 E/E_z), or C33 = E_z (1 - nu)/D [pressure]."""
-        if held < 2:
-            return self.E_z / (1 - held * self.nu_z**2 * self.E / self.E_z)
+        if confined_directions < 2:
+            return self.E_z / (1 - confined_directions * self.nu_z**2 * self.E / self.E_z)
         return self.E_z * (1 - self.nu) / self._D if self._D > ENERGY_ROUNDING else math.inf
 
     @property
@@ -432,7 +446,7 @@ class TransverselyIsotropic(_Law):
         return self._D / (1 + self.nu)
 
     @property
-    def decay(self) -> tuple[float, float]:
+    def decay_rates(self) -> tuple[float, float]:
         """The roots of C33 C44 s^4 - (C11 C33 - C13^2 - 2 C13 C44) s^2 + C11 C44 = 0, multiplied by
         D.
         """
@@ -444,13 +458,15 @@ class TransverselyIsotropic(_Law):
         C33 = E_z * (1 - self.nu)
         C13 = E * nu_z
         product = math.sqrt(C11 / C33)
-        mean = (C11 * self._plane - 2 * C13 * G_z) / (2 * C33 * G_z)
-        half = math.sqrt(max(mean + product, ENERGY_ROUNDING * product) / 2)
-        apart = math.sqrt(max(mean - product, 0.0) / 2)
-        return product / (half + apart) if apart else half, half + apart
+        mean = (C11 * self._plane_stiffness - 2 * C13 * G_z) / (2 * C33 * G_z)
+        mean_root = math.sqrt(max(mean + product, ENERGY_ROUNDING * product) / 2)
+        root_difference = math.sqrt(max(mean - product, 0.0) / 2)
+        return product / (
+            mean_root + root_difference
+        ) if root_difference else mean_root, mean_root + root_difference
 
     @property
-    def _plane(self) -> float:
+    def _plane_stiffness(self) -> float:
         """C33 - C13^2/C11 [pressure]."""
         return self.E_z + 2 * self.nu_z**2 * self.E / (1 + self.nu + max(self._D, 0.0))
 
@@ -467,32 +483,32 @@ class TransverselyIsotropic(_Law):
         nu_z = self.nu_z
         D = max(self._D, 0.0)
         mean = math.sqrt(0.5 * E * E_z * (1 - nu) * (1 + D / (1 + nu)))  # D sqrt(C11 C33)
-        return 2 * math.sqrt(self._plane / (1 / self.G_z + 2 * D / (mean + nu_z * E)))
+        return 2 * math.sqrt(self._plane_stiffness / (1 / self.G_z + 2 * D / (mean + nu_z * E)))
 
     @property
-    def inverse_stiffness(self) -> Expr:
+    def volumetric_compliance(self) -> Expr:
         """2 D/(E (1 - d)) [1/pressure]."""
         return 2 * self._D / (self.E * (1 - self._d))
 
-    def parts(self, H: Expr) -> tuple[Expr, Expr]:
+    def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
         """The energy without theta, and theta."""
         eps = ufl.sym(H)
         G = self.E / (2 * (1 + self.nu))
         d = self._d
         alpha = 2 * self.nu_z + d
-        across = eps[0, 0] + eps[1, 1]
-        along = eps[2, 2]
-        in_plane = G * (eps[0, 0] ** 2 + eps[1, 1] ** 2 + 2 * eps[0, 1] ** 2)
-        sheared = 2 * self.G_z * (eps[0, 2] ** 2 + eps[1, 2] ** 2)
-        upright = (
-            G * (alpha - 1) * across * along
-            + (self.E_z + G * (alpha**2 - 4 * self.nu_z - d)) * along**2 / 2
+        plane_strain = eps[0, 0] + eps[1, 1]
+        axial_strain = eps[2, 2]
+        plane_energy = G * (eps[0, 0] ** 2 + eps[1, 1] ** 2 + 2 * eps[0, 1] ** 2)
+        shear_energy = 2 * self.G_z * (eps[0, 2] ** 2 + eps[1, 2] ** 2)
+        axial_energy = (
+            G * (alpha - 1) * plane_strain * axial_strain
+            + (self.E_z + G * (alpha**2 - 4 * self.nu_z - d)) * axial_strain**2 / 2
         )
-        return in_plane + sheared + upright, across + alpha * along
+        return plane_energy + shear_energy + axial_energy, plane_strain + alpha * axial_strain
 
 
 @dataclass(frozen=True)
-class NeoHookean(_TwoConstants):
+class NeoHookean(_TwoConstantLaw):
     """psi = mu/2 (I1 - 3) - mu ln J + lame_lambda/2 (ln J)^2.
 
     Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure] say it.
@@ -500,7 +516,7 @@ class NeoHookean(_TwoConstants):
 
     model: Literal["neo_hookean"] = "neo_hookean"
 
-    def parts(self, H: Expr) -> tuple[Expr, Expr]:
+    def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
         """mu/2 (I1 - 3) - mu ln J and ln J."""
         excess, log_J = _excess_and_log_J(H)
         return self.shear_modulus * excess, log_J
@@ -508,34 +524,34 @@ class NeoHookean(_TwoConstants):
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
         """psi [pressure] of principal stretches."""
         log_J = math.log(l1 * l2 * l3)
-        sheared = float(self.shear_modulus) * ((l1 * l1 + l2 * l2 + l3 * l3 - 3) / 2 - log_J)
+        shear_energy = float(self.shear_modulus) * ((l1 * l1 + l2 * l2 + l3 * l3 - 3) / 2 - log_J)
         E, nu = self.constants
         lame_lambda = E * nu / ((1 + nu) * (1 - 2 * nu)) if nu < 0.5 else 0.0
-        return sheared + lame_lambda * log_J * log_J / 2
+        return shear_energy + lame_lambda * log_J * log_J / 2
 
 
 def _excess_and_log_J(H: Expr) -> tuple[Expr, Expr]:
     """(I1 - 3)/2 - ln J and ln J of F = 1 + H, with all digits of them and of their derivatives
     where H is small.
     """
-    excess, growth = _excess_and_growth(H)
+    excess, growth = _excess_and_volume_growth(H)
     return excess, log1p(growth)
 
 
-def _excess_and_growth(H: Expr) -> tuple[Expr, Expr]:
+def _excess_and_volume_growth(H: Expr) -> tuple[Expr, Expr]:
     """(I1 - 3)/2 - ln J and J - 1, likewise."""
-    curved = _curved_growth(H)  # without tr H, which cancels that of (I1 - 3)/2
-    growth = ufl.tr(H) + curved
-    return ufl.inner(H, H) / 2 - curved + log1p_remainder(growth), growth
+    nonlinear_growth = _nonlinear_volume_growth(H)  # without tr H, which cancels that of (I1 - 3)/2
+    growth = ufl.tr(H) + nonlinear_growth
+    return ufl.inner(H, H) / 2 - nonlinear_growth + log1p_remainder(growth), growth
 
 
-def _curved_growth(H: Expr) -> Expr:
+def _nonlinear_volume_growth(H: Expr) -> Expr:
     """J - 1 less tr H."""
     return (ufl.tr(H) ** 2 - ufl.tr(H * H)) / 2 + ufl.det(H)
 
 
 @dataclass(frozen=True)
-class _Isochoric(_Law):
+class _IsochoricLaw(_Law):
     """psi = isochoric(J^-2/3 C) + kappa/2 (ln J)^2, with the law's own constants and nu or kappa."""
 
     nu: PoissonRatio | None = None
@@ -563,7 +579,7 @@ class _Isochoric(_Law):
         """
 
     @abstractmethod
-    def isochoric(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
+    def isochoric_energy(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
         """Isochoric energy [pressure] of excess = tr C/3 - 1, square = dev C : dev C/6, cube = det
         dev C; det C = 1.
         """
@@ -588,8 +604,8 @@ class _Isochoric(_Law):
             raise ValueError(
                 f"kappa = {self.kappa:g} is lost beside mu = {mu:g}: nu is -1 to all digits"
             )
-        said = replace(self, nu=nu, kappa=None)
-        return replace(said, flow=said.flow_by_permeability)
+        material = replace(self, nu=nu, kappa=None)
+        return replace(material, flow=material.flow_by_permeability)
 
     @property
     def constants(self) -> Constants:
@@ -598,11 +614,11 @@ class _Isochoric(_Law):
         return Constants(2 * self.small_strain_mu * (1 + self.nu), self.nu)
 
     @property
-    def inverse_stiffness(self) -> Expr:
+    def volumetric_compliance(self) -> Expr:
         """1/kappa = 3 (1 - 2 nu)/(2 mu (1 + nu)) [1/pressure]; 0 when incompressible."""
         return 3 * (1 - 2 * self.nu) / (2 * self.small_strain_mu * (1 + self.nu))  # type: ignore[operator]
 
-    def parts(self, H: Expr) -> tuple[Expr, Expr]:
+    def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
         """The isochoric energy and ln J by way of a few scalar variables, through which all
         derivatives can pass.
         """
@@ -613,16 +629,20 @@ class _Isochoric(_Law):
         deviator = strain - ufl.tr(strain) / 3 * ufl.Identity(3)
         square = ufl.variable(ufl.inner(deviator, deviator) / 6)
         cube = ufl.variable(ufl.det(deviator))
-        shrink = exp(-2 * log_J / 3)
-        excess = shrink * (2 * w / 3 - expm1_remainder(2 * log_J / 3))
-        return self.isochoric(excess, shrink**2 * square, shrink**3 * cube), log_J
+        isochoric_factor = exp(-2 * log_J / 3)
+        excess = isochoric_factor * (2 * w / 3 - expm1_remainder(2 * log_J / 3))
+        return self.isochoric_energy(
+            excess, isochoric_factor**2 * square, isochoric_factor**3 * cube
+        ), log_J
 
     def mixed_energy(self, H: Expr, q: Expr) -> Expr:
         """The same energy with the q of `mixed_volume`."""
-        rest, log_J = self.parts(H)
-        return rest + self.mixed_volume(H, log_J, q)
+        remaining_energy, log_J = self.energy_parts(H)
+        return remaining_energy + self.mixed_volumetric_energy(H, log_J, q)
 
-    def mixed_volume(self, H: Expr, log_J: Expr, q: Expr, share: Expr = 1.0) -> Expr:
+    def mixed_volumetric_energy(
+        self, H: Expr, log_J: Expr, q: Expr, shear_fraction: Expr = 1.0
+    ) -> Expr:
         """Energy of the volume with a field q that is the normal stress on a sheared surface, not
         the mean stress.
 
@@ -657,29 +677,31 @@ class _Isochoric(_Law):
         # with k < 0, as of Ogden's law with alpha = 9, Newton's method did not converge (under a
         # ball, depth 0.4 R)
         k = algebra.maximum(self.poynting_coefficient, 0.0)
-        mean = q + share * k * elongation
-        return mean * log_J - mean * mean * self.inverse_stiffness / 2
+        mean_stress = q + shear_fraction * k * elongation
+        return mean_stress * log_J - mean_stress * mean_stress * self.volumetric_compliance / 2
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
         """psi [pressure] of principal stretches."""
         J = l1 * l2 * l3
-        shrink = J ** (-1 / 3)
-        isochoric = self.energy_of_stretches(l1 * shrink, l2 * shrink, l3 * shrink)
-        kappa = 1 / float(self.inverse_stiffness) if self.constants.nu < 0.5 else 0.0
+        isochoric_factor = J ** (-1 / 3)
+        isochoric = self.energy_of_stretches(
+            l1 * isochoric_factor, l2 * isochoric_factor, l3 * isochoric_factor
+        )
+        kappa = 1 / float(self.volumetric_compliance) if self.constants.nu < 0.5 else 0.0
         return float(isochoric) + kappa * math.log(J) ** 2 / 2
 
-    def split(self, H: Expr) -> tuple[Expr, Expr]:
+    def isochoric_parts(self, H: Expr) -> tuple[Expr, Expr]:
         """The energy that is free of any change of volume, and ln J: its `parts`."""
-        return self.parts(H)
+        return self.energy_parts(H)
 
     @property
     def inverse_bulk_modulus(self) -> Expr:
         """1/kappa [1/pressure]."""
-        return self.inverse_stiffness
+        return self.volumetric_compliance
 
 
 @dataclass(frozen=True)
-class _OfInvariants(_Isochoric):
+class _InvariantLaw(_IsochoricLaw):
     """Laws of the modified invariants J^-2/3 I1 and J^-4/3 I2."""
 
     @property
@@ -691,7 +713,7 @@ class _OfInvariants(_Isochoric):
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
         """Isochoric energy [pressure] of i1 = J^-2/3 I1 - 3 and i2 = J^-4/3 I2 - 3."""
 
-    def isochoric(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
+    def isochoric_energy(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
         """As `_Isochoric`: i1 = 3 excess, i2 = 3 (2 excess + excess^2 - square)."""
         return self.energy_of_invariants(3 * excess, 3 * (excess * (2 + excess) - square))
 
@@ -704,7 +726,7 @@ class _OfInvariants(_Isochoric):
 
 
 @dataclass(frozen=True)
-class MooneyRivlin(_OfInvariants):
+class MooneyRivlin(_InvariantLaw):
     """C10 (I1 - 3) + C01 (I2 - 3)."""
 
     C10: AnyModulus = 0.0
@@ -727,7 +749,7 @@ class MooneyRivlin(_OfInvariants):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Yeoh(_OfInvariants):
+class Yeoh(_InvariantLaw):
     """C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3."""
 
     C10: Modulus
@@ -746,7 +768,7 @@ class Yeoh(_OfInvariants):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ogden(_Isochoric):
+class Ogden(_IsochoricLaw):
     """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); small-strain mu = sum mu_i alpha_i / 2."""
 
     mu: Annotated[tuple[float, ...], Len(1, 20), PRESSURE]
@@ -774,30 +796,32 @@ class Ogden(_Isochoric):
         pairs = zip(self.mu, self.alpha, strict=True)
         return sum(mu * alpha * (6 - alpha) for mu, alpha in pairs) / 24
 
-    def isochoric(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
+    def isochoric_energy(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
         """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); near rest, where stretches lose digits,
         by a series.
         """
-        apart, middle, spread = algebra.unimodular_stretches(1 + excess, square, cube)
-        far = 0.0 * excess
+        distinct_stretch, mean_stretch, spread = algebra.unimodular_stretches(
+            1 + excess, square, cube
+        )
+        energy = 0.0 * excess
         for mu, alpha in zip(self.mu, self.alpha, strict=True):
-            far = far + mu / alpha * (
-                apart**alpha + algebra.pair_power_sum(alpha, middle, spread) - 3
+            energy = energy + mu / alpha * (
+                distinct_stretch**alpha + algebra.pair_power_sum(alpha, mean_stretch, spread) - 3
             )
         return algebra.where_less(
-            square, algebra.SMALL_DEVIATOR**2 / 6, self._near_rest(excess, square, cube), far
+            square, algebra.SMALL_DEVIATOR**2 / 6, self._energy_series(excess, square, cube), energy
         )
 
-    def _near_rest(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
+    def _energy_series(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
         """The squared stretches are mean (1 + t_i) with mean = 1 + excess and the t_i of a
         traceless tensor.
         """
         mean = 1 + excess
-        total = 0.0 * excess
+        energy = 0.0 * excess
         for mu, alpha in zip(self.mu, self.alpha, strict=True):
             growth = alpha / 2 * log1p(excess)
             growth += expm1_remainder(growth)  # mean^(alpha/2) - 1
-            total += (
+            energy += (
                 mu
                 / alpha
                 * (
@@ -805,7 +829,7 @@ class Ogden(_Isochoric):
                     + (1 + growth) * power_sum(alpha / 2, square / mean**2, cube / mean**3)
                 )
             )
-        return total
+        return energy
 
     def energy_of_stretches(self, l1: Expr, l2: Expr, l3: Expr) -> Expr:
         """sum mu_i/alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3)."""
@@ -817,7 +841,7 @@ class Ogden(_Isochoric):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gent(_OfInvariants):
+class Gent(_InvariantLaw):
     """-mu Jm/2 ln(1 - (I1 - 3)/Jm): stiffens without bound as I1 - 3 comes to Jm."""
 
     mu: Modulus
@@ -835,7 +859,7 @@ class Gent(_OfInvariants):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fung(_OfInvariants):
+class Fung(_InvariantLaw):
     """mu/(2 b) (exp(b (I1 - 3)) - 1): tissue, which stiffens exponentially; b -> 0 is mooney_rivlin
     with C10 = mu/2.
     """
@@ -856,11 +880,11 @@ class Fung(_OfInvariants):
 
 # Series of the inverse Langevin function (Arruda & Boyce 1993): psi = mu sum c_i lambda_m^(2-2i)
 # (I1^i - 3^i)
-ARRUDA_BOYCE = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
+LANGEVIN_SERIES = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArrudaBoyce(_OfInvariants):
+class ArrudaBoyce(_InvariantLaw):
     """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i), c = 1/2, 1/20, 11/1050, 19/7000, 519/673750."""
 
     mu: Modulus
@@ -874,7 +898,7 @@ class ArrudaBoyce(_OfInvariants):
         """
         terms = (
             i * c * 3 ** (i - 1) * self.lambda_m ** (2 - 2 * i)
-            for i, c in enumerate(ARRUDA_BOYCE, start=1)
+            for i, c in enumerate(LANGEVIN_SERIES, start=1)
         )
         return 2 * self.mu * sum(terms)
 
@@ -885,13 +909,13 @@ class ArrudaBoyce(_OfInvariants):
         I1 = 3 + i1
         slope = 0.0
         power = 1.0
-        for i, c in enumerate(ARRUDA_BOYCE, start=1):
+        for i, c in enumerate(LANGEVIN_SERIES, start=1):
             slope = slope + c * self.lambda_m ** (2 - 2 * i) * power
             power = I1 * power + 3.0**i
         return self.mu * i1 * slope
 
 
-class HeldSwelling(NamedTuple):
+class ConfinedSwelling(NamedTuple):
     """What a gel that is held sideways does in a bath, from its reference: stretch along its free
     axis, and nominal stress across [pressure], < 0 where it pushes.
     """
@@ -936,7 +960,7 @@ class Gel(_Law):
         """
         if self.stretch == "auto":
             return self
-        if not (self.stretch > 1 and 3 * self._stiffness_of_swelling > self.n_omega):
+        if not (self.stretch > 1 and 3 * self._swelling_stiffness > self.n_omega):
             raise ValueError(
                 f"a gel of chi = {self.chi:g} that has swollen freely by {self.stretch:g} would "
                 "shrink by itself;"
@@ -944,16 +968,22 @@ class Gel(_Law):
             )
         if not (self.flow and self.flow.diffusivity):
             return self
-        at_rest = self.permeability(1.0, self.flow.diffusivity)
-        return replace(self, flow=replace(self.flow, diffusivity=None, permeability=at_rest))
+        initial_permeability = self.permeability(1.0, self.flow.diffusivity)
+        return replace(
+            self, flow=replace(self.flow, diffusivity=None, permeability=initial_permeability)
+        )
 
-    def swollen_in(self, bath: float) -> Self:
+    def with_free_swelling(self, bath: float) -> Self:
         """The same with the stretch of free swelling in a bath of this chemical potential [kT],
         where it is "auto".
         """
-        return replace(self, stretch=self.free_stretch(bath)) if self.stretch == "auto" else self
+        return (
+            replace(self, stretch=self.free_swelling_stretch(bath))
+            if self.stretch == "auto"
+            else self
+        )
 
-    def free_potential(self, stretch: Expr) -> Expr:
+    def free_swelling_potential(self, stretch: Expr) -> Expr:
         """mu(l) = n (1/l - 1/J0) + ln(1 - 1/J0) + 1/J0 + chi/J0^2 [kT] of a bath in which it swells
         freely by l.
         """
@@ -961,42 +991,54 @@ class Gel(_Law):
         network = self.n_omega * (1 / stretch - 1 / J0)
         return network + log1p(-1 / J0) + 1 / J0 + self.chi / J0**2
 
-    def free_stretch(self, bath: float) -> float:
+    def free_swelling_stretch(self, bath: float) -> float:
         """The least l > 1 of free swelling in a bath of this chemical potential [kT]; ValueError
         where none is.
         """
-        found = _first_root(lambda growth: float(self.free_potential(1 + growth)) - bath, GROWTHS)
-        if found is None:
+        stretch_increment = _first_root(
+            lambda growth: float(self.free_swelling_potential(1 + growth)) - bath,
+            STRETCH_INCREMENTS,
+        )
+        if stretch_increment is None:
             raise ValueError(
                 f"no free swelling has a bath potential of {bath:g}; a bath below 0, or another chi"
             )
-        return 1 + found
+        return 1 + stretch_increment
 
     def bath_pressure(self, bath: float) -> float:
         """p_b = (G/n)(mu_bath - mu(l)) [pressure] of a bath of this chemical potential [kT]; > 0
         where it swells, and 0 in the bath in which it has swollen freely.
         """
-        above = bath - self.free_potential(self._l)
-        return float(self.G / self.n_omega * above) if abs(above) > SWELLING_ROUNDING else 0.0
+        excess_potential = bath - self.free_swelling_potential(self._l)
+        return (
+            float(self.G / self.n_omega * excess_potential)
+            if abs(excess_potential) > SWELLING_ROUNDING
+            else 0.0
+        )
 
-    def held_swelling(self, bath_pressure: float) -> HeldSwelling:
+    def confined_swelling(self, bath_pressure: float) -> ConfinedSwelling:
         """At rest in a bath of this p_b [pressure] between walls as far apart as it is wide, free
         along one axis; ValueError where there is no such state.
         """
         if bath_pressure == 0:
-            return HeldSwelling(1.0, 0.0)
+            return ConfinedSwelling(1.0, 0.0)
 
-        def pull(growth: float) -> float:
-            sheared = self.shear_modulus * growth * (2 + growth) / (1 + growth)
-            return float(sheared + self.swelling_stress(growth)) - bath_pressure
+        def residual_stress(growth: float) -> float:
+            network_stress = self.shear_modulus * growth * (2 + growth) / (1 + growth)
+            return float(network_stress + self.swelling_stress(growth)) - bath_pressure
 
-        dry = 1 - 1 / self._J0
-        found = _first_root(
-            pull, GROWTHS if bath_pressure > 0 else [-dry * t / (1 + t) for t in GROWTHS]
+        dry_limit = 1 - 1 / self._J0
+        stretch_increment = _first_root(
+            residual_stress,
+            STRETCH_INCREMENTS
+            if bath_pressure > 0
+            else [-dry_limit * t / (1 + t) for t in STRETCH_INCREMENTS],
         )
-        if found is None:
+        if stretch_increment is None:
             raise ValueError(f"no swelling between walls has a bath pressure of {bath_pressure:g}")
-        return HeldSwelling(1 + found, -self.shear_modulus * found * (2 + found))
+        return ConfinedSwelling(
+            1 + stretch_increment, -self.shear_modulus * stretch_increment * (2 + stretch_increment)
+        )
 
     def permeability(self, J: Expr, diffusivity: Expr) -> Expr:
         """k = D n (1 - 1/(J0 J))/G [length^2/(pressure time)], D the diffusivity of the solvent
@@ -1004,11 +1046,11 @@ class Gel(_Law):
         """
         return diffusivity * self.n_omega / self.G * (1 - 1 / (self._J0 * J))
 
-    def opening(self, J: Expr) -> Expr:
+    def permeability_ratio(self, J: Expr) -> Expr:
         """The permeability over that at rest: the solvent's share of the volume, over that at rest."""
         return (1 - 1 / (self._J0 * J)) / (1 - 1 / self._J0)
 
-    def swelling(self, J: Expr) -> Expr:
+    def swelling_ratio(self, J: Expr) -> Expr:
         """J0 J, the volume over that of the dry network."""
         return self._J0 * J
 
@@ -1026,7 +1068,7 @@ class Gel(_Law):
         return self.G / self._l
 
     @property
-    def _stiffness_of_swelling(self) -> Expr:
+    def _swelling_stiffness(self) -> Expr:
         """1/(l^2 (J0 - 1)) + n/l^2 - 2 chi/l^5 = (lambda + mu) n l/G."""
         return (1 / (self._J0 - 1) + self.n_omega - 2 * self.chi / self._J0) / self._l**2
 
@@ -1035,38 +1077,40 @@ class Gel(_Law):
         """Small-strain E [pressure] and nu = 1/2 - (n/2)/(1/(l^2 (J0 - 1)) + n/l^2 - 2 chi/l^5), of
         the drained gel.
         """
-        nu = 0.5 - self.n_omega / (2 * self._stiffness_of_swelling)
+        nu = 0.5 - self.n_omega / (2 * self._swelling_stiffness)
         return Constants(2 * self.shear_modulus * (1 + nu), nu)
 
     @property
-    def inverse_stiffness(self) -> Expr:
+    def volumetric_compliance(self) -> Expr:
         """1/lambda, lambda = (G/l)(stiffness/n - 1) with the stiffness of `constants` [1/pressure]."""
-        return 1 / (self.shear_modulus * (self._stiffness_of_swelling / self.n_omega - 1))
+        return 1 / (self.shear_modulus * (self._swelling_stiffness / self.n_omega - 1))
 
     def energy(self, H: Expr) -> Expr:
         """psi [pressure] of the displacement gradient H (3 x 3), with all digits where H is small."""
-        excess, growth = _excess_and_growth(H)
-        return self.shear_modulus * excess + self._energy_of_swelling(growth)
+        excess, growth = _excess_and_volume_growth(H)
+        return self.shear_modulus * excess + self._swelling_energy(growth)
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
         """psi [pressure] of principal stretches."""
         J = l1 * l2 * l3
         excess = (l1 * l1 + l2 * l2 + l3 * l3 - 3) / 2 - math.log(J)
-        return float(self.shear_modulus * excess + self._energy_of_swelling(J - 1))
+        return float(self.shear_modulus * excess + self._swelling_energy(J - 1))
 
-    def parts(self, H: Expr) -> tuple[Expr, Expr]:
+    def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
         """psi less stiffness e^2/2, and e = J - 1."""
-        excess, e = _excess_and_growth(H)
-        rest = self._energy_of_swelling(e) - e * e / (2 * self.inverse_stiffness)
-        return self.shear_modulus * excess + rest, e
+        excess, e = _excess_and_volume_growth(H)
+        remaining_energy = self._swelling_energy(e) - e * e / (2 * self.volumetric_compliance)
+        return self.shear_modulus * excess + remaining_energy, e
 
-    def _energy_of_swelling(self, e: Expr) -> Expr:
+    def _swelling_energy(self, e: Expr) -> Expr:
         """psi without its first term."""
         J0 = self._J0
         a = self._J0 / (self._J0 - 1)
-        mixing = log1p_remainder(e) - log1p_remainder(a * e) + a * e * (log1p(a * e) - log1p(e))
-        solvent = (J0 - 1) * mixing - self.chi / J0 * e * e / (1 + e)
-        return self.G / (self.n_omega * J0) * solvent - self.G * (
+        mixing_terms = (
+            log1p_remainder(e) - log1p_remainder(a * e) + a * e * (log1p(a * e) - log1p(e))
+        )
+        solvent_energy = (J0 - 1) * mixing_terms - self.chi / J0 * e * e / (1 + e)
+        return self.G / (self.n_omega * J0) * solvent_energy - self.G * (
             1 / self._l - 1 / J0
         ) * log1p_remainder(e)
 
@@ -1076,37 +1120,46 @@ class Gel(_Law):
         """
         J0 = self._J0
         a = self._J0 / (self._J0 - 1)
-        shrunk = e / (1 + e)
-        mixing = (
-            log1p(a * e) - log1p(e) - shrunk / J0 - self.chi / J0**2 * shrunk * (2 + e) / (1 + e)
+        relative_growth = e / (1 + e)
+        mixing_terms = (
+            log1p(a * e)
+            - log1p(e)
+            - relative_growth / J0
+            - self.chi / J0**2 * relative_growth * (2 + e) / (1 + e)
         )
-        return self.G / self.n_omega * mixing - self.G * (1 / self._l - 1 / J0) * shrunk
+        return (
+            self.G / self.n_omega * mixing_terms - self.G * (1 / self._l - 1 / J0) * relative_growth
+        )
 
 
 # [kT] Between two chemical potentials that are the same: that of a free stretch found for a bath is
 # off by 3e-16 (300 random gels of chi 0 to 0.7, n_omega 1e-4 to 0.03, baths 0 and -1e-6 to -0.1)
 SWELLING_ROUNDING = 1e-14
-GROWTHS = tuple(10 ** (k / 20) for k in range(-240, 241))  # where a stretch less 1 is looked for
+STRETCH_INCREMENTS = tuple(
+    10 ** (k / 20) for k in range(-240, 241)
+)  # where a stretch less 1 is looked for
 
 
-def _first_root(function: Callable[[float], float], places: Iterable[float]) -> float | None:
+def _first_root(function: Callable[[float], float], points: Iterable[float]) -> float | None:
     """The first change of sign from 0 outwards, to all digits; None where there is none."""
-    before = 0.0
-    begin = None
-    for place in places:
-        value = function(place)
-        if begin is not None and (value >= 0) != (begin >= 0):
-            return _bisected(function, before, place)
-        before = place
-        begin = value
+    previous_point = 0.0
+    previous_value = None
+    for point in points:
+        value = function(point)
+        if previous_value is not None and (value >= 0) != (previous_value >= 0):
+            return _bisect(function, previous_point, point)
+        previous_point = point
+        previous_value = value
     return None
 
 
-def _bisected(function: Callable[[float], float], low: float, high: float) -> float:
+def _bisect(function: Callable[[float], float], low: float, high: float) -> float:
     """The place between two at which the sign of a function changes."""
-    is_up = function(high) >= 0
-    while low < (middle := (low + high) / 2) < high or high < middle < low:
-        low, high = (low, middle) if (function(middle) >= 0) == is_up else (middle, high)
+    is_high_positive = function(high) >= 0
+    while low < (midpoint := (low + high) / 2) < high or high < midpoint < low:
+        low, high = (
+            (low, midpoint) if (function(midpoint) >= 0) == is_high_positive else (midpoint, high)
+        )
     return high
 
 
@@ -1123,15 +1176,15 @@ Material = (
     | Gel
 )
 # Laws that `split`: shear may relax alone
-Relaxable = LinearElastic | MooneyRivlin | Yeoh | Ogden | Gent | Fung | ArrudaBoyce
+ShearRelaxingLaw = LinearElastic | MooneyRivlin | Yeoh | Ogden | Gent | Fung | ArrudaBoyce
 
-CONSTANTS_NEEDED = {  # of two constants whose numbers do not show what a stable material is
+STABILITY_CONDITIONS = {  # of two constants whose numbers do not show what a stable material is
     frozenset({"mu", "lame_lambda"}): "lame_lambda > -2 mu/3",
     frozenset({"kappa", "lame_lambda"}): "lame_lambda < kappa",
     frozenset({"nu", "lame_lambda"}): "lame_lambda of the sign of nu, which is not 0",
 }
 
-OF_TWO: dict[
+YOUNG_AND_POISSON: dict[
     tuple[str, ...], Callable[[float, float], tuple[float, float]]
 ] = {  # E and nu, of each two constants
     ("E", "nu"): lambda E, nu: (E, nu),
@@ -1175,18 +1228,18 @@ def young_and_poisson(given: dict[str, float]) -> tuple[float, float]:
             f"{', '.join(given) or 'none'}"
         )
     names = tuple(name for name in ISOTROPIC_CONSTANTS if name in given)
-    if names not in OF_TWO:
+    if names not in YOUNG_AND_POISSON:
         raise ValueError(f"unknown isotropic constants {', '.join(given)}")
     try:
-        E, nu = OF_TWO[names](*(given[name] for name in names))
+        E, nu = YOUNG_AND_POISSON[names](*(given[name] for name in names))
     except ZeroDivisionError:
         E = math.nan
         nu = math.nan
     if not (math.isfinite(E) and E > 0 and -1 < nu <= 0.5):
-        found = f"E = {E:g} and nu = {nu:g}" if math.isfinite(E) else "no E"
-        needed = CONSTANTS_NEEDED.get(frozenset(given), "")
-        stable = "a stable material has E > 0 and -1 < nu <= 0.5" + (
-            f", and so {needed}" if needed else ""
+        result = f"E = {E:g} and nu = {nu:g}" if math.isfinite(E) else "no E"
+        condition = STABILITY_CONDITIONS.get(frozenset(given), "")
+        requirement = "a stable material has E > 0 and -1 < nu <= 0.5" + (
+            f", and so {condition}" if condition else ""
         )
-        raise ValueError(f"these constants give {found}; {stable}")
+        raise ValueError(f"these constants give {result}; {requirement}")
     return E, nu

@@ -25,7 +25,7 @@ from indent_sim.model.materials import (
 from indent_sim.model.tips import Indenter
 
 # principal logarithmic strains (e1, e2) at a stretch exp(e)
-MODES: dict[str, tuple[float, float]] = {
+DEFORMATION_MODES: dict[str, tuple[float, float]] = {
     "uniaxial": (1.0, -0.5),
     "equibiaxial": (1.0, 1.0),
     "planar": (1.0, 0.0),
@@ -38,7 +38,7 @@ STRAIN_POINTS = 200
 
 
 @dataclass(frozen=True)
-class Loss:
+class StabilityLoss:
     """A law is no longer stable in a deformation from this stretch on."""
 
     mode: str
@@ -49,62 +49,64 @@ class Loss:
         return f"{self.mode} {kind} to a stretch of {self.stretch:.3g}"
 
 
-def losses(psi: Callable[[Expr, Expr, Expr], Expr], strain: float) -> list[Loss]:
+def stability_losses(psi: Callable[[Expr, Expr, Expr], Expr], strain: float) -> list[StabilityLoss]:
     """Where stability ends first, for each deformation and sense, within stretches exp(-strain) to
     exp(strain).
 
     psi(l1, l2, l3) is the isochoric energy [pressure] of principal stretches with product one.
     """
-    found = []
-    for mode, direction in MODES.items():
+    loss_points = []
+    for mode, direction in DEFORMATION_MODES.items():
         for sign in (1.0, -1.0):
             strains = sign * strain * np.arange(1, STRAIN_POINTS + 1) / STRAIN_POINTS
-            bad = ~_is_stable(psi, strains * direction[0], strains * direction[1])
-            if bad.any():
-                found.append(Loss(mode, float(np.exp(strains[np.argmax(bad)]))))
-    return found
+            is_unstable = ~_is_stable(psi, strains * direction[0], strains * direction[1])
+            if is_unstable.any():
+                loss_points.append(
+                    StabilityLoss(mode, float(np.exp(strains[np.argmax(is_unstable)])))
+                )
+    return loss_points
 
 
 def largest_strain(tip: Indenter, a: float, delta: float, height: float) -> float:
     """Largest logarithmic strain to expect, of its order: the tip's slope at the contact's edge,
     depth over contact radius, or the body's own compression, whichever is most; at most 2.
     """
-    inside = 0.99 * a
-    slope = float(tip.height(a, 0.0) - tip.height(inside, 0.0)) / (a - inside)
+    inner_radius = 0.99 * a
+    slope = float(tip.height(a, 0.0) - tip.height(inner_radius, 0.0)) / (a - inner_radius)
     return float(np.clip(max(slope, delta / a, -np.log1p(-min(delta / height, 0.9))), 0.0, 2.0))
 
 
-def instabilities(material: Material, strain: float) -> list[str]:
+def instability_warnings(material: Material, strain: float) -> list[str]:
     """A warning for each deformation within reach in which the law is no longer stable."""
     # Fung's psi grows with I1 - 3 and bends upwards, as I1 - 3 does in logarithmic strains; a gel's
     # is that of its free swelling
     if isinstance(material, LinearElastic | TransverselyIsotropic | Fung | Gel):
         return []
     if isinstance(material, NeoHookean):
-        return _of_auxetic(material, strain)
+        return _auxetic_instability(material, strain)
     limit = ": Gent's limit I1 - 3 = Jm, or near it" if isinstance(material, Gent) else ""
-    lost = f"{material.model} loses its stability (Drucker)"
-    reached = _reached(strain)
+    warning = f"{material.model} loses its stability (Drucker)"
+    strain_note = _strain_range_note(strain)
     return [
-        f"{lost} in {loss}{limit}; {reached}"
-        for loss in losses(material.energy_of_stretches, strain)
+        f"{warning} in {loss}{limit}; {strain_note}"
+        for loss in stability_losses(material.energy_of_stretches, strain)
     ]
 
 
-def _of_auxetic(material: NeoHookean, strain: float) -> list[str]:
+def _auxetic_instability(material: NeoHookean, strain: float) -> list[str]:
     """The neo-Hookean psi is convex in logarithmic strains e while sum exp(-2 e) < (2 nu - 1)/nu,
     if nu < 0.
     """
     nu = material.constants.nu
     if nu >= 0 or 3 * float(np.exp(2 * strain)) < (2 * nu - 1) / nu:
         return []
-    loss = Loss("all-round", float(np.sqrt(3 * nu / (2 * nu - 1))))
+    loss = StabilityLoss("all-round", float(np.sqrt(3 * nu / (2 * nu - 1))))
     return [
-        f"{material.model} with nu < 0 loses its stability (Drucker) in {loss}; {_reached(strain)}"
+        f"{material.model} with nu < 0 loses its stability (Drucker) in {loss}; {_strain_range_note(strain)}"
     ]
 
 
-def _reached(strain: float) -> str:
+def _strain_range_note(strain: float) -> str:
     return f"strains may reach exp(+-{strain:.2g}) here"
 
 
@@ -115,18 +117,25 @@ def _is_stable(
     a number.
     """
 
-    def at(i: Expr, j: Expr) -> np.ndarray:
+    def energy_at(i: Expr, j: Expr) -> np.ndarray:
         a = e1 + i * DIFFERENCE_STEP
         b = e2 + j * DIFFERENCE_STEP
         return psi(np.exp(a), np.exp(b), np.exp(-a - b))
 
-    def bend(i: Expr, j: Expr) -> np.ndarray:
-        return at(i, j) - 2 * at(0, 0) + at(-i, -j)
+    def second_difference(i: Expr, j: Expr) -> np.ndarray:
+        return energy_at(i, j) - 2 * energy_at(0, 0) + energy_at(-i, -j)
 
     with np.errstate(all="ignore"):
-        first, second, mixed = bend(1, 0), bend(0, 1), (bend(1, 1) - bend(1, -1)) / 4
-        least = np.arctan2(2 * mixed, first - second) / 2 + np.pi / 2
-        is_beyond_numbers = np.isposinf(at(1, 0) + at(-1, 0) + at(0, 1) + at(0, -1))
+        first, second, mixed = (
+            second_difference(1, 0),
+            second_difference(0, 1),
+            (second_difference(1, 1) - second_difference(1, -1)) / 4,
+        )
+        direction = np.arctan2(2 * mixed, first - second) / 2 + np.pi / 2
+        is_beyond_numbers = np.isposinf(
+            energy_at(1, 0) + energy_at(-1, 0) + energy_at(0, 1) + energy_at(0, -1)
+        )
         return is_beyond_numbers | (
-            bend(np.cos(least), np.sin(least)) > -EIGENVALUE_NOISE * (first + second)
+            second_difference(np.cos(direction), np.sin(direction))
+            > -EIGENVALUE_NOISE * (first + second)
         )

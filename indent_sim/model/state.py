@@ -11,7 +11,11 @@ import numpy as np
 
 from indent_sim.model.units import Scales
 
-READINGS = ("stiffness", "area", "E_hertz")  # more to read at each row; empty where there is none
+DERIVED_COLUMNS = (
+    "stiffness",
+    "area",
+    "E_hertz",
+)  # more to read at each row; empty where there is none
 # The last where the tip is off centre
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")  # with fluid in the pores
@@ -26,11 +30,11 @@ ERROR_COLUMNS = (
 KRYLOV_COLUMNS = ("krylov_iterations",)  # with an iterative linear solver
 TIME_COLUMNS = ("t", "z", "branch", "calibration_error")  # of a history; t stands after step
 SUPPORTS = ("base", "sides", "x_min", "x_max", "y_min", "y_max")
-REACTION = "reaction_"  # how the columns of the reactions of single supports begin
+REACTION_PREFIX = "reaction_"  # how the columns of the reactions of single supports begin
 # On request; `mesh.reactions` says which a body has
 REACTION_COLUMNS = (
-    *(f"{REACTION}{support}_{axis}" for support in SUPPORTS for axis in "rxyz"),
-    *(f"{REACTION}mirror_{axis}" for axis in "xy"),
+    *(f"{REACTION_PREFIX}{support}_{axis}" for support in SUPPORTS for axis in "rxyz"),
+    *(f"{REACTION_PREFIX}mirror_{axis}" for axis in "xy"),
 )
 STATE_COLUMNS = (
     "step",
@@ -65,16 +69,16 @@ class Surface:
     shear: np.ndarray | None = None
     pore_pressure: np.ndarray | None = None
 
-    def in_units(self, length: float, pressure: float) -> Surface:
+    def to_user_units(self, length: float, pressure: float) -> Surface:
         """The same table with lengths and pressures measured in the user's units."""
         lengths = {name: getattr(self, name) * length for name in ("x", "y", "z", "u", "gap")}
-        given = {
-            name: part
+        optional_fields = {
+            name: values
             for name in ("shear", "pore_pressure")
-            if (part := getattr(self, name)) is not None
+            if (values := getattr(self, name)) is not None
         }
-        acting = {name: part * pressure for name, part in given.items()}
-        return Surface(pressure=self.pressure * pressure, **acting, **lengths)
+        stresses = {name: values * pressure for name, values in optional_fields.items()}
+        return Surface(pressure=self.pressure * pressure, **stresses, **lengths)
 
 
 @dataclass(frozen=True)
@@ -149,42 +153,45 @@ class State:
 
     def __str__(self) -> str:
         """What a log says of it."""
-        return self.said({})
+        return self.summary({})
 
-    def said(self, units: Mapping[str, str]) -> str:
+    def summary(self, units: Mapping[str, str]) -> str:
         """Time, depth, force and contact radius in words, each with its unit where `units` has it,
         by these names.
         """
         numbers = {"t": self.t, "delta": self.delta, "force": self.force, "a": self.a}
-        known = {
+        known_numbers = {
             name: value
             for name, value in numbers.items()
             if value is not None and (name != "t" or value == value)
         }
         return "  ".join(
-            f"{name} {value:.6g} {units.get(name, '')}".rstrip() for name, value in known.items()
+            f"{name} {value:.6g} {units.get(name, '')}".rstrip()
+            for name, value in known_numbers.items()
         )
 
     def column(self, name: str) -> Any:
         """The value of a column of the force table; None where there is none."""
         if name in REACTION_COLUMNS:
-            return (self.reactions or {}).get(name.removeprefix(REACTION))
+            return (self.reactions or {}).get(name.removeprefix(REACTION_PREFIX))
         return getattr(self, name)
 
-    def in_units(self, scales: Scales) -> State:
+    def to_user_units(self, scales: Scales) -> State:
         """The same state measured in the user's units, of which the scales are the scene's."""
-        own = vars(self)
-        units = _units(scales)
+        values = vars(self)
+        units = _field_units(scales)
         measured: dict[str, Any] = {
-            name: value * unit for name, unit in units.items() if (value := own[name]) is not None
+            name: value * unit
+            for name, unit in units.items()
+            if (value := values[name]) is not None
         }
-        surface = self.surface and self.surface.in_units(scales.length, scales.pressure)
+        surface = self.surface and self.surface.to_user_units(scales.length, scales.pressure)
         if self.reactions is not None:
             measured["reactions"] = {
                 name: force * scales.force for name, force in self.reactions.items()
             }
         return State(
-            **own | measured | {"surface": surface}
+            **values | measured | {"surface": surface}
         )  # `replace` would ask for every field's default
 
 
@@ -208,7 +215,7 @@ class PullOff:
 
 
 @cache
-def _units(scales: Scales) -> dict[str, float]:
+def _field_units(scales: Scales) -> dict[str, float]:
     """The units of a State's fields, of those that have one."""
     L = scales.length
     P = scales.pressure

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-WORD = "word"  # the dimension of a choice, a text or a switch
+WORD_DIMENSION = "word"  # the dimension of a choice, a text or a switch
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Symbol:
 
     name: str
     meaning: str
-    dimension: str = WORD
+    dimension: str = WORD_DIMENSION
     latex: str = ""
 
 
@@ -379,24 +379,28 @@ v [length] $v$: virtual displacement
 n [1] $n$: outward normal
 """
 
-_ENTRY = re.compile(
+_ENTRY_PATTERN = re.compile(
     r"(?P<name>\S+?)( \[(?P<dimension>[^]]+)\])?( \$(?P<latex>[^$]+)\$)?: (?P<meaning>.+)"
 )
 
 
-def _entry(text: str) -> Symbol:
-    found = _ENTRY.fullmatch(" ".join(text.split()))
-    assert found, text
-    return Symbol(found["name"], found["meaning"], found["dimension"] or WORD, found["latex"] or "")
+def _parse_entry(text: str) -> Symbol:
+    match = _ENTRY_PATTERN.fullmatch(" ".join(text.split()))
+    assert match, text
+    return Symbol(
+        match["name"], match["meaning"], match["dimension"] or WORD_DIMENSION, match["latex"] or ""
+    )
 
 
-def _groups() -> dict[str, tuple[Symbol, ...]]:
+def _parse_groups() -> dict[str, tuple[Symbol, ...]]:
     """The entries of the glossary by the headings of their groups."""
     groups = (group.strip().split("\n", 1) for group in GLOSSARY.split("## ")[1:])
-    return {title: tuple(map(_entry, re.split(r"\n(?! )", entries))) for title, entries in groups}
+    return {
+        title: tuple(map(_parse_entry, re.split(r"\n(?! )", entries))) for title, entries in groups
+    }
 
 
-GROUPS = _groups()
+GROUPS = _parse_groups()
 ADHESION_SYMBOLS = GROUPS["What is known of an attraction over a range"]
 SYMBOLS = {symbol.name: symbol for group in GROUPS.values() for symbol in group}
 PULL_OFF = (SYMBOLS["maugis_pull_off"], SYMBOLS["jkr_pull_off"])

@@ -26,8 +26,8 @@ from indent_sim.model.units import ANGLE, LENGTH, HalfAngle, Length, LengthOrZer
 # above every body (a scene whose body is higher is refused), and a number whose square is finite.
 ENDED_TIP_HEIGHT = 1e15
 # A ball is held from above: beside the cone of this half-angle [degrees] about its axis it is whole
-STEM = 30.0
-TINY = 1e-30  # arcs of no length are not divided by zero
+STEM_HALF_ANGLE = 30.0
+TINY_LENGTH = 1e-30  # arcs of no length are not divided by zero
 
 Angle = Annotated[float, ANGLE]
 Faces = Annotated[int, Ge(3), Le(64)]
@@ -38,22 +38,22 @@ Points = Annotated[tuple[Point, ...], Len(2, 1000), LENGTH]
 class _Tip:
     """What holds of a tip that says nothing else: it is of revolution and smooth."""
 
-    of_revolution: ClassVar[bool] = True
+    is_axisymmetric: ClassVar[bool] = True
 
-    def creases(self) -> list[tuple[float, float]]:
+    def slope_discontinuities(self) -> list[tuple[float, float]]:
         """Radius [length] of every circle where the slope jumps, and the width [length] over which
         it is rounded.
         """
         return []
 
 
-class _Pointed(_Tip):
+class _PointedTip(_Tip):
     """What a cone and a pyramid have in common: flanks that meet at the apex, sharp or rounded."""
 
     half_angle: Expr
     tip_radius: Expr
 
-    def creases(self) -> list[tuple[float, float]]:
+    def slope_discontinuities(self) -> list[tuple[float, float]]:
         """The apex alone."""
         return [(0.0, self.tip_radius * float(cos(self.half_angle)))]
 
@@ -106,7 +106,7 @@ class Sphere(_Tip):
         - R: a body that the tip has passed does not come free of it above.
         """
         R2 = self.R * self.R
-        c = cos(STEM)
+        c = cos(STEM_HALF_ANGLE)
         # |v|^2 - R^2 = x^2 + y^2 + depth (depth - 2 R) keeps its digits when shallow
         difference = x * x + y * y + depth * (depth - 2 * self.R)
         distance = sqrt(difference + R2 * (1 + 1e-15))  # its derivative is finite at the center
@@ -120,7 +120,7 @@ class Sphere(_Tip):
 
 
 @dataclass(frozen=True)
-class Cone(_Pointed):
+class Cone(_PointedTip):
     """f = r cot(half_angle); with tip_radius > 0 the apex is a spherical cap that meets the flank
     smoothly.
     """
@@ -191,7 +191,7 @@ class Hyperboloid(_Tip):
         t = tan(self.half_angle) / self.R
         return sqrt(1 + square * t * t)
 
-    def creases(self) -> list[tuple[float, float]]:
+    def slope_discontinuities(self) -> list[tuple[float, float]]:
         """The apex alone, rounded over the radius R cot(half_angle) at which the paraboloid goes
         over into the cone.
         """
@@ -218,9 +218,13 @@ class FlatPunch(_Tip):
         """f(x, y) [length]."""
         r = sqrt(x * x + y * y)
         e = self.edge_radius
-        beyond = minimum(maximum(r - (self.radius - e), 0.0 * r), e)
-        edge = beyond * beyond / (e + sqrt(e * e - beyond * beyond) + 1e-300)
-        return where_less(self.radius * (1 + 1e-12), r, ENDED_TIP_HEIGHT * self.radius, edge)
+        edge_distance = minimum(maximum(r - (self.radius - e), 0.0 * r), e)
+        edge_height = (
+            edge_distance
+            * edge_distance
+            / (e + sqrt(e * e - edge_distance * edge_distance) + 1e-300)
+        )
+        return where_less(self.radius * (1 + 1e-12), r, ENDED_TIP_HEIGHT * self.radius, edge_height)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
         """Distance to the rounded punch: -depth under the flat, to the torus at the edge, to the
@@ -236,15 +240,15 @@ class FlatPunch(_Tip):
         linear_from = (
             0.5 * e * maximum(1 - 2 * outward / e, 0.0 * r) ** 2
         )  # any length that is 0 near the wall
-        near = maximum(downward, linear_from)
-        distance = sqrt(outward * outward + near * near)
-        return distance - e - (near - downward) * near / distance
+        vertical_distance = maximum(downward, linear_from)
+        distance = sqrt(outward * outward + vertical_distance * vertical_distance)
+        return distance - e - (vertical_distance - downward) * vertical_distance / distance
 
     def radius_at(self, depth: float) -> float:
         """The punch's radius at any depth [length]."""
         return self.radius
 
-    def creases(self) -> list[tuple[float, float]]:
+    def slope_discontinuities(self) -> list[tuple[float, float]]:
         """Radius [length] of every circle where the slope jumps, and the width [length] over which
         it is rounded.
         """
@@ -270,7 +274,7 @@ class Plate(_Tip):
         return inf
 
 
-class RegularPyramid(_Pointed):
+class RegularPyramid(_PointedTip):
     """f = cot(half_angle) max over the faces of x . n, regular; half_angle between axis and face.
 
     The normal of one face points along x, turned by `rotation` degrees about z. With tip_radius > 0
@@ -280,25 +284,25 @@ class RegularPyramid(_Pointed):
 
     faces: Expr
     rotation: Expr
-    of_revolution: ClassVar[bool] = False
+    is_axisymmetric: ClassVar[bool] = False
 
     def height(self, x: Expr, y: Expr) -> Expr:
         """f(x, y) [length]."""
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
         square = x * x + y * y
-        s, t, p, q = self._sector(x, y)
-        face = slope * s - rho * (1 / sin(self.half_angle) - 1)
+        s, t, p, q = self._sector_coordinates(x, y)
+        face_height = slope * s - rho * (1 / sin(self.half_angle) - 1)
         # the edge is a line that rises with the slope m, the ball's center runs along it
         m = slope * cos(180 / self.faces)
         secant = sqrt(1 + m * m)
         chord = sqrt(maximum(rho * rho - q * q, 0.0 * q))
-        edge = rho + m * p - secant * chord
+        edge_height = rho + m * p - secant * chord
         inside = minimum(square, rho * rho)
-        cap = inside / (rho + sqrt(rho * rho - inside) + 1e-300)
-        rounded = where_less(secant * p, m * chord, cap, edge)
+        cap_height = inside / (rho + sqrt(rho * rho - inside) + 1e-300)
+        rounded = where_less(secant * p, m * chord, cap_height, edge_height)
         return where_less(
-            (s - rho * cos(self.half_angle)) * tan(180 / self.faces), t, rounded, face
+            (s - rho * cos(self.half_angle)) * tan(180 / self.faces), t, rounded, face_height
         )
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
@@ -307,19 +311,21 @@ class RegularPyramid(_Pointed):
         """
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
-        s, t, p, q = self._sector(x, y)
+        s, t, p, q = self._sector_coordinates(x, y)
         z = depth - rho
-        face = s * cos(self.half_angle) - z * sin(self.half_angle)
-        foot = s - face * cos(self.half_angle)
+        face_distance = s * cos(self.half_angle) - z * sin(self.half_angle)
+        face_foot = s - face_distance * cos(self.half_angle)
         m = slope * cos(180 / self.faces)
-        lift = (m * p - z) / sqrt(1 + m * m)
+        edge_height = (m * p - z) / sqrt(1 + m * m)
         floor = 1e-24 * rho * rho  # the roots' derivatives stay finite where they are not used
-        edge = sqrt(q * q + lift * lift + floor)
-        apex = sqrt(x * x + y * y + z * z + floor)
-        rounded = where_less(p + m * z, 0.0, apex, edge)
-        return where_less(foot * tan(180 / self.faces), t, rounded, face) - rho
+        edge_distance = sqrt(q * q + edge_height * edge_height + floor)
+        apex_distance = sqrt(x * x + y * y + z * z + floor)
+        rounded_distance = where_less(p + m * z, 0.0, apex_distance, edge_distance)
+        return (
+            where_less(face_foot * tan(180 / self.faces), t, rounded_distance, face_distance) - rho
+        )
 
-    def _sector(self, x: Expr, y: Expr) -> tuple[Expr, Expr, Expr, Expr]:
+    def _sector_coordinates(self, x: Expr, y: Expr) -> tuple[Expr, Expr, Expr, Expr]:
         """(s, t) along and across the nearest face's normal, (p, q) along and across the nearest
         edge [length].
         """
@@ -336,22 +342,24 @@ class RegularPyramid(_Pointed):
         """Radius of the circle as large as the tip's section `depth` above its apex (edges sharp)
         [length].
         """
-        blunt = Cone(self.half_angle, self.tip_radius)
+        inscribed_cone = Cone(self.half_angle, self.tip_radius)
         is_on_cap = depth < self.tip_radius * (1 - sin(self.half_angle))
-        return blunt.radius_at(depth) * (1.0 if is_on_cap else self.roundness)
+        return inscribed_cone.radius_at(depth) * (
+            1.0 if is_on_cap else self.equivalent_radius_ratio
+        )
 
     @property
-    def roundness(self) -> float:
+    def equivalent_radius_ratio(self) -> float:
         """Radius of the circle as large as a section, over the section's inner radius."""
         return float(sqrt(self.faces * tan(180 / self.faces) / pi))
 
-    def is_mirrored(self, degrees: float) -> bool:
+    def has_mirror_plane(self, degrees: float) -> bool:
         """Whether the vertical plane through the axis at this angle from x mirrors the pyramid onto
         itself.
         """
-        step = 180 / self.faces
-        off = (degrees - self.rotation) % step
-        return bool(min(off, step - off) < 1e-9)
+        period = 180 / self.faces
+        remainder = (degrees - self.rotation) % period
+        return bool(min(remainder, period - remainder) < 1e-9)
 
 
 @dataclass(frozen=True)
@@ -419,61 +427,70 @@ class Profile(_Tip):
     tip_radius: LengthOrZero = 0.0
     shape: Literal["profile"] = "profile"
 
-    def check(self) -> None:
+    def check_points(self) -> None:
         """Raises ValueError unless the points describe a convex tip whose arcs have room."""
         (r_0, z_0), *_ = self.points
         if r_0 != 0 or z_0 != 0:
             raise ValueError("the first point is the apex [0, 0]")
         if any(a[0] >= b[0] for a, b in pairwise(self.points)):
             raise ValueError("r must increase from point to point")
-        jumps = self._jumps()
-        if min(jumps) < -1e-9 * (1 + sum(map(abs, jumps))):
+        slope_jumps = self._slope_jumps()
+        if min(slope_jumps) < -1e-9 * (1 + sum(map(abs, slope_jumps))):
             raise ValueError("the tip must be convex: the slope must not decrease")
-        corners = zip(self.points[1:-1], jumps[1:], strict=True)
+        corners = zip(self.points[1:-1], slope_jumps[1:], strict=True)
         if any(self.tip_radius * jump / 2 > r for (r, _), jump in corners):
             raise ValueError("tip_radius is too large: the arc of a corner reaches the axis")
 
-    def _jumps(self) -> list[Expr]:
+    def _slope_jumps(self) -> list[Expr]:
         """The change of slope at the apex and at every point but the last."""
         slopes = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(self.points)]
-        return [slopes[0], *(after - before for before, after in pairwise(slopes))]
+        return [slopes[0], *(next_slope - slope for slope, next_slope in pairwise(slopes))]
 
-    def corners(self) -> list[tuple[Expr, Expr, Expr]]:
+    def rounding_arcs(self) -> list[tuple[Expr, Expr, Expr]]:
         """Middle [length], half width [length] and change of slope of every arc."""
         rho = self.tip_radius
-        jumps = self._jumps()
-        middles = [rho * jumps[0] / 2, *(r for r, _ in self.points[1:-1])]
-        return [(middle, rho * jump / 2, jump) for middle, jump in zip(middles, jumps, strict=True)]
+        slope_jumps = self._slope_jumps()
+        arc_centers = [rho * slope_jumps[0] / 2, *(r for r, _ in self.points[1:-1])]
+        return [
+            (arc_center, rho * jump / 2, jump)
+            for arc_center, jump in zip(arc_centers, slope_jumps, strict=True)
+        ]
 
     def slope(self, r: Expr) -> Expr:
         """f'(r)."""
-        arcs = ((r - c, w, jump) for c, w, jump in self.corners())
-        rho = self.tip_radius + TINY
+        arcs = ((r - c, w, jump) for c, w, jump in self.rounding_arcs())
+        rho = self.tip_radius + TINY_LENGTH
         return sum(
             where_less(x, -w, 0.0, where_less(x, w, (x + w) / rho, jump)) for x, w, jump in arcs
         )
 
-    def _rise(self, r: Expr) -> Expr:
-        total: Expr = 0.0
-        for c, w, jump in self.corners():
-            past = maximum(r - c + w, 0.0 * r)
-            arc = minimum(past, 2 * w)
-            total = total + arc * arc / (2 * (self.tip_radius + TINY)) + jump * (past - arc)
-        return total
+    def _height_at_radius(self, r: Expr) -> Expr:
+        height: Expr = 0.0
+        for c, w, jump in self.rounding_arcs():
+            distance_past = maximum(r - c + w, 0.0 * r)
+            arc = minimum(distance_past, 2 * w)
+            height = (
+                height
+                + arc * arc / (2 * (self.tip_radius + TINY_LENGTH))
+                + jump * (distance_past - arc)
+            )
+        return height
 
     def height(self, x: Expr, y: Expr) -> Expr:
         """f(x, y) [length]."""
         r = sqrt(x * x + y * y)
-        end = self.points[-1][0]
-        return where_less(end * (1 + 1e-12), r, ENDED_TIP_HEIGHT * end, self._rise(r))
+        max_radius = self.points[-1][0]
+        return where_less(
+            max_radius * (1 + 1e-12), r, ENDED_TIP_HEIGHT * max_radius, self._height_at_radius(r)
+        )
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
         """(f - depth) / |grad(f - z)| at the deformed point."""
         r = sqrt(x * x + y * y + 1e-24 * self.tip_radius * self.tip_radius)
-        end = self.points[-1][0]
-        steep = self.slope(r)
-        distance = (self._rise(r) - depth) / sqrt(1 + steep * steep)
-        return where_less(end * (1 + 1e-12), r, ENDED_TIP_HEIGHT * end, distance)
+        max_radius = self.points[-1][0]
+        slope = self.slope(r)
+        distance = (self._height_at_radius(r) - depth) / sqrt(1 + slope * slope)
+        return where_less(max_radius * (1 + 1e-12), r, ENDED_TIP_HEIGHT * max_radius, distance)
 
     def radius_at(self, depth: float) -> float:
         """Radius of the tip's section `depth` above its apex (arcs left out) [length]."""
@@ -482,11 +499,11 @@ class Profile(_Tip):
                 return r_0 + (r_1 - r_0) * (depth - z_0) / (z_1 - z_0)
         return self.points[-1][0]
 
-    def creases(self) -> list[tuple[float, float]]:
+    def slope_discontinuities(self) -> list[tuple[float, float]]:
         """Radius [length] of every circle where the slope jumps, and the width [length] over which
         it is rounded.
         """
-        corners = [(c - w, 2 * w) for c, w, jump in self.corners() if jump > 1e-9]
+        corners = [(c - w, 2 * w) for c, w, jump in self.rounding_arcs() if jump > 1e-9]
         return [*corners, (self.points[-1][0], 0.0)]  # the tip ends in an edge
 
 
@@ -512,7 +529,7 @@ Indenter = (
 )
 
 
-def reach(tip: Indenter) -> float:
+def max_radius(tip: Indenter) -> float:
     """The radius [length] at which a tip ends; infinity for one that does not."""
     match tip:
         case Sphere(R=R):
@@ -534,14 +551,14 @@ def flat_radius(tip: Indenter) -> float:
     return 0.0
 
 
-def below(tip: Indenter, gap: Expr) -> Expr:
+def gap_under_tip(tip: Indenter, gap: Expr) -> Expr:
     """Gaps [length] as they are written: not a number beside a tip that ends, where `height` is
     only very large.
     """
-    return where_less(gap, ENDED_TIP_HEIGHT / 1e3 * reach(tip), gap, nan)
+    return where_less(gap, ENDED_TIP_HEIGHT / 1e3 * max_radius(tip), gap, nan)
 
 
-def deepest_inside(tip: Indenter) -> float:
+def pass_through_depth(tip: Indenter) -> float:
     """The penetration [length] beyond which a point may come out at the tip's other side: half the
     radius of a ball.
     """

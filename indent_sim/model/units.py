@@ -26,22 +26,22 @@ _SUPERSCRIPTS = {"²": 2, "³": 3}
 ENERGY_POWERS = {"length": 3, "pressure": 1}
 
 
-def factors(text: str) -> list[tuple[str, int]]:
+def parse_unit_factors(text: str) -> list[tuple[str, int]]:
     """Names and powers of a product such as mN/m or length^2/(pressure time); ValueError when it is
     none.
     """
-    spread = _DIVISOR.sub(lambda match: "/" + re.sub(r"\s*[*·]\s*|\s+", "/", match[1]), text)
-    found = []
+    expanded = _DIVISOR.sub(lambda match: "/" + re.sub(r"\s*[*·]\s*|\s+", "/", match[1]), text)
+    unit_factors = []
     end = 0
-    for match in _FACTOR.finditer(spread):
+    for match in _FACTOR.finditer(expanded):
         if match.start() != end:
             break
         end = match.end()
         power = _SUPERSCRIPTS.get(match["power"] or "", 0) or int(match["power"] or 1)
-        found.append((match["name"], -power if match["sign"] == "/" else power))
-    if end != len(spread):
+        unit_factors.append((match["name"], -power if match["sign"] == "/" else power))
+    if end != len(expanded):
         raise ValueError(f"'{text}' is no product of units")
-    return found
+    return unit_factors
 
 
 @dataclass(frozen=True)
@@ -52,16 +52,16 @@ class Unit:
     A force is that of the whole body, in plane strain per length.
     """
 
-    words: str
+    text: str
 
     @cached_property
     def powers(self) -> dict[str, int]:
         """Powers of length, pressure, force, time and degrees; an energy is pressure length^3."""
-        total: Counter[str] = Counter()
-        for word, power in factors(self.words.removeprefix("1")):
-            parts = ENERGY_POWERS if word == "energy" else {word: 1}
-            total.update({name: power * times for name, times in parts.items()})
-        return total
+        powers: Counter[str] = Counter()
+        for unit_name, power in parse_unit_factors(self.text.removeprefix("1")):
+            base_units = ENERGY_POWERS if unit_name == "energy" else {unit_name: 1}
+            powers.update({name: power * multiplicity for name, multiplicity in base_units.items()})
+        return powers
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ class UnitRow:
     units: tuple[Unit | None, ...]
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """The dimensions one after another."""
-        return ", ".join(unit.words if unit else "1" for unit in self.units)
+        return ", ".join(unit.text if unit else "1" for unit in self.units)
 
 
 LENGTH, PRESSURE, FORCE, TIME, ANGLE = map(Unit, ("length", "pressure", "force", "time", "degrees"))
@@ -105,18 +105,18 @@ class TaggedBy:
     one, and None.
     """
 
-    tag: str
+    key: str
 
     def __get_pydantic_core_schema__(self, union: Any, handler: Any) -> Any:
         from pydantic_core import core_schema
 
-        parts = get_args(union) or (union,)
+        alternatives = get_args(union) or (union,)
         kinds = {
-            getattr(kind, self.tag): kind for kind in parts if kind is not NoneType
+            getattr(kind, self.key): kind for kind in alternatives if kind is not NoneType
         }  # its default: its one word
         choices = {word: handler.generate_schema(kind) for word, kind in kinds.items()}
-        schema = core_schema.tagged_union_schema(choices, discriminator=self.tag)
-        return core_schema.nullable_schema(schema) if NoneType in parts else schema
+        schema = core_schema.tagged_union_schema(choices, discriminator=self.key)
+        return core_schema.nullable_schema(schema) if NoneType in alternatives else schema
 
 
 def unit_of(hint: Any) -> Unit | UnitRow | None:
@@ -124,10 +124,10 @@ def unit_of(hint: Any) -> Unit | UnitRow | None:
     word.
     """
     if get_origin(hint) is Annotated:
-        marks = [mark for mark in hint.__metadata__ if isinstance(mark, Unit | UnitRow)]
-        return marks[0] if marks else unit_of(hint.__origin__)
-    found = [unit for unit in map(unit_of, get_args(hint)) if unit]
-    return next((unit for unit in found if isinstance(unit, UnitRow)), found[0] if found else None)
+        unit_marks = [mark for mark in hint.__metadata__ if isinstance(mark, Unit | UnitRow)]
+        return unit_marks[0] if unit_marks else unit_of(hint.__origin__)
+    units = [unit for unit in map(unit_of, get_args(hint)) if unit]
+    return next((unit for unit in units if isinstance(unit, UnitRow)), units[0] if units else None)
 
 
 @cache
@@ -150,14 +150,14 @@ class Scales:
     dim: int = 3  # 2 in plane strain, where forces are per unit length
     # equal ones on top of each other, of which one is modelled: approach and energy are those of
     # all
-    pieces: int = 1
+    contacts_per_body: int = 1
     time: float = 1.0
     degrees: ClassVar[float] = 1.0
 
     @property
     def depth(self) -> float:
         """Unit of the depth delta, the whole body's approach."""
-        return self.pieces * self.length
+        return self.contacts_per_body * self.length
 
     @property
     def force(self) -> float:
@@ -172,45 +172,45 @@ class Scales:
     @property
     def energy(self) -> float:
         """Unit of energy."""
-        return self.pieces * self.pressure * self.length**self.dim
+        return self.contacts_per_body * self.pressure * self.length**self.dim
 
-    def of(self, control: str) -> float:
+    def control_unit(self, control: str) -> float:
         """Unit of what a load path prescribes: depth or force."""
         return self.depth if control == "depth" else self.force
 
-    def scaled(self, item: D) -> D:
+    def nondimensionalize(self, item: D) -> D:
         """A dataclass of the user's numbers in these units: every number is divided by the size of
         its unit.
         """
         units = field_units(type(item))  # type: ignore[arg-type]
         fields = dataclasses.fields(item)  # type: ignore[arg-type]
         values = {
-            field.name: self._scaled(getattr(item, field.name), units[field.name])
+            field.name: self._scale_value(getattr(item, field.name), units[field.name])
             for field in fields
         }
         return dataclasses.replace(item, **values)  # type: ignore[type-var]
 
-    def unscaled(self, item: D) -> D:
+    def to_user_units(self, item: D) -> D:
         """A dataclass in these units as the user's numbers."""
         inverse = dataclasses.replace(
             self, length=1 / self.length, pressure=1 / self.pressure, time=1 / self.time
         )
-        return inverse.scaled(item)
+        return inverse.nondimensionalize(item)
 
-    def _scaled(self, value: Any, unit: Unit | UnitRow | None) -> Any:
+    def _scale_value(self, value: Any, unit: Unit | UnitRow | None) -> Any:
         if dataclasses.is_dataclass(value):
-            return self.scaled(value)
+            return self.nondimensionalize(value)
         if isinstance(value, (tuple, list)):
             if isinstance(unit, UnitRow) and not any(isinstance(part, tuple) for part in value):
-                return tuple(map(self._scaled, value, unit.units))
-            return tuple(self._scaled(part, unit) for part in value)
+                return tuple(map(self._scale_value, value, unit.units))
+            return tuple(self._scale_value(part, unit) for part in value)
         if isinstance(unit, UnitRow):
-            return self._scaled(value, unit.units[-1])
+            return self._scale_value(value, unit.units[-1])
         if unit is None or isinstance(value, (str, bool)) or value is None:
             return value
         return value / prod(getattr(self, name) ** power for name, power in unit.powers.items())
 
 
-def rounded(value: float) -> float:
+def round_length(value: float) -> float:
     """A length to 12 significant digits: the same mesh whatever units the scene came in."""
     return float(f"{value:.12g}")

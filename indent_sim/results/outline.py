@@ -13,7 +13,7 @@ import numpy as np
 from indent_sim.config.scene_file import load_older
 from indent_sim.config.schema import Config
 from indent_sim.model.body import AnyBody, Ball
-from indent_sim.model.tips import Indenter, RegularPyramid, Sphere, reach
+from indent_sim.model.tips import Indenter, RegularPyramid, Sphere, max_radius
 from indent_sim.process.errors import IndentSimError
 from indent_sim.results.folder import CONFIG, content
 
@@ -69,7 +69,7 @@ def _scene_of(file: Path, written: int, inode: int) -> Config | None:
 
 def pieces(body: AnyBody) -> int:
     """Equal pieces of a body on top of each other, of which one is modelled."""
-    return body.dome.pieces if isinstance(body, Ball) else 1
+    return body.spherical_body.contacts_per_body if isinstance(body, Ball) else 1
 
 
 def half_section(tip: Indenter, width: float, degrees: float = 0.0, points: int = 160) -> Curve:
@@ -81,16 +81,17 @@ def half_section(tip: Indenter, width: float, degrees: float = 0.0, points: int 
     if isinstance(tip, Sphere):
         angles = np.linspace(0, np.pi if width >= tip.R else np.arcsin(width / tip.R), points)
         return tip.R * np.sin(angles), tip.R * (1 - np.cos(angles))
-    end = min(width, reach(tip))
+    end = min(width, max_radius(tip))
     corners = [
-        np.linspace(radius, radius + across, points // 4) for radius, across in tip.creases()
+        np.linspace(radius, radius + across, points // 4)
+        for radius, across in tip.slope_discontinuities()
     ]  # no chords there
     s = np.unique(np.concatenate([np.linspace(0, end, points), *corners]))
     s = s[(s >= 0) & (s <= end)]
     x = s * np.cos(np.radians(degrees))
     y = s * np.sin(np.radians(degrees))
     z = np.asarray(tip.height(x, y), dtype=float)
-    return (np.append(s, end), np.append(z, z[-1] + width)) if reach(tip) <= width else (s, z)
+    return (np.append(s, end), np.append(z, z[-1] + width)) if max_radius(tip) <= width else (s, z)
 
 
 def section(tip: Indenter, width: float, degrees: float = 0.0) -> Curve:
@@ -139,4 +140,4 @@ def drawn_width(tip: Indenter, a: float, delta: float) -> float:
     small tip whole.
     """
     wide = 2.5 * max(a, abs(delta))
-    return max(wide, 1.0001 * reach(tip)) if reach(tip) < 2 * wide else wide
+    return max(wide, 1.0001 * max_radius(tip)) if max_radius(tip) < 2 * wide else wide

@@ -22,12 +22,12 @@ from indent_sim.config.scene_file import load, to_yaml
 from indent_sim.config.schema import GONE
 from indent_sim.config.strict_yaml import inline, key_text, leaves, parse
 from indent_sim.model.state import (
+    DERIVED_COLUMNS,
     ERROR_COLUMNS,
     FLUID_COLUMNS,
     FRICTION_COLUMNS,
     KRYLOV_COLUMNS,
     REACTION_COLUMNS,
-    READINGS,
     STATE_COLUMNS,
     TIME_COLUMNS,
     State,
@@ -70,7 +70,7 @@ SAME_DEPTH = 1e-9  # relative
 LONGEST_HEADER = 10_000  # bytes
 MEASURED = "measured"  # entry of the report of a curve that nobody simulated
 BEYOND_STATE = (
-    *READINGS,
+    *DERIVED_COLUMNS,
     *FRICTION_COLUMNS,
     *FLUID_COLUMNS,
     *KRYLOV_COLUMNS,
@@ -82,7 +82,7 @@ BEYOND_STATE = (
 # what it took
 FOUND_COLUMNS = tuple(
     name
-    for name in (*STATE_COLUMNS, *READINGS, *FRICTION_COLUMNS, *FLUID_COLUMNS, *TIME_COLUMNS)
+    for name in (*STATE_COLUMNS, *DERIVED_COLUMNS, *FRICTION_COLUMNS, *FLUID_COLUMNS, *TIME_COLUMNS)
     if name not in ("step", "wall_s", *WORD_COLUMNS)
 )
 

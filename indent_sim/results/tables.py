@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 
 from indent_sim.model.state import (
+    DERIVED_COLUMNS,
     ERROR_COLUMNS,
     KRYLOV_COLUMNS,
-    REACTION,
     REACTION_COLUMNS,
-    READINGS,
+    REACTION_PREFIX,
     State,
     Surface,
 )
@@ -45,7 +45,7 @@ UNKNOWN_IN_TIME = (
     "energy",
     "calibration_error",
 )  # what a curve may not know
-MAY_BE_EMPTY = {"p_max", *READINGS, *ERROR_COLUMNS}
+MAY_BE_EMPTY = {"p_max", *DERIVED_COLUMNS, *ERROR_COLUMNS}
 # Theory does not say u_x, under a sharp apex or edge p is infinite, and beside the end of a tip
 # there is no gap
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure", "gap")
@@ -107,7 +107,9 @@ def state_of(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ())
     if not is_result:
         return None
     reactions = {
-        name.removeprefix(REACTION): values.pop(name) for name in names if name in REACTION_COLUMNS
+        name.removeprefix(REACTION_PREFIX): values.pop(name)
+        for name in names
+        if name in REACTION_COLUMNS
     }
     return State(**values, reactions=reactions or None)
 

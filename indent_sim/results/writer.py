@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.state import READINGS, STATE_COLUMNS, State, Surface
+from indent_sim.model.state import DERIVED_COLUMNS, STATE_COLUMNS, State, Surface
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.signals import uninterrupted
 from indent_sim.process.version import VERSION
@@ -75,7 +75,7 @@ class ResultFolder:
         self._config_yaml = config_yaml
         self._mesh = mesh
         self._surface = surface
-        self._columns = tables.in_order((*STATE_COLUMNS, *READINGS, *columns))
+        self._columns = tables.in_order((*STATE_COLUMNS, *DERIVED_COLUMNS, *columns))
         self.earlier: Earlier | None = None
         self._resume = resume
         self._guard = guard and not resume

@@ -104,7 +104,7 @@ def _imported_mesh_sections(config: Config, body: MeshFromFile, scene: Scene) ->
         body,
         sides=sides,
         file=MESH_FILE,
-        surfaces=body.named,
+        surfaces=body.surface_names,
         hash=domain.file_hash,
         regions=region_laws or None,
     )
@@ -144,7 +144,7 @@ def _mesh_section(config: Config, scene: Scene) -> Any:
 
 
 def _contact_section(config: Config, scene: Scene) -> Any:
-    law = scene.physics.scales.unscaled(scene.physics.contact)
+    law = scene.physics.scales.to_user_units(scene.physics.contact)
     settings = config.contact
     if not isinstance(
         settings, type(law)

@@ -169,7 +169,7 @@ class _HistoryEvaluation:
     def __init__(self, scene: Scene, equilibrium: Equilibrium):
         self.scene = scene
         self.experiment = scene.experiment or Experiment()
-        self.history = scene.history_on_curve and scene.history_on_curve.through_its_times
+        self.history = scene.history_on_curve and scene.history_on_curve.with_row_times_inserted
         self._equilibrium = equilibrium
         self.compliance = self.experiment.compliance
         self.has_prescribed_forces = (
@@ -347,9 +347,9 @@ class _HistoryEvaluation:
 
     def _quasistatic_rows(self, history: History) -> list[HistoryRow]:
         """Every point an equilibrium of the elastic curve."""
-        curve = self.elastic_curve(self._max_depth_at(history.largest))
+        curve = self.elastic_curve(self._max_depth_at(history.largest_value))
         rows = []
-        for instant in history.instants:
+        for instant in history.rows:
             value = instant.value
             delta = (
                 curve.depth_of_force(value)
@@ -379,9 +379,9 @@ class _HistoryEvaluation:
 
     def _lee_radok_ting_rows(self, history: History) -> list[HistoryRow]:
         """Lee-Radok and Ting; stepping where the contact turns out to grow again."""
-        times, values = zip(*history.from_rest, strict=True)
+        times, values = zip(*history.points_from_rest, strict=True)
         cycle = LeeRadokTing(self.modulus, times, values, self.elastic_curve(max(values)))
-        instants = history.instants
+        instants = history.rows
         if cycle.contact_grows_again([instant.t for instant in instants]):
             self.warnings.append(
                 "the contact grows again while the tip retracts or is held after it: stepped in "
@@ -399,14 +399,14 @@ class _HistoryEvaluation:
         return rows
 
     def _time_stepped_rows(self, history: History) -> list[HistoryRow]:
-        times, values = map(list, zip(*history.from_rest, strict=True))
+        times, values = map(list, zip(*history.points_from_rest, strict=True))
         surface = self.relaxing_surface(
             self._max_depth_at(
                 max(values), remaining_modulus_fraction(self.scene.relaxation, history)
             )
         )
         modulus = self.modulus.prony_series(
-            MIN_TIME_FRACTION * history.span / len(times), history.span
+            MIN_TIME_FRACTION * history.duration / len(times), history.duration
         )
         stepper = ViscoelasticTimeStepper(
             surface, modulus, self.compliance, self.has_prescribed_forces
@@ -416,10 +416,10 @@ class _HistoryEvaluation:
         branches = [segment_branches[0], *segment_branches]
         point = 0
         rows = []
-        for response in stepper.responses(times, values, list(history.pieces)):
+        for response in stepper.responses(times, values, list(history.rows_per_segment)):
             rows.append(self._make_row(response.t, response, branches[point]))
             point += response.t == times[point]
-        return rows[len(history.from_rest) - len(history.points) :]
+        return rows[len(history.points_from_rest) - len(history.points) :]
 
     def _jkr_curve_rows(self, jkr: Jkr) -> list[HistoryRow]:
         """The whole equilibrium curve by the contact radius, without a history."""
@@ -450,8 +450,8 @@ class _HistoryEvaluation:
         )
         rows = []
         is_touching = False
-        stable = jkr.stable_branch(max(instant.value for instant in history.instants), compliance)
-        for instant in history.instants:
+        stable = jkr.stable_branch(max(instant.value for instant in history.rows), compliance)
+        for instant in history.rows:
             t = instant.t
             value = instant.value
             branch = instant.branch

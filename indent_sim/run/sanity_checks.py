@@ -176,7 +176,7 @@ def violated_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | N
     """
     is_pressed = scene.is_meshed and not _is_first_touch(scene, state)
     for rule in _applicable_rules(
-        is_pressed, scene.physics.is_time_dependent, scene.physics.contact.may_snap
+        is_pressed, scene.physics.is_time_dependent, scene.physics.contact.may_snap_through
     ):
         if violation := rule(scene, state, earlier):
             is_side = rule is _check_outside_penetration and scene.physics.is_compressed
@@ -196,7 +196,7 @@ def underresolved_rows(scene: Scene, states: Sequence[State]) -> list[str]:
         is_predicted
         or not scene.is_meshed
         or scene.history_on_curve
-        or scene.physics.contact.may_snap
+        or scene.physics.contact.may_snap_through
     ):
         return []
     L = scene.physics.scales.length
@@ -287,7 +287,7 @@ def long_step_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
     list of str
         One warning at most.
     """
-    if not scene.physics.contact.slips or not scene.is_meshed:
+    if not scene.physics.contact.may_slip or not scene.is_meshed:
         return []
     widest = max((state.a for state in states), default=0.0)
     previous_radius = _radius_of_first_contact(scene) * scene.physics.scales.length
@@ -334,7 +334,7 @@ def _radius_of_first_contact(scene: Scene) -> float:
     """
     physics = scene.physics
     if physics.is_compressed:
-        return physics.body.rim_distance(physics.center)
+        return physics.body.lateral_extent(physics.center)
     return 0.0 if physics.domain.top_radius else flat_radius(physics.indenter)
 
 
@@ -399,7 +399,7 @@ def _check_no_force_above(scene: Scene, state: State, earlier: PreviousRows) -> 
 
 def _check_contact_found(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """force > 0 and a > 0 where delta > 0: the body was flat, and the tip stands over it."""
-    if (state.force > 0 or scene.physics.contact.may_snap) and state.a > 0:
+    if (state.force > 0 or scene.physics.contact.may_snap_through) and state.a > 0:
         return None
     missing_text = "no force" if state.force <= 0 else "no contact radius"
     mesh = f"the mesh (h_contact = {scene.sizes.h_contact * scene.physics.scales.length:.3g})"
@@ -436,7 +436,7 @@ def _check_new_solution(scene: Scene, state: State, earlier: PreviousRows) -> st
     )
     moved = (
         abs(state.force - previous.force)
-        if previous and (previous.force > 0 or scene.physics.contact.may_snap)
+        if previous and (previous.force > 0 or scene.physics.contact.may_snap_through)
         else 0.0
     )
     is_other = moved > FORCE_NOISE * DEPTH_TOLERANCE * abs(state.force)
@@ -639,7 +639,7 @@ def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
             SAME_PROBLEM_FACTOR * mesh_factor
         ), SAME_PROBLEM_FACTOR * mesh_factor
     height = scene.physics.body.height
-    rim = scene.physics.body.rim_distance(scene.physics.center)
+    rim = scene.physics.body.lateral_extent(scene.physics.center)
     is_half_space_like = (
         theory.a <= HALF_SPACE_CONTACT * min(height, rim) and height <= PILLAR_HEIGHT * rim
     )

@@ -485,7 +485,7 @@ class CondensedBody:
         physics = self.scene.physics
         scales = self.scene.physics.scales
         if indenter is not None:
-            scene = scene.replace_physics(indenter=scales.scaled(indenter))
+            scene = scene.replace_physics(indenter=scales.nondimensionalize(indenter))
         if deltas is not None:
             values = tuple(delta / scales.depth for delta in deltas)
             scene = scene.replace_physics(deltas=values, path=LoadPath("depth", values))
@@ -499,7 +499,9 @@ class CondensedBody:
         readings = DerivedQuantities(scene, equilibrium)
         walk = backend().Walk(equilibrium)
         states = walk.states(scene.physics.path, lambda step: False)
-        return [readings.complete_state(state).in_units(scene.physics.scales) for state in states]
+        return [
+            readings.complete_state(state).to_user_units(scene.physics.scales) for state in states
+        ]
 
 
 def condense(scene: Scene, comm: Comm = None) -> CondensedBody:

@@ -83,7 +83,9 @@ class SingleRun:
         self._previous_rows = PreviousRows(self.states)
         self._pull_off: PullOff | None = None
         self._keep_fields = written_fields(config, scene)
-        self._kept_steps = frozenset() if scene.history_on_curve else scene.physics.path.kept
+        self._kept_steps = (
+            frozenset() if scene.history_on_curve else scene.physics.path.retained_rows
+        )
         audit = (earlier.report.get("audit") or {}) if earlier else {}  # of the rows that are there
         self._worst_audit = float(audit.get("force_against_reaction") or 0.0)
         self._next_checkpoint = 0.0  # on the monotonic clock [s]
@@ -185,12 +187,12 @@ class SingleRun:
         """The tip above the mesh of the fields, in the user's units."""
         physics = self.scene.physics
         scales = self.scene.physics.scales
-        tip = scales.unscaled(physics.indenter)
+        tip = scales.to_user_units(physics.indenter)
         center = tuple(c * scales.length for c in physics.center)
         width = drawn_width(
             tip, self.scene.plan.prediction["a"], max(physics.deltas) * scales.depth
         )
-        return outline(tip, center, width, physics.domain.kinematics.name, scales.pieces)
+        return outline(tip, center, width, physics.domain.kinematics.name, scales.contacts_per_body)
 
     def _resume(self) -> None:
         """Stand where the run that is continued stopped."""
@@ -206,7 +208,7 @@ class SingleRun:
             self._first_step = saved.step
             return
         increments = [
-            physics.path.leg(step) for step in range(saved.step + 1, row_count + 1)
+            physics.path.segment(step) for step in range(saved.step + 1, row_count + 1)
         ]  # with the rows that are there
         points_passed = [point for increment in increments for point in increment]
         if physics.path.control != "depth":  # every step is a row
@@ -263,7 +265,7 @@ class SingleRun:
                     )
                 if state.step <= row_count:
                     continue
-                self._record_state(state.in_units(self.scene.physics.scales))
+                self._record_state(state.to_user_units(self.scene.physics.scales))
                 if progress is not None:
                     progress(self.states[-1], state.step, self._row_count)
             if self.scene.physics.searches_pull_off:
@@ -304,7 +306,7 @@ class SingleRun:
         if found is None:
             return None
         scales = self.scene.physics.scales
-        state = found.state.in_units(scales)
+        state = found.state.to_user_units(scales)
         self._audit(state)
         return PullOff(state, found.error * scales.force, found.equilibria)
 
@@ -434,7 +436,9 @@ class SingleRun:
     def _audit(self, state: State) -> None:
         physics = self.scene.physics
         a = self.scene.plan.prediction["a"]
-        attraction = physics.contact.adhesion and physics.scales.unscaled(physics.contact).adhesion
+        attraction = (
+            physics.contact.adhesion and physics.scales.to_user_units(physics.contact).adhesion
+        )
         pull = (
             attraction.work * a if attraction else 0.0
         )  # about; the force may be less, where as much pushes
@@ -501,7 +505,7 @@ class SingleRun:
             return
         fields = gathered.items()  # rank 0 has them
         values = {name: field * units.get(name, scales.pressure) for name, field in fields}
-        grows = self.scene.physics.path.grows
+        grows = self.scene.physics.path.is_increasing
         self.run_output.write_fields(
             state, values, state.delta if state.t is None and grows else state.t
         )

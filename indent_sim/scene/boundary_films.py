@@ -102,7 +102,7 @@ def path_rows(path: LoadPath) -> list[PathRow]:
         largest <= 0
     ):  # a tip that touches or is lifted: nothing is pressed, and no film costs anything
         return []
-    increments = [path.leg(step) for step in range(1, len(path.values) + 1)]
+    increments = [path.segment(step) for step in range(1, len(path.values) + 1)]
     segments = _merge_segments(
         [(0.0, 0.0), *((value / largest, t) for increment in increments for value, t in increment)]
     )
@@ -243,7 +243,7 @@ def distance_weight(setup: ProblemSetup, distance: float) -> float:
     contact does: all of it where the tip covers the body, which feels it throughout.
     """
     a = setup.a
-    rim_distance = setup.physics.body.rim_distance(setup.physics.center)
+    rim_distance = setup.physics.body.lateral_extent(setup.physics.center)
     return 1.0 if distance <= a or a >= (1 - RIM_TOLERANCE) * rim_distance else (a / distance) ** 2
 
 
@@ -272,7 +272,7 @@ def unresolved_film(
     fraction_per_length = force_fraction_per_length(setup)
     films: list[UnresolvedFilm] = []
     for face, distance in drained_faces(
-        setup, min(t for t in physics.path.times) - (physics.path.begin or 0.0)
+        setup, min(t for t in physics.path.times) - (physics.path.start_time or 0.0)
     ).items():
         film = next((film for film in sizes.drained_faces if film.side.surface == face), None)
         nearest = {"top": (0.0, 0.0), "base": (0.0, physics.domain.height)}.get(

@@ -11,20 +11,20 @@ from indent_sim.config.strict_yaml import key_text
 from indent_sim.mesh.imported_domain import ImportedDomain
 from indent_sim.mesh.model_domain import Region
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Endless, MeshFromFile
+from indent_sim.model.body import MeshFromFile, UnboundedBody
 from indent_sim.model.contact import (
     Adhesion,
-    Anchor,
     AugmentedLagrangian,
     AutoContact,
     Contact,
     ContactLaw,
     Penalty,
+    SlipReference,
 )
 from indent_sim.model.experiment import Experiment
-from indent_sim.model.materials import LOCKING
-from indent_sim.model.tips import FlatPunch, Indenter, Plate, reach
-from indent_sim.model.units import rounded
+from indent_sim.model.materials import LOCKING_POISSON_RATIO
+from indent_sim.model.tips import FlatPunch, Indenter, Plate, max_radius
+from indent_sim.model.units import round_length
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE_BYTES, MAX_CANDIDATES, Cost
 from indent_sim.scene.model_warnings import (
@@ -155,7 +155,7 @@ def model_choices(setup: ProblemSetup) -> Choices:
     return [
         *([Choice("body", body, setup.truncation.why)] if setup.truncation else []),
         Choice("symmetry", domain.symmetry, setup.domain_reason),
-        Choice("kinematics", domain.kinematics.name, domain.kinematics.why),
+        Choice("kinematics", domain.kinematics.name, domain.kinematics.reason),
         Choice("strain", *strain),
         *([Choice("control", "force", FORCE_WHY)] if physics.path.control == "force" else []),
         *(
@@ -204,7 +204,7 @@ def _formulation(region: Region, is_alone: bool) -> Choice:
     why = (
         "as given"
         if region.material.formulation != "auto"
-        else f"{state_text}nu = {nu:.6g} {sign} {LOCKING:g}"
+        else f"{state_text}nu = {nu:.6g} {sign} {LOCKING_POISSON_RATIO:g}"
     )
     return Choice(f"{key}.formulation", region.formulation, why)
 
@@ -216,7 +216,7 @@ def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
     needle.
     """
     physics = setup.physics
-    end = reach(setup.physics.indenter)
+    end = max_radius(setup.physics.indenter)
     auto = "reference" if physics.small_strain else "current"
     gap_kind = auto if settings.gap == "auto" else settings.gap
     if gap_kind == "current" and setup.max_depth > MAX_NEEDLE_RATIO * end:
@@ -245,7 +245,7 @@ def contact(
     """
     scales = setup.physics.scales
     unit = setup.physics.material.E_star / sizes.h_contact
-    law: Any = replace(scales.scaled(settings), gap="auto")  # the scene says which gap
+    law: Any = replace(scales.nondimensionalize(settings), gap="auto")  # the scene says which gap
     why = "as given"
     if isinstance(law, AutoContact):
         why = "auto: no penetration to pay for, smooth pressures, fewest iterations"
@@ -258,7 +258,7 @@ def contact(
     value: Any = getattr(law, name)
     source = f"{name} {'auto' if value == 'auto' else 'as given'}"
     if value == "auto":
-        value = rounded(_auto_stiffness(law, setup, sizes, fineness))
+        value = round_length(_auto_stiffness(law, setup, sizes, fineness))
     multiple = value / unit
     smallest = getattr(law, "smallest_multiple", 0.0)
     if multiple < smallest * (1 - 1e-9):
@@ -279,7 +279,7 @@ def contact(
 
 def friction(
     law: ContactLaw, setup: ProblemSetup, sizes: Sizes
-) -> tuple[ContactLaw, Anchor, Choices]:
+) -> tuple[ContactLaw, SlipReference, Choices]:
     """The law, with friction for stick where no surface that only pushes sticks, where new contact
     is taken to have touched, and what to say of friction; nothing where there is none.
 
@@ -329,7 +329,7 @@ def adhesion(
     L = setup.physics.scales.length
     E_star = setup.physics.material.E_star
     h = sizes.h_contact
-    smallest = attraction.resolved_by(h / MAX_ELEMENT_RATIO, E_star) * L
+    smallest = attraction.range_for_cohesive_zone(h / MAX_ELEMENT_RATIO, E_star) * L
     if attraction.range is None:
         remedy = (
             f"at least {smallest:.3g} where h_contact = {h * L:.3g}; its limit 0 is "
@@ -340,7 +340,7 @@ def adhesion(
             "is missing: the distance over which the attraction acts",
             remedy,
         )
-    zone = attraction.zone(E_star)
+    zone = attraction.cohesive_zone(E_star)
     if h > MAX_ELEMENT_RATIO * zone * (1 + 1e-9):
         size_text = f"as those of {MAX_ELEMENT_RATIO:g} times its size at most do"
         problem = (
@@ -450,7 +450,7 @@ def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, node
     obstacle = first_reason(
         (not physics.small_strain, "the material is not linear"),
         (physics.gap == "current", "the gap at the deformed point makes the problem nonlinear"),
-        (bool(law.uncondensed), law.uncondensed),
+        (bool(law.reason_not_condensable), law.reason_not_condensable),
         (bool(physics.permeable_regions), "the fluid's pressure lives inside the body"),
         (bool(physics.relaxing_regions), "its shear relaxes, and its bulk modulus does not"),
         (config.solver.linear == "iterative", WHOLE_BODY_WHY),
@@ -478,7 +478,7 @@ def iterative_obstacle(config: Config, physics: ProblemDefinition, sizes: Sizes)
     stiffness_multiple = getattr(law, "stiffness", 0.0) * sizes.h_contact / physics.material.E_star
     return first_reason(
         (physics.domain.dim == 2, "axisymmetric and plane bodies are factored"),
-        (bool(law.unsymmetric), law.unsymmetric),
+        (bool(law.reason_unsymmetric), law.reason_unsymmetric),
         (
             bool(physics.permeable_regions),
             "its preconditioner does not know the pressure of the fluid",
@@ -544,7 +544,9 @@ def theory(config: Config, setup: ProblemSetup) -> Choice | None:
     ConfigError where theory is asked for in vain.
     """
     requested = config.solver.method
-    if requested != "theory" and not (requested == "auto" and isinstance(config.body, Endless)):
+    if requested != "theory" and not (
+        requested == "auto" and isinstance(config.body, UnboundedBody)
+    ):
         return None
     obstacle = theory_obstacle(config, setup)
     if requested == "theory" and obstacle:
@@ -598,20 +600,20 @@ def config_obstacle(config: Config) -> str:
     solver = replace(config.solver, method="auto")
     return first_reason(
         (isinstance(config.body, MeshFromFile), "theory does not know a body meshed elsewhere"),
-        (not all(material.small_strain for material in materials), "the material is not linear"),
+        (not all(material.is_small_strain for material in materials), "the material is not linear"),
         (
             any(material.flow for _, material in config.materials()),
             "theory knows no fluid in the pores",
         ),
         (
-            any(material.relaxes_in_shear for _, material in config.materials()),
+            any(material.has_shear_relaxation for _, material in config.materials()),
             "theory knows no shear that relaxes",
         ),
         (bool(config.body.inclusions), NO_INCLUSIONS),
-        (not config.indenter.of_revolution, f"a {config.indenter.shape} is no tip of revolution"),
+        (not config.indenter.is_axisymmetric, f"a {config.indenter.shape} is no tip of revolution"),
         (law.gap == "current", "theory tests the gap at the undeformed point"),
         (not isinstance(law, AutoContact), f"contact.method: {law.method} is for a mesh"),
-        (bool(law.beyond_theory), f"theory knows no {law.beyond_theory}"),
+        (bool(law.feature_without_theory), f"theory knows no {law.feature_without_theory}"),
         (solver != type(solver)(), "linear, rtol and max_iterations of solver are for a mesh"),
         (config.mesh != type(config.mesh)(), "the settings of mesh are for one"),
         (
@@ -627,7 +629,7 @@ def config_obstacle(config: Config) -> str:
 
 def needs_mesh(config: Config) -> bool:
     """Whether a config cannot do without a mesh, as far as it can be told at a look."""
-    is_for_theory = isinstance(config.body, Endless) or config.solver.method == "theory"
+    is_for_theory = isinstance(config.body, UnboundedBody) or config.solver.method == "theory"
     return (
         config.solver.method in ("condensed", "newton")
         or not is_for_theory
@@ -729,7 +731,7 @@ def mesh(
 def is_followed_on_body(config: Config, setup: ProblemSetup, solver: Choice) -> bool:
     """Whether a history is followed row by row on the whole body: no curve determines it."""
     return setup.history is not None and (
-        bool(config.contact.beyond_curve) or solver.value == "newton"
+        bool(config.contact.reason_no_elastic_curve) or solver.value == "newton"
     )
 
 
@@ -759,7 +761,7 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
         f"as long; {method}"
     )
     first = first_step(setup, physics, sizes.h_contact)
-    if setup.history.jumps and not physics.path.jumps:
+    if setup.history.has_jumps and not physics.path.has_jumps:
         reasons.append(
             "a jump on this column has no equilibrium at once: the step after it begins before it"
         )
@@ -787,14 +789,14 @@ def curve(
     if setup.experiment is None and setup.history is None:
         return []
     if follows_whole:
-        reason = solver.why if solver.value == "newton" else config.contact.beyond_curve
+        reason = solver.why if solver.value == "newton" else config.contact.reason_no_elastic_curve
         _refuse_curve_features(setup, reason)
         return [Choice("time", "steps", f"row by row on the body: {reason}")]
     _refuse_curve(
         config,
         setup,
         solver,
-        "experiment" if setup.experiment else f"loading.{config.loading.given[0]}",
+        "experiment" if setup.experiment else f"loading.{config.loading.given_path_keys[0]}",
     )
     choices = [Choice("experiment.adhesion", "JKR", JKR_WHY)] if setup.jkr_limit else []
     if setup.history:
@@ -843,7 +845,7 @@ def _refuse_curve(config: Config, setup: ProblemSetup, solver: Choice, key: str)
             "no fields"
         )
         raise ConfigError("output.fields", problem, "leave it out")
-    if config.contact.beyond_curve:
+    if config.contact.reason_no_elastic_curve:
         problem = (
             "is determined by the curve of a tip without friction and adhesion, and contact "
             "has some"
@@ -883,7 +885,7 @@ def _refuse_radius_range(setup: ProblemSetup, smallest: float, largest: float) -
     the deepest.
     """
     L = setup.physics.scales.length
-    rim = setup.physics.body.rim_distance(setup.physics.center)
+    rim = setup.physics.body.lateral_extent(setup.physics.center)
     if largest > MAX_RIM_FRACTION * rim:
         problem = (
             f"pulls the body around the tip to a radius of {largest * L:.3g}, its rim being "
@@ -912,7 +914,7 @@ def tip(config: Config, setup: ProblemSetup, gap: str) -> tuple[Indenter, Choice
     key = "edge_radius" if isinstance(physics.indenter, FlatPunch) else "tip_radius"
     if gap == "reference" or getattr(sharp_tip, key, 1.0) > 0:
         return sharp_tip, []
-    radius = rounded(ROUNDING_FRACTION * setup.a)
+    radius = round_length(ROUNDING_FRACTION * setup.a)
     rounded_tip = replace(sharp_tip, **{key: radius})  # type: ignore[arg-type]
     theories = [
         layer_theory(body, setup.layers, item, physics.center) for item in (sharp_tip, rounded_tip)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from math import exp
 
 from indent_sim.mesh.model_domain import ModelDomain
-from indent_sim.model.units import rounded
+from indent_sim.model.units import round_length
 
 SINGULARITY_RATE = 1.2  # 2 lambda
 # Relative error of the force with elements of size h at a corner at distance d: CORNER_ERROR (2
@@ -75,7 +75,7 @@ def corners(
     if domain.top_radius:
         return _base_edge_corners(domain, domain.top_radius, a, nu)
     walls = [
-        (domain.supports[surface], rounded(r))
+        (domain.supports[surface], round_length(r))
         for surface, r in domain.wall_distances(center).items()
     ]
     return [
@@ -104,7 +104,7 @@ def _base_edge_corners(domain: ModelDomain, radius: float, a: float, nu: float) 
     error_constant = max(corner_error, NOTCH_ERROR if domain.height > radius else 0.0) * min(
         load_width / distance, 1.0
     )
-    return [Corner(rounded(r), -z, distance, error_constant)] if error_constant else []
+    return [Corner(round_length(r), -z, distance, error_constant)] if error_constant else []
 
 
 def _side_corners(

@@ -16,7 +16,7 @@ import numpy as np
 from indent_sim.mesh.imported_domain import ImportedDomain
 from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.mesh.sizes import DrainedFace, Sizes
-from indent_sim.model.body import Inclusion, Shell
+from indent_sim.model.body import Coating, Inclusion
 
 COUNTS_2D = {"cells": 2.63, "nodes": 5.58, "vertices": 1.45}  # per size^2
 # Per size^3 of the volume, and per size^2 of its surface, where gmsh's elements are as small but
@@ -255,7 +255,7 @@ def _inclusion_elements(
     h_around = np.minimum(
         h_inside + sizes.grading * (distances[1:] + distances[:-1]) / 2, sizes.h_far
     )
-    volume = inclusion.swollen(distances, dim)
+    volume = inclusion.measure_within_distance(distances, dim)
     domains_sharing = domain.symmetry_factor * (2 if domain.symmetry == "axisymmetric" else 1)
     *horizontal, z = inclusion.center
     r = np.linalg.norm([c - axis for c, axis in zip(horizontal, (*sizes.axis, 0.0), strict=False)])
@@ -269,17 +269,23 @@ def _inclusion_elements(
     )
 
 
-def _coating_elements(coating: Shell, h_inside: float, sizes: Sizes, domain: ModelDomain) -> float:
+def _coating_elements(
+    coating: Coating, h_inside: float, sizes: Sizes, domain: ModelDomain
+) -> float:
     """Elements in and around a skin beyond those without it, of the section of a cap or ball."""
-    distances = np.concatenate([[0.0], np.geomspace(h_inside / 4, coating.outer, 200)])
+    distances = np.concatenate([[0.0], np.geomspace(h_inside / 4, coating.outer_radius, 200)])
     h_around = np.minimum(
         h_inside + sizes.grading * (distances[1:] + distances[:-1]) / 2, sizes.h_far
     )
-    inwards = np.diff(np.maximum(coating.inner - distances, 0.0) ** 2) / -2
+    inwards = np.diff(np.maximum(coating.inner_radius - distances, 0.0) ** 2) / -2
     angle = (
-        np.arccos(1 - domain.height / coating.outer) if domain.height < 2 * coating.outer else pi
+        np.arccos(1 - domain.height / coating.outer_radius)
+        if domain.height < 2 * coating.outer_radius
+        else pi
     )
-    areas = np.concatenate([[(coating.outer**2 - coating.inner**2) / 2], inwards]) * angle
+    areas = (
+        np.concatenate([[(coating.outer_radius**2 - coating.inner_radius**2) / 2], inwards]) * angle
+    )
     extra_densities = 1 / np.concatenate([[h_inside], h_around]) ** 2 - 1 / sizes.h_far**2
     return float((areas * np.maximum(extra_densities, 0.0)).sum())
 

@@ -14,7 +14,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
-from indent_sim.model.body import Box, BoxSides, Cylinder, Endless, HalfSpace, InfiniteLayer, Layer
+from indent_sim.model.body import (
+    Box,
+    BoxSides,
+    Cylinder,
+    HalfSpace,
+    InfiniteLayer,
+    Layer,
+    UnboundedBody,
+)
 from indent_sim.model.materials import LinearElastic, Material
 from indent_sim.model.tips import Indenter
 from indent_sim.scene.reference_theory import half_space_theory, stack_of, theory_tip_shape
@@ -56,7 +64,7 @@ class Truncation:
 
 
 def truncate(
-    body: Endless,
+    body: UnboundedBody,
     tip: Indenter,
     states: Sequence[Sequence[Layer]],
     delta: float,
@@ -125,10 +133,11 @@ def _scale_width(truncation: Truncation, layers: Sequence[Layer], times: float) 
     )
 
 
-def _inclusion_extent(body: Endless) -> float:
+def _inclusion_extent(body: UnboundedBody) -> float:
     """How far from the tip's axis and the surface inclusions reach [length]."""
     return max(
-        (inclusion.farthest((0.0, 0.0, 0.0)) for inclusion in body.inclusions or ()), default=0.0
+        (inclusion.farthest_distance((0.0, 0.0, 0.0)) for inclusion in body.inclusions or ()),
+        default=0.0,
     )
 
 
@@ -162,11 +171,13 @@ def _truncate_layer(
         )
         error = abs(walled_contact.force / deepest.force - 1) if walled_contact else inf
     # a stiff plane carries it farther
-    wall_distance *= max(1.0, *(layer.material.decay[1] for layer in layers if layer.material))
+    wall_distance *= max(
+        1.0, *(layer.material.decay_rates[1] for layer in layers if layer.material)
+    )
     width = float(f"{radius + wall_distance:.6g}")
     error = TRUNCATION_SAFETY * max(error, MIN_STATED_ERROR)
     finite_body: Cylinder | Box = Cylinder(width, height, base=body.base, sides="roller")
-    if not tip.of_revolution:
+    if not tip.is_axisymmetric:
         finite_body = Box((2 * width, 2 * width, height), base=body.base, sides=ROLLER_SIDES)
     return Truncation(finite_body, tuple(layers), "infinitely wide layer", width / radius, error)
 
@@ -193,7 +204,9 @@ def _truncate_half_space(
     target = TRUNCATION_ERROR_SHARE * FORCE_ACCURACY
     ratio = max(100.0, 10 * max(upper_thickness, _inclusion_extent(body)) / deepest.a)
     # how much deeper than below isotropic layers the base is felt
-    decay_factor = max(1.0, *(1 / layer.material.decay[0] for layer in layers if layer.material))
+    decay_factor = max(
+        1.0, *(1 / layer.material.decay_rates[0] for layer in layers if layer.material)
+    )
 
     def error_of(size: float) -> float:
         """F(cylinder)/F(half-space) - 1."""
@@ -212,7 +225,7 @@ def _truncate_half_space(
     ratio = float(f"{ratio:.6g}")  # so that the numbers are the same in all units
     size = ratio * deepest.a
     finite_body: Cylinder | Box = Cylinder(size, size, base="fixed", sides="roller")
-    if not tip.of_revolution:  # the cylinder of theory fits into this box, which is softer
+    if not tip.is_axisymmetric:  # the cylinder of theory fits into this box, which is softer
         finite_body = Box((2 * size, 2 * size, size), base="fixed", sides=ROLLER_SIDES)
     return Truncation(
         finite_body, _finite_layers(layers, size), "half-space", ratio, TRUNCATION_SAFETY * error

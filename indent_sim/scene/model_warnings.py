@@ -17,9 +17,9 @@ from indent_sim.mesh.sizes import DOUBTFUL_ELEMENTS, Sizes
 from indent_sim.model import stability
 from indent_sim.model.algebra import cos, tan
 from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
-from indent_sim.model.materials import LOCKING, Material
+from indent_sim.model.materials import LOCKING_POISSON_RATIO, Material
 from indent_sim.model.tips import (
-    STEM,
+    STEM_HALF_ANGLE,
     Cone,
     FlatPunch,
     Hyperboloid,
@@ -28,7 +28,7 @@ from indent_sim.model.tips import (
     Profile,
     RegularPyramid,
     Sphere,
-    reach,
+    max_radius,
 )
 from indent_sim.scene.boundary_films import unresolved_film
 from indent_sim.scene.problem_setup import (
@@ -182,7 +182,7 @@ def fluid_warnings(
             f"nu = {stiffest:g} of the drained gel: elements without a pressure of its network"
         )
         yield ModelWarning("locking", f"{problem} are 1 % too stiff at 0.4999", LOCKING_ERROR)
-    if setup.is_half_space and setup.history.span > durations.wall:
+    if setup.is_half_space and setup.history.duration > durations.wall:
         yield ModelWarning(
             "diffusion", "fluid feels the walls of the finite body that stands for the half-space"
         )
@@ -285,14 +285,14 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     ):  # or it is said twice
         depth_text = f"depth is {delta / body.height:.0%} of the thickness"
         yield ModelWarning("small_strain", f"{depth_text}: small strain is no longer a good model")
-    if a > 0.8 * body.rim_distance(physics.center) and not physics.is_compressed:
+    if a > 0.8 * body.lateral_extent(physics.center) and not physics.is_compressed:
         yield ModelWarning("rim", "the contact comes close to the edge of the body")
-    if (nu := physics.largest_locking_nu) >= LOCKING:
+    if (nu := physics.largest_locking_nu) >= LOCKING_POISSON_RATIO:
         yield ModelWarning(
             "locking",
             f"nu = {nu:g} with displacement elements: pressures oscillate, forces are too high",
         )
-    for message in stability.instabilities(
+    for message in stability.instability_warnings(
         material, stability.largest_strain(setup.relative_tip, a, delta, body.height)
     ):
         yield ModelWarning("stability", message)
@@ -315,7 +315,7 @@ def _tip_end_warnings(setup: ProblemSetup, gap: str) -> Iterator[ModelWarning]:
     """That a tip ends inside the contact, and what the model makes of it."""
     tip = setup.physics.indenter
     delta = setup.max_depth
-    end_radius = reach(setup.physics.indenter)
+    end_radius = max_radius(setup.physics.indenter)
     if isinstance(tip, FlatPunch) or not (
         setup.a >= end_radius or (isinstance(tip, Sphere) and delta > end_radius)
     ):
@@ -327,7 +327,7 @@ def _tip_end_warnings(setup: ProblemSetup, gap: str) -> Iterator[ModelWarning]:
         )
     elif isinstance(tip, Sphere):
         message = (
-            f"deeper than the ball's radius: it is whole but for a stem within {STEM:g} "
+            f"deeper than the ball's radius: it is whole but for a stem within {STEM_HALF_ANGLE:g} "
             "degrees of its top"
         )
     yield ModelWarning("tip_end", message)
@@ -341,8 +341,12 @@ def _tip_end_warnings(setup: ProblemSetup, gap: str) -> Iterator[ModelWarning]:
 
 def _attraction_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     """That an attraction is felt where the body ends."""
-    rim = setup.physics.body.rim_distance(setup.physics.center)
-    if setup.attraction is None or not setup.attraction.range or rim >= reach(setup.relative_tip):
+    rim = setup.physics.body.lateral_extent(setup.physics.center)
+    if (
+        setup.attraction is None
+        or not setup.attraction.range
+        or rim >= max_radius(setup.relative_tip)
+    ):
         return
     if (
         gap_ratio := float(setup.relative_tip.height(rim, 0.0)) / setup.attraction.range
@@ -596,11 +600,11 @@ def characteristic_strain(tip: Indenter, delta: float, a: float) -> tuple[float,
             return 0.2 / tan(angle), "0.2 cot(half_angle)"
         case Cone(tip_radius=radius):
             return 0.2 * a / radius, "0.2 a/tip_radius"
-        case RegularPyramid(half_angle=angle, roundness=roundness):
+        case RegularPyramid(half_angle=angle, equivalent_radius_ratio=roundness):
             return 0.2 / (
                 roundness * tan(angle)
             ), "0.2 cot(half_angle of the cone of equal sections)"
-        case Profile() | Hyperboloid() if a < reach(tip):
+        case Profile() | Hyperboloid() if a < max_radius(tip):
             return 0.2 * tip.slope(a), "0.2 times the slope at the contact's edge"
     return 0.3 * delta / a, "0.3 delta/a"
 
@@ -660,7 +664,7 @@ def penalty_force_loss(
         return 0.0
     penetration = (
         MAX_PENETRATION_FACTOR
-        * (1.0 if material.small_strain else (1.0 - delta) ** -PENETRATION_EXPONENT)
+        * (1.0 if material.is_small_strain else (1.0 - delta) ** -PENETRATION_EXPONENT)
         / contact.stiffness
     )
     force, pressure = _forces_and_pressures(theory, material, delta, a, np.ones(1))

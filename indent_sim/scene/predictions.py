@@ -16,7 +16,7 @@ import numpy as np
 
 from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Dome
+from indent_sim.model.body import SphericalBody
 from indent_sim.model.contact import Friction
 from indent_sim.model.materials import Material
 from indent_sim.model.symbols import ADHESION_SYMBOLS
@@ -218,7 +218,7 @@ def time_prediction(
     history = setup.history
     if history is None:
         return None
-    times = {"way_in": history.way_in, "history": history.span}
+    times = {"way_in": history.loading_duration, "history": history.duration}
     D = None
     if physics.permeable_regions and h_contact is not None:
         D = largest_diffusivity(physics) * physics.scales.length**2
@@ -264,7 +264,7 @@ def _equilibrium_count(physics: ProblemDefinition) -> int:
     t = 0.0
     count = 0
     for step in range(1, len(physics.path.values) + 1):
-        for _, end in physics.path.leg(step):
+        for _, end in physics.path.segment(step):
             count += 2 if physics.permeable_regions and end > t else 1
             t = end
     return count
@@ -375,11 +375,13 @@ def _drainage_transition(
     ):
         diffusion_rate = largest_diffusivity(physics) / setup.a**2
         remaining_fraction = paraboloid_fraction_remaining(
-            diffusion_rate * setup.history.way_in, tip, "ramp"
+            diffusion_rate * setup.history.loading_duration, tip, "ramp"
         )
         final_fraction = min(
             remaining_fraction,
-            paraboloid_fraction_remaining(diffusion_rate * setup.history.rest_after, tip, "step"),
+            paraboloid_fraction_remaining(
+                diffusion_rate * setup.history.hold_duration, tip, "step"
+            ),
         )
     undrained_material = undrained_law(touched_material)
     laws = ("undrained", undrained_law), ("drained", lambda material: replace(material, flow=None))
@@ -409,11 +411,12 @@ def _relaxation_transition(
     remaining_fraction = final_fraction = None
     if total := sum(fraction for fraction, _ in terms):
         term_fractions = [
-            fraction / total * _ramp_fraction(history.way_in / time) for fraction, time in terms
+            fraction / total * _ramp_fraction(history.loading_duration / time)
+            for fraction, time in terms
         ]
         remaining_fraction = sum(term_fractions)
         final_fraction = sum(
-            term_fraction * exp(-history.rest_after / time)
+            term_fraction * exp(-history.hold_duration / time)
             for term_fraction, (_, time) in zip(term_fractions, terms, strict=True)
         )
     touched_material = physics.material
@@ -444,10 +447,10 @@ def _limit_value(setup: ProblemSetup, change: Callable[[Material], Material]) ->
     assert setup.history is not None
     theory = setup.theory_for_materials(change)
     scales = setup.physics.scales
-    if theory is None or setup.history.largest <= 0:
+    if theory is None or setup.history.largest_value <= 0:
         return None
     if setup.history.control == "force":
-        depth = theory.depth_of_force(setup.history.largest, setup.physics.body.height)
+        depth = theory.depth_of_force(setup.history.largest_value, setup.physics.body.height)
         return None if depth is None else depth * scales.depth
     solution = theory.solution_at_depth(setup.max_depth)
     return solution.force * scales.force if solution else None
@@ -492,7 +495,7 @@ def _small_strain_effect(setup: ProblemSetup) -> NoSlipEffect | None:
     ):
         return None
     nu = physics.material.constants.nu
-    rim = physics.body.rim_distance(physics.center)
+    rim = physics.body.lateral_extent(physics.center)
     if setup.is_half_space:
         percent = 100 * (no_slip.force_ratio(nu, power) - 1)
         return NoSlipEffect(
@@ -605,7 +608,7 @@ def infinite_pressure_reason(tip: Indenter, a: float) -> str:
     """Why the pressure of a contact of radius a [length] has no largest value; empty where it has
     one.
     """
-    where = next((r for r, width in tip.creases() if width == 0 and r <= a), None)
+    where = next((r for r, width in tip.slope_discontinuities() if width == 0 and r <= a), None)
     return (
         ""
         if where is None
@@ -622,15 +625,15 @@ def missing_peak_reason(physics: ProblemDefinition, sizes: Sizes, a: float) -> s
     """
     body = physics.body
     tip = physics.indenter
-    for r, width in tip.creases() if a > 0 else []:
+    for r, width in tip.slope_discontinuities() if a > 0 else []:
         element_size = float(sizes.size_at(np.array(r), np.array(0.0)))
         is_touched = r <= a + element_size or (
-            tip.height(r, 0.0) <= 0 and not isinstance(body, Dome)
+            tip.height(r, 0.0) <= 0 and not isinstance(body, SphericalBody)
         )
         if (
             is_touched
             and width < element_size
-            and r < body.reach(physics.center) * (1 - EXTENT_TOLERANCE)
+            and r < body.max_lateral_extent(physics.center) * (1 - EXTENT_TOLERANCE)
         ):
             where = "apex" if r == 0 else "edge"
             kind = f"sharp {where}" if width == 0 else f"{where} (rounded by less than an element)"

@@ -22,23 +22,23 @@ from indent_sim.model.body import (
     Ball,
     Body,
     Cap,
-    Dome,
+    DimensionedBody,
     Drainage,
-    Drawn,
-    Endless,
     HalfSpace,
+    ImportedBody,
     Layer,
-    Meshed,
     MeshFromFile,
     Points,
+    SphericalBody,
+    UnboundedBody,
 )
-from indent_sim.model.contact import ActiveSet, Adhesion, Anchor, ContactLaw
+from indent_sim.model.contact import ActiveSet, Adhesion, ContactLaw, SlipReference
 from indent_sim.model.experiment import Experiment, JKRAdhesion
-from indent_sim.model.loading import PER_DOUBLING, History, Loading, LoadPath
-from indent_sim.model.materials import LOCKING, Exponentials, Gel, Material, Relaxation
+from indent_sim.model.loading import STEPS_PER_DOUBLING, History, Loading, LoadPath
+from indent_sim.model.materials import LOCKING_POISSON_RATIO, Gel, Material, PronySeries, Relaxation
 from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS
 from indent_sim.model.tips import FlatPunch, Indenter, Plate
-from indent_sim.model.units import Scales, rounded
+from indent_sim.model.units import Scales, round_length
 from indent_sim.process.errors import ConfigError
 from indent_sim.process.ranks import on_root
 from indent_sim.scene.cost import SolverWork
@@ -129,7 +129,9 @@ class ProblemDefinition:
     wall_stiffness: float = (
         0.0  # of the weak u . n = 0 on the curved wall of a cylinder in three dimensions; 0: none
     )
-    slip_reference: Anchor = "implicit"  # of what comes into contact during a step, with friction
+    slip_reference: SlipReference = (
+        "implicit"  # of what comes into contact during a step, with friction
+    )
     surface_tension: float = 0.0  # of the contact surface [pressure length]
     drainage: Drainage = field(
         default_factory=Drainage
@@ -243,7 +245,7 @@ class ProblemDefinition:
         return any(
             region.material.bath_pressure(bath) != 0
             for region in self.permeable_regions
-            for bath in self.drainage.baths
+            for bath in self.drainage.bath_values
         )
 
     @property
@@ -256,7 +258,8 @@ class ProblemDefinition:
         if not isinstance(law, Gel) or not law.flow:
             return 1.0
         return max(
-            law.held_swelling(law.bath_pressure(bath)).stretch for bath in self.drainage.baths
+            law.confined_swelling(law.bath_pressure(bath)).stretch
+            for bath in self.drainage.bath_values
         )
 
     @property
@@ -288,12 +291,12 @@ class ProblemDefinition:
     @property
     def is_time_dependent(self) -> bool:
         """Whether the body changes while the tip stands still."""
-        return any(region.material.evolves for region in self.domain.regions)
+        return any(region.material.is_time_dependent for region in self.domain.regions)
 
     @property
     def is_path_dependent(self) -> bool:
         """Whether a row depends on the path to it, or on the time that it takes."""
-        return self.contact.has_memory or self.is_time_dependent
+        return self.contact.is_path_dependent or self.is_time_dependent
 
     @property
     def depends_on_step_size(self) -> bool:
@@ -306,10 +309,10 @@ class ProblemDefinition:
 
         It is where a tip that attracts over a range is drawn out along prescribed depths.
         """
-        if not self.contact.reach or self.path.control != "depth":
+        if not self.contact.adhesion_range or self.path.control != "depth":
             return False
         steps = range(1, len(self.path.values) + 1)
-        depths = [depth for row in steps for depth, _ in self.path.leg(row)]
+        depths = [depth for row in steps for depth, _ in self.path.segment(row)]
         return any(after < before for before, after in pairwise(depths))
 
     @property
@@ -336,7 +339,7 @@ class ProblemDefinition:
     @property
     def small_strain(self) -> bool:
         """Whether the strain is small in all of the body."""
-        return all(region.material.small_strain for region in self.domain.regions)
+        return all(region.material.is_small_strain for region in self.domain.regions)
 
     @property
     def largest_locking_nu(self) -> float:
@@ -387,7 +390,7 @@ class ProblemDefinition:
             region.formulation == "mixed" or region.material.flow for region in self.domain.regions
         )
         stages = 2 if self.permeable_regions else 1
-        is_nonlinear = self.contact.has_memory or not self.is_linear
+        is_nonlinear = self.contact.is_path_dependent or not self.is_linear
         steps = len(self.deltas) + sum(map(len, self.path.turns))
         # where nothing makes the contact grow; in three dimensions nobody has measured it
         is_hold_linear = (
@@ -396,11 +399,11 @@ class ProblemDefinition:
             and not self.is_swelling
             and self.path.control == "depth"
         )
-        holding_steps = self.path.still if self.is_time_dependent and is_hold_linear else 0
+        holding_steps = self.path.hold_count if self.is_time_dependent and is_hold_linear else 0
         touches = [False, *(delta > 0 for delta in self.deltas)]
         snaps = (
             sum(touches_now != touches_next for touches_now, touches_next in pairwise(touches))
-            if self.contact.may_snap
+            if self.contact.may_snap_through
             else 0
         )
         is_nonlinear_in_time = self.is_time_dependent and not self.small_strain
@@ -441,7 +444,7 @@ class DiffusionTimes:
             setup.a,
             h_contact,
             physics.body.height,
-            physics.body.rim_distance(physics.center) / 2,
+            physics.body.lateral_extent(physics.center) / 2,
         )
         return DiffusionTimes(*(length**2 / D for length in lengths))
 
@@ -556,7 +559,7 @@ def set_up_problem(config: Config, imported_mesh: ImportedMesh | None = None) ->
         return _set_up(config, meshed_body, meshed_body.layers, None, imported_mesh)
     layers = _elastic_layers(config)
     if isinstance(body, Cap | Ball):
-        spherical_body = body.dome
+        spherical_body = body.spherical_body
         (*coatings, core) = layers
         core = replace(
             core,
@@ -568,7 +571,7 @@ def set_up_problem(config: Config, imported_mesh: ImportedMesh | None = None) ->
 
 def truncate_body(config: Config, setup: ProblemSetup) -> ProblemSetup:
     """The scene on a body that can be meshed: one large enough stands for a body without end."""
-    if not isinstance(config.body, Endless):
+    if not isinstance(config.body, UnboundedBody):
         return setup
     deepest = setup.max_depth
     if setup.adhesive_radii:  # as deep as a tip that does not adhere has this contact
@@ -632,8 +635,8 @@ def _set_up(
 ) -> ProblemSetup:
     material = _layer_material(layers[0])
     center = whole_body.center if truncation else config.center or whole_body.center
-    contacts = whole_body.pieces if isinstance(whole_body, Dome) else 1
-    history = config.loading.in_time
+    contacts = whole_body.contacts_per_body if isinstance(whole_body, SphericalBody) else 1
+    history = config.loading.prescribed_history
     relaxations = [law.relaxation for _, law in config.materials() if law.relaxation]
     relaxation = next((law for law in relaxations if law.of == "all"), None)  # of the curve
     compliance = config.experiment.compliance if config.experiment else 0.0
@@ -654,16 +657,18 @@ def _set_up(
         whole_body.dim,
         contacts,
     )
-    body = scales.scaled(whole_body)
-    tip = scales.scaled(indenter)
-    material = scales.scaled(material)
-    layers = tuple(map(scales.scaled, layers))
-    center = tuple(rounded(c / scales.length) for c in center)
-    history = history and history.without_units(scales.of(history.control))
-    path = path.without_units(scales.of(path.control))
+    body = scales.nondimensionalize(whole_body)
+    tip = scales.nondimensionalize(indenter)
+    material = scales.nondimensionalize(material)
+    layers = tuple(map(scales.nondimensionalize, layers))
+    center = tuple(round_length(c / scales.length) for c in center)
+    history = history and history.nondimensionalize(scales.control_unit(history.control))
+    path = path.nondimensionalize(scales.control_unit(path.control))
     domain, domain_reason = _model_domain(config, body, imported_mesh, center, tip, layers, scales)
-    whole_body = scales.scaled(config.body) if isinstance(config.body, Endless) else body
-    tension = scales.scaled(config.body).surface_tension
+    whole_body = (
+        scales.nondimensionalize(config.body) if isinstance(config.body, UnboundedBody) else body
+    )
+    tension = scales.nondimensionalize(config.body).surface_tension
     theory = theory_of(whole_body, layers, tip, center, tension)
     relative = relative_tip(tip, body)
     deltas = expected_depths(
@@ -673,7 +678,7 @@ def _set_up(
     physics = ProblemDefinition(
         scales, body, domain, tip, center, path, deltas, surface_tension=tension, drainage=drainage
     )
-    attraction = scales.scaled(config.contact).adhesion
+    attraction = scales.nondimensionalize(config.contact).adhesion
     radius = cache(partial(_expected_radius, theory, (relative, tip), body, center))
     theory = theory and theory.checked_for_tension(deltas)
 
@@ -681,7 +686,7 @@ def _set_up(
         changed = [replace(layer, material=change(_layer_material(layer))) for layer in layers]
         return theory_of(whole_body, changed, tip, center, tension)
 
-    experiment = config.experiment and config.experiment.without_units(scales)
+    experiment = config.experiment and config.experiment.nondimensionalize(scales)
     uses_time_stepping = needs_time_stepping(history, relaxation, compliance)
     steps_per_doubling = _steps_per_doubling(config)
     theory_without_tension = theory_of(whole_body, layers, tip, center) if tension else theory
@@ -714,7 +719,9 @@ def _plate_if_covering(tip: Indenter, body: Body, center: Center) -> Indenter:
     """
     if not isinstance(tip, FlatPunch) or tip.edge_radius or not covers_top(tip, body, center):
         return tip
-    return Plate() if tip.radius <= body.reach(center) * (1 + RADIUS_TOLERANCE) else tip
+    return (
+        Plate() if tip.radius <= body.max_lateral_extent(center) * (1 + RADIUS_TOLERANCE) else tip
+    )
 
 
 def _model_domain(
@@ -727,7 +734,7 @@ def _model_domain(
     scales: Scales,
 ) -> tuple[ModelDomain, str]:
     """The modelled piece of a body, and why it is that one."""
-    if isinstance(body, Meshed):
+    if isinstance(body, ImportedBody):
         assert imported_mesh is not None
         return _imported_domain(config, imported_mesh, scales)
     regions = (*_layer_regions(config, layers), *_inclusion_regions(config, body, scales))
@@ -738,8 +745,10 @@ def _drainage(config: Config, history: History | None, scales: Scales) -> Draina
     """Where fluid leaves, without units, its times from the begin of the history; ConfigError for a
     gel's bath with a unit.
     """
-    drainage = (config.drainage or Drainage()).since(history.points[0][0] if history else 0.0)
-    scaled = scales.scaled(drainage)
+    drainage = (config.drainage or Drainage()).with_time_origin(
+        history.points[0][0] if history else 0.0
+    )
+    scaled = scales.nondimensionalize(drainage)
     if not any(isinstance(material, Gel) for _, material in config.materials()):
         return scaled
     if any(key[:2] == ("drainage", "bath") for key in config.source.quantities):
@@ -754,7 +763,7 @@ def _steps_per_doubling(config: Config) -> int:
         TIME_STEPPING_ERROR if config.contact.is_conservative else FRICTION_STEPPING_ERROR
     )
     step_factor = ceil(sqrt(default_error / (target_error(config.accuracy) or default_error)))
-    return config.loading.per_doubling or PER_DOUBLING * max(1, step_factor)
+    return config.loading.per_doubling or STEPS_PER_DOUBLING * max(1, step_factor)
 
 
 def _max_surface_rise(drainage: Drainage, layers: Layers) -> float:
@@ -775,7 +784,7 @@ def _max_surface_rise(drainage: Drainage, layers: Layers) -> float:
                 total_rise += (stretch - 1) * layer.thickness if layer.thickness else inf
         return total_rise
 
-    max_rise = max(0.0, *(rise(bath) for bath in drainage.baths))
+    max_rise = max(0.0, *(rise(bath) for bath in drainage.bath_values))
     if not isfinite(max_rise):
         problem = "lets a gel without end swell, whose surface rises without end"
         raise ConfigError(
@@ -786,7 +795,7 @@ def _max_surface_rise(drainage: Drainage, layers: Layers) -> float:
 
 def _confined_swelling_stretch(law: Gel, bath: float) -> float:
     try:
-        return law.held_swelling(law.bath_pressure(bath)).stretch
+        return law.confined_swelling(law.bath_pressure(bath)).stretch
     except ValueError as error:
         raise ConfigError("drainage.bath", str(error), "nearer to that of free swelling") from None
 
@@ -827,7 +836,7 @@ def expected_depths(
     depths = tuple(
         float(np.exp(interpolate_log(np.log(force)))) if force > 0 else 0.0 for force in forces
     )
-    if material.small_strain and theory and max(depths) > (1 - 1e-6) * max_depth:
+    if material.is_small_strain and theory and max(depths) > (1 - 1e-6) * max_depth:
         largest = max(path.values) * scales.force
         problem = (
             f"a force of {largest:g} would press the tip to {MAX_DEPTH_FRACTION:.0%} of the body's "
@@ -848,7 +857,7 @@ def problem_along_history(
     if physics.is_time_dependent:
         physics = replace(physics, domain=_expand_relaxation(physics, setup.history))
         physics = replace(physics, bath_ramp=bath_ramp_time(setup, physics))
-        path = setup.history.in_steps(
+        path = setup.history.time_stepped_path(
             first_step(setup, physics, h_contact), setup.steps_per_doubling
         )
         if is_undrained_incompressible(physics) and not _has_drained_surface(physics):
@@ -861,7 +870,7 @@ def problem_along_history(
                 "flow.storage"
             )
             raise ConfigError("drainage", f"{problem}: it cannot be compressed", remedy)
-        if path.jumps and is_undrained_incompressible(physics):
+        if path.has_jumps and is_undrained_incompressible(physics):
             path = _remove_jumps(
                 path, "loading.force_history" if path.control == "force" else "loading.history"
             )
@@ -926,15 +935,15 @@ def _remove_jumps(path: LoadPath, key: str) -> LoadPath:
     """The path without the places that it reaches in no time; ConfigError where such a place is a
     row that `times` asks for, or where there is no other row.
     """
-    requested_jumps = path.sudden if path.turns else ()
-    if requested_jumps or len(path.sudden) == len(path.values):
+    requested_jumps = path.sudden_rows if path.turns else ()
+    if requested_jumps or len(path.sudden_rows) == len(path.values):
         time_text = f" at t = {path.times[requested_jumps[0] - 1]:g}" if requested_jumps else ""
         problem = (
             f"jumps{time_text} on a column that cannot give way before its fluid does: there is no "
             "equilibrium then"
         )
         raise ConfigError(key, problem, "ask for a later time, or let it grow")
-    return path.without_sudden()
+    return path.without_sudden_rows()
 
 
 def first_step(setup: ProblemSetup, physics: ProblemDefinition, h_contact: float) -> float:
@@ -950,7 +959,7 @@ def first_step(setup: ProblemSetup, physics: ProblemDefinition, h_contact: float
     ]
     shortest = max(
         min(times, default=inf) / STEPS_PER_RELAXATION_TIME,
-        MIN_STEP_FRACTION * setup.history.shortest_piece,
+        MIN_STEP_FRACTION * setup.history.shortest_segment,
     )
     if not physics.permeable_regions:
         return shortest
@@ -963,9 +972,9 @@ def _expand_relaxation(physics: ProblemDefinition, history: History) -> ModelDom
 
     def followed(region: Region) -> Region:
         law = region.material.relaxation
-        shortest = SHORTEST_TIME_FRACTION * MIN_STEP_FRACTION * history.shortest_piece
+        shortest = SHORTEST_TIME_FRACTION * MIN_STEP_FRACTION * history.shortest_segment
         return (
-            replace(region, relaxation_series=prony_series(law, shortest, history.span))
+            replace(region, relaxation_series=prony_series(law, shortest, history.duration))
             if law
             else region
         )
@@ -985,7 +994,7 @@ def path_to_max_depth(
     What relaxes lets the tip in as far as a body of the least share `least_modulus_fraction` of its modulus, and a
     spring keeps the tip back by the least force that a half-space of the softest layer has.
     """
-    largest = history.largest
+    largest = history.largest_value
     if history.control == "force":
         return Loading(force=largest / least_modulus_fraction).path()
     if not compliance:
@@ -1015,22 +1024,22 @@ def needs_time_stepping(history: History | None, law: Relaxation | None, complia
     back.
     """
     is_any = history is not None and (
-        history.control == "force" or compliance > 0 or history.comes_back
+        history.control == "force" or compliance > 0 or history.has_reloading
     )
     return law is not None and is_any
 
 
-def prony_series(law: Relaxation, shortest: float, longest: float) -> Exponentials:
+def prony_series(law: Relaxation, shortest: float, longest: float) -> PronySeries:
     """A relaxation as a sum of exponentials; a power law to 1e-5 between two times [time]."""
     if law.power_law is None:
         fractions, times = zip(*(law.prony or ()), strict=True)
-        return Exponentials(1.0 - sum(fractions), fractions, times)
+        return PronySeries(1.0 - sum(fractions), fractions, times)
     from indent_sim.theory.viscoelasticity import (
         PowerLaw,
     )  # with scipy's splines, which no other scene needs
 
     series = PowerLaw(law.power_law.exponent, law.power_law.time).prony_series(shortest, longest)
-    return Exponentials(series.long_term, series.fractions, series.times)
+    return PronySeries(series.long_term, series.fractions, series.times)
 
 
 def remaining_modulus_fraction(law: Relaxation | None, history: History | None) -> float:
@@ -1041,7 +1050,11 @@ def remaining_modulus_fraction(law: Relaxation | None, history: History | None) 
         return 1.0
     if law.power_law is None:
         return 1.0 - sum(fraction for fraction, _ in law.prony or ())
-    return float((history.span / law.power_law.time) ** -law.power_law.exponent) if history else 1.0
+    return (
+        float((history.duration / law.power_law.time) ** -law.power_law.exponent)
+        if history
+        else 1.0
+    )
 
 
 def _length_unit(body: Body, layers: Sequence[Layer], tip: Indenter, path: LoadPath) -> float:
@@ -1072,9 +1085,10 @@ def _instantaneous_law(config: Config, material: Material) -> Material:
     A gel has swollen in the scene's first bath where it does not say by how much.
     """
     if isinstance(material, Gel):
-        return material.swollen_in(config.first_bath).canonical()
+        return material.with_free_swelling(config.first_bath).canonical()
     return replace(
-        material.canonical(), relaxation=material.relaxation if material.relaxes_in_shear else None
+        material.canonical(),
+        relaxation=material.relaxation if material.has_shear_relaxation else None,
     )
 
 
@@ -1097,20 +1111,22 @@ def _layer_regions(config: Config, layers: Layers) -> tuple[Region, ...]:
                 name,
                 material,
                 formulation,
-                -rounded(float(depth)),
+                -round_length(float(depth)),
                 min_shear_fraction=shear_fraction,
             )
         )
     return tuple(regions)
 
 
-def _inclusion_regions(config: Config, body: Drawn | Endless, scales: Scales) -> Iterator[Region]:
+def _inclusion_regions(
+    config: Config, body: DimensionedBody | UnboundedBody, scales: Scales
+) -> Iterator[Region]:
     """The regions of inclusions, lengths rounded likewise."""
     laws = [
         _instantaneous_law(config, inclusion.material) for inclusion in config.body.inclusions or ()
     ]
     for k, (inclusion, material) in enumerate(zip(body.inclusions or (), laws, strict=True)):
-        law = scales.scaled(material)
+        law = scales.nondimensionalize(material)
         name = f"inclusions[{k}]"
         shear_fraction = _least_shear_fraction(config, material)
         formulation = _formulation(f"body.{name}.material", law, shear_fraction)
@@ -1127,9 +1143,11 @@ def _least_shear_fraction(config: Config, material: Material) -> float:
     """What is left of a material's shear modulus when it has relaxed most on the way of a scene, at
     most 1.
     """
-    if not material.relaxes_in_shear:
+    if not material.has_shear_relaxation:
         return 1.0
-    return min(1.0, remaining_modulus_fraction(material.relaxation, config.loading.in_time))
+    return min(
+        1.0, remaining_modulus_fraction(material.relaxation, config.loading.prescribed_history)
+    )
 
 
 def _formulation(key: str, material: Material, least_share: float) -> str:
@@ -1155,9 +1173,15 @@ def _formulation(key: str, material: Material, least_share: float) -> str:
     ConfigError
         Where the material or the elements that it asks for cannot.
     """
-    nu = material.softened(least_share).nu
+    nu = material.relaxed_constants(least_share).nu
     requested = material.formulation
-    chosen = requested if requested != "auto" else "mixed" if nu >= LOCKING else "displacement"
+    chosen = (
+        requested
+        if requested != "auto"
+        else "mixed"
+        if nu >= LOCKING_POISSON_RATIO
+        else "displacement"
+    )
     law_text = (
         f"nu = {nu:g}" if material.is_isotropic else f"matter as compressible as nu = {nu:.6g}"
     )
@@ -1178,7 +1202,7 @@ def _formulation(key: str, material: Material, least_share: float) -> str:
 
 def _position_imported_mesh(
     config: Config, source: MeshFromFile, imported_mesh: ImportedMesh
-) -> tuple[Meshed, ImportedMesh]:
+) -> tuple[ImportedBody, ImportedMesh]:
     """The body that a file has, lowered so that the tip first touches it at z = 0."""
     center = config.center or source.center
     if source.hash not in (None, imported_mesh.hash):
@@ -1276,7 +1300,8 @@ def _imported_domain(
 ) -> tuple[ModelDomain, str]:
     assert isinstance(config.body, MeshFromFile)
     materials = [
-        (key, scales.scaled(material)) for key, material in _region_materials(imported_mesh, config)
+        (key, scales.nondimensionalize(material))
+        for key, material in _region_materials(imported_mesh, config)
     ]
     names = [f"regions.{name}" if name else "body" for name in imported_mesh.region_names]
     named_laws = zip(names, materials, strict=True)
@@ -1296,7 +1321,7 @@ def _imported_domain(
     )
     surfaces_text = (
         ""
-        if config.body.named == config.body.surfaces
+        if config.body.surface_names == config.body.surfaces
         else ", its surfaces without a name by where they face"
     )
     return domain, f"a mesh from a file is modelled as it is{surfaces_text}"
@@ -1308,7 +1333,7 @@ def _round_lengths(body: D) -> D:
     def to_digits(value: Any) -> Any:
         if isinstance(value, tuple):
             return tuple(map(to_digits, value))
-        return rounded(value) if isinstance(value, float) else value
+        return round_length(value) if isinstance(value, float) else value
 
     fields = dataclasses.fields(body)  # type: ignore[arg-type]
     return replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in fields})  # type: ignore[type-var]
@@ -1326,7 +1351,7 @@ def _check_scene(
     """ConfigError for a tip that does not stand on a body, or a path that leads it where it cannot
     go.
     """
-    if body.rim_distance(center) < 0:
+    if body.lateral_extent(center) < 0:
         raise ConfigError(
             "indenter.center",
             f"{list(center)} lies outside the body's top surface",
@@ -1362,17 +1387,17 @@ def _check_punch_width(body: Body, tip: Indenter, center: Center) -> None:
     if (
         not isinstance(tip, FlatPunch)
         or tip.edge_radius
-        or isinstance(body, Dome)
+        or isinstance(body, SphericalBody)
         or covers_top(tip, body, center)
     ):
         return
-    widest = body.rim_distance(body.center)
+    widest = body.lateral_extent(body.center)
     if tip.radius > widest:
         problem = f"the edge of a flat punch of radius {tip.radius:g} crosses that of the body"
         covering = (
             ""
-            if isinstance(body, Meshed)
-            else f", at least {body.reach(center):g}, or shape: plate"
+            if isinstance(body, ImportedBody)
+            else f", at least {body.max_lateral_extent(center):g}, or shape: plate"
         )
         raise ConfigError("indenter.radius", problem, f"at most {widest:g}{covering}")
 
@@ -1383,23 +1408,23 @@ def _expected_radius(
     """Contact radius at the deepest point: layer theory, else the smallest of the tips' sections;
     within the body.
     """
-    rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.center))
-    if isinstance(body, Meshed) and rim <= RIM_TOLERANCE * body.reach(center):
-        rim = body.reach(center)  # half of a symmetric body, cut where the tip stands
+    rim = max(body.lateral_extent(center), 0.05 * body.lateral_extent(body.center))
+    if isinstance(body, ImportedBody) and rim <= RIM_TOLERANCE * body.max_lateral_extent(center):
+        rim = body.max_lateral_extent(center)  # half of a symmetric body, cut where the tip stands
     if delta <= 0:
         return 0.2 * rim if isfinite(rim) else 1.0
-    if isinstance(body, Meshed):
+    if isinstance(body, ImportedBody):
         return min(_overlap_radius(tips[0], body, center, delta), rim)
     solution = theory.solution_at_depth(delta) if theory else None
     return min(solution.a if solution else min(tip.radius_at(delta) for tip in tips), rim)
 
 
-def _overlap_radius(tip: Indenter, body: Meshed, center: Center, delta: float) -> float:
+def _overlap_radius(tip: Indenter, body: ImportedBody, center: Center, delta: float) -> float:
     """How far from its axis [length] a tip at a depth would overlap the undeformed surface, to a
     part of a facet.
     """
-    distances = body.distances(center).ravel()
-    gap = (_tip_heights(tip, body.top(), center) - body.facets[..., -1]).ravel()
+    distances = body.corner_distances(center).ravel()
+    gap = (_tip_heights(tip, body.top_points(), center) - body.facets[..., -1]).ravel()
     order = np.argsort(np.where(np.isfinite(gap), distances, np.inf))[: np.isfinite(gap).sum()]
     return float(
         np.interp(delta, np.maximum.accumulate([0.0, *gap[order]]), [0.0, *distances[order]])
@@ -1416,9 +1441,9 @@ def top_coverage_depth(body: Body, layers: Sequence[Layer], tip: Indenter, cente
     """
     materials = [_layer_material(layer) for layer in layers]
     materials += [inclusion.material.canonical() for inclusion in body.inclusions or ()]
-    if any(material.constants.nu < 0.5 for material in materials) or not body.is_held:
+    if any(material.constants.nu < 0.5 for material in materials) or not body.is_laterally_confined:
         return float("inf")
-    return float(np.mean(_tip_heights(tip, body.top(), center)))
+    return float(np.mean(_tip_heights(tip, body.top_points(), center)))
 
 
 def side_contact_depth(body: Body, tip: Indenter, center: Center) -> float:
@@ -1429,8 +1454,8 @@ def side_contact_depth(body: Body, tip: Indenter, center: Center) -> float:
     displacement of finite energy does, and the force of a mesh grows as the logarithm of its
     elements there.
     """
-    z = body.clamped[:, -1] if isinstance(body, Meshed) else 0.0
-    return float(np.min(_tip_heights(tip, body.fixed_ends(), center) - z, initial=np.inf))
+    z = body.fixed_points[:, -1] if isinstance(body, ImportedBody) else 0.0
+    return float(np.min(_tip_heights(tip, body.fixed_edge_points(), center) - z, initial=np.inf))
 
 
 def _tip_heights(tip: Indenter, points: Points, center: Center) -> Any:

@@ -13,7 +13,15 @@ from math import inf
 import numpy as np
 
 from indent_sim.model import tips
-from indent_sim.model.body import Body, Box, Cylinder, Dome, Endless, HalfSpace, Meshed
+from indent_sim.model.body import (
+    Body,
+    Box,
+    Cylinder,
+    HalfSpace,
+    ImportedBody,
+    SphericalBody,
+    UnboundedBody,
+)
 from indent_sim.model.body import Layer as BodyLayer
 from indent_sim.model.body import Strip as BodyStrip
 from indent_sim.model.materials import (
@@ -200,13 +208,13 @@ def layer_theory(
     """The layer theory of a scene, or None where there is none (nu < 0, a tip that theory does not
     know).
     """
-    if isinstance(body, Meshed):
+    if isinstance(body, ImportedBody):
         return None
     assert not isinstance(body, HalfSpace)
-    if isinstance(body, Dome):
+    if isinstance(body, SphericalBody):
         return _spherical_body_theory(body, layers, tip)
     if isinstance(body, Cylinder | BodyStrip | Box) and covers_top(tip, body, center):
-        return _compression_theory(body, layers, flat_radius(tip) / body.reach(center))
+        return _compression_theory(body, layers, flat_radius(tip) / body.max_lateral_extent(center))
     shape = theory_tip_shape(tip)
     is_plane = body.dim == 2
     stack = stack_of(layers, body.base)
@@ -227,7 +235,7 @@ def covers_top(tip: Indenter, body: Body, center: tuple[float, ...]) -> bool:
     """
     if not isinstance(body, Cylinder | BodyStrip | Box):
         return False
-    return flat_radius(tip) >= body.reach(center) * (1 - RADIUS_TOLERANCE)
+    return flat_radius(tip) >= body.max_lateral_extent(center) * (1 - RADIUS_TOLERANCE)
 
 
 # What a compression is called by the number of directions across it in which walls hold the body
@@ -285,7 +293,7 @@ def _constrained_directions(body: Cylinder | BodyStrip | Box) -> int:
 def _bar_model(layers: Sequence[BodyLayer], constrained_directions: int) -> tuple[Bar, bool] | None:
     """The body as a bar, and whether its strain is finite; None where it is not known."""
     materials = [layer.material for layer in layers if layer.material]
-    if all(material.small_strain for material in materials):
+    if all(material.is_small_strain for material in materials):
         moduli = [material.bar_modulus(constrained_directions) for material in materials]
         thicknesses = [layer.thickness or inf for layer in layers]
         height = sum(thicknesses)
@@ -323,7 +331,9 @@ def _bonded_formulas(
     return {"Gent-Lindley": lambda delta: stiffness * delta}
 
 
-def _spherical_body_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theory | None:
+def _spherical_body_theory(
+    body: SphericalBody, layers: Sequence[BodyLayer], tip: Indenter
+) -> Theory | None:
     """Theory of a flat body under the curvatures of tip and dome: a layer as high as a cap, a
     half-space for a ball.
     """
@@ -368,7 +378,7 @@ def relative_tip(tip: Indenter, body: Body) -> Indenter:
     """The tip that leaves the same gap over a flat top: of the curvature 1/R relative to the
     body's, 1/R + 1/radius. A sharp tip is its own: beside its apex the body is flat.
     """
-    if not isinstance(body, Dome):
+    if not isinstance(body, SphericalBody):
         return tip
     match tip:
         case Paraboloid(R=R) | Sphere(R=R) | tips.Hyperboloid(R=R):
@@ -426,10 +436,10 @@ def _assess_exactness(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter
     why = first_reason(
         (not is_isotropic, "theory's layers are isotropic"),
         (
-            not all(material.small_strain for material in materials),
+            not all(material.is_small_strain for material in materials),
             "theory is that of small strain",
         ),
-        (not tip.of_revolution, "theory's tip is the cone of equal sections"),
+        (not tip.is_axisymmetric, "theory's tip is the cone of equal sections"),
     )
     moduli = [material.constants.E for material in materials]
     error = (
@@ -472,7 +482,7 @@ def _roller_wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, b
     """Radius of the roller wall, if the body has the one that theory knows, and what is different
     otherwise.
     """
-    if isinstance(body, Endless):
+    if isinstance(body, UnboundedBody):
         return None, True, "the infinitely wide layer itself"
     on_axis = np.allclose(
         center, body.center, rtol=2e-11, atol=1e-12 * body.height
@@ -517,7 +527,7 @@ def _half_space_formula(
     name, force_at = _closed_form_formula(tip, E_star)
     if force_at or not name:
         return name, force_at
-    shape = theory_tip_shape(tip) if tip.of_revolution else None
+    shape = theory_tip_shape(tip) if tip.is_axisymmetric else None
     unit = float(2.0 ** np.ceil(np.log2(tip.radius_at(delta))))  # about the contact radius
     half_space = Stack.half_space(E_star, unit)
     return name, partial(sneddon_force, tip=shape, half_space=half_space) if shape else None
@@ -599,9 +609,9 @@ def relaxed_law(material: Material, left: float) -> Material:
     """
     if material.relaxation is None:
         return material
-    law = Scales(1.0, 1.0 / left).scaled(replace(material, flow=None))
-    if material.relaxes_in_shear and material.constants.nu < 0.5:
-        E, nu = material.softened(left)
+    law = Scales(1.0, 1.0 / left).nondimensionalize(replace(material, flow=None))
+    if material.has_shear_relaxation and material.constants.nu < 0.5:
+        E, nu = material.relaxed_constants(left)
         relaxed_constants = {"nu": nu} | ({"E": E} if isinstance(law, LinearElastic) else {})
         law = replace(law, **relaxed_constants)  # type: ignore[arg-type]
     return replace(law, relaxation=None, flow=material.flow)

@@ -223,7 +223,7 @@ def coarsened_sizes(sizes: Sizes, ratio: float, height: float, *, is_column: boo
         for film in sizes.drained_faces
     )
     inclusions = [
-        (feature, min(ratio ** (ORDER_OF_CONVERGENCE / 2) * h, feature.thinnest))
+        (feature, min(ratio ** (ORDER_OF_CONVERGENCE / 2) * h, feature.min_half_width))
         for feature, h in sizes.inclusions
     ]
     return replace(

@@ -11,11 +11,11 @@ from indent_sim.mesh.grid import Grid, map_grid
 from indent_sim.mesh.imported_mesh import ImportedMesh
 from indent_sim.mesh.reactions import reaction_columns
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Endless
+from indent_sim.model.body import UnboundedBody
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.loading import History
 from indent_sim.model.materials import Relaxation
-from indent_sim.model.tips import FlatPunch, reach
+from indent_sim.model.tips import FlatPunch, max_radius
 from indent_sim.process.errors import ConfigError
 from indent_sim.process.screen import Shown, cell
 from indent_sim.process.usage import machine_memory
@@ -246,7 +246,7 @@ class Scene:
             (physics.has_friction, FRICTION_WHY),
             (bool(physics.permeable_regions), "fluid flows in the pores, theory's body has none"),
             (bool(physics.relaxing_regions), "its shear relaxes, theory's body is elastic"),
-            (physics.contact.may_snap, "the attraction has a range, theory's none"),
+            (physics.contact.may_snap_through, "the attraction has a range, theory's none"),
             (physics.gap == "current" and not has_plate, GAP_WHY),
             (physics.gap == "reference" and is_finite, PLANE_GAP_WHY),
             (theory is not None and not theory.is_exact, theory.reason if theory else ""),
@@ -281,7 +281,7 @@ class Scene:
         if (
             self.sizes.punch_edge is not None
             and not isinstance(tip, FlatPunch)
-            and a >= END_FRACTION * reach(tip)
+            and a >= END_FRACTION * max_radius(tip)
         ):
             return False
         return not missing_peak_reason(self.physics, self.sizes, a)
@@ -412,7 +412,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         choices.refuse_reactions(
             config, "a history is followed on the elastic curve, of forces alone"
         )
-    elif isinstance(config.body, Endless):
+    elif isinstance(config.body, UnboundedBody):
         choices.refuse_reactions(
             config, "a body without end is held at its base alone, by the force"
         )

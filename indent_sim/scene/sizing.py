@@ -11,8 +11,8 @@ import numpy as np
 from indent_sim.mesh.imported_domain import ImportedDomain
 from indent_sim.mesh.sizes import DrainedFace, Sizes
 from indent_sim.model.body import Inclusion
-from indent_sim.model.tips import FlatPunch, Indenter, reach
-from indent_sim.model.units import Scales, rounded
+from indent_sim.model.tips import FlatPunch, Indenter, max_radius
+from indent_sim.model.units import Scales, round_length
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene import boundary_films
 from indent_sim.scene.corner_singularities import corners
@@ -129,9 +129,9 @@ def surface_point_sizes(setup: ProblemSetup) -> Sizes:
         if depths
         else [setup.a]
     )  # grows with depth
-    a = rounded(max(radii))
-    h = rounded(max(radii) / SURFACE_POINTS)
-    h_axis = rounded(max(min(radii), MIN_LAST_RADIUS * a) / SURFACE_POINTS)
+    a = round_length(max(radii))
+    h = round_length(max(radii) / SURFACE_POINTS)
+    h_axis = round_length(max(min(radii), MIN_LAST_RADIUS * a) / SURFACE_POINTS)
     return Sizes(
         h, inf, a, GRADING, h_axis=h_axis if h_axis < h else None, a=a, axis=setup.physics.center
     )
@@ -168,7 +168,7 @@ def mesh_resolution(
             physics.indenter
         )  # a sharp edge says where contact ends
         n = per_radius or required_elements(
-            target, physics.domain.dim, is_confined, anisotropy_factor(physics.material.decay)
+            target, physics.domain.dim, is_confined, anisotropy_factor(physics.material.decay_rates)
         )
     stiffness_given = getattr(config.contact, "epsilon_n", "auto") != "auto"
     resolution = resolution_from_contacts(target, n, contacts, physics.domain.dim)
@@ -213,7 +213,7 @@ def _edge_radius(setup: ProblemSetup, gap: str, is_asked: bool) -> float | None:
             return None  # the curved top ends the contact
         return (a if tip.edge_radius else tip.radius) if _is_sharp(tip) else None
     # with a gap at the deformed point the body goes around the end
-    return reach(tip) if gap == "reference" and a >= END_FRACTION * reach(tip) else None
+    return max_radius(tip) if gap == "reference" and a >= END_FRACTION * max_radius(tip) else None
 
 
 def sizes(
@@ -227,7 +227,7 @@ def sizes(
     domain = setup.physics.domain
     a = setup.a
     edge_radius = _edge_radius(setup, gap, mesh.h_edge is not None)
-    edge = rounded(edge_radius) if edge_radius is not None else None
+    edge = round_length(edge_radius) if edge_radius is not None else None
     if isinstance(domain, ImportedDomain):
         return _imported_mesh_sizes(
             domain, setup, edge, resolution.refinements if resolution else mesh.refinements or 0
@@ -246,7 +246,8 @@ def sizes(
         )
     if setup.uses_time_stepping and domain.dim == 2 and fixed_sizes.h_contact is None:
         fixed_sizes = replace(
-            fixed_sizes, h_contact=rounded(min(a / STEPPED_ELEMENTS_PER_RADIUS, domain.height / 4))
+            fixed_sizes,
+            h_contact=round_length(min(a / STEPPED_ELEMENTS_PER_RADIUS, domain.height / 4)),
         )
     if setup.attraction:
         fixed_sizes = _refine_cohesive_zone(config, setup, fixed_sizes)
@@ -255,8 +256,8 @@ def sizes(
     ) and fixed_sizes.h_contact is None:  # as fine in the smallest contact as in the deepest
         fixed_sizes = replace(
             fixed_sizes,
-            h_contact=rounded(a / ADHESIVE_ELEMENTS_PER_RADIUS),
-            h_axis=rounded(radii[0] / ADHESIVE_ELEMENTS_PER_RADIUS),
+            h_contact=round_length(a / ADHESIVE_ELEMENTS_PER_RADIUS),
+            h_axis=round_length(radii[0] / ADHESIVE_ELEMENTS_PER_RADIUS),
         )
     fixed_sizes = _refine_below_deep_tip(config, setup, fixed_sizes, edge, gap)
     default_sizes = replace(
@@ -282,10 +283,10 @@ def _default_sizes(
     a = setup.a
     dim = domain.dim
     last_depth = physics.deltas[-1]
-    anisotropy = anisotropy_factor(physics.material.decay)
+    anisotropy = anisotropy_factor(physics.material.decay_rates)
     # What follows must not know who chose the finest size. Wide contacts feel the corners at the
     # base
-    h_contact = rounded(
+    h_contact = round_length(
         fixed_sizes.h_contact or min(a / (anisotropy * ELEMENTS_PER_RADIUS[dim]), domain.height / 4)
     )
     max_size = (0.25 - 0.3 * min(max(a / domain.max_width - 0.5, 0.0), 0.5)) * max(
@@ -299,7 +300,7 @@ def _default_sizes(
     last_radius_ratio = (
         setup.expected_radius(last_depth) if last_depth > 0 and edge is None else a
     ) / a  # the contact of the last step
-    axis_size = rounded(
+    axis_size = round_length(
         fixed_sizes.h_axis
         or (
             h_contact
@@ -307,11 +308,11 @@ def _default_sizes(
             else h_contact * max(last_radius_ratio, MIN_LAST_RADIUS)
         )
     )
-    h_far = rounded(fixed_sizes.h_far or max(h_contact, max_size))
-    patch = rounded(PATCH_FACTOR * a + 2 * h_contact)
-    growth = rounded(fixed_sizes.grading or GRADING / anisotropy)
+    h_far = round_length(fixed_sizes.h_far or max(h_contact, max_size))
+    patch = round_length(PATCH_FACTOR * a + 2 * h_contact)
+    growth = round_length(fixed_sizes.grading or GRADING / anisotropy)
     h_axis = axis_size if axis_size < h_contact else None
-    h_edge = rounded(fixed_sizes.h_edge or h_contact / ratio) if edge is not None else None
+    h_edge = round_length(fixed_sizes.h_edge or h_contact / ratio) if edge is not None else None
     return Sizes(
         h_contact,
         h_far,
@@ -320,7 +321,7 @@ def _default_sizes(
         edge,
         h_edge,
         h_axis,
-        rounded(a),
+        round_length(a),
         edge_refinement_factor=edge_refinement,
         axis=physics.center,
     )
@@ -342,7 +343,7 @@ def _frictional_edge_width(
     is_sheared = bool(config.contact.friction) and gap == "current" and not physics.small_strain
     if edge is None or not is_sheared or physics.domain.dim == 3 or not isinstance(tip, FlatPunch):
         return 0.0
-    return rounded(max(edge - (tip.radius - tip.edge_radius), 0.0)) if tip.edge_radius else 0.0
+    return round_length(max(edge - (tip.radius - tip.edge_radius), 0.0)) if tip.edge_radius else 0.0
 
 
 def _refine_below_deep_tip(
@@ -356,7 +357,7 @@ def _refine_below_deep_tip(
     would cover all of its end.
     """
     tip = setup.physics.indenter
-    end_radius = reach(setup.physics.indenter)
+    end_radius = max_radius(setup.physics.indenter)
     depth = setup.max_depth / end_radius
     is_given = (
         config.mesh.h_contact != "auto"
@@ -371,13 +372,13 @@ def _refine_below_deep_tip(
     edge_radius = getattr(tip, "edge_radius", 0.0)
     if edge_radius >= MIN_ARC_FRACTION * end_radius:
         h_contact = min(h_contact, edge_radius / ELEMENTS_PER_ARC)
-    h_edge = rounded(h_contact) if edge is not None and edge_radius > 0 else fixed_sizes.h_edge
+    h_edge = round_length(h_contact) if edge is not None and edge_radius > 0 else fixed_sizes.h_edge
     stretched = exp(STRETCH_GROWTH * (depth - 1))
-    growth = fixed_sizes.grading or rounded(GRADING / stretched**GRADING_STRETCH_EXPONENT)
+    growth = fixed_sizes.grading or round_length(GRADING / stretched**GRADING_STRETCH_EXPONENT)
     return replace(
         fixed_sizes,
-        h_contact=rounded(h_contact),
-        h_axis=rounded(h_contact / stretched),
+        h_contact=round_length(h_contact),
+        h_axis=round_length(h_contact / stretched),
         h_edge=h_edge,
         grading=growth,
     )
@@ -405,10 +406,12 @@ def _refine_cohesive_zone(
         default_size = min(
             default_size, setup.adhesive_radii[0] / ELEMENTS_AT_PULL_OFF[physics.domain.dim]
         )
-    h = min(default_size, attraction.zone(E_star) / ELEMENTS_PER_ZONE)
+    h = min(default_size, attraction.cohesive_zone(E_star) / ELEMENTS_PER_ZONE)
     if h * max_elements < a:
-        min_range = attraction.resolved_by(ELEMENTS_PER_ZONE * a / max_elements, E_star) * L
-        zone = attraction.zone(E_star) * L
+        min_range = (
+            attraction.range_for_cohesive_zone(ELEMENTS_PER_ZONE * a / max_elements, E_star) * L
+        )
+        zone = attraction.cohesive_zone(E_star) * L
         problem = (
             f"is too short for a mesh: its cohesive zone is {zone:.3g}, the contact radius "
             f"{a * L:.3g}"
@@ -420,7 +423,9 @@ def _refine_cohesive_zone(
         )
     h_axis = fixed_sizes.h_axis and min(fixed_sizes.h_axis, h)
     edge, corner = (size and min(size, h) for size in (fixed_sizes.h_edge, fixed_sizes.h_corner))
-    return replace(fixed_sizes, h_contact=rounded(h), h_axis=h_axis, h_edge=edge, h_corner=corner)
+    return replace(
+        fixed_sizes, h_contact=round_length(h), h_axis=h_axis, h_edge=edge, h_corner=corner
+    )
 
 
 def _imported_mesh_sizes(
@@ -431,16 +436,16 @@ def _imported_mesh_sizes(
     """
     size_factor = 0.5**refinements
     a = setup.a
-    h = rounded(size_factor * domain.facet_size_near(setup.physics.center, 0.0, a))
+    h = round_length(size_factor * domain.facet_size_near(setup.physics.center, 0.0, a))
     h_edge = (
-        rounded(size_factor * domain.facet_size_near(setup.physics.center, edge, edge))
+        round_length(size_factor * domain.facet_size_near(setup.physics.center, edge, edge))
         if edge is not None
         else None
     )
-    h_far = rounded(max(h, size_factor * domain.longest_edge))
-    patch = rounded(PATCH_FACTOR * a + 2 * h)
+    h_far = round_length(max(h, size_factor * domain.longest_edge))
+    patch = round_length(PATCH_FACTOR * a + 2 * h)
     sizes_of_mesh = Sizes(
-        h, h_far, patch, GRADING, edge, h_edge, a=rounded(a), axis=setup.physics.center
+        h, h_far, patch, GRADING, edge, h_edge, a=round_length(a), axis=setup.physics.center
     )
     return replace(sizes_of_mesh, refinements=refinements)
 
@@ -455,8 +460,12 @@ def _edge_refinement_factor(setup: ProblemSetup, edge: float | None) -> float:
     if physics.is_compressed:
         return 0.0  # the body's own rim ends the contact, wherever elements end
     side_supports = [support for name, support in physics.domain.supports.items() if name != "base"]
-    gap = max(physics.body.rim_distance(physics.center) - edge, 1e-9 * edge)
-    squeezed = 1 / max(1 - 2 * physics.largest_nu, 1e-9) ** 0.5 if physics.body.is_held else 1.0
+    gap = max(physics.body.lateral_extent(physics.center) - edge, 1e-9 * edge)
+    squeezed = (
+        1 / max(1 - 2 * physics.largest_nu, 1e-9) ** 0.5
+        if physics.body.is_laterally_confined
+        else 1.0
+    )
     sheared = (1 + edge / gap) ** 0.5 if "fixed" in side_supports else 1.0
     return max(1.0, EDGE_REFINEMENT * min(1 + edge / gap, max(squeezed, sheared)))
 
@@ -508,9 +517,11 @@ def _refine_corners(
             default_sizes,
             corner_error=max((corner.error(size) for corner, size in corner_sizes), default=0.0),
         )
-    corner_points = tuple(sorted({(corner.r, rounded(corner.depth)) for corner in near_corners}))
+    corner_points = tuple(
+        sorted({(corner.r, round_length(corner.depth)) for corner in near_corners})
+    )
     refined = replace(
-        default_sizes, corners=corner_points, h_corner=min(rounded(h), default_sizes.h_contact)
+        default_sizes, corners=corner_points, h_corner=min(round_length(h), default_sizes.h_contact)
     )
     sizes = (
         float(refined.size_at(np.array(corner.r), np.array(corner.depth)))
@@ -530,13 +541,14 @@ def _refine_inclusions(
     error = INCLUSION_ERROR_SHARE * (resolution.error if resolution else AUTO_ERROR)
     given_sizes = config.mesh.h_inclusions
     inclusion_sizes = [
-        inclusion.thinnest / _elements_in_inclusion(inclusion, setup, error)
+        inclusion.min_half_width / _elements_in_inclusion(inclusion, setup, error)
         for inclusion in inclusions
     ]
     if given_sizes:
         inclusion_sizes = [h / setup.physics.scales.length for h in given_sizes]
     return replace(
-        default_sizes, inclusions=tuple(zip(inclusions, map(rounded, inclusion_sizes), strict=True))
+        default_sizes,
+        inclusions=tuple(zip(inclusions, map(round_length, inclusion_sizes), strict=True)),
     )
 
 
@@ -558,7 +570,7 @@ def _refine_coatings(
         ]
     )
     return replace(
-        default_sizes, coatings=tuple(zip(coatings, map(rounded, coating_sizes), strict=True))
+        default_sizes, coatings=tuple(zip(coatings, map(round_length, coating_sizes), strict=True))
     )
 
 
@@ -605,11 +617,11 @@ def film_sizes(
     D = boundary_films.smallest_diffusivity(setup.physics)
     path = problem_along_history(setup, physics, default_sizes.h_contact).path
     rows = boundary_films.path_rows(path)
-    faces = boundary_films.drained_faces(setup, min(path.times) - (path.begin or 0.0))
+    faces = boundary_films.drained_faces(setup, min(path.times) - (path.start_time or 0.0))
     h_film = given_size
     if h_film is None:
         fraction_per_length = boundary_films.force_fraction_per_length(setup)
-        h_film = rounded(
+        h_film = round_length(
             boundary_films.film_element_size(
                 rows, max_fraction, D, fraction_per_length, default_sizes.h_far, MIN_FILM_SIZE * a
             )
@@ -624,7 +636,9 @@ def film_sizes(
             )
             if h < default_sizes.h_far:
                 films.append(
-                    DrainedFace(side, rounded(h), rounded(nearest + default_sizes.fine_radius))
+                    DrainedFace(
+                        side, round_length(h), round_length(nearest + default_sizes.fine_radius)
+                    )
                 )
     return tuple(films), h_film
 
@@ -636,20 +650,24 @@ def _elements_in_inclusion(inclusion: Inclusion, setup: ProblemSetup, error: flo
     physics = setup.physics
     min_elements, max_elements = INCLUSION_ELEMENTS[physics.domain.dim]
     x, *y = physics.center
-    d = max(float(inclusion.distance((x, y[0] if y else 0.0, 0.0))), inclusion.thinnest)
+    d = max(float(inclusion.distance((x, y[0] if y else 0.0, 0.0))), inclusion.min_half_width)
     is_section = physics.body.dim == 2
     inclusion_weight = (
-        8 * inclusion.half(0) * inclusion.half(2) / d**2
+        8 * inclusion.half_width(0) * inclusion.half_width(2) / d**2
         if is_section
         else 2 * inclusion.volume * setup.a / d**4
     )
     needed = (min(inclusion_weight, MAX_INCLUSION_WEIGHT) / (4 * error)) ** 0.5
-    needed *= 1.0 if inclusion.is_round(physics.domain.dim) else FLAT_INCLUSION_FACTOR
-    cover_thickness = -inclusion.center[2] - inclusion.half(2)  # to the surface
-    elements = min(max(needed, inclusion.thinnest / cover_thickness, min_elements), max_elements)
+    needed *= (
+        1.0 if inclusion.is_curved_where_thinnest(physics.domain.dim) else FLAT_INCLUSION_FACTOR
+    )
+    cover_thickness = -inclusion.center[2] - inclusion.half_width(2)  # to the surface
+    elements = min(
+        max(needed, inclusion.min_half_width / cover_thickness, min_elements), max_elements
+    )
     cover_elements = ELEMENTS_ABOVE_INCLUSION * (INCLUSION_ERROR_SHARE * AUTO_ERROR / error) ** 0.5
     return (
-        max(elements, cover_elements * inclusion.thinnest / cover_thickness)
+        max(elements, cover_elements * inclusion.min_half_width / cover_thickness)
         if physics.domain.top_radius
         else elements
     )

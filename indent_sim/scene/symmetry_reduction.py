@@ -8,7 +8,15 @@ from itertools import pairwise
 from math import inf, isclose
 
 from indent_sim.mesh.model_domain import ModelDomain, Pins, Point, Region, Side, polygon_sides
-from indent_sim.model.body import Box, Cylinder, Dome, Drawn, Endless, Inclusion, Strip
+from indent_sim.model.body import (
+    Box,
+    Cylinder,
+    DimensionedBody,
+    Inclusion,
+    SphericalBody,
+    Strip,
+    UnboundedBody,
+)
 from indent_sim.model.kinematics import Axisymmetric, Kinematics, PlaneStrain, ThreeDimensional
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import ConfigError
@@ -27,14 +35,18 @@ QUARTER_ENDS = (
 
 
 def reduce(
-    body: Drawn | Endless, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
+    body: DimensionedBody | UnboundedBody,
+    center: Point,
+    requested_symmetry: str,
+    tip: Indenter,
+    regions: Regions,
 ) -> tuple[ModelDomain, str]:
     """Choose the symmetric part to model, and say why; `requested_symmetry` is `mesh.symmetry`.
 
     Raises ConfigError when the scene does not have the symmetry that is asked for.
     """
     if isinstance(
-        body, Endless
+        body, UnboundedBody
     ):  # theory sees a section whose walls are at infinity; nothing meshes it
         domain = _axisymmetric_domain(
             inf, body.height, regions, {"base": getattr(body, "base", "free")}
@@ -44,7 +56,7 @@ def reduce(
         domain, reason = _cylinder_domain(body, center, requested_symmetry, tip, regions)
     elif isinstance(body, Strip):
         domain, reason = _strip_domain(body, center, requested_symmetry, regions)
-    elif isinstance(body, Dome):
+    elif isinstance(body, SphericalBody):
         domain, reason = _spherical_domain(body, requested_symmetry, regions)
     else:
         domain, reason = _box_domain(body, center, requested_symmetry, tip, regions)
@@ -59,7 +71,7 @@ def _symmetry_error(requested_symmetry: str, why: str, remedy: str) -> ConfigErr
 
 def _is_tip_symmetric(tip: Indenter, axis: str) -> bool:
     """Whether the tip is its own mirror image about the plane normal to `axis` through its axis."""
-    return tip.of_revolution or tip.is_mirrored({"x": 90.0, "y": 0.0}[axis])  # type: ignore[union-attr]
+    return tip.is_axisymmetric or tip.is_mirrored({"x": 90.0, "y": 0.0}[axis])  # type: ignore[union-attr]
 
 
 def _are_inclusions_symmetric(regions: Regions, axis: str, c: float) -> bool:
@@ -68,7 +80,7 @@ def _are_inclusions_symmetric(regions: Regions, axis: str, c: float) -> bool:
     """
     inclusions = {_round_center(region.inclusion) for region in regions if region.inclusion}
     return inclusions == {
-        _round_center(inclusion.mirrored("xyz".index(axis), c)) for inclusion in inclusions
+        _round_center(inclusion.mirror_image("xyz".index(axis), c)) for inclusion in inclusions
     }
 
 
@@ -84,8 +96,11 @@ def _cylinder_domain(
 ) -> tuple[ModelDomain, str]:
     on_axis = {axis: abs(c) <= 1e-12 * body.radius for axis, c in zip("xy", center, strict=True)}
     obstacle = "" if all(on_axis.values()) else "the tip stands off the cylinder's axis"
-    obstacle = obstacle if tip.of_revolution else f"a {tip.shape} is no tip of revolution"
-    if any(region.inclusion and not region.inclusion.is_about(body.center) for region in regions):
+    obstacle = obstacle if tip.is_axisymmetric else f"a {tip.shape} is no tip of revolution"
+    if any(
+        region.inclusion and not region.inclusion.is_axisymmetric_about(body.center)
+        for region in regions
+    ):
         obstacle = obstacle or "an inclusion is no body of revolution about the axis"
     if requested_symmetry == "plane_strain" or (requested_symmetry == "axisymmetric" and obstacle):
         raise _symmetry_error(
@@ -236,7 +251,7 @@ def _cut_domain(
 
 
 def _spherical_domain(
-    body: Dome, requested_symmetry: str, regions: Regions
+    body: SphericalBody, requested_symmetry: str, regions: Regions
 ) -> tuple[ModelDomain, str]:
     if requested_symmetry not in ("auto", "axisymmetric"):
         raise _symmetry_error(
@@ -261,16 +276,16 @@ def _spherical_domain(
     )
     return (
         domain,
-        f"tip of revolution on the axis of a {body.shape}{mirrored if body.pieces == 2 else ''}",
+        f"tip of revolution on the axis of a {body.shape}{mirrored if body.contacts_per_body == 2 else ''}",
     )
 
 
-def _spherical_outline(body: Dome) -> Sides:
+def _spherical_outline(body: SphericalBody) -> Sides:
     """The base, the curved surface from its edge up to the apex in arcs of a quarter turn at most,
     and the axis.
     """
     R = body.radius
-    base_edge = body.foot
+    base_edge = body.base_edge
     apex = (0.0, 0.0)
     bottom = (0.0, -body.height)
     middle = (0.0, -R)

@@ -66,7 +66,7 @@ def on_rings(
         for _ in range(100):
             q, lam = x[:n], x[n:]
             g = r**2 / 2 - depth + C @ q
-            p, pull = lam - stiff * g, law.pull(g)
+            p, pull = lam - stiff * g, law.attraction(g)
             on, slope = (p > 0)[:, None], np.where(g > 0, -pull / law.range, 0.0)[:, None]
             residual = np.concatenate([q - np.maximum(p, 0.0) + pull, lam - np.maximum(p, 0.0)])
             if np.abs(residual).max() < 1e-12:
@@ -337,7 +337,7 @@ def drawn(number: int) -> tuple[dict[str, Any], float, float]:
         "work": work,
         "range": (work**2 / (E_star**2 * (parameter / LAMBDA_PER_TABOR) ** 3)) ** (1 / 3),
     }
-    depth, zone = (pi * work / E_star) ** (2 / 3), Adhesion(**adhesion).zone(E_star)
+    depth, zone = (pi * work / E_star) ** (2 / 3), Adhesion(**adhesion).cohesive_zone(E_star)
     layer = {
         "shape": "cylinder",
         "radius": 2.0,

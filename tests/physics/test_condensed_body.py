@@ -86,7 +86,7 @@ def test_every_linear_config_is_condensed() -> None:
         assert (
             not is_whole
             or base.physics.depends_on_step_size
-            or not base.physics.material.small_strain
+            or not base.physics.material.is_small_strain
         ), path
 
 

@@ -127,7 +127,7 @@ def test_steps_under_a_tip_that_stands_still_are_counted_apart() -> None:
     assert (one.steps, other.holding_steps) == (
         2,
         0,
-    ) and one.holding_steps == 2 * base.physics.path.still > 20
+    ) and one.holding_steps == 2 * base.physics.path.hold_count > 20
     assert other.steps >= one.steps + one.holding_steps
 
 

@@ -563,7 +563,7 @@ def test_a_column_that_is_shorter_by_a_fifth(pores: HolmesMow | None) -> None:
     body.drain()
     mu, lame = 1 / 2.4, 0.2 / (1.2 * 0.6)
     slope = mu * (1 + 1 / s**2) + lame * (1 - np.log(s)) / s**2
-    k = PERMEABILITY * (pores.factor(s) if pores else 1.0)
+    k = PERMEABILITY * (pores.permeability_ratio(s) if pores else 1.0)
     decay = 1 / (np.pi**2 * k / s * slope)
     body.step(0.2002, decay / 4)
     forces = [body.step(0.2002, 0.05 * decay) for _ in range(80)]
@@ -595,7 +595,7 @@ def test_a_history_is_walked_step_by_step() -> None:
     base, rows = in_time("history"), rows_of("history")
     body, t = Draining(base), 0.0
     for step, row in enumerate(rows, start=1):
-        ((depth, after),) = base.physics.path.leg(step)
+        ((depth, after),) = base.physics.path.segment(step)
         assert body.step(depth, after - t) == pytest.approx(row.force, rel=1e-9, abs=1e-12)
         assert row.outflow == pytest.approx(body.outflow, rel=1e-9, abs=1e-15)
         t = after
@@ -732,7 +732,7 @@ def test_a_step_that_fails_is_cut_in_time() -> None:
         return not is_refused and once(depth, dt)
 
     body.solve = reluctant  # type: ignore[method-assign]
-    path = LoadPath("depth", (DELTA, DELTA), (0.0, 50.0), ("approach", "hold"), begin=0.0)
+    path = LoadPath("depth", (DELTA, DELTA), (0.0, 50.0), ("approach", "hold"), start_time=0.0)
     at_once, at_last = walk.states(path, lambda step: False)
     assert at_once.substeps == 1 and at_last.substeps == 2
     assert at_last.force == pytest.approx(solver_force(layer()), rel=2e-3)
@@ -819,7 +819,7 @@ def test_a_growing_force_is_that_of_the_depths_that_it_leads_to() -> None:
     )
     rows, mesh = solve(base), meshed(base)
     path, depths = base.physics.path, tuple(row.delta for row in rows)
-    again = LoadPath("depth", depths, path.times, path.branches, begin=path.begin)
+    again = LoadPath("depth", depths, path.times, path.branches, start_time=path.start_time)
     found = list(
         solver.create_load_stepper(base.replace_physics(path=again, deltas=depths), mesh).states(
             again, lambda step: False

@@ -143,7 +143,7 @@ def found(base: Scene) -> dict[str, tuple[float, float]]:
     know it.
     """
     rows = judged(base)
-    last, is_round = rows[-1], not base.physics.indenter.creases()
+    last, is_round = rows[-1], not base.physics.indenter.slope_discontinuities()
     known = [
         name for name in READ if name != "p_max" or is_round or isfinite(last.p_max_error or nan)
     ]

@@ -93,8 +93,8 @@ def test_a_tip_that_drains_lets_it_swell_sooner() -> None:
 def test_a_resting_tip_is_lifted_by_all_that_a_gel_swells(body: dict[str, Any]) -> None:
     """At rest in the pure solvent: by mu(l) = 0, or between walls by P_z = 0."""
     law = Gel(G=1.0, n_omega=1e-3, chi=0.6, stretch=STRETCH)
-    free = law.free_stretch(0.0) / STRETCH
-    swollen = free if body is FREE else law.held_swelling(law.bath_pressure(0.0)).stretch
+    free = law.free_swelling_stretch(0.0) / STRETCH
+    swollen = free if body is FREE else law.confined_swelling(law.bath_pressure(0.0)).stretch
     coarse = {"h_contact": 0.25, "h_far": 0.5}
     early, late = at([0.1, 1e3], key="force_history", body=body, mesh=coarse)
     assert early.force == 0 and late.force == 0 and early.a == 0
@@ -136,7 +136,7 @@ def test_a_weight_on_a_swollen_gel_is_put_on_and_taken_off_at_once() -> None:
 
 def test_without_flow_it_is_at_rest_in_its_bath() -> None:
     """What a gel with flow comes to; of free swelling in the bath where no stretch is given."""
-    bath = Gel(G=1.0, n_omega=1e-3, chi=0.6).free_potential(STRETCH)
+    bath = Gel(G=1.0, n_omega=1e-3, chi=0.6).free_swelling_potential(STRETCH)
     coarse: dict[str, Any] = {"mesh": {"h_contact": 0.1}}  # of all
     (dry,) = rows(gel(material=GEL, drainage=None, loading={"deltas": [0.1]}, **coarse))
     drained: dict[str, Any] = {"drainage": {"bath": bath}} | coarse
@@ -162,7 +162,7 @@ def at_once_and_at_last(delta: float, material: dict[str, Any]) -> tuple[float, 
     paraboloid = {"shape": "paraboloid", "R": 1.0}
     base = scene(
         LAYER, material=material, indenter=paraboloid, mesh={"h_contact": 0.1 * delta**0.5}, loading=loading,
-        drainage={"bath": Gel(G=1.0, n_omega=1e-3, chi=0.6).free_potential(STRETCH)} if "G" in material else {},
+        drainage={"bath": Gel(G=1.0, n_omega=1e-3, chi=0.6).free_swelling_potential(STRETCH)} if "G" in material else {},
     )  # fmt: skip
     first, last = rows(base)
     return first.force, last.force
@@ -193,7 +193,7 @@ def test_a_gel_under_a_shallow_tip_is_a_linear_porous_body() -> None:
 @pytest.mark.verify
 def test_a_deep_hold_of_a_gel_is_of_second_order_in_time() -> None:
     """0.3 R deep in one bath: four steps of each length against sixteen, and two."""
-    bath = Gel(G=1.0, n_omega=1e-3, chi=0.6).free_potential(STRETCH)
+    bath = Gel(G=1.0, n_omega=1e-3, chi=0.6).free_swelling_potential(STRETCH)
     found = {}
     for per_doubling in (2, 4, 16):
         loading = {

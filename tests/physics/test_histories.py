@@ -78,16 +78,16 @@ def test_forces_in_time() -> None:
 
 def test_half_steps_pass_the_same_turns() -> None:
     """Every second row of the halved path is one of the path, and the way to it is as long."""
-    history = Loading(history=((0, 0), (1, 0.02), (2, 0.01)), times=(0.5, 1.5)).in_time  # type: ignore[arg-type]
+    history = Loading(history=((0, 0), (1, 0.02), (2, 0.01)), times=(0.5, 1.5)).prescribed_history  # type: ignore[arg-type]
     assert history is not None
     path = history.path
-    fine = path.halved()
+    fine = path.with_halved_increments()
     assert fine.values[1::2] == path.values
 
     def length(path: LoadPath) -> float:
         values = [
             0.0,
-            *(value for step in range(1, len(path.values) + 1) for value, _ in path.leg(step)),
+            *(value for step in range(1, len(path.values) + 1) for value, _ in path.segment(step)),
         ]
         return float(np.abs(np.diff(values)).sum())
 

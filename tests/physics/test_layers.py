@@ -112,7 +112,7 @@ def state_on(base: Scene, grid: Any) -> Any:
     regions = np.minimum(grid.regions, len(part.regions) - 1)
     mesh = solver.distribute(dataclasses.replace(grid, regions=regions), part, MPI.COMM_SELF)
     *_, last = solver.create_load_stepper(base, mesh).states(base.physics.path, lambda step: False)
-    return last.in_units(base.physics.scales)
+    return last.to_user_units(base.physics.scales)
 
 
 @pytest.mark.parametrize(

@@ -95,7 +95,7 @@ def the_scene(name: str) -> tuple[Scene, Any]:
     """A scene with a memory, and its mesh."""
     path, sections = SCENES[name]
     base = scene(LAYER, mesh=COARSE, **sections, loading={"deltas": list(path)})
-    assert base.physics.contact.has_memory
+    assert base.physics.contact.is_path_dependent
     return base, meshed(base)
 
 

@@ -132,4 +132,6 @@ def test_rollers_of_a_file_under_the_axis_are_mirrors(
     assert found.physics.mirror_multiplicity == seen
     far = {4: 1.0, 2: 0.5, 1: 0.4}[seen]
     L = found.physics.scales.length
-    assert found.physics.body.rim_distance(found.physics.center) * L == pytest.approx(far, rel=1e-9)
+    assert found.physics.body.lateral_extent(found.physics.center) * L == pytest.approx(
+        far, rel=1e-9
+    )

@@ -42,8 +42,8 @@ def searched(**sections: Any) -> tuple[list[State], PullOff | None]:
             np.array_equal(one, other) for one, other in zip(before[2], after[2], strict=True)
         )
     assert walk.equilibrium.force == pytest.approx(force, rel=1e-12)
-    return [row.in_units(base.physics.scales) for row in rows], found and PullOff(
-        found.state.in_units(base.physics.scales),
+    return [row.to_user_units(base.physics.scales) for row in rows], found and PullOff(
+        found.state.to_user_units(base.physics.scales),
         found.error * base.physics.scales.force,
         found.equilibria,
     )

@@ -23,15 +23,15 @@ from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.newton import Newton
 from indent_sim.fe.terms.scene_terms import additional_fields, bulk_terms, contact_terms
 from indent_sim.fe.terms.term import Term
-from indent_sim.model.materials import Exponentials, PowerLaw, Relaxation
+from indent_sim.model.materials import PowerLaw, PronySeries, Relaxation
 from indent_sim.model.state import State
 from indent_sim.run import simulate
 from indent_sim.scene.problem_setup import prony_series
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.viscoelasticity import ElasticCurve, LeeRadokTing, ShearRelaxation
 
-TWO_TIMES = Exponentials(0.3, (0.4, 0.3), (0.1, 1.0))
-ONE_TIME = Exponentials(0.4, (0.6,), (2.0,))
+TWO_TIMES = PronySeries(0.3, (0.4, 0.3), (0.1, 1.0))
+ONE_TIME = PronySeries(0.4, (0.6,), (2.0,))
 HOOKE = {"model": "linear_elastic", "E": 1.0, "nu": 0.3}
 C10, C01, NU = 0.15, 0.1, 0.3
 MOONEY = {"model": "mooney_rivlin", "C10": C10, "C01": C01, "nu": NU}
@@ -43,7 +43,7 @@ HALVES = LAYER | {"layers": [{"thickness": 0.5}, {"thickness": 0.5}]}
 COARSE = {"h_contact": 0.05, "h_far": 0.4}
 
 
-def relaxing(base: Scene, law: Exponentials) -> Scene:
+def relaxing(base: Scene, law: PronySeries) -> Scene:
     """The same scene of a material whose shear stress relaxes."""
     part = base.physics.domain
     return base.replace_physics(
@@ -54,7 +54,7 @@ def relaxing(base: Scene, law: Exponentials) -> Scene:
 
 
 @cache
-def in_time(name: str, law: Exponentials) -> tuple[Scene, Any]:
+def in_time(name: str, law: PronySeries) -> tuple[Scene, Any]:
     """One of SCENES that relaxes, and its mesh."""
     body, material, tip, mesh = SCENES[name]
     contact = {"gap": "reference"} if body is BAR else {}
@@ -104,7 +104,7 @@ def along(body: Any, history: Sequence[tuple[float, float]]) -> Iterator[float]:
 
 
 def held(
-    name: str, law: Exponentials, delta: float, end: float, per_doubling: int
+    name: str, law: PronySeries, delta: float, end: float, per_doubling: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Times, from 0 on, and forces of a tip pressed in at once, in parts of 0.05, and held."""
     steps, parts = ladder(min(law.times) / 20, end, per_doubling), round(delta / 0.05) or 1
@@ -122,7 +122,7 @@ def held(
 
 
 def bar_error(
-    name: str, law: Exponentials, E: float, nu: float, end: float, per_doubling: int
+    name: str, law: PronySeries, E: float, nu: float, end: float, per_doubling: int
 ) -> float:
     """Largest error of E(t)/E in a hold; E is the scene's unit of pressure."""
     t, force = held(name, law, 0.01, end, per_doubling)
@@ -143,7 +143,7 @@ def test_bar_of_a_bulk_modulus_that_stays() -> None:
     ("name", "law", "E", "nu"),
     [("mixed bar", TWO_TIMES, 1.0, 0.3), ("softer bar", ONE_TIME, 10.0, 0.1)],
 )
-def test_other_bars(name: str, law: Exponentials, E: float, nu: float) -> None:
+def test_other_bars(name: str, law: PronySeries, E: float, nu: float) -> None:
     assert bar_error(name, law, E, nu, 3.0, 4) < 1.5e-4
 
 
@@ -200,15 +200,13 @@ def test_bar_in_stages_of_a_body_in_which_fluid_flows() -> None:
     assert errors[0] / errors[1] > 3
 
 
-def rubber_bar(
-    strain: Callable[[float], float], law: Exponentials, end: float, steps: int
-) -> float:
+def rubber_bar(strain: Callable[[float], float], law: PronySeries, end: float, steps: int) -> float:
     """Nominal stress over E of a MOONEY bar after strain(t), point by point: Simo's law in
     principal stretches, its internal stresses by the trapezoidal rule, the lateral stretch from
     a lateral stress of 0.
     """
     E, nu = 4 * (C10 + C01) * (1 + NU), NU
-    kappa, rest = E / (3 * (1 - 2 * nu)), law.rest
+    kappa, rest = E / (3 * (1 - 2 * nu)), law.long_term
     A = [np.zeros(3) for _ in law.times]
     S, dt, side, P = np.zeros(3), end / steps, 1.0, 0.0
 
@@ -278,7 +276,7 @@ def test_incompressible_layers_relax_as_one_modulus() -> None:
     theory on the same mesh's elastic curve; twice the steps bring them nearer.
     """
     base, grid = in_time("incompressible layer", TWO_TIMES)
-    plain = relaxing(base, Exponentials(1.0, (), ()))
+    plain = relaxing(base, PronySeries(1.0, (), ()))
     depths = 0.03 * np.geomspace(0.02, 1.0, 24)
     elastic = solver.create_equilibrium(plain, grid)
     curve = ElasticCurve(
@@ -318,7 +316,7 @@ def test_a_layer_relaxes_alone() -> None:
     """Over one that does not: at last the force is that of an elastic layer of the relaxed shear
     modulus on it.
     """
-    kappa, G = 1 / (3 * 0.4), TWO_TIMES.rest / 2.6
+    kappa, G = 1 / (3 * 0.4), TWO_TIMES.long_term / 2.6
     soft = {"model": "linear_elastic", "mu": G, "kappa": kappa}
     base = scene(HALVES, mesh=COARSE, solver={"method": "newton"}, loading={"delta": 0.02})
     rested = scene(
@@ -442,7 +440,7 @@ def test_a_hold_lets_go_of_shear_alone() -> None:
     """
     _, force = held("layer", TWO_TIMES, 0.02, 5.0, 4)
     assert np.all(np.diff(force) < 1e-9 * force[0])
-    assert force[-1] / force[0] > TWO_TIMES.rest * 1.05
+    assert force[-1] / force[0] > TWO_TIMES.long_term * 1.05
 
 
 # ---- scenes

@@ -116,7 +116,7 @@ def test_a_jump_is_undrained(law: dict[str, Any], agreement: float) -> None:
     two discretisations, of which each was within 3e-4 of theory.
     """
     bath = (
-        {"drainage": {"bath": Gel(**{**law, "flow": None}).free_potential(1.3)}}
+        {"drainage": {"bath": Gel(**{**law, "flow": None}).free_swelling_potential(1.3)}}
         if law["model"] == "gel"
         else {}
     )

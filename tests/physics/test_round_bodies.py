@@ -202,7 +202,7 @@ def test_the_mesh_fills_the_ball(base: str) -> None:
     ball = scene(BALL | {"base": base}, mesh={"h_contact": 0.1, "h_far": 0.125})
     body = Body(ball, meshed(ball))
     volume = fem.assemble_scalar(fem.form(body.weight * ufl.dx(domain=body.mesh)))
-    exact = 4 / 3 * np.pi / ball.physics.scales.pieces
+    exact = 4 / 3 * np.pi / ball.physics.scales.contacts_per_body
     assert volume * ball.physics.scales.length**3 == pytest.approx(exact, rel=1e-4)
 
 

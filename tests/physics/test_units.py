@@ -60,7 +60,7 @@ def test_the_same_digits_and_iterations(problem: str, method: str) -> None:
         other = pressed(problem, method, length, pressure)
         assert other.sizes == base.sizes
         for here, there in zip(expected, solve(other), strict=True):
-            back = there.in_units(type(base.physics.scales)(1 / length, 1 / pressure))
+            back = there.to_user_units(type(base.physics.scales)(1 / length, 1 / pressure))
             assert there.newton_iterations == here.newton_iterations
             assert numbers(back) == pytest.approx(numbers(here), rel=SAME)
             assert back.penetration == pytest.approx(

@@ -556,7 +556,7 @@ class TestTheDeepestAndTheLast:
     ],
 )
 def test_the_steps_worth_keeping(values, kept):
-    assert LoadPath("depth", values).kept == kept
+    assert LoadPath("depth", values).retained_rows == kept
 
 
 class TestNothingToGoOnWith:

@@ -128,14 +128,18 @@ class CondensedContact:
         trace = self.compliance.trace
         scene = self.scene
         x = np.moveaxis(trace.positions(points), -1, 0)
-        horizontal = scene.physics.domain.kinematics.horizontal(x, scene.physics.center)
+        horizontal = scene.physics.domain.kinematics.horizontal_position(x, scene.physics.center)
         return self._weighted_areas(trace, points, weights), scene.physics.indenter.height(
             *horizontal
         ) - x[-1]
 
     def _weighted_areas(self, trace: Trace, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
         x = np.moveaxis(trace.positions(points), -1, 0)
-        return trace.measures(points) * weights * self.scene.physics.domain.kinematics.weight(x)
+        return (
+            trace.measures(points)
+            * weights
+            * self.scene.physics.domain.kinematics.integration_weight(x)
+        )
 
     @cached_property
     def quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -49,7 +49,7 @@ class CondensedEquilibrium(Equilibrium):
     def __init__(self, scene: Scene, body: Body, condenser: Condenser | None = None):
         self.scene = scene
         self.body = body
-        self.has_memory = scene.physics.contact.has_memory
+        self.has_memory = scene.physics.contact.is_path_dependent
         self.condenser = condenser or Condenser(body)
         sides = zip(scene.physics.domain.extent[:-1], scene.physics.center, strict=False)
         self._largest_radius = 1.5 * max(

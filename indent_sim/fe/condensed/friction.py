@@ -24,12 +24,12 @@ from scipy.sparse.linalg import splu
 
 from indent_sim.fe.surface import shape_functions
 from indent_sim.model.contact import (
-    Anchor,
     CoulombPoint,
-    heat_of_leaving,
+    SlipReference,
+    dissipation_on_separation,
     is_new_contact,
     passed_gap,
-    way_gone,
+    step_fraction_at_contact,
 )
 
 QuadratureRule = tuple[np.ndarray, np.ndarray, np.ndarray]  # see `CondensedContact.quadrature`
@@ -69,12 +69,12 @@ class TrialTraction(CoulombPoint):
     @property
     def is_slipping(self) -> np.ndarray:
         """Where the traction is beyond the bound."""
-        return np.asarray(self.room < 0)
+        return np.asarray(self.stick_margin < 0)
 
     @property
     def traction(self) -> np.ndarray:
         """The traction (axes, facets, points) [pressure]."""
-        return np.asarray(self.carries_traction * self.share * self.trial_traction)
+        return np.asarray(self.carries_traction * self.traction_ratio * self.trial_traction)
 
 
 class CondensedFriction:
@@ -101,7 +101,7 @@ class CondensedFriction:
             self._contact.depth,
         )
 
-    def set_slip_reference(self, slip_reference: Anchor) -> None:
+    def set_slip_reference(self, slip_reference: SlipReference) -> None:
         """Say where what comes into contact sticks; see `solve.anchor`."""
         self._new_contact_sticks = slip_reference != "glue"
         self._slip_start = self._accepted_state.u[1:]
@@ -207,7 +207,7 @@ class CondensedFriction:
         initial_gap = open_displacement[nodes] @ N.T + height - accepted.depth
         is_new = is_new_contact(initial_gap, depth - accepted.depth)
         passed_gap_values = np.asarray(passed_gap(initial_gap, is_new, trial_pressure, epsilon_n))
-        fraction = way_gone(passed_gap_values, self._largest_passed_gap)
+        fraction = step_fraction_at_contact(passed_gap_values, self._largest_passed_gap)
         start_pairs = zip(self._slip_start, accepted.u[1:], strict=True)
         slip_starts = [
             was[nodes] @ N.T + fraction * ((at - was)[nodes] @ N.T) for at, was in start_pairs
@@ -245,11 +245,11 @@ class CondensedFriction:
         m = 1 + len(trial.trial_traction)
         slopes = np.zeros((m, m, *trial.trial_pressure.shape))
         slopes[0, 0] = trial.trial_pressure > 0
-        direction = trial.trial_traction / trial.size
+        direction = trial.trial_traction / trial.trial_magnitude
         for i, k in np.ndindex(m - 1, m - 1):
             slopes[1 + i, 1 + k] = (
                 trial.carries_traction
-                * trial.share
+                * trial.traction_ratio
                 * ((i == k) - trial.is_slipping * direction[i] * direction[k])
             )
         if not self._law.is_bonded:
@@ -271,7 +271,7 @@ class CondensedFriction:
                     shape_functions(points),
                     *self._contact.quadrature_rule(points, np.ones(len(points))),
                 )
-            ).room
+            ).stick_margin
         )
 
     def shear_at(self, points: np.ndarray) -> np.ndarray:
@@ -293,15 +293,17 @@ class CondensedFriction:
         displacement = (self._nodal_displacements()[1:] - self._accepted_state.u[1:])[
             :, self._contact.nodes
         ] @ N.T
-        fraction = way_gone(trial.passed_gap, self._largest_passed_gap)
+        fraction = step_fraction_at_contact(trial.passed_gap, self._largest_passed_gap)
         pressure_before = law.stiffness * np.maximum(-trial.initial_gap, 0.0)
-        heat = trial.heat(
+        heat = trial.dissipation(
             trial.traction,
             (trial.trial_traction - trial.traction) / law.epsilon_t
             + is_implicit * fraction * displacement,
             pressure_before,
         )
-        leaving_heat = heat_of_leaving(law.friction, pressure_before, displacement, fraction)
+        leaving_heat = dissipation_on_separation(
+            law.friction, pressure_before, displacement, fraction
+        )
         return float((W * (heat + is_implicit * (trial.trial_pressure <= 0) * leaving_heat)).sum())
 
     def _present_trial(self, rule: QuadratureRule) -> TrialTraction:

@@ -76,7 +76,7 @@ class LoadStepper:
         self.equilibrium = equilibrium
         physics = equilibrium.scene.physics
         self._has_memory = equilibrium.has_memory
-        self._adhesion_range = physics.contact.reach  # of the tip's attraction; 0 without
+        self._adhesion_range = physics.contact.adhesion_range  # of the tip's attraction; 0 without
         self.started = time.perf_counter() if started is None else started
         start = LoadPoint(0.0 - START_RANGES * self._adhesion_range)  # no -0.0
         self._points = [
@@ -261,7 +261,7 @@ class LoadStepper:
             pulls.append(self._pull_point(point, number))
         self.restore_last()
         path = self.equilibrium.scene.physics.path
-        point_count = sum(len(path.leg(row)) for row in range(1, step + 1))
+        point_count = sum(len(path.segment(row)) for row in range(1, step + 1))
         last = self._pull_point(self._last_point, point_count) if point_count else None
         self._unloading = UnloadingBranch.from_search_points(tuple(pulls), last)
         return True
@@ -375,7 +375,7 @@ class LoadStepper:
         for step, value in enumerate(path.values[done:], start=done + 1):
             effort_before = body.statistics
             substeps = 0
-            for depth, t in path.leg(step):
+            for depth, t in path.segment(step):
                 if substeps:  # at a place between rows
                     self._record_unloading_point()
                 segment_substeps = (

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from indent_sim.fe.postprocessing.roughness import build_patches, roughness
 from indent_sim.fe.surface import Trace, contact_quadrature, evaluation_points, facet_lattice
 from indent_sim.model.state import Surface
-from indent_sim.model.tips import below, gap_current, gap_reference
+from indent_sim.model.tips import gap_current, gap_reference, gap_under_tip
 from indent_sim.scene.scene import Scene
 
 
@@ -99,7 +99,7 @@ def sample_contact(body: ObservedBody, points: np.ndarray) -> ContactSample:
     trial_pressure = body.multiplier_at(points) - _edge_stiffness(body) * gap
     pressure = np.where(trial_pressure > 0, np.maximum(body.pressure_at(points), 0.0), 0.0)
     if adhesion := scene.physics.contact.adhesion:
-        pressure = pressure - adhesion.pull(gap)
+        pressure = pressure - adhesion.attraction(gap)
     area_ratio = _area_ratio(body, nodal, points, X, u) if scene.physics.gap == "current" else 1.0
     return ContactSample(X, u, gap, trial_pressure, pressure / area_ratio, area_ratio)
 
@@ -138,7 +138,7 @@ def smallest_gap(body: ObservedBody) -> float:
     u = body.trace.interpolate(body.nodal_displacement(), points)
     positions = _components_first(X if physics.gap == "reference" else X + u)
     height = physics.indenter.height(
-        *physics.domain.kinematics.horizontal(positions, physics.center)
+        *physics.domain.kinematics.horizontal_position(positions, physics.center)
     )
     g = height - body.depth - (X[..., -1] + u[..., -1])
     return float(body.comm.allreduce(float(g.min(initial=np.inf)), op=MPI.MIN))
@@ -152,7 +152,7 @@ def _gap_of_displacement(
     X = trace.positions(points)
 
     def over(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return physics.domain.kinematics.horizontal(_components_first(x), physics.center)
+        return physics.domain.kinematics.horizontal_position(_components_first(x), physics.center)
 
     if physics.gap == "current":
         x, y = over(X + u)
@@ -175,7 +175,7 @@ def _may_touch_unindented(body: ObservedBody, pressure: np.ndarray) -> bool:
     """
     physics = body.scene.physics
     if not physics.is_time_dependent:
-        return physics.contact.may_snap
+        return physics.contact.may_snap_through
     largest = body.comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX)
     return bool(largest > PRESSURE_ROUNDOFF * body.E_star)
 
@@ -288,7 +288,7 @@ def _roughness_amplitude(
     end
         See `sample`.
     """
-    horizontal = body.scene.physics.domain.kinematics.horizontal(
+    horizontal = body.scene.physics.domain.kinematics.horizontal_position(
         _components_first(positions[:, first_node:]), body.scene.physics.center
     )
     nodal: Any = (
@@ -431,7 +431,7 @@ def penetration_outside_contact_surface(
 
 def _depth_inside_tip(body: ObservedBody, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far the places x are above the tip's surface, z + depth - f, and from its axis [length]."""
-    horizontal = body.scene.physics.domain.kinematics.horizontal(
+    horizontal = body.scene.physics.domain.kinematics.horizontal_position(
         _components_first(positions), body.scene.physics.center
     )
     return positions[..., -1] + body.depth - body.scene.physics.indenter.height(
@@ -540,7 +540,7 @@ def surface_table(body: ObservedBody) -> Surface | None:
     X, u, gap = np.split(table[first_rows, : 2 * dim + 1], [dim, 2 * dim], axis=1)
     fluid = {"pore_pressure": table[first_rows, 2 * dim + 1]} if pore_columns else {}
     X[np.abs(X) < 1e-12] = 0.0  # the axis is at 0, not at 1e-18 of the body's height
-    gap = below(body.scene.physics.indenter, gap[:, 0])
+    gap = gap_under_tip(body.scene.physics.indenter, gap[:, 0])
     # the deformed area has a kink between facets: take the mean
     pressure, *shear = (
         np.bincount(row_of_node, column) / node_count

@@ -49,7 +49,7 @@ def _newton_with_continuation(newton: Newton, contact: ContactTerms) -> Callable
     """Penalty, augmented Lagrangian: one Newton, through softer contacts to a stiff one, or at once
     if they mislead.
     """
-    if newton.problem.law.may_snap and not approach_factors(
+    if newton.problem.law.may_snap_through and not approach_factors(
         newton.problem.law, newton.problem.scene
     ):
         return newton.solve

@@ -25,7 +25,7 @@ from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.scene_terms import BulkTerms, ContactTerms, bulk_terms, contact_terms
 from indent_sim.fe.terms.term import Stage
 from indent_sim.model.loading import LoadPath
-from indent_sim.model.tips import deepest_inside
+from indent_sim.model.tips import pass_through_depth
 
 MOST_SEAL_UPDATES = 6  # of vertices under a tip that seals, in one stage
 # Depths that are tried for the force of a stage between, and how near it is: rows do not tell then
@@ -52,7 +52,7 @@ class BodyEquilibrium:
             Snapshot
         ] = ()  # states that lead on to what is solved next
         self._prescribed_force = (
-            None if problem.law.may_snap else _force_over_time(scene.physics.path)
+            None if problem.law.may_snap_through else _force_over_time(scene.physics.path)
         )
         self._force_slope = 0.0  # of the force over depth, at the last stage between
         self._algorithm = self._sealing_algorithm(contact_algorithm(self.newton, contact))
@@ -60,7 +60,7 @@ class BodyEquilibrium:
         self.restore = problem.restore
         self._contact_radius = scene.plan.prediction["a"] / scene.physics.scales.length
         self._largest_inverted_size = LARGEST_INVERTED_FRACTION * self._contact_radius
-        self._deepest_penetration = deepest_inside(scene.physics.indenter)
+        self._deepest_penetration = pass_through_depth(scene.physics.indenter)
         if (
             problem.law.multiplier == "stress"
         ):  # other zeros of Nitsche's residual lie about an element deep in the tip
@@ -235,7 +235,7 @@ class BodyEquilibrium:
     def _impossibility(self) -> str:
         if not self.problem.is_admissible():
             return "Newton ends in a state with J <= 0, or beyond the law's limit"
-        if self.problem.law.may_snap and not self.newton.is_stable:
+        if self.problem.law.may_snap_through and not self.newton.is_stable:
             return "Newton ends in a state that is not stable"
         if self.scene.physics.gap == "reference":
             return ""
@@ -342,7 +342,7 @@ class BodyEquilibrium:
         law = self.scene.physics.contact
         return (
             law.multiplier == "unknown"
-            and not law.may_snap
+            and not law.may_snap_through
             and not approach_factors(law, self.scene)
         )
 
@@ -432,9 +432,10 @@ def _force_over_time(path: LoadPath) -> Callable[[float], float] | None:
     """The force that is asked for [force] at a time since the path's begin; None of a path that
     asks for none.
     """
-    if path.control == "depth" or path.begin is None:
+    if path.control == "depth" or path.start_time is None:
         return None
     forces, times = zip(
-        *(place for step in range(1, len(path.values) + 1) for place in path.leg(step)), strict=True
+        *(place for step in range(1, len(path.values) + 1) for place in path.segment(step)),
+        strict=True,
     )
     return lambda t: float(np.interp(t, times, forces))

@@ -298,7 +298,7 @@ class Newton:
             and stiffness_scale(problem.scene) > STIFF_CONTACT * unit
         )
         is_stuck = reason in (reasons.DIVERGED_MAX_IT, reasons.DIVERGED_LINE_SEARCH)
-        if problem.law.may_snap or not (is_stuck or is_thrown_out):
+        if problem.law.may_snap_through or not (is_stuck or is_thrown_out):
             return (
                 False  # where a tip snaps in or lets go, no softer contact leads to the other state
             )
@@ -348,7 +348,7 @@ class Newton:
         start = problem.x.copy()
         depth = problem.depth
         force = problem.force()
-        step = DERIVATIVE_STEP * max(abs(depth), problem.law.reach)
+        step = DERIVATIVE_STEP * max(abs(depth), problem.law.adhesion_range)
         is_converged = False
         first_residual = 0.0
         derivative = problem.x.duplicate()
@@ -441,7 +441,7 @@ def line_search(problem: Problem) -> str:
     turns back full steps leap over that and back again, for ever; a step that does not lessen the
     residual is shortened.
     """
-    may_oscillate = problem.law.multiplier == "none" and problem.law.slips
+    may_oscillate = problem.law.multiplier == "none" and problem.law.may_slip
     return "bt" if may_oscillate else "basic"
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from indent_sim.model.contact import Anchor
+from indent_sim.model.contact import SlipReference
 
 
 class FrictionalSurface(Protocol):
     """A surface with friction, whose new points of contact stick where they are told to."""
 
-    def set_slip_reference(self, slip_reference: Anchor) -> None:
+    def set_slip_reference(self, slip_reference: SlipReference) -> None:
         """At their places at the step's beginning (`implicit`), nowhere (`glue`), or on the way
         from there to the present state, the farther the later they touched (`mid`).
         """
@@ -19,7 +19,7 @@ class FrictionalSurface(Protocol):
 
 def solve_with_slip_reference(
     surface: FrictionalSurface | None,
-    slip_reference: Anchor,
+    slip_reference: SlipReference,
     solve: Callable[[], bool],
     first_solve: Callable[[], bool] | None = None,
 ) -> bool:

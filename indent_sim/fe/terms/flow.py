@@ -102,7 +102,9 @@ class Flow(Term):
         )  # int zeta of each vertex's function
 
     def _displacement_gradient(self, region: Region, moment: TimeLevel) -> Expr:
-        return self.body.scene.physics.domain.kinematics.gradient(moment.fields["u"], self.body.X)
+        return self.body.scene.physics.domain.kinematics.displacement_gradient(
+            moment.fields["u"], self.body.X
+        )
 
     def _vertex_content(self, moment: TimeLevel, baths: dict[Region, fem.Constant]) -> ufl.Form:
         """int zeta of each vertex's function [length^3], a UFL form."""
@@ -124,7 +126,7 @@ class Flow(Term):
     def potential(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
         """The share of a stage in the potential, but for p zeta*."""
         form = 0
-        pressure_gradient = self.body.scene.physics.domain.kinematics.in_space(
+        pressure_gradient = self.body.scene.physics.domain.kinematics.space_vector(
             ufl.grad(now.fields[FIELD_NAME])
         )
         for region, law in self._laws.items():

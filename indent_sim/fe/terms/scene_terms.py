@@ -83,7 +83,7 @@ def contact_terms(body: Body, strain_energy: StrainEnergy) -> ContactTerms:
     return ContactTerms(
         pressure,
         None if law.is_conservative else Friction(body, pressure),
-        ViscousRegularization(body) if law.may_snap else None,
+        ViscousRegularization(body) if law.may_snap_through else None,
     )
 
 

@@ -89,20 +89,22 @@ class StrainEnergy(Term):
         self.region = region
         scene = body.scene
         fields = body.now.fields
-        self.has_constant_tangent = region.material.small_strain
+        self.has_constant_tangent = region.material.is_small_strain
         self.E_star = region.material.E_star
         self.field_names = tuple(
             field.name for field in pressure_fields(scene) if field.domain == (region,)
         )
         material = symbolic_copy(region.material, body.mesh)
-        self._H = H = ufl.variable(scene.physics.domain.kinematics.gradient(fields["u"], body.X))
+        self._H = H = ufl.variable(
+            scene.physics.domain.kinematics.displacement_gradient(fields["u"], body.X)
+        )
         q = fields[self.field_names[0]] if self.field_names else None
         self._energy_density, potential = self._energy_densities(
             material, H, None if q is None else ufl.variable(q)
         )
         F = ufl.Identity(3) + H
         self.nominal_stress = self.stress = ufl.diff(potential, H)
-        if not region.material.small_strain:
+        if not region.material.is_small_strain:
             self.stress = self.nominal_stress * F.T / ufl.det(F)
         self.J = ufl.det(F)
         self.energy = body.region_integral(self._energy_density, region)
@@ -146,7 +148,7 @@ class StrainEnergy(Term):
         where (collective); none at small strain.
         """
         body = self.body
-        if self.region.material.small_strain:
+        if self.region.material.is_small_strain:
             return None
         dim = body.body_mesh.dim
         points, _ = compat.quadrature_rule(compat.CELL_NAMES[dim], VOLUME_DEGREE[dim])

@@ -49,9 +49,9 @@ class SurfaceTension(Term):
         physics = body.scene.physics
         self.has_constant_tangent = physics.small_strain
         kinematics = physics.domain.kinematics
-        H = kinematics.gradient(body.now.fields["u"], body.X)
+        H = kinematics.displacement_gradient(body.now.fields["u"], body.X)
         gamma = fem.Constant(body.mesh, physics.surface_tension)
-        N = kinematics.in_space(ufl.FacetNormal(body.mesh))
+        N = kinematics.space_vector(ufl.FacetNormal(body.mesh))
         P = ufl.Identity(3) - ufl.outer(N, N)
         area_growth = _linearized_area_growth(H, P) if physics.small_strain else _area_growth(H, P)
         self._membrane_stiffness = fem.Constant(body.mesh, MEMBRANE_STIFFNESS)
@@ -69,7 +69,7 @@ class SurfaceTension(Term):
             )
             self.energy = self.energy - reduce(add, parts)
         if self.has_membrane:
-            shear_energy, _ = NeoHookean(E=3.0, nu=0.5).parts(H)  # of mu = 1
+            shear_energy, _ = NeoHookean(E=3.0, nu=0.5).energy_parts(H)  # of mu = 1
             added_shear_energy = (
                 (self._membrane_stiffness - fem.Constant(body.mesh, MEMBRANE_STIFFNESS))
                 * pressure

@@ -37,7 +37,7 @@ from indent_sim.fe.discrete_body import VOLUME_DEGREE, Body
 from indent_sim.fe.terms.strain_energy import StrainEnergy
 from indent_sim.fe.terms.term import Stage
 from indent_sim.mesh.model_domain import Region
-from indent_sim.model.materials import Material, Relaxable
+from indent_sim.model.materials import Material, ShearRelaxingLaw
 
 # Components of a symmetric tensor that a model has: those of (r, theta, z) or (x, y, z) with no
 # shear along the second
@@ -59,7 +59,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
     def __init__(self, body: Body, region: Region):
         assert region.relaxation_series
         self._long_term_fraction, self._prony_weights, self._relaxation_times = (
-            region.relaxation_series.rest,
+            region.relaxation_series.long_term,
             *map(np.array, region.relaxation_series[1:]),
         )
         dim = body.body_mesh.dim
@@ -92,19 +92,19 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         """The potential of a stage, with h at the points of the quadrature, and with its mean in a
         cell.
         """
-        assert isinstance(material, Relaxable)
-        shear, theta = material.split(H)
+        assert isinstance(material, ShearRelaxingLaw)
+        shear, theta = material.isochoric_parts(H)
         # the meaning of q stays the same while the shear relaxes: it is the one of the body that
         # has relaxed
         volume = (
             theta**2 / (2 * material.inverse_bulk_modulus)
             if q is None
-            else material.mixed_volume(H, theta, q, self._long_term_factor)
+            else material.mixed_volumetric_energy(H, theta, q, self._long_term_factor)
         )
         P = ufl.diff(shear, H)
         self._elastic_shear_stress = (
             P
-            if material.small_strain
+            if material.is_small_strain
             else ufl.exp(2 * theta / 3) * ufl.inv(ufl.Identity(3) + H) * P
         )
         self.psi = self._long_term_fraction * shear + volume
@@ -214,7 +214,9 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         """E* [pressure] of an elastic body of a share of the shear modulus, no less than when all
         has relaxed.
         """
-        return self.region.material.softened(max(shear_fraction, self._long_term_fraction)).E_star
+        return self.region.material.relaxed_constants(
+            max(shear_fraction, self._long_term_fraction)
+        ).E_star
 
     def _update_cell_means(self) -> None:
         """The mean of h in every cell, by which a stress can be read off anywhere in it."""
@@ -260,9 +262,9 @@ def _symmetric_tensor(h: fem.Function) -> Expr:
     )
 
 
-def _prestress_work(h: Expr, material: Relaxable, H: Expr, theta: Expr) -> Expr:
+def _prestress_work(h: Expr, material: ShearRelaxingLaw, H: Expr, theta: Expr) -> Expr:
     """h : eps, or h : J^(-2/3) C/2 by way of scalars, through which all derivatives can pass."""
-    if material.small_strain:
+    if material.is_small_strain:
         return ufl.inner(h, ufl.sym(H))
     F = ufl.Identity(3) + H
     return ufl.exp(-2 * theta / 3) * ufl.variable(ufl.inner(h, F.T * F) / 2)

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from indent_sim.model.tips import reach
+from indent_sim.model.tips import max_radius
 from indent_sim.results.outline import scene_of
 from indent_sim.results.pictures.axes import (
     Axis,
@@ -214,8 +214,8 @@ def _infinite(results: Results, step: float) -> tuple[tuple[float, float], ...]:
     mesh = scene.mesh
     size = mesh.h_contact if isinstance(mesh.h_contact, float) else 0.0
     own = {True: mesh.h_axis or size, False: mesh.h_edge or size}
-    radii = [radius for radius, _ in tip.creases()]
-    end = reach(tip)
+    radii = [radius for radius, _ in tip.slope_discontinuities()]
+    end = max_radius(tip)
     return tuple((r, (BESIDE_END if r >= end else BESIDE_KINK) * own[r == 0]) for r in radii)
 
 

@@ -104,7 +104,9 @@ def halve_increments(scene: Scene) -> Scene | None:
     physics = scene.physics
     if not physics.depends_on_step_size:
         return None
-    return scene.replace_physics(path=physics.path.halved(), deltas=_halve_values(physics.deltas))
+    return scene.replace_physics(
+        path=physics.path.with_halved_increments(), deltas=_halve_values(physics.deltas)
+    )
 
 
 def double_bath_ramp(scene: Scene) -> Scene | None:

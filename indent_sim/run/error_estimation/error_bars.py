@@ -318,7 +318,7 @@ class ErrorBars:
         tip = self._physics.indenter
         a = state.a / self._scales.length
         error = 0.0
-        for r, width in tip.creases():
+        for r, width in tip.slope_discontinuities():
             ends_here = width == 0 and self._sizes.punch_edge is not None
             if r > 0 and not ends_here and abs(a - r) <= (size := self._sizes.surface_size(r)):
                 error = max(error, EDGE_ERROR * size / r)
@@ -502,7 +502,7 @@ class ErrorBars:
             return 0.0
         if name == "force" and self._has_prescribed_forces:
             return self._step_refinement.error(state, "delta") * self._force_slope(state)
-        unseen = self._long_step_error(state, name) if self._physics.contact.slips else 0.0
+        unseen = self._long_step_error(state, name) if self._physics.contact.may_slip else 0.0
         return self._step_refinement.error(state, name) + unseen
 
     def _bath_error(self, state: State, name: str) -> float:

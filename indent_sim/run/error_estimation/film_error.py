@@ -102,7 +102,7 @@ def _has_films(scene: Scene) -> bool:
     return (
         bool(physics.permeable_regions)
         and not physics.is_swelling
-        and path.begin is not None
+        and path.start_time is not None
         and max(path.values) > 0
     )
 
@@ -120,9 +120,9 @@ def sudden_load_scene(scene: Scene) -> Scene | None:
     sudden_path = LoadPath(
         path.control,
         (SECOND_DEPTH_FRACTION * largest, largest),
-        times=(path.begin or 0.0,) * 2,
+        times=(path.start_time or 0.0,) * 2,
         branches=("approach",) * 2,
-        begin=path.begin,
+        start_time=path.start_time,
     )
     return scene.replace_physics(
         path=sudden_path, deltas=(SECOND_DEPTH_FRACTION * deepest, deepest)

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from indent_sim.model.contact import Anchor, AugmentedLagrangian, Friction
+from indent_sim.model.contact import AugmentedLagrangian, Friction, SlipReference
 from indent_sim.model.loading import LoadPath
 from indent_sim.process.usage import machine_memory
 from indent_sim.run.error_estimation.coarser_run import CoarserRun, States
@@ -17,7 +17,7 @@ from indent_sim.scene.cost import MAX_CANDIDATES, SolverWork, candidate_count, p
 from indent_sim.scene.predictions import STICK_FRICTION, NoSlipEffect, tensile_rim_width
 from indent_sim.scene.scene import Scene
 
-SLIP_REFERENCES: tuple[Anchor, ...] = ("mid", "implicit", "glue")
+SLIP_REFERENCES: tuple[SlipReference, ...] = ("mid", "implicit", "glue")
 STICK_STEPS = {
     2: 10,
     3: 4,
@@ -113,7 +113,7 @@ def _sticking_scene(scene: Scene) -> Scene:
 
 
 def _scene_to_depth(
-    scene: Scene, depth: float, steps: int, slip_reference: Anchor = "implicit"
+    scene: Scene, depth: float, steps: int, slip_reference: SlipReference = "implicit"
 ) -> Scene:
     """The same scene on its way to a depth in equal steps."""
     depths = tuple(float(value) for value in np.linspace(0.0, depth, steps + 1)[1:])

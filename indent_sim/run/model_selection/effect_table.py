@@ -10,13 +10,13 @@ from typing import Any
 from indent_sim.config.schema import Config
 from indent_sim.model.body import (
     Cylinder,
-    Endless,
     HalfSpace,
     InfiniteLayer,
     MeshFromFile,
     Strip,
     StripSides,
     Support,
+    UnboundedBody,
 )
 from indent_sim.model.body import Layer as BodyLayer
 from indent_sim.model.contact import Friction
@@ -170,7 +170,7 @@ def _side_walls(solver: VariantSolver, tolerance: float) -> EffectSource:
     layer = solver.layer_scene
     if isinstance(body, HalfSpace):
         return no_effect("a half-space has no sides")
-    if isinstance(body, Endless):
+    if isinstance(body, UnboundedBody):
         return _layer_wall_search(solver)
     if isinstance(body, Strip):
         wide_strip: Any = solver.plain_scene.body
@@ -523,7 +523,7 @@ def _rate(solver: VariantSolver, tolerance: float) -> EffectSource:
         return UnknownEffect(
             "Lee & Radok: the force falls by that fraction at most", f"{needs} = {tolerance:.2g}"
         )
-    if history := solver.config.loading.in_time:
+    if history := solver.config.loading.prescribed_history:
         source = f"the history over that of an elastic body{_deborah_text(history, law)}{solver.stand_in_text}"
         return VariantPair(history_variant(solver, "relaxation"), history_variant(solver), source)
     if law.power_law is not None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from indent_sim.config.scene_file import located
 from indent_sim.config.schema import Config, MeshSettings, SolverSettings
-from indent_sim.model.body import Box, Cylinder, Endless, HalfSpace
+from indent_sim.model.body import Box, Cylinder, HalfSpace, UnboundedBody
 from indent_sim.model.contact import AutoContact
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.tips import Paraboloid, Sphere
@@ -129,7 +129,7 @@ def _transient_requirements(
         if model.is_within(tolerance):
             sentence = f"{_recommendation_text(model, best, limit_effects, tolerance)} {_limit_sentence(time_dependence)}"
             return Requirements(effects, variants.minimal_document(best), model.percent, sentence)
-    is_small = any(law.small_strain for law in variants.materials(config))
+    is_small = any(law.is_small_strain for law in variants.materials(config))
     lacking = {"paraboloid": isinstance(config.indenter, Paraboloid), "small_strain": is_small}
     model = _Model(
         tuple(
@@ -265,7 +265,7 @@ def _candidate_models(
     """The models of a scene, from the cheapest on; the last one has every effect that a model can
     have but those that the scene has `waived` over.
     """
-    is_finite = not all(layer.material.small_strain for layer in config.layers if layer.material)
+    is_finite = not all(layer.material.is_small_strain for layer in config.layers if layer.material)
     contact_extra = config.contact.path_key
     knows_finite = effects["small_strain"].percent is not None
     is_parabola = isinstance(config.indenter, Paraboloid)
@@ -280,7 +280,7 @@ def _candidate_models(
     )
     bodies = (*BODY_VARIANTS, "")
     choices = (False, True)
-    walls = () if isinstance(config.body, Endless) else ("side_walls",)
+    walls = () if isinstance(config.body, UnboundedBody) else ("side_walls",)
     lost_effects = {
         "half_space": ("inclusions", "thickness", *walls),
         "layer": ("inclusions", *walls),
@@ -341,10 +341,12 @@ def curve_parts(config: Config) -> set[str]:
 
 
 def _can_become(body: str, config: Config) -> bool:
-    if body == "no inclusions" or (isinstance(config.body, Endless) and body == config.body.shape):
+    if body == "no inclusions" or (
+        isinstance(config.body, UnboundedBody) and body == config.body.shape
+    ):
         return bool(config.body.inclusions)
     is_layer = body == "layer" and isinstance(config.body, HalfSpace)
-    return isinstance(config.body, Cylinder | Box | Endless) and not is_layer
+    return isinstance(config.body, Cylinder | Box | UnboundedBody) and not is_layer
 
 
 def _recommendation_text(
@@ -355,7 +357,7 @@ def _recommendation_text(
     body += " without its inclusions" if model.body == "no inclusions" else ""
     strain = (
         "small strain"
-        if all(law.small_strain for law in variants.materials(config))
+        if all(law.is_small_strain for law in variants.materials(config))
         else "finite strain"
     )
     tip = config.indenter.shape.replace("_", " ")

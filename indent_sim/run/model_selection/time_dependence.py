@@ -76,7 +76,7 @@ class TimeDependentEffects:
 
     @property
     def _baths(self) -> tuple[float, ...]:
-        return self.physics.drainage.baths
+        return self.physics.drainage.bath_values
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
@@ -221,7 +221,7 @@ class TimeDependentEffects:
         """
         if limits not in self._cache:
             config = self._replace_laws(self._transient_scene, limits)
-            evolves = any(law.evolves for _, law in config.materials())
+            evolves = any(law.is_time_dependent for _, law in config.materials())
             loading = (
                 self._loading_to_row()
                 if evolves
@@ -245,7 +245,7 @@ class TimeDependentEffects:
 
     def _replace_laws(self, config: Config, limits: tuple[str, ...]) -> Config:
         """A scene of this body with the laws of limits."""
-        history = self.config.loading.in_time
+        history = self.config.loading.prescribed_history
 
         def soft(law: Material) -> Material:
             return relaxed_law(law.canonical(), remaining_modulus_fraction(law.relaxation, history))
@@ -264,7 +264,9 @@ class TimeDependentEffects:
 
         laws = [changed(law) for _, law in config.materials()]
         drainage = config.drainage if any(law.flow for law in laws) else None
-        per_doubling = config.loading.per_doubling if any(law.evolves for law in laws) else None
+        per_doubling = (
+            config.loading.per_doubling if any(law.is_time_dependent for law in laws) else None
+        )
         return change_materials(
             config,
             changed,
@@ -314,7 +316,7 @@ def _cut_after_last_rise(loading: Loading) -> Loading:
     """A loading in time up to where its value rises for the last time: what follows pushes no
     harder.
     """
-    (quantity,) = loading.given
+    (quantity,) = loading.given_path_keys
     points = getattr(loading, quantity)
     rises = [
         k

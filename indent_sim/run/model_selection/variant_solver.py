@@ -136,13 +136,15 @@ class VariantSolver:
         its nearest side.
         """
         body = scene.body
-        is_round = all(inclusion.is_about((0.0, 0.0)) for inclusion in body.inclusions or ())
+        is_round = all(
+            inclusion.is_axisymmetric_about((0.0, 0.0)) for inclusion in body.inclusions or ()
+        )
         if isinstance(body, Box | Cylinder):
             inclusions = (
                 body.inclusions if is_round and not self.has_cylinder_stand_in else None
             )  # they have their place in the whole
             cylinder = Cylinder(
-                body.rim_distance(self.config.center or body.center), body.height, base=body.base
+                body.lateral_extent(self.config.center or body.center), body.height, base=body.base
             )
             cylinder = replace(
                 cylinder, sides=self.side_supports[0], layers=body.layers, inclusions=inclusions
@@ -221,7 +223,7 @@ class VariantSolver:
         on one mesh; with a history at the row of the largest force. NotConverged, with the
         reason, where there is none.
         """
-        if with_effect.loading.in_time:
+        if with_effect.loading.prescribed_history:
             return self._history_ratio(with_effect, without_effect)
         if any(
             self._exact_theory_scene(variant) is None for variant in (with_effect, without_effect)
@@ -349,8 +351,8 @@ class VariantSolver:
         if body.dim == 2:
             return None
         if isinstance(body, Cap | Ball):
-            tip = relative_tip(tip, body.dome)
-            contacts = body.dome.pieces
+            tip = relative_tip(tip, body.spherical_body)
+            contacts = body.spherical_body.contacts_per_body
         elif not isinstance(body, MeshFromFile):
             return half_space_variant(self.plain_scene)
         loading = Loading(delta=self.delta / contacts, steps=1)
@@ -442,7 +444,9 @@ def history_variant(solver: VariantSolver, *part_names: str) -> Config:
     kept_parts = {
         name: part_value for name in part_names if (part_value := getattr(experiment, name, None))
     }
-    sections = {"loading": replace(loading, times="auto") if loading.in_time else straight}
+    sections = {
+        "loading": replace(loading, times="auto") if loading.prescribed_history else straight
+    }
     law = next((material.relaxation for _, material in solver.config.materials()), None)
     relaxation = law if "relaxation" in part_names else None
     return change_materials(

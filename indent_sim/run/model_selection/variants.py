@@ -98,7 +98,7 @@ def set_gel_stretch(config: Config) -> Config:
     """
     bath = config.first_bath
     return change_materials(
-        config, lambda law: law.swollen_in(bath) if isinstance(law, Gel) else law
+        config, lambda law: law.with_free_swelling(bath) if isinstance(law, Gel) else law
     )
 
 
@@ -129,7 +129,7 @@ def linear_law(material: Material) -> Material:
     law = material.canonical()
     return (
         law
-        if law.small_strain and not law.is_isotropic
+        if law.is_small_strain and not law.is_isotropic
         else LinearElastic(**_rounded_constants(law))
     )
 
@@ -137,7 +137,7 @@ def linear_law(material: Material) -> Material:
 def hyperelastic_law(material: Material) -> Material:
     """The finite-strain law of a material: its own, or neo-Hookean with the same constants."""
     law = material.canonical()
-    return NeoHookean(**_rounded_constants(law)) if law.small_strain else material
+    return NeoHookean(**_rounded_constants(law)) if law.is_small_strain else material
 
 
 def isotropic_law(material: Material) -> Material:
@@ -177,7 +177,7 @@ def remove_inclusion_contrast(config: Config) -> Config:
 
     def around(inclusion: Inclusion) -> Inclusion:
         below = (
-            body.dome.room_beside(inclusion)
+            body.spherical_body.wall_clearance(inclusion)
             if isinstance(body, Cap | Ball)
             else -inclusion.center[2]
         )

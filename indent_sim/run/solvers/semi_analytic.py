@@ -12,7 +12,7 @@ import numpy as np
 
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State, Surface
-from indent_sim.model.tips import below
+from indent_sim.model.tips import gap_under_tip
 from indent_sim.process.ranks import on_root
 from indent_sim.run.run_output import Comm
 from indent_sim.scene.scene import Scene
@@ -106,7 +106,7 @@ class SemiAnalyticSolver:
         tip = self.scene.physics.indenter
         p = np.asarray(solution.pressure(r))
         u_z = np.asarray(solution.u_z(r))
-        gap = below(
+        gap = gap_under_tip(
             tip, np.where(r <= solution.a, 0.0, tip.height(r, 0 * r) - solution.delta - u_z)
         )
         u = np.column_stack([np.full_like(r, nan), 0 * r, u_z])
@@ -121,7 +121,7 @@ def surface_radii(scene: Scene) -> np.ndarray:
     One of them is where the widest contact ends.
     """
     sizes = scene.sizes
-    rim = scene.physics.body.rim_distance(scene.physics.center)
+    rim = scene.physics.body.lateral_extent(scene.physics.center)
     end = min(SURFACE_EXTENT * sizes.a, rim)
     distances = [0.0]
     while distances[-1] < end * (1 - 1e-9):

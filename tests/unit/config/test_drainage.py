@@ -10,7 +10,7 @@ import pytest
 
 from indent_sim.config.scene_file import from_mapping, loads, to_yaml
 from indent_sim.model.body import Conductance
-from indent_sim.model.loading import ladder
+from indent_sim.model.loading import doubling_times
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 
@@ -144,20 +144,20 @@ def test_every_step_is_a_row() -> None:
     )
     assert max(ramp) <= 1 / 15 * (1 + 1e-9) and sum(ramp) == pytest.approx(1.0, rel=1e-12)
     assert hold[:4] == pytest.approx([ramp[0]] * 3 + [2 * ramp[0]], rel=1e-9)
-    assert path.leg(1) == ((0.0, 0.0),) and path.leg(len(path.values))[-1][1] == pytest.approx(
-        5.0, rel=1e-12
-    )
+    assert path.segment(1) == ((0.0, 0.0),) and path.segment(len(path.values))[-1][
+        1
+    ] == pytest.approx(5.0, rel=1e-12)
     jump = resolve(
         from_mapping(SCENE | {"loading": {"history": [[3, 0.02], [8, 0.02]]}})
     ).physics.path
-    assert jump.leg(1) == ((0.02, 0.0),) and jump.branches[:2] == ("approach", "hold")
+    assert jump.segment(1) == ((0.02, 0.0),) and jump.branches[:2] == ("approach", "hold")
 
 
 def test_rows_at_some_times_pass_the_other_steps() -> None:
     loading = {"history": HISTORY, "times": [3.5, 8.0]}
     path = resolve(from_mapping(SCENE | {"loading": loading})).physics.path
     assert path.times == (3.5, 8.0) and path.values == pytest.approx((0.01, 0.02), rel=1e-12)
-    moments = [t for step in (1, 2) for _, t in path.leg(step)]
+    moments = [t for step in (1, 2) for _, t in path.segment(step)]
     assert moments == sorted(moments) and moments[-1] == 5.0 and len(moments) > 40
 
 
@@ -165,17 +165,17 @@ def test_half_steps_halve_the_time() -> None:
     path = resolve(
         from_mapping(SCENE | {"loading": {"history": HISTORY, "times": [3.5, 8.0]}})
     ).physics.path
-    fine = path.halved()
+    fine = path.with_halved_increments()
     assert fine.values[1::2] == path.values and fine.times[1::2] == path.times
-    coarse = [place for step in (1, 2) for place in path.leg(step)]
-    dense = [place for step in (1, 2, 3, 4) for place in fine.leg(step)]
+    coarse = [place for step in (1, 2) for place in path.segment(step)]
+    dense = [place for step in (1, 2, 3, 4) for place in fine.segment(step)]
     assert dense[1::2] == coarse
 
 
 def test_a_ladder_ends_on_its_span() -> None:
-    assert ladder(1.0, 0.1, 2) == pytest.approx([0.1, 0.2, 0.4, 0.6])
-    assert ladder(1.0, 0.1, 2, 0.1) == pytest.approx([0.1 * n for n in range(1, 10)])
-    assert ladder(0.05, 0.1, 4) == []
+    assert doubling_times(1.0, 0.1, 2) == pytest.approx([0.1, 0.2, 0.4, 0.6])
+    assert doubling_times(1.0, 0.1, 2, 0.1) == pytest.approx([0.1 * n for n in range(1, 10)])
+    assert doubling_times(0.05, 0.1, 4) == []
 
 
 def test_what_is_doubtful_is_said() -> None:

@@ -258,7 +258,7 @@ def test_times_of_forces_on_a_whole_body_pass_the_other_steps() -> None:
         "loading": {"force_history": [[0, 0], [1, 1e-3]], "times": [0.5]},
     }
     path = resolve(from_mapping(given)).physics.path
-    assert path.control == "force" and path.times == (0.5,) and len(path.leg(1)) > 5
+    assert path.control == "force" and path.times == (0.5,) and len(path.segment(1)) > 5
 
 
 def test_a_soft_spring_keeps_the_tip_back() -> None:

@@ -107,7 +107,7 @@ def found(**sections: Any) -> Scene:
 
 def test_stretch_of_the_first_bath() -> None:
     law = Gel(G=1.0, n_omega=1e-3, chi=0.6)
-    baths = [[0, law.free_potential(1.4)], [10, 0.0]]
+    baths = [[0, law.free_swelling_potential(1.4)], [10, 0.0]]
     scene = found(material=WET | {"stretch": "auto"}, drainage={"bath": baths})
     (region,) = scene.physics.domain.regions
     assert isinstance(region.material, Gel)
@@ -142,7 +142,7 @@ def test_how_soon_a_bath_comes_is_no_matter_of_the_mesh(h: float) -> None:
     assert physics.bath_ramp == pytest.approx(
         min(a, 1.0) ** 2 / region.material.diffusivity / 75, rel=1e-9
     )
-    steps = [t for _, t in physics.path.leg(1)]
+    steps = [t for _, t in physics.path.segment(1)]
     assert steps[0] <= physics.bath_ramp / 8 * (1 + 1e-12)
 
 
@@ -161,7 +161,7 @@ def test_a_given_bath_ramp_is_kept_and_one_that_is_found_is_written_down() -> No
 
 
 def test_a_bath_ramp_of_a_bath_that_is_there_already_is_said_to_be_of_no_use() -> None:
-    rest = Gel(G=1.0, n_omega=1e-3, chi=0.6).free_potential(1.4)
+    rest = Gel(G=1.0, n_omega=1e-3, chi=0.6).free_swelling_potential(1.4)
     scene = found(drainage={"bath": rest, "bath_ramp": 0.25})
     assert scene.physics.bath_ramp == 0
     assert any(doubt.key == "bath_ramp" for doubt in scene.plan.model_warnings)

@@ -350,7 +350,7 @@ def test_scaling_knows_time(dim):
         rates=(17.0 * 5, 19.0 * 5),
         history=((23.0 / 5, 29.0 / force), (0.0, 31.0 / force)),
     )
-    for name, value in vars(scales.scaled(given)).items():
+    for name, value in vars(scales.nondimensionalize(given)).items():
         assert np.allclose(value, getattr(expected, name), rtol=1e-14), name
-    for name, value in vars(scales.unscaled(expected)).items():
+    for name, value in vars(scales.to_user_units(expected)).items():
         assert np.allclose(value, getattr(given, name), rtol=1e-14), name

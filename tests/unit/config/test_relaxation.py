@@ -76,7 +76,7 @@ def test_shear_is_followed_from_a_twentieth_of_its_shortest_time(material: dict[
     assert found.physics.path.times[1] == pytest.approx(0.1 / 20, rel=1e-12)
     (region,) = found.physics.domain.regions
     assert region.relaxation_series and region.relaxation_series[1:] == ((0.4, 0.3), (0.1, 1.0))
-    assert region.relaxation_series.rest == pytest.approx(0.3, rel=1e-12)
+    assert region.relaxation_series.long_term == pytest.approx(0.3, rel=1e-12)
 
 
 def test_what_relaxes_as_a_whole_stays_on_its_curve() -> None:

@@ -189,7 +189,10 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
         assert np.array_equal(found, given)
         assert len(bare.grid.surfaces[surface]) == len(named.grid.surfaces[surface])
     source = MeshFromFile(
-        "copy.msh", kinematics, MeshFromFile("", kinematics, sides="fixed").named, sides="fixed"
+        "copy.msh",
+        kinematics,
+        MeshFromFile("", kinematics, sides="fixed").surface_names,
+        sides="fixed",
     )
     (tmp_path / "copy.msh").write_text("".join(msh_text_parts(bare, source)), encoding="utf-8")
     assert mesh_import.import_mesh(str(tmp_path), source, True).hash == bare.hash

@@ -11,9 +11,9 @@ from indent_sim.model.body import (
     BoxInclusion,
     Cap,
     CylinderInclusion,
-    Dome,
     EllipsoidInclusion,
     Inclusion,
+    SphericalBody,
 )
 from indent_sim.model.materials import LinearElastic
 from indent_sim.model.units import Scales
@@ -28,11 +28,11 @@ def test_a_cap_stands_on_its_base_radius(base_radius: float, height: float) -> N
     """Its foot is on the ball about (0, -radius), at its height; where it overhangs it is as wide
     as the ball.
     """
-    dome = Cap(base_radius, height).dome
-    r, z = dome.foot
+    dome = Cap(base_radius, height).spherical_body
+    r, z = dome.base_edge
     assert (r, z) == (pytest.approx(base_radius, rel=TINY), -height)
     assert np.hypot(r, z + dome.radius) == pytest.approx(dome.radius, rel=TINY)
-    assert dome.rim_distance((0.0, 0.0)) == pytest.approx(
+    assert dome.lateral_extent((0.0, 0.0)) == pytest.approx(
         dome.radius if height > dome.radius else base_radius
     )
 
@@ -42,15 +42,15 @@ def test_a_contact_angle_is_between_base_and_surface(angle: float) -> None:
     """At the foot the surface is normal to the ball's radius there, which turns from the axis by
     the contact angle.
     """
-    dome = Cap(2.0, contact_angle=angle).dome
-    r, z = dome.foot
+    dome = Cap(2.0, contact_angle=angle).spherical_body
+    r, z = dome.base_edge
     assert np.degrees(np.arctan2(r, z + dome.radius)) == pytest.approx(angle, rel=1e-12)
 
 
 def test_half_a_ball_stands_for_one_between_plates() -> None:
-    between, bonded = Ball(3.0).dome, Ball(3.0, base="fixed").dome
-    assert (between.height, between.pieces, between.foot) == (3.0, 2, (3.0, -3.0))
-    assert (bonded.height, bonded.pieces, bonded.foot) == (
+    between, bonded = Ball(3.0).spherical_body, Ball(3.0, base="fixed").spherical_body
+    assert (between.height, between.contacts_per_body, between.base_edge) == (3.0, 2, (3.0, -3.0))
+    assert (bonded.height, bonded.contacts_per_body, bonded.base_edge) == (
         6.0,
         1,
         (3.0, -3.0),
@@ -59,16 +59,19 @@ def test_half_a_ball_stands_for_one_between_plates() -> None:
 
 def test_what_is_seen_from_above_has_equal_areas() -> None:
     """The mean of r^2 over the disc of the widest section: midpoints give it to 1e-5."""
-    dome = Dome(2.0, 3.0, "cap")
-    x, y = dome.top()
-    assert np.mean(x**2 + y**2) == pytest.approx(dome.widest**2 / 2, rel=1e-5)
-    assert not dome.is_held and not dome.fixed_ends()[0].size
+    dome = SphericalBody(2.0, 3.0, "cap")
+    x, y = dome.top_points()
+    assert np.mean(x**2 + y**2) == pytest.approx(dome.max_section_radius**2 / 2, rel=1e-5)
+    assert not dome.is_laterally_confined and not dome.fixed_edge_points()[0].size
 
 
 def test_pieces_share_approach_and_energy() -> None:
-    scales = Scales(2.0, 3.0, pieces=2)
+    scales = Scales(2.0, 3.0, contacts_per_body=2)
     assert (scales.depth, scales.force, scales.energy) == (4.0, 12.0, 48.0)
-    assert scales.of("depth") == scales.depth and scales.of("force") == scales.force
+    assert (
+        scales.control_unit("depth") == scales.depth
+        and scales.control_unit("force") == scales.force
+    )
 
 
 # ---- inclusions: where they end ------------------------------------------------------------
@@ -102,12 +105,12 @@ def test_an_ellipsoid_ends_where_its_surface_is(semi_axes: tuple[float, ...]) ->
     surface = np.array(PLACE) + on_unit_ball(400_000) * semi_axes
     for point in POINTS:
         away = np.linalg.norm(surface - point, axis=1)
-        is_inside = bool(found.holds(point))
+        is_inside = bool(found.contains(point))
         assert is_inside == bool((((np.array(point) - PLACE) / semi_axes) ** 2).sum() <= 1)
         assert found.distance(point) == pytest.approx(0.0 if is_inside else away.min(), abs=3e-4)
-        assert found.farthest(point) == pytest.approx(away.max(), abs=1e-4)
+        assert found.farthest_distance(point) == pytest.approx(away.max(), abs=1e-4)
         across = np.linalg.norm(surface[:, :2] - point[:2], axis=1)
-        assert found.farthest(point, (0, 1)) == pytest.approx(across.max(), abs=1e-4)
+        assert found.farthest_distance(point, (0, 1)) == pytest.approx(across.max(), abs=1e-4)
     assert found.volume == pytest.approx(4 / 3 * np.pi * np.prod(semi_axes), rel=1e-14)
 
 
@@ -118,17 +121,22 @@ def test_an_ellipsoid_of_equal_semi_axes_is_a_ball() -> None:
         EllipsoidInclusion(PLACE, (0.4, 0.4, 0.4), MATTER),
     )
     for point in POINTS:
-        assert round_.holds(point) == ball.holds(point)
+        assert round_.contains(point) == ball.contains(point)
         assert round_.distance(point) == pytest.approx(ball.distance(point), rel=1e-14, abs=1e-15)
-        assert round_.farthest(point) == pytest.approx(ball.farthest(point), rel=1e-11)
-        assert round_.farthest(point, (0, 1)) == pytest.approx(
-            ball.farthest(point, (0, 1)), rel=1e-11
+        assert round_.farthest_distance(point) == pytest.approx(
+            ball.farthest_distance(point), rel=1e-11
+        )
+        assert round_.farthest_distance(point, (0, 1)) == pytest.approx(
+            ball.farthest_distance(point, (0, 1)), rel=1e-11
         )
     assert round_.distance(np.array(POINTS).T) == pytest.approx(
         ball.distance(np.array(POINTS).T), abs=1e-15
     )
-    assert (round_.volume, round_.thinnest) == (pytest.approx(ball.volume), ball.thinnest)
-    assert round_.is_about(PLACE[:2]) and not round_.is_about((0.0, 0.0))
+    assert (round_.volume, round_.min_half_width) == (
+        pytest.approx(ball.volume),
+        ball.min_half_width,
+    )
+    assert round_.is_axisymmetric_about(PLACE[:2]) and not round_.is_axisymmetric_about((0.0, 0.0))
 
 
 BLUNT = EllipsoidInclusion((0.0, 0.0, 0.0), (0.5, 0.3, 0.1), MATTER)

@@ -19,33 +19,44 @@ ROUGH, STUCK = AugmentedLagrangian(friction=0.3), AugmentedLagrangian(friction="
 
 @pytest.mark.parametrize("law", [AugmentedLagrangian(), Penalty(), AutoContact(), Nitsche()])
 def test_a_smooth_tip_stands_against_nothing(law: ContactLaw) -> None:
-    assert law.is_conservative and not (law.has_memory or law.slips or law.is_bonded)
+    assert law.is_conservative and not (law.is_path_dependent or law.may_slip or law.is_bonded)
     assert (
-        law.path_key == law.beyond_theory == law.beyond_curve == law.unsymmetric == ""
+        law.path_key
+        == law.feature_without_theory
+        == law.reason_no_elastic_curve
+        == law.reason_unsymmetric
+        == ""
         and law.remedies == ()
     )
 
 
 @pytest.mark.parametrize("law", [ROUGH, STUCK, AutoContact(friction=0.3)])
 def test_friction_is_named(law: ContactLaw) -> None:
-    assert law.has_memory and law.path_key == law.beyond_theory == "friction"
-    assert law.beyond_curve and law.unsymmetric.startswith("friction")
+    assert law.is_path_dependent and law.path_key == law.feature_without_theory == "friction"
+    assert law.reason_no_elastic_curve and law.reason_unsymmetric.startswith("friction")
 
 
 def test_what_slips_is_not_bonded() -> None:
-    assert ROUGH.slips and not ROUGH.is_bonded and STUCK.is_bonded and not STUCK.slips
+    assert ROUGH.may_slip and not ROUGH.is_bonded and STUCK.is_bonded and not STUCK.may_slip
 
 
 def test_adhesion_is_named() -> None:
     law = AugmentedLagrangian(adhesion=ADHESION)
-    assert law.has_memory and law.is_conservative and law.path_key == "adhesion"
-    assert law.beyond_theory == "attraction with a range" and law.unsymmetric.startswith("adhesion")
+    assert law.is_path_dependent and law.is_conservative and law.path_key == "adhesion"
+    assert (
+        law.feature_without_theory == "attraction with a range"
+        and law.reason_unsymmetric.startswith("adhesion")
+    )
 
 
 def test_a_condensed_body_has_no_penalty_that_rubs() -> None:
-    assert Penalty().uncondensed == "" and "penalty" in Penalty(friction=0.3).uncondensed
     assert (
-        ROUGH.uncondensed == "" and "adheres" in AugmentedLagrangian(adhesion=ADHESION).uncondensed
+        Penalty().reason_not_condensable == ""
+        and "penalty" in Penalty(friction=0.3).reason_not_condensable
+    )
+    assert (
+        ROUGH.reason_not_condensable == ""
+        and "adheres" in AugmentedLagrangian(adhesion=ADHESION).reason_not_condensable
     )
 
 

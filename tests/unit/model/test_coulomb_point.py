@@ -14,10 +14,10 @@ import ufl
 from indent_sim.model.contact import (
     AugmentedLagrangian,
     CoulombPoint,
-    heat_of_leaving,
+    dissipation_on_separation,
     is_new_contact,
     passed_gap,
-    way_gone,
+    step_fraction_at_contact,
 )
 
 TRACTIONS = [(0.3, 0.1), (-0.02, 0.05), (0.0, -2.0), (0.08, 0.06)]
@@ -30,7 +30,7 @@ def test_the_traction_is_the_nearest_within_the_bound(t_hat: tuple[float, float]
     and lengths.
     """
     point = CoulombPoint(0.4, p, t_hat)
-    t = [point.share * c for c in t_hat]
+    t = [point.traction_ratio * c for c in t_hat]
     assert hypot(*t) <= 0.4 * p * (1 + 1e-12)
     within = [
         (r * 0.4 * p * cos(k * pi / 180), r * 0.4 * p * sin(k * pi / 180))
@@ -43,7 +43,7 @@ def test_the_traction_is_the_nearest_within_the_bound(t_hat: tuple[float, float]
 
 def test_no_traction_of_stick_is_bounded() -> None:
     point = CoulombPoint("stick", np.array([0.0, 1.0]), np.array([[1e6, 2.0]]))
-    assert point.share == 1.0 and (point.room > 0).all()
+    assert point.traction_ratio == 1.0 and (point.stick_margin > 0).all()
 
 
 def test_heat_is_traction_times_way_at_constant_pressure() -> None:
@@ -52,21 +52,23 @@ def test_heat_is_traction_times_way_at_constant_pressure() -> None:
     """
     friction, p, epsilon_t, moved = 0.3, 2.0, 50.0, 0.1
     point = CoulombPoint(friction, p, [epsilon_t * moved])
-    t = [point.share * point.t_hat[0]]
-    slid = [(point.t_hat[0] - t[0]) / epsilon_t]
+    t = [point.traction_ratio * point.trial_traction[0]]
+    slid = [(point.trial_traction[0] - t[0]) / epsilon_t]
     assert slid[0] == pytest.approx(moved - friction * p / epsilon_t, rel=1e-12)
-    assert point.heat(t, slid, p) == pytest.approx(friction * p * slid[0], rel=1e-12)
-    assert point.heat(t, slid, 0.0) == pytest.approx(
+    assert point.dissipation(t, slid, p) == pytest.approx(friction * p * slid[0], rel=1e-12)
+    assert point.dissipation(t, slid, 0.0) == pytest.approx(
         friction * p * slid[0] / 2, rel=1e-12
     )  # it came into contact
-    assert CoulombPoint(friction, p, [0.5]).heat([0.5], [0.0], p) == 0.0
+    assert CoulombPoint(friction, p, [0.5]).dissipation([0.5], [0.0], p) == 0.0
 
 
 def test_what_leaves_rubs_with_half_its_pressure() -> None:
     """Over a way of 0.1, of which a third is left, with friction 0.3 and a pressure that falls from
     2 to 0.
     """
-    assert heat_of_leaving(0.3, 2.0, [0.1], 2 / 3) == pytest.approx(0.3 * 1.0 * 0.1 / 3, rel=1e-12)
+    assert dissipation_on_separation(0.3, 2.0, [0.1], 2 / 3) == pytest.approx(
+        0.3 * 1.0 * 0.1 / 3, rel=1e-12
+    )
 
 
 def test_a_gap_that_closes_or_opens() -> None:
@@ -76,7 +78,7 @@ def test_a_gap_that_closes_or_opens() -> None:
     assert is_new.tolist() == [1.0, 1.0, 0.0, 0.0]
     assert passed_gap(opening, is_new, p_hat, 100.0).tolist() == [0.01, 0.0, 0.0, 0.03]
     assert is_new_contact(1e-9, 0.1) == 0.0  # closed at once, as under a flat punch
-    way = way_gone(np.linspace(-1.0, 2.0, 31), 1.0)
+    way = step_fraction_at_contact(np.linspace(-1.0, 2.0, 31), 1.0)
     assert (np.diff(way) >= 0).all() and way[0] == 0.0 and way[-1] == way[20] < 1.0
 
 
@@ -85,9 +87,16 @@ def test_a_gap_that_closes_or_opens() -> None:
 def test_numpy_and_ufl_agree(t_hat: tuple[float, float], p: float) -> None:
     def numbers(p: Any, t_hat: Any, opening: Any) -> list[Any]:
         point = CoulombPoint(0.4, p, t_hat)
-        t = [point.share * c for c in t_hat]
-        way = way_gone(passed_gap(opening, is_new_contact(opening, 0.1), p - 0.1, 7.0), 0.3)
-        return [point.room, *t, point.heat(t, t_hat, 0.2), heat_of_leaving(0.4, p, t_hat, way)]
+        t = [point.traction_ratio * c for c in t_hat]
+        way = step_fraction_at_contact(
+            passed_gap(opening, is_new_contact(opening, 0.1), p - 0.1, 7.0), 0.3
+        )
+        return [
+            point.stick_margin,
+            *t,
+            point.dissipation(t, t_hat, 0.2),
+            dissipation_on_separation(0.4, p, t_hat, way),
+        ]
 
     ours = numbers(p, t_hat, 0.02)
     p_, x, y, opening = (
@@ -102,6 +111,6 @@ def test_a_law_says_what_it_does_to_an_equilibrium() -> None:
         AugmentedLagrangian(friction=friction) for friction in (0.0, 0.3, "stick")
     )
     assert [law.is_conservative for law in (smooth, rough, bonded)] == [True, False, False]
-    assert [law.has_memory for law in (smooth, rough, bonded)] == [False, True, True]
+    assert [law.is_path_dependent for law in (smooth, rough, bonded)] == [False, True, True]
     assert [law.is_bonded for law in (smooth, rough, bonded)] == [False, False, True]
-    assert not any(law.may_snap or law.reach for law in (smooth, rough, bonded))
+    assert not any(law.may_snap_through or law.adhesion_range for law in (smooth, rough, bonded))

@@ -43,7 +43,7 @@ def test_units_go_away(dim: int, pieces: int) -> None:
     for length, force in ((1.0, 1.0), (1e-6, 1e-9)):
         pressure = force / length ** (dim - 1)
         scales = Scales(height / length, E / pressure, dim, pieces)
-        found.append(numbers(astuple(in_units(length, force, dim).without_units(scales))))
+        found.append(numbers(astuple(in_units(length, force, dim).nondimensionalize(scales))))
     assert found[0] == pytest.approx(found[1], rel=1e-12)
     assert found[0][1] == pytest.approx(3e-9 / height, rel=1e-12)
     F = E * height ** (dim - 1)
@@ -56,15 +56,20 @@ def test_units_go_away(dim: int, pieces: int) -> None:
 def test_a_history_has_a_row_at_every_point() -> None:
     """At a jump one before and one after; from rest none before; and its own times become points."""
     points = ((0.0, 0.5), (1.0, 0.5), (1.0, 0.2), (3.0, 0.0))
-    history = Loading(history=points, times=(0.25, 2.0)).in_time
-    assert history is not None and history.jumps and not history.comes_back and history.span == 3.0
-    rows = [(row.t, row.value, row.branch) for row in history.instants]
+    history = Loading(history=points, times=(0.25, 2.0)).prescribed_history
+    assert (
+        history is not None
+        and history.has_jumps
+        and not history.has_reloading
+        and history.duration == 3.0
+    )
+    rows = [(row.t, row.value, row.branch) for row in history.rows]
     assert [(t, value) for t, value, _ in rows if (t, value) in points] == list(points)
     assert [branch for t, _, branch in rows if t == 1.0] == ["hold", "retract"] and rows[-1] == (
         3.0,
         0.0,
         "retract",
     )
-    through = history.through_its_times
+    through = history.with_row_times_inserted
     assert set(through.points) - set(points) == {(0.25, 0.5), (2.0, 0.1)} and not through.times
-    assert through.without_units(0.1).largest == pytest.approx(5.0, rel=1e-15)
+    assert through.nondimensionalize(0.1).largest_value == pytest.approx(5.0, rel=1e-15)

@@ -113,7 +113,7 @@ def test_small_strain_constants(gel: Gel) -> None:
     assert confined == pytest.approx(factor * (1 - nu), rel=1e-9)
     assert coupled == pytest.approx(factor * nu, rel=1e-9, abs=1e-9 * factor)
     assert along(gel.energy, np.eye(3), sheared, 2) == pytest.approx(gel.shear_modulus, rel=1e-12)
-    assert coupled == pytest.approx(1 / gel.inverse_stiffness, rel=1e-9)
+    assert coupled == pytest.approx(1 / gel.volumetric_compliance, rel=1e-9)
 
 
 @pytest.mark.parametrize("gel", [SOFT, HELD_OUT[0]])
@@ -137,9 +137,9 @@ def test_small_strains_keep_their_digits(gel: Gel, size: float) -> None:
 @pytest.mark.parametrize("size", [1e-6, 1e-10, 1e-14])
 def test_a_small_growth_keeps_all_digits(size: float) -> None:
     """Without rounding F: energy and stress of e itself, beside their next order."""
-    lam = 1 / SOFT.inverse_stiffness
+    lam = 1 / SOFT.volumetric_compliance
     assert float(SOFT.swelling_stress(size)) == pytest.approx(lam * size, rel=100 * size + 1e-12)
-    assert float(SOFT._energy_of_swelling(size)) == pytest.approx(
+    assert float(SOFT._swelling_energy(size)) == pytest.approx(
         lam * size * size / 2, rel=100 * size + 1e-12
     )
 
@@ -150,7 +150,7 @@ def test_a_mixed_energy_has_the_same_value_at_its_pressure(
 ) -> None:
     """q = lambda e makes the mixed energy stationary, and equal to the other."""
     F, e = np.diag(stretches), float(np.prod(stretches)) - 1
-    mixed = along(lambda H: FIRM.mixed_energy(H, e / FIRM.inverse_stiffness), F, axis(2), 0)
+    mixed = along(lambda H: FIRM.mixed_energy(H, e / FIRM.volumetric_compliance), F, axis(2), 0)
     assert mixed == pytest.approx(energy_of(FIRM, F), rel=1e-12)
 
 
@@ -177,14 +177,14 @@ def test_swelling_in_a_bath_of_no_potential(
 ) -> None:
     """Roots of the equations above by another program, to the digits that it printed."""
     digits = 5.1e-8
-    assert gel.free_stretch(0.0) == pytest.approx(rest, abs=digits)
+    assert gel.free_swelling_stretch(0.0) == pytest.approx(rest, abs=digits)
     assert gel.shear_modulus == pytest.approx(shear, abs=digits)
     assert gel.constants.nu == pytest.approx(nu, abs=digits)
-    assert replace(gel, stretch="auto").swollen_in(0.0).constants.nu == pytest.approx(
+    assert replace(gel, stretch="auto").with_free_swelling(0.0).constants.nu == pytest.approx(
         nu_at_rest, abs=digits
     )
     assert gel.bath_pressure(0.0) == pytest.approx(bath, abs=digits)
-    assert gel.held_swelling(float(gel.bath_pressure(0.0))) == pytest.approx(
+    assert gel.confined_swelling(float(gel.bath_pressure(0.0))) == pytest.approx(
         (held, lateral), abs=digits
     )
 
@@ -192,12 +192,12 @@ def test_swelling_in_a_bath_of_no_potential(
 @each_gel
 def test_free_swelling_has_no_stress(gel: Gel) -> None:
     """At its own bath, and at any other: swelling by s freely is the same as a reference of l s."""
-    assert gel.free_stretch(float(gel.free_potential(gel.stretch))) == pytest.approx(
-        gel.stretch, rel=1e-9
-    )
-    assert gel.bath_pressure(gel.free_potential(gel.stretch)) == 0.0
+    assert gel.free_swelling_stretch(
+        float(gel.free_swelling_potential(gel.stretch))
+    ) == pytest.approx(gel.stretch, rel=1e-9)
+    assert gel.bath_pressure(gel.free_swelling_potential(gel.stretch)) == 0.0
     s = 1.05
-    bath = float(gel.bath_pressure(gel.free_potential(gel.stretch * s)))
+    bath = float(gel.bath_pressure(gel.free_swelling_potential(gel.stretch * s)))
     size = gel.G / gel.n_omega  # round-off of what cancels
     assert np.allclose(principal_stress(gel, np.full(3, s), bath), 0.0, atol=1e-13 * size)
     slope = along(gel.energy, s * np.eye(3), axis(0), 1)
@@ -208,7 +208,7 @@ def test_free_swelling_has_no_stress(gel: Gel) -> None:
 @pytest.mark.parametrize("share", [-0.3, -1e-6, 0.0, 1e-6, 0.1])
 def test_held_swelling_pushes_nothing_along_its_free_axis(gel: Gel, share: float) -> None:
     bath = share * gel.G / gel.n_omega * 0.01
-    s, lateral = gel.held_swelling(bath)
+    s, lateral = gel.confined_swelling(bath)
     across, _, free = principal_stress(gel, np.array([1.0, 1.0, s]), bath)
     size = gel.G / gel.n_omega
     assert free == pytest.approx(0.0, abs=1e-12 * size)
@@ -237,13 +237,13 @@ def test_energy_of_a_dry_gel_is_not_a_number() -> None:
 
 
 def test_a_bath_given_beside_a_stretch_leaves_it() -> None:
-    assert SOFT.swollen_in(0.0) is SOFT
+    assert SOFT.with_free_swelling(0.0) is SOFT
 
 
 @pytest.mark.parametrize("bath", [0.5, 10.0])
 def test_no_free_swelling(bath: float) -> None:
     with pytest.raises(ValueError, match=f"no free swelling has a bath potential of {bath:g}"):
-        SOFT.free_stretch(bath)
+        SOFT.free_swelling_stretch(bath)
 
 
 def test_a_gel_that_would_collapse_is_refused() -> None:
@@ -270,20 +270,22 @@ def test_solvent_moves_by_its_diffusivity() -> None:
     "law", [HolmesMow(M=2.0, phi0=0.2, alpha=2.0), HolmesMow(M=0.0, phi0=0.4, alpha=1.0)]
 )
 def test_pores_widen_and_close(law: HolmesMow) -> None:
-    assert law.factor(1.0) == pytest.approx(1.0, rel=1e-14)
-    assert law.factor(law.phi0) == 0.0
+    assert law.permeability_ratio(1.0) == pytest.approx(1.0, rel=1e-14)
+    assert law.permeability_ratio(law.phi0) == 0.0
     J = np.linspace(law.phi0, 1.5, 20)
-    assert np.all(np.diff(law.factor(J)) > 0)
+    assert np.all(np.diff(law.permeability_ratio(J)) > 0)
     # d ln k/dJ at rest = alpha/(1 - phi0) + M, by a central difference of 1e-5: 1e-9
-    slope = (math.log(law.factor(1 + 1e-5)) - math.log(law.factor(1 - 1e-5))) / 2e-5
+    slope = (
+        math.log(law.permeability_ratio(1 + 1e-5)) - math.log(law.permeability_ratio(1 - 1e-5))
+    ) / 2e-5
     assert slope == pytest.approx(law.alpha / (1 - law.phi0) + law.M, rel=1e-8)
 
 
 @pytest.mark.parametrize("J", [0.7, 1.0, 1.3])
 def test_permeabilities_are_the_same_in_forms_and_in_numbers(J: float) -> None:
     law = HolmesMow(M=2.0, phi0=0.2, alpha=2.0)
-    assert law.factor(ufl.as_ufl(J) * ufl.as_ufl(1.0))(()) == pytest.approx(
-        law.factor(J), rel=1e-14
+    assert law.permeability_ratio(ufl.as_ufl(J) * ufl.as_ufl(1.0))(()) == pytest.approx(
+        law.permeability_ratio(J), rel=1e-14
     )
     assert SOFT.permeability(ufl.as_ufl(J), 3.0)(()) == pytest.approx(
         SOFT.permeability(J, 3.0), rel=1e-14

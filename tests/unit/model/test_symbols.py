@@ -18,7 +18,7 @@ from indent_sim.config.key_types import core, hints, members
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.fitting import fit_table
-from indent_sim.model.state import READINGS, STATE_COLUMNS, State, Surface
+from indent_sim.model.state import DERIVED_COLUMNS, STATE_COLUMNS, State, Surface
 from indent_sim.model.symbols import GROUPS, SYMBOLS, lookup
 from indent_sim.model.units import unit_of
 from indent_sim.results.tables import SURFACE_COLUMNS
@@ -62,7 +62,7 @@ def test_every_key_has_a_meaning(section, kind, name):
     assert symbol and symbol.meaning, f"add {name} to indent_sim/model/symbols.py"
     unit = unit_of(hints(kind)[name])
     if unit:
-        assert symbol.dimension == unit.words
+        assert symbol.dimension == unit.text
 
 
 @pytest.mark.parametrize(("section", "kind"), [("", Config), *sections_and_kinds()])
@@ -74,7 +74,9 @@ def test_what_has_a_dimension_is_marked_with_it(section, kind):
         )
 
 
-@pytest.mark.parametrize("name", [*STATE_COLUMNS, *READINGS, "force_error", *SURFACE_COLUMNS])
+@pytest.mark.parametrize(
+    "name", [*STATE_COLUMNS, *DERIVED_COLUMNS, "force_error", *SURFACE_COLUMNS]
+)
 def test_every_column_has_a_meaning(name):
     assert name in SYMBOLS, f"add {name} to indent_sim/model/symbols.py"
 

@@ -23,7 +23,7 @@ from indent_sim.model.tips import (
     Pyramid,
     Sphere,
     Vickers,
-    below,
+    gap_under_tip,
 )
 from indent_sim.scene.reference_theory import theory_tip_shape
 
@@ -44,7 +44,7 @@ SHARP: dict[str, Indenter] = {
     "sharp_profile": Profile(BITS),
 }
 TIPS = SMOOTH | SHARP
-OF_REVOLUTION = {name: tip for name, tip in TIPS.items() if tip.of_revolution}
+OF_REVOLUTION = {name: tip for name, tip in TIPS.items() if tip.is_axisymmetric}
 POINTS = np.random.default_rng(1).uniform(-0.6, 0.6, (2, 400))
 
 
@@ -312,7 +312,7 @@ def test_mirror_planes_of_a_pyramid(
     """The planes through x and through y; the formula must agree with the shape."""
     tip = Pyramid(70.0, faces=faces, rotation=rotation)
     x, y = POINTS
-    assert (tip.is_mirrored(0.0), tip.is_mirrored(90.0)) == mirrors
+    assert (tip.has_mirror_plane(0.0), tip.has_mirror_plane(90.0)) == mirrors
     assert np.allclose(tip.height(x, y), tip.height(x, -y), atol=1e-12) == mirrors[0]
     assert np.allclose(tip.height(x, y), tip.height(-x, y), atol=1e-12) == mirrors[1]
 
@@ -343,14 +343,14 @@ def test_radius_of_a_section(tip: Indenter) -> None:
 )
 def test_impossible_profiles(points: Any, tip_radius: float, fragment: str) -> None:
     with pytest.raises(ValueError, match=fragment):
-        Profile(points, tip_radius).check()
+        Profile(points, tip_radius).check_points()
 
 
 def test_a_paraboloid_through_points() -> None:
     """Straight pieces through 40 points are above the paraboloid by at most (1/40)^2/8R."""
     r = np.linspace(0, 1, 41)
     tip = Profile(tuple((float(s), float(s * s / 2)) for s in r))
-    tip.check()
+    tip.check_points()
     at = np.linspace(0, 1, 333)
     difference = on_axis_plane(tip, at) - at**2 / 2
     assert difference.min() > -1e-15 and difference.max() < 1.01 / 40**2 / 8
@@ -361,7 +361,7 @@ def test_a_hyperboloid_is_rounded_where_its_paraboloid_goes_over_into_its_cone()
     with larger elements knows its largest pressure.
     """
     tip = Hyperboloid(0.1, 70.0)
-    ((r, width),) = tip.creases()
+    ((r, width),) = tip.slope_discontinuities()
     flank = float(tip.slope(1e9))
     assert r == 0.0 and width / tip.R == pytest.approx(flank, rel=1e-9)
     assert float(tip.slope(width)) == pytest.approx(flank / 2**0.5, rel=1e-9)
@@ -372,7 +372,7 @@ def test_a_plate_is_a_plane() -> None:
     x, y = POINTS
     assert np.all(np.asarray(Plate().height(x, y)) == 0.0)
     assert np.array_equal(Plate().gap_current(x, y, x), -x)
-    assert Plate().radius_at(0.1) == np.inf and Plate().creases() == []
+    assert Plate().radius_at(0.1) == np.inf and Plate().slope_discontinuities() == []
 
 
 @pytest.mark.parametrize(
@@ -383,5 +383,5 @@ def test_no_gap_is_written_beside_a_tip_that_ends(tip: Indenter) -> None:
     r = np.array([0.0, 0.5, 0.9, 1.7, 40.0])
     gap = np.asarray(tip.height(r, 0.0 * r), dtype=float) - 0.1
     ends = {"sphere": 1.3, "flat_punch": 1.0, "profile": 1.0}.get(tip.shape, np.inf)
-    assert np.array_equal(np.isnan(below(tip, gap)), r > ends)
-    assert np.array_equal(below(tip, gap)[r <= ends], gap[r <= ends])
+    assert np.array_equal(np.isnan(gap_under_tip(tip, gap)), r > ends)
+    assert np.array_equal(gap_under_tip(tip, gap)[r <= ends], gap[r <= ends])

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from indent_sim.model.state import ERROR_COLUMNS, READINGS, STATE_COLUMNS, State, Surface
+from indent_sim.model.state import DERIVED_COLUMNS, ERROR_COLUMNS, STATE_COLUMNS, State, Surface
 from indent_sim.model.tips import Sphere
 from indent_sim.process.errors import (
     ConfigError,
@@ -76,7 +76,7 @@ class TestFiles:
     def test_numbers_come_back_to_the_last_digit(self, tmp_path):
         write_run(tmp_path / "run")
         table = read(tmp_path / "run")
-        assert list(table.table) == [*STATE_COLUMNS, *READINGS]
+        assert list(table.table) == [*STATE_COLUMNS, *DERIVED_COLUMNS]
         assert table["force"].tolist() == [THIRD, THIRD * 2]
         assert table.report["status"] == "done" and table.report["exit_code"] == 0
         assert table.report["rows"] == 2
@@ -91,7 +91,7 @@ class TestFiles:
             run.append(a_state(1, force_error=1e-3, a_error=2e-3))
             run.append(a_state(2))
         found = read(tmp_path / "run")
-        assert list(found.table) == [*STATE_COLUMNS, *READINGS, "force_error", "a_error"]
+        assert list(found.table) == [*STATE_COLUMNS, *DERIVED_COLUMNS, "force_error", "a_error"]
         assert found["force_error"][0] == 1e-3 and found["a_error"][0] == 2e-3
         assert np.isnan(found["force_error"][1]) and np.isnan(found["a_error"][1])
 
@@ -161,7 +161,7 @@ class TestFiles:
             )
             run.append(a_state(2, force_error=2e-3, a_error=1.0))
         found = read(tmp_path / "run")
-        assert list(found.table) == [*STATE_COLUMNS, *READINGS, "force_error"]
+        assert list(found.table) == [*STATE_COLUMNS, *DERIVED_COLUMNS, "force_error"]
         assert found["force_error"].tolist() == [1e-3, 2e-3]
 
     @pytest.mark.parametrize(("keep", "steps"), [("last", [2, 2]), ("all", [1, 1, 2, 2])])

@@ -70,7 +70,7 @@ def theorys(base: Scene, delta: float, step: int = 1) -> State:
         0.1,
         reaction=found.force,
     )
-    return state.in_units(base.physics.scales)
+    return state.to_user_units(base.physics.scales)
 
 
 # ---- nothing is said against what is true

@@ -181,7 +181,7 @@ def test_a_resolved_scene_is_the_same_scene() -> None:
     again = resolve(explicit_config(config, found))
     assert again.physics.contact == found.physics.contact and again.sizes == found.sizes
     assert (
-        found.physics.contact.has_memory
+        found.physics.contact.is_path_dependent
         and not found.physics.has_friction
         and not found.physics.columns
     )
@@ -193,7 +193,7 @@ def test_the_attraction_is_the_slope_of_its_energy_and_its_integral_the_work() -
     law, g = Adhesion(WORK, RANGE), np.linspace(-0.02, 0.3, 20001)
     slope = np.gradient(law.energy(g), g)
     # of differences over range/600; half of one across the kink at g = 0
-    assert slope[1:-1] == pytest.approx(law.pull(g)[1:-1], rel=1e-3, abs=1e-5 * WORK / RANGE)
+    assert slope[1:-1] == pytest.approx(law.attraction(g)[1:-1], rel=1e-3, abs=1e-5 * WORK / RANGE)
     assert float(law.energy(30 * RANGE) - law.energy(0.0)) == pytest.approx(WORK, rel=1e-12)
 
 

@@ -231,7 +231,7 @@ def test_a_tip_without_theory_has_a_wall_too() -> None:
     pyramid = scene(LAYER, indenter={"shape": "pyramid", "half_angle": 65}).physics
     assert (
         pyramid.body.shape == "box"
-        and pyramid.body.rim_distance(pyramid.center) > 3 * pyramid.body.height
+        and pyramid.body.lateral_extent(pyramid.center) > 3 * pyramid.body.height
     )
     config = from_mapping(
         {
@@ -242,7 +242,7 @@ def test_a_tip_without_theory_has_a_wall_too() -> None:
         }
     )
     wide = truncate(config.body, config.indenter, [config.layers], 1e-4)  # type: ignore[arg-type]
-    assert wide.body.rim_distance((0.0, 0.0)) > 1.0 and wide.error < 1e-3
+    assert wide.body.lateral_extent((0.0, 0.0)) > 1.0 and wide.error < 1e-3
 
 
 @pytest.mark.parametrize("shape", ["layer", "half_space"])

@@ -85,7 +85,7 @@ def test_theory_knows_no_friction() -> None:
 def test_new_contact_sticks_half_way_where_it_matters(friction: float | str, anchor: str) -> None:
     found = scene({"friction": friction}).physics
     assert found.slip_reference == anchor
-    assert found.contact.has_memory == bool(friction)
+    assert found.contact.is_path_dependent == bool(friction)
 
 
 def test_a_run_says_the_friction_that_it_had() -> None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from indent_sim.model.materials import Exponentials, PowerLaw, Relaxation
+from indent_sim.model.materials import PowerLaw, PronySeries, Relaxation
 from indent_sim.scene.problem_setup import prony_series
 
 
-def modulus(law: Exponentials, t: np.ndarray) -> np.ndarray:
+def modulus(law: PronySeries, t: np.ndarray) -> np.ndarray:
     """G(t)."""
     parts = (g * np.exp(-t / tau) for g, tau in zip(law.fractions, law.times, strict=True))
-    return law.rest + sum(parts)
+    return law.long_term + sum(parts)
 
 
 def test_terms_are_taken_as_they_are() -> None:
@@ -26,4 +26,4 @@ def test_a_power_law_is_a_sum_of_exponentials(exponent: float, time: float) -> N
     t = np.geomspace(1e-3, 1e3, 61)
     law = prony_series(Relaxation(power_law=PowerLaw(exponent, time)), 1e-3, 1e3)
     assert modulus(law, t) == pytest.approx((t / time) ** -exponent, rel=1e-5)
-    assert law.rest >= 0 and min(law.fractions) > 0
+    assert law.long_term >= 0 and min(law.fractions) > 0

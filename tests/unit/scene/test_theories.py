@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from indent_sim.config.scene_file import from_mapping
-from indent_sim.model.body import Cylinder, Dome, Layer, Strip, StripSides
+from indent_sim.model.body import Cylinder, Layer, SphericalBody, Strip, StripSides
 from indent_sim.model.materials import LinearElastic
 from indent_sim.model.tips import (
     Cone,
@@ -23,7 +23,7 @@ from indent_sim.model.tips import (
     Profile,
     Pyramid,
     Sphere,
-    reach,
+    max_radius,
 )
 from indent_sim.scene.reference_theory import (
     TIP_THEORIES,
@@ -74,7 +74,7 @@ def test_every_tip_is_in_the_table() -> None:
 def test_theory_sees_the_tip_end_where_it_ends(tip: Indenter) -> None:
     shape = theory_tip_shape(tip)
     assert shape is not None
-    assert reach(tip) == (shape.punch_radius or shape.max_radius)
+    assert max_radius(tip) == (shape.punch_radius or shape.max_radius)
 
 
 @pytest.mark.parametrize("tip", SHARP.values(), ids=SHARP)
@@ -199,7 +199,7 @@ def test_theory_is_asked_once_for_each_depth(
 )
 def test_curvatures_add_over_a_round_body(tip: Indenter, R: float) -> None:
     """1/R of the tip and 1/2 of the body; a sharp tip, and any over a flat top, is its own."""
-    dome = Dome(2.0, 1.0, "cap")
+    dome = SphericalBody(2.0, 1.0, "cap")
     assert relative_tip(tip, dome) == Paraboloid(pytest.approx(R))  # type: ignore[arg-type]
     assert relative_tip(tip, CYLINDER) is tip and relative_tip(Cone(70.0), dome) == Cone(70.0)
 
@@ -209,7 +209,7 @@ def test_theory_of_a_round_body_is_never_exact(shape: Any) -> None:
     """A layer for a cap, a half-space for a ball; a contact of 1e-3 feels as much of the layer:
     Hertz to 0.2 %.
     """
-    body = Dome(1e3, 1.0, "cap") if shape == "cap" else Dome(1.0, 2.0, "ball")
+    body = SphericalBody(1e3, 1.0, "cap") if shape == "cap" else SphericalBody(1.0, 2.0, "ball")
     tip: Indenter = Paraboloid(1.0)
     theory = layer_theory(body, [Layer(body.height, GEL)], tip, body.center)
     closed = half_space_force(relative_tip(tip, body), 1e-6, GEL.E_star)

@@ -74,7 +74,7 @@ class NodalContact(Term):
         ]
         self._psi = self.basis(self._points)
         self._u_dofs = body.trace.dofs
-        per_area = scene.physics.domain.kinematics.weight(
+        per_area = scene.physics.domain.kinematics.integration_weight(
             np.moveaxis(body.trace.positions(self._points), -1, 0)
         )
         self._weights = body.trace.measures(self._points) * per_area * reference_weights

@@ -41,13 +41,13 @@ from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.term import Term
 from indent_sim.model.algebra import maximum, where_less
 from indent_sim.model.contact import (
-    Anchor,
     CoulombPoint,
+    SlipReference,
+    dissipation_on_separation,
     dot,
-    heat_of_leaving,
     is_new_contact,
     passed_gap,
-    way_gone,
+    step_fraction_at_contact,
 )
 from indent_sim.scene.scene import Scene
 
@@ -95,7 +95,7 @@ class Friction(Term):
         )
         is_new = is_new_contact(initial_gap, now.delta - before.delta)
         self._passed_gap = passed_gap(initial_gap, is_new, p_hat, law.stiffness)
-        touch_fraction = is_new * way_gone(initial_gap, self._largest_passed_gap)
+        touch_fraction = is_new * step_fraction_at_contact(initial_gap, self._largest_passed_gap)
         self._tau = components(now.fields["tau"])
         tau = self._tau if self._law.multiplier == "unknown" else components(before.fields["tau"])
         trial_traction = [
@@ -104,7 +104,9 @@ class Friction(Term):
         ]
         self._coulomb_point = point = CoulombPoint(law.friction, normal.pressure, trial_traction)
         carries_traction = where_less(0.0, p_hat, 1 - is_new * (1 - self._new_contact_sticks), 0.0)
-        self._traction = [carries_traction * point.share * t_hat for t_hat in trial_traction]
+        self._traction = [
+            carries_traction * point.traction_ratio * t_hat for t_hat in trial_traction
+        ]
         slip_values = self._traction_slip(trial_traction)
         step_slip = self._slip(0.0)
         p_before = law.stiffness * maximum(0.0, -initial_gap)
@@ -114,11 +116,14 @@ class Friction(Term):
             slip_values = [
                 one + touch_fraction * u for one, u in zip(slip_values, step_slip, strict=True)
             ]
-        heat = point.heat(self._traction, slip_values, p_before)
+        heat = point.dissipation(self._traction, slip_values, p_before)
         if self._is_implicit:
-            leave_fraction = way_gone(self._passed_gap, self._largest_passed_gap)
+            leave_fraction = step_fraction_at_contact(self._passed_gap, self._largest_passed_gap)
             heat += where_less(
-                0.0, p_hat, 0.0, heat_of_leaving(law.friction, p_before, step_slip, leave_fraction)
+                0.0,
+                p_hat,
+                0.0,
+                dissipation_on_separation(law.friction, p_before, step_slip, leave_fraction),
             )
         self._dissipation = fem.form(body.contact_integral(heat))
         vertical = body.body_mesh.dim - 1
@@ -171,7 +176,7 @@ class Friction(Term):
         )
         return self.body.contact_integral(virtual)
 
-    def set_slip_reference(self, slip_reference: Anchor) -> None:
+    def set_slip_reference(self, slip_reference: SlipReference) -> None:
         """Say where what comes into contact sticks; see `solve.anchor` (collective)."""
         if slip_reference == "mid":
             self._find_largest_passed_gap()
@@ -204,7 +209,7 @@ class Friction(Term):
         """friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks
         (collective at first).
         """
-        return self._facet_values("room", self._coulomb_point.room, points)()[..., 0]
+        return self._facet_values("room", self._coulomb_point.stick_margin, points)()[..., 0]
 
     def _facet_values(self, name: str, expression: Expr, points: np.ndarray) -> FacetValues:
         cache_key = name, points.tobytes()

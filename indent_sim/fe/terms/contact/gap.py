@@ -27,7 +27,7 @@ class Gap:
         self._dim = dim
         X = body.X
         self._x = None if scene.physics.gap == "reference" else ufl.variable(X + u)
-        horizontal = scene.physics.domain.kinematics.horizontal(
+        horizontal = scene.physics.domain.kinematics.horizontal_position(
             X if self._x is None else self._x, center
         )
         if self._x is None:

@@ -42,7 +42,7 @@ class Traction(Term):
         self._solves_for_multiplier = self.law.multiplier == "unknown"
         self.field_names = ("lam",) if self._solves_for_multiplier else ()
         self.frozen = (self.surface_multiplier.lam,) if self.law.multiplier == "frozen" else ()
-        self.has_memory = self.law.may_snap
+        self.has_memory = self.law.may_snap_through
         self.has_symmetric_tangent = self.law.multiplier != "stress"  # whose variation is dropped
         self.symbolic_law = symbolic_copy(self.law, body.mesh)
         g = ufl.variable(self.gap.g)
@@ -67,9 +67,9 @@ class Traction(Term):
                 return self.surface_multiplier.lam
             case "stress":
                 kinematics = self.body.scene.physics.domain.kinematics
-                N = kinematics.in_space(ufl.FacetNormal(self.body.mesh))
+                N = kinematics.space_vector(ufl.FacetNormal(self.body.mesh))
                 return ufl.dot(
-                    kinematics.in_plane(strain_energy.nominal_stress * N), self.gap.normal
+                    kinematics.model_vector(strain_energy.nominal_stress * N), self.gap.normal
                 )
         return ufl.as_ufl(0.0)
 
