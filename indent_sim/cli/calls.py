@@ -15,7 +15,7 @@ from indent_sim.results import compare as comparisons
 from indent_sim.results import folder, reader
 from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
-from indent_sim.results.writer import plain
+from indent_sim.results.writer import json_data
 from indent_sim.run.error_estimation import sensitivities as derivatives
 from indent_sim.run.planned_run import plan_with_cost
 from indent_sim.run.simulate import config_of
@@ -25,7 +25,7 @@ from indent_sim.studies.conduct import Study
 from indent_sim.studies.picture import curves_pictured
 
 if TYPE_CHECKING:
-    from indent_sim.results.pictures.canvas import Axes, Figure
+    from indent_sim.results.pictures.figures import Axes, Figure
 
 PLOT_OPTIONS = (
     "fields",
@@ -48,7 +48,9 @@ def read(path: str | Path) -> Results | Study:
     UsageError when there is none, or it is damaged.
     """
     return (
-        conduct.read_back(Path(path)) if folder.held(Path(path)) == "study" else reader.read(path)
+        conduct.read_back(Path(path))
+        if folder.folder_kind(Path(path)) == "study"
+        else reader.read(path)
     )
 
 
@@ -59,8 +61,8 @@ def plan(given: Given, *, error_bars: bool = False) -> Report:
     if (isinstance(given, Mapping) and is_study(given)) or (
         isinstance(given, str | Path) and _holds_study(given)
     ):
-        return plain(plan_study(given, error_bars).as_json())
-    return plain(plan_with_cost(config_of(given), error_bars).plan.as_json())
+        return json_data(plan_study(given, error_bars).as_json())
+    return json_data(plan_with_cost(config_of(given), error_bars).plan.as_json())
 
 
 def require(given: Given, within: float = 0.01) -> Report:
@@ -69,20 +71,20 @@ def require(given: Given, within: float = 0.01) -> Report:
     """
     from indent_sim.run.model_selection import recommended_model
 
-    return plain(recommended_model.require(config_of(given), within).as_json())
+    return json_data(recommended_model.require(config_of(given), within).as_json())
 
 
 def compare(
     first: Result,
     second: Result,
-    rtol: comparisons.Tolerances = comparisons.RTOL,
+    rtol: comparisons.Tolerances = comparisons.DEFAULT_RTOL,
     columns: Sequence[str] | None = None,
 ) -> Report:
     """Two results or measured curves row by row: the object of `indent-sim compare --json`;
     `differences` is empty where they agree.
     """
     A, B = (one.path if isinstance(one, Results) else one for one in (first, second))
-    return plain(comparisons.compare(A, B, rtol, columns).as_json())
+    return json_data(comparisons.compare(A, B, rtol, columns).as_json())
 
 
 def study(
@@ -141,7 +143,7 @@ def plot(
     UsageError
         For what the results do not have, and for more than one panel where `ax` is given.
     """
-    from indent_sim.results.pictures import canvas, panels
+    from indent_sim.results.pictures import figures, panels
 
     if isinstance(shown, Study):
         if wish or ax is not None or what not in ("", "curves", *multiples.COLUMNS):
@@ -156,13 +158,13 @@ def plot(
     else:
         several = [shown] if isinstance(shown, Results | str | Path) else list(shown)
         runs = [one if isinstance(one, Results) else reader.read(one) for one in several]
-        wished = panels.wish({"what": _words(what or "force")} | _listed(wish))
+        wished = panels.plot_request({"what": _words(what or "force")} | _listed(wish))
         if ax is not None:
             panels.draw_into(ax, runs, wished)
             return ax.figure
-        pictured = panels.pictured(runs, wished)
+        pictured = panels.requested_figure(runs, wished)
     with pictured as figure:
-        canvas.lay_out(figure)
+        figures.apply_layout(figure)
         return figure
 
 

@@ -769,22 +769,22 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
     one side by side, spread over the path.
     """
     from indent_sim.results import reader
-    from indent_sim.results.folder import held
-    from indent_sim.results.pictures import canvas, panels
+    from indent_sim.results.folder import folder_kind
+    from indent_sim.results.pictures import figures, panels
 
     given = {name: value for name, value in wish.items() if value}
-    if any(path.is_dir() and held(path) == "study" for path in paths):
+    if any(path.is_dir() and folder_kind(path) == "study" for path in paths):
         return _plot_study(paths, output, given)
-    wanted = panels.wish(given) if given else None
+    wanted = panels.plot_request(given) if given else None
     runs = [reader.read(path) for path in paths]
     if output is not None and output.suffix.lower() == ".tab":
         return _write_tab(runs, given, output)
     if output is None:
         first = paths[0] if paths[0].is_dir() else paths[0].parent
         output = (first if len(paths) == 1 else Path()) / (
-            wanted.name if wanted else canvas.FORCE_PICTURE
+            wanted.file_name if wanted else figures.FORCE_PICTURE
         )
-        canvas.refuse_foreign(output)
+        figures.refuse_foreign_picture(output)
     try:
         panels.draw(runs, wanted, output) if wanted else panels.draw_results(runs, output)
     except OSError as error:
@@ -798,7 +798,7 @@ OF_STUDY = ("what", "dpi")  # options of a picture that one of a study heeds
 def _plot_study(paths: Sequence[Path], output: Path | None, given: dict[str, Any]) -> None:
     """Draw the curves of a study, or a column of its table over what varies."""
     from indent_sim.results.folder import RUNS
-    from indent_sim.results.pictures import canvas
+    from indent_sim.results.pictures import figures
     from indent_sim.studies import curve_table, multiples, picture, study_report
 
     if len(paths) > 1:
@@ -818,13 +818,13 @@ def _plot_study(paths: Sequence[Path], output: Path | None, given: dict[str, Any
     title = str(record.get("title") or folder.resolve().name)
     if output is None:
         output = folder / f"{word}.png"
-        canvas.refuse_foreign(output)
+        figures.refuse_foreign_picture(output)
     drawn = picture.curves_pictured(families, title)
     if word != "curves":
         drawn = multiples.column_pictured(families, word, title)
     try:
         with drawn as figure:
-            canvas.save(figure, output, given.get("dpi"))
+            figures.save(figure, output, given.get("dpi"))
     except OSError as error:
         raise unwritable(output, error) from error
     say(str(output))
@@ -833,7 +833,7 @@ def _plot_study(paths: Sequence[Path], output: Path | None, given: dict[str, Any
 def _write_tab(runs: list[Results], given: dict[str, Any], output: Path) -> None:
     """Write the force curve of a result as a .tab file."""
     from indent_sim.results.folder import write_atomically
-    from indent_sim.results.measured.tab_file import tab_of
+    from indent_sim.results.measured.tab_file import tab_text
 
     if given or len(runs) > 1:
         raise UsageError(
@@ -841,7 +841,7 @@ def _write_tab(runs: list[Results], given: dict[str, Any], output: Path) -> None
             "leave the other options out",
         )
     try:
-        write_atomically(output, tab_of(runs[0]))
+        write_atomically(output, tab_text(runs[0]))
     except OSError as error:
         raise unwritable(output, error) from error
     say(str(output))
@@ -861,13 +861,13 @@ def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> N
     """Write one HTML file about a result, a study or a fit: scene, pictures, errors, provenance.
     Prints its path.
     """
-    from indent_sim.results import report as reports
+    from indent_sim.results import html_report as reports
     from indent_sim.results.folder import is_own_file
 
     if not folder.is_dir():
         raise UsageError(f"{folder} is no folder of a result, a study or a fit")
     if output is None:
-        output = folder / reports.NAME
+        output = folder / reports.REPORT_FILE
         if os.path.lexists(output) and not is_own_file(output):
             raise UsageError(
                 f"{output} is there already and no report of indent-sim",
@@ -885,9 +885,9 @@ def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> N
 
 def _own_names(folder: Path) -> Sequence[str]:
     """Names of what this program writes into a folder of this kind."""
-    from indent_sim.results.folder import FIELDS_FOLDER, RESULT_FILES, held
+    from indent_sim.results.folder import FIELDS_FOLDER, RESULT_FILES, folder_kind
 
-    match held(folder):
+    match folder_kind(folder):
         case "study":
             from indent_sim.studies.study_folder import STUDY_FILES
 
@@ -901,10 +901,10 @@ def _own_names(folder: Path) -> Sequence[str]:
 
 def _page_of(folder: Path) -> str:
     """The report of what a folder holds."""
-    from indent_sim.results import report as reports
-    from indent_sim.results.folder import held
+    from indent_sim.results import html_report as reports
+    from indent_sim.results.folder import folder_kind
 
-    match held(folder):
+    match folder_kind(folder):
         case "study":
             from indent_sim.studies.study_report import of_study
 
@@ -913,7 +913,7 @@ def _page_of(folder: Path) -> str:
             from indent_sim.fitting.fit_report import of_fit
 
             return of_fit(folder)
-    return reports.of_run(folder)
+    return reports.run_page(folder)
 
 
 @program.command()

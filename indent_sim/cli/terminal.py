@@ -381,19 +381,20 @@ def comparison(found: Comparison) -> str:
     head = [found.matched_by, *(f"{name} {side}" for name in names for side in "AB")]
     rows = [
         [f"{step:.10g}", *(f"{value:.10g}" for name in names for value in found.pairs[name][i])]
-        for i, step in enumerate(found.steps)
+        for i, step in enumerate(found.row_keys)
     ]
     beside = [
-        f"{name}, {len(table.steps)} rows: {_worst(table)}" for name, table in found.beside.items()
+        f"{name}, {len(table.row_keys)} rows: {_worst(table)}"
+        for name, table in found.other_tables.items()
     ]
     return "\n".join([_aligned([head, *rows]), _worst(found), *_interpolated(found), *beside])
 
 
 def _interpolated(found: Comparison) -> list[str]:
     """Which of the two was interpolated, what that costs, and how far the forces lie apart."""
-    if found.interpolated is None:
+    if found.interpolation is None:
         return []
-    path, error = found.interpolated
+    path, error = found.interpolation
     along = "time" if found.matched_by == "t" else "depth"
     said = [f"{path} interpolated in {along}, to {100 * error:.2g} % of the largest force"]
     if apart := found.residual:
@@ -404,7 +405,9 @@ def _interpolated(found: Comparison) -> list[str]:
 
 
 def _worst(found: Comparison) -> str:
-    columns = ", ".join(f"{name} {value:.3g}" for name, value in found.worst.items())
+    columns = ", ".join(
+        f"{name} {value:.3g}" for name, value in found.max_relative_difference.items()
+    )
     return f"largest relative difference: {columns or 'no column compared'}"
 
 
@@ -441,11 +444,13 @@ def _error(outcome: Outcome) -> list[str]:
 
 def _asked_in_words(report: Report, theory: Report) -> str:
     """What theory was asked for, in words; of a strip the force is one per length."""
-    from indent_sim.results.pictures.axes import choice
-    from indent_sim.results.writer import plain
+    from indent_sim.results.pictures.axes import plan_choice
+    from indent_sim.results.writer import json_data
 
     _, asked = _given_and_asked(theory)
-    is_flat = choice({"plan": plain(_part(report, "plan"))}, "kinematics") == "plane_strain"
+    is_flat = (
+        plan_choice({"plan": json_data(_part(report, "plan"))}, "kinematics") == "plane_strain"
+    )
     return "force per length" if asked == "force" and is_flat else asked
 
 

@@ -47,8 +47,8 @@ from indent_sim.fitting.scene_curve.lattice import NUMBERS, NoTable
 from indent_sim.fitting.scene_curve.parameters import SPRINGS, number_at, with_numbers
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables, is_in_time
 from indent_sim.process.errors import ConfigError
-from indent_sim.results.measured.measurement import Measured, NoCurve, Part
-from indent_sim.results.pictures.axes import scaled
+from indent_sim.results.measured.measurement import CurvePart, MeasuredCurve, NoCurve
+from indent_sim.results.pictures.axes import scaled_axis
 from indent_sim.results.reader import Results
 from indent_sim.run.solvers.elastic_curve import half_space_modulus
 
@@ -85,7 +85,7 @@ class Request:
 
     config: Config
     keys: tuple[str, ...]
-    part: Part = "approach"
+    part: CurvePart = "approach"
     origin: Origin = field(default_factory=Origin)
     models: Models = "needed"
 
@@ -127,7 +127,7 @@ def refused(name: str, reason: str, seconds: float = 0.0) -> CurveFit:
     return CurveFit({"curve": name, "status": "refused", "reason": reason, "seconds": seconds})
 
 
-def fit_curve(curve: Measured, request: Request, tables: Tables) -> CurveFit:
+def fit_curve(curve: MeasuredCurve, request: Request, tables: Tables) -> CurveFit:
     """Fit one curve, in units of its own; ConfigError where the scene or a key is wrong whatever
     the curve.
     """
@@ -148,9 +148,9 @@ def fit_curve(curve: Measured, request: Request, tables: Tables) -> CurveFit:
         return refused(curve.name, why, time.process_time() - began)
 
 
-def in_scene_units(curve: Measured, config: Config) -> Measured:
+def in_scene_units(curve: MeasuredCurve, config: Config) -> MeasuredCurve:
     """The curve in the units of a scene."""
-    return curve.in_units(_units(config))
+    return curve.convert_units(_units(config))
 
 
 def newtons_per_metre(config: Config) -> float | None:
@@ -171,7 +171,7 @@ def _units(config: Config) -> dict[str, str]:
     return {"length": config.units.length, "force": config.units.force}
 
 
-def _fitted(curve: Measured, request: Request, tables: Tables, began: float) -> CurveFit:
+def _fitted(curve: MeasuredCurve, request: Request, tables: Tables, began: float) -> CurveFit:
     config, samples, notes = _prepared(curve, request)
     refuse_hopeless(samples)
     if is_in_time(config) and samples.t is None:
@@ -250,7 +250,7 @@ def _elastic(config: Config, depth: float) -> Config:
     return from_mapping(document | ({"experiment": held} if held else {}))
 
 
-def _prepared(curve: Measured, request: Request) -> tuple[Config, Samples, list[str]]:
+def _prepared(curve: MeasuredCurve, request: Request) -> tuple[Config, Samples, list[str]]:
     """The scene as this curve needs it, its samples, and what was assumed."""
     config = request.config
     notes = []
@@ -259,14 +259,14 @@ def _prepared(curve: Measured, request: Request) -> tuple[Config, Samples, list[
     if not is_held and stiffness and curve.z is not None:
         config = with_experiment(config, cantilever={"stiffness": stiffness})
         is_held = True
-    along = curve.along("z" if is_held else "delta")
+    along = curve.available_abscissa("z" if is_held else "delta")
     if is_held and along == "delta":
         config = _rigid(config)
         notes.append("the curve has depths: the scene's spring is not used")
     if not is_held and along == "z":
         notes.append("no spring is known: the way of the base is taken for the depth")
     t = None if curve.t is None else curve.t - curve.t[0]
-    return config, Samples(curve.x(along), curve.force, t), notes
+    return config, Samples(curve.abscissa_values(along), curve.force, t), notes
 
 
 def _rigid(config: Config) -> Config:
@@ -499,7 +499,7 @@ def said(key: str, config: Config, value: float, beside: Interval | None = None)
     if kind is None:
         return f"{value:.{digits}g}"
     runs = [Results(Path(), {}, {"units": _units(config)})]
-    return scaled(kind, runs, np.array([beside.value if beside else value]), key).said(
+    return scaled_axis(kind, runs, np.array([beside.value if beside else value]), key).value_text(
         value, digits
     )
 

@@ -17,8 +17,8 @@ from indent_sim.fitting.inference.verdict import NAMED, Interval
 from indent_sim.fitting.scene_curve.parameters import with_numbers
 from indent_sim.fitting.scene_curve.scene_forces import Tables
 from indent_sim.process.errors import ConfigError, NotConverged
-from indent_sim.results.measured.curve_file import read_measured
-from indent_sim.results.measured.measurement import Measured
+from indent_sim.results.measured.curve_file import read_curves
+from indent_sim.results.measured.measurement import MeasuredCurve
 from indent_sim.run.model_selection.recommended_model import Requirements, require
 
 NEEDED = "needed"
@@ -59,7 +59,7 @@ def require_of_curve(
 
     The modulus is the scene's first. NotConverged with the reason for a curve that tells nothing of
     it; ConfigError for a scene without a modulus or that cannot be run; errors of the file as
-    `read_measured` raises them.
+    `read_curves` raises them.
     """
     reading = reading or Reading()
     key = next(iter(pressures(config)), None)
@@ -69,9 +69,7 @@ def require_of_curve(
             "has no modulus that a curve could tell",
             "give a material with one, such as E",
         )
-    curve = read_measured(path, reading.columns or None, reading.units, newtons_per_metre(config))[
-        0
-    ]
+    curve = read_curves(path, reading.columns or None, reading.units, newtons_per_metre(config))[0]
     found = fit_curve(curve, Request(config, (key,), models="all"), Tables())
     if not found.is_done:
         raise NotConverged(f"{path}: {found.entry['reason']}")
@@ -84,16 +82,16 @@ def require_of_curve(
     return CurveRequirements(config, key, found.entry, models, require(pressed, within))
 
 
-def _loading(config: Config, curve: Measured, entry: dict[str, Any]) -> dict[str, Any]:
+def _loading(config: Config, curve: MeasuredCurve, entry: dict[str, Any]) -> dict[str, Any]:
     """The path of the curve's approach: its depth, or in time the way from first touch on at an
     even pace.
     """
     if not config.loading.prescribed_history:
         return {"delta": entry["depth"], "steps": config.loading.steps}
     held = config.experiment is not None and config.experiment.compliance > 0
-    along = curve.along("z" if held else "delta")
+    along = curve.available_abscissa("z" if held else "delta")
     approach = in_scene_units(curve, config).part("approach")
-    x = approach.x(along)
+    x = approach.abscissa_values(along)
     c = entry["contact_point"]["value"]
     t = approach.t[x > c] if approach.t is not None else [0.0, 1.0]
     return {"history": [[0.0, 0.0], [float(t[-1] - t[0]), float(x.max() - c)]]}

@@ -34,8 +34,8 @@ from indent_sim.process.limits import unwritable
 from indent_sim.process.version import VERSION
 from indent_sim.results import folder as results
 from indent_sim.results.folder import FIT, PROGRAM, read_report, write_atomically
-from indent_sim.results.measured.curve_file import curve_files, read_measured
-from indent_sim.results.measured.measurement import Measured, NoCurve
+from indent_sim.results.measured.curve_file import curve_files, read_curves
+from indent_sim.results.measured.measurement import MeasuredCurve, NoCurve
 from indent_sim.results.writer import to_json
 from indent_sim.run.planned_run import PlannedRun
 
@@ -88,7 +88,7 @@ class _Task:
     one.
     """
 
-    curve: Measured
+    curve: MeasuredCurve
     directory: Path
     picture: Path | None
     source: Entry
@@ -240,15 +240,15 @@ def _plain(found: Mapping[str, Any]) -> Any:
 
 def _curves(
     files: Sequence[Path], request: Request, reading: Reading, writer: _Writer
-) -> Iterator[tuple[Measured | CurveFit, Entry]]:
+) -> Iterator[tuple[MeasuredCurve | CurveFit, Entry]]:
     """The curves that have no entry yet, in order of the files; a file without any is its own
     reason.
     """
     taken: set[str] = set()
     for file in files:
-        found: Sequence[Measured | CurveFit]
+        found: Sequence[MeasuredCurve | CurveFit]
         try:
-            found = read_measured(
+            found = read_curves(
                 file, reading.columns or None, reading.units, newtons_per_metre(request.config)
             )
         except NoCurve as error:
@@ -262,10 +262,10 @@ def _curves(
                 yield _renamed(curve, name), source
 
 
-def _renamed(curve: Measured | CurveFit, name: str) -> Measured | CurveFit:
+def _renamed(curve: MeasuredCurve | CurveFit, name: str) -> MeasuredCurve | CurveFit:
     return (
         replace(curve, name=name)
-        if isinstance(curve, Measured)
+        if isinstance(curve, MeasuredCurve)
         else refused(name, curve.entry["reason"])
     )
 
@@ -288,7 +288,7 @@ def _source(file: Path) -> Entry:
 
 
 def _task(
-    curve: Measured | CurveFit, source: Entry, directory: Path, several: bool, drawn: bool
+    curve: MeasuredCurve | CurveFit, source: Entry, directory: Path, several: bool, drawn: bool
 ) -> Any:
     if isinstance(curve, CurveFit):
         return curve.entry | {"source": source}

@@ -13,10 +13,10 @@ import numpy as np
 
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import CurveFit, in_short, kind_of
-from indent_sim.results.measured.measurement import parts_of
-from indent_sim.results.pictures import canvas
-from indent_sim.results.pictures.axes import Axis, in_picture, scaled
-from indent_sim.results.pictures.canvas import COLOURS, GREY, INK, Axes, Figure, Look
+from indent_sim.results.measured.measurement import curve_parts
+from indent_sim.results.pictures import figures
+from indent_sim.results.pictures.axes import Axis, picture_text, scaled_axis
+from indent_sim.results.pictures.figures import COLOURS, GREY, INK, Axes, Figure, PlotStyle
 from indent_sim.results.reader import Results
 
 # inches
@@ -28,8 +28,8 @@ RESIDUAL_MEANS = 40  # whose means are drawn over the residuals
 OTHERS_AT = 1.06
 OTHERS_APART = 0.03
 NAME_ROOM = 0.07  # of the height of a panel: for a line of names above the bars
-GREY_POINTS: Look = {"ls": "", "marker": ".", "ms": 3, "color": "#b0b0b0", "zorder": 1}
-FITTED: Look = {"color": COLOURS[0], "lw": 1.8, "zorder": 3}
+GREY_POINTS: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "color": "#b0b0b0", "zorder": 1}
+FITTED: PlotStyle = {"color": COLOURS[0], "lw": 1.8, "zorder": 3}
 Entry = Mapping[str, Any]
 
 
@@ -39,7 +39,7 @@ def pictured(fit: CurveFit, config: Config) -> Iterator[Figure]:
     the first varied key by the depth that is used.
     """
     assert fit.drawn is not None
-    with canvas.canvas(SIZE) as figure:
+    with figures.new_figure(SIZE) as figure:
         panels: dict[str, Axes] = figure.subplot_mosaic(
             [["force", "window"], ["residual", "window"]],
             width_ratios=[1.5, 1],
@@ -52,14 +52,14 @@ def pictured(fit: CurveFit, config: Config) -> Iterator[Figure]:
             _windows(
                 panels["window"], fit.entry, keys[0], _axis_of(config, keys[0], [fit.entry]), used
             )
-        canvas.head(figure, in_picture(fit.name), in_short(fit.entry, config))
+        figures.draw_title(figure, picture_text(fit.name), in_short(fit.entry, config))
         yield figure
 
 
 def draw_curve(fit: CurveFit, config: Config, path: Path) -> None:
     """Draw one curve into a file."""
     with pictured(fit, config) as figure:
-        canvas.save(figure, path)
+        figures.save(figure, path)
 
 
 def draw_many(entries: Sequence[Entry], keys: Sequence[str], config: Config, path: Path) -> None:
@@ -71,7 +71,7 @@ def draw_many(entries: Sequence[Entry], keys: Sequence[str], config: Config, pat
         return
     axis = _axis_of(config, keys[0], done)
     ordered = sorted(done, key=lambda entry: float(entry["parameters"][keys[0]]["value"]))
-    with canvas.canvas(MANY_SIZE) as figure:
+    with figures.new_figure(MANY_SIZE) as figure:
         axes = figure.subplots()
         for explained, name in ((True, "explained by the scene"), (False, "not explained")):
             places = [
@@ -85,7 +85,12 @@ def draw_many(entries: Sequence[Entry], keys: Sequence[str], config: Config, pat
             value, low, high = (
                 axis([one[end] for one in stated]) for end in ("value", "low", "high")
             )
-            look: Look = {"fmt": "o", "ms": 4, "lw": 1.0, "color": COLOURS[0 if explained else 1]}
+            look: PlotStyle = {
+                "fmt": "o",
+                "ms": 4,
+                "lw": 1.0,
+                "color": COLOURS[0 if explained else 1],
+            }
             face = {} if explained else {"mfc": "white"}
             axes.errorbar(places, value, [value - low, high - value], label=name, **look, **face)
         axes.set(xlabel="curve, by size", xlim=(0.5, len(done) + 0.5), ylabel=axis.label)
@@ -95,8 +100,10 @@ def draw_many(entries: Sequence[Entry], keys: Sequence[str], config: Config, pat
         refused = len(entries) - len(done)
         beside = f", {refused} refused" if refused else ""
         count = "1 curve" if len(done) == 1 else f"{len(done)} curves"
-        canvas.head(figure, f"{count}{beside}", "95 % intervals; fit.csv has a row for each curve")
-        canvas.save(figure, path)
+        figures.draw_title(
+            figure, f"{count}{beside}", "95 % intervals; fit.csv has a row for each curve"
+        )
+        figures.save(figure, path)
 
 
 def _forces(above: Axes, below: Axes, fit: CurveFit, config: Config) -> None:
@@ -133,7 +140,7 @@ def _forces(above: Axes, below: Axes, fit: CurveFit, config: Config) -> None:
 
 def _stays(delta: np.ndarray) -> bool:
     """Whether a curve is held, or comes back."""
-    return set(parts_of(delta)) != {"approach"}
+    return set(curve_parts(delta)) != {"approach"}
 
 
 def _windows(axes: Axes, entry: Entry, key: str, axis: Axis, used: str) -> None:
@@ -171,7 +178,7 @@ def _windows(axes: Axes, entry: Entry, key: str, axis: Axis, used: str) -> None:
 
 def _shown(config: Config) -> Callable[[str, Any, str], Axis]:
     units = {"length": config.units.length, "force": config.units.force}
-    return lambda kind, values, name: scaled(
+    return lambda kind, values, name: scaled_axis(
         kind, [Results(Path(), {}, {"units": units})], values, name
     )
 

@@ -21,9 +21,9 @@ from indent_sim.fitting.fit_table import curve_of_table
 from indent_sim.fitting.inference.verdict import Interval
 from indent_sim.process.errors import IndentSimError, UsageError, printable
 from indent_sim.process.version import VERSION
-from indent_sim.results.folder import FIT, PROGRAM, content, read_report
-from indent_sim.results.pictures import canvas
-from indent_sim.results.report import Picture, Table, page, short, table_of
+from indent_sim.results.folder import FIT, PROGRAM, read_regular_file, read_report
+from indent_sim.results.html_report import Picture, Table, render_page, thinned_table, value_text
+from indent_sim.results.pictures import figures
 
 MOST_PICTURES = 12  # of curves; more are told of in the table
 Entry = Mapping[str, Any]
@@ -56,7 +56,9 @@ def of_fit(folder: Path) -> str:
     words = [f"varied: {', '.join(keys)}", counted, f"{PROGRAM} {record.get('version', VERSION)}"]
     subtitle = "  ·  ".join(filter(None, words))
     failure = "" if done else "no curve was fitted"
-    return page(title=title, subtitle=subtitle, failure=failure, scene=dump(document), **parts)
+    return render_page(
+        title=title, subtitle=subtitle, failure=failure, scene=dump(document), **parts
+    )
 
 
 def _parts(
@@ -107,7 +109,9 @@ def _overview(entries: Sequence[Entry], keys: Sequence[str], config: Config) -> 
     if len(entries) > 1 and keys and any(entry["status"] == "done" for entry in entries):
         draw = partial(fit_picture.draw_many, entries, keys, config)
         yield Picture(
-            canvas.element(draw), "The first key of every curve with its 95 % interval", broad=True
+            figures.svg_element(draw),
+            "The first key of every curve with its 95 % interval",
+            broad=True,
         )
 
 
@@ -116,7 +120,7 @@ def _pictures(folder: Path, done: Sequence[Entry], config: Config) -> Iterator[P
     for entry in done:
         try:
             drawn = curve_of_table(
-                content(folder / CURVES_FOLDER / f"{entry['curve']}.csv").decode("utf-8")
+                read_regular_file(folder / CURVES_FOLDER / f"{entry['curve']}.csv").decode("utf-8")
             )
         except (OSError, ValueError):
             continue
@@ -127,13 +131,13 @@ def _pictures(folder: Path, done: Sequence[Entry], config: Config) -> Iterator[P
             f"{printable(entry['curve'])}: the curve and the scene, what is left, and the "
             "fits to a part of the depth"
         )
-        yield Picture(canvas.element(draw), words, broad=True)
+        yield Picture(figures.svg_element(draw), words, broad=True)
 
 
 def _of_one(entry: Entry) -> Iterator[Table]:
     """Tables of the only curve: windows, other models, residuals."""
     windows = entry["window"]
-    yield table_of(
+    yield thinned_table(
         "Fits to a part of the depth", list(windows[0]), [list(one.values()) for one in windows]
     )
     rows = [[one["name"], one["p"], *_of_model(one)] for one in entry["models"]]
@@ -141,25 +145,31 @@ def _of_one(entry: Entry) -> Iterator[Table]:
         yield Table(
             "Other models",
             ["model", "p", "value", "95 %", "with"],
-            [list(map(short, row)) for row in rows],
+            [list(map(value_text, row)) for row in rows],
             OF_MODELS,
         )
-    left = [[name.replace("_", " "), short(value)] for name, value in entry["residual"].items()]
+    left = [
+        [name.replace("_", " "), value_text(value)] for name, value in entry["residual"].items()
+    ]
     yield Table("What the fit leaves", ["what", "value"], left, OF_RESIDUAL)
 
 
 def _of_model(one: Entry) -> list[str]:
     """The first varied key that a model gives, and what it adds."""
-    beside = ", ".join(f"{key} = {short(value)}" for key, value in one["parameters"].items())
+    beside = ", ".join(f"{key} = {value_text(value)}" for key, value in one["parameters"].items())
     if "value" not in one:
         return ["", "", beside]
-    return [short(one["value"]), f"{short(one['low'])} to {short(one['high'])}", beside]
+    return [
+        value_text(one["value"]),
+        f"{value_text(one['low'])} to {value_text(one['high'])}",
+        beside,
+    ]
 
 
 def _rows(folder: Path) -> Table:
     try:
-        head, *rows = csv.reader(io.StringIO(content(folder / FIT_TABLE).decode("utf-8")))
+        head, *rows = csv.reader(io.StringIO(read_regular_file(folder / FIT_TABLE).decode("utf-8")))
     except (OSError, ValueError):
         head = []
         rows = []
-    return table_of(f"Rows of {FIT_TABLE}", head, rows)
+    return thinned_table(f"Rows of {FIT_TABLE}", head, rows)

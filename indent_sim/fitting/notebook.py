@@ -16,13 +16,13 @@ from indent_sim.fitting.inference.estimate import Origin
 from indent_sim.fitting.inference.verdict import Interval
 from indent_sim.fitting.scene_curve.scene_forces import Tables
 from indent_sim.process.errors import NotConverged, UsageError
-from indent_sim.results.measured.curve_file import read_measured
-from indent_sim.results.measured.measurement import Measured, Part, parts_of
+from indent_sim.results.measured.curve_file import read_curves
+from indent_sim.results.measured.measurement import CurvePart, MeasuredCurve, curve_parts
 
 if TYPE_CHECKING:
-    from indent_sim.results.pictures.canvas import Figure
+    from indent_sim.results.pictures.figures import Figure
 
-Curve = str | Path | Measured | tuple[Any, Any]
+Curve = str | Path | MeasuredCurve | tuple[Any, Any]
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def fit(
     scene: Config | Mapping[str, Any] | str | Path,
     vary: Sequence[str] = ("material.E",),
     *,
-    segment: Part = "approach",
+    segment: CurvePart = "approach",
     columns: Sequence[str] = (),
     units: Mapping[str, str] | None = None,
     contact_point: float | None = None,
@@ -79,12 +79,14 @@ def fit(
     return Fit(numbers, found.entry["explained"], found.entry["words"], found.entry, found, config)
 
 
-def _measured(curve: Curve, columns: Sequence[str], units: Mapping[str, str] | None) -> Measured:
-    if isinstance(curve, Measured):
+def _measured(
+    curve: Curve, columns: Sequence[str], units: Mapping[str, str] | None
+) -> MeasuredCurve:
+    if isinstance(curve, MeasuredCurve):
         return curve
     if isinstance(curve, tuple):
         delta, force = (np.asarray(values, dtype=float) for values in curve)
         if delta.ndim != 1 or delta.shape != force.shape:
             raise UsageError("a curve is two rows of numbers of one length")
-        return Measured("curve", force, delta, parts=parts_of(delta))
-    return read_measured(curve, columns or None, units)[0]
+        return MeasuredCurve("curve", force, delta, parts=curve_parts(delta))
+    return read_curves(curve, columns or None, units)[0]

@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from indent_sim.results.folder import Report, content, write_atomically
+from indent_sim.results.folder import Report, read_regular_file, write_atomically
 
 CHECKPOINT = "checkpoint.h5"
-Point = tuple[
+SavedEquilibrium = tuple[
     float, float, Sequence[np.ndarray]
 ]  # depth, time, and the vectors that make the state there
-Points = Sequence[Point]
+SavedEquilibria = Sequence[SavedEquilibrium]
 
 
 @dataclass(frozen=True)
@@ -41,12 +41,12 @@ class Checkpoint:
     """
 
     step: int = 0
-    points: Points = ()
-    pull_off_points: Mapping[int, Point] = field(default_factory=dict)
+    equilibria: SavedEquilibria = ()
+    pull_off_points: Mapping[int, SavedEquilibrium] = field(default_factory=dict)
 
     def arrays(self) -> Iterator[np.ndarray]:
         """Yield all arrays of the checkpoint, in one order: depths, times and unknowns."""
-        for delta, t, vectors in self.points:
+        for delta, t, vectors in self.equilibria:
             yield np.array([delta, t])
             yield from vectors
         for number, (delta, t, vectors) in sorted(self.pull_off_points.items()):
@@ -69,18 +69,18 @@ def write(path: Path, saved: Checkpoint, identity: Report) -> None:
     """
     import h5py
 
-    image = io.BytesIO()
-    owner = json.dumps(identity, sort_keys=True)
-    named = {f"point/{n}": point for n, point in enumerate(saved.points)}
-    named |= {f"pull_off/{number}": point for number, point in saved.pull_off_points.items()}
-    with h5py.File(image, "w") as file:
-        file.attrs.update(step=saved.step, identity=owner, checksum=saved.checksum())
-        for name, (depth, t, vectors) in named.items():
+    buffer = io.BytesIO()
+    identity_text = json.dumps(identity, sort_keys=True)
+    groups = {f"point/{n}": point for n, point in enumerate(saved.equilibria)}
+    groups |= {f"pull_off/{number}": point for number, point in saved.pull_off_points.items()}
+    with h5py.File(buffer, "w") as file:
+        file.attrs.update(step=saved.step, identity=identity_text, checksum=saved.checksum())
+        for name, (depth, t, vectors) in groups.items():
             group = file.create_group(name)
             group.attrs.update(delta=depth, t=t)
             for k, vector in enumerate(vectors):
                 group[str(k)] = vector
-    write_atomically(path, image.getvalue(), sync=False)
+    write_atomically(path, buffer.getvalue(), sync=False)
 
 
 def read(path: Path, identity: Report) -> Checkpoint:
@@ -89,20 +89,21 @@ def read(path: Path, identity: Report) -> Checkpoint:
     """
     import h5py
 
-    def point(group: h5py.Group) -> Point:
+    def point(group: h5py.Group) -> SavedEquilibrium:
         vectors = [group[str(k)][()] for k in range(len(group))]
         return float(group.attrs["delta"]), float(group.attrs["t"]), vectors
 
     try:
-        with h5py.File(io.BytesIO(content(path)), "r") as file:
-            points = [point(file[f"point/{n}"]) for n in range(len(file["point"]))]
+        with h5py.File(io.BytesIO(read_regular_file(path)), "r") as file:
+            equilibria = [point(file[f"point/{n}"]) for n in range(len(file["point"]))]
             pulls = {
                 int(number): point(group) for number, group in file.get("pull_off", {}).items()
             }
-            saved = Checkpoint(int(file.attrs["step"]), points, pulls)
-            owner = json.dumps(identity, sort_keys=True)
+            saved = Checkpoint(int(file.attrs["step"]), equilibria, pulls)
+            identity_text = json.dumps(identity, sort_keys=True)
             is_ours = (
-                int(file.attrs["checksum"]) == saved.checksum() and file.attrs["identity"] == owner
+                int(file.attrs["checksum"]) == saved.checksum()
+                and file.attrs["identity"] == identity_text
             )
             is_finite = all(np.isfinite(values).all() for values in saved.arrays())
             return saved if is_ours and is_finite else Checkpoint()

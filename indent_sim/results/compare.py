@@ -11,27 +11,27 @@ import numpy as np
 
 from indent_sim.process.errors import UsageError, VerificationError
 from indent_sim.results.folder import TABLE, Report
-from indent_sim.results.measured.measurement import parts_of
+from indent_sim.results.measured.measurement import curve_parts
 from indent_sim.results.reader import (
-    COMPARED,
+    COMPARED_COLUMNS,
     MEASURED,
     Results,
-    force_table,
+    convert_to_common_units,
+    force_table_path,
     header_of,
-    in_common_units,
     read,
     read_table,
-    refuse_other_units,
+    refuse_different_units,
     report_of,
 )
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, WORD_COLUMNS
 
-MOST_DIFFERENCES = 10  # differences told one by one
-RTOL = 1e-6
-FEWEST = 3  # rows of a table that is interpolated
+MAX_DIFFERENCES = 10  # differences told one by one
+DEFAULT_RTOL = 1e-6
+MIN_ROWS = 3  # rows of a table that is interpolated
 # relative: depths that are one; share of the rows that must have one to be matched by name
-NEAR = 1e-9
-MATCHED = 0.5
+SAME_PLACE_RTOL = 1e-9
+MIN_MATCHED_FRACTION = 0.5
 Table = dict[str, np.ndarray]
 Tolerances = float | Mapping[str, float]  # of all columns, or by column
 
@@ -48,14 +48,14 @@ class Comparison:
     one.
     """
 
-    steps: tuple[float, ...]
+    row_keys: tuple[float, ...]
     matched_by: str
     pairs: dict[str, np.ndarray]
     rtol: dict[str, float]
-    worst: dict[str, float]
+    max_relative_difference: dict[str, float]
     differences: tuple[str, ...]
-    beside: dict[str, Comparison] = field(default_factory=dict)
-    interpolated: tuple[Path, float] | None = None
+    other_tables: dict[str, Comparison] = field(default_factory=dict)
+    interpolation: tuple[Path, float] | None = None
 
     @property
     def residual(self) -> dict[str, float]:
@@ -67,43 +67,48 @@ class Comparison:
         largest = float(np.abs(pair).max(initial=0.0))
         if not largest:
             return {}
-        off = 100 * np.abs(pair[:, 0] - pair[:, 1]) / largest
-        return {"percent_largest": float(off.max()), "percent_rms": float(np.sqrt(np.mean(off**2)))}
+        difference = 100 * np.abs(pair[:, 0] - pair[:, 1]) / largest
+        return {
+            "percent_largest": float(difference.max()),
+            "percent_rms": float(np.sqrt(np.mean(difference**2))),
+        }
 
     def check(self) -> None:
         """Raise VerificationError when the two differ."""
         if self.differences:
-            more = len(self.differences) - MOST_DIFFERENCES
-            told = [
-                *self.differences[:MOST_DIFFERENCES],
+            more = len(self.differences) - MAX_DIFFERENCES
+            lines = [
+                *self.differences[:MAX_DIFFERENCES],
                 *([f"and {more} more"] if more > 0 else []),
             ]
-            raise VerificationError("the two differ\n" + "\n".join(told))
+            raise VerificationError("the two differ\n" + "\n".join(lines))
 
     def as_json(self) -> Report:
         """The comparison as one JSON object."""
         numbers = [
-            {name: pair[i] for name, pair in self.pairs.items()} for i in range(len(self.steps))
+            {name: pair[i] for name, pair in self.pairs.items()} for i in range(len(self.row_keys))
         ]
-        rows = [{self.matched_by: key} | row for key, row in zip(self.steps, numbers, strict=True)]
-        found: Report = {
+        rows = [
+            {self.matched_by: key} | row for key, row in zip(self.row_keys, numbers, strict=True)
+        ]
+        entries: Report = {
             "matched_by": self.matched_by,
             "rtol": self.rtol,
-            "worst": self.worst,
+            "worst": self.max_relative_difference,
             "rows": rows,
         }
-        found |= {"residual": self.residual or None, "interpolated": None}
-        if self.interpolated:
-            path, error = self.interpolated
-            found["interpolated"] = {"curve": str(path), "error": error}
-        beside = {name: table.as_json() for name, table in self.beside.items()}
-        return found | {"differences": self.differences, "beside": beside}
+        entries |= {"residual": self.residual or None, "interpolated": None}
+        if self.interpolation:
+            path, error = self.interpolation
+            entries["interpolated"] = {"curve": str(path), "error": error}
+        other_tables = {name: table.as_json() for name, table in self.other_tables.items()}
+        return entries | {"differences": self.differences, "beside": other_tables}
 
 
 def compare(
     first: Path | str,
     second: Path | str,
-    rtol: Tolerances = RTOL,
+    rtol: Tolerances = DEFAULT_RTOL,
     columns: Sequence[str] | None = None,
 ) -> Comparison:
     """Compare columns [delta, force, a and those that rtol names] of two results row by row.
@@ -123,88 +128,105 @@ def compare(
     them, are compared as well. UsageError for a column that no two tables have.
     """
     paths = (Path(first), Path(second))
-    beside = [
+    common_tables = [
         name for name in (EXPERIMENT, DYNAMIC) if all((path / name).exists() for path in paths)
     ]
-    tables = {TABLE: _histories(paths, *_both(*paths))}
-    tables |= {name: _both(paths[0] / name, paths[1] / name) for name in beside}
+    tables = {TABLE: _force_tables(paths, *_read_table_pair(*paths))}
+    tables |= {name: _read_table_pair(paths[0] / name, paths[1] / name) for name in common_tables}
     if isinstance(rtol, Mapping) and (named := rtol.keys() & set(WORD_COLUMNS)):
         raise UsageError(f"--rtol names {named.pop()}, a column of words: they are the same or not")
-    asked = {*(columns or ()), *(rtol if isinstance(rtol, Mapping) else ())} - {""}
-    for name in sorted(asked):
+    requested_columns = {*(columns or ()), *(rtol if isinstance(rtol, Mapping) else ())} - {""}
+    for name in sorted(requested_columns):
         if not any(name in A and name in B for A, B in tables.values()):
             _refuse_missing(name, dict(zip(map(str, paths), tables[TABLE], strict=True)))
-    own = _compared(paths, *tables.pop(TABLE), rtol, columns)
-    wanted = {
+    force_comparison = _compare_tables(paths, *tables.pop(TABLE), rtol, columns)
+    wanted_tables = {
         name: (A, B)
         for name, (A, B) in tables.items()
-        if not columns or asked & A.keys() & B.keys()
+        if not columns or requested_columns & A.keys() & B.keys()
     }
-    found = {name: _compared(paths, A, B, rtol, columns) for name, (A, B) in wanted.items()}
-    told = [
-        f"{name}: {difference}" for name, table in found.items() for difference in table.differences
+    comparisons = {
+        name: _compare_tables(paths, A, B, rtol, columns) for name, (A, B) in wanted_tables.items()
+    }
+    table_differences = [
+        f"{name}: {difference}"
+        for name, table in comparisons.items()
+        for difference in table.differences
     ]
-    return replace(own, beside=found, differences=(*own.differences, *told))
+    return replace(
+        force_comparison,
+        other_tables=comparisons,
+        differences=(*force_comparison.differences, *table_differences),
+    )
 
 
-def _compared(
+def _compare_tables(
     paths: tuple[Path, Path], A: Table, B: Table, rtol: Tolerances, columns: Sequence[str] | None
 ) -> Comparison:
     """Two tables, in the columns asked for that both have."""
     key = next((name for name in ("step", "row") if name in A and name in B), "delta")
     _refuse_missing(key, dict(zip(map(str, paths), (A, B), strict=True)))
-    usual = [name for name in (A if key == "row" else COMPARED) if name != "row"]
+    default_columns = [name for name in (A if key == "row" else COMPARED_COLUMNS) if name != "row"]
     tolerances = {
-        name: r for name, r in _tolerances(rtol, columns, usual).items() if name in A and name in B
+        name: r
+        for name, r in _column_tolerances(rtol, columns, default_columns).items()
+        if name in A and name in B
     }
-    in_A = _numbered(A[key])
-    in_B = _numbered(B[key])
-    common = [name for name in in_A if name in in_B]
-    of_A, of_B = (np.array([places[name] for name in common], dtype=int) for places in (in_A, in_B))
-    alone = [(paths[0], A[key][i]) for name, i in in_A.items() if name not in in_B]
-    alone += [(paths[1], B[key][i]) for name, i in in_B.items() if name not in in_A]
-    keys = A[key][of_A]
-    differences = [f"{key} {value:.10g} is in {path} alone" for path, value in alone]
-    in_time = key == "step" and all(
+    rows_of_A = _rows_by_occurrence(A[key])
+    rows_of_B = _rows_by_occurrence(B[key])
+    common = [name for name in rows_of_A if name in rows_of_B]
+    matched_A, matched_B = (
+        np.array([places[name] for name in common], dtype=int) for places in (rows_of_A, rows_of_B)
+    )
+    unmatched = [(paths[0], A[key][i]) for name, i in rows_of_A.items() if name not in rows_of_B]
+    unmatched += [(paths[1], B[key][i]) for name, i in rows_of_B.items() if name not in rows_of_A]
+    keys = A[key][matched_A]
+    differences = [f"{key} {value:.10g} is in {path} alone" for path, value in unmatched]
+    has_times = key == "step" and all(
         "t" in table and (np.diff(table["t"]) >= 0).all() for table in (A, B)
     )
-    along = "t" if in_time else "delta"
-    near = {"delta": max(tolerances.get("delta", 0.0), NEAR), "t": NEAR}[along]
-    otherwise = _by_time if in_time else _by_depth
-    is_matched = key == "row" or _is_matched(A, B, of_A, of_B, along, near)
-    if not is_matched and (found := otherwise(paths, A, B, tolerances)):
-        return found
+    abscissa = "t" if has_times else "delta"
+    abscissa_rtol = {
+        "delta": max(tolerances.get("delta", 0.0), SAME_PLACE_RTOL),
+        "t": SAME_PLACE_RTOL,
+    }[abscissa]
+    compare_interpolated = _compare_by_time if has_times else _compare_by_depth
+    is_matched = key == "row" or _is_matched(A, B, matched_A, matched_B, abscissa, abscissa_rtol)
+    if not is_matched and (comparison := compare_interpolated(paths, A, B, tolerances)):
+        return comparison
     if not len(keys):
         differences.append(f"the two have no {key} in common")
     for name in [name for name in tolerances if name in WORD_COLUMNS]:
         del tolerances[name]
-        a = A[name][of_A]
-        b = B[name][of_B]
+        a = A[name][matched_A]
+        b = B[name][matched_B]
         differences += [
             f"{key} {keys[i]:.10g}: {name} {a[i]} and {b[i]}" for i in np.flatnonzero(a != b)
         ]
-    pairs = {name: np.column_stack([A[name][of_A], B[name][of_B]]) for name in tolerances}
-    worst, told = _judged(key, keys, pairs, tolerances)
-    return Comparison(tuple(keys), key, pairs, tolerances, worst, (*differences, *told))
+    pairs = {name: np.column_stack([A[name][matched_A], B[name][matched_B]]) for name in tolerances}
+    worst, value_differences = _find_differences(key, keys, pairs, tolerances)
+    return Comparison(
+        tuple(keys), key, pairs, tolerances, worst, (*differences, *value_differences)
+    )
 
 
-def _judged(
+def _find_differences(
     key: str, keys: np.ndarray, pairs: dict[str, np.ndarray], tolerances: dict[str, float]
 ) -> tuple[dict[str, float], list[str]]:
     """The largest relative difference of every column, and what differs in words."""
     worst = {}
-    told = []
+    differences = []
     for name, pair in pairs.items():
         relative = _relative_difference(pair)
         worst[name] = float(relative.max(initial=0.0))
         for i in np.flatnonzero(~(relative <= tolerances[name])):
             sides = f"{pair[i, 0]:.10g} and {pair[i, 1]:.10g} differ by {relative[i]:.2g}"
-            told.append(f"{key} {keys[i]:.10g}: {name} {sides}")
-    return worst, told
+            differences.append(f"{key} {keys[i]:.10g}: {name} {sides}")
+    return worst, differences
 
 
 def _is_matched(
-    A: Table, B: Table, of_A: np.ndarray, of_B: np.ndarray, along: str, rtol: float
+    A: Table, B: Table, matched_A: np.ndarray, matched_B: np.ndarray, abscissa: str, rtol: float
 ) -> bool:
     """Whether rows that belong together by name are at the same depths, or times, or too few for
     anything else.
@@ -212,60 +234,77 @@ def _is_matched(
     Where forces are prescribed depths are found, and differ a little: then, too, steps belong
     together.
     """
-    if min(len(A[along]), len(B[along])) < 1 or max(len(A[along]), len(B[along])) < FEWEST:
+    if (
+        min(len(A[abscissa]), len(B[abscissa])) < 1
+        or max(len(A[abscissa]), len(B[abscissa])) < MIN_ROWS
+    ):
         return True
-    if not len(of_A):
+    if not len(matched_A):
         return False
-    a = A[along][of_A]
-    b = B[along][of_B]
-    near = np.isclose(a, b, rtol=rtol, atol=0.0, equal_nan=True)
+    a = A[abscissa][matched_A]
+    b = B[abscissa][matched_B]
+    is_close = np.isclose(a, b, rtol=rtol, atol=0.0, equal_nan=True)
     if "step" in A and "step" in B:
-        return bool(near.mean() >= MATCHED)
-    return len(of_A) >= MATCHED * min(len(A[along]), len(B[along]))
+        return bool(is_close.mean() >= MIN_MATCHED_FRACTION)
+    return len(matched_A) >= MIN_MATCHED_FRACTION * min(len(A[abscissa]), len(B[abscissa]))
 
 
-def _by_time(
+def _compare_by_time(
     paths: tuple[Path, Path], A: Table, B: Table, tolerances: dict[str, float]
 ) -> Comparison | None:
     """The history with more rows at the times of the other; None where the two have no time in
     common.
     """
-    first = len(A["t"]) >= len(B["t"])
-    (dense, sparse), (curve, other) = ((A, B), paths) if first else ((B, A), paths[::-1])
+    is_first_denser = len(A["t"]) >= len(B["t"])
+    (dense, sparse), (dense_path, sparse_path) = (
+        ((A, B), paths) if is_first_denser else ((B, A), paths[::-1])
+    )
     t = sparse["t"]
     inside = (t >= dense["t"][0]) & (t <= dense["t"][-1])
     if not inside.any():
         return None
-    limits = {name: rtol for name, rtol in tolerances.items() if name not in WORD_COLUMNS}
-    values, is_chord = _at_times(dense, t, tuple(limits))
-    sides = {name: (values[name][inside], sparse[name][inside]) for name in limits}
-    pairs = {name: np.column_stack(pair if first else pair[::-1]) for name, pair in sides.items()}
-    differences = [f"t {value:.10g} is in {other} alone" for value in t[~inside]]
-    worst, told = _judged("t", t[inside], pairs, limits)
-    interpolated = (curve, _between_times(dense)) if is_chord[inside].any() else None
-    found = tuple(t[inside]), "t", pairs, limits, worst, (*differences, *told)
-    return Comparison(*found, interpolated=interpolated)
+    number_tolerances = {
+        name: rtol for name, rtol in tolerances.items() if name not in WORD_COLUMNS
+    }
+    values, is_chord = _values_at_times(dense, t, tuple(number_tolerances))
+    sides = {name: (values[name][inside], sparse[name][inside]) for name in number_tolerances}
+    pairs = {
+        name: np.column_stack(pair if is_first_denser else pair[::-1])
+        for name, pair in sides.items()
+    }
+    differences = [f"t {value:.10g} is in {sparse_path} alone" for value in t[~inside]]
+    worst, value_differences = _find_differences("t", t[inside], pairs, number_tolerances)
+    interpolated = (dense_path, _history_chord_error(dense)) if is_chord[inside].any() else None
+    fields = (
+        tuple(t[inside]),
+        "t",
+        pairs,
+        number_tolerances,
+        worst,
+        (*differences, *value_differences),
+    )
+    return Comparison(*fields, interpolation=interpolated)
 
 
-def _at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[Table, np.ndarray]:
+def _values_at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[Table, np.ndarray]:
     """The columns of a history at times, and where they are of no row but of a chord."""
-    back = slice(
+    reverse = slice(
         None, None, -1
     )  # at a jump the last row of a time is the one after it, whether that before is there
-    rows = _numbered(dense["t"][back])
-    wanted = _numbered(t[back])
-    same = {
+    rows = _rows_by_occurrence(dense["t"][reverse])
+    wanted = _rows_by_occurrence(t[reverse])
+    matched_rows = {
         len(t) - 1 - k: len(dense["t"]) - 1 - rows[time]
         for time, k in wanted.items()
         if time in rows
     }
     columns = {name: np.interp(t, dense["t"], dense[name]) for name in names}
     for name, column in columns.items():
-        column[list(same)] = dense[name][list(same.values())]
-    return columns, ~np.isin(np.arange(len(t)), list(same))
+        column[list(matched_rows)] = dense[name][list(matched_rows.values())]
+    return columns, ~np.isin(np.arange(len(t)), list(matched_rows))
 
 
-def _between_times(history: Table) -> float:
+def _history_chord_error(history: Table) -> float:
     """What chords of a history miss of its force, relative to the largest one: between its jumps
     and corners.
     """
@@ -274,165 +313,184 @@ def _between_times(history: Table) -> float:
     corners = history["branch"][1:] != history["branch"][:-1] if "branch" in history else False
     pieces = np.split(np.arange(len(t)), np.flatnonzero((np.diff(t) == 0) | corners) + 1)
     largest = float(np.nanmax(np.abs(force), initial=0.0)) or 1.0
-    return max(_left_out(t[piece], force[piece], is_smooth=False) for piece in pieces) / largest
+    return (
+        max(_interpolation_error(t[piece], force[piece], is_smooth=False) for piece in pieces)
+        / largest
+    )
 
 
-def _by_depth(
+def _compare_by_depth(
     paths: tuple[Path, Path], A: Table, B: Table, tolerances: dict[str, float]
 ) -> Comparison | None:
     """The table with more rows at the depths of the other; None where the two have no depth in
     common.
     """
-    first = len(A["delta"]) >= len(B["delta"])
-    (dense, sparse), (curve, other) = ((A, B), paths) if first else ((B, A), paths[::-1])
+    is_first_denser = len(A["delta"]) >= len(B["delta"])
+    (dense, sparse), (dense_path, sparse_path) = (
+        ((A, B), paths) if is_first_denser else ((B, A), paths[::-1])
+    )
     names = [name for name in tolerances if name not in (*WORD_COLUMNS, "delta")]
-    rows, values, error = _interpolated(dense, sparse, names)
+    rows, values, error = _interpolate_table(dense, sparse, names)
     if not len(rows):
         return None
     sides = {name: (values[name], sparse[name][rows]) for name in names}
-    pairs = {name: np.column_stack(pair if first else pair[::-1]) for name, pair in sides.items()}
+    pairs = {
+        name: np.column_stack(pair if is_first_denser else pair[::-1])
+        for name, pair in sides.items()
+    }
     keys = sparse["delta"][rows]
-    alone = np.setdiff1d(np.arange(len(sparse["delta"])), rows)
-    differences = [f"delta {sparse['delta'][i]:.10g} is in {other} alone" for i in alone]
-    worst, told = _judged("delta", keys, pairs, tolerances)
-    found = (
+    unmatched = np.setdiff1d(np.arange(len(sparse["delta"])), rows)
+    differences = [f"delta {sparse['delta'][i]:.10g} is in {sparse_path} alone" for i in unmatched]
+    worst, value_differences = _find_differences("delta", keys, pairs, tolerances)
+    fields = (
         tuple(keys),
         "delta",
         pairs,
         {name: tolerances[name] for name in names},
         worst,
-        (*differences, *told),
+        (*differences, *value_differences),
     )
-    return Comparison(*found, interpolated=(curve, error))
+    return Comparison(*fields, interpolation=(dense_path, error))
 
 
-def _interpolated(
+def _interpolate_table(
     dense: Table, sparse: Table, names: Sequence[str]
 ) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
     """The rows of the sparse table inside the dense one's range, the dense one's columns there, and
     what that misses of its force at most, relative to the largest one; approach and retraction
     apart.
     """
-    parts = [parts_of(table["delta"]) for table in (dense, sparse)]
+    parts = [curve_parts(table["delta"]) for table in (dense, sparse)]
     rows: list[np.ndarray] = []
     values: dict[str, list[np.ndarray]] = {name: [] for name in names}
     is_smooth = "step" in dense  # a measured curve has none, and noise
     error = 0.0
     largest = float(np.nanmax(np.abs(dense["force"]), initial=0.0)) or 1.0
     for part in ("approach", "retract"):
-        if not all(part in found for found in parts):
+        if not all(part in pieces for pieces in parts):
             continue
-        of_dense, of_sparse = (
-            np.arange(len(t["delta"]))[found[part]]
-            for t, found in zip((dense, sparse), parts, strict=True)
+        dense_rows, sparse_rows = (
+            np.arange(len(t["delta"]))[pieces[part]]
+            for t, pieces in zip((dense, sparse), parts, strict=True)
         )
-        order = of_dense[np.argsort(dense["delta"][of_dense], kind="stable")]
+        order = dense_rows[np.argsort(dense["delta"][dense_rows], kind="stable")]
         x = dense["delta"][order]
-        at = sparse["delta"][of_sparse]
-        inside = (at >= x[0]) & (at <= x[-1])
-        rows.append(of_sparse[inside])
+        sparse_x = sparse["delta"][sparse_rows]
+        inside = (sparse_x >= x[0]) & (sparse_x <= x[-1])
+        rows.append(sparse_rows[inside])
         for name in names:
-            values[name].append(_between(at[inside], x, dense[name][order], is_smooth))
-        error = max(error, _left_out(x, dense["force"][order], is_smooth) / largest)
-    joined = {name: np.concatenate([np.empty(0), *found]) for name, found in values.items()}
+            values[name].append(_interpolate(sparse_x[inside], x, dense[name][order], is_smooth))
+        error = max(error, _interpolation_error(x, dense["force"][order], is_smooth) / largest)
+    joined = {name: np.concatenate([np.empty(0), *pieces]) for name, pieces in values.items()}
     return np.concatenate([np.empty(0, dtype=int), *rows]), joined, error
 
 
-def _between(at: np.ndarray, x: np.ndarray, y: np.ndarray, is_smooth: bool) -> np.ndarray:
+def _interpolate(x_new: np.ndarray, x: np.ndarray, y: np.ndarray, is_smooth: bool) -> np.ndarray:
     """Values between points in order of x: of a smooth curve by power laws through neighbours, else
     by chords.
     """
-    values = np.interp(at, x, y)
-    k = np.clip(np.searchsorted(x, at), 1, max(len(x) - 1, 1))
+    values = np.interp(x_new, x, y)
+    k = np.clip(np.searchsorted(x, x_new), 1, max(len(x) - 1, 1))
     if not is_smooth or len(x) < 2:
         return values
     low = k - 1
     high = k
-    known = (x[low] > 0) & (y[low] > 0) & (y[high] > 0) & (x[high] > x[low])
+    is_power_law = (x[low] > 0) & (y[low] > 0) & (y[high] > 0) & (x[high] > x[low])
     with np.errstate(all="ignore"):
         power = np.log(y[high] / y[low]) / np.log(x[high] / x[low])
-        along = y[low] * (at / x[low]) ** power
-    return np.where(known, along, values)
+        power_values = y[low] * (x_new / x[low]) ** power
+    return np.where(is_power_law, power_values, values)
 
 
-def _left_out(x: np.ndarray, y: np.ndarray, is_smooth: bool) -> float:
+def _interpolation_error(x: np.ndarray, y: np.ndarray, is_smooth: bool) -> float:
     """What interpolation misses at most: a quarter of what it misses at a point that is left out,
     between neighbours twice as far apart.
     """
-    if len(x) < FEWEST:
+    if len(x) < MIN_ROWS:
         return 0.0
-    off = 0.0
+    largest_error = 0.0
     for first in (0, 1):
-        kept = x[first::2]
-        out = x[1 - first :: 2]
-        inside = (out > kept[0]) & (out < kept[-1])
-        found = _between(out[inside], kept, y[first::2], is_smooth)
-        off = max(off, float(np.nanmax(np.abs(found - y[1 - first :: 2][inside]), initial=0.0)))
-    return 0.25 * off
+        kept_x = x[first::2]
+        left_out_x = x[1 - first :: 2]
+        inside = (left_out_x > kept_x[0]) & (left_out_x < kept_x[-1])
+        interpolated = _interpolate(left_out_x[inside], kept_x, y[first::2], is_smooth)
+        largest_error = max(
+            largest_error,
+            float(np.nanmax(np.abs(interpolated - y[1 - first :: 2][inside]), initial=0.0)),
+        )
+    return 0.25 * largest_error
 
 
-def _histories(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, Table]:
+def _force_tables(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, Table]:
     """The two force tables; where one alone has times, the other's history from experiment.csv, if
     it is there.
     """
     if ("t" in A) == ("t" in B):
         return A, B
-    old = paths["t" in A] / EXPERIMENT
-    found = read_table(old, ("force",), ("t", "delta", "a"), WORD_COLUMNS) if old.is_file() else {}
-    if not found or not np.isfinite(found["t"]).all():
+    experiment_file = paths["t" in A] / EXPERIMENT
+    history = (
+        read_table(experiment_file, ("force",), ("t", "delta", "a"), WORD_COLUMNS)
+        if experiment_file.is_file()
+        else {}
+    )
+    if not history or not np.isfinite(history["t"]).all():
         return A, B
-    found = {
-        name: column for name, column in found.items() if name != "force_error"
+    history = {
+        name: column for name, column in history.items() if name != "force_error"
     }  # the instrument's, it was
-    found |= {"step": np.arange(1.0, len(found["t"]) + 1)}
-    return (A, found) if "t" in A else (found, B)
+    history |= {"step": np.arange(1.0, len(history["t"]) + 1)}
+    return (A, history) if "t" in A else (history, B)
 
 
-def _both(first: Path, second: Path) -> tuple[Table, Table]:
+def _read_table_pair(first: Path, second: Path) -> tuple[Table, Table]:
     """The two tables, measured curves in the units of the other; UsageError for two results in
     different units.
     """
-    one, other = in_common_units([_table(path) for path in (first, second)])
-    refuse_other_units([one, other], "run one of them in the units of the other")
-    return _columns(one), _columns(other)
+    first_results, second_results = convert_to_common_units(
+        [_read_any_table(path) for path in (first, second)]
+    )
+    refuse_different_units(
+        [first_results, second_results], "run one of them in the units of the other"
+    )
+    return _comparable_columns(first_results), _comparable_columns(second_results)
 
 
-def _columns(results: Results) -> Table:
+def _comparable_columns(results: Results) -> Table:
     """The table of a result; a measured curve has neither steps nor radii."""
     if not results.report.get(MEASURED):
         return results.table
     return {name: column for name, column in results.table.items() if name not in ("step", "a")}
 
 
-def _table(path: Path) -> Results:
+def _read_any_table(path: Path) -> Results:
     """A result or a measured curve, or the columns of a table of an experiment, under whatever
     name.
     """
-    file = force_table(path)
+    file = force_table_path(path)
     names = set(header_of(file))
     is_of_branches = "branch" in names and ("step" in names or {"z", "a"} <= names)
     if is_of_branches or "frequency" in names:
-        found = read_table(file, (), words=WORD_COLUMNS)
-        rows = {"row": np.arange(1.0, len(next(iter(found.values()))) + 1)}
-        return Results(path, rows | found, report_of(path))
+        columns = read_table(file, (), words=WORD_COLUMNS)
+        rows = {"row": np.arange(1.0, len(next(iter(columns.values()))) + 1)}
+        return Results(path, rows | columns, report_of(path))
     return read(path)
 
 
-def _tolerances(
-    rtol: Tolerances, columns: Sequence[str] | None, usual: Sequence[str]
+def _column_tolerances(
+    rtol: Tolerances, columns: Sequence[str] | None, default_columns: Sequence[str]
 ) -> dict[str, float]:
     """The tolerance of each column that is compared: those asked for, else the usual ones and what
     rtol names.
     """
-    wanted = columns or usual
+    wanted = columns or default_columns
     if not isinstance(rtol, Mapping):
         return dict.fromkeys(wanted, rtol)
-    others = [name for name in rtol if name and name not in wanted]
-    if columns and others:
+    extra_columns = [name for name in rtol if name and name not in wanted]
+    if columns and extra_columns:
         raise UsageError(
-            f"--rtol names {others[0]}, which is not among the --columns {', '.join(columns)}"
+            f"--rtol names {extra_columns[0]}, which is not among the --columns {', '.join(columns)}"
         )
-    return {name: rtol.get(name, rtol.get("", RTOL)) for name in (*wanted, *others)}
+    return {name: rtol.get(name, rtol.get("", DEFAULT_RTOL)) for name in (*wanted, *extra_columns)}
 
 
 def _refuse_missing(name: str, tables: Mapping[str, Table]) -> None:
@@ -441,14 +499,14 @@ def _refuse_missing(name: str, tables: Mapping[str, Table]) -> None:
             raise UsageError(f"{path} has no column '{name}'; it has {', '.join(table)}")
 
 
-def _numbered(column: np.ndarray) -> dict[tuple[str, int], int]:
+def _rows_by_occurrence(column: np.ndarray) -> dict[tuple[str, int], int]:
     """The place of the k-th occurrence of every value; values are the same to 10 digits."""
-    seen: Counter[str] = Counter()
-    places = {}
+    counts: Counter[str] = Counter()
+    rows = {}
     for i, name in enumerate(f"{value:.9e}" for value in column):
-        places[name, seen[name]] = i
-        seen[name] += 1
-    return places
+        rows[name, counts[name]] = i
+        counts[name] += 1
+    return rows
 
 
 def _relative_difference(pair: np.ndarray) -> np.ndarray:

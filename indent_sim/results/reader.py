@@ -41,21 +41,21 @@ from indent_sim.results.folder import (
     PROGRAM,
     REPORT,
     TABLE,
-    Keep,
+    KeptStates,
     Report,
-    content,
     has_rows,
+    read_regular_file,
     read_report,
 )
-from indent_sim.results.tables import EXPERIMENT, SURFACE, WORD_COLUMNS, state_of
-from indent_sim.results.xdmf import lost_fields
+from indent_sim.results.tables import EXPERIMENT, SURFACE, WORD_COLUMNS, parse_state
+from indent_sim.results.xdmf import missing_field_files
 
 if TYPE_CHECKING:
     import pandas
 
-RUN_ELSEWHERE = "delete the folder and run its scene again, or choose another --output for that"
-RUN_AGAIN = "run its scene again without --resume, or with another --output"
-SHOWN_COLUMNS = (
+NEW_FOLDER_REMEDY = "delete the folder and run its scene again, or choose another --output for that"
+RUN_AGAIN_REMEDY = "run its scene again without --resume, or with another --output"
+REPR_COLUMNS = (
     "step",
     "t",
     "delta",
@@ -65,11 +65,11 @@ SHOWN_COLUMNS = (
     "p_max",
     "branch",
 )  # in a notebook
-COMPARED = ("delta", "force", "a")
-SAME_DEPTH = 1e-9  # relative
-LONGEST_HEADER = 10_000  # bytes
+COMPARED_COLUMNS = ("delta", "force", "a")
+SAME_DEPTH_RTOL = 1e-9  # relative
+MAX_HEADER_BYTES = 10_000  # bytes
 MEASURED = "measured"  # entry of the report of a curve that nobody simulated
-BEYOND_STATE = (
+OPTIONAL_COLUMNS = (
     *DERIVED_COLUMNS,
     *FRICTION_COLUMNS,
     *FLUID_COLUMNS,
@@ -80,7 +80,7 @@ BEYOND_STATE = (
 )  # columns that not every run has
 # Columns of what was found: numbers without their error bars, and not what says which row it is or
 # what it took
-FOUND_COLUMNS = tuple(
+RESULT_COLUMNS = tuple(
     name
     for name in (*STATE_COLUMNS, *DERIVED_COLUMNS, *FRICTION_COLUMNS, *FLUID_COLUMNS, *TIME_COLUMNS)
     if name not in ("step", "wall_s", *WORD_COLUMNS)
@@ -113,23 +113,25 @@ class Results:
         return tuple(self.table)
 
     def __repr__(self) -> str:
-        return self._shown().text
+        return self._repr_table().text
 
     def _repr_html_(self) -> str:
-        return self._shown().html
+        return self._repr_table().html
 
-    def _shown(self) -> Shown:
+    def _repr_table(self) -> Shown:
         """What a notebook shows: the columns that tell most, and how the run ended."""
         names = [
-            name
-            for name in SHOWN_COLUMNS
-            if name in self.table and np.any(self[name] == self[name])
+            name for name in REPR_COLUMNS if name in self.table and np.any(self[name] == self[name])
         ]
         rows = list(zip(*(self[name].tolist() for name in names), strict=True))
         units = ", ".join(filter(None, (self.report.get("units") or {}).values()))
-        said = [self.report.get("title") or str(self.path), self.report.get("status", ""), units]
+        title_parts = [
+            self.report.get("title") or str(self.path),
+            self.report.get("status", ""),
+            units,
+        ]
         return Shown(
-            "  ·  ".join(filter(None, said)),
+            "  ·  ".join(filter(None, title_parts)),
             names,
             rows,
             "; ".join(self.report.get("warnings", ())),
@@ -160,11 +162,11 @@ def read(path: Path | str, report: Report | None = None) -> Results:
     says, and the contact radius is unknown.
     """
     path = Path(path)
-    file = force_table(path)
+    file = force_table_path(path)
     if file == path and path.name == EXPERIMENT:
         read_table(path, ())  # which says what it is
     if file == path and not _is_result_table(path):
-        return _of_curve(path)
+        return _read_curve_file(path)
     columns = read_table(
         file, ("step", "delta", "force"), unknown=("a", "delta"), words=WORD_COLUMNS
     )
@@ -178,8 +180,8 @@ def read(path: Path | str, report: Report | None = None) -> Results:
     surface = {}
     if os.path.lexists(path / SURFACE):
         surface = read_table(path / SURFACE, tables.SURFACE_COLUMNS, tables.SURFACE_MAY_BE_EMPTY)
-        known = np.isin(surface["step"], columns["step"])
-        surface = {name: values[known] for name, values in surface.items()}
+        has_row = np.isin(surface["step"], columns["step"])
+        surface = {name: values[has_row] for name, values in surface.items()}
     return Results(path, columns, report_of(path) if report is None else report, surface)
 
 
@@ -190,7 +192,7 @@ def report_of(path: Path) -> Report:
     if path.is_dir():
         return checked_report(path)
     units = read_report(path.parent).get("units") if path.name == TABLE else None
-    is_known = isinstance(units, Mapping) and all(isinstance(one, str) for one in units.values())
+    is_known = isinstance(units, Mapping) and all(isinstance(unit, str) for unit in units.values())
     return {"units": units} if is_known else {}
 
 
@@ -203,26 +205,26 @@ def header_of(path: Path) -> list[str]:
     """The titles in the first line of a table with commas; none where nothing can be read."""
     try:
         with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
-            line = file.read(LONGEST_HEADER).split(b"\n")[0]
+            line = file.read(MAX_HEADER_BYTES).split(b"\n")[0]
     except OSError:
         return []
     return [name.strip() for name in line.decode("latin-1").split(",")]
 
 
-def _of_curve(path: Path) -> Results:
+def _read_curve_file(path: Path) -> Results:
     """The first curve of a file of measured ones, as a table; its way stands for a depth that it
     does not have.
     """
     from indent_sim.results.measured.curve_file import (
-        read_measured,
+        read_curves,
     )  # with all formats, which no run needs
     from indent_sim.results.measured.measurement import NoCurve
 
     try:
-        curve = read_measured(path)[0]
+        curve = read_curves(path)[0]
     except NoCurve as error:
         raise UsageError(f"{path} is {error.problem}", error.remedy, str(path)) from None
-    delta = curve.x(curve.along("delta"))
+    delta = curve.abscissa_values(curve.available_abscissa("delta"))
     rows = len(curve)
     table = {
         "step": np.arange(1.0, rows + 1),
@@ -238,38 +240,44 @@ def _of_curve(path: Path) -> Results:
     )
 
 
-def in_common_units(runs: Sequence[Results]) -> list[Results]:
+def convert_to_common_units(runs: Sequence[Results]) -> list[Results]:
     """The results, measured curves in the units of the first that is none; ConfigError for units
     that are none.
 
     A curve that says no units has those of the others.
     """
-    said = sorted(runs, key=lambda run: run.report.get(MEASURED, False))
-    known = (run.report.get("units") or {} for run in said)
-    units = next((one for one in known if one.get("length") and one.get("force")), {})
-    return [_in_units(run, units) if units and run.report.get(MEASURED) else run for run in runs]
+    simulated_first = sorted(runs, key=lambda run: run.report.get(MEASURED, False))
+    unit_mappings = (run.report.get("units") or {} for run in simulated_first)
+    units = next(
+        (mapping for mapping in unit_mappings if mapping.get("length") and mapping.get("force")), {}
+    )
+    return [
+        _convert_units(run, units) if units and run.report.get(MEASURED) else run for run in runs
+    ]
 
 
-def refuse_other_units(runs: Sequence[Results], remedy: str) -> None:
+def refuse_different_units(runs: Sequence[Results], remedy: str) -> None:
     """UsageError when two runs measure in different units; one that does not say is taken as it is."""
     for kind in ("length", "force"):
-        known = {
+        paths_by_unit = {
             unit: run.path for run in runs if (unit := (run.report.get("units") or {}).get(kind))
         }
-        if len(known) > 1:
-            (one, first), (other, second) = list(known.items())[:2]
-            raise UsageError(f"{first} measures {kind} in {one}, {second} in {other}: {remedy}")
+        if len(paths_by_unit) > 1:
+            (first_unit, first), (second_unit, second) = list(paths_by_unit.items())[:2]
+            raise UsageError(
+                f"{first} measures {kind} in {first_unit}, {second} in {second_unit}: {remedy}"
+            )
 
 
-def _in_units(run: Results, units: Mapping[str, str]) -> Results:
+def _convert_units(run: Results, units: Mapping[str, str]) -> Results:
     table = dict(run.table)
     for column, kind in (("delta", "length"), ("force", "force")):
-        if own := run.report["units"][kind]:
-            table[column] = table[column] * (size_of(own, kind) / size_of(units[kind], kind))
+        if own_unit := run.report["units"][kind]:
+            table[column] = table[column] * (size_of(own_unit, kind) / size_of(units[kind], kind))
     return replace(run, table=table, report=run.report | {"units": dict(units)})
 
 
-def force_table(path: Path) -> Path:
+def force_table_path(path: Path) -> Path:
     """The force table of a result folder, and of a file itself; UsageError for a folder without
     one.
     """
@@ -277,12 +285,12 @@ def force_table(path: Path) -> Path:
         return path
     if os.path.lexists(file := path / TABLE):
         return file
-    if result_folder.held(path) == "study":
+    if result_folder.folder_kind(path) == "study":
         remedy = f"name {path / 'runs' / 'NAME'}, the folder of a run"
         raise UsageError(
             f"{path} holds a study, which has no {TABLE} of its own", remedy, str(path)
         )
-    remedy = RUN_AGAIN if read_report(path) else "name the folder of a result"
+    remedy = RUN_AGAIN_REMEDY if read_report(path) else "name the folder of a result"
     raise UsageError(f"cannot read {file}: there is none", remedy, str(file))
 
 
@@ -294,7 +302,9 @@ def read_run(path: Path) -> Results:
     if report.get("rows"):
         return read(path)
     return Results(
-        path, {name: np.empty(0) for name in ("step", *COMPARED, "newton_iterations")}, report
+        path,
+        {name: np.empty(0) for name in ("step", *COMPARED_COLUMNS, "newton_iterations")},
+        report,
     )
 
 
@@ -309,7 +319,7 @@ def rows_of(states: Iterable[State], with_reactions: bool = False) -> list[dict[
     """
     names = [
         name
-        for name in (*STATE_COLUMNS, *BEYOND_STATE)
+        for name in (*STATE_COLUMNS, *OPTIONAL_COLUMNS)
         if with_reactions or name not in REACTION_COLUMNS
     ]
     rows = ({name: state.column(name) for name in names} for state in states)
@@ -319,42 +329,52 @@ def rows_of(states: Iterable[State], with_reactions: bool = False) -> list[dict[
 LARGEST_NUMBER = 1e150  # a number whose square and cube are numbers too
 LARGEST_STEP_NUMBER = 1e15  # a step is a whole number below this
 Number = Annotated[float, AllowInfNan(False), Ge(-LARGEST_NUMBER)]
-Known = Number | None
+OptionalNumber = Number | None
 Count = Annotated[int, Ge(0)]
 
 
-def _mapping(name: str = "mapping", /, *, needed: Collection[str] = (), **entries: Any) -> Any:
+def _mapping_type(name: str = "mapping", /, *, needed: Collection[str] = (), **entries: Any) -> Any:
     """A mapping of entries, those that are `needed` and others that may be missing."""
     kinds = {key: kind if key in needed else NotRequired[kind] for key, kind in entries.items()}
     return cast(Any, TypedDict)(name, kinds)
 
 
 @cache
-def _shape() -> TypeAdapter[Report]:
+def _report_schema() -> TypeAdapter[Report]:
     """What a run.json looks like; a run that reads none need not work it out."""
     answer: Any = {"name": str, "delta": Number, "force": Number}
     curve: Any = {"delta": list[Number], "force": list[Number]}
-    place = _mapping("_Place", needed=("delta", "force"), delta=Number, force=Number, error=Known)
-    half_space = _mapping(**answer, deviation=Known, curve=_mapping(needed=curve, **curve))
-    beside = {
+    force_point = _mapping_type(
+        "_Place", needed=("delta", "force"), delta=Number, force=Number, error=OptionalNumber
+    )
+    half_space = _mapping_type(
+        **answer, deviation=OptionalNumber, curve=_mapping_type(needed=curve, **curve)
+    )
+    formula_entries = {
         "half_space": half_space | None,
-        "curve": _mapping(**curve, a=list[Number]),
+        "curve": _mapping_type(**curve, a=list[Number]),
         "why": str,
     }
-    beside |= {"formulas": GenericAlias(list, _mapping(**answer, deviation=Known))}
-    theory = _mapping(
-        needed=answer, **answer, force_deviation=Known, delta_deviation=Known, **beside
+    formula_entries |= {
+        "formulas": GenericAlias(list, _mapping_type(**answer, deviation=OptionalNumber))
+    }
+    theory = _mapping_type(
+        needed=answer,
+        **answer,
+        force_deviation=OptionalNumber,
+        delta_deviation=OptionalNumber,
+        **formula_entries,
     )
-    choices = GenericAlias(list, _mapping(key=str))
+    choices = GenericAlias(list, _mapping_type(key=str))
     entries: Any = dict.fromkeys(
         ("reason", "version", "started", "finished", "title", "gap", "method", "control"), str
     )
     entries |= dict.fromkeys(("timings", "cpu_timings"), dict[str, Number]) | {
         "versions": dict[str, object]
     }
-    entries |= dict.fromkeys(("peak_memory_MB", "memory_before_MB"), Known) | dict.fromkeys(
-        ("rows", "dofs"), Count
-    )
+    entries |= dict.fromkeys(
+        ("peak_memory_MB", "memory_before_MB"), OptionalNumber
+    ) | dict.fromkeys(("rows", "dofs"), Count)
     entries |= {
         "exit_code": int | None,
         "center": list[Number],
@@ -362,29 +382,35 @@ def _shape() -> TypeAdapter[Report]:
         "resumed_after": list[Count],
     }
     entries |= {
-        "units": _mapping(length=str, force=str),
-        "asked": _mapping(error_bars=bool, accuracy=Known),
+        "units": _mapping_type(length=str, force=str),
+        "asked": _mapping_type(error_bars=bool, accuracy=OptionalNumber),
     }
-    report = _mapping(
+    report = _mapping_type(
         **entries,
         status=Literal["running", "done", "failed", "interrupted"],
-        plan=_mapping(
+        plan=_mapping_type(
             auto=list[str],
             choices=choices,
-            prediction=_mapping(force_error=Known, a=Known, elastocapillary_length=Known),
+            prediction=_mapping_type(
+                force_error=OptionalNumber, a=OptionalNumber, elastocapillary_length=OptionalNumber
+            ),
         ),
         theory=theory | None,
-        hertz=_mapping(needed=("E", "percent"), E=Number, percent=Number) | None,
-        audit=_mapping(force_against_reaction=Known, substeps=Count) | None,
-        accuracy=_mapping(target=Number, elements=Number, tried=list[Number]) | None,
-        stick=_mapping(needed=("words",), words=str) | None,
-        adhesion=GenericAlias(dict, (str, Known | place)) | None,
-        experiment=_mapping(
-            by=str, adhesion=_mapping(pull_off=GenericAlias(dict, (str, place)) | None) | None
+        hertz=_mapping_type(needed=("E", "percent"), E=Number, percent=Number) | None,
+        audit=_mapping_type(force_against_reaction=OptionalNumber, substeps=Count) | None,
+        accuracy=_mapping_type(target=Number, elements=Number, tried=list[Number]) | None,
+        stick=_mapping_type(needed=("words",), words=str) | None,
+        adhesion=GenericAlias(dict, (str, OptionalNumber | force_point)) | None,
+        experiment=_mapping_type(
+            by=str,
+            adhesion=_mapping_type(pull_off=GenericAlias(dict, (str, force_point)) | None) | None,
         )
         | None,
-        mesh=_mapping(hash=str) | None,
-        time=_mapping(way=str, method=str, why=str, words=str, limits=dict[str, Known]) | None,
+        mesh=_mapping_type(hash=str) | None,
+        time=_mapping_type(
+            way=str, method=str, why=str, words=str, limits=dict[str, OptionalNumber]
+        )
+        | None,
     )
     return TypeAdapter(report)
 
@@ -395,32 +421,40 @@ def checked_report(folder: Path) -> Report:
     """
     report = read_report(folder)
     if not report and os.path.lexists(folder / REPORT):
-        raise _damaged(folder, f"no JSON object that says program: {PROGRAM}")
+        raise _damaged_report(folder, f"no JSON object that says program: {PROGRAM}")
     try:
-        _shape().validate_python(report, strict=True)
+        _report_schema().validate_python(report, strict=True)
         _check_theory(report.get("theory") or {})
     except ValidationError as error:
-        found = error.errors(include_url=False, include_input=False, include_context=False)[0]
+        finding = error.errors(include_url=False, include_input=False, include_context=False)[0]
         place = ".".join(
-            str(part) for part in found["loc"] if isinstance(part, int) or str(part).isidentifier()
+            str(part)
+            for part in finding["loc"]
+            if isinstance(part, int) or str(part).isidentifier()
         )
-        raise _damaged(folder, f"{place}: {found['msg']}") from None
+        raise _damaged_report(folder, f"{place}: {finding['msg']}") from None
     except ValueError as error:
-        raise _damaged(folder, f"theory: {error}") from None
+        raise _damaged_report(folder, f"theory: {error}") from None
     return report
 
 
-def _damaged(folder: Path, why: str) -> UsageError:
-    return UsageError(f"{folder / REPORT} is damaged: {why}", RUN_ELSEWHERE, str(folder / REPORT))
+def _damaged_report(folder: Path, why: str) -> UsageError:
+    return UsageError(
+        f"{folder / REPORT} is damaged: {why}", NEW_FOLDER_REMEDY, str(folder / REPORT)
+    )
 
 
 def _check_theory(theory: Report) -> None:
     if theory and theory.get("delta_deviation", theory.get("force_deviation")) is None:
         raise ValueError("says no deviation")
-    closed = theory.get("half_space")
-    asked = "delta" if "delta_deviation" in theory else "force"
-    for said in filter(None, [closed, *theory.get("formulas", [])]):
-        if said.get(asked) is None or said.get("deviation") is None or "name" not in said:
+    half_space = theory.get("half_space")
+    computed = "delta" if "delta_deviation" in theory else "force"
+    for formula in filter(None, [half_space, *theory.get("formulas", [])]):
+        if (
+            formula.get(computed) is None
+            or formula.get("deviation") is None
+            or "name" not in formula
+        ):
             raise ValueError("a formula lacks an entry")
     if len({len(theory.get("curve", {}).get(name, ())) for name in ("delta", "force", "a")}) > 1:
         raise ValueError("the columns of its curve have different lengths")
@@ -443,7 +477,7 @@ def read_table(
         )
         raise UsageError(problem, file=str(path))
     try:
-        text = content(path).decode("utf-8")
+        text = read_regular_file(path).decode("utf-8")
     except OSError as error:
         raise UsageError(f"cannot read {path}: {error.strerror or error}", file=str(path)) from None
     except ValueError:
@@ -462,7 +496,7 @@ def read_table(
     if len(set(header)) < len(header):
         raise UsageError(f"{path} has two columns of one name", file=str(path))
     rows = [
-        _row(line, header, words, f"{path}: line {number}")
+        _parse_row(line, header, words, f"{path}: line {number}")
         for number, line in enumerate(lines[1:], start=2)
     ]
     cells = list(zip(*rows, strict=True)) or [()] * len(header)
@@ -478,7 +512,7 @@ def read_table(
     return columns
 
 
-def read_curve(folder: Path) -> dict[str, np.ndarray]:
+def read_history(folder: Path) -> dict[str, np.ndarray]:
     """The rows of a history, else those of a result's experiment.csv, with t and z; UsageError when
     the table is damaged, or without rows.
     """
@@ -489,11 +523,15 @@ def read_curve(folder: Path) -> dict[str, np.ndarray]:
         folder / EXPERIMENT, ("delta", "force"), ("t", "z", "a", *WORD_COLUMNS), WORD_COLUMNS
     )
     if not len(columns["delta"]):
-        raise UsageError(f"{folder / EXPERIMENT} has no rows", RUN_AGAIN, str(folder / EXPERIMENT))
+        raise UsageError(
+            f"{folder / EXPERIMENT} has no rows", RUN_AGAIN_REMEDY, str(folder / EXPERIMENT)
+        )
     return columns
 
 
-def _row(line: str, header: Sequence[str], words: Sequence[str], place: str) -> list[float | str]:
+def _parse_row(
+    line: str, header: Sequence[str], words: Sequence[str], place: str
+) -> list[float | str]:
     cells = line.split(",")
     if len(cells) != len(header):
         raise UsageError(
@@ -501,14 +539,14 @@ def _row(line: str, header: Sequence[str], words: Sequence[str], place: str) -> 
         )
     named = enumerate(zip(header, cells, strict=True), start=1)
     return [
-        cell if name in words else _number(cell, f"{place}, column {n}")
+        cell if name in words else _parse_number(cell, f"{place}, column {n}")
         for n, (name, cell) in named
     ]
 
 
-def _number(cell: str, place: str) -> float:
+def _parse_number(cell: str, place: str) -> float:
     try:
-        value = tables.number(cell)
+        value = tables.parse_number(cell)
     except ValueError:
         raise UsageError(f"{place} is not a number: no table of numbers with a header") from None
     if abs(value) > LARGEST_NUMBER:
@@ -517,14 +555,14 @@ def _number(cell: str, place: str) -> float:
 
 
 @dataclass(frozen=True)
-class Earlier:
+class PreviousRun:
     """The rows of an earlier run, its table's columns, the length that holds them [bytes], and its
     run.json.
     """
 
     states: tuple[State, ...]
     columns: tuple[str, ...]
-    size: int
+    table_bytes: int
     report: Report
 
     def check(self, deltas: Sequence[float] | None, steps: int, folder: Path) -> None:
@@ -532,19 +570,19 @@ class Earlier:
         are prescribed.
         """
         table = str(folder / TABLE)
-        wrong = (
+        problems = (
             [f" has {len(self.states)} rows, the scene {steps} steps"]
             if len(self.states) > steps
             else []
         )
         for state, delta in zip(self.states, deltas or (), strict=False):
-            if not math.isclose(state.delta, delta, rel_tol=SAME_DEPTH, abs_tol=0):
-                wrong.append(f": row {state.step} is not at the scene's depth")
-        if wrong:
-            raise UsageError(f"{table}{wrong[0]}: it is damaged", RUN_AGAIN, table)
+            if not math.isclose(state.delta, delta, rel_tol=SAME_DEPTH_RTOL, abs_tol=0):
+                problems.append(f": row {state.step} is not at the scene's depth")
+        if problems:
+            raise UsageError(f"{table}{problems[0]}: it is damaged", RUN_AGAIN_REMEDY, table)
 
 
-def begun_report(folder: Path) -> Report:
+def resumable_report(folder: Path) -> Report:
     """The run.json of a run that `--resume` can go on with; empty where there are no rows, and so
     nothing to keep.
     """
@@ -552,88 +590,103 @@ def begun_report(folder: Path) -> Report:
     return report if report and (has_rows(folder) or report.get("rows")) else {}
 
 
-def earlier_run(folder: Path, config_yaml: str, report: Report | None = None) -> Earlier | None:
+def previous_run(
+    folder: Path, config_yaml: str, report: Report | None = None
+) -> PreviousRun | None:
     """The run of this config in a folder; None when the folder holds no row of any.
 
     report: what this run says of itself. Raises ConfigError when the folder holds a run of another
     config, UsageError when its rows cannot be understood.
     """
-    theirs = begun_report(folder)
-    if not theirs:
+    old_report = resumable_report(folder)
+    if not old_report:
         return None
     try:
         result_folder.refuse_links(folder)
-        follows = set.intersection(
-            *(set((one.get("plan") or {}).get("auto") or ()) for one in (report or {}, theirs))
+        automatic_keys = set.intersection(
+            *(
+                set((run_report.get("plan") or {}).get("auto") or ())
+                for run_report in (report or {}, old_report)
+            )
         )
-        _refuse_other(folder, _with_present_keys(folder / CONFIG), config_yaml, follows)
-        unknown = ("energy",) if theirs.get("method") == "theory" else ()
-        return Earlier(*_rows(folder / TABLE, unknown), theirs)
+        _refuse_other_config(
+            folder, _current_config_yaml(folder / CONFIG), config_yaml, automatic_keys
+        )
+        unknown = ("energy",) if old_report.get("method") == "theory" else ()
+        return PreviousRun(*_read_rows(folder / TABLE, unknown), old_report)
     except FileNotFoundError as error:
         raise UsageError(
-            f"{folder} has {REPORT} but no {Path(error.filename).name}", RUN_AGAIN, str(folder)
+            f"{folder} has {REPORT} but no {Path(error.filename).name}",
+            RUN_AGAIN_REMEDY,
+            str(folder),
         ) from error
     except UnicodeDecodeError as error:
         raise UsageError(
-            f"{folder} holds a {CONFIG} or {TABLE} that is no text", RUN_AGAIN, str(folder)
+            f"{folder} holds a {CONFIG} or {TABLE} that is no text", RUN_AGAIN_REMEDY, str(folder)
         ) from error
     except OSError as error:
         raise UsageError(
-            f"cannot read {folder}: {error.strerror or error}", RUN_AGAIN, str(folder)
+            f"cannot read {folder}: {error.strerror or error}", RUN_AGAIN_REMEDY, str(folder)
         ) from error
 
 
-def lost_files(folder: Path, surface: Keep, fields: Keep) -> list[str]:
+def missing_files(folder: Path, surface: KeptStates, fields: KeptStates) -> list[str]:
     """The files of a finished run that are missing or damaged now; surface, fields: of which states
     it kept these.
     """
-    lost = lost_fields(folder) if fields != "none" else []
+    missing = missing_field_files(folder) if fields != "none" else []
     with suppress(UsageError):
-        if surface == "none" or (found := read(folder))["step"][-1] in found.surface.get(
+        if surface == "none" or (results := read(folder))["step"][-1] in results.surface.get(
             "step", ()
         ):
-            return lost
-    return [*lost, SURFACE]
+            return missing
+    return [*missing, SURFACE]
 
 
-def _with_present_keys(path: Path) -> str:
+def _current_config_yaml(path: Path) -> str:
     """Return the config of a result with all keys of the present version, new ones at their
     defaults.
 
     A config that the present version cannot read is returned as it stands. Raises
     UnicodeDecodeError where the file is no text.
     """
-    text = content(path).decode("utf-8")
+    text = read_regular_file(path).decode("utf-8")
     try:
         return to_yaml(load(path))
     except (ConfigError, UsageError):
         return text
 
 
-def _refuse_other(folder: Path, theirs: str, ours: str, follows: Collection[str]) -> None:
-    """ConfigError with the first key that differs, one that both left to the program (`follows`)
+def _refuse_other_config(
+    folder: Path, old_yaml: str, new_yaml: str, automatic_keys: Collection[str]
+) -> None:
+    """ConfigError with the first key that differs, one that both left to the program (`automatic_keys`)
     last.
     """
-    if theirs == ours:
+    if old_yaml == new_yaml:
         return
-    documents = [parse(text, str(folder / CONFIG))[0] for text in (theirs, ours)]
-    there, here = (dict(leaves(document)) for document in documents)
+    documents = [parse(text, str(folder / CONFIG))[0] for text in (old_yaml, new_yaml)]
+    old_values, new_values = (dict(leaves(document)) for document in documents)
     for path, (problem, remedy) in GONE.items():
         if path[-1] in (documents[0].get(path[0]) or {}):
-            again = f"leave --resume out to replace it; {remedy}"
-            raise ConfigError(key_text(path), f"{problem}; {folder} holds a run with it", again)
-    differ = [key for key in {**here, **there} if there.get(key) != here.get(key)]
+            remedy_text = f"leave --resume out to replace it; {remedy}"
+            raise ConfigError(
+                key_text(path), f"{problem}; {folder} holds a run with it", remedy_text
+            )
+    differing_keys = [
+        key for key in {**new_values, **old_values} if old_values.get(key) != new_values.get(key)
+    ]
     key = min(
-        differ, key=lambda key: key in follows or key.partition("[")[0] in follows, default=""
+        differing_keys,
+        key=lambda key: key in automatic_keys or key.partition("[")[0] in automatic_keys,
+        default="",
     )
     name = key.rpartition(".")[2]
-    sides = ((there, "there"), (here, "here"))
-    told = ", ".join(
+    sides = ((old_values, "there"), (new_values, "here"))
+    difference_text = ", ".join(
         f"'{name}: {inline(values[key])}' {where}" for values, where in sides if key in values
     )
-    problem = (
-        f"{folder} holds a run of another config ({told or 'the same lines in another order'})"
-    )
+    problem = f"{folder} holds a run of another config ({difference_text or 'the same lines in another order'})"
     remedy = (
         "give the same scene and --set as then, or another --output, or leave --resume "
         "out to replace it"
@@ -641,22 +694,26 @@ def _refuse_other(folder: Path, theirs: str, ours: str, follows: Collection[str]
     raise ConfigError(key, problem, remedy)
 
 
-def _rows(path: Path, unknown: Sequence[str]) -> tuple[tuple[State, ...], tuple[str, ...], int]:
-    lines = content(path).split(b"\n")[:-1]  # what has no newline was torn
+def _read_rows(
+    path: Path, unknown: Sequence[str]
+) -> tuple[tuple[State, ...], tuple[str, ...], int]:
+    lines = read_regular_file(path).split(b"\n")[:-1]  # what has no newline was torn
     if not lines:
         return (), STATE_COLUMNS, 0
     names = tuple(lines[0].decode().split(","))
-    own = tuple(name for name in names if name != "t")
-    is_ours = own[: len(STATE_COLUMNS)] == STATE_COLUMNS and set(names) <= {
+    columns = tuple(name for name in names if name != "t")
+    has_known_columns = columns[: len(STATE_COLUMNS)] == STATE_COLUMNS and set(names) <= {
         *STATE_COLUMNS,
-        *BEYOND_STATE,
+        *OPTIONAL_COLUMNS,
     }
-    if not is_ours or names != tables.in_order(names):
-        raise UsageError(f"{path} has other columns than this version writes", RUN_AGAIN, str(path))
+    if not has_known_columns or names != tables.order_columns(names):
+        raise UsageError(
+            f"{path} has other columns than this version writes", RUN_AGAIN_REMEDY, str(path)
+        )
     states: list[State] = []
     size = len(lines[0]) + 1
     for line in lines[1:]:
-        state = state_of(names, line, unknown)
+        state = parse_state(names, line, unknown)
         if state is None or state.step != len(states) + 1:
             break
         states.append(state)

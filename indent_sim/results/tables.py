@@ -36,7 +36,7 @@ SURFACE = "surface.csv"
 EXPERIMENT = "experiment.csv"
 DYNAMIC = "dynamic.csv"
 WORD_COLUMNS = ("branch",)  # columns of words
-INTEGERS = ("step", "newton_iterations", *KRYLOV_COLUMNS)
+INTEGER_COLUMNS = ("step", "newton_iterations", *KRYLOV_COLUMNS)
 UNKNOWN_IN_TIME = (
     "delta",
     "z",
@@ -51,40 +51,44 @@ MAY_BE_EMPTY = {"p_max", *DERIVED_COLUMNS, *ERROR_COLUMNS}
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure", "gap")
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")  # of every version
 SURFACE_HEADER = (*SURFACE_COLUMNS, "z")
-MORE_OF_SURFACE = ("shear", "pore_pressure")  # with friction, with fluid in the pores
+OPTIONAL_SURFACE_COLUMNS = ("shear", "pore_pressure")  # with friction, with fluid in the pores
 
 
-def row(state: State, columns: tuple[str, ...]) -> bytes:
+def force_row(state: State, columns: tuple[str, ...]) -> bytes:
     """The line of a state in the force table."""
-    values, written, reactions = _of_columns(columns)
-    cells = [write(value) for write, value in zip(written, values(state), strict=True)]
-    cells += [_cell(state.column(name)) for name in reactions]
+    values, writers, reactions = _column_writers(columns)
+    cells = [write(value) for write, value in zip(writers, values(state), strict=True)]
+    cells += [_cell_text(state.column(name)) for name in reactions]
     return (",".join(cells) + "\n").encode()
 
 
 @cache
-def _of_columns(
+def _column_writers(
     columns: tuple[str, ...],
 ) -> tuple[Callable[[State], tuple[Any, ...]], tuple[Callable[[Any], str], ...], tuple[str, ...]]:
     """What says the values of a state in columns, and how each is written; the columns of
     reactions, which are last.
     """
-    own = tuple(name for name in columns if name not in REACTION_COLUMNS)
-    written = tuple(_integer if name in INTEGERS else _cell for name in own)
-    return attrgetter(*own), written, columns[len(own) :]
+    value_columns = tuple(name for name in columns if name not in REACTION_COLUMNS)
+    writers = tuple(
+        _integer_text if name in INTEGER_COLUMNS else _cell_text for name in value_columns
+    )
+    return attrgetter(*value_columns), writers, columns[len(value_columns) :]
 
 
-def in_order(columns: Sequence[str]) -> tuple[str, ...]:
+def order_columns(columns: Sequence[str]) -> tuple[str, ...]:
     """Columns of the force table in their order: the time after the step, the reactions of supports
     at the end.
     """
     time = [name for name in columns if name == "t"]
     reactions = [name for name in columns if name in REACTION_COLUMNS]
-    first, *rest = (name for name in columns if name != "t" and name not in REACTION_COLUMNS)
-    return (first, *time, *rest, *reactions)
+    first, *middle_columns = (
+        name for name in columns if name != "t" and name not in REACTION_COLUMNS
+    )
+    return (first, *time, *middle_columns, *reactions)
 
 
-def state_of(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ()) -> State | None:
+def parse_state(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ()) -> State | None:
     """The state of a line of the force table; None when the line is torn, or holds what no solution
     is.
 
@@ -95,7 +99,7 @@ def state_of(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ())
         return None
     try:
         named = zip(names, cells, strict=True)
-        values: dict[str, Any] = {name: _value(name, cell) for name, cell in named}
+        values: dict[str, Any] = {name: _parse_cell(name, cell) for name, cell in named}
         empty = {name for name, value in values.items() if value != value}
     except (ValueError, OverflowError):  # a whole number of hundreds of digits is no float
         return None
@@ -114,13 +118,13 @@ def state_of(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ())
     return State(**values, reactions=reactions or None)
 
 
-def _value(name: str, cell: str) -> float | str:
+def _parse_cell(name: str, cell: str) -> float | str:
     if name in WORD_COLUMNS:
         return cell
-    return whole(cell) if name in INTEGERS else number(cell)
+    return parse_integer(cell) if name in INTEGER_COLUMNS else parse_number(cell)
 
 
-def number(cell: str) -> float:
+def parse_number(cell: str) -> float:
     """The number in a cell of a table; NaN in an empty one, which says that there is none.
 
     ValueError for what Python takes for a number, and no other program does: 1_000, digits of other
@@ -131,7 +135,7 @@ def number(cell: str) -> float:
     return float(cell) if cell.strip() else math.nan
 
 
-def whole(cell: str) -> int:
+def parse_integer(cell: str) -> int:
     """The whole number in a cell of a table; ValueError when it is something else."""
     if not cell.strip().isdecimal() or not cell.isascii():
         raise ValueError(f"{cell!r} is not a whole number")
@@ -140,9 +144,21 @@ def whole(cell: str) -> int:
 
 def surface_block(step: int, surface: Surface) -> bytes:
     """The lines of a state in the surface table; what is not a number is empty."""
-    more = [values for name in MORE_OF_SURFACE if (values := getattr(surface, name)) is not None]
+    optional_columns = [
+        values
+        for name in OPTIONAL_SURFACE_COLUMNS
+        if (values := getattr(surface, name)) is not None
+    ]
     table = np.column_stack(
-        [surface.x, surface.y, surface.u, surface.gap, surface.pressure, surface.z, *more]
+        [
+            surface.x,
+            surface.y,
+            surface.u,
+            surface.gap,
+            surface.pressure,
+            surface.z,
+            *optional_columns,
+        ]
     )
     text = io.BytesIO()
     np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
@@ -151,11 +167,13 @@ def surface_block(step: int, surface: Surface) -> bytes:
 
 def surface_header(surface: Surface) -> bytes:
     """The first line of the surface table."""
-    more = [name for name in MORE_OF_SURFACE if getattr(surface, name) is not None]
-    return (",".join((*SURFACE_HEADER, *more)) + "\n").encode()
+    optional_names = [
+        name for name in OPTIONAL_SURFACE_COLUMNS if getattr(surface, name) is not None
+    ]
+    return (",".join((*SURFACE_HEADER, *optional_names)) + "\n").encode()
 
 
-def table_of(items: Sequence[Any]) -> bytes:
+def csv_table(items: Sequence[Any]) -> bytes:
     """A table with a row per dataclass and a column per field; a field that is None everywhere has
     none.
     """
@@ -163,14 +181,14 @@ def table_of(items: Sequence[Any]) -> bytes:
         name for name in vars(items[0]) if any(getattr(item, name) is not None for item in items)
     ]
     rows = ([getattr(item, name) for name in names] for item in items)
-    lines = (",".join(map(_cell, values)) for values in rows)
+    lines = (",".join(map(_cell_text, values)) for values in rows)
     return ("\n".join([",".join(names), *lines]) + "\n").encode()
 
 
 def surface_blocks(path: Path) -> dict[int, bytes]:
     """The lines of every step in a surface table; none without a table."""
     lines = path.read_bytes().splitlines(keepends=True)[1:] if path.exists() else []
-    return {int(step): b"".join(block) for step, block in groupby(lines, _step)}
+    return {int(step): b"".join(block) for step, block in groupby(lines, _line_step)}
 
 
 def drop_later_blocks(path: Path, steps: int) -> None:
@@ -186,29 +204,29 @@ def drop_later_blocks(path: Path, steps: int) -> None:
     try:
         names = [name for name in head.decode().split(",") if name]
     except UnicodeDecodeError:
-        why = f"{path} is no table: its first line is no text"
-        raise UsageError(why, "remove it and leave --resume out", str(path)) from None
+        problem = f"{path} is no table: its first line is no text"
+        raise UsageError(problem, "remove it and leave --resume out", str(path)) from None
     missing = [name for name in SURFACE_HEADER if name not in names]
-    lacking = b"," * len(missing)
+    empty_cells = b"," * len(missing)
     kept = [
         ",".join([*names, *missing]).encode(),
-        *(line + lacking for line in lines if _step(line) <= steps),
+        *(line + empty_cells for line in lines if _line_step(line) <= steps),
     ]
     if (table := b"".join(line + b"\n" for line in kept)) != data:
         write_atomically(path, table)
 
 
-def _integer(value: float) -> str:
+def _integer_text(value: float) -> str:
     return str(int(value))
 
 
-def _cell(value: float | str | None) -> str:
+def _cell_text(value: float | str | None) -> str:
     if value is None or value != value:
         return ""
     return value if isinstance(value, str) else f"{value:.17g}"
 
 
-def _step(line: bytes) -> float:
+def _line_step(line: bytes) -> float:
     try:
         return int(line.split(b",", 1)[0])
     except ValueError:

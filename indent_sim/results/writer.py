@@ -28,19 +28,28 @@ from indent_sim.results.folder import (
     PROGRAM,
     REPORT,
     TABLE,
-    Keep,
+    KeptStates,
     Report,
-    append_whole,
+    append_atomically,
     read_report,
     write_atomically,
 )
-from indent_sim.results.reader import Earlier, earlier_run
-from indent_sim.results.replacing import refuse_to_lose
+from indent_sim.results.overwrite_protection import refuse_overwrite
+from indent_sim.results.reader import PreviousRun, previous_run
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, SURFACE
-from indent_sim.results.xdmf import ARRAYS, MORE_ARRAYS, FieldWriter
+from indent_sim.results.xdmf import ARRAYS, OPTIONAL_ARRAYS, FieldWriter
 
 ENCODER = json.JSONEncoder(allow_nan=False, ensure_ascii=False)
-OWN_ENTRIES = {"program", "version", "status", "exit_code", "reason", "rows", "started", "finished"}
+WRITER_ENTRIES = {
+    "program",
+    "version",
+    "status",
+    "exit_code",
+    "reason",
+    "rows",
+    "started",
+    "finished",
+}
 
 
 class ResultFolder:
@@ -62,7 +71,7 @@ class ResultFolder:
         target: Path,
         config_yaml: str,
         *,
-        surface: Keep = "last",
+        surface: KeptStates = "last",
         columns: tuple[str, ...] = (),
         report: Report | None = None,
         resume: bool = False,
@@ -75,74 +84,80 @@ class ResultFolder:
         self._config_yaml = config_yaml
         self._mesh = mesh
         self._surface = surface
-        self._columns = tables.in_order((*STATE_COLUMNS, *DERIVED_COLUMNS, *columns))
-        self.earlier: Earlier | None = None
+        self._columns = tables.order_columns((*STATE_COLUMNS, *DERIVED_COLUMNS, *columns))
+        self.previous_run: PreviousRun | None = None
         self._resume = resume
         self._guard = guard and not resume
-        self._awaits_end = False
+        self._appears_at_end = False
         self._fields: FieldWriter | None = None
-        self._deepest = (-math.inf, b"")  # depth, and lines of the surface table
+        self._deepest_surface = (-math.inf, b"")  # depth, and lines of the surface table
         # when last, and whether the next write waits for the disk
-        self._synced = time.monotonic()
-        self._sync = False
-        self._begun: tuple[str, ...] = ()  # what was given, in files that were not waited for yet
+        self._last_sync = time.monotonic()
+        self._next_write_syncs = False
+        self._unsynced_files: tuple[
+            str, ...
+        ] = ()  # what was given, in files that were not waited for yet
         self._status: Report = {"status": "running", "exit_code": None, "reason": ""}
-        self._started = _now()
+        self._started = _utc_time()
 
     @property
     def path(self) -> Path:
         """Where the files are now; changes once, with the first row."""
-        return self._claim.path
+        return self._output.path
 
     def __enter__(self) -> ResultFolder:
         with uninterrupted():
-            self._claim = folder.Claim(self._target, self._refuse_to_lose)
-            self._awaits_end = (
-                self._guard and read_report(self._claim.target).get("status") == "done"
+            self._output = folder.OutputFolder(self._target, self._refuse_overwrite)
+            self._appears_at_end = (
+                self._guard and read_report(self._output.target).get("status") == "done"
             )
             try:
-                found = (
-                    earlier_run(self._claim.target, self._config_yaml, self.report)
+                previous = (
+                    previous_run(self._output.target, self._config_yaml, self.report)
                     if self._resume
                     else None
                 )
-                with self._writing():
-                    if found is not None:
-                        self._continue(found)
-                        self._save_report()
+                with self._convert_write_errors():
+                    if previous is not None:
+                        self._resume_previous_run(previous)
+                        self._write_report()
                     else:  # run.json comes with the first row
-                        self._begin()
+                        self._write_first_files()
             except BaseException:
-                self._claim.drop()
+                self._output.abandon()
                 raise
         return self
 
-    def _refuse_to_lose(self, target: Path) -> None:
+    def _refuse_overwrite(self, target: Path) -> None:
         """UsageError where this run would replace what is to be kept."""
         if self._guard:
-            refuse_to_lose(self._target, self._config_yaml, self.report)
+            refuse_overwrite(self._target, self._config_yaml, self.report)
 
-    def _begin(self) -> None:
+    def _write_first_files(self) -> None:
         """Write what was given, and the head of the table."""
-        given: dict[str, str | Iterable[str]] = {CONFIG: self._config_yaml}
-        given |= {folder.MESH_FILE: self._mesh} if self._mesh else {}
-        self._begun = tuple(given)
-        for name, content in (given | {TABLE: ",".join(self._columns) + "\n"}).items():
-            write_atomically(self.path / name, content, self._sync)
+        first_files: dict[str, str | Iterable[str]] = {CONFIG: self._config_yaml}
+        first_files |= {folder.MESH_FILE: self._mesh} if self._mesh else {}
+        self._unsynced_files = tuple(first_files)
+        for name, content in (first_files | {TABLE: ",".join(self._columns) + "\n"}).items():
+            write_atomically(self.path / name, content, self._next_write_syncs)
 
-    def _continue(self, earlier: Earlier) -> None:
-        self._claim.adopt()
+    def _resume_previous_run(self, earlier: PreviousRun) -> None:
+        self._output.resume_in_place()
         self._columns = earlier.columns  # those of an older version of this program may be fewer
-        os.truncate(self.path / TABLE, earlier.size)
+        os.truncate(self.path / TABLE, earlier.table_bytes)
         tables.drop_later_blocks(self.path / SURFACE, len(earlier.states))
-        self.earlier = earlier
+        self.previous_run = earlier
         self.rows = len(earlier.states)
         blocks = tables.surface_blocks(self.path / SURFACE) if self._surface == "last" else {}
         depths = [(earlier.states[step - 1].delta, block) for step, block in blocks.items()]
-        self._deepest = max(depths, default=self._deepest)
-        kept = {name: value for name, value in earlier.report.items() if name not in OWN_ENTRIES}
+        self._deepest_surface = max(depths, default=self._deepest_surface)
+        old_entries = {
+            name: value for name, value in earlier.report.items() if name not in WRITER_ENTRIES
+        }
         self.report = (
-            kept | {"resumed_after": [*kept.get("resumed_after", []), self.rows]} | self.report
+            old_entries
+            | {"resumed_after": [*old_entries.get("resumed_after", []), self.rows]}
+            | self.report
         )
         self._started = earlier.report.get("started", self._started)
 
@@ -155,26 +170,30 @@ class ResultFolder:
             raise ValueError(
                 f"step {state.step} has not converged and is no result: {state.reason}"
             )
-        with uninterrupted(), self._writing():
-            self._sync = time.monotonic() - self._synced > 1.0  # s that a power failure may cost
+        with uninterrupted(), self._convert_write_errors():
+            self._next_write_syncs = (
+                time.monotonic() - self._last_sync > 1.0
+            )  # s that a power failure may cost
             if state.surface is not None:
                 self._write_surface(state, state.surface)
-            append_whole(self.path / TABLE, tables.row(state, self._columns), self._sync)
-            if self._sync:
-                self._settle()
+            append_atomically(
+                self.path / TABLE, tables.force_row(state, self._columns), self._next_write_syncs
+            )
+            if self._next_write_syncs:
+                self._sync_files()
             self.rows += 1
             if (
-                self._sync or self.rows == 1
+                self._next_write_syncs or self.rows == 1
             ):  # of thousands of quick steps it would cost more than they do
-                self._save_report()
-            self._publish()
-            if self._sync:
-                self._synced = time.monotonic()
+                self._write_report()
+            self._rename_into_place()
+            if self._next_write_syncs:
+                self._last_sync = time.monotonic()
 
     def open_fields(
         self,
         *mesh: Any,
-        keep: Keep,
+        keep: KeptStates,
         more: Sequence[str] = (),
         told: Mapping[str, str] | None = None,
     ) -> None:
@@ -185,25 +204,25 @@ class ResultFolder:
         """
         if keep == "none":
             return
-        with uninterrupted(), self._writing():
-            done = self.rows if self.earlier else None
-            arrays = ARRAYS | {name: MORE_ARRAYS[name] for name in more}
-            named = self.report.get("units")
+        with uninterrupted(), self._convert_write_errors():
+            done = self.rows if self.previous_run else None
+            arrays = ARRAYS | {name: OPTIONAL_ARRAYS[name] for name in more}
+            scene_units = self.report.get("units")
             units = {
                 f"unit of {kind}": unit
                 for kind in ("length", "force")
-                if (unit := getattr(named, kind, ""))
+                if (unit := getattr(scene_units, kind, ""))
             }
             self._fields = FieldWriter(
                 self.path, *mesh, keep=keep, done=done, arrays=arrays, told=units | dict(told or {})
             )
-            if self.earlier and keep == "all" and not self._fields.continued:
-                lost = (
+            if self.previous_run and keep == "all" and not self._fields.is_continued:
+                warning = (
                     f"the fields of steps 1 to {self.rows} were lost: "
                     "those of the steps after them "
                     "alone are kept"
                 )
-                self.report["warnings"] = [*self.report.get("warnings", []), lost]
+                self.report["warnings"] = [*self.report.get("warnings", []), warning]
 
     def write_fields(
         self, state: State, fields: Mapping[str, np.ndarray], time: float | None = None
@@ -214,17 +233,17 @@ class ResultFolder:
         """
         if self._fields is None:
             return
-        with uninterrupted(), self._writing():
+        with uninterrupted(), self._convert_write_errors():
             self._fields.write(state.step, state.delta, fields, time)
 
     def write_experiment(self, rows: Sequence[Any], dynamic: Sequence[Any]) -> None:
         """Write experiment.csv, and dynamic.csv where there is one; of a run before what is not
         written now goes.
         """
-        with uninterrupted(), self._writing():
+        with uninterrupted(), self._convert_write_errors():
             for name, items in ((EXPERIMENT, rows), (DYNAMIC, dynamic)):
                 if items:
-                    write_atomically(self.path / name, tables.table_of(items))
+                    write_atomically(self.path / name, tables.csv_table(items))
                 else:
                     (self.path / name).unlink(missing_ok=True)
 
@@ -242,80 +261,86 @@ class ResultFolder:
     def finish(self, error: BaseException | None) -> None:
         """Say how the run ended; the first word counts."""
         if self._status["status"] == "running":
-            self._status = dict(zip(("status", "exit_code", "reason"), _ending(error), strict=True))
+            self._status = dict(
+                zip(("status", "exit_code", "reason"), _final_status(error), strict=True)
+            )
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self.finish(error)
-        self._sync = True
+        self._next_write_syncs = True
         with uninterrupted():
             try:
                 is_done = self._status["status"] == "done"
-                worth = (
-                    is_done if self._awaits_end else self.rows or not self._claim.replaces_results
+                is_worth_keeping = (
+                    is_done
+                    if self._appears_at_end
+                    else self.rows or not self._output.replaces_results
                 )
-                self._awaits_end = False
-                if not self._claim.published and (self._status["exit_code"] in (2, 3) or not worth):
-                    self._claim.drop()
+                self._appears_at_end = False
+                if not self._output.is_in_place and (
+                    self._status["exit_code"] in (2, 3) or not is_worth_keeping
+                ):
+                    self._output.abandon()
                     return
-                self._claim.give_ballast()
+                self._output.free_reserved_space()
                 if is_done:
                     (self.path / CHECKPOINT).unlink(missing_ok=True)
-                with self._writing() if error is None else suppress(OSError):
+                with self._convert_write_errors() if error is None else suppress(OSError):
                     try:
-                        self._settle(TABLE)
+                        self._sync_files(TABLE)
                     finally:
-                        self._save_report()
-                    self._publish()
+                        self._write_report()
+                    self._rename_into_place()
             finally:
-                self._claim.release()
+                self._output.release_lock()
 
-    def _settle(self, *names: str) -> None:
+    def _sync_files(self, *names: str) -> None:
         """Wait until the disk has these files, and what was given."""
-        for name in (*self._begun, *names):
-            folder.wait_for_disk(self.path / name)
-        self._begun = ()
+        for name in (*self._unsynced_files, *names):
+            folder.sync_to_disk(self.path / name)
+        self._unsynced_files = ()
 
-    def _publish(self) -> None:
-        if self._claim.published or self._awaits_end:
+    def _rename_into_place(self) -> None:
+        if self._output.is_in_place or self._appears_at_end:
             return
-        self._claim.publish()
+        self._output.rename_into_place()
         if self._fields is not None:
             self._fields.directory = self.path
 
-    def _save_report(self) -> None:
-        ended = {} if self._status["status"] == "running" else {"finished": _now()}
+    def _write_report(self) -> None:
+        ended = {} if self._status["status"] == "running" else {"finished": _utc_time()}
         identity = {"program": PROGRAM, "version": VERSION, **self._status, "rows": self.rows}
         report = {**identity, "started": self._started, **ended, **self.report}
-        write_atomically(self.path / REPORT, to_json(report) + "\n", self._sync)
+        write_atomically(self.path / REPORT, to_json(report) + "\n", self._next_write_syncs)
 
     def _write_surface(self, state: State, surface: Surface) -> None:
         """Every state's surface, or those of the deepest and of the last."""
         path = self.path / SURFACE
         block = tables.surface_block(state.step, surface)
         if self._surface == "all" and path.exists():
-            append_whole(path, block, self._sync)
+            append_atomically(path, block, self._next_write_syncs)
         elif self._surface != "none":
-            depth, deepest = self._deepest
-            shown = (
+            depth, deepest = self._deepest_surface
+            text = (
                 tables.surface_header(surface) + (deepest if depth > state.delta else b"") + block
             )
-            write_atomically(path, shown, self._sync)
+            write_atomically(path, text, self._next_write_syncs)
             if state.delta >= depth:
-                self._deepest = (state.delta, block)
+                self._deepest_surface = (state.delta, block)
 
     @contextmanager
-    def _writing(self) -> Iterator[None]:
+    def _convert_write_errors(self) -> Iterator[None]:
         """A write that fails ends the run with what it has."""
         try:
             yield
         except OSError as error:
             kept = (
-                f"{self.rows} rows are kept in {self._claim.target}"
+                f"{self.rows} rows are kept in {self._output.target}"
                 if self.rows
                 else "no row is kept"
             )
-            if self._awaits_end:
-                kept = f"the finished run in {self._claim.target} is as it was"
+            if self._appears_at_end:
+                kept = f"the finished run in {self._output.target} is as it was"
             raise NotConverged(
                 f"cannot write results: {error.strerror or error}; {kept}"
             ) from error
@@ -325,14 +350,14 @@ def to_json(value: Any, indent: int | None = 2) -> str:
     """Strict JSON: what is not finite becomes null; dataclasses, paths and numpy numbers become
     plain.
     """
-    shown = plain(value)
-    text = ENCODER.encode(shown) if indent is None else _in_lines(shown, "\n", " " * indent)
+    data = json_data(value)
+    text = ENCODER.encode(data) if indent is None else _indented_json(data, "\n", " " * indent)
     return re.sub(
         "[\ud800-\udfff]", lambda lone: f"\\u{ord(lone.group()):04x}", text
     )  # of a file name in no encoding
 
 
-def _in_lines(value: Any, line: str, step: str) -> str:
+def _indented_json(value: Any, line: str, step: str) -> str:
     """JSON with a line for each entry of a mapping and of a list of such, which json itself writes
     slowly.
     """
@@ -344,16 +369,16 @@ def _in_lines(value: Any, line: str, step: str) -> str:
     inner = line + step
     if kind is dict and value:
         parts = [
-            f"{encode_basestring(key)}: {_in_lines(part, inner, step)}"
+            f"{encode_basestring(key)}: {_indented_json(part, inner, step)}"
             for key, part in value.items()
         ]
         return f"{{{inner}{f',{inner}'.join(parts)}{line}}}"
     if kind is list and any(type(part) in (dict, list) for part in value):
-        return f"[{inner}{f',{inner}'.join(_in_lines(part, inner, step) for part in value)}{line}]"
+        return f"[{inner}{f',{inner}'.join(_indented_json(part, inner, step) for part in value)}{line}]"
     return ENCODER.encode(value)
 
 
-def plain(value: Any) -> Any:
+def json_data(value: Any) -> Any:
     """The same as numbers, words, lists and dictionaries; None for a number that is not finite."""
     kind = type(value)
     if kind in (str, int, bool, NoneType):
@@ -361,24 +386,26 @@ def plain(value: Any) -> Any:
     if kind is float:
         return value if math.isfinite(value) else None
     if kind is tuple or kind is list:
-        return [plain(part) for part in value]
+        return [json_data(part) for part in value]
     match value:  # what is rarer
         case Mapping():
-            return {str(key): plain(part) for key, part in value.items()}
+            return {str(key): json_data(part) for key, part in value.items()}
         case str() | int():
             return value
         case np.generic() | np.ndarray():
-            return plain(value.tolist())
+            return json_data(value.tolist())
         case float():
-            return plain(float(value))
+            return json_data(float(value))
         case list() | tuple() | set() | frozenset():
-            return [plain(part) for part in value]
+            return [json_data(part) for part in value]
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {part.name: plain(getattr(value, part.name)) for part in dataclasses.fields(value)}
+        return {
+            part.name: json_data(getattr(value, part.name)) for part in dataclasses.fields(value)
+        }
     return str(value)
 
 
-def _ending(error: BaseException | None) -> tuple[str, int, str]:
+def _final_status(error: BaseException | None) -> tuple[str, int, str]:
     """Status, exit code and reason after the exception that ends a run."""
     if error is None:
         return "done", 0, ""
@@ -388,5 +415,5 @@ def _ending(error: BaseException | None) -> tuple[str, int, str]:
     return "failed", code, str(error) if code != 1 else f"{type(error).__name__}: {error}"
 
 
-def _now() -> str:
+def _utc_time() -> str:
     return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())

@@ -23,49 +23,49 @@ import numpy as np
 from indent_sim.process.errors import UsageError
 from indent_sim.results.folder import (
     FIELDS_FOLDER,
-    Keep,
-    append_whole,
-    content,
+    KeptStates,
+    append_atomically,
     field_files,
+    read_regular_file,
     write_atomically,
 )
 
 TOPOLOGY_TYPES = {2: "Polyline", 3: "Triangle", 4: "Tetrahedron"}
-Kind = tuple[
+ArrayLayout = tuple[
     str, str, tuple[int, ...]
 ]  # where the values of an array are, what each is, and its shape
-Kinds = dict[str, Kind]
-OF_TIP: Kinds = {"displacement": ("Node", "Vector", (3,))}
-ARRAYS = OF_TIP | {"pressure": ("Node", "Scalar", ()), "stress": ("Cell", "Tensor", (9,))}
+ArrayLayouts = dict[str, ArrayLayout]
+TIP_ARRAYS: ArrayLayouts = {"displacement": ("Node", "Vector", (3,))}
+ARRAYS = TIP_ARRAYS | {"pressure": ("Node", "Scalar", ()), "stress": ("Cell", "Tensor", (9,))}
 ARRAYS |= {"von_mises": ("Cell", "Scalar", ()), "principal_stresses": ("Cell", "Vector", (3,))}
 ARRAYS |= dict.fromkeys(("J", "energy_density"), ("Cell", "Scalar", ()))
 # Where the tip drags on the surface; where there is fluid in the pores; of gels
-MORE_ARRAYS: Kinds = dict.fromkeys(("shear", "pore_pressure"), ("Node", "Scalar", ()))
-MORE_ARRAYS |= dict.fromkeys(("fluid_content", "swelling"), ("Cell", "Scalar", ()))
-MORE_ARRAYS |= {
+OPTIONAL_ARRAYS: ArrayLayouts = dict.fromkeys(("shear", "pore_pressure"), ("Node", "Scalar", ()))
+OPTIONAL_ARRAYS |= dict.fromkeys(("fluid_content", "swelling"), ("Cell", "Scalar", ()))
+OPTIONAL_ARRAYS |= {
     "nodal_stress": ("Node", "Tensor", (9,)),
     "nodal_von_mises": ("Node", "Scalar", ()),
 }  # on request
-LASTING_ARRAYS: Kinds = {"region": ("Cell", "Scalar", ())}  # beside the mesh
-XDMF = "fields.xdmf"
-TIP = "tip.xdmf"
-MESH = "mesh.h5"
-OLD = "fields.h5"
-GRID = re.compile(
+MESH_ARRAYS: ArrayLayouts = {"region": ("Cell", "Scalar", ())}  # beside the mesh
+XDMF_FILE = "fields.xdmf"
+TIP_XDMF_FILE = "tip.xdmf"
+FIELDS_MESH_FILE = "mesh.h5"
+OLD_FIELDS_FILE = "fields.h5"
+GRID_PATTERN = re.compile(
     r'<Grid Name="step (?P<step>\d{1,9})".*?<Time Value="(?P<time>[^"]*)".*?'
     r'Name="delta" Value="(?P<delta>[^"]*)".*?</Grid>\n',
     re.DOTALL,
 )
 XDMF_HEAD = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n<Domain>\n'
-COLLECTION = '<Grid Name="indent-sim" GridType="Collection" CollectionType="Temporal">\n'
-BLANKS = str.maketrans(
+XDMF_COLLECTION = '<Grid Name="indent-sim" GridType="Collection" CollectionType="Temporal">\n'
+BLANK_ESCAPES = str.maketrans(
     {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
 )  # which an attribute would not keep
-TAIL = "</Grid>\n</Domain>\n</Xdmf>\n"
+XDMF_TAIL = "</Grid>\n</Domain>\n</Xdmf>\n"
 
 
 @dataclass(frozen=True)
-class _Kept:
+class _StoredState:
     """A state in the files: its step, depth, and XDMF of body and tip."""
 
     step: int
@@ -90,38 +90,40 @@ class FieldWriter:
         self,
         directory: Path,
         *body: Any,
-        keep: Keep = "last",
+        keep: KeptStates = "last",
         done: int | None = None,
-        arrays: Kinds = ARRAYS,
+        arrays: ArrayLayouts = ARRAYS,
         told: Mapping[str, str] | None = None,
     ):
         self.directory = Path(directory)
         self._keep = keep
         self._arrays = arrays
         # beside the collection: whoever counts what is in it counts its states
-        information = "".join(_information(name, value) for name, value in (told or {}).items())
-        self._head = XDMF_HEAD + information + COLLECTION
+        information = "".join(_information_xml(name, value) for name, value in (told or {}).items())
+        self._index_head = XDMF_HEAD + information + XDMF_COLLECTION
         points, cells, regions, self._tip = body
         self._mesh = {
-            "points": in_space(points),
+            "points": vectors_in_3d(points),
             "cells": np.asarray(cells),
             "region": np.asarray(regions),
         }
         self._mesh |= {"tip_points": self._tip.points, "tip_cells": self._tip.cells}
-        found = self._found(done) if done is not None else None
-        self.continued = found is not None
-        self._kept = found or []
-        self._time = max((state.time for state in self._kept), default=-np.inf)  # of the last state
-        if not self.continued:
-            self._fields.mkdir(exist_ok=True)
+        stored_states = self._find_stored_states(done) if done is not None else None
+        self.is_continued = stored_states is not None
+        self._stored_states = stored_states or []
+        self._last_time = max(
+            (state.time for state in self._stored_states), default=-np.inf
+        )  # of the last state
+        if not self.is_continued:
+            self._fields_folder.mkdir(exist_ok=True)
             kinds = {
                 name: "<f8" if values.dtype.kind == "f" else "<i8"
                 for name, values in self._mesh.items()
             }
             mesh = {name: values.astype(kinds[name]) for name, values in self._mesh.items()}
-            write_atomically(self._fields / MESH, _hdf5(mesh), sync=False)
-            (self.directory / OLD).unlink(missing_ok=True)
-        self._save()
+            write_atomically(self._fields_folder / FIELDS_MESH_FILE, _hdf5_bytes(mesh), sync=False)
+            (self.directory / OLD_FIELDS_FILE).unlink(missing_ok=True)
+        self._write_index()
 
     def write(
         self, step: int, delta: float, fields: Mapping[str, np.ndarray], t: float | None = None
@@ -129,128 +131,166 @@ class FieldWriter:
         """Add one state: its fields by name, displacement (n, 2 or 3), and its time. OSError on a
         full disk.
         """
-        values = {**fields, "displacement": in_space(fields["displacement"])}
+        values = {**fields, "displacement": vectors_in_3d(fields["displacement"])}
         arrays = {
-            name: np.reshape(values[name], self._shape(name)).astype("<f8") for name in self._arrays
+            name: np.reshape(values[name], self._array_shape(name)).astype("<f8")
+            for name in self._arrays
         }
-        arrays["tip_displacement"] = self._tip.at(delta).astype("<f8")
-        write_atomically(self._fields / _file(step), _hdf5(arrays), sync=False)
-        self._time = float(step) if t is None else max(t, np.nextafter(self._time, np.inf))
-        state = self._state(step, delta, self._time)
+        arrays["tip_displacement"] = self._tip.displacement(delta).astype("<f8")
+        write_atomically(self._fields_folder / _step_file(step), _hdf5_bytes(arrays), sync=False)
+        self._last_time = (
+            float(step) if t is None else max(t, np.nextafter(self._last_time, np.inf))
+        )
+        state = self._stored_state(step, delta, self._last_time)
         if self._keep == "all":
             for name, text in state.texts.items():
-                append_whole(self.directory / name, text.encode(), sync=False, tail=TAIL.encode())
+                append_atomically(
+                    self.directory / name, text.encode(), sync=False, tail=XDMF_TAIL.encode()
+                )
             return
-        deepest = sorted(self._kept, key=lambda kept: kept.delta)[-1:]
-        self._kept = [*(kept for kept in deepest if kept.delta > delta), state]
-        self._save()
+        deepest = sorted(self._stored_states, key=lambda kept: kept.delta)[-1:]
+        self._stored_states = [*(kept for kept in deepest if kept.delta > delta), state]
+        self._write_index()
 
     @property
-    def _fields(self) -> Path:
+    def _fields_folder(self) -> Path:
         return self.directory / FIELDS_FOLDER
 
-    def _found(self, done: int) -> list[_Kept] | None:
+    def _find_stored_states(self, done: int) -> list[_StoredState] | None:
         """The states up to step `done` in the files of an earlier run; None where they are of no
         use.
         """
         try:
-            mesh = _arrays(self._fields / MESH)
+            mesh = _read_arrays(self._fields_folder / FIELDS_MESH_FILE)
             if not all(np.array_equal(mesh[name], values) for name, values in self._mesh.items()):
                 return None
-            grids = GRID.finditer(content(self.directory / XDMF).decode("utf-8"))
-            said = (
+            grids = GRID_PATTERN.finditer(
+                read_regular_file(self.directory / XDMF_FILE).decode("utf-8")
+            )
+            grid_values = (
                 (int(grid["step"]), float(grid["delta"]), float(grid["time"])) for grid in grids
             )
-            kept = [self._state(*one) for one in said if one[0] <= done]
+            stored_states = [
+                self._stored_state(*state_values)
+                for state_values in grid_values
+                if state_values[0] <= done
+            ]
             files = (
-                _arrays(self._fields / _file(state.step)) for state in kept
+                _read_arrays(self._fields_folder / _step_file(state.step))
+                for state in stored_states
             )  # one in memory at a time
             are_whole = all(
-                file[name].shape == self._shape(name) for file in files for name in self._arrays
+                file[name].shape == self._array_shape(name)
+                for file in files
+                for name in self._arrays
             )
-            return kept if are_whole else None
+            return stored_states if are_whole else None
         except Exception:  # HDF5 has an error for every way of being damaged
             return None
 
-    def _shape(self, name: str) -> tuple[int, ...]:
+    def _array_shape(self, name: str) -> tuple[int, ...]:
         center, _, components = self._arrays[name]
         return (len(self._mesh["points" if center == "Node" else "cells"]), *components)
 
-    def _state(self, step: int, delta: float, time: float) -> _Kept:
-        body = self._grid(step, delta, time, "", self._arrays, LASTING_ARRAYS)
-        return _Kept(
-            step, delta, time, {XDMF: body, TIP: self._grid(step, delta, time, "tip_", OF_TIP, {})}
+    def _stored_state(self, step: int, delta: float, time: float) -> _StoredState:
+        body = self._grid_xml(step, delta, time, "", self._arrays, MESH_ARRAYS)
+        return _StoredState(
+            step,
+            delta,
+            time,
+            {
+                XDMF_FILE: body,
+                TIP_XDMF_FILE: self._grid_xml(step, delta, time, "tip_", TIP_ARRAYS, {}),
+            },
         )
 
-    def _grid(
-        self, step: int, delta: float, time: float, prefix: str, arrays: Kinds, lasting: Kinds
+    def _grid_xml(
+        self,
+        step: int,
+        delta: float,
+        time: float,
+        prefix: str,
+        arrays: ArrayLayouts,
+        mesh_arrays: ArrayLayouts,
     ) -> str:
         """A state of the mesh whose arrays begin with a prefix."""
         points, cells = (self._mesh[f"{prefix}{name}"] for name in ("points", "cells"))
         counts = {"Node": len(points), "Cell": len(cells)}
         items = [
-            _attribute(name, kind, counts, _file(step), prefix) for name, kind in arrays.items()
+            _attribute_xml(name, kind, counts, _step_file(step), prefix)
+            for name, kind in arrays.items()
         ]
-        items += [_attribute(name, kind, counts, MESH, "", "Int") for name, kind in lasting.items()]
+        items += [
+            _attribute_xml(name, kind, counts, FIELDS_MESH_FILE, "", "Int")
+            for name, kind in mesh_arrays.items()
+        ]
         corners = cells.shape[1]
-        many = f' NodesPerElement="{corners}"' if corners == 2 else ""
+        node_count = f' NodesPerElement="{corners}"' if corners == 2 else ""
         head = f'<Grid Name="step {step}" GridType="Uniform">\n<Time Value="{time:.17g}"/>\n'
         head += f'<Information Name="delta" Value="{delta:.17g}"/>\n'
         topology = (
-            f'<Topology TopologyType="{TOPOLOGY_TYPES[corners]}"{many} '
+            f'<Topology TopologyType="{TOPOLOGY_TYPES[corners]}"{node_count} '
             f'NumberOfElements="{len(cells)}">'
         )
-        topology += f"{_item(MESH, f'{prefix}cells', cells.shape, 'Int')}</Topology>\n"
+        topology += (
+            f"{_data_item_xml(FIELDS_MESH_FILE, f'{prefix}cells', cells.shape, 'Int')}</Topology>\n"
+        )
         geometry = (
             "<Geometry "
-            f'GeometryType="XYZ">{_item(MESH, f"{prefix}points", points.shape)}</Geometry>\n'
+            f'GeometryType="XYZ">{_data_item_xml(FIELDS_MESH_FILE, f"{prefix}points", points.shape)}</Geometry>\n'
         )
         return "".join([head, topology, geometry, *items, "</Grid>\n"])
 
-    def _save(self) -> None:
+    def _write_index(self) -> None:
         """Name the states that are kept, and no others; then theirs may go."""
-        for name in (XDMF, TIP):
-            text = self._head + "".join(state.texts[name] for state in self._kept) + TAIL
+        for name in (XDMF_FILE, TIP_XDMF_FILE):
+            text = (
+                self._index_head
+                + "".join(state.texts[name] for state in self._stored_states)
+                + XDMF_TAIL
+            )
             write_atomically(self.directory / name, text, sync=False)
-        named = {MESH, *(_file(state.step) for state in self._kept)}
-        for path in field_files(self._fields):
+        named = {FIELDS_MESH_FILE, *(_step_file(state.step) for state in self._stored_states)}
+        for path in field_files(self._fields_folder):
             if path.name not in named:
                 path.unlink()
 
 
-def lost_fields(folder: Path) -> list[str]:
+def missing_field_files(folder: Path) -> list[str]:
     """The files of fields that a finished run left in its folder and that are missing or damaged
     now, by name.
     """
-    text = _index(folder)
-    steps = _named_steps(text)
-    if not (steps and text.endswith(TAIL)):
-        return [XDMF]
-    wanted = {MESH: {"points", "cells"}} | {_file(step): set(ARRAYS) for step in steps}
+    text = _read_index(folder)
+    steps = _indexed_steps(text)
+    if not (steps and text.endswith(XDMF_TAIL)):
+        return [XDMF_FILE]
+    wanted = {FIELDS_MESH_FILE: {"points", "cells"}} | {
+        _step_file(step): set(ARRAYS) for step in steps
+    }
     fields = folder / FIELDS_FOLDER
     return [
         f"{FIELDS_FOLDER}/{name}"
         for name, arrays in wanted.items()
-        if not arrays <= _names(fields / name)
+        if not arrays <= _array_names(fields / name)
     ]
 
 
-def kept_steps(folder: Path, rows: Collection[float]) -> list[int]:
+def steps_with_fields(folder: Path, rows: Collection[float]) -> list[int]:
     """The steps whose fields are in a result folder, of those that have rows: fields are written
     before their row.
     """
-    return [step for step in _named_steps(_index(folder)) if step in rows]
+    return [step for step in _indexed_steps(_read_index(folder)) if step in rows]
 
 
-def _index(folder: Path) -> str:
+def _read_index(folder: Path) -> str:
     """The text of fields.xdmf; "" where it cannot be read."""
     with suppress(OSError, ValueError):
-        return content(folder / XDMF).decode("utf-8")
+        return read_regular_file(folder / XDMF_FILE).decode("utf-8")
     return ""
 
 
-def _named_steps(index: str) -> list[int]:
-    return [int(grid["step"]) for grid in GRID.finditer(index)]
+def _indexed_steps(index: str) -> list[int]:
+    return [int(grid["step"]) for grid in GRID_PATTERN.finditer(index)]
 
 
 def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
@@ -258,20 +298,20 @@ def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
     when damaged.
     """
     try:
-        found = _arrays(folder / FIELDS_FOLDER / MESH) | _arrays(
-            folder / FIELDS_FOLDER / _file(step)
+        arrays = _read_arrays(folder / FIELDS_FOLDER / FIELDS_MESH_FILE) | _read_arrays(
+            folder / FIELDS_FOLDER / _step_file(step)
         )
-        counts = {"Node": len(found["points"]), "Cell": len(found["cells"])}
-        some = {name: kind for name, kind in MORE_ARRAYS.items() if name in found}
-        kinds = ARRAYS | LASTING_ARRAYS | some
-        if all(found[name].shape == (counts[kinds[name][0]], *kinds[name][2]) for name in kinds):
-            return found
+        counts = {"Node": len(arrays["points"]), "Cell": len(arrays["cells"])}
+        optional_layouts = {name: kind for name, kind in OPTIONAL_ARRAYS.items() if name in arrays}
+        kinds = ARRAYS | MESH_ARRAYS | optional_layouts
+        if all(arrays[name].shape == (counts[kinds[name][0]], *kinds[name][2]) for name in kinds):
+            return arrays
         raise ValueError("its arrays do not belong together")
     except Exception as error:  # HDF5 has an error for every way of being damaged
         raise UsageError(f"the fields of step {step} in {folder} cannot be read: {error}") from None
 
 
-def in_space(vectors: np.ndarray) -> np.ndarray:
+def vectors_in_3d(vectors: np.ndarray) -> np.ndarray:
     """(n, 2) vectors of the (x, z) plane as (n, 3); (n, 3) as they are."""
     vectors = np.asarray(vectors, dtype=float)
     if vectors.shape[1] == 3:
@@ -279,56 +319,59 @@ def in_space(vectors: np.ndarray) -> np.ndarray:
     return np.column_stack([vectors[:, 0], np.zeros(len(vectors)), vectors[:, 1]])
 
 
-def _information(name: str, value: str) -> str:
-    return f"<Information Name={_quoted(name)} Value={_quoted(value)}/>\n"
+def _information_xml(name: str, value: str) -> str:
+    return f"<Information Name={_quote_attribute(name)} Value={_quote_attribute(value)}/>\n"
 
 
-def _quoted(text: str) -> str:
+def _quote_attribute(text: str) -> str:
     """A value of an attribute. xml.sax would do, but loads what fetches pages from the internet."""
-    return f'"{html.escape(text).translate(BLANKS)}"'
+    return f'"{html.escape(text).translate(BLANK_ESCAPES)}"'
 
 
-def _file(step: int) -> str:
+def _step_file(step: int) -> str:
     return f"step-{step}.h5"
 
 
-def _attribute(
-    name: str, kind: Kind, counts: Mapping[str, int], file: str, prefix: str, number: str = "Float"
+def _attribute_xml(
+    name: str,
+    kind: ArrayLayout,
+    counts: Mapping[str, int],
+    file: str,
+    prefix: str,
+    number: str = "Float",
 ) -> str:
     """An array of a file, in which its name has a prefix, as the values of a grid."""
     center, rank, components = kind
     head = f'<Attribute Name="{name}" Center="{center}" AttributeType="{rank}">'
-    return (
-        f"{head}{_item(file, prefix + name, (counts[center], *components), number)}</Attribute>\n"
-    )
+    return f"{head}{_data_item_xml(file, prefix + name, (counts[center], *components), number)}</Attribute>\n"
 
 
-def _item(file: str, path: str, shape: tuple[int, ...], kind: str = "Float") -> str:
+def _data_item_xml(file: str, path: str, shape: tuple[int, ...], kind: str = "Float") -> str:
     dimensions = " ".join(str(n) for n in shape)
     form = f'DataType="{kind}" Precision="8" Format="HDF" Dimensions="{dimensions}"'
     return f"<DataItem {form}>{FIELDS_FOLDER}/{file}:/{path}</DataItem>"
 
 
-def _hdf5(arrays: dict[str, np.ndarray]) -> bytes:
+def _hdf5_bytes(arrays: dict[str, np.ndarray]) -> bytes:
     import h5py
 
-    image = io.BytesIO()
-    with h5py.File(image, "w") as file:
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
         for name, values in arrays.items():
             file[name] = values
-    return image.getvalue()
+    return buffer.getvalue()
 
 
-def _names(path: Path) -> set[str]:
+def _array_names(path: Path) -> set[str]:
     """The names of what an HDF5 file holds, none when it is damaged."""
     with suppress(Exception):  # HDF5 has an error for every way of being damaged
-        return set(_arrays(path))
+        return set(_read_arrays(path))
     return set()
 
 
-def _arrays(path: Path) -> dict[str, np.ndarray]:
+def _read_arrays(path: Path) -> dict[str, np.ndarray]:
     """What an HDF5 file holds; any exception when it is damaged."""
     import h5py
 
-    with h5py.File(io.BytesIO(content(path)), "r") as file:
+    with h5py.File(io.BytesIO(read_regular_file(path)), "r") as file:
         return {name: values[()] for name, values in file.items()}

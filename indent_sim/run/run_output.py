@@ -17,7 +17,7 @@ from indent_sim.process.ranks import Alone, Meeting, on_root
 from indent_sim.process.signals import check
 from indent_sim.results.checkpoint import Checkpoint
 from indent_sim.results.folder import REPORT, read_report, write_atomically
-from indent_sim.results.reader import Earlier
+from indent_sim.results.reader import PreviousRun
 from indent_sim.results.writer import ResultFolder, to_json
 
 T = TypeVar("T")
@@ -95,7 +95,7 @@ class RunOutput:
             target, config_yaml, report=self.report, **options
         ).__enter__()
         self._folder: ResultFolder | None = None
-        self.earlier: Earlier | None = None
+        self.earlier: PreviousRun | None = None
         # of all ranks, of this one
         self.optional_output = OptionalOutput(comm, self._report_missing)
         self.rank_optional_output = OptionalOutput(None, self._report_missing)
@@ -105,7 +105,9 @@ class RunOutput:
 
     def __enter__(self) -> RunOutput:
         self._folder = on_root(self.comm, self._open_folder)
-        self.earlier = self.comm.bcast(self._folder.earlier if self._folder is not None else None)
+        self.earlier = self.comm.bcast(
+            self._folder.previous_run if self._folder is not None else None
+        )
         return self
 
     def __exit__(self, *error: Any) -> None:

@@ -23,8 +23,8 @@ from indent_sim.process.limits import spent
 from indent_sim.process.ranks import Alone, on_root
 from indent_sim.process.signals import unmasked
 from indent_sim.process.usage import Clock, memory
-from indent_sim.results.folder import asked_from, read_report
-from indent_sim.results.reader import begun_report, earlier_run, lost_files, read
+from indent_sim.results.folder import config_file_entries, read_report
+from indent_sim.results.reader import missing_files, previous_run, read, resumable_report
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.run.derived_quantities import DerivedQuantities, Equilibrium
 from indent_sim.run.error_estimation.coarser_run import (
@@ -143,7 +143,9 @@ class SimulationDriver:
         self._resume = resume
         self._overwrite = overwrite
         self._clock = Clock()
-        self._previous_report = comm.bcast(on_root(comm, begun_report, target)) if resume else {}
+        self._previous_report = (
+            comm.bcast(on_root(comm, resumable_report, target)) if resume else {}
+        )
         previous_request = error_request_of(self._previous_report)
         self._request = ErrorRequest(
             error_bars or previous_request.error_bars, target_error(config.accuracy)
@@ -274,7 +276,7 @@ class SimulationDriver:
         """
         comm = self.comm
         target = self.target
-        earlier = comm.bcast(on_root(comm, earlier_run, target, config_yaml, initial_report))
+        earlier = comm.bcast(on_root(comm, previous_run, target, config_yaml, initial_report))
         if earlier is None:
             return None
         physics = scene.physics
@@ -285,7 +287,7 @@ class SimulationDriver:
         if earlier.report.get("status") != "done" or len(earlier.states) != steps:
             return None
         surface = "none" if scene.history_on_curve else output.surface
-        missing_files = comm.bcast(on_root(comm, lost_files, target, surface, output.fields))
+        missing_files = comm.bcast(on_root(comm, missing_files, target, surface, output.fields))
         is_reported_missing = EXPERIMENT in (earlier.report.get("missing") or ())
         has_table = scene.experiment is not None and scene.history_on_curve is None
         if has_table and not (
@@ -303,7 +305,7 @@ class SimulationDriver:
         """What run.json says from the beginning."""
         physics = scene.physics
         plan = scene.plan
-        request = asdict(self._request) | asked_from(self.config.source.name, self.target)
+        request = asdict(self._request) | config_file_entries(self.config.source.name, self.target)
         report = {
             "asked": request,
             "title": plan.title,
@@ -561,14 +563,14 @@ def mpi() -> Any:
 
 
 def _plot(directory: Path, report: dict[str, Any]) -> None:
-    from indent_sim.results.pictures import canvas, experiment, panels
+    from indent_sim.results.pictures import experiment, figures, panels
 
     draw = optional_output_after_run(directory, report)
-    picture = directory / canvas.FORCE_PICTURE
+    picture = directory / figures.FORCE_PICTURE
     draw(
         picture.name,
         lambda: panels.draw_results([read(directory, read_report(directory))], picture),
         None,
     )
-    if experiment.is_there(directory, report):
+    if experiment.has_elastic_curve(directory, report):
         draw(experiment.EXPERIMENT_PICTURE, lambda: experiment.draw(directory), None)

@@ -19,8 +19,8 @@ from indent_sim.process.ranks import on_root
 from indent_sim.process.signals import uninterrupted
 from indent_sim.process.usage import Clock
 from indent_sim.results.checkpoint import Checkpoint
-from indent_sim.results.outline import Outline, drawn_width, outline
 from indent_sim.results.tables import EXPERIMENT
+from indent_sim.results.tip_geometry import TipGeometry, plot_width, tip_mesh
 from indent_sim.run.derived_quantities import DerivedQuantities
 from indent_sim.run.error_estimation.error_bars import AnyErrorBars
 from indent_sim.run.explicit_config import written_fields
@@ -183,16 +183,16 @@ class SingleRun:
                 self.scene, self._solver, self.clock.started - earlier_seconds
             )
 
-    def _drawn_tip_geometry(self) -> Outline:
+    def _drawn_tip_geometry(self) -> TipGeometry:
         """The tip above the mesh of the fields, in the user's units."""
         physics = self.scene.physics
         scales = self.scene.physics.scales
         tip = scales.to_user_units(physics.indenter)
         center = tuple(c * scales.length for c in physics.center)
-        width = drawn_width(
-            tip, self.scene.plan.prediction["a"], max(physics.deltas) * scales.depth
+        width = plot_width(tip, self.scene.plan.prediction["a"], max(physics.deltas) * scales.depth)
+        return tip_mesh(
+            tip, center, width, physics.domain.kinematics.name, scales.contacts_per_body
         )
-        return outline(tip, center, width, physics.domain.kinematics.name, scales.contacts_per_body)
 
     def _resume(self) -> None:
         """Stand where the run that is continued stopped."""
@@ -204,7 +204,7 @@ class SingleRun:
         saved = self.run_output.read_checkpoint(self._identity)
         if physics.path.times:  # the rows since then are walked again, as they were
             with self.clock.stage("resume"):
-                self._solver.resume(saved.points, [], saved.step, saved.pull_off_points)
+                self._solver.resume(saved.equilibria, [], saved.step, saved.pull_off_points)
             self._first_step = saved.step
             return
         increments = [
@@ -217,7 +217,7 @@ class SingleRun:
             ]
         with self.clock.stage("resume"):
             if not self._solver.resume(
-                saved.points, points_passed, saved.step, saved.pull_off_points
+                saved.equilibria, points_passed, saved.step, saved.pull_off_points
             ):
                 depth = f"delta = {self.states[-1].delta:.6g}"
                 raise NotConverged(

@@ -13,7 +13,7 @@ import numpy as np
 from indent_sim.process.errors import NotConverged, UsageError
 from indent_sim.process.screen import Shown
 from indent_sim.process.usage import duration, machine_memory
-from indent_sim.results.folder import Report, content, read_report
+from indent_sim.results.folder import Report, read_regular_file, read_report
 from indent_sim.results.reader import Results, data_frame
 from indent_sim.run import simulate
 from indent_sim.studies import cases as case_list
@@ -221,9 +221,11 @@ def read_back(folder: Path) -> Study:
     table = folder / study_folder.STUDY_TABLE
     board: list[Row] = []
     try:
-        rows = study_table.read(content(table).decode("utf-8"))
+        rows = study_table.read(read_regular_file(table).decode("utf-8"))
         if (folder / study_folder.SCOREBOARD).exists():
-            board = scoreboard.read(content(folder / study_folder.SCOREBOARD).decode("utf-8"))
+            board = scoreboard.read(
+                read_regular_file(folder / study_folder.SCOREBOARD).decode("utf-8")
+            )
         keys = tuple(map(str, record["keys"]))
         if not rows or not {"status", "verdict", *keys} <= rows[0].keys():
             raise ValueError("it lacks what a study has")

@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.pictures import canvas
-from indent_sim.results.pictures.axes import Axis, axis, in_picture, unit_of_key
-from indent_sim.results.pictures.canvas import Axes, Figure, Look, SubFigure
+from indent_sim.results.pictures import figures
+from indent_sim.results.pictures.axes import Axis, axis_of_column, picture_text, unit_label_of_key
 from indent_sim.results.pictures.curves import Colour
-from indent_sim.results.pictures.forces import draw_force, draw_many
+from indent_sim.results.pictures.figures import Axes, Figure, PlotStyle, SubFigure
+from indent_sim.results.pictures.forces import draw_force, draw_force_lines
 from indent_sim.results.reader import MEASURED, Results
 from indent_sim.studies.curve_table import Families
 from indent_sim.studies.study_table import answer_row
 
 COLUMNS = ("force", "a", "p_max", "penetration")  # of a run, that are drawn over the keys that vary
 STIFFNESS = "contact.epsilon_n"
-MOST_COLOURS = len(canvas.COLOURS)
+MOST_COLOURS = len(figures.COLOURS)
 # small multiples side by side and below one another
 MOST_ACROSS = 6
 MOST_DOWN = 4
@@ -102,7 +102,7 @@ def pictured(families: Families, title: str) -> Iterator[Figure]:
     below = [*(["map"] if is_map else []), *numbers]
     width = max(SMALL[0] * len(across) + 1.6, PANEL[0] * len(below))
     heights = [SMALL[1] * len(down) + 0.9, *([PANEL[1] + 0.6 * is_map] if below else [])]
-    with canvas.canvas((width, sum(heights) + HEAD)) as figure:
+    with figures.new_figure((width, sum(heights) + HEAD)) as figure:
         grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
         parts = [figure.add_subfigure(place) for place in grid]
         looks, bar = looks_by(families, chosen.colour)
@@ -116,8 +116,8 @@ def pictured(families: Families, title: str) -> Iterator[Figure]:
                 else:
                     draw_over(axes, families, key, values, label, looks)
         if first.get_legend_handles_labels()[1]:
-            canvas.legend_below(figure, first)
-        canvas.head(figure, title, _subtitle(families, chosen, across))
+            figures.draw_figure_legend(figure, first)
+        figures.draw_title(figure, title, _subtitle(families, chosen, across))
         yield figure
 
 
@@ -159,7 +159,7 @@ def _draw_multiples(
     families: Families,
     chosen: Roles,
     facets: tuple[Sequence[str], Sequence[str]],
-    looks: Sequence[Look],
+    looks: Sequence[PlotStyle],
     bar: Any,
 ) -> Axes:
     """Draw force over depth into a panel for every pair of values; returns the one that has the
@@ -167,8 +167,8 @@ def _draw_multiples(
     """
     across, down = facets
     runs = [curve.results for curve in families.curves]
-    depth = axis("delta", runs)
-    force = axis("force", runs)
+    depth = axis_of_column("delta", runs)
+    force = axis_of_column("force", runs)
     dashed = _values(families, chosen.dashes)
     names = {key: families.names([key]) if key else [""] * len(runs) for key in ("", *chosen.told)}
     looks = [
@@ -185,29 +185,31 @@ def _draw_multiples(
             ]
             if own:
                 _draw_curves(axes, [runs[i] for i in own], depth, force, [looks[i] for i in own])
-            canvas.title_over(axes, in_picture(", ".join(filter(None, (name, lower)))))
+            figures.draw_panel_title(axes, picture_text(", ".join(filter(None, (name, lower)))))
             axes.set(xlabel=depth.label, ylabel=force.label)
     first: Axes = panels[0, 0]
     _scale(first, runs, depth, force)
     for axes in panels.ravel():
         axes.label_outer()
     if bar is not None:
-        canvas.colour_bar(list(panels.ravel()), bar, label_of(families, chosen.colour), "right")
+        figures.draw_colour_bar(
+            list(panels.ravel()), bar, label_of(families, chosen.colour), "right"
+        )
     else:
         known = dict(zip(names[chosen.colour], looks, strict=True))
         for name, look in known.items():
-            first.plot([], [], color=look["color"], label=in_picture(name))
+            first.plot([], [], color=look["color"], label=picture_text(name))
     if chosen.dashes:
         for name, dash in zip(dashed, DASHES, strict=False):
-            first.plot([], [], color=canvas.GREY, ls=dash, label=in_picture(name))
+            first.plot([], [], color=figures.GREY, ls=dash, label=picture_text(name))
     return first
 
 
 def _draw_curves(
-    axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis, looks: Sequence[Look]
+    axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis, looks: Sequence[PlotStyle]
 ) -> None:
     if all(len(run) > 1 and not run.report.get(MEASURED) for run in runs):
-        draw_many(axes, runs, depth, force, looks)
+        draw_force_lines(axes, runs, depth, force, looks)
         return
     for run, look in zip(runs, looks, strict=True):
         draw_force(axes, run, depth, force, look, "_")
@@ -232,7 +234,7 @@ def _scale(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -> Non
         along.set_minor_locator(NullLocator())
 
 
-def looks_by(families: Families, key: str) -> tuple[list[Look], Any]:
+def looks_by(families: Families, key: str) -> tuple[list[PlotStyle], Any]:
     """The colour of every curve by a varied key, and what a bar of colours is made of; None of
     words.
     """
@@ -242,8 +244,8 @@ def looks_by(families: Families, key: str) -> tuple[list[Look], Any]:
     names = families.names([key])
     known = list(dict.fromkeys(names))
     if len(known) > MOST_COLOURS:
-        return [{"color": canvas.GREY, "ls": "-"} for _ in names], None
-    return [{"color": canvas.COLOURS[known.index(name)], "ls": "-"} for name in names], None
+        return [{"color": figures.GREY, "ls": "-"} for _ in names], None
+    return [{"color": figures.COLOURS[known.index(name)], "ls": "-"} for name in names], None
 
 
 def shades(values: Sequence[float]) -> tuple[list[Colour], Any]:
@@ -265,8 +267,8 @@ def shades(values: Sequence[float]) -> tuple[list[Colour], Any]:
 
 def label_of(families: Families, key: str) -> str:
     """The name of a varied number with its unit."""
-    unit = families.unit(key) or unit_of_key(key, families.curves[0].results)
-    return Axis(in_picture(families.told(key)), unit=unit).label
+    unit = families.unit(key) or unit_label_of_key(key, families.curves[0].results)
+    return Axis(picture_text(families.told(key)), unit=unit).label
 
 
 def span(values: Sequence[float] | np.ndarray) -> float:
@@ -277,7 +279,7 @@ def span(values: Sequence[float] | np.ndarray) -> float:
 def told(families: Families, column: str) -> tuple[list[float], str]:
     """A column in the row that each run is told by, as it is shown, and its name with its unit."""
     runs = [curve.results for curve in families.curves]
-    shown = axis(column, runs)
+    shown = axis_of_column(column, runs)
     values = [float(shown(run[column][answer_row(run)])) for run in runs]
     has_histories = all("t" in run.table for run in runs)
     when = "at the largest force" if has_histories else "at the last depth"
@@ -301,7 +303,7 @@ def draw_over(
     key: str,
     values: Sequence[float],
     label: str,
-    looks: Sequence[Look],
+    looks: Sequence[PlotStyle],
 ) -> None:
     """Draw what the runs tell over a varied number: a line for all runs that differ in this number
     alone.
@@ -312,7 +314,7 @@ def draw_over(
         colours = [looks[place]["color"] for place in along]
         x = [numbers[place] for place in along]
         y = [values[place] for place in along]
-        line = colours[0] if len(set(map(str, colours))) == 1 else canvas.GREY
+        line = colours[0] if len(set(map(str, colours))) == 1 else figures.GREY
         axes.plot(x, y, lw=0.9, color=line, zorder=1)
         axes.scatter(x, y, s=12, color=colours, zorder=2)
     scale_numbers(axes, numbers)
@@ -371,11 +373,11 @@ def draw_map(
     high = max(values)
     high = high if high > low else low + 1.0
     levels = np.geomspace(low, high, LEVELS + 1) if is_log else np.linspace(low, high, LEVELS + 1)
-    look: Look = {"norm": LogNorm(low, high)} if is_log else {}
+    look: PlotStyle = {"norm": LogNorm(low, high)} if is_log else {}
     drawn = axes.contourf(
         across, up, found, levels=levels, cmap="viridis", extend="neither", **look
     )
-    axes.plot(x, y, ls="", marker=".", ms=4, color="white", mec=canvas.INK, mew=0.3)
+    axes.plot(x, y, ls="", marker=".", ms=4, color="white", mec=figures.INK, mew=0.3)
     for numbers, scale, along in (
         (across, axes.set_xscale, axes.xaxis),
         (up, axes.set_yscale, axes.yaxis),
@@ -384,7 +386,7 @@ def draw_map(
             scale("log")
             few_decades(along, span(numbers))
     axes.set(xlabel=label_of(families, keys[0]), ylabel=label_of(families, keys[1]))
-    bar = canvas.colour_bar([axes], drawn, label, "bottom")
+    bar = figures.draw_colour_bar([axes], drawn, label, "bottom")
     bar.set_ticks(LogLocator(subs=(1, 2, 5)) if is_log else MaxNLocator(5))
     bar.ax.xaxis.set_major_formatter("{x:g}")
     bar.minorticks_off()
@@ -412,7 +414,7 @@ def column_pictured(families: Families, column: str, title: str) -> Iterator[Fig
     is_map = over == numeric and is_grid(families, over)
     count = 1 if is_map else len(over)
     wide = PANEL[0] * count * (1.4 if count == 1 else 1.0)
-    with canvas.canvas((wide, HEAD + PANEL[1] + (1.0 if is_map else 0.4))) as figure:
+    with figures.new_figure((wide, HEAD + PANEL[1] + (1.0 if is_map else 0.4))) as figure:
         panels = figure.subplots(1, count, squeeze=False)[0]
         if is_map:
             draw_map(panels[0], families, over, values, label)
@@ -423,8 +425,8 @@ def column_pictured(families: Families, column: str, title: str) -> Iterator[Fig
             if min(values) > 0 and span(families.numbers(STIFFNESS)) > LOG_SPAN:
                 panels[0].set_yscale("log")  # it falls with the stiffness
         if panels[0].get_legend_handles_labels()[1]:
-            canvas.legend_below(figure, panels[0])
-        canvas.head(figure, title, f"{len(families.curves)} runs")
+            figures.draw_figure_legend(figure, panels[0])
+        figures.draw_title(figure, title, f"{len(families.curves)} runs")
         yield figure
 
 
@@ -442,17 +444,17 @@ def _draw_over_each(
     names = families.names(others)
     known = list(dict.fromkeys(names))
     if 1 < len(known) <= MOST_COLOURS:
-        looks: list[Look] = [{"color": canvas.COLOURS[known.index(name)]} for name in names]
+        looks: list[PlotStyle] = [{"color": figures.COLOURS[known.index(name)]} for name in names]
         bar = None
-        for name, colour in zip(known, canvas.COLOURS, strict=False):
-            panels[0].plot([], [], color=colour, label=in_picture(name))
+        for name, colour in zip(known, figures.COLOURS, strict=False):
+            panels[0].plot([], [], color=colour, label=picture_text(name))
     elif len(others) or len(over) > 1:
         by = next((key for key in (*others, *over) if key in families.numeric()), families.keys[0])
         looks, bar = looks_by(families, by)
         if bar is not None:
-            canvas.colour_bar(list(panels), bar, label_of(families, by), "right")
+            figures.draw_colour_bar(list(panels), bar, label_of(families, by), "right")
     else:
-        looks = [{"color": canvas.COLOURS[0]} for _ in names]
+        looks = [{"color": figures.COLOURS[0]} for _ in names]
     for axes, key in zip(panels, over, strict=True):
         draw_over(axes, families, key, *shown, looks)
 
@@ -467,6 +469,6 @@ def _draw_pressure_over_stiffness(axes: Axes, families: Families) -> None:
     stiffness = np.array(families.numbers(STIFFNESS))
     peak = np.array([run["p_max"][answer_row(run)] for run in runs])
     along = np.argsort(stiffness)
-    yields = axis("penetration", runs)(peak[along] / stiffness[along])
+    yields = axis_of_column("penetration", runs)(peak[along] / stiffness[along])
     label = r"$p_{max}/\varepsilon_n$ of these runs"
-    axes.plot(stiffness[along], yields, label=label, **canvas.FORMULA_STYLE)
+    axes.plot(stiffness[along], yields, label=label, **figures.FORMULA_STYLE)

@@ -17,13 +17,13 @@ import numpy as np
 
 from indent_sim.config.strict_yaml import short
 from indent_sim.results.folder import Report
-from indent_sim.results.hold import Hold, first_hold
-from indent_sim.results.pictures import canvas
-from indent_sim.results.pictures.axes import axis, in_picture
-from indent_sim.results.pictures.canvas import FORMULA_STYLE, Axes, Figure, Look
-from indent_sim.results.pictures.curves import smooth
-from indent_sim.results.pictures.forces import draw_force, draw_many
+from indent_sim.results.pictures import figures
+from indent_sim.results.pictures.axes import axis_of_column, picture_text
+from indent_sim.results.pictures.curves import smooth_curve
+from indent_sim.results.pictures.figures import FORMULA_STYLE, Axes, Figure, PlotStyle
+from indent_sim.results.pictures.forces import draw_force, draw_force_lines
 from indent_sim.results.reader import MEASURED, Results
+from indent_sim.results.relaxation_in_hold import HoldRelaxation, first_hold
 from indent_sim.studies import multiples, study_table
 from indent_sim.studies.curve_table import Families, told_apart
 from indent_sim.studies.multiples import (
@@ -62,7 +62,7 @@ SAME_FORMULA = 1e-3  # relative, between points of a curve
 # inches of a line of the scoreboard; per cent where its axis turns logarithmic
 BOARD_LINE = 0.27
 LEAST = 0.1
-BOARD_MARK: Look = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
+BOARD_MARK: PlotStyle = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
 LOG_FORCES = 1000.0  # likewise depths and forces: on linear axes most curves would lie on zero
 
 
@@ -81,11 +81,11 @@ def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, p
     names, widths = (
         (["work", "number", "names"], [1, 1, 0.62]) if number else (["work", "names"], [1, 0.5])
     )
-    with canvas.canvas((12.4 if number else 9.6, height)) as figure:
+    with figures.new_figure((12.4 if number else 9.6, height)) as figure:
         panels: dict[str, Axes] = figure.subplot_mosaic([names], width_ratios=widths)
         failed = sum(row["status"] == "failed" for row in rows)
         runs = f"{len(rows)} runs" + (f", {failed} failed" if failed else "")
-        canvas.head(figure, title, f"{runs}  ·  force error against {reference}")
+        figures.draw_title(figure, title, f"{runs}  ·  force error against {reference}")
         _work(panels["work"], groups)
         front = study_table.pareto(rows)
         named = _front(panels["work"], front)
@@ -93,7 +93,7 @@ def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, p
             _against(panels["number"], groups, number)
         words = {key: _words(shown, key) for key in study_table.telling(shown, keys)}
         _names(panels["names"], panels["work"], named, len(front), words)
-        canvas.save(figure, path)
+        figures.save(figure, path)
 
 
 def draw_curves(families: Families, title: str, path: Path) -> None:
@@ -104,7 +104,7 @@ def draw_curves(families: Families, title: str, path: Path) -> None:
         path.unlink(missing_ok=True)
         return
     with curves_pictured(families, title) as figure:
-        canvas.save(figure, path)
+        figures.save(figure, path)
 
 
 @contextmanager
@@ -123,7 +123,7 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
     is_coloured = len(numbers) > 0 and (len(families.keys) == 1 or count > MOST_CURVES_NAMED)
     looks, names = _looks_of_all(families)
     longest = min(max(map(len, names), default=0), MOST_LEGEND_LETTERS)
-    beside = 0.9 if is_coloured or not any(names) else 0.7 + canvas.LETTER * longest
+    beside = 0.9 if is_coloured or not any(names) else 0.7 + figures.LETTER_WIDTH * longest
     groups = {key: groups_of(families, key) for key in numbers}
     named = {key: list(found) for key, found in groups.items() if _group_looks(families, key)}
     abreast = (
@@ -131,7 +131,9 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
         if max((len(name) for known in named.values() for name in known), default=0) <= MOST_ABREAST
         else 1
     )
-    lines = canvas.LINE * max([0, *(-(-len(known) // abreast) + 1 for known in named.values())])
+    lines = figures.LINE_HEIGHT * max(
+        [0, *(-(-len(known) // abreast) + 1 for known in named.values())]
+    )
     height = CURVE_PANEL + max(0.0, lines - NAMES_HEIGHT)
     widths = [*[CURVE_PANEL] * (1 + len(numbers)), BAR_WIDTH if is_coloured else beside]
     rows = [["curves", *numbers, "names"]]
@@ -142,13 +144,13 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
             ["curves", *(f"{key} groups" if key in named else key for key in numbers), "names"],
         ]
         heights = [*heights, lines]
-    with canvas.canvas((CURVE_PANEL * (1 + len(numbers)) + beside, height)) as figure:
+    with figures.new_figure((CURVE_PANEL * (1 + len(numbers)) + beside, height)) as figure:
         axes: dict[str, Axes] = figure.subplot_mosaic(
             rows, width_ratios=widths, height_ratios=heights
         )
         held = "what is left of the force's fall while the tip stands still"
         shown = held if _all_held(holds) else "every force at its run's own depth"
-        canvas.head(figure, title, f"{count} run{'s' * (count > 1)}  ·  {shown}")
+        figures.draw_title(figure, title, f"{count} run{'s' * (count > 1)}  ·  {shown}")
         if is_coloured:
             looks, colours = looks_by(families, numbers[0])
             names = [""] * count
@@ -158,9 +160,9 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
         for key in numbers:
             _over(axes[key], families, key, looks, holds)
             if key in named:
-                canvas.legend_in(axes[f"{key} groups"], axes[key], abreast)
+                figures.draw_legend_panel(axes[f"{key} groups"], axes[key], abreast)
         if not is_coloured:
-            canvas.legend_in(axes["names"], axes["curves"])
+            figures.draw_legend_panel(axes["names"], axes["curves"])
             if (
                 inside := axes["curves"].get_legend()
             ) is not None:  # what it names is named beside, too
@@ -168,7 +170,7 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
         yield figure
 
 
-def _looks_of_all(families: Families) -> tuple[list[Look], list[str]]:
+def _looks_of_all(families: Families) -> tuple[list[PlotStyle], list[str]]:
     """The look of every curve, and the name of the first with each look: of few curves their own,
     of many those of what varies first; where that has too many values for colours all are grey
     and have none.
@@ -179,11 +181,11 @@ def _looks_of_all(families: Families) -> tuple[list[Look], list[str]]:
         names = families.names(families.keys[:1])
         looks = _told_by(families, families.keys[:1])
     if looks is None:
-        return [{"color": canvas.GREY, "ls": "-"} for _ in names], [""] * len(names)
+        return [{"color": figures.GREY, "ls": "-"} for _ in names], [""] * len(names)
     return looks, [name if names.index(name) == i else "" for i, name in enumerate(names)]
 
 
-def _told_by(families: Families, keys: Sequence[str]) -> list[Look] | None:
+def _told_by(families: Families, keys: Sequence[str]) -> list[PlotStyle] | None:
     """The look of every curve by these varied keys, a colour for each of their values, or of more
     than there are colours a colour for each value of one key and dashes for those of the others;
     None where that is not enough.
@@ -199,13 +201,13 @@ def _told_by(families: Families, keys: Sequence[str]) -> list[Look] | None:
                 for one, other in zip(colours, dashes, strict=True)
             ]
             return [
-                {"color": canvas.COLOURS[one], "marker": canvas.MARKERS[one], "ls": DASHES[other]}
+                {"color": figures.COLOURS[one], "marker": figures.MARKERS[one], "ls": DASHES[other]}
                 for one, other in places
             ]
     return None
 
 
-def _group_looks(families: Families, key: str) -> list[Look] | None:
+def _group_looks(families: Families, key: str) -> list[PlotStyle] | None:
     """The look of every curve in a panel over a varied number, where a few named lines differ in
     the others; else None.
     """
@@ -224,25 +226,25 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
     if not known:
         path.unlink(missing_ok=True)
         return
-    with canvas.canvas((9.2, 1.6 + BOARD_LINE * len(known))) as figure:
+    with figures.new_figure((9.2, 1.6 + BOARD_LINE * len(known))) as figure:
         axes = figure.subplots()
         wrong = sum(row["wrong"] in ("published", "both") for row in known)
         said = f"{len(known)} published values  ·  {wrong} off by more than they claim"
-        canvas.head(figure, title, f"{said}  ·  ours with its own error bar")
+        figures.draw_title(figure, title, f"{said}  ·  ours with its own error bar")
         for place, row in enumerate(known):
             _board_line(axes, place, row)
-        axes.plot([], [], color=canvas.INK, **BOARD_MARK, label="published")
+        axes.plot([], [], color=figures.INK, **BOARD_MARK, label="published")
         if wrong:
             axes.plot(
                 [],
                 [],
-                color=canvas.COLOURS[1],
+                color=figures.COLOURS[1],
                 **BOARD_MARK,
                 label="published, off by more than it claims",
             )
         axes.set_yticks(
             range(len(known)),
-            [in_picture(f"{row['case']}: {row['quantity']}", 48) for row in known],
+            [picture_text(f"{row['case']}: {row['quantity']}", 48) for row in known],
         )
         axes.set_xscale("symlog", linthresh=LEAST)
         far = max(1.0, *(abs(row["difference"]) for row in known))
@@ -251,10 +253,10 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
         ]
         axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         axes.set_xlim(-3 * far, 3 * far)
-        axes.axvline(0, color=canvas.INK, lw=0.8, zorder=1)
+        axes.axvline(0, color=figures.INK, lw=0.8, zorder=1)
         axes.set(xlabel="difference from the exact value [%]", ylim=(-0.7, len(known) - 0.3))
-        canvas.legend_below(figure, axes)
-        canvas.save(figure, path)
+        figures.draw_figure_legend(figure, axes)
+        figures.save(figure, path)
 
 
 def _board_line(axes: Axes, place: int, row: Row) -> None:
@@ -264,52 +266,65 @@ def _board_line(axes: Axes, place: int, row: Row) -> None:
     band = {"color": "#d9d9d9", "height": 0.6, "zorder": 0}
     said = "claimed by the source, where it says so" if is_first else None
     axes.barh(place, 2 * claimed, left=-claimed, label=said, **band)
-    colour = canvas.COLOURS[1] if row["wrong"] in ("published", "both") else canvas.INK
+    colour = figures.COLOURS[1] if row["wrong"] in ("published", "both") else figures.INK
     axes.plot(row["difference"], place, color=colour, **BOARD_MARK)
     if row["ours_difference"] is not None:
         bar = 100 * abs((row["our_error"] or 0.0) / row["exact"])
-        look: Look = {"fmt": "s", "ms": 4, "capsize": 3, "color": canvas.COLOURS[0], "zorder": 4}
+        look: PlotStyle = {
+            "fmt": "s",
+            "ms": 4,
+            "capsize": 3,
+            "color": figures.COLOURS[0],
+            "zorder": 4,
+        }
         axes.errorbar(
             row["ours_difference"], place, xerr=bar, label="ours" if is_first else None, **look
         )
 
 
-Holds = Sequence[Hold | None]
+Holds = Sequence[HoldRelaxation | None]
 
 
 def _curves(
-    axes: Axes, families: Families, looks: Sequence[Look], names: Sequence[str], holds: Holds
+    axes: Axes, families: Families, looks: Sequence[PlotStyle], names: Sequence[str], holds: Holds
 ) -> None:
     """Force over depth of every run; where all hold, what is left of the fall in the hold over the
     time.
     """
     runs = [curve.results for curve in families.curves]
     said = [
-        in_picture(name, MOST_LEGEND_LETTERS) or "_" for name in names
+        picture_text(name, MOST_LEGEND_LETTERS) or "_" for name in names
     ]  # what begins with _ is no name
     if held := _all_held(holds):
         for hold, look, name in zip(held, looks, said, strict=True):
             axes.plot(
-                hold.t[1:], hold.share[1:], color=look["color"], ls=look["ls"], lw=1.5, label=name
+                hold.t[1:],
+                hold.remaining_fraction[1:],
+                color=look["color"],
+                ls=look["ls"],
+                lw=1.5,
+                label=name,
             )
         axes.set(
             xscale="log",
             xlabel=f"time in the hold t{_seconds(families)}",
             ylabel="left of the fall of the force",
         )
-        axes.axhline(0.5, color=canvas.GREY, lw=0.6, ls=":", zorder=0)
+        axes.axhline(0.5, color=figures.GREY, lw=0.6, ls=":", zorder=0)
         return
-    depth = axis("delta", runs)
-    force = axis("force", runs)
+    depth = axis_of_column("delta", runs)
+    force = axis_of_column("force", runs)
     if len(runs) > MOST_CURVES_NAMED and {*said} == {"_"} and all(_is_curve(run) for run in runs):
-        draw_many(axes, runs, depth, force, looks)
+        draw_force_lines(axes, runs, depth, force, looks)
     else:
         for run, look, name in zip(runs, looks, said, strict=True):
             draw_force(axes, run, depth, force, look | {"marker": ""}, name)
     if hertz := _formula_of_all(runs):
         drawn = depth([0, *hertz["curve"]["delta"]]), force([0, *hertz["curve"]["force"]])
         (line,) = axes.plot(
-            *smooth(*drawn), **FORMULA_STYLE, label=in_picture(f"{hertz['name']}, half-space")
+            *smooth_curve(*drawn),
+            **FORMULA_STYLE,
+            label=picture_text(f"{hertz['name']}, half-space"),
         )
         axes.legend(handles=[line], loc="upper left")  # where no force is
     axes.set(xlabel=depth.label, ylabel=force.label)
@@ -318,7 +333,7 @@ def _curves(
     if span([run["force"].max() for run in runs]) >= LOG_FORCES:
         axes.set_yscale("log")
     else:
-        axes.axhline(0, color=canvas.GREY, lw=0.6, zorder=0)
+        axes.axhline(0, color=figures.GREY, lw=0.6, zorder=0)
 
 
 def _is_curve(run: Results) -> bool:
@@ -339,7 +354,7 @@ def _formula_of_all(runs: Sequence[Results]) -> Report | None:
     x, y = (np.array([0.0, *deepest["curve"][name]]) for name in ("delta", "force"))
     ends = [(one["curve"]["delta"][-1], one["curve"]["force"][-1]) for one in found]
     is_one = all(
-        abs(np.interp(delta, *smooth(x, y)) / force - 1) < SAME_FORMULA
+        abs(np.interp(delta, *smooth_curve(x, y)) / force - 1) < SAME_FORMULA
         for delta, force in ends
         if force
     )
@@ -355,18 +370,20 @@ def _seconds(families: Families) -> str:
     )
 
 
-def _all_held(holds: Holds) -> list[Hold]:
+def _all_held(holds: Holds) -> list[HoldRelaxation]:
     """The holds where every run has one in which its force falls; none else."""
     held = [hold for hold in holds if hold and hold.half_time == hold.half_time]
     return held if len(held) == len(holds) else []
 
 
-def _over(axes: Axes, families: Families, key: str, looks: Sequence[Look], holds: Holds) -> None:
+def _over(
+    axes: Axes, families: Families, key: str, looks: Sequence[PlotStyle], holds: Holds
+) -> None:
     """The last force of every run, of histories the largest, over a varied number, or when half of
     its fall in a hold is over; a line for each group of those that differ in it alone, with the
     looks of the curves where it has no name.
     """
-    force = axis("force", [curve.results for curve in families.curves])
+    force = axis_of_column("force", [curve.results for curve in families.curves])
     held = _all_held(holds)
     own = _group_looks(families, key)
     values = families.numbers(key)
@@ -377,9 +394,9 @@ def _over(axes: Axes, families: Families, key: str, looks: Sequence[Look], holds
         along = sorted(places, key=lambda place: values[place])
         x_y = [values[place] for place in along], [y[place] for place in along]
         if own:
-            axes.plot(*x_y, lw=1.0, ms=5, **own[along[0]], label=in_picture(name))
+            axes.plot(*x_y, lw=1.0, ms=5, **own[along[0]], label=picture_text(name))
             continue
-        axes.plot(*x_y, lw=1.0, color=canvas.GREY, zorder=1)
+        axes.plot(*x_y, lw=1.0, color=figures.GREY, zorder=1)
         axes.scatter(*x_y, s=14, color=[looks[place]["color"] for place in along], zorder=2)
     in_time = all("t" in curve.results.table for curve in families.curves)
     if span(values) > (1.0 if held else LOG_SPAN):
@@ -401,7 +418,7 @@ def _told_force(run: Results) -> float:
 
 def _work(axes: Axes, groups: dict[str, list[Row]]) -> None:
     for i, (name, rows) in enumerate(groups.items()):
-        look = _mark(i) | {"label": in_picture(name) or "runs"}
+        look = _mark(i) | {"label": picture_text(name) or "runs"}
         axes.plot([row["cpu_s"] for row in rows], [_error(row) for row in rows], ls="", **look)
     _log_axes(
         axes, "CPU seconds of a run", [row["cpu_s"] for rows in groups.values() for row in rows], 1
@@ -411,14 +428,14 @@ def _work(axes: Axes, groups: dict[str, list[Row]]) -> None:
 def _front(axes: Axes, front: Sequence[Row]) -> list[Row]:
     """The Pareto front as a line, the points with room for it numbered; returns these."""
     points = [(row["cpu_s"], _error(row)) for row in front]
-    axes.plot(*zip(*points, strict=True), color=canvas.INK, lw=1.2, zorder=2, label="Pareto front")
+    axes.plot(*zip(*points, strict=True), color=figures.INK, lw=1.2, zorder=2, label="Pareto front")
     places = axes.transLimits.transform(axes.transScale.transform(points))  # in parts of the panel
     apart = _with_room(places)
     named = [
         apart[i]
         for i in np.linspace(0, len(apart) - 1, min(MOST_NAMED, len(apart))).round().astype(int)
     ]
-    left_below: Look = {
+    left_below: PlotStyle = {
         "xytext": (-6, -6),
         "textcoords": "offset points",
         "ha": "right",
@@ -444,11 +461,16 @@ def _against(axes: Axes, groups: dict[str, list[Row]], key: str) -> None:
         x = [row[key] for row in along]
         style = "-" if len(set(x)) == len(x) else ""  # else several curves share the colour
         axes.plot(
-            x, [_error(row) for row in along], ls=style, lw=1.0, **_mark(i), label=in_picture(name)
+            x,
+            [_error(row) for row in along],
+            ls=style,
+            lw=1.0,
+            **_mark(i),
+            label=picture_text(name),
         )
     _log_axes(
         axes,
-        in_picture(key),
+        picture_text(key),
         [row[key] for rows in groups.values() for row in rows if row[key] is not None],
     )
 
@@ -467,8 +489,8 @@ def _names(
         first, *rest = wrap(_brief(row, words), NAME_LETTERS) or [""]
         cost = f"{row['cpu_s']:.2g} s, {row['force_error_vs']:+.2g}"
         room = max(1, NAME_LETTERS - len(cost))
-        more = [in_picture(" ".join(rest), room)] if rest else []
-        lines += [f"{number}  {in_picture(first)}", "    " + ": ".join([*more, cost])]
+        more = [picture_text(" ".join(rest), room)] if rest else []
+        lines += [f"{number}  {picture_text(first)}", "    " + ": ".join([*more, cost])]
     axes.text(
         0,
         0,
@@ -528,11 +550,11 @@ def _error(row: Row) -> float:
     return abs(row["force_error_vs"])
 
 
-def _mark(i: int) -> Look:
-    colour = canvas.COLOURS[i % MOST_COLOURS]
+def _mark(i: int) -> PlotStyle:
+    colour = figures.COLOURS[i % MOST_COLOURS]
     return {
         "color": colour,
-        "marker": canvas.MARKERS[i % 7],
+        "marker": figures.MARKERS[i % 7],
         "ms": 6,
         "mec": "white",
         "mew": 0.6,
@@ -546,13 +568,13 @@ def _log_axes(axes: Axes, x: str, values: Sequence[float], span: float = SPAN) -
     if min(values) > 0 and max(values) > span * min(values):
         axes.set_xscale("log")
         few_decades(axes.xaxis, max(values) / min(values))
-    axes.axhline(ONE_PERCENT, color=canvas.GREY, lw=0.6, ls=":", zorder=1)
-    at_right: Look = {
+    axes.axhline(ONE_PERCENT, color=figures.GREY, lw=0.6, ls=":", zorder=1)
+    at_right: PlotStyle = {
         "xycoords": ("axes fraction", "data"),
         "ha": "right",
         "va": "bottom",
         "fontsize": 8,
     }
-    axes.annotate("1 %", (1, ONE_PERCENT), color=canvas.GREY, **at_right)
+    axes.annotate("1 %", (1, ONE_PERCENT), color=figures.GREY, **at_right)
     axes.grid(True, which="major", color="#e4e4e4", lw=0.6, zorder=0)
     axes.margins(0.08)

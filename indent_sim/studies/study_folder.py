@@ -22,8 +22,8 @@ from indent_sim.process.limits import unwritable
 from indent_sim.process.version import VERSION
 from indent_sim.results import folder as results
 from indent_sim.results.folder import PROGRAM, REPORT, RUNS, read_report, write_atomically
+from indent_sim.results.overwrite_protection import MAX_DIFFERENCES, free_folder_name, is_finished
 from indent_sim.results.reader import Results, read_run
-from indent_sim.results.replacing import MOST_TOLD, free_name, is_finished
 from indent_sim.results.writer import to_json
 
 RECORD = results.STUDY
@@ -167,8 +167,8 @@ class StudyFolder:
         there.
         """
         for run in [] if self._resume else self._others():
-            if results.is_ours(run):
-                results.discard(run)
+            if results.is_own_folder(run):
+                results.delete_own_files(run)
 
     def _others(self) -> list[Path]:
         """What stands among the runs and is none that this study asks for."""
@@ -182,12 +182,12 @@ class StudyFolder:
         ]
         if not lost:
             return
-        told = ", ".join(run.name for run in lost[:MOST_TOLD]) + (
-            " and others" if len(lost) > MOST_TOLD else ""
+        told = ", ".join(run.name for run in lost[:MAX_DIFFERENCES]) + (
+            " and others" if len(lost) > MAX_DIFFERENCES else ""
         )
         count = "1 finished run" if len(lost) == 1 else f"{len(lost)} finished runs"
         problem = f"{self.path} holds {count} that this study does not ask for: {told}"
-        other = f"choose another --output, such as {free_name(self.path)}"
+        other = f"choose another --output, such as {free_folder_name(self.path)}"
         raise UsageError(
             problem, f"--resume keeps them, --overwrite replaces them, or {other}", str(self.path)
         )

@@ -9,9 +9,9 @@ from functools import partial
 from pathlib import Path
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import RUNS, Report, content, read_report
-from indent_sim.results.pictures import canvas
-from indent_sim.results.report import Picture, page, table_of
+from indent_sim.results.folder import RUNS, Report, read_regular_file, read_report
+from indent_sim.results.html_report import Picture, render_page, thinned_table
+from indent_sim.results.pictures import figures
 from indent_sim.studies import curve_table, picture, study_table
 from indent_sim.studies.reference import scoreboard
 from indent_sim.studies.study_folder import RECORD, SCOREBOARD, STUDY_TABLE
@@ -39,7 +39,7 @@ def of_study(folder: Path) -> str:
     compared = any(row["force_error_vs"] is not None for row in rows)
     against = f"; forces compared with {record.get('compare_to')}" if compared else ""
     subtitle = f"Study of {', '.join(record['keys'])}: {ended} of {len(rows)} runs done{against}"
-    tables = [table_of("Runs", shown, [[row[name] for name in shown] for row in rows])]
+    tables = [thinned_table("Runs", shown, [[row[name] for name in shown] for row in rows])]
     board = _scoreboard(folder)
     families = curve_table.of_runs(
         folder / RUNS, [] if board else rows, record["keys"]
@@ -47,17 +47,19 @@ def of_study(folder: Path) -> str:
     pictures = _pictures(families, record, rows, title)
     if board:
         said = [[row[name] for name in BOARD] + [scoreboard.in_words(row)] for row in board]
-        tables.insert(0, table_of("Published values", [*BOARD, "who is wrong"], said))
+        tables.insert(0, thinned_table("Published values", [*BOARD, "who is wrong"], said))
         words = "Published values and ours, as they differ from the exact ones"
         pictures.insert(
             0,
             Picture(
-                canvas.element(partial(picture.draw_scoreboard, board, title)), words, broad=True
+                figures.svg_element(partial(picture.draw_scoreboard, board, title)),
+                words,
+                broad=True,
             ),
         )
     seen = {"pictures": pictures, "warnings": sorted(warned), "tables": tables}
     failure = "" if ended else "no run gave a result"
-    return page(title=title, subtitle=subtitle, failure=failure, **seen)
+    return render_page(title=title, subtitle=subtitle, failure=failure, **seen)
 
 
 def read_study(folder: Path) -> tuple[Report, list[Row]]:
@@ -65,7 +67,9 @@ def read_study(folder: Path) -> tuple[Report, list[Row]]:
     try:
         record = read_report(folder, RECORD)
         found = list(
-            csv.DictReader(io.StringIO(content(folder / STUDY_TABLE).decode("utf-8")), restval="")
+            csv.DictReader(
+                io.StringIO(read_regular_file(folder / STUDY_TABLE).decode("utf-8")), restval=""
+            )
         )
         if not record or any(None in row for row in found):
             raise ValueError("not what this program writes")
@@ -88,7 +92,7 @@ def _scoreboard(folder: Path) -> list[Row]:
     if not path.exists():
         return []
     try:
-        return scoreboard.read(content(path).decode("utf-8"))
+        return scoreboard.read(read_regular_file(path).decode("utf-8"))
     except (OSError, ValueError, KeyError) as error:
         raise UsageError(
             f"{path} is no scoreboard that can be read: {error}", file=str(path)
@@ -121,10 +125,12 @@ def _pictures(
         )
         found.append(
             Picture(
-                canvas.element(partial(picture.draw_curves, families, title)), words, broad=True
+                figures.svg_element(partial(picture.draw_curves, families, title)),
+                words,
+                broad=True,
             )
         )
     if study_table.measured(rows):
         cost = partial(picture.draw, rows, record["keys"], title, str(record.get("compare_to")))
-        found.append(Picture(canvas.element(cost), "What accuracy costs", broad=True))
+        found.append(Picture(figures.svg_element(cost), "What accuracy costs", broad=True))
     return found

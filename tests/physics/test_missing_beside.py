@@ -108,7 +108,7 @@ def test_an_error_bar_wider_than_its_force_is_drawn(folder: Path, tmp_path: Path
     head, *lines = (copy / "force_indentation.csv").read_text(encoding="utf-8").splitlines()
     wide = [f"{head},force_error", *(f"{line},{10.0 * (k == 0)}" for k, line in enumerate(lines))]
     (copy / "force_indentation.csv").write_text("\n".join(wide) + "\n", encoding="utf-8")
-    forces.force_indentation(read(copy), copy / "again.png")
+    forces.draw_force_indentation(read(copy), copy / "again.png")
     assert (copy / "again.png").exists()
 
 

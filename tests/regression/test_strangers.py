@@ -19,8 +19,8 @@ from indent_sim import __version__
 from indent_sim.cli import commands
 from indent_sim.process.errors import UsageError, printable
 from indent_sim.results import checkpoint, reader, writer
-from indent_sim.results.folder import Claim
-from indent_sim.results.reader import earlier_run
+from indent_sim.results.folder import OutputFolder
+from indent_sim.results.reader import previous_run
 from indent_sim.results.xdmf import FieldWriter
 from indent_sim.studies.study_folder import StudyFolder
 
@@ -92,7 +92,7 @@ class TestNotOurs:
             path.symlink_to(tmp_path / "mine")
         before = content_of(tmp_path)
         with pytest.raises(UsageError):
-            Claim(tmp_path / "out")
+            OutputFolder(tmp_path / "out")
         assert content_of(tmp_path) == before
 
     def test_beside_a_result_too(self, tmp_path):
@@ -101,7 +101,7 @@ class TestNotOurs:
         (tmp_path / ".out.old" / "notes").write_text("mine")
         before = content_of(tmp_path)
         with pytest.raises(UsageError, match=r"\.out\.old is in the way"):
-            Claim(tmp_path / "out")
+            OutputFolder(tmp_path / "out")
         assert content_of(tmp_path) == before
 
     @pytest.mark.parametrize("name", ["runs/thesis/data.csv", "runs/notes", ".lock"])
@@ -188,7 +188,7 @@ class TestDamaged:
     @pytest.mark.parametrize("column", [1, 2, 3, 6])
     def test_a_resumed_run_keeps_no_row_that_is_no_result(self, tmp_path, cell, column):
         with_a_cell(tmp_path / "out", column, cell)
-        found = earlier_run(tmp_path / "out", CONFIG)
+        found = previous_run(tmp_path / "out", CONFIG)
         assert found is not None and [state.step for state in found.states] == [1]
 
     @pytest.mark.parametrize(
@@ -197,7 +197,7 @@ class TestDamaged:
     )
     def test_rows_of_another_path_are_refused(self, tmp_path, rows, deltas, why):
         write_run(tmp_path / "out", rows)
-        found = earlier_run(tmp_path / "out", CONFIG)
+        found = previous_run(tmp_path / "out", CONFIG)
         assert found is not None and [state.delta for state in found.states][:2] == [0.1, 0.2]
         with pytest.raises(UsageError, match=why):
             found.check(deltas, len(deltas), tmp_path)
@@ -244,7 +244,7 @@ class TestDamaged:
         write_run(tmp_path / "out")
         path = tmp_path / "out" / "run.json"
         path.write_text(json.dumps(json.loads(path.read_text()) | {entry: value}))
-        for refused in (reader.read, reader.read_run, lambda folder: earlier_run(folder, CONFIG)):
+        for refused in (reader.read, reader.read_run, lambda folder: previous_run(folder, CONFIG)):
             with pytest.raises(UsageError, match=rf"run\.json is damaged: {entry}"):
                 refused(tmp_path / "out")
         for words in (("plot", "out"), ("compare", "out", "out"), ("report", "out")):
@@ -318,7 +318,7 @@ class TestDamaged:
                 and "Traceback" not in done.stderr
             )
         with pytest.raises(UsageError, match="damaged"):
-            earlier_run(tmp_path / "out", CONFIG)
+            previous_run(tmp_path / "out", CONFIG)
 
     def test_a_run_json_that_is_a_folder_or_a_pipe(self, tmp_path):
         write_run(tmp_path / "out")
@@ -335,7 +335,7 @@ class TestDamaged:
         with_a_cell(tmp_path / "out", column, cell)
         with pytest.raises(UsageError, match=rf"line 3, column {column + 1} is not a number"):
             reader.read(tmp_path / "out")
-        found = earlier_run(tmp_path / "out", CONFIG)
+        found = previous_run(tmp_path / "out", CONFIG)
         assert found is not None and [state.step for state in found.states] == [1]
 
     def test_nothing_of_a_file_that_is_no_result_is_told(self, tmp_path):
@@ -379,7 +379,7 @@ class TestDamaged:
         for number, points in ((1.0, 1), (value, 0)):
             saved = checkpoint.Checkpoint(1, [(0.1, 0.0, [np.array([number])])])
             checkpoint.write(tmp_path / "checkpoint.h5", saved, identity)
-            assert len(checkpoint.read(tmp_path / "checkpoint.h5", identity).points) == points
+            assert len(checkpoint.read(tmp_path / "checkpoint.h5", identity).equilibria) == points
 
     def test_fields_that_name_another_file_read_and_name_their_own(self, tmp_path):
         points, cells = np.eye(3)[:, :2], np.array([[0, 1, 2]])
@@ -390,10 +390,11 @@ class TestDamaged:
         whole = path.read_text()
         path.write_text(whole.replace("fields/step-1.h5", "/etc/passwd"))
         assert (
-            FieldWriter(tmp_path, *body, keep="all", done=1).continued and path.read_text() == whole
+            FieldWriter(tmp_path, *body, keep="all", done=1).is_continued
+            and path.read_text() == whole
         )
         path.write_text(whole.replace("step 1", f"step {10**30}"))
         assert (
-            FieldWriter(tmp_path, *body, keep="all", done=1).continued
+            FieldWriter(tmp_path, *body, keep="all", done=1).is_continued
             and "<Time" not in path.read_text()
         )

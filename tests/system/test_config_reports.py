@@ -11,7 +11,7 @@ from mpi4py import MPI
 from test_configs import COARSER, CONFIGS, SCENES, Run
 
 from indent_sim.config.scene_file import load
-from indent_sim.results.report import of_run
+from indent_sim.results.html_report import run_page
 from indent_sim.run.simulate import simulate
 
 
@@ -21,4 +21,4 @@ def test_scene_gives_a_report(name: str, tmp_path: Path) -> None:
     simulate(load(CONFIGS / name, overrides), MPI.COMM_SELF, directory=tmp_path / "result")
     with warnings.catch_warnings():
         warnings.filterwarnings("error", "constrained_layout")  # panels without room
-        html_page.check(of_run(tmp_path / "result"))
+        html_page.check(run_page(tmp_path / "result"))

@@ -15,7 +15,7 @@ from click.testing import CliRunner, Result
 
 import indent_sim
 from indent_sim.cli import commands
-from indent_sim.results.pictures import canvas, forces
+from indent_sim.results.pictures import figures, forces
 from indent_sim.results.reader import read
 
 SCENE = """\
@@ -219,8 +219,8 @@ def test_a_picture_of_a_result_and_a_curve_has_their_units_and_no_empty_panel(
     figures = []
     monkeypatch.setattr(forces, "save", lambda figure, path: figures.append(figure))
     both = [read(tmp_path / "one"), read(tmp_path / "curves" / "c1.csv")]
-    forces.overlay(both, tmp_path / "both.png")
-    forces.overlay(both[1:], tmp_path / "alone.png")
+    forces.draw_overlay(both, tmp_path / "both.png")
+    forces.draw_overlay(both[1:], tmp_path / "alone.png")
     labels = [
         [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()] for figure in figures
     ]
@@ -313,6 +313,6 @@ def test_the_figure_of_a_notebook(command, tmp_path):
     )
     figure = found.figure()
     assert len(figure.axes) == 3
-    with canvas.canvas():
-        canvas.save(figure, tmp_path / "figure.png")
+    with figures.new_figure():
+        figures.save(figure, tmp_path / "figure.png")
     assert (tmp_path / "figure.png").stat().st_size > 10_000

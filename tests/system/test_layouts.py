@@ -16,7 +16,7 @@ from picture_checks import faults
 import indent_sim
 from indent_sim.cli import commands
 from indent_sim.process.errors import UsageError
-from indent_sim.results.pictures import canvas, experiment, forces, panels
+from indent_sim.results.pictures import experiment, figures, forces, panels
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = sorted([*(ROOT / "configs").glob("*.yaml"), *(ROOT / "configs" / "notes").glob("*.yaml")])
@@ -178,7 +178,7 @@ def test_twenty_curves_have_a_bar_units_and_hertz_beside_them() -> None:
     }
     assert {"height [µm]", "depth δ [µm]", "force F [nN]"} <= labels
     hertz = next(
-        line for line in curves.lines if line.get_linestyle() == canvas.FORMULA_STYLE["ls"]
+        line for line in curves.lines if line.get_linestyle() == figures.FORMULA_STYLE["ls"]
     )
     deepest = indent_sim.plan(LAYER)["prediction"]["force_half_space"]
     assert hertz.get_ydata()[-1] == pytest.approx(deepest, rel=1e-9)
@@ -198,11 +198,11 @@ def test_words_that_vary_are_named_and_formulas_that_differ_are_not_drawn() -> N
     vary = {"indenter": [{"shape": "sphere", "R": 5}, {"shape": "cone", "half_angle": 70}]}
     figure = indent_sim.plot(indent_sim.study({"base": LAYER, "vary": vary}))
     drawn = {line.get_linestyle() for line in figure.axes[0].lines}
-    assert faults(figure) == [] and canvas.FORMULA_STYLE["ls"] not in drawn
+    assert faults(figure) == [] and figures.FORMULA_STYLE["ls"] not in drawn
 
 
 def test_the_checker_finds_what_is_wrong() -> None:
-    with canvas.canvas() as figure:
+    with figures.new_figure() as figure:
         axes = figure.subplots()
         axes.plot([0, 1])
         figure.text(0.5, 0.5, "one")
@@ -217,13 +217,13 @@ def test_the_checker_finds_what_is_wrong() -> None:
 
 
 def test_the_checker_finds_legends_that_tell_nothing() -> None:
-    with canvas.canvas((9.2, 9.0)) as figure:
+    with figures.new_figure((9.2, 9.0)) as figure:
         axes = figure.subplots()
         for i in range(13):
             axes.plot(
                 [0, 1],
                 [0, i],
-                color=canvas.COLOURS[i % 7],
+                color=figures.COLOURS[i % 7],
                 ls="-" if i < 12 else "--",
                 label=f"line {i}",
             )
@@ -235,7 +235,7 @@ def test_the_checker_finds_legends_that_tell_nothing() -> None:
 
 def test_the_checker_finds_words_on_the_panel_of_another() -> None:
     """A legend that is wider than its place, as one below a panel beside a bar of colours."""
-    with canvas.canvas() as figure:
+    with figures.new_figure() as figure:
         one, other = figure.subplots(1, 2)
         for axes in (one, other):
             axes.set(xlabel="x", ylabel="y")
@@ -274,14 +274,14 @@ def test_no_picture_of_a_shipped_scene_has_a_fault(
     drawn: list[Any] = []
 
     def keep(figure: Any, path: Path) -> None:
-        canvas.lay_out(figure)
+        figures.apply_layout(figure)
         drawn.append((path.name, faults(figure)))
 
-    for module in (canvas, forces, experiment):
+    for module in (figures, forces, experiment):
         monkeypatch.setattr(module, "save", keep)
     indent_sim.simulate(indent_sim.load(path), directory=tmp_path / "run")
     result = indent_sim.read(tmp_path / "run")
     there = ["force", *(["pressure", "profile"] if np.any(result.surface.get("step", ())) else [])]
     there += ["fields"] if (tmp_path / "run" / "fields").exists() else []
-    panels.draw([result], panels.wish({"what": tuple(there)}), tmp_path / "all.png")
+    panels.draw([result], panels.plot_request({"what": tuple(there)}), tmp_path / "all.png")
     assert drawn and [fault for fault in drawn if fault[1]] == []

@@ -19,10 +19,10 @@ from test_results import some_fields
 
 from indent_sim.model.tips import Paraboloid, Sphere
 from indent_sim.process.errors import UsageError
-from indent_sim.results.outline import outline
-from indent_sim.results.pictures import canvas, fields, forces, panels
-from indent_sim.results.pictures.fields import FIELDS, section_of
-from indent_sim.results.xdmf import ARRAYS, MORE_ARRAYS, FieldWriter
+from indent_sim.results.pictures import fields, figures, forces, panels
+from indent_sim.results.pictures.fields import FIELDS, deformed_section
+from indent_sim.results.tip_geometry import tip_mesh
+from indent_sim.results.xdmf import ARRAYS, OPTIONAL_ARRAYS, FieldWriter
 
 SCENE = """\
 body: {{shape: {body}, radius: 1.0, height: 1.0}}
@@ -39,14 +39,14 @@ def drawn(tmp_path, monkeypatch):
     drawn_figures = []
 
     def keep(figure, path):
-        canvas.lay_out(figure)
+        figures.apply_layout(figure)
         drawn_figures.append(figure)
 
-    for module in (panels.canvas, forces):
+    for module in (panels.figures, forces):
         monkeypatch.setattr(module, "save", keep)
 
     def draw(runs, **wish):
-        panels.draw(runs, panels.wish(wish), tmp_path / "picture.png")
+        panels.draw(runs, panels.plot_request(wish), tmp_path / "picture.png")
         return drawn_figures[-1]
 
     return draw
@@ -94,7 +94,7 @@ class TestForces:
         ]
         assert len(dashed) == len(hollow) == 1
         assert hollow[0].get_xdata() == pytest.approx(result["delta"][5:])
-        assert forces.UNLOADING in axes.get_legend_handles_labels()[1]
+        assert forces.UNLOADING_LABEL in axes.get_legend_handles_labels()[1]
 
     def test_error_bands_follow_the_branches(self, drawn):
         """One band for the way in and one for the way out, each as wide at a row as its error on
@@ -192,7 +192,7 @@ class TestForces:
         runs = [a_result(error=True), a_result(title="another")][
             : 1 if control == "one result" else 2
         ]
-        forces.overlay(runs, tmp_path / "picture.png")
+        forces.draw_overlay(runs, tmp_path / "picture.png")
         legends = [
             *drawn_figures[0].legends,
             *(axes.get_legend() for axes in drawn_figures[0].axes if axes.get_legend()),
@@ -207,11 +207,11 @@ class TestForces:
     def test_sixty_curves_without_a_warning(self, tmp_path, monkeypatch):
         """And none is left out: sixty names in the legend of a picture whose words can be read."""
         runs = [a_result(title=f"R = {k}") for k in range(60)]
-        monkeypatch.setitem(canvas.STYLE, "svg.fonttype", "none")
+        monkeypatch.setitem(figures.RC_PARAMETERS, "svg.fonttype", "none")
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            panels.draw(runs, panels.wish({"what": ("force",)}), tmp_path / "p.svg")
-            forces.overlay(runs, tmp_path / "q.svg")
+            panels.draw(runs, panels.plot_request({"what": ("force",)}), tmp_path / "p.svg")
+            forces.draw_overlay(runs, tmp_path / "q.svg")
         for name in ("p.svg", "q.svg"):
             assert set(re.findall(r">(R = \d+)<", (tmp_path / name).read_text())) == {
                 f"R = {k}" for k in range(60)
@@ -423,7 +423,7 @@ class TestProfile:
             }
         )
         lines = drawn([result], what=("profile",)).axes[0].get_lines()
-        line = next(line for line in lines if line.get_color() == canvas.COLOURS[0])
+        line = next(line for line in lines if line.get_color() == figures.COLOURS[0])
         right = line.get_xdata() > 0
         assert line.get_xdata()[right] == pytest.approx(result.surface["x"] + 1e-6)
         assert line.get_ydata()[right] == pytest.approx(result.surface["u_z"])
@@ -431,7 +431,7 @@ class TestProfile:
         tip = next(
             line
             for line in lines
-            if line.get_color() == canvas.GREY and line.get_linestyle() == "-"
+            if line.get_color() == figures.GREY and line.get_linestyle() == "-"
         )
         assert tip.get_ydata() == pytest.approx(tip.get_xdata() ** 2 / 2 - result["delta"][-1])
 
@@ -444,8 +444,8 @@ class TestFields:
     def result(self, tmp_path):
         result = in_folder(tmp_path / "run", a_result(units={}, steps=3))
         result.table.update({"delta": np.array([0.1, 0.2, 0.3]), "a": np.array([0.3, 0.4, 0.5])})
-        tip = outline(Paraboloid(1.0), (0.0,), 1.0, "axisymmetric", 1)
-        arrays = ARRAYS | MORE_ARRAYS
+        tip = tip_mesh(Paraboloid(1.0), (0.0,), 1.0, "axisymmetric", 1)
+        arrays = ARRAYS | OPTIONAL_ARRAYS
         writer = FieldWriter(
             result.path, self.POINTS, self.CELLS, np.array([0, 1]), tip, keep="all", arrays=arrays
         )
@@ -466,7 +466,7 @@ class TestFields:
 
     def test_the_section_is_the_deformed_body_and_its_image(self, result):
         """Regions stay apart: each of the two cells has its own value up to where they meet."""
-        found = section_of(result, 2.0, FIELDS["von_mises"])
+        found = deformed_section(result, 2.0, FIELDS["von_mises"])
         half = found.points[: len(found.points) // 2]
         deformed = {tuple(point) for point in np.round(self.POINTS + np.array([0.1, -0.2]), 9)}
         assert {tuple(point) for point in np.round(half, 9)} == deformed
@@ -475,11 +475,11 @@ class TestFields:
 
     def test_lines_are_drawn_where_regions_meet(self, result, drawn):
         """The two cells are of two regions: their common side, and its image."""
-        found = section_of(result, 2.0, FIELDS["von_mises"])
+        found = deformed_section(result, 2.0, FIELDS["von_mises"])
         common = {
             tuple(self.POINTS[k] + [0.1, -0.2]) for k in set(self.CELLS[0]) & set(self.CELLS[1])
         }
-        ends = found.points[found.faces]
+        ends = found.points[found.interfaces]
         assert len(ends) == 2 and {tuple(end) for end in np.round(ends[0], 9)} == {
             tuple(np.round(c, 9)) for c in common
         }
@@ -501,10 +501,10 @@ class TestFields:
 
     def test_no_cell_is_left_out(self, result, drawn, monkeypatch):
         """Cells lower than half a pixel are drawn too, each in one colour, that of its values."""
-        found = section_of(result, 2.0, FIELDS["von_mises"])
+        found = deformed_section(result, 2.0, FIELDS["von_mises"])
         assert (
-            not found.slivers(1e-3).any()
-            and found.slivers(10.0).all()
+            not found.is_sliver(1e-3).any()
+            and found.is_sliver(10.0).all()
             and found.areas == pytest.approx(2.0)
         )
         monkeypatch.setattr(
@@ -522,8 +522,10 @@ class TestFields:
         """
         values = np.append(np.linspace(0, 1, 100), np.full(1000, 50.0))
         areas = np.append(np.ones(100), np.full(1000, 1e-7))
-        assert fields._colours(values, areas, FIELDS["von_mises"])[:2] == pytest.approx((0.0, 1.0))
-        assert fields._colours(values + 1, areas, FIELDS["J"])[:2] == pytest.approx((0.0, 2.0))
+        assert fields._colour_range(values, areas, FIELDS["von_mises"])[:2] == pytest.approx(
+            (0.0, 1.0)
+        )
+        assert fields._colour_range(values + 1, areas, FIELDS["J"])[:2] == pytest.approx((0.0, 2.0))
 
     def test_the_contact_is_inside_the_frame(self, result, drawn):
         left, right = drawn([result], what=("fields",), steps=("all",)).axes[0].get_xlim()
@@ -551,11 +553,11 @@ class TestFields:
             }
         }
         result = in_folder(tmp_path / "run", a_result(units={}, center=[0.5, 0.0], **kinds))
-        tip = outline(Sphere(1.0), (0.5, 0.0), 1.0, "three_dimensional", 1)
+        tip = tip_mesh(Sphere(1.0), (0.5, 0.0), 1.0, "three_dimensional", 1)
         writer = FieldWriter(result.path, corners, np.array(faces), np.zeros(6), tip)
         shift = np.column_stack([3 * corners[:, 0], 0 * corners[:, 0], 4 * corners[:, 2]])
         writer.write(5, 0.1, some_fields(1, 8, 6, 3) | {"displacement": shift})
-        found = section_of(result, 5.0, FIELDS["displacement"])
+        found = deformed_section(result, 5.0, FIELDS["displacement"])
         x, z = found.points[:, 0] / 4, found.points[:, 1] / 5
         assert found.points[:, 0].max() == pytest.approx(4) and found.points[
             :, 1
@@ -630,7 +632,7 @@ class TestRoom:
 )
 def test_a_wish_without_effect_is_refused(given, said):
     with pytest.raises(UsageError, match=said):
-        panels.wish(given)
+        panels.plot_request(given)
 
 
 @pytest.mark.parametrize(
@@ -656,7 +658,7 @@ def test_more_panels_than_a_picture_has_are_refused(drawn, wish, said):
 def test_more_pixels_than_can_be_drawn_are_refused(tmp_path, width, dpi, kind):
     """And what the message says is possible is drawn; nothing is left of what was not."""
     path = tmp_path / f"picture.{kind}"
-    wish = panels.wish({"width": width, "dpi": dpi})
+    wish = panels.plot_request({"width": width, "dpi": dpi})
     with pytest.raises(
         UsageError, match=r"pixels are too many for a picture; --dpi \d+ is possible"
     ) as refused:
@@ -673,7 +675,7 @@ def test_what_a_killed_picture_left_is_replaced_by_the_next(tmp_path):
     """A name of its own, not one at random: nobody has to clean up."""
     left = tmp_path / ".picture.png.new"
     left.write_bytes(b"half of it")
-    panels.draw([a_result(units={})], panels.wish({}), tmp_path / "picture.png")
+    panels.draw([a_result(units={})], panels.plot_request({}), tmp_path / "picture.png")
     assert [entry.name for entry in tmp_path.iterdir()] == ["picture.png"]
 
 

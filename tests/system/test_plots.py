@@ -17,8 +17,8 @@ from matplotlib.text import Text
 from test_strangers import TITLES
 
 from indent_sim.process.errors import UsageError, printable
-from indent_sim.results.pictures import canvas, forces
-from indent_sim.results.pictures.names import config_of
+from indent_sim.results.pictures import figures, forces
+from indent_sim.results.pictures.run_names import config_by_key
 from indent_sim.results.reader import Results
 from indent_sim.studies import picture
 
@@ -30,7 +30,7 @@ def text_of(path: Path) -> str:
 @pytest.fixture
 def svg(tmp_path, monkeypatch):
     """Draw into an SVG whose words can be read."""
-    monkeypatch.setitem(canvas.STYLE, "svg.fonttype", "none")
+    monkeypatch.setitem(figures.RC_PARAMETERS, "svg.fonttype", "none")
     return tmp_path / "picture.svg"
 
 
@@ -41,7 +41,7 @@ def panels(tmp_path, monkeypatch):
     monkeypatch.setattr(forces, "save", lambda figure, path: drawn_figures.append(figure))
 
     def draw(result):
-        forces.force_indentation(result, tmp_path / "picture.png")
+        forces.draw_force_indentation(result, tmp_path / "picture.png")
         return {axes.get_ylabel().split(" ")[0]: axes for axes in drawn_figures[-1].axes}
 
     return draw
@@ -66,19 +66,19 @@ class TestOneRun:
     )
     def test_every_kind_and_every_format(self, tmp_path, kind, suffix):
         path = tmp_path / f"picture{suffix}"
-        forces.force_indentation(a_result(kind, error=True), path)
+        forces.draw_force_indentation(a_result(kind, error=True), path)
         assert path.stat().st_size > 5000 and list(tmp_path.iterdir()) == [path]
 
     def test_the_power_of_ten_of_an_axis_is_written_beside_it(self, tmp_path, monkeypatch):
         drawn_figures = []
         monkeypatch.setattr(forces, "save", lambda figure, path: drawn_figures.append(figure))
-        forces.force_indentation(a_result(units={}), tmp_path / "picture.png")
-        canvas.lay_out(drawn_figures[0])
+        forces.draw_force_indentation(a_result(units={}), tmp_path / "picture.png")
+        figures.apply_layout(drawn_figures[0])
         along = drawn_figures[0].axes[0].xaxis
         assert along.get_offset_text().get_text() == "×10⁻⁵"
 
     def test_the_words_on_it(self, svg):
-        forces.force_indentation(a_result(error=True), svg)
+        forces.draw_force_indentation(a_result(error=True), svg)
         words = (
             "A title",
             "undeformed point",
@@ -93,24 +93,24 @@ class TestOneRun:
 
     def test_the_error_of_a_single_step_is_drawn(self, svg):
         """A band needs two points: one has a bar, from 0.9 to 1.1 of the force here."""
-        forces.force_indentation(a_result(steps=1, error=True), svg)
+        forces.draw_force_indentation(a_result(steps=1, error=True), svg)
         assert "LineCollection" in text_of(svg) and "estimated error" in text_of(svg)
 
     def test_plane_strain_forces_are_per_length(self, svg):
-        forces.force_indentation(a_result("plane_strain"), svg)
+        forces.draw_force_indentation(a_result("plane_strain"), svg)
         assert "N/m]" in text_of(svg) and "half-width" in text_of(svg)
 
     def test_a_length_and_force_stay_and_a_pressure_is_one(self, svg):
         """1 mN/mm² is 1 kPa."""
-        forces.force_indentation(a_result(units={"length": "mm", "force": "mN"}), svg)
+        forces.draw_force_indentation(a_result(units={"length": "mm", "force": "mN"}), svg)
         assert "[mm]" in text_of(svg) and "[mN]" in text_of(svg) and "[Pa]" in text_of(svg)
 
     def test_units_unknown_to_us_are_shown_as_they_are(self, svg):
-        forces.force_indentation(a_result(units={"length": "inch", "force": "lbf"}), svg)
+        forces.draw_force_indentation(a_result(units={"length": "inch", "force": "lbf"}), svg)
         assert "[inch]" in text_of(svg) and "[lbf/inch²]" in text_of(svg)
 
     def test_a_failed_run_says_so(self, svg):
-        forces.force_indentation(a_result(status="failed", reason="step 6: no"), svg)
+        forces.draw_force_indentation(a_result(status="failed", reason="step 6: no"), svg)
         assert "failed: step 6: no" in text_of(svg)
 
     @pytest.mark.parametrize("steps", [1, 200])
@@ -151,7 +151,7 @@ class TestOneRun:
 
     def test_two_drawings_are_the_same_file(self, tmp_path):
         for name in ("a.svg", "b.svg"):
-            forces.force_indentation(a_result(), tmp_path / name)
+            forces.draw_force_indentation(a_result(), tmp_path / name)
         assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
 
 
@@ -247,7 +247,7 @@ class TestPressure:
 
     def test_depths_under_the_radius_do_not_touch(self, panels):
         axes = panels(a_result(units={}))["contact"]
-        canvas.lay_out(axes.figure)
+        figures.apply_layout(axes.figure)
         labels = [label for label in axes.get_xticklabels() if label.get_text()]
         ends = sorted(tuple(label.get_window_extent().intervalx) for label in labels)
         assert len(ends) > 2 and all(before[1] < after[0] for before, after in pairwise(ends))
@@ -256,11 +256,11 @@ class TestPressure:
 class TestSeveralRuns:
     def test_each_is_named(self, svg):
         runs = [a_result(title="soft"), a_result(title="stiff", steps=8)]
-        forces.overlay(runs, svg)
+        forces.draw_overlay(runs, svg)
         assert "soft" in text_of(svg) and "stiff" in text_of(svg)
 
     def test_titles_that_do_not_tell_them_apart_give_way_to_folders(self, svg):
-        forces.overlay([a_result(), a_result()], svg)
+        forces.draw_overlay([a_result(), a_result()], svg)
         assert "results/one" in text_of(svg)
 
     @pytest.mark.parametrize(
@@ -268,16 +268,18 @@ class TestSeveralRuns:
     )
     def test_units_that_differ_are_refused(self, tmp_path, units):
         with pytest.raises(UsageError, match="draw them apart"):
-            forces.overlay([a_result(), a_result(units=units)], tmp_path / "picture.png")
+            forces.draw_overlay([a_result(), a_result(units=units)], tmp_path / "picture.png")
         assert not list(tmp_path.iterdir())
 
     def test_forces_per_length_beside_forces_are_refused(self, tmp_path):
         with pytest.raises(UsageError, match="per length"):
-            forces.overlay([a_result(), a_result("plane_strain")], tmp_path / "picture.png")
+            forces.draw_overlay([a_result(), a_result("plane_strain")], tmp_path / "picture.png")
 
     def test_no_unit_is_claimed_for_a_curve_that_names_none(self, svg):
         """The axes name none, and the legend says what each is measured in."""
-        forces.overlay([a_result(title="simulated"), a_result(title="measured", units={})], svg)
+        forces.draw_overlay(
+            [a_result(title="simulated"), a_result(title="measured", units={})], svg
+        )
         said = re.findall(r">([^<>]*\[[^<>]*\])<", text_of(svg))
         assert sorted(said) == ["measured [unit unknown]", "simulated [m and N]"]
 
@@ -305,7 +307,7 @@ class TestSeveralRuns:
                 result.report["plan"]["auto"] = ["contact.epsilon_n"]
                 runs.append(dataclasses.replace(result, path=place))
                 runs[-1].table["force"] = result["force"] * (1 + nu)
-            forces.overlay(runs, tmp_path / "picture.png")
+            forces.draw_overlay(runs, tmp_path / "picture.png")
             return drawn_figures[-1]
 
         return draw
@@ -317,8 +319,8 @@ class TestSeveralRuns:
         force, radius, beside = figure.axes
         told = [text.get_text() for text in beside.get_legend().get_texts()]
         names = [f"nu {nu:.4g}" for nu in values]
-        assert [name for name in told if name != forces.ESTIMATED] == names and (
-            forces.ESTIMATED in told
+        assert [name for name in told if name != forces.ERROR_LABEL] == names and (
+            forces.ERROR_LABEL in told
         ) == error
         legend = beside.get_legend().get_window_extent()
         assert not any(legend.overlaps(axes.get_tightbbox()) for axes in (force, radius))
@@ -353,7 +355,7 @@ class TestSeveralRuns:
 
     def test_more_runs_than_colours(self, drawn):
         """Each has its own curve and its own name."""
-        number = len(canvas.COLOURS) + 2
+        number = len(figures.COLOURS) + 2
         axes = drawn([(0.05 * k, "penalty") for k in range(number)]).axes
         named = [
             line.get_label() for line in axes[0].get_lines() if line.get_label().startswith("nu")
@@ -366,12 +368,12 @@ class TestText:
 
     @pytest.mark.parametrize("title", TITLES[:6:2])
     def test_a_picture_shows_it_too(self, tmp_path, monkeypatch, title):
-        monkeypatch.setitem(canvas.STYLE, "svg.fonttype", "none")
+        monkeypatch.setitem(figures.RC_PARAMETERS, "svg.fonttype", "none")
         run = a_result(title=title, units={"length": title, "force": title})
-        forces.overlay(
+        forces.draw_overlay(
             [run, a_result(title="another", units=run.report["units"])], tmp_path / "two.svg"
         )
-        forces.force_indentation(run, tmp_path / "one.svg")
+        forces.draw_force_indentation(run, tmp_path / "one.svg")
         for name in ("one", "two"):
             text = (tmp_path / f"{name}.svg").read_text()
             escaped = printable(title).replace("&", "&amp;")
@@ -396,17 +398,19 @@ class TestText:
     def test_a_letter_that_the_font_lacks_is_no_warning(self, tmp_path, name):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            forces.force_indentation(a_result(title="細胞"), tmp_path / name)
+            forces.draw_force_indentation(a_result(title="細胞"), tmp_path / name)
         assert (tmp_path / name).stat().st_size > 5000
 
     def test_latex_is_not_started(self, tmp_path, monkeypatch):
         """The title is drawn as the letters that it is."""
         drawn = []
         monkeypatch.setattr(
-            forces, "save", lambda figure, path: (drawn.append(figure), canvas.save(figure, path))
+            forces, "save", lambda figure, path: (drawn.append(figure), figures.save(figure, path))
         )
         with matplotlib.rc_context({"text.usetex": True}):
-            forces.force_indentation(a_result(title=r"\input{/etc/passwd}"), tmp_path / "one.png")
+            forces.draw_force_indentation(
+                a_result(title=r"\input{/etc/passwd}"), tmp_path / "one.png"
+            )
         words = drawn[0].findobj(Text)
         assert any(r"\input{/etc/passwd}" in word.get_text().replace(r"\$", "$") for word in words)
         assert (
@@ -417,14 +421,14 @@ class TestText:
 
 def test_an_unknown_format_is_refused(tmp_path):
     with pytest.raises(UsageError, match="picture"):
-        forces.force_indentation(a_result(), tmp_path / "picture.bmp")
+        forces.draw_force_indentation(a_result(), tmp_path / "picture.bmp")
     assert not list(tmp_path.iterdir())
 
 
 def test_a_config_that_never_ends_is_none(tmp_path):
     """A pipe in the place of config.yaml: opening it waited for a writer."""
     os.mkfifo(tmp_path / "config.yaml")
-    assert config_of(tmp_path) == {}
+    assert config_by_key(tmp_path) == {}
     (tmp_path / "config.yaml").unlink()
     (tmp_path / "config.yaml").write_text("body: {height: 1}\n")
-    assert config_of(tmp_path) == {"body.height": 1}
+    assert config_by_key(tmp_path) == {"body.height": 1}

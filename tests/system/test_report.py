@@ -18,7 +18,7 @@ from made_results import a_result
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import load
-from indent_sim.results import report
+from indent_sim.results import html_report
 from indent_sim.run.simulate import simulate
 from indent_sim.studies.study_report import of_study
 
@@ -290,13 +290,15 @@ def test_in_a_browser_nothing_stands_out_of_the_page(tmp_path, make, width):
 
 def test_numbers_in_the_page_are_those_of_the_table():
     """The deepest row, not the last: after unloading that is empty."""
-    from indent_sim.results.report import _numbers
+    from indent_sim.results.html_report import _key_numbers
 
     result = a_result(units={"length": "m", "force": "N"})
     result.table["force"][-1], result.table["delta"][-1] = 0.0, 0.0
-    assert dict(_numbers(result))["depth δ"] == "40 µm"
+    assert dict(_key_numbers(result))["depth δ"] == "40 µm"
     assert np.isclose(
-        float(dict(_numbers(result))["force F"].split()[0]), 1e3 * (4e-5) ** 1.5 * 1e6, rtol=1e-3
+        float(dict(_key_numbers(result))["force F"].split()[0]),
+        1e3 * (4e-5) ** 1.5 * 1e6,
+        rtol=1e-3,
     )
 
 
@@ -308,7 +310,7 @@ def test_alike_warnings_are_one_line_with_a_range() -> None:
     words = "only {:g} elements in the contact radius: the force may be wrong by about {}e-2 %"
     said = [words.format(n / 10, n) for n in range(5, 45)]
     other = ["the contact comes close to the edge of the body", "depth is 12% of the thickness"]
-    assert report.gathered([*said, *other, *said]) == [
+    assert html_report.merge_similar_warnings([*said, *other, *said]) == [
         "only 0.5 to 4.4 elements in the contact radius: the force may be wrong by about "
         "5e-2 to 44e-2 % "
         "(40 such warnings)",

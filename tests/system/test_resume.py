@@ -29,8 +29,8 @@ from indent_sim.fe.path.load_stepping import LoadStepper
 from indent_sim.fe.path.pull_off import PullPoint
 from indent_sim.model.loading import LoadPath
 from indent_sim.results import folder
-from indent_sim.results.outline import scene_of
 from indent_sim.results.reader import read
+from indent_sim.results.tip_geometry import scene_of
 from indent_sim.results.xdmf import FieldWriter
 from indent_sim.run import simulate, single_run
 
@@ -689,7 +689,7 @@ def test_the_last_fields_stay_until_the_next(tmp_path):
     """`fields: last`: what is named is there, also for the run that goes on either."""
     for step in (1, 2, 3):
         writer = FieldWriter(tmp_path, *BODY, done=step - 1 if step > 1 else None)
-        assert writer.continued == (step > 1)
+        assert writer.is_continued == (step > 1)
         before = (tmp_path / "fields.xdmf").read_text()
         assert step == 1 or f"step {step - 1}" in before
         writer.write(step, 0.1, some_fields(4))

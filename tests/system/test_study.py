@@ -1109,11 +1109,11 @@ class TestPicture:
         """Draw rows (method, h, seconds, error); returns the figure as it is saved, and its front
         as it is listed.
         """
-        from indent_sim.results.pictures import canvas
+        from indent_sim.results.pictures import figures
         from indent_sim.studies import picture
 
         drawn_figures = []
-        monkeypatch.setattr(canvas, "save", lambda figure, path: drawn_figures.append(figure))
+        monkeypatch.setattr(figures, "save", lambda figure, path: drawn_figures.append(figure))
 
         def draw(rows):
             table = [

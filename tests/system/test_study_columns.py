@@ -17,7 +17,7 @@ from picture_checks import faults
 import indent_sim
 from indent_sim.cli import commands
 from indent_sim.process.errors import UsageError
-from indent_sim.results.pictures import canvas
+from indent_sim.results.pictures import figures
 from indent_sim.results.reader import Results
 from indent_sim.studies import multiples, picture
 from indent_sim.studies.curve_table import Curve, Families
@@ -70,7 +70,7 @@ def test_two_hundred_runs_of_four_keys_are_told_apart(four: Families) -> None:
     of its E.
     """
     with picture.curves_pictured(four, "200 runs") as figure:
-        canvas.lay_out(figure)
+        figures.apply_layout(figure)
         assert faults(figure) == []
         small = panels_of(figure)[: len(RADII) * len(RATIOS)]
         shades, _ = multiples.looks_by(four, "body.height")
@@ -115,7 +115,7 @@ def test_the_force_over_two_numbers_is_a_map() -> None:
     """
     two = families(**{"body.height": HEIGHTS, "indenter.R": RADII})
     with multiples.column_pictured(two, "force", "two") as figure:
-        canvas.lay_out(figure)
+        figures.apply_layout(figure)
         assert faults(figure) == []
         (axes,) = panels_of(figure)
         (dots,) = axes.get_lines()
@@ -131,7 +131,7 @@ def test_the_force_over_two_numbers_is_a_map() -> None:
 def test_columns_over_one_number_are_the_rows(column: str) -> None:
     one = families(**{"indenter.R": RADII, "body.height": (2.0, 4.0)})
     with multiples.column_pictured(one, column, "one") as figure:
-        canvas.lay_out(figure)
+        figures.apply_layout(figure)
         axes = panels_of(figure)[0]
         assert axes.get_xlabel() == "R [µm]"
         scale = (
@@ -195,7 +195,7 @@ def test_the_penetration_is_over_epsilon_n_beside_what_a_penalty_yields() -> Non
     with multiples.column_pictured(
         Families(curves, ("contact.epsilon_n",)), "penetration", "penalty"
     ) as figure:
-        canvas.lay_out(figure)
+        figures.apply_layout(figure)
         assert faults(figure) == []
         (axes,) = panels_of(figure)
         points = np.concatenate([part.get_offsets() for part in axes.collections])

@@ -12,9 +12,9 @@ import pytest
 from matplotlib.colors import to_rgba
 from picture_checks import faults
 
-from indent_sim.results.pictures import canvas
-from indent_sim.results.pictures.axes import axis
-from indent_sim.results.pictures.forces import draw_force, draw_many
+from indent_sim.results.pictures import figures
+from indent_sim.results.pictures.axes import axis_of_column
+from indent_sim.results.pictures.forces import draw_force, draw_force_lines
 from indent_sim.results.reader import Results
 from indent_sim.studies import cases, curve_table, picture, study_file, study_table
 from indent_sim.studies.cases import Case
@@ -118,10 +118,10 @@ def test_no_picture_of_a_shipped_study_has_a_fault(
     drawn: dict[str, list[str]] = {}
 
     def keep(figure: Any, path: Path) -> None:
-        canvas.lay_out(figure)
+        figures.apply_layout(figure)
         drawn[path.name] = faults(figure)
 
-    monkeypatch.setattr(canvas, "save", keep)
+    monkeypatch.setattr(figures, "save", keep)
     random, study = np.random.default_rng(1), study_file.read(path)
     asked = found, _ = cases.asked_for(study)
     done = {case.id: made_up(case, random) for case in found}
@@ -153,12 +153,12 @@ def test_many_curves_are_drawn_as_few_are() -> None:
         table = {"step": np.arange(1.0, 6.0), "delta": depth, "force": factor * depth**1.5}
         runs.append(Results(Path("run"), table, {"status": "done", "units": {}}))
     looks = [{"color": (0.1 * (i % 10), 0.0, 0.5, 1.0), "marker": "", "ls": "-"} for i in range(12)]
-    of_depth, of_force = axis("delta", runs), axis("force", runs)
-    with canvas.canvas((6, 3)) as figure:
+    of_depth, of_force = axis_of_column("delta", runs), axis_of_column("force", runs)
+    with figures.new_figure((6, 3)) as figure:
         few, many = figure.subplots(1, 2)
         for run, look in zip(runs, looks, strict=True):
             draw_force(few, run, of_depth, of_force, look, "_")
-        draw_many(many, runs, of_depth, of_force, looks)
+        draw_force_lines(many, runs, of_depth, of_force, looks)
         (lines,) = many.collections
         drawn = [line for line in few.lines if len(line.get_xdata())]
         assert len(lines.get_paths()) == len(drawn) == 24

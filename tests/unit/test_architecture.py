@@ -76,7 +76,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "scipy": ("theory/", "fe/", "fitting/"),
     "yaml": ("config/strict_yaml.py",),
     "pint": ("config/quantities.py",),
-    "jinja2": ("results/report.py",),
+    "jinja2": ("results/html_report.py",),
     "click": ("cli/",),
     "rich": ("cli/",),
 }

@@ -12,22 +12,22 @@ import numpy as np
 
 from indent_sim.process.errors import BackendError
 from indent_sim.results.measured.measurement import (
-    INSTALL,
+    INSTALL_HINT,
     SI,
     STIFFNESS_KEY,
-    Measured,
+    MeasuredCurve,
     NoCurve,
     Uncalibrated,
 )
 
 SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".h5", ".zip")
-MAYBE = (".txt", ".csv", ".tab")  # text that may be an AFM's
+TEXT_SUFFIXES = (".txt", ".csv", ".tab")  # text that may be an AFM's
 HEIGHT_COLUMNS = ("height (measured)", "height (piezo)")
 TIP_COLUMN = "tip position"
-OF_RELAXATION = {1: "approach", 2: "hold", 3: "retract"}  # 0: a pause before it
+RELAXATION_SEGMENTS = {1: "approach", 2: "hold", 3: "retract"}  # 0: a pause before it
 
 
-def read_afm(path: Path, stiffness: float | None = None) -> list[Measured] | None:
+def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCurve] | None:
     """The curves of an AFM file in SI units; None for text that is no AFM's.
 
     stiffness [N/m] of the cantilever, for a file that says none. NoCurve with the reason for a file
@@ -36,22 +36,23 @@ def read_afm(path: Path, stiffness: float | None = None) -> list[Measured] | Non
     try:
         from afmformats import errors, formats
     except ImportError as error:
-        if path.suffix.lower() in MAYBE:
+        if path.suffix.lower() in TEXT_SUFFIXES:
             return None
         raise BackendError(
-            f"{path} is an AFM file, and afmformats is missing ({error}); {INSTALL}"
+            f"{path} is an AFM file, and afmformats is missing ({error}); {INSTALL_HINT}"
         ) from error
     logging.getLogger("afmformats").setLevel(logging.CRITICAL)  # it logs whole tracebacks
     broken = (errors.AFMFileFormatError, errors.MissingMetaDataError)  # which are no Exception
     try:
         formats.get_recipe(path)
     except (*broken, Exception) as error:
-        if path.suffix.lower() in MAYBE:
+        if path.suffix.lower() in TEXT_SUFFIXES:
             return None
-        raise NoCurve(f"no file that afmformats knows ({_words(error)})", str(path)) from None
+        raise NoCurve(f"no file that afmformats knows ({_error_text(error)})", str(path)) from None
     try:
         return [
-            _curve(path, data, k) for k, data in enumerate(_data(formats, errors, path, stiffness))
+            _measured_curve(path, data, k)
+            for k, data in enumerate(_load_data_sets(formats, errors, path, stiffness))
         ]
     except errors.MissingMetaDataError as error:
         missing = ", ".join(sorted(error.meta_keys, reverse=True))
@@ -59,25 +60,25 @@ def read_afm(path: Path, stiffness: float | None = None) -> list[Measured] | Non
     except NoCurve:
         raise
     except (*broken, Exception) as error:
-        if path.suffix.lower() in MAYBE:
+        if path.suffix.lower() in TEXT_SUFFIXES:
             return None
-        raise NoCurve(f"afmformats cannot read it ({_words(error)})", str(path)) from None
+        raise NoCurve(f"afmformats cannot read it ({_error_text(error)})", str(path)) from None
 
 
-def _data(formats: Any, errors: Any, path: Path, stiffness: float | None) -> list[Any]:
+def _load_data_sets(formats: Any, errors: Any, path: Path, stiffness: float | None) -> list[Any]:
     """The data sets of a file, with the stiffness given where the file lacks it."""
     try:
-        found = formats.load_data(path)
-        for data in found:
+        data_sets = formats.load_data(path)
+        for data in data_sets:
             _ = "force" in data.columns and data["force"][:1]  # where it would miss them
-        return list(found)
+        return list(data_sets)
     except errors.MissingMetaDataError:
         if stiffness is None:
             raise
         return list(formats.load_data(path, meta_override={"spring constant": stiffness}))
 
 
-def _curve(path: Path, data: Any, index: int) -> Measured:
+def _measured_curve(path: Path, data: Any, index: int) -> MeasuredCurve:
     columns = set(data.columns)
     height = next((name for name in HEIGHT_COLUMNS if name in columns), None)
     if "force" not in columns or height is None:
@@ -85,7 +86,7 @@ def _curve(path: Path, data: Any, index: int) -> Measured:
             f"{path.name} has no {'force' if height else 'height'}, only "
             f"{', '.join(sorted(columns))}"
         )
-    rows = _rows(data)
+    rows = _segment_rows(data)
     order = np.concatenate([np.arange(len(data[height]))[where] for where in rows.values()])
     ends = np.cumsum([0, *(np.count_nonzero(where) for where in rows.values())]).tolist()
     parts = {name: slice(*ends[k : k + 2]) for k, name in enumerate(rows)}
@@ -95,21 +96,23 @@ def _curve(path: Path, data: Any, index: int) -> Measured:
     stiffness = float(k) if k is not None and np.isfinite(k) and k > 0 else None
     z, force = (np.asarray(data[column], dtype=float)[order] for column in (height, "force"))
     delta = -np.asarray(data[TIP_COLUMN], dtype=float)[order] if TIP_COLUMN in columns else None
-    known = np.isfinite(z) & np.isfinite(force)
-    if not known.all():
-        raise NoCurve(f"{np.count_nonzero(~known)} of {len(known)} rows lack a number")
-    return Measured(name, force, delta, -z, t, stiffness, parts, SI)
+    is_complete = np.isfinite(z) & np.isfinite(force)
+    if not is_complete.all():
+        raise NoCurve(f"{np.count_nonzero(~is_complete)} of {len(is_complete)} rows lack a number")
+    return MeasuredCurve(name, force, delta, -z, t, stiffness, parts, SI)
 
 
-def _rows(data: Any) -> dict[str, np.ndarray]:
+def _segment_rows(data: Any) -> dict[str, np.ndarray]:
     """The rows of each part: force-distance files have approach and retract, others number what
     they did.
     """
     segment = np.asarray(data["segment"]).astype(int)
-    words = OF_RELAXATION if data.modality != "force-distance" else {0: "approach", 1: "retract"}
-    found = {word: segment == number for number, word in words.items()}
-    return {word: where for word, where in found.items() if where.any()}
+    segment_names = (
+        RELAXATION_SEGMENTS if data.modality != "force-distance" else {0: "approach", 1: "retract"}
+    )
+    rows_by_part = {word: segment == number for number, word in segment_names.items()}
+    return {word: where for word, where in rows_by_part.items() if where.any()}
 
 
-def _words(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())[:200]

@@ -12,13 +12,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import content
+from indent_sim.results.folder import read_regular_file
 from indent_sim.results.measured import afm_file, nanoscope_file
-from indent_sim.results.measured.delimited_text import read_text
-from indent_sim.results.measured.measurement import SI, Measured
+from indent_sim.results.measured.delimited_text import read_text_curve
+from indent_sim.results.measured.measurement import SI, MeasuredCurve
 
-METADATA = re.compile(r"# BEGIN METADATA\n(.*?)# END METADATA", re.DOTALL)  # of a .tab file
-TEXT = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
+TAB_METADATA = re.compile(r"# BEGIN METADATA\n(.*?)# END METADATA", re.DOTALL)  # of a .tab file
+TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
 
 
 def curve_files(path: Path) -> list[Path]:
@@ -29,24 +29,24 @@ def curve_files(path: Path) -> list[Path]:
         if not path.exists():
             raise UsageError(f"there is no curve {path}", file=str(path))
         return [path]
-    found = [
-        one
-        for one in sorted(path.iterdir())
-        if one.suffix.lower() in (*TEXT, *afm_file.SUFFIXES, *nanoscope_file.SUFFIXES)
+    files = [
+        file
+        for file in sorted(path.iterdir())
+        if file.suffix.lower() in (*TEXT_SUFFIXES, *afm_file.SUFFIXES, *nanoscope_file.SUFFIXES)
     ]
-    if not found:
+    if not files:
         raise UsageError(
-            f"{path} holds no file of curves", f"they end in {', '.join(TEXT)}", str(path)
+            f"{path} holds no file of curves", f"they end in {', '.join(TEXT_SUFFIXES)}", str(path)
         )
-    return found
+    return files
 
 
-def read_measured(
+def read_curves(
     path: Path | str,
     columns: Sequence[str] | None = None,
     given: Mapping[str, str] | None = None,
     stiffness: float | None = None,
-) -> list[Measured]:
+) -> list[MeasuredCurve]:
     """The measured curves of a file, in the units that it says, `given` for those that it does not.
 
     columns: depth, force and time by title or by number from 1, for text. stiffness [N/m] of the
@@ -58,17 +58,17 @@ def read_measured(
     suffix = path.suffix.lower()
     if suffix in nanoscope_file.SUFFIXES:
         _refuse_unreadable(path)
-        return nanoscope_file.read_nanoscope(path, stiffness)
-    if suffix in (*afm_file.SUFFIXES, *afm_file.MAYBE) and not columns:
+        return nanoscope_file.read_nanoscope_file(path, stiffness)
+    if suffix in (*afm_file.SUFFIXES, *afm_file.TEXT_SUFFIXES) and not columns:
         _refuse_unreadable(path)
-        found = afm_file.read_afm(path, stiffness)
-        if found is not None:
-            return found
-    data = _content(path)
-    if match := METADATA.search(data[:100_000].decode("latin-1").replace("\r", "")):
-        curve = read_text(path, data, columns, SI | dict(given or {}))
-        return [replace(curve, stiffness=_stiffness(match[1]))]
-    return [read_text(path, data, columns, given)]
+        curves = afm_file.read_afm_file(path, stiffness)
+        if curves is not None:
+            return curves
+    data = _read_content(path)
+    if match := TAB_METADATA.search(data[:100_000].decode("latin-1").replace("\r", "")):
+        curve = read_text_curve(path, data, columns, SI | dict(given or {}))
+        return [replace(curve, stiffness=_spring_constant(match[1]))]
+    return [read_text_curve(path, data, columns, given)]
 
 
 def _refuse_unreadable(path: Path) -> None:
@@ -80,23 +80,23 @@ def _refuse_unreadable(path: Path) -> None:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
                 raise OSError(errno.EINVAL, "not a regular file")
     except (OSError, ValueError) as error:
-        raise _unreadable(path, error) from None
+        raise _read_error(path, error) from None
 
 
-def _content(path: Path) -> bytes:
+def _read_content(path: Path) -> bytes:
     try:
-        return content(path)
+        return read_regular_file(path)
     except (OSError, ValueError) as error:
-        raise _unreadable(path, error) from None
+        raise _read_error(path, error) from None
 
 
-def _unreadable(path: Path, error: Exception) -> UsageError:
+def _read_error(path: Path, error: Exception) -> UsageError:
     return UsageError(
         f"cannot read {path}: {getattr(error, 'strerror', None) or error}", file=str(path)
     )
 
 
-def _stiffness(metadata: str) -> float | None:
+def _spring_constant(metadata: str) -> float | None:
     """The spring constant [N/m] of a .tab file's metadata."""
     try:
         value = float(

@@ -12,20 +12,20 @@ import numpy as np
 from indent_sim.config.quantities import size_of
 from indent_sim.process.errors import ConfigError, UsageError, printable
 
-Part = Literal["approach", "hold", "retract", "all"]
-Along = Literal["delta", "z"]
-PLATEAU = 0.01  # of the range of depths: what is nearer to the deepest may be a hold
+CurvePart = Literal["approach", "hold", "retract", "all"]
+Abscissa = Literal["delta", "z"]
+PLATEAU_WIDTH = 0.01  # of the range of depths: what is nearer to the deepest may be a hold
 # A steady pace in and out spends 2 % of the rows there; with five times as many, and ten at least,
 # it is a hold
-LEAST_HOLD = 0.1
-FEWEST_HELD = 10
-TURNED = 0.1  # of the range: a path that goes back by less has not turned
+MIN_HOLD_FRACTION = 0.1
+MIN_HOLD_ROWS = 10
+MIN_RETRACTION = 0.1  # of the range: a path that goes back by less has not turned
 DIMENSIONS = {"delta": "length", "z": "length", "force": "force", "t": "time"}
 SI = {"length": "m", "force": "N", "time": "s"}
 PACKAGES = (
     "afmformats igor2 jprops pyfmreader tifffile 'pandas<3' pytz tzdata"  # that read AFM files
 )
-INSTALL = f"install it with `make setup AFM=1`, or `pip install --no-deps {PACKAGES}`"
+INSTALL_HINT = f"install it with `make setup AFM=1`, or `pip install --no-deps {PACKAGES}`"
 STIFFNESS_KEY = "--set experiment.cantilever.stiffness=..."
 UNITS_REMEDY = "add units: {length: um, force: nN} to the scene"
 
@@ -46,7 +46,7 @@ class Uncalibrated(NoCurve):
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredCurve:
     """One measured curve, in the order of time.
 
     delta (n,) depth [length] > 0 in, z (n,) way of the base [length], which grows towards the body;
@@ -69,35 +69,35 @@ class Measured:
     def __len__(self) -> int:
         return len(self.force)
 
-    def along(self, wanted: Along) -> Along:
+    def available_abscissa(self, preferred: Abscissa) -> Abscissa:
         """The abscissa that there is: the one that is wanted, else the other."""
-        other: Along = "z" if wanted == "delta" else "delta"
-        return wanted if getattr(self, wanted) is not None else other
+        alternative: Abscissa = "z" if preferred == "delta" else "delta"
+        return preferred if getattr(self, preferred) is not None else alternative
 
-    def x(self, along: Along) -> np.ndarray:
+    def abscissa_values(self, along: Abscissa) -> np.ndarray:
         """The abscissa by name [length]."""
         return cast(np.ndarray, getattr(self, along))
 
-    def part(self, name: Part) -> Measured:
+    def part(self, name: CurvePart) -> MeasuredCurve:
         """The rows of one part, of hold those of the approach before it too; NoCurve where there is
         no such part.
         """
         if name == "all":
             return self
         if name not in self.parts:
-            there = ", ".join(self.parts)
-            raise NoCurve(f"{self.name} has no {name}, but {there}")
+            part_names = ", ".join(self.parts)
+            raise NoCurve(f"{self.name} has no {name}, but {part_names}")
         rows = self.parts[name]
-        return self._rows(slice(0, rows.stop) if name == "hold" else rows)
+        return self._select_rows(slice(0, rows.stop) if name == "hold" else rows)
 
-    def _rows(self, rows: slice) -> Measured:
+    def _select_rows(self, rows: slice) -> MeasuredCurve:
         cut = {
             name: None if (values := getattr(self, name)) is None else values[rows]
             for name in DIMENSIONS
         }
         return replace(self, parts={}, **cut)  # type: ignore[arg-type]
 
-    def in_units(self, units: Mapping[str, str]) -> Measured:
+    def convert_units(self, units: Mapping[str, str]) -> MeasuredCurve:
         """The curve in the units of a scene; numbers without a unit are the scene's, times in
         seconds.
 
@@ -105,27 +105,33 @@ class Measured:
         """
         wanted = dict(units) | {"time": "s"}
         factors = {
-            kind: _factor(kind, self.units.get(kind, ""), wanted.get(kind, ""))
+            kind: _unit_ratio(kind, self.units.get(kind, ""), wanted.get(kind, ""))
             for kind in DIMENSIONS.values()
         }
-        known = {name: one for name in DIMENSIONS if (one := getattr(self, name)) is not None}
-        columns = {name: one * factors[DIMENSIONS[name]] for name, one in known.items()}
+        present_columns = {
+            name: values for name in DIMENSIONS if (values := getattr(self, name)) is not None
+        }
+        columns = {
+            name: values * factors[DIMENSIONS[name]] for name, values in present_columns.items()
+        }
         stiffness = self.stiffness and self.stiffness * factors["force"] / factors["length"]
         return replace(self, **columns, stiffness=stiffness, units=wanted)  # type: ignore[arg-type]
 
 
-def _factor(kind: str, own: str, wanted: str) -> float:
+def _unit_ratio(kind: str, curve_unit: str, wanted_unit: str) -> float:
     """How many of the wanted unit one of the curve's own is."""
-    if not own or own == wanted:
+    if not curve_unit or curve_unit == wanted_unit:
         return 1.0
-    if not wanted:
+    if not wanted_unit:
         raise ConfigError(
-            "units", f"the curve has the {kind} in {own}, and the scene says no unit", UNITS_REMEDY
+            "units",
+            f"the curve has the {kind} in {curve_unit}, and the scene says no unit",
+            UNITS_REMEDY,
         )
-    return size_of(own, kind) / size_of(wanted, kind)
+    return size_of(curve_unit, kind) / size_of(wanted_unit, kind)
 
 
-def parts_of(x: np.ndarray) -> dict[str, slice]:
+def curve_parts(x: np.ndarray) -> dict[str, slice]:
     """The rows of approach, hold and retract of a path (n,) that goes in, may stay, and may come
     back.
 
@@ -137,36 +143,36 @@ def parts_of(x: np.ndarray) -> dict[str, slice]:
         return {"approach": slice(0, n)}
     deepest = int(np.argmax(x))
     top = float(x.max())
-    if top - x[0] < TURNED * span:  # it begins at the deepest
+    if top - x[0] < MIN_RETRACTION * span:  # it begins at the deepest
         return {"approach": slice(0, n)}
-    high = np.flatnonzero(x > top - PLATEAU * span)
+    high = np.flatnonzero(x > top - PLATEAU_WIDTH * span)
     first = int(high[0])
     last = int(high[-1]) + 1
-    if len(high) > max(LEAST_HOLD * n, FEWEST_HELD):
+    if len(high) > max(MIN_HOLD_FRACTION * n, MIN_HOLD_ROWS):
         parts = {"approach": slice(0, first + 1), "hold": slice(first + 1, last)}
     else:
         parts = {"approach": slice(0, deepest + 1)}
         last = deepest + 1
-    if last < n and top - x[last:].min() > TURNED * span:
+    if last < n and top - x[last:].min() > MIN_RETRACTION * span:
         return parts | {"retract": slice(last, n)}
     if "hold" in parts:
         return parts | {"hold": slice(first + 1, n)}
     return {"approach": slice(0, n)}
 
 
-def parts_by_name(names: np.ndarray) -> dict[str, slice]:
+def curve_parts_by_name(names: np.ndarray) -> dict[str, slice]:
     """The same of a column of words (approach, extend, hold, pause, retract, ...) or of numbers in
     order of time.
     """
     changes = np.flatnonzero(names[1:] != names[:-1]) + 1
     ends = [0, *map(int, changes), len(names)]
     parts: dict[str, slice] = {}
-    spoken = {str(name) for name in names[ends[:-1]]}
-    by_number = dict(zip(sorted(spoken), ("approach", "retract"), strict=False))
+    distinct_names = {str(name) for name in names[ends[:-1]]}
+    by_number = dict(zip(sorted(distinct_names), ("approach", "retract"), strict=False))
     for begin, end in itertools.pairwise(ends):
         word = str(names[begin]).strip().lower()
         part = PART_WORDS.get(word) or (
-            by_number.get(str(names[begin])) if len(spoken) <= 2 else None
+            by_number.get(str(names[begin])) if len(distinct_names) <= 2 else None
         )
         if part is None:
             raise NoCurve(f"'{word}' is no name of a part: approach, hold, retract")

@@ -10,19 +10,19 @@ import numpy as np
 
 from indent_sim.process.errors import BackendError
 from indent_sim.results.measured.measurement import (
-    INSTALL,
+    INSTALL_HINT,
     SI,
     STIFFNESS_KEY,
-    Measured,
+    MeasuredCurve,
     NoCurve,
     Uncalibrated,
 )
 
 SUFFIXES = (".spm", ".pfc")
-MOST_WAYS = 1.5  # ways of the base that a deflection may span, with the snap-in
+MAX_DEFLECTION_RATIO = 1.5  # ways of the base that a deflection may span, with the snap-in
 
 
-def read_nanoscope(path: Path, stiffness: float | None = None) -> list[Measured]:
+def read_nanoscope_file(path: Path, stiffness: float | None = None) -> list[MeasuredCurve]:
     """The curves of a NanoScope file in SI units, of a force volume all of them.
 
     stiffness [N/m] of the cantilever, for a file that says none. NoCurve with the reason for a file
@@ -33,44 +33,50 @@ def read_nanoscope(path: Path, stiffness: float | None = None) -> list[Measured]
         from pyfmreader.nanosc.parsenanoscheader import parseNANOSCheader
     except ImportError as error:
         raise BackendError(
-            f"{path} is a NanoScope file, and pyfmreader is missing ({error}); {INSTALL}"
+            f"{path} is a NanoScope file, and pyfmreader is missing ({error}); {INSTALL_HINT}"
         ) from error
     try:
         with np.errstate(all="ignore"):
             header = parseNANOSCheader(str(path))
-            found = [loadNANOSCcurve(k, header) for k in range(int(header["Entry_tot_nb_curve"]))]
+            data_sets = [
+                loadNANOSCcurve(k, header) for k in range(int(header["Entry_tot_nb_curve"]))
+            ]
     except Exception as error:
-        words = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise NoCurve(f"pyfmreader cannot read it ({words})", str(path)) from None
+        error_text = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise NoCurve(f"pyfmreader cannot read it ({error_text})", str(path)) from None
     k = header.get("spring_const_Nbym") or stiffness
     if "defl_sens_nmbyV" not in header or not k:
         missing = "spring constant" if "defl_sens_nmbyV" in header else "sensitivity"
         raise Uncalibrated(f"lacks {missing}: {STIFFNESS_KEY}", str(path))
-    return [_curve(path, one, index, header, float(k)) for index, one in enumerate(found)]
+    return [
+        _measured_curve(path, data, index, header, float(k)) for index, data in enumerate(data_sets)
+    ]
 
 
-def _curve(path: Path, data: Any, index: int, header: Mapping[str, Any], k: float) -> Measured:
+def _measured_curve(
+    path: Path, data: Any, index: int, header: Mapping[str, Any], k: float
+) -> MeasuredCurve:
     """One curve: the way of the base grows towards the body, the approach first."""
     segments = [segment.segment_formated_data for _, segment in data.get_segments()]
-    ways = [np.asarray(one["height"], dtype=float) for one in segments]
-    volts = [np.asarray(one["vDeflection"], dtype=float) for one in segments]
+    base_paths = [np.asarray(segment_data["height"], dtype=float) for segment_data in segments]
+    volts = [np.asarray(segment_data["vDeflection"], dtype=float) for segment_data in segments]
     if (
-        np.ptp(ways[-1]) and ways[-1][0] < ways[-1][-1]
+        np.ptp(base_paths[-1]) and base_paths[-1][0] < base_paths[-1][-1]
     ):  # the retraction is kept from its far end on
-        ways[-1], volts[-1] = ways[-1][::-1], volts[-1][::-1]
-    z = np.concatenate(ways)
+        base_paths[-1], volts[-1] = base_paths[-1][::-1], volts[-1][::-1]
+    z = np.concatenate(base_paths)
     deflection = 1e-9 * float(header["defl_sens_nmbyV"]) * np.concatenate(volts)
     if (
         not np.isfinite(z).all()
         or not np.isfinite(deflection).all()
-        or np.ptp(deflection) > MOST_WAYS * np.ptp(z)
+        or np.ptp(deflection) > MAX_DEFLECTION_RATIO * np.ptp(z)
     ):
         raise NoCurve(
             "pyfmreader makes deflections of it that go farther than the base moved", str(path)
         )
-    times = [np.asarray(one["time"], dtype=float) for one in segments]
+    times = [np.asarray(segment_data["time"], dtype=float) for segment_data in segments]
     t = np.concatenate([times[0], times[0][-1] + times[0][1] + times[-1]])
-    turn = len(ways[0])
+    turn = len(base_paths[0])
     parts = {"approach": slice(0, turn), "retract": slice(turn, len(z))}
     name = f"{path.stem}-{index}" if int(header["Entry_tot_nb_curve"]) > 1 else path.stem
-    return Measured(name, k * deflection, z=z, t=t, stiffness=k, parts=parts, units=SI)
+    return MeasuredCurve(name, k * deflection, z=z, t=t, stiffness=k, parts=parts, units=SI)

@@ -12,12 +12,12 @@ from indent_sim.process.version import VERSION
 from indent_sim.results.reader import Results
 
 TAB_COLUMNS = ("force", "height (measured)", "tip position", "time", "segment")
-STIFF_SPRING = 1e3  # times the stiffest secant of the curve: a cantilever that does not bend
+STIFF_SPRING_RATIO = 1e3  # times the stiffest secant of the curve: a cantilever that does not bend
 FREE_APPROACH = 0.5  # of the depth: the way before contact that is written, where no force is felt
 DEPTHS_PER_SECOND = 1.0
 
 
-def tab_of(results: Results) -> str:
+def tab_text(results: Results) -> str:
     """The text of a .tab file: approach, after a way without force, and retract, of a result.
 
     height (measured) [m] is that of the base, -(delta + force/k), tip position [m] -delta, k the
@@ -37,30 +37,32 @@ def tab_of(results: Results) -> str:
     )
     turn = int(np.argmax(delta)) + 1
     step = delta.max() / max(turn, 2)
-    free = np.arange(-FREE_APPROACH * delta.max(), min(0.5 * step, delta[0] - 0.5 * step), step)
-    back = np.array([delta[turn - 1]]) if turn == len(delta) else delta[turn:]
-    back_force = np.array([force[turn - 1]]) if turn == len(delta) else force[turn:]
-    delta = np.concatenate([free, delta[:turn], back])
-    force = np.concatenate([0.0 * free, force[:turn], back_force])
-    k = STIFF_SPRING * float(np.max(np.abs(force) / np.maximum(np.abs(delta), 1e-3 * step)))
+    free_depths = np.arange(
+        -FREE_APPROACH * delta.max(), min(0.5 * step, delta[0] - 0.5 * step), step
+    )
+    retract_depths = np.array([delta[turn - 1]]) if turn == len(delta) else delta[turn:]
+    retract_forces = np.array([force[turn - 1]]) if turn == len(delta) else force[turn:]
+    delta = np.concatenate([free_depths, delta[:turn], retract_depths])
+    force = np.concatenate([0.0 * free_depths, force[:turn], retract_forces])
+    k = STIFF_SPRING_RATIO * float(np.max(np.abs(force) / np.maximum(np.abs(delta), 1e-3 * step)))
     time = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(delta)))]) / (
         DEPTHS_PER_SECOND * delta.max()
     )
-    retracts = np.arange(len(delta)) >= len(free) + turn
+    retracts = np.arange(len(delta)) >= len(free_depths) + turn
     table = zip(force, -(delta + force / k), -delta, time, retracts, strict=True)
     lines = [
         "\t".join([*(f"{value:.12e}" for value in row[:4]), str(bool(row[4]))]) for row in table
     ]
-    return "\n".join([*_head(k, len(delta)), *lines, ""])
+    return "\n".join([*_tab_header(k, len(delta)), *lines, ""])
 
 
-def _head(stiffness: float, points: int) -> list[str]:
-    said = {
+def _tab_header(stiffness: float, points: int) -> list[str]:
+    entries = {
         "imaging mode": "force-distance",
         "spring constant": stiffness,
         "point count": points,
         "enum": 0,
     }
-    told = json.dumps(said | {"software": f"indent-sim {VERSION}"}, indent=2).splitlines()
-    metadata = [f"# {line}" for line in told]
+    json_lines = json.dumps(entries | {"software": f"indent-sim {VERSION}"}, indent=2).splitlines()
+    metadata = [f"# {line}" for line in json_lines]
     return ["# BEGIN METADATA", *metadata, "# END METADATA", "#", "# " + "\t".join(TAB_COLUMNS)]

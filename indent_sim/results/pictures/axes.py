@@ -16,7 +16,18 @@ from indent_sim.results.reader import Results
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-PREFIXES = {"p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "": 0, "k": 3, "M": 6, "G": 9}
+PREFIX_POWERS = {
+    "p": -12,
+    "n": -9,
+    "u": -6,
+    "µ": -6,
+    "μ": -6,
+    "m": -3,
+    "": 0,
+    "k": 3,
+    "M": 6,
+    "G": 9,
+}
 KIND_EXAMPLES = {
     "length": "nm, um, mm",
     "force": "pN, nN, mN",
@@ -25,14 +36,20 @@ KIND_EXAMPLES = {
 }
 BASE_UNITS = {"length": "m", "force": "N", "pressure": "Pa", "line": "N/m"}
 SHOWN_UNITS = "shown_units"  # entry of a report: units asked for in a picture, by kind
-NAMES = {
+COLUMN_LABELS = {
     "delta": ("depth δ", "length"),
     "force": ("force F", "force"),
     "a": ("contact radius a", "length"),
 }
-NAMES |= {"pore_pressure_max": ("largest pore pressure p", "pressure")}
-NAMES |= {"p_max": ("largest pressure p", "pressure"), "penetration": ("penetration", "length")}
-FLAT_NAMES = {"a": ("contact half-width a", "length"), "force": ("force F per length", "line")}
+COLUMN_LABELS |= {"pore_pressure_max": ("largest pore pressure p", "pressure")}
+COLUMN_LABELS |= {
+    "p_max": ("largest pressure p", "pressure"),
+    "penetration": ("penetration", "length"),
+}
+PLANE_STRAIN_LABELS = {
+    "a": ("contact half-width a", "length"),
+    "force": ("force F per length", "line"),
+}
 
 
 @dataclass(frozen=True)
@@ -46,36 +63,36 @@ class Axis:
     @property
     def label(self) -> str:
         """The text along the axis."""
-        return f"{self.name} [{in_print(self.unit)}]" if self.unit else self.name
+        return f"{self.name} [{printed_unit(self.unit)}]" if self.unit else self.name
 
     def __call__(self, values: ArrayLike) -> np.ndarray:
         """Values as they are shown."""
         return np.asarray(values, dtype=float) * self.factor
 
-    def said(self, value: float, digits: int = 4) -> str:
+    def value_text(self, value: float, digits: int = 4) -> str:
         """A value with its unit, in words."""
-        return f"{float(self(value)):.{digits}g} {in_print(self.unit)}".strip()
+        return f"{float(self(value)):.{digits}g} {printed_unit(self.unit)}".strip()
 
 
-def in_print(unit: str) -> str:
+def printed_unit(unit: str) -> str:
     """A unit as it is printed: um and uN with their Greek letter."""
-    parts = in_picture(unit).split("/")
+    parts = picture_text(unit).split("/")
     return "/".join(f"µ{part[1:]}" if part.rstrip("²³") in ("um", "uN") else part for part in parts)
 
 
-def in_picture(text: str, most: int = 60) -> str:
+def picture_text(text: str, max_characters: int = 60) -> str:
     """Text of a stranger as a picture shows it: on one line, shortened, a dollar sign being no
     formula.
     """
     text = printable(text)
-    text = text if len(text) <= most else f"{text[: most - 1]}…"
+    text = text if len(text) <= max_characters else f"{text[: max_characters - 1]}…"
     text = text.replace("$", r"\$")
     return (
         f" {text}" if text.startswith("_") else text
     )  # what begins with _ is left out of a legend
 
 
-def choice(report: Report, key: str) -> str | None:
+def plan_choice(report: Report, key: str) -> str | None:
     """What a run decided for a key of its plan, None where it says nothing."""
     choices = report.get("plan", {}).get("choices", [])
     return next((str(choice["value"]) for choice in choices if choice.get("key") == key), None)
@@ -83,22 +100,22 @@ def choice(report: Report, key: str) -> str | None:
 
 def is_plane_strain(results: Results) -> bool:
     """Whether forces are per unit length."""
-    return choice(results.report, "kinematics") == "plane_strain"
+    return plan_choice(results.report, "kinematics") == "plane_strain"
 
 
-def first_axis(run: Results) -> str:
+def horizontal_axis_name(run: Results) -> str:
     """The name of the axis to the right: r where the body is of revolution, else x."""
-    return "r" if choice(run.report, "kinematics") in (None, "axisymmetric") else "x"
+    return "r" if plan_choice(run.report, "kinematics") in (None, "axisymmetric") else "x"
 
 
-def middle_of(runs: Sequence[Results], along: Literal[0, 1] = 0) -> tuple[float, str]:
+def tip_axis_position(runs: Sequence[Results], along: Literal[0, 1] = 0) -> tuple[float, str]:
     """Where the axis of all tips stands [length] along x or y, and the name of that axis.
 
     Tips at several places have the distance from their own axes, which is 0 at each.
     """
     places = {float([*(run.report.get("center") or [0.0]), 0.0, 0.0][along]) for run in runs}
     if len(places) == 1:
-        return places.pop(), "y" if along else first_axis(runs[0])
+        return places.pop(), "y" if along else horizontal_axis_name(runs[0])
     return 0.0, "distance from the tip's axis"
 
 
@@ -109,68 +126,70 @@ def time_axis(runs: Sequence[Results], name: str = "time t") -> Axis:
     )
 
 
-def time_said(run: Results, t: float) -> str:
+def time_text(run: Results, t: float) -> str:
     """A time with its unit, in words: to three digits, in full up to ten million."""
     rounded = float(f"{t:.3g}")
     number = f"{rounded:.0f}" if 1e3 <= abs(rounded) < 1e7 else f"{rounded:g}"
     return f"{number} {time_axis([run]).unit}".strip()
 
 
-def axis(column: str, runs: Sequence[Results]) -> Axis:
+def axis_of_column(column: str, runs: Sequence[Results]) -> Axis:
     """The axis of a column of the force table, in the common unit of the runs."""
-    name, kind = NAMES[column]
+    name, kind = COLUMN_LABELS[column]
     if all(is_plane_strain(run) for run in runs):
-        name, kind = FLAT_NAMES.get(column, (name, kind))
-    return scaled(kind, runs, np.concatenate([run[column] for run in runs]), name)
+        name, kind = PLANE_STRAIN_LABELS.get(column, (name, kind))
+    return scaled_axis(kind, runs, np.concatenate([run[column] for run in runs]), name)
 
 
-def scaled(kind: str, runs: Sequence[Results], values: ArrayLike, name: str) -> Axis:
+def scaled_axis(kind: str, runs: Sequence[Results], values: ArrayLike, name: str) -> Axis:
     """An axis in the common unit of the runs.
 
     A length or force in m or N, and every pressure of an SI length and force, gets the prefix that
     makes its largest number readable; a length in mm stays one. What the picture was asked to show
     comes before that.
     """
-    unit = _common(unit_of(kind, run.report.get("units") or {}) for run in runs)
-    wanted = _common((run.report.get(SHOWN_UNITS) or {}).get(kind, "") for run in runs)
-    power = _power(kind, unit)
+    unit = _common_unit(unit_label(kind, run.report.get("units") or {}) for run in runs)
+    wanted_unit = _common_unit((run.report.get(SHOWN_UNITS) or {}).get(kind, "") for run in runs)
+    power = _power_of_ten(kind, unit)
     if power is None:
-        if wanted:
+        if wanted_unit:
             problem = f"the {kind} of these results has {'the unit ' + unit if unit else 'no unit'}"
             raise UsageError(
-                f"{problem}: it cannot be shown in {wanted}; say units: {{length, force}} in the "
+                f"{problem}: it cannot be shown in {wanted_unit}; say units: {{length, force}} in the "
                 "scene"
             )
         return Axis(name, 1.0, unit)
-    if wanted:
-        asked = _prefix(wanted, BASE_UNITS[kind])
-        if asked is None:
-            raise UsageError(f"{wanted} is no unit of {kind}: for example {KIND_EXAMPLES[kind]}")
-        return Axis(name, 10.0 ** (power - asked), wanted)
+    if wanted_unit:
+        wanted_power = _prefix_power(wanted_unit, BASE_UNITS[kind])
+        if wanted_power is None:
+            raise UsageError(
+                f"{wanted_unit} is no unit of {kind}: for example {KIND_EXAMPLES[kind]}"
+            )
+        return Axis(name, 10.0 ** (power - wanted_power), wanted_unit)
     is_chosen = unit not in BASE_UNITS.values() and kind in ("length", "force")
     return (
         Axis(name, 1.0, unit)
         if is_chosen
-        else _prefixed(kind, power, np.asarray(values, dtype=float), name)
+        else _prefixed_axis(kind, power, np.asarray(values, dtype=float), name)
     )
 
 
-def _common(units: Iterable[str]) -> str:
+def _common_unit(units: Iterable[str]) -> str:
     """The unit that all have, "" where they differ."""
-    found = set(units)
-    return found.pop() if len(found) == 1 else ""
+    distinct_units = set(units)
+    return distinct_units.pop() if len(distinct_units) == 1 else ""
 
 
-def _prefixed(kind: str, power: int, values: np.ndarray, name: str) -> Axis:
+def _prefixed_axis(kind: str, power: int, values: np.ndarray, name: str) -> Axis:
     """The axis whose prefix leaves the largest number between 0.2 and 200 as a rule."""
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
     size = power + (np.log10(largest) - 0.3 if largest > 0 else 0)
-    wanted = int(np.clip(3 * np.floor(size / 3 + 1e-9), -12, 9))
-    prefix = next(prefix for prefix, of in PREFIXES.items() if of == wanted)
-    return Axis(name, 10.0 ** (power - wanted), prefix + BASE_UNITS[kind])
+    prefix_power = int(np.clip(3 * np.floor(size / 3 + 1e-9), -12, 9))
+    prefix = next(prefix for prefix, of in PREFIX_POWERS.items() if of == prefix_power)
+    return Axis(name, 10.0 ** (power - prefix_power), prefix + BASE_UNITS[kind])
 
 
-def unit_of(kind: str, units: Mapping[str, str]) -> str:
+def unit_label(kind: str, units: Mapping[str, str]) -> str:
     """The label of a kind of number (length, force, line, pressure, pressure/length) from those of
     length and force.
     """
@@ -178,16 +197,16 @@ def unit_of(kind: str, units: Mapping[str, str]) -> str:
     force = units.get("force", "")
     if kind == "length" or not (length and force):
         return {"length": length, "force": force}.get(kind, "")
-    over = {
+    denominators = {
         "force": "",
         "line": f"/{length}",
         "pressure": f"/{length}²",
         "pressure/length": f"/{length}³",
     }
-    return f"{force}{over[kind]}"
+    return f"{force}{denominators[kind]}"
 
 
-def unit_of_key(key: str, run: Results) -> str:
+def unit_label_of_key(key: str, run: Results) -> str:
     """The label of the unit of a key of the scene, as in material.E; "" of what is no length, force
     or pressure, nor a pressure over a length.
     """
@@ -195,20 +214,20 @@ def unit_of_key(key: str, run: Results) -> str:
     symbol = lookup(name, section.split(".")[0])
     if symbol is None or symbol.dimension not in ("length", "force", "pressure", "pressure/length"):
         return ""
-    return unit_of(symbol.dimension, run.report.get("units") or {})
+    return unit_label(symbol.dimension, run.report.get("units") or {})
 
 
-def _power(kind: str, unit: str) -> int | None:
-    """The power of ten of the SI unit that a label of `unit_of` stands for; None for any other."""
+def _power_of_ten(kind: str, unit: str) -> int | None:
+    """The power of ten of the SI unit that a label of `unit_label` stands for; None for any other."""
     if kind in ("length", "force"):
-        return _prefix(unit, BASE_UNITS[kind])
+        return _prefix_power(unit, BASE_UNITS[kind])
     force, _, length = unit.rstrip("²").partition("/")
-    of_force = _prefix(force, "N")
-    of_length = _prefix(length, "m")
-    if of_force is None or of_length is None:
+    force_power = _prefix_power(force, "N")
+    length_power = _prefix_power(length, "m")
+    if force_power is None or length_power is None:
         return None
-    return of_force - (2 if kind == "pressure" else 1) * of_length
+    return force_power - (2 if kind == "pressure" else 1) * length_power
 
 
-def _prefix(unit: str, base: str) -> int | None:
-    return PREFIXES.get(unit[: -len(base)]) if unit.endswith(base) else None
+def _prefix_power(unit: str, base: str) -> int | None:
+    return PREFIX_POWERS.get(unit[: -len(base)]) if unit.endswith(base) else None

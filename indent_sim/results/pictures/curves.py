@@ -8,34 +8,36 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.results.pictures.canvas import COLOURS, MANY, MARKERS, Axes, Look
+from indent_sim.results.pictures.figures import COLOURS, MARKERS, MAX_MARKED_POINTS, Axes, PlotStyle
 
 POINTS_BETWEEN_ROWS = 20  # points of a drawn curve between two rows
-MOST_POWER = 3.0  # of a power law that a curve may follow, and one over it the least
+MAX_EXPONENT = 3.0  # of a power law that a curve may follow, and one over it the least
 UNLOADING_STYLE = {"ls": (0, (4, 2)), "mfc": "white"}  # dashed, its marks hollow
 Points = tuple[np.ndarray, np.ndarray]  # x and y
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # depths, x and y
-Joined = Callable[[np.ndarray, np.ndarray], Points]  # the line through points
+Interpolator = Callable[[np.ndarray, np.ndarray], Points]  # the line through points
 Colour = Any  # as matplotlib takes it
 
 
-def look(i: int, of: int) -> Look:
+def line_style(index: int, count: int) -> PlotStyle:
     """Colour and mark of the i-th of so many curves; of many, colours of a map from dark to light,
     without marks.
     """
-    if of <= 10:
-        return {"color": COLOURS[i % len(COLOURS)], "marker": MARKERS[i % len(MARKERS)]}
-    return {"color": shade(i, of), "marker": ""}
+    if count <= 10:
+        return {"color": COLOURS[index % len(COLOURS)], "marker": MARKERS[index % len(MARKERS)]}
+    return {"color": map_colour(index, count), "marker": ""}
 
 
-def shade(i: int, of: int) -> Colour:
+def map_colour(index: int, count: int) -> Colour:
     """The i-th of so many colours of a map, from dark to light."""
     from matplotlib import colormaps
 
-    return colormaps["viridis"](0.9 * i / max(1, of - 1))  # its lightest yellow is lost on white
+    return colormaps["viridis"](
+        0.9 * index / max(1, count - 1)
+    )  # its lightest yellow is lost on white
 
 
-def branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
+def split_branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
     """The rows between turning points of a path, which belong to both branches; whether the tip
     goes out there. Where it stands still it has not turned yet.
     """
@@ -44,12 +46,12 @@ def branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
     steps = np.sign(np.diff(delta))
     moves = np.maximum.accumulate(np.where(steps != 0, np.arange(len(steps)), 0))
     steps = steps[moves]
-    turns = [k + 1 for k in range(len(steps) - 1) if steps[k] * steps[k + 1] < 0]
-    ends = pairwise([0, *turns, len(delta) - 1])
+    turning_points = [k + 1 for k in range(len(steps) - 1) if steps[k] * steps[k + 1] < 0]
+    ends = pairwise([0, *turning_points, len(delta) - 1])
     return [(slice(first, last + 1), bool(delta[last] < delta[first])) for first, last in ends]
 
 
-def smooth(x: np.ndarray, y: np.ndarray) -> Points:
+def smooth_curve(x: np.ndarray, y: np.ndarray) -> Points:
     """A smooth curve through points in order of x, up or down, that rises and falls only where they
     do.
 
@@ -62,28 +64,30 @@ def smooth(x: np.ndarray, y: np.ndarray) -> Points:
     goes_on = (h > 0).all() or (h < 0).all()
     if len(x) < 3 or not goes_on or not np.isfinite(np.append(x, y)).all() or y.min() < 0:
         return x, y
-    n = _power(x, y)
-    fine_x, straightened = _cubic(x, y ** (1 / n), h)
+    n = _power_law_exponent(x, y)
+    fine_x, straightened = _piecewise_cubic(x, y ** (1 / n), h)
     fine_y = np.maximum(straightened, 0.0) ** n if n != 1 else straightened
     fine_y[::POINTS_BETWEEN_ROWS] = y  # not to rounding only
     return fine_x, fine_y
 
 
-def _power(x: np.ndarray, y: np.ndarray) -> float:
+def _power_law_exponent(x: np.ndarray, y: np.ndarray) -> float:
     """The n of y ~ x^n between the points nearest to and farthest from x = 0; 1 where x begins
     before it.
     """
-    known = (x > 0) & (y > 0)
-    if x.min() < 0 or known.sum() < 2:
+    is_positive = (x > 0) & (y > 0)
+    if x.min() < 0 or is_positive.sum() < 2:
         return 1.0
-    (near, low), (far, high) = sorted(zip(x[known], y[known], strict=True))[:: known.sum() - 1]
-    return float(np.clip(np.log(high / low) / np.log(far / near), 1 / MOST_POWER, MOST_POWER))
+    (near, low), (far, high) = sorted(zip(x[is_positive], y[is_positive], strict=True))[
+        :: is_positive.sum() - 1
+    ]
+    return float(np.clip(np.log(high / low) / np.log(far / near), 1 / MAX_EXPONENT, MAX_EXPONENT))
 
 
-def _cubic(x: np.ndarray, y: np.ndarray, h: np.ndarray) -> Points:
+def _piecewise_cubic(x: np.ndarray, y: np.ndarray, h: np.ndarray) -> Points:
     """The piecewise cubic of limited slopes through points whose x differ by h."""
     secant = np.diff(y) / h
-    slope = _slopes(h, secant)
+    slope = _limited_slopes(h, secant)
     t = np.linspace(0, 1, POINTS_BETWEEN_ROWS, endpoint=False)
     rise = (h * (slope[:-1] + slope[1:]) - 2 * np.diff(y))[:, None]
     bend = (h * (3 * secant - 2 * slope[:-1] - slope[1:]))[:, None]
@@ -92,46 +96,46 @@ def _cubic(x: np.ndarray, y: np.ndarray, h: np.ndarray) -> Points:
     return np.append(fine_x.ravel(), x[-1]), np.append(fine_y.ravel(), y[-1])
 
 
-def _slopes(h: np.ndarray, secant: np.ndarray) -> np.ndarray:
+def _limited_slopes(h: np.ndarray, secant: np.ndarray) -> np.ndarray:
     """dy/dx at the points by parabolas through three of them, as steep as three secants at most, 0
     at an extremum.
     """
-    share = h[1:] / (h[:-1] + h[1:])
-    inside = share * secant[:-1] + (1 - share) * secant[1:]
+    weight = h[1:] / (h[:-1] + h[1:])
+    inside = weight * secant[:-1] + (1 - weight) * secant[1:]
     first = 2 * secant[0] - inside[0]
     last = 2 * secant[-1] - inside[-1]
     slopes = np.concatenate([[first], inside, [last]])
     before = np.append(secant[0], secant)
     after = np.append(secant, secant[-1])
-    most = 3 * np.minimum(np.abs(before), np.abs(after))
+    steepest = 3 * np.minimum(np.abs(before), np.abs(after))
     rises = np.sign(before) * ((before * after > 0) & (slopes * before > 0))
-    return rises * np.minimum(np.abs(slopes), most)
+    return rises * np.minimum(np.abs(slopes), steepest)
 
 
-def chords(x: np.ndarray, y: np.ndarray) -> Points:
+def polyline(x: np.ndarray, y: np.ndarray) -> Points:
     """The points themselves: between two of them the curve may jump."""
     return x, y
 
 
-def lines(
-    rows: Rows, begin: Sequence[float] = (), joined: Joined = smooth
+def branch_lines(
+    rows: Rows, begin: Sequence[float] = (), joined: Interpolator = smooth_curve
 ) -> Iterator[tuple[Points, slice, bool]]:
     """The lines through the branches of rows, with the places of the rows, and whether the tip goes
     out.
     """
     delta, x, y = rows
-    for part, goes_out in branches(delta):
+    for part, goes_out in split_branches(delta):
         before = [] if part.start or goes_out else begin
         yield joined(np.array([*before, *x[part]]), np.array([*before, *y[part]])), part, goes_out
 
 
-def draw(
+def draw_rows(
     axes: Axes,
     rows: Rows,
-    look: Look,
+    look: PlotStyle,
     label: str | None = None,
     begin: Sequence[float] = (),
-    joined: Joined = smooth,
+    joined: Interpolator = smooth_curve,
 ) -> None:
     """Draw rows (delta, x, y) of a path of depths: lines, and marks where the rows are unless there
     are very many.
@@ -141,30 +145,32 @@ def draw(
     """
     (_, x, y) = rows
     colour = look["color"]
-    marks = look["marker"] if len(x) <= MANY else ""
+    marker = look["marker"] if len(x) <= MAX_MARKED_POINTS else ""
     if len(x) == 1:  # which no line goes through: it would say that the curve is straight
-        marks = marks or MARKERS[0]
+        marker = marker or MARKERS[0]
         begin = ()
-    for curve, part, goes_out in lines(rows, begin, joined):
+    for curve, part, goes_out in branch_lines(rows, begin, joined):
         line = {
             "ls": UNLOADING_STYLE["ls"] if goes_out else look.get("ls", "-"),
-            "lw": 1.2 if marks else 1.6,
+            "lw": 1.2 if marker else 1.6,
         }
-        axes.plot(*curve, color=colour, zorder=2, label=None if marks else label, **line)
-        if marks:
-            own = slice(part.start + goes_out, part.stop)  # the turning point is one of loading
-            ink = {"mec": "white", "mew": 0.6}
+        axes.plot(*curve, color=colour, zorder=2, label=None if marker else label, **line)
+        if marker:
+            marked_rows = slice(
+                part.start + goes_out, part.stop
+            )  # the turning point is one of loading
+            marker_edge = {"mec": "white", "mew": 0.6}
             if goes_out:
-                ink = {"mec": colour, "mew": 1.0, "mfc": UNLOADING_STYLE["mfc"]}
+                marker_edge = {"mec": colour, "mew": 1.0, "mfc": UNLOADING_STYLE["mfc"]}
             axes.plot(
-                x[own],
-                y[own],
+                x[marked_rows],
+                y[marked_rows],
                 ls="",
-                marker=marks,
+                marker=marker,
                 ms=5.5,
                 color=colour,
                 label=label,
                 zorder=4,
-                **ink,
+                **marker_edge,
             )
         label = None

@@ -12,31 +12,31 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.results.folder import Report, read_report
-from indent_sim.results.pictures.axes import Axis, axis, time_axis
-from indent_sim.results.pictures.canvas import (
+from indent_sim.results.pictures.axes import Axis, axis_of_column, time_axis
+from indent_sim.results.pictures.curves import Interpolator, smooth_curve
+from indent_sim.results.pictures.figures import (
     COLOURS,
     GREY,
-    MANY,
+    MAX_MARKED_POINTS,
     Axes,
-    canvas,
-    head,
-    legend_below,
+    draw_figure_legend,
+    draw_title,
+    new_figure,
     save,
 )
-from indent_sim.results.pictures.curves import Joined, smooth
-from indent_sim.results.pictures.names import config_of
-from indent_sim.results.reader import read, read_curve
+from indent_sim.results.pictures.run_names import config_by_key
+from indent_sim.results.reader import read, read_history
 from indent_sim.results.tables import EXPERIMENT
 
 EXPERIMENT_PICTURE = "experiment.png"
-LOOKS = {
+BRANCH_STYLES = {
     "hold": (COLOURS[2], "-"),
     "retract": (COLOURS[1], "-"),
     "unstable": (GREY, "--"),
 }  # of branches
 
 
-def is_there(folder: Path, report: Report) -> bool:
+def has_elastic_curve(folder: Path, report: Report) -> bool:
     """Whether a run has rows of its elastic curve: an experiment, or a history that was followed on
     it.
     """
@@ -48,18 +48,18 @@ def is_there(folder: Path, report: Report) -> bool:
 def draw(folder: Path, path: Path | None = None) -> None:
     """Draw the experiment of a result folder [into it, as experiment.png]."""
     results = read(folder)
-    rows = read_curve(folder)
-    config = config_of(folder)
+    rows = read_history(folder)
+    config = config_by_key(folder)
     has_times = not np.isnan(rows["t"][0])
     has_base = bool((rows["z"] != rows["delta"]).any())
     has_forces = any(
         config.get(f"{section}.force_history") for section in ("loading", "experiment")
     )  # time tells depth
     panels = ["depth", *(["base"] if has_base else []), *(["time"] if has_times else ["radius"])]
-    with canvas((3.1 + 3.3 * len(panels), 4.4)) as figure:
-        drawn: dict[str, Axes] = figure.subplot_mosaic([panels])
+    with new_figure((3.1 + 3.3 * len(panels), 4.4)) as figure:
+        panel_axes: dict[str, Axes] = figure.subplot_mosaic([panels])
         report = read_report(folder)
-        by = (report.get("experiment") or {}).get("by") or (report.get("time") or {}).get(
+        method = (report.get("experiment") or {}).get("by") or (report.get("time") or {}).get(
             "method", "?"
         )
         effects = [
@@ -67,28 +67,30 @@ def draw(folder: Path, path: Path | None = None) -> None:
             for name in ("adhesion", "relaxation", "cantilever")
             if any(f".{name}." in f".{key}." for key in config)
         ]
-        head(
+        draw_title(
             figure,
             results.report.get("title") or folder.name,
-            "  \N{MIDDLE DOT}  ".join([f"by {by}", *effects]),
+            "  \N{MIDDLE DOT}  ".join([f"by {method}", *effects]),
         )
-        force = axis("force", [results])
-        depth = axis("delta", [results])
-        draw_branches(drawn["depth"], rows, "delta", depth, force)
+        force = axis_of_column("force", [results])
+        depth = axis_of_column("delta", [results])
+        draw_branches(panel_axes["depth"], rows, "delta", depth, force)
         if has_base:
-            draw_branches(drawn["base"], rows, "z", replace(depth, name="way of the base z"), force)
+            draw_branches(
+                panel_axes["base"], rows, "z", replace(depth, name="way of the base z"), force
+            )
         t = time_axis([results])
         if has_times and has_forces:
-            draw_branches(drawn["time"], rows, "t", t, depth, "delta")
+            draw_branches(panel_axes["time"], rows, "t", t, depth, "delta")
         elif has_times:
-            draw_branches(drawn["time"], rows, "t", t, force)
+            draw_branches(panel_axes["time"], rows, "t", t, force)
         else:
-            draw_branches(drawn["radius"], rows, "a", axis("a", [results]), force)
-        legend_below(figure, drawn["depth"])
+            draw_branches(panel_axes["radius"], rows, "a", axis_of_column("a", [results]), force)
+        draw_figure_legend(figure, panel_axes["depth"])
         save(figure, path or folder / EXPERIMENT_PICTURE)
 
 
-def pieces(branches: np.ndarray) -> Iterator[tuple[int, int]]:
+def branch_ranges(branches: np.ndarray) -> Iterator[tuple[int, int]]:
     """Where each piece of one branch begins, and where it ends."""
     changes = np.flatnonzero(branches[1:] != branches[:-1]) + 1
     return pairwise([0, *map(int, changes), len(branches)])
@@ -97,38 +99,47 @@ def pieces(branches: np.ndarray) -> Iterator[tuple[int, int]]:
 def draw_branches(
     axes: Axes,
     rows: Mapping[str, np.ndarray],
-    name: str,
+    abscissa: str,
     x: Axis,
     y: Axis,
-    of: str = "force",
-    joined: Joined = smooth,
+    ordinate: str = "force",
+    joined: Interpolator = smooth_curve,
 ) -> None:
     """A column over another, a line for each branch that is one piece of the table; marks where
     rows are few.
 
     joined: the line through the rows.
     """
-    seen: set[str] = set()
+    labelled: set[str] = set()
     branches = rows["branch"]
-    for begin, end in pieces(branches):
+    for begin, end in branch_ranges(branches):
         branch = str(branches[begin])
         piece = slice(max(begin - 1, 0), end)
-        colour, style = LOOKS.get(branch, (COLOURS[0], "-"))
-        across = x(rows[name][piece])
-        up = y(rows[of][piece])
-        if len(across) > 1:
+        colour, style = BRANCH_STYLES.get(branch, (COLOURS[0], "-"))
+        piece_x = x(rows[abscissa][piece])
+        piece_y = y(rows[ordinate][piece])
+        if len(piece_x) > 1:
             axes.plot(
-                *joined(across, up),
+                *joined(piece_x, piece_y),
                 color=colour,
                 ls=style,
                 lw=1.5,
-                label=None if branch in seen else branch,
+                label=None if branch in labelled else branch,
             )
-            seen.add(branch)
-        if len(branches) <= MANY:
-            own = slice(-(end - begin), None)  # a piece begins with the last row of the one before
+            labelled.add(branch)
+        if len(branches) <= MAX_MARKED_POINTS:
+            new_rows = slice(
+                -(end - begin), None
+            )  # a piece begins with the last row of the one before
             axes.plot(
-                across[own], up[own], ls="", marker="o", ms=4, color=colour, mec="white", mew=0.5
+                piece_x[new_rows],
+                piece_y[new_rows],
+                ls="",
+                marker="o",
+                ms=4,
+                color=colour,
+                mec="white",
+                mew=0.5,
             )
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
     axes.set(xlabel=x.label, ylabel=y.label)

@@ -12,34 +12,46 @@ from typing import Any
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.outline import scene_of
-from indent_sim.results.pictures.axes import Axis, choice, first_axis, middle_of, scaled
-from indent_sim.results.pictures.canvas import GREY, Axes, Where, colour_bar, title_over
-from indent_sim.results.pictures.pressure import titled
+from indent_sim.results.pictures.axes import (
+    Axis,
+    horizontal_axis_name,
+    plan_choice,
+    scaled_axis,
+    tip_axis_position,
+)
+from indent_sim.results.pictures.figures import (
+    GREY,
+    Axes,
+    BarPosition,
+    draw_colour_bar,
+    draw_panel_title,
+)
+from indent_sim.results.pictures.pressure import panel_title
 from indent_sim.results.pictures.profile import draw_tip
 from indent_sim.results.reader import Results
+from indent_sim.results.tip_geometry import scene_of
 from indent_sim.results.xdmf import read_fields
 
 # Contact radii or depths around the tip that are shown, and of a thin body at least
 FIELD_VIEW = 3.0
 THIN_BODY_VIEW = 1.5
-THIN = (
+THIN_BODY_HEIGHTS = (
     4.0  # heights of a body to either side of the tip: of a thin one nothing would be seen on more
 )
-ABOVE = 0.35  # contact radii or depths of room for the tip above the surface
-LIFTED = 0.01  # of the way that a tip is lifted: it sinks in no deeper
+SPACE_ABOVE = 0.35  # contact radii or depths of room for the tip above the surface
+MAX_LIFT = 0.01  # of the way that a tip is lifted: it sinks in no deeper
 WHOLE_BODY_RATIO = 1.6  # times that a body may be wider or deeper to be shown whole
 # of the shown area, inside the colours: at an edge, with many points, a stress is infinite
 COLOURED_PERCENT = 99.8
-SLIVER = 2e-3  # of the width of the frame: about half a pixel
-FACE_WIDTH = 0.6  # points: of the lines between regions
-Part = tuple[
+SLIVER_HEIGHT = 2e-3  # of the width of the frame: about half a pixel
+INTERFACE_LINE_WIDTH = 0.6  # points: of the lines between regions
+RegionPart = tuple[
     np.ndarray, np.ndarray, np.ndarray, np.ndarray
 ]  # points, moved points, cells, values at the points
 
 
 @dataclass(frozen=True)
-class ShownField:
+class FieldQuantity:
     """What a picture can show on the body: its name in words, its kind of number, and how it is
     made of the arrays.
 
@@ -52,47 +64,53 @@ class ShownField:
     name: str
     kind: str
     values: Callable[[dict[str, np.ndarray]], np.ndarray]
-    middle: float | None = None
-    least: float | None = 0.0
-    only: str = "every body"
+    neutral_value: float | None = None
+    lowest_value: float | None = 0.0
+    available_for: str = "every body"
 
 
-POROUS = "bodies with fluid in their pores (material.flow)"
-SWOLLEN = "gels (material.model: gel)"
+POROUS_BODIES = "bodies with fluid in their pores (material.flow)"
+GELS = "gels (material.model: gel)"
 FIELDS = {
-    "von_mises": ShownField("von Mises stress", "pressure", lambda f: f["von_mises"]),
-    "principal_1": ShownField(
+    "von_mises": FieldQuantity("von Mises stress", "pressure", lambda f: f["von_mises"]),
+    "principal_1": FieldQuantity(
         "principal stress σ₁", "pressure", lambda f: f["principal_stresses"][:, 0], 0.0
     ),
-    "principal_2": ShownField(
+    "principal_2": FieldQuantity(
         "principal stress σ₂", "pressure", lambda f: f["principal_stresses"][:, 1], 0.0
     ),
-    "principal_3": ShownField(
+    "principal_3": FieldQuantity(
         "principal stress σ₃", "pressure", lambda f: f["principal_stresses"][:, 2], 0.0
     ),
-    "sigma_xx": ShownField(
+    "sigma_xx": FieldQuantity(
         r"stress $\sigma_{{{r}{r}}}$", "pressure", lambda f: f["stress"][:, 0], 0.0
     ),
-    "sigma_yy": ShownField(
+    "sigma_yy": FieldQuantity(
         r"stress $\sigma_{{{t}{t}}}$", "pressure", lambda f: f["stress"][:, 4], 0.0
     ),
-    "sigma_zz": ShownField(r"stress $\sigma_{{zz}}$", "pressure", lambda f: f["stress"][:, 8], 0.0),
-    "sigma_xz": ShownField(
+    "sigma_zz": FieldQuantity(
+        r"stress $\sigma_{{zz}}$", "pressure", lambda f: f["stress"][:, 8], 0.0
+    ),
+    "sigma_xz": FieldQuantity(
         r"stress $\sigma_{{{r}z}}$", "pressure", lambda f: f["stress"][:, 2], 0.0
     ),
-    "J": ShownField("volume ratio J", "1", lambda f: f["J"], 1.0),
-    "energy_density": ShownField("energy density ψ", "pressure", lambda f: f["energy_density"]),
-    "displacement": ShownField(
+    "J": FieldQuantity("volume ratio J", "1", lambda f: f["J"], 1.0),
+    "energy_density": FieldQuantity("energy density ψ", "pressure", lambda f: f["energy_density"]),
+    "displacement": FieldQuantity(
         "displacement |u|", "length", lambda f: np.linalg.norm(f["displacement"], axis=1)
     ),
-    "pore_pressure": ShownField(
-        "pore pressure p", "pressure", lambda f: f["pore_pressure"], 0.0, only=POROUS
+    "pore_pressure": FieldQuantity(
+        "pore pressure p",
+        "pressure",
+        lambda f: f["pore_pressure"],
+        0.0,
+        available_for=POROUS_BODIES,
     ),
-    "fluid_content": ShownField(
-        "fluid content ζ", "1", lambda f: f["fluid_content"], 0.0, only=POROUS
+    "fluid_content": FieldQuantity(
+        "fluid content ζ", "1", lambda f: f["fluid_content"], 0.0, only=POROUS_BODIES
     ),
-    "swelling": ShownField(
-        "swelling ratio J", "1", lambda f: f["swelling"], least=None, only=SWOLLEN
+    "swelling": FieldQuantity(
+        "swelling ratio J", "1", lambda f: f["swelling"], lowest_value=None, available_for=GELS
     ),
 }
 
@@ -109,13 +127,13 @@ class Section:
     points: np.ndarray
     triangles: np.ndarray
     values: np.ndarray
-    faces: np.ndarray
+    interfaces: np.ndarray
 
-    def mirrored(self, middle: float) -> Section:
+    def mirror(self, middle: float) -> Section:
         """With its image in the vertical line x = middle."""
         image = np.column_stack([2 * middle - self.points[:, 0], self.points[:, 1]])
         triangles = np.concatenate([self.triangles, self.triangles[:, ::-1] + len(image)])
-        faces = np.concatenate([self.faces, self.faces + len(image)])
+        faces = np.concatenate([self.interfaces, self.interfaces + len(image)])
         return Section(
             np.concatenate([self.points, image]), triangles, np.tile(self.values, 2), faces
         )
@@ -126,30 +144,30 @@ class Section:
         sides = self.points[self.triangles[:, 1:]] - self.points[self.triangles[:, :1]]
         return np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
 
-    def slivers(self, least: float) -> np.ndarray:
-        """Which triangles are lower than `least` [length]: graded colours would be drawn beyond
+    def is_sliver(self, min_height: float) -> np.ndarray:
+        """Which triangles are lower than `min_height` [length]: graded colours would be drawn beyond
         their sides.
         """
         corners = self.points[self.triangles]
         longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
-        return 2 * self.areas <= least * longest
+        return 2 * self.areas <= min_height * longest
 
-    def inside(self, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def values_in_frame(self, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The values at the points inside a frame (left, right, bottom, top), and the area of each."""
         x, z = self.points.T
-        shown = (frame[0] <= x) & (x <= frame[1]) & (frame[2] <= z) & (z <= frame[3])
+        is_inside = (frame[0] <= x) & (x <= frame[1]) & (frame[2] <= z) & (z <= frame[3])
         area = np.bincount(self.triangles.ravel(), np.repeat(self.areas / 3, 3), len(self.points))
-        return self.values[shown], area[shown]
+        return self.values[is_inside], area[is_inside]
 
 
-def field_of(name: str) -> ShownField:
+def find_field(name: str) -> FieldQuantity:
     """The field of a name; UsageError for any other."""
     if name not in FIELDS:
         raise UsageError(f"there is no field {name}; choose among {', '.join(FIELDS)}")
     return FIELDS[name]
 
 
-def section_of(results: Results, step: float, field: ShownField) -> Section:
+def deformed_section(results: Results, step: float, field: FieldQuantity) -> Section:
     """The deformed section of a step in the plane through the tip's axis, its other half mirrored
     where it is one; UsageError for a field that the result does not have.
     """
@@ -158,16 +176,17 @@ def section_of(results: Results, step: float, field: ShownField) -> Section:
         values = field.values(fields)
     except KeyError as missing:
         raise UsageError(
-            f"{results.path} has no field {missing.args[0]}", f"it is of {field.only}"
+            f"{results.path} has no field {missing.args[0]}", f"it is of {field.available_for}"
         ) from None
     parts = [
-        _part(fields, values, fields["region"] == region) for region in np.unique(fields["region"])
+        _region_part(fields, values, fields["region"] == region)
+        for region in np.unique(fields["region"])
     ]
     center = np.array([*results.report.get("center", [0.0]), 0.0][:2])
     if fields["cells"].shape[1] == 4:
         y = fields["points"][:, 1]
         inside = np.clip(center[1], y.min() + 1e-6 * np.ptp(y), y.max() - 1e-6 * np.ptp(y))
-        parts = [_cut(*part, inside) for part in parts]
+        parts = [_cut_tetrahedra(*part, inside) for part in parts]
     starts = np.cumsum([0, *(len(moved) for _, moved, *_ in parts[:-1])])
     triangles = np.concatenate(
         [cells + start for (_, _, cells, _), start in zip(parts, starts, strict=True)]
@@ -175,42 +194,50 @@ def section_of(results: Results, step: float, field: ShownField) -> Section:
     points = np.concatenate([part[1] for part in parts])
     shown = np.concatenate([part[3] for part in parts])
     regions = np.repeat(np.arange(len(parts)), [len(cells) for _, _, cells, _ in parts])
-    section = Section(points[:, [0, 2]], triangles, shown, _faces(points, triangles, regions))
-    left = fields["points"][:, 0].min()
-    is_half = choice(results.report, "symmetry") != "full" and left >= center[0] - 1e-9 * np.ptp(
-        fields["points"][:, 0]
+    section = Section(
+        points[:, [0, 2]], triangles, shown, _region_interfaces(points, triangles, regions)
     )
-    return section.mirrored(center[0]) if is_half else section
+    left = fields["points"][:, 0].min()
+    is_half = plan_choice(results.report, "symmetry") != "full" and left >= center[
+        0
+    ] - 1e-9 * np.ptp(fields["points"][:, 0])
+    return section.mirror(center[0]) if is_half else section
 
 
-def _faces(points: np.ndarray, triangles: np.ndarray, regions: np.ndarray) -> np.ndarray:
+def _region_interfaces(
+    points: np.ndarray, triangles: np.ndarray, regions: np.ndarray
+) -> np.ndarray:
     """The edges (k, 2) that triangles of two regions, each with points of its own, have at one
     place.
     """
-    _, first, places = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    edges = np.sort(places.ravel()[triangles][:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-    found, which = np.unique(edges, axis=0, return_inverse=True)
-    low = np.full(len(found), regions.max())
-    high = np.zeros(len(found), dtype=regions.dtype)
-    np.minimum.at(low, which.ravel(), np.repeat(regions, 3))
-    np.maximum.at(high, which.ravel(), np.repeat(regions, 3))
-    return np.asarray(first[found[low < high]])
+    _, first, point_indices = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    edges = np.sort(point_indices.ravel()[triangles][:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(
+        -1, 2
+    )
+    distinct_edges, edge_indices = np.unique(edges, axis=0, return_inverse=True)
+    low = np.full(len(distinct_edges), regions.max())
+    high = np.zeros(len(distinct_edges), dtype=regions.dtype)
+    np.minimum.at(low, edge_indices.ravel(), np.repeat(regions, 3))
+    np.maximum.at(high, edge_indices.ravel(), np.repeat(regions, 3))
+    return np.asarray(first[distinct_edges[low < high]])
 
 
-def _part(fields: dict[str, np.ndarray], values: np.ndarray, own: np.ndarray) -> Part:
+def _region_part(
+    fields: dict[str, np.ndarray], values: np.ndarray, is_in_region: np.ndarray
+) -> RegionPart:
     """One region by itself: its field jumps where it ends.
 
     Values of cells become those of vertices, by volume.
     """
-    used, cells = np.unique(fields["cells"][own], return_inverse=True)
+    vertices, cells = np.unique(fields["cells"][is_in_region], return_inverse=True)
     cells = cells.reshape(-1, fields["cells"].shape[1])
-    points = fields["points"][used]
+    points = fields["points"][vertices]
     is_nodal = len(values) == len(fields["points"]) and len(values) != len(fields["cells"])
-    nodal = values[used] if is_nodal else _at_vertices(points, cells, values[own])
-    return points, points + fields["displacement"][used], cells, nodal
+    nodal = values[vertices] if is_nodal else _vertex_means(points, cells, values[is_in_region])
+    return points, points + fields["displacement"][vertices], cells, nodal
 
 
-def _at_vertices(points: np.ndarray, cells: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _vertex_means(points: np.ndarray, cells: np.ndarray, values: np.ndarray) -> np.ndarray:
     """The mean (n,) of the cells (m,) around each vertex, weighted by their volumes."""
     edges = points[cells[:, 1:]] - points[cells[:, :1]]
     weights = np.sqrt(np.abs(np.linalg.det(edges @ np.swapaxes(edges, 1, 2))))
@@ -219,14 +246,14 @@ def _at_vertices(points: np.ndarray, cells: np.ndarray, values: np.ndarray) -> n
     return total / np.bincount(cells.ravel(), np.repeat(weights, corners), len(points))
 
 
-def _cut(
+def _cut_tetrahedra(
     points: np.ndarray, moved: np.ndarray, cells: np.ndarray, values: np.ndarray, y: float
-) -> Part:
+) -> RegionPart:
     """The triangles in which the undeformed plane y cuts tetrahedra."""
-    side = points[:, 1] - y
-    count = (side[cells] > 0).sum(axis=1)
+    distance = points[:, 1] - y
+    count = (distance[cells] > 0).sum(axis=1)
     order = np.take_along_axis(
-        cells, np.argsort(-side[cells], axis=1), axis=1
+        cells, np.argsort(-distance[cells], axis=1), axis=1
     )  # those in front come first
     corners = {1: [(0, 1), (0, 2), (0, 3)], 3: [(0, 3), (1, 3), (2, 3)]}
     pairs = [order[count == n][:, np.array(edges)] for n, edges in corners.items()]
@@ -235,10 +262,15 @@ def _cut(
         quads[:, np.array(edges)] for edges in ([(0, 2), (0, 3), (1, 3)], [(0, 2), (1, 3), (1, 2)])
     ]
     ends = np.concatenate(pairs).reshape(-1, 2)
-    share = (side[ends[:, 0]] / (side[ends[:, 0]] - side[ends[:, 1]]))[:, None]
+    fraction = (distance[ends[:, 0]] / (distance[ends[:, 0]] - distance[ends[:, 1]]))[:, None]
     columns = np.column_stack([points, moved, values])
-    found = (1 - share) * columns[ends[:, 0]] + share * columns[ends[:, 1]]
-    return found[:, :3], found[:, 3:6], np.arange(len(found)).reshape(-1, 3), found[:, 6]
+    cut_points = (1 - fraction) * columns[ends[:, 0]] + fraction * columns[ends[:, 1]]
+    return (
+        cut_points[:, :3],
+        cut_points[:, 3:6],
+        np.arange(len(cut_points)).reshape(-1, 3),
+        cut_points[:, 6],
+    )
 
 
 @dataclass(frozen=True)
@@ -247,8 +279,8 @@ class FieldRow:
     the same colours.
     """
 
-    shown: Sequence[tuple[Results, float, str]]
-    field: ShownField
+    steps: Sequence[tuple[Results, float, str]]
+    field: FieldQuantity
     limits: tuple[float, float] | None = (
         None  # of the colours, in the unit shown; None: those of the field
     )
@@ -258,19 +290,21 @@ class FieldRow:
     @cached_property
     def sections(self) -> list[Section]:
         """The deformed body of each; where tips stand at several places, each as seen from its own."""
-        found = []
-        for results, step, _ in self.shown:
-            section = section_of(results, step, self.field)
-            away = self.middle - middle_of([results])[0]
-            found.append(
-                replace(section, points=section.points + np.array([away, 0.0])) if away else section
+        sections = []
+        for results, step, _ in self.steps:
+            section = deformed_section(results, step, self.field)
+            offset = self.axis_position - tip_axis_position([results])[0]
+            sections.append(
+                replace(section, points=section.points + np.array([offset, 0.0]))
+                if offset
+                else section
             )
-        return found
+        return sections
 
     @property
-    def middle(self) -> float:
+    def axis_position(self) -> float:
         """Where the tips' axis is drawn [length]."""
-        return middle_of([results for results, *_ in self.shown])[0]
+        return tip_axis_position([results for results, *_ in self.steps])[0]
 
     @cached_property
     def frame(self) -> np.ndarray:
@@ -280,23 +314,32 @@ class FieldRow:
         points = np.concatenate([section.points for section in self.sections])
         (left, bottom) = points.min(axis=0)
         (right, top) = points.max(axis=0)
-        depths = [_at(run, step, "delta") for run, step, _ in self.shown]
-        touched = max(_at(run, step, "a") for run, step, _ in self.shown)
-        size = max(touched, *np.abs(depths))
+        depths = [_row_value(run, step, "delta") for run, step, _ in self.steps]
+        contact_radius = max(_row_value(run, step, "a") for run, step, _ in self.steps)
+        size = max(contact_radius, *np.abs(depths))
         if (
-            not touched > 0 and max(depths) <= LIFTED * size
+            not contact_radius > 0 and max(depths) <= MAX_LIFT * size
         ):  # by what swells: no contact to look at
             size = (top - bottom) / 2
         if self.zoom is not None:
-            reach = self.zoom * size
-            sides = max(left, self.middle - reach), min(right, self.middle + reach)
-            return np.array([*sides, max(bottom, -reach), top + ABOVE * size])
-        reach = size * np.clip(THIN * (top - bottom) / size, THIN_BODY_VIEW, FIELD_VIEW)
-        sides = (self.middle - reach, self.middle + reach)
-        if right - left <= 2 * WHOLE_BODY_RATIO * reach:
+            half_width = self.zoom * size
+            sides = (
+                max(left, self.axis_position - half_width),
+                min(right, self.axis_position + half_width),
+            )
+            return np.array([*sides, max(bottom, -half_width), top + SPACE_ABOVE * size])
+        half_width = size * np.clip(
+            THIN_BODY_HEIGHTS * (top - bottom) / size, THIN_BODY_VIEW, FIELD_VIEW
+        )
+        sides = (self.axis_position - half_width, self.axis_position + half_width)
+        if right - left <= 2 * WHOLE_BODY_RATIO * half_width:
             sides = (left, right)
         return np.array(
-            [*sides, bottom if -bottom <= WHOLE_BODY_RATIO * reach else -reach, top + ABOVE * size]
+            [
+                *sides,
+                bottom if -bottom <= WHOLE_BODY_RATIO * half_width else -half_width,
+                top + SPACE_ABOVE * size,
+            ]
         )
 
     @property
@@ -304,111 +347,135 @@ class FieldRow:
         """The height of the frame over its width."""
         return float(np.ptp(self.frame[2:]) / np.ptp(self.frame[:2]))
 
-    def _framed(self, aspect: float) -> np.ndarray:
+    def _frame_of_aspect(self, aspect: float) -> np.ndarray:
         """The frame in another shape, which is higher: it goes on down into the body, then up."""
         left, right, bottom, top = self.frame
-        more = aspect * (right - left) - (top - bottom)
-        if more <= 0:
+        missing_height = aspect * (right - left) - (top - bottom)
+        if missing_height <= 0:
             return self.frame
         lowest = min(float(section.points[:, 1].min()) for section in self.sections)
-        down = min(more, max(bottom - lowest, 0.0))
-        return np.array([left, right, bottom - down, top + more - down])
+        height_below = min(missing_height, max(bottom - lowest, 0.0))
+        return np.array([left, right, bottom - height_below, top + missing_height - height_below])
 
     def draw(
         self,
         panels: Sequence[Axes],
         some: slice = slice(None),
-        where: Where = "right",
+        where: BarPosition = "right",
         aspect: float = 0.0,
     ) -> None:
         """Draw some of them into as many panels, with one bar for the colours of all.
 
         aspect: height over width of the panels, where they are higher than the frame.
         """
-        runs = [run for run, *_ in self.shown]
-        frame = self._framed(aspect)
-        length = scaled("length", runs, np.ptp(frame[:2]) / 2, middle_of(runs)[1])
+        runs = [run for run, *_ in self.steps]
+        frame = self._frame_of_aspect(aspect)
+        length = scaled_axis("length", runs, np.ptp(frame[:2]) / 2, tip_axis_position(runs)[1])
         inside, areas = map(
             np.concatenate,
-            zip(*(section.inside(self.frame) for section in self.sections), strict=True),
+            zip(*(section.values_in_frame(self.frame) for section in self.sections), strict=True),
         )
-        first = first_axis(runs[0])
+        first = horizontal_axis_name(runs[0])
         kind = self.field.kind
         name = self.field.name.format(r=first, t={"r": r"\theta", "x": "y"}[first])
-        axis = Axis(name) if kind == "1" else scaled(kind, runs, inside, name)
-        low, high, colours = _colours(axis(inside), areas, self.field)
+        axis = Axis(name) if kind == "1" else scaled_axis(kind, runs, inside, name)
+        low, high, colours = _colour_range(axis(inside), areas, self.field)
         low, high = self.limits or (low, high)
         for axes, (run, step, words), section in zip(
-            panels, self.shown[some], self.sections[some], strict=True
+            panels, self.steps[some], self.sections[some], strict=True
         ):
             look = {"vmin": low, "vmax": high, "cmap": colours, "rasterized": True}
-            drawn = _draw_section(axes, section, length, axis, SLIVER * np.ptp(frame[:2]), look)
+            colour_mesh = _draw_section(
+                axes, section, length, axis, SLIVER_HEIGHT * np.ptp(frame[:2]), look
+            )
             if (scene := scene_of(run.path)) is not None:
                 draw_tip(
                     axes,
                     scene,
-                    _at(run, step, "delta"),
-                    self.middle,
+                    _row_value(run, step, "delta"),
+                    self.axis_position,
                     float(np.ptp(frame[:2])),
                     length,
                 )
             axes.set(aspect="equal", xlim=length(frame[:2]), ylim=length(frame[2:]))
             axes.locator_params(nbins=5)
-            title_over(axes, titled(run, step, words, apart="\n"))
+            draw_panel_title(axes, panel_title(run, step, words, apart="\n"))
             axes.set(xlabel=length.label, ylabel=Axis("z", unit=length.unit).label)
-        ends = [axis(inside).min() < low, axis(inside).max() > high]
+        is_clipped = [axis(inside).min() < low, axis(inside).max() > high]
         beyond = {(False, True): "max", (True, False): "min", (True, True): "both"}.get(
-            tuple(ends), "neither"
+            tuple(is_clipped), "neither"
         )
-        colour_bar(panels, drawn, axis.label, where, extend=beyond)
+        draw_colour_bar(panels, colour_mesh, axis.label, where, extend=beyond)
         if where == "right":
             for axes in panels:
                 axes.label_outer()
 
 
 def _draw_section(
-    axes: Axes, section: Section, length: Axis, axis: Axis, least: float, look: dict[str, Any]
+    axes: Axes,
+    section: Section,
+    length: Axis,
+    axis: Axis,
+    sliver_height: float,
+    look: dict[str, Any],
 ) -> Any:
-    """The triangles of a section in graded colours, and those lower than `least` [length] in one
+    """The triangles of a section in graded colours, and those lower than `sliver_height` [length] in one
     colour each.
     """
     x, z, values = *length(section.points).T, axis(section.values)
-    is_sliver = section.slivers(least)
+    is_sliver = section.is_sliver(sliver_height)
     if is_sliver.any():
-        small = section.triangles[is_sliver]
+        slivers = section.triangles[is_sliver]
         axes.tripcolor(
-            x, z, small, facecolors=values[small].mean(axis=1), edgecolors="face", lw=0.3, **look
+            x,
+            z,
+            slivers,
+            facecolors=values[slivers].mean(axis=1),
+            edgecolors="face",
+            lw=0.3,
+            **look,
         )
-    if len(section.faces):
+    if len(section.interfaces):
         lines = np.pad(
-            length(section.points[section.faces]), ((0, 0), (0, 1), (0, 0)), constant_values=np.nan
+            length(section.points[section.interfaces]),
+            ((0, 0), (0, 1), (0, 0)),
+            constant_values=np.nan,
         )
-        axes.plot(*lines.reshape(-1, 2).T, color=GREY, lw=FACE_WIDTH)
+        axes.plot(*lines.reshape(-1, 2).T, color=GREY, lw=INTERFACE_LINE_WIDTH)
     return axes.tripcolor(x, z, section.triangles[~is_sliver], values, shading="gouraud", **look)
 
 
-def _at(results: Results, step: float, column: str) -> float:
+def _row_value(results: Results, step: float, column: str) -> float:
     return float(results[column][results["step"] == step][0])
 
 
-def _colours(values: np.ndarray, areas: np.ndarray, field: ShownField) -> tuple[float, float, Any]:
+def _colour_range(
+    values: np.ndarray, areas: np.ndarray, field: FieldQuantity
+) -> tuple[float, float, Any]:
     """The limits of the colours and their map: from the least up, or as far to both sides of the
     middle.
     """
-    middle = field.middle
-    begin = (
+    middle = field.neutral_value
+    base_value = (
         middle
         if middle is not None
-        else field.least
-        if field.least is not None
+        else field.lowest_value
+        if field.lowest_value is not None
         else float(values.min())
     )
-    away = np.abs(values - begin)
-    order = np.argsort(away)
-    covered = np.cumsum(areas[order])
-    high = float(away[order[np.searchsorted(covered, COLOURED_PERCENT / 100 * covered[-1])]]) or 1.0
+    deviations = np.abs(values - base_value)
+    order = np.argsort(deviations)
+    covered_area = np.cumsum(areas[order])
+    high = (
+        float(
+            deviations[
+                order[np.searchsorted(covered_area, COLOURED_PERCENT / 100 * covered_area[-1])]
+            ]
+        )
+        or 1.0
+    )
     return (
-        (begin, begin + high, "viridis")
+        (base_value, base_value + high, "viridis")
         if middle is None
-        else (begin - high, begin + high, "RdBu_r")
+        else (base_value - high, base_value + high, "RdBu_r")
     )

@@ -12,89 +12,96 @@ import numpy as np
 from indent_sim.process.errors import UsageError
 from indent_sim.results.folder import Report
 from indent_sim.results.pictures import curves
-from indent_sim.results.pictures.axes import axis, choice, time_axis
-from indent_sim.results.pictures.canvas import GREY, Axes, canvas, head, legend_below, save
-from indent_sim.results.pictures.curves import Points, smooth
-from indent_sim.results.pictures.experiment import draw_branches, pieces
+from indent_sim.results.pictures.axes import axis_of_column, plan_choice, time_axis
+from indent_sim.results.pictures.curves import Points, smooth_curve
+from indent_sim.results.pictures.experiment import branch_ranges, draw_branches
+from indent_sim.results.pictures.figures import (
+    GREY,
+    Axes,
+    draw_figure_legend,
+    draw_title,
+    new_figure,
+    save,
+)
 from indent_sim.results.pictures.forces import subtitle
 from indent_sim.results.reader import Results
 
 # inches of a panel, and the width of one that is alone
 PANEL_SIZE = (4.6, 3.5)
-LONE_WIDTH = 6.4
+SINGLE_PANEL_WIDTH = 6.4
 LOG_RATIO = (
     1e3  # last time over the first one that is seen, from which on the axis of times is logarithmic
 )
-LEAST_SEEN = 1e-3  # of the largest force, or depth, from which on something is seen
-STATES = 5  # of a film
+MIN_VISIBLE_FRACTION = 1e-3  # of the largest force, or depth, from which on something is seen
+FILM_STATES = 5  # of a film
 LIMIT_STYLES = ("--", ":")  # before anything has flowed or relaxed, and when all has
 
 
-def is_of_body(report: Report) -> bool:
+def is_time_stepped(report: Report) -> bool:
     """Whether the rows of a run are steps in time of the whole body."""
     return (report.get("time") or {}).get("way") == "steps"
 
 
 def draw(results: Results, path: Path) -> None:
     """Draw the rows of a run in time: what its force does over depth, and over time what changes."""
-    panels = shown(results)
-    across = 2 if len(panels) in (2, 4) else min(len(panels), 3)
-    rows = [panels[k : k + across] for k in range(0, len(panels), across)]
-    rows[-1] += ["."] * (across - len(rows[-1]))
-    with canvas(
-        (PANEL_SIZE[0] * across if across > 1 else LONE_WIDTH, PANEL_SIZE[1] * len(rows))
+    panels = panel_names(results)
+    columns = 2 if len(panels) in (2, 4) else min(len(panels), 3)
+    rows = [panels[k : k + columns] for k in range(0, len(panels), columns)]
+    rows[-1] += ["."] * (columns - len(rows[-1]))
+    with new_figure(
+        (PANEL_SIZE[0] * columns if columns > 1 else SINGLE_PANEL_WIDTH, PANEL_SIZE[1] * len(rows))
     ) as figure:
-        drawn: dict[str, Axes] = figure.subplot_mosaic(rows)
+        panel_axes: dict[str, Axes] = figure.subplot_mosaic(rows)
         time = results.report.get("time") or {}
-        said = [f"in time by {time.get('method', 'steps')}", subtitle(results)]
+        subtitle_parts = [f"in time by {time.get('method', 'steps')}", subtitle(results)]
         for name in panels:
             if name == "curve":
                 draw_branches(
-                    drawn[name],
+                    panel_axes[name],
                     results.table,
                     "delta",
-                    axis("delta", [results]),
-                    axis("force", [results]),
+                    axis_of_column("delta", [results]),
+                    axis_of_column("force", [results]),
                 )
             else:
-                _draw_over_time(drawn[name], results, name)
-        _draw_limits(results, drawn, drawn[panels[0]])
-        legend_below(figure, drawn[panels[0]])
-        head(
+                _draw_over_time(panel_axes[name], results, name)
+        _draw_limits(results, panel_axes, panel_axes[panels[0]])
+        draw_figure_legend(figure, panel_axes[panels[0]])
+        draw_title(
             figure,
             results.report.get("title") or path.parent.name,
-            "  \N{MIDDLE DOT}  ".join(filter(None, said)),
+            "  \N{MIDDLE DOT}  ".join(filter(None, subtitle_parts)),
         )
         save(figure, path)
 
 
-def shown(results: Results) -> list[str]:
+def panel_names(results: Results) -> list[str]:
     """The panels: "curve", the force over a depth that changes, and columns that change over time;
     one at least.
     """
     force = results["force"]
     delta = results["delta"]
     is_loaded = bool(np.any(force != 0))
-    found = ["curve"] if is_loaded and np.ptp(delta) > 0 else []
-    found += ["force"] if np.ptp(force) > 0 else []
-    found += ["delta"] if results.report.get("control") == "force" else []
-    found += ["a"] if is_loaded else []
-    found += (
+    names = ["curve"] if is_loaded and np.ptp(delta) > 0 else []
+    names += ["force"] if np.ptp(force) > 0 else []
+    names += ["delta"] if results.report.get("control") == "force" else []
+    names += ["a"] if is_loaded else []
+    names += (
         ["pore_pressure_max"] if np.any(results.table.get("pore_pressure_max", 0.0) > 0) else []
     )
-    return found or ["force"]
+    return names or ["force"]
 
 
 def _draw_over_time(axes: Axes, results: Results, name: str) -> None:
     """A column over the time, logarithmic where most would else stand at its left end."""
     t = time_axis([results])
-    column = axis(name, [results])
+    column = axis_of_column(name, [results])
     if not _spans_decades(results):
         draw_branches(axes, results.table, "t", t, column, name)
         return
-    draw_branches(axes, results.table, "t", t, column, name, _smooth_in_log)
+    draw_branches(axes, results.table, "t", t, column, name, _smooth_log_time)
     axes.set_xscale("log")
-    axes.set_xlim(t(first_seen(results)), 1.2 * t(results["t"][-1]))
+    axes.set_xlim(t(first_visible_time(results)), 1.2 * t(results["t"][-1]))
 
 
 def draw_over_time(axes: Axes, runs: Sequence[Results], names: Sequence[str]) -> None:
@@ -103,57 +110,59 @@ def draw_over_time(axes: Axes, runs: Sequence[Results], names: Sequence[str]) ->
 
     UsageError for a run without times.
     """
-    if bare := [run for run in runs if np.isnan(run.table.get("t", np.nan)).all()]:
+    if runs_without_times := [run for run in runs if np.isnan(run.table.get("t", np.nan)).all()]:
         raise UsageError(
-            f"{bare[0].path} has no times", "loading.history and force_history give some"
+            f"{runs_without_times[0].path} has no times",
+            "loading.history and force_history give some",
         )
-    asked = "delta" if all(run.report.get("control") == "force" for run in runs) else "force"
+    column_name = "delta" if all(run.report.get("control") == "force" for run in runs) else "force"
     t = time_axis(runs)
-    column = axis(asked, runs)
+    column = axis_of_column(column_name, runs)
     is_wide = all(_spans_decades(run) for run in runs)
     for i, (run, name) in enumerate(zip(runs, names, strict=True)):
-        colour = curves.look(i, len(runs))["color"]
+        colour = curves.line_style(i, len(runs))["color"]
         label = name
-        for begin, end in pieces(run.table.get("branch", np.zeros(len(run)))):
+        for begin, end in branch_ranges(run.table.get("branch", np.zeros(len(run)))):
             piece = slice(max(begin - 1, 0), end)
-            points = (_smooth_in_log if is_wide else smooth)(
-                t(run["t"][piece]), column(run[asked][piece])
+            points = (_smooth_log_time if is_wide else smooth_curve)(
+                t(run["t"][piece]), column(run[column_name][piece])
             )
             axes.plot(*points, color=colour, lw=1.5, label=label)
             label = "_"  # named once
     if is_wide:
         axes.set_xscale("log")
         axes.set_xlim(
-            min(t(first_seen(run)) for run in runs), 1.2 * max(t(run["t"][-1]) for run in runs)
+            min(t(first_visible_time(run)) for run in runs),
+            1.2 * max(t(run["t"][-1]) for run in runs),
         )
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
     axes.set(xlabel=t.label, ylabel=column.label)
 
 
-def _smooth_in_log(t: np.ndarray, y: np.ndarray) -> Points:
+def _smooth_log_time(t: np.ndarray, y: np.ndarray) -> Points:
     """A smooth curve over the logarithm of times, of those after 0."""
     after = t > 0
-    along, fine = smooth(np.log10(t[after]), y[after])
+    along, fine = smooth_curve(np.log10(t[after]), y[after])
     return 10**along, fine
 
 
-def _draw_limits(results: Results, drawn: dict[str, Axes], named: Axes) -> None:
+def _draw_limits(results: Results, panel_axes: dict[str, Axes], legend_axes: Axes) -> None:
     """What a linear body does before anything has flowed or relaxed, and when all has: the force at
     the deepest depth, or the depth of the largest force.
     """
-    asked = "delta" if results.report.get("control") == "force" else "force"
+    column_name = "delta" if results.report.get("control") == "force" else "force"
     limits = (results.report.get("time") or {}).get("limits") or {}
-    if asked not in drawn or choice(results.report, "strain") != "small":
+    if column_name not in panel_axes or plan_choice(results.report, "strain") != "small":
         return
-    along = axis(asked, [results])
+    value_axis = axis_of_column(column_name, [results])
     for (name, value), style in zip(limits.items(), LIMIT_STYLES, strict=False):
         if value is not None:
             look = {"color": GREY, "ls": style, "lw": 1.1}
-            drawn[asked].axhline(float(along(value)), zorder=1, **look)
-            named.plot([], [], label=f"{name}, by theory", **look)
+            panel_axes[column_name].axhline(float(value_axis(value)), zorder=1, **look)
+            legend_axes.plot([], [], label=f"{name}, by theory", **look)
 
 
-def first_seen(results: Results) -> float:
+def first_visible_time(results: Results) -> float:
     """The first time after 0 at which a force, or where forces are prescribed a depth, is there to
     be seen.
     """
@@ -161,28 +170,28 @@ def first_seen(results: Results) -> float:
         np.nan_to_num(results["delta" if results.report.get("control") == "force" else "force"])
     )
     later = results["t"] > 0
-    seen = later & (size >= LEAST_SEEN * size.max(initial=0.0))
-    return float(results["t"][np.argmax(seen if seen.any() else later)])
+    is_visible = later & (size >= MIN_VISIBLE_FRACTION * size.max(initial=0.0))
+    return float(results["t"][np.argmax(is_visible if is_visible.any() else later)])
 
 
 def _spans_decades(results: Results) -> bool:
     """Whether most of what happens would stand at the left end of the axis."""
     t = results["t"]
-    return bool(t[0] >= 0 and t[-1] > 0 and t[-1] > LOG_RATIO * first_seen(results))
+    return bool(t[0] >= 0 and t[-1] > 0 and t[-1] > LOG_RATIO * first_visible_time(results))
 
 
-def spread(results: Results, steps: Sequence[int]) -> list[int]:
+def film_steps(results: Results, steps: Sequence[int]) -> list[int]:
     """About STATES of some steps for a film: evenly, of a body in time over the logarithm of time
     from what is first seen on, and with that of the largest force.
     """
-    if len(steps) <= STATES + 1:
+    if len(steps) <= FILM_STATES + 1:
         return list(steps)
-    if not is_of_body(results.report):
-        return [steps[k] for k in np.linspace(0, len(steps) - 1, STATES).round().astype(int)]
+    if not is_time_stepped(results.report):
+        return [steps[k] for k in np.linspace(0, len(steps) - 1, FILM_STATES).round().astype(int)]
     rows = np.searchsorted(results["step"], steps)
     begin = min(results["t"][0], 0.0)
-    t = np.log(np.maximum(results["t"][rows] - begin, first_seen(results) - begin))
-    chosen = {int(np.argmin(np.abs(t - at))) for at in np.linspace(t[0], t[-1], STATES)} | {
+    t = np.log(np.maximum(results["t"][rows] - begin, first_visible_time(results) - begin))
+    chosen = {int(np.argmin(np.abs(t - at))) for at in np.linspace(t[0], t[-1], FILM_STATES)} | {
         len(steps) - 1
     }
     if np.any(results["force"][rows] > 0):

@@ -12,54 +12,60 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.pictures import canvas, curves, history
+from indent_sim.results.pictures import curves, figures, history
 from indent_sim.results.pictures.axes import BASE_UNITS, SHOWN_UNITS
-from indent_sim.results.pictures.canvas import Axes, Figure, SubFigure
-from indent_sim.results.pictures.fields import FieldRow, field_of
-from indent_sim.results.pictures.forces import draw_forces, named_apart, overlay
+from indent_sim.results.pictures.fields import FieldRow, find_field
+from indent_sim.results.pictures.figures import Axes, Figure, SubFigure
+from indent_sim.results.pictures.forces import draw_forces, draw_overlay, sort_and_name
 from indent_sim.results.pictures.pressure import (
     PressureMaps,
-    contact_of,
+    contact_surface,
     draw_pressures,
-    on_axis,
-    strongest_step,
-    titled,
+    largest_force_step,
+    panel_title,
+    surface_on_axis,
 )
 from indent_sim.results.pictures.profile import draw_profiles
 from indent_sim.results.reader import Results
-from indent_sim.results.xdmf import kept_steps
+from indent_sim.results.xdmf import steps_with_fields
 
-WHAT = ("force", "time", "pressure", "pressure_x", "pressure_y", "profile", "fields", "film")
-OF_STEPS = ("pressure", "pressure_x", "pressure_y", "profile", "fields", "film")
-PRESSED = ("pressure", "pressure_x", "pressure_y")  # _x, _y: along these axes through the tip's
-MAPPED = ("fields", "film")  # film: states of a field spread over the path
+PANEL_KINDS = ("force", "time", "pressure", "pressure_x", "pressure_y", "profile", "fields", "film")
+STEP_PANELS = ("pressure", "pressure_x", "pressure_y", "profile", "fields", "film")
+PRESSURE_PANELS = (
+    "pressure",
+    "pressure_x",
+    "pressure_y",
+)  # _x, _y: along these axes through the tip's
+MAP_PANELS = ("fields", "film")  # film: states of a field spread over the path
 # Entries of a wish, their options, and the panels that heed them
-OF_PANELS = {
-    "fields": ("--field", MAPPED),
-    "limits": ("--limits", (*PRESSED, *MAPPED)),
-    "zoom": ("--zoom", MAPPED),
+PANEL_OPTIONS = {
+    "fields": ("--field", MAP_PANELS),
+    "limits": ("--limits", (*PRESSURE_PANELS, *MAP_PANELS)),
+    "zoom": ("--zoom", MAP_PANELS),
 }
 MM = 1 / 25.4  # inches
 PANEL_WIDTH = 4.4  # inches: width of a panel where no width is asked for
 LINE_ASPECT = 0.72  # height over width of panels of curves
 # inches: around the panels of a line for words, numbers and bars, before the layout says how much
 # they take
-WORDS = 1.6
-FITTINGS = 2  # the second time the layout knows how high the panels are
-MOST_IN_ROW = 4
-MOST_IN_FILM = 6
-MOST_WIDE = 3
-MOST_PANELS = 40
+LABELS_HEIGHT = 1.6
+LAYOUT_PASSES = 2  # the second time the layout knows how high the panels are
+MAX_MAPS_IN_ROW = 4
+MAX_FILM_COLUMNS = 6
+MAX_LINE_COLUMNS = 3
+MAX_PANELS = 40
 T = TypeVar("T")
-NARROWEST_CELL = 1.5  # inches: a panel of a layout at the standard font size
+MIN_CELL_WIDTH = 1.5  # inches: a panel of a layout at the standard font size
 # inches: panels at the standard font size
-NARROWEST_LINES = 2.6
-NARROWEST_MAPS = 1.8
-Shown = tuple[Results, float, str]  # a result, a step, and what tells them from the others in words
+MIN_LINE_PANEL_WIDTH = 2.6
+MIN_MAP_WIDTH = 1.8
+LabelledStep = tuple[
+    Results, float, str
+]  # a result, a step, and what tells them from the others in words
 
 
 @dataclass(frozen=True)
-class Wish:
+class PlotRequest:
     """What a picture shall show. steps: numbers, last or all; "": the step of the largest force;
     width [mm].
     """
@@ -68,7 +74,7 @@ class Wish:
     fields: tuple[str, ...] = ("von_mises",)
     steps: tuple[str, ...] = ()
     width: float | None = None
-    font: float = canvas.FONT
+    font: float = figures.FONT_SIZE
     units: Mapping[str, str] = field(default_factory=dict)
     layout: tuple[int, int] | None = None  # rows and columns of all panels; None: as they have room
     letters: Literal["", "a"] = ""  # before the panels: none, or (a), (b), ...
@@ -80,44 +86,48 @@ class Wish:
         None  # contact radii around the tip that fields show; infinite: the whole body
     )
 
-    def side_by_side(self, narrowest: float, most: int) -> int:
+    def max_columns(self, narrowest: float, most: int) -> int:
         """How many panels stand side by side, none narrower than so many inches at the standard
         font size.
         """
-        room = self.width * MM / (narrowest * self.font / canvas.FONT) if self.width else most
-        return int(np.clip(room, 1, most))
+        columns = (
+            self.width * MM / (narrowest * self.font / figures.FONT_SIZE) if self.width else most
+        )
+        return int(np.clip(columns, 1, most))
 
     @property
-    def name(self) -> str:
+    def file_name(self) -> str:
         """The file of a picture that nobody named."""
         return f"{'_'.join(self.what)}.png"
 
 
-def wish(given: Mapping[str, Any]) -> Wish:
+def plot_request(options: Mapping[str, Any]) -> PlotRequest:
     """The wish of some options; UsageError for words that are none, and for options that would have
     no effect.
     """
-    found = Wish(**{"what": ("force",), **given})
-    if unknown := [word for word in found.what if word not in WHAT]:
-        raise UsageError(f"--what {unknown[0]} is none of {', '.join(WHAT)}")
-    for name, (option, heeding) in OF_PANELS.items():
-        if name in given and not set(found.what) & set(heeding):
-            raise UsageError(f"{option} belongs to --what {' or '.join(heeding)}")
-    if found.limits is not None and not found.limits[0] < found.limits[1]:
+    request = PlotRequest(**{"what": ("force",), **options})
+    if unknown := [word for word in request.what if word not in PANEL_KINDS]:
+        raise UsageError(f"--what {unknown[0]} is none of {', '.join(PANEL_KINDS)}")
+    for name, (option, panel_kinds) in PANEL_OPTIONS.items():
+        if name in options and not set(request.what) & set(panel_kinds):
+            raise UsageError(f"{option} belongs to --what {' or '.join(panel_kinds)}")
+    if request.limits is not None and not request.limits[0] < request.limits[1]:
         raise UsageError(
-            f"--limits {found.limits[0]:g}:{found.limits[1]:g}: the first must be below the second"
+            f"--limits {request.limits[0]:g}:{request.limits[1]:g}: the first must be below the second"
         )
-    if "steps" in given and not set(found.what) & set(OF_STEPS):
+    if "steps" in options and not set(request.what) & set(STEP_PANELS):
         raise UsageError(
-            f"--steps belongs to --what {' or '.join(OF_STEPS)}: the force is drawn at every step"
+            f"--steps belongs to --what {' or '.join(STEP_PANELS)}: the force is drawn at every step"
         )
-    if wrong := [word for word in found.steps if not (word in ("last", "all") or word.isdecimal())]:
-        raise UsageError(f"--steps {wrong[0]} is neither a step nor last nor all")
-    if wrong := [kind for kind in found.units if kind not in BASE_UNITS]:
-        raise UsageError(f"--units {wrong[0]}: there are {', '.join(BASE_UNITS)}")
-    for name in found.fields:
-        field_of(name)
-    return found
+    if invalid := [
+        word for word in request.steps if not (word in ("last", "all") or word.isdecimal())
+    ]:
+        raise UsageError(f"--steps {invalid[0]} is neither a step nor last nor all")
+    if invalid := [kind for kind in request.units if kind not in BASE_UNITS]:
+        raise UsageError(f"--units {invalid[0]}: there are {', '.join(BASE_UNITS)}")
+    for name in request.fields:
+        find_field(name)
+    return request
 
 
 @dataclass(frozen=True)
@@ -129,7 +139,7 @@ class _Panel:
     """
 
     draw: Callable[[Axes, float], None]
-    draw_alone: Callable[[Axes], None]
+    draw_in_own_figure: Callable[[Axes], None]
     aspect: float | None = None
 
 
@@ -145,200 +155,239 @@ class _Row:
     draw: Callable[[SubFigure], Sequence[Axes]]
 
 
-def draw(runs: Sequence[Results], wish: Wish, path: Path | str) -> None:
+def draw(runs: Sequence[Results], request: PlotRequest, path: Path | str) -> None:
     """Draw what was wished for into a file; UsageError as `pictured`, and for a file that is no
     picture.
     """
-    canvas.format_of(Path(path))
-    with pictured(runs, wish) as figure:
-        canvas.save(figure, path, *([wish.dpi] if wish.dpi else []))
+    figures.picture_format(Path(path))
+    with requested_figure(runs, request) as figure:
+        figures.save(figure, path, *([request.dpi] if request.dpi else []))
 
 
 def draw_results(runs: Sequence[Results], path: Path | str) -> None:
     """The picture of results of which nothing was wished for: of a body in time its history, of
     several forces over time and depth, else forces over depth.
     """
-    if not all(history.is_of_body(run.report) for run in runs):
-        overlay(runs, path)
+    if not all(history.is_time_stepped(run.report) for run in runs):
+        draw_overlay(runs, path)
     elif len(runs) == 1:
         history.draw(runs[0], Path(path))
     else:
-        draw(runs, Wish(("time", "force")), path)
+        draw(runs, PlotRequest(("time", "force")), path)
 
 
 @contextmanager
-def pictured(runs: Sequence[Results], wish: Wish) -> Iterator[Figure]:
+def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[Figure]:
     """The figure of what was wished for; UsageError for steps, fields and panels that the results
     do not have.
     """
-    if wish.units:
-        runs = [replace(run, report=run.report | {SHOWN_UNITS: dict(wish.units)}) for run in runs]
-    runs, names = named_apart(runs) if len(runs) > 1 else (list(runs), [""])
-    _refuse_too_many(runs, names, wish)
-    rows = _laid_out(runs, names, wish) if wish.layout else _as_they_have_room(runs, names, wish)
-    width = (
-        wish.width * MM
-        if wish.width
-        else PANEL_WIDTH * min(MOST_WIDE, max(row.columns for row in rows))
+    if request.units:
+        runs = [
+            replace(run, report=run.report | {SHOWN_UNITS: dict(request.units)}) for run in runs
+        ]
+    runs, names = sort_and_name(runs) if len(runs) > 1 else (list(runs), [""])
+    _refuse_too_many(runs, names, request)
+    rows = (
+        _requested_rows(runs, names, request)
+        if request.layout
+        else _automatic_rows(runs, names, request)
     )
-    words = WORDS + canvas.LINE * (len(runs) + len(wish.what))
+    width = (
+        request.width * MM
+        if request.width
+        else PANEL_WIDTH * min(MAX_LINE_COLUMNS, max(row.columns for row in rows))
+    )
+    labels_height = LABELS_HEIGHT + figures.LINE_HEIGHT * (len(runs) + len(request.what))
     heights = [
-        row.lines * (row.aspect * width / row.columns + words) * wish.font / canvas.FONT
+        row.lines
+        * (row.aspect * width / row.columns + labels_height)
+        * request.font
+        / figures.FONT_SIZE
         for row in rows
     ]
-    with canvas.canvas((width, sum(heights)), wish.font) as figure:
+    with figures.new_figure((width, sum(heights)), request.font) as figure:
         grid = figure.add_gridspec(len(rows), 1, height_ratios=heights)
         parts = [figure.add_subfigure(place) for place in grid]
-        drawn = [row.draw(part) for row, part in zip(rows, parts, strict=True)]
-        if wish.letters:
-            _letter(figure)
-        true = [axes for axes in figure.axes if axes.get_aspect() != "auto"]
+        row_axes = [row.draw(part) for row, part in zip(rows, parts, strict=True)]
+        if request.letters:
+            _letter_panels(figure)
+        true_scale_axes = [axes for axes in figure.axes if axes.get_aspect() != "auto"]
         for axes in (
-            true
+            true_scale_axes
         ):  # the layout leaves no room for the numbers of one that is smaller than its place
             axes.set_aspect("auto")
-        for _ in range(FITTINGS):
-            canvas.find_places(figure)
-            canvas.thin_numbers(figure)
-            heights = [_height(*one, figure.dpi) for one in zip(rows, parts, drawn, strict=True)]
+        for _ in range(LAYOUT_PASSES):
+            figures.place_panels(figure)
+            figures.thin_tick_labels(figure)
+            heights = [
+                _row_height(*row_part, figure.dpi)
+                for row_part in zip(rows, parts, row_axes, strict=True)
+            ]
             figure.set_size_inches(width, sum(heights))
             grid.set_height_ratios(heights)
-        canvas.lay_out(figure)
-        for axes in true:
+        figures.apply_layout(figure)
+        for axes in true_scale_axes:
             axes.set_aspect("equal")
         yield figure
 
 
-def _height(row: _Row, part: SubFigure, panels: Sequence[Axes], dpi: float) -> float:
+def _row_height(row: _Row, part: SubFigure, panels: Sequence[Axes], dpi: float) -> float:
     """The height of a row [inches] in which its panels have the height over width that they are
     drawn for.
     """
-    wide = part.bbox.width / dpi
-    high = part.bbox.height / dpi
+    part_width = part.bbox.width / dpi
+    part_height = part.bbox.height / dpi
     panel = panels[0].get_position(original=True)
-    return high + row.lines * (row.aspect * panel.width * wide - panel.height * high)
+    return part_height + row.lines * (
+        row.aspect * panel.width * part_width - panel.height * part_height
+    )
 
 
-def draw_into(axes: Axes, runs: Sequence[Results], wish: Wish) -> None:
+def draw_into(axes: Axes, runs: Sequence[Results], request: PlotRequest) -> None:
     """Draw the one panel that was wished for into axes of somebody else's figure, with its legend
     inside.
 
     UsageError as `pictured`, for several panels, and for a wish of the whole picture (width, font,
     layout, letters).
     """
-    if (wish.width, wish.font, wish.layout, wish.letters) != (None, canvas.FONT, None, ""):
+    if (request.width, request.font, request.layout, request.letters) != (
+        None,
+        figures.FONT_SIZE,
+        None,
+        "",
+    ):
         raise UsageError(
             "width, font, layout and letters are those of the figure that ax belongs to"
         )
-    if wish.units:
-        runs = [replace(run, report=run.report | {SHOWN_UNITS: dict(wish.units)}) for run in runs]
-    runs, names = named_apart(runs) if len(runs) > 1 else (list(runs), [""])
-    panels = _every_panel(runs, names, wish)
+    if request.units:
+        runs = [
+            replace(run, report=run.report | {SHOWN_UNITS: dict(request.units)}) for run in runs
+        ]
+    runs, names = sort_and_name(runs) if len(runs) > 1 else (list(runs), [""])
+    panels = _all_panels(runs, names, request)
     if len(panels) != 1:
         raise UsageError(
             f"ax is for one panel, these are {len(panels)}",
             "name one of --what, --field and --steps",
         )
-    panels[0].draw_alone(axes)
+    panels[0].draw_in_own_figure(axes)
 
 
-def _every_panel(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Panel]:
+def _all_panels(
+    runs: Sequence[Results], names: Sequence[str], request: PlotRequest
+) -> list[_Panel]:
     """All panels one by one, in the order of the wish."""
     panels: list[_Panel] = []
-    for what in wish.what:
-        panels += _line_panels(runs, names, wish, what)
-        for maps in _maps(runs, names, wish, what):
-            panels += [_map_panel(maps, i) for i in range(len(maps.shown))]
+    for panel_kind in request.what:
+        panels += _line_panels(runs, names, request, panel_kind)
+        for maps in _map_groups(runs, names, request, panel_kind):
+            panels += [_map_panel(maps, i) for i in range(len(maps.steps))]
     return panels
 
 
-def _refuse_too_many(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> None:
+def _refuse_too_many(runs: Sequence[Results], names: Sequence[str], request: PlotRequest) -> None:
     """UsageError for more panels than a picture has; all kinds, fields and steps of all results are
     counted.
     """
     count = 0
-    for what in wish.what:
-        if what in MAPPED:
-            count += len(wish.fields) * len(_shown(runs, names, wish, what))
-        elif what == "pressure":
-            maps = sum(np.ptp(run.surface["y"]) > 0 for run, *_ in _shown(runs, names, wish, what))
+    for panel_kind in request.what:
+        if panel_kind in MAP_PANELS:
+            count += len(request.fields) * len(_labelled_steps(runs, names, request, panel_kind))
+        elif panel_kind == "pressure":
+            maps = sum(
+                np.ptp(run.surface["y"]) > 0
+                for run, *_ in _labelled_steps(runs, names, request, panel_kind)
+            )
             count += max(1, maps)
         else:
             count += 1
-    if count > MOST_PANELS:
-        problem = f"these are {count} panels, a picture has {MOST_PANELS} at most"
+    if count > MAX_PANELS:
+        problem = f"these are {count} panels, a picture has {MAX_PANELS} at most"
         raise UsageError(problem, "name fewer --what, --field or --steps")
 
 
-def _letter(figure: Figure) -> None:
+def _letter_panels(figure: Figure) -> None:
     """(a), (b), ... before the titles of the panels, in their order."""
     panels = [axes for axes in figure.axes if axes.axison and axes.get_label() != "<colorbar>"]
     for i, axes in enumerate(panels):
-        said = axes.get_title(loc="left")
+        title = axes.get_title(loc="left")
         letter = f"({chr(ord('a') + i % 26)})"
-        axes.set_title(f"{letter} {said}".strip(), loc="left", fontsize="small", color=canvas.INK)
+        axes.set_title(f"{letter} {title}".strip(), loc="left", fontsize="small", color=figures.INK)
 
 
-def _as_they_have_room(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Row]:
+def _automatic_rows(
+    runs: Sequence[Results], names: Sequence[str], request: PlotRequest
+) -> list[_Row]:
     """Panels that stand alone side by side, then every map of which there are several, with one bar
     of colours.
     """
-    alone: list[_Panel] = []
-    together: list[_Row] = []
-    for what in wish.what:
-        alone += _line_panels(runs, names, wish, what)
-        for maps in _maps(runs, names, wish, what):
-            if len(maps.shown) == 1:
-                alone.append(_map_panel(maps, 0))
+    single_panels: list[_Panel] = []
+    map_rows: list[_Row] = []
+    for panel_kind in request.what:
+        single_panels += _line_panels(runs, names, request, panel_kind)
+        for maps in _map_groups(runs, names, request, panel_kind):
+            if len(maps.steps) == 1:
+                single_panels.append(_map_panel(maps, 0))
             else:
-                most = wish.side_by_side(
-                    NARROWEST_MAPS, MOST_IN_FILM if what == "film" else MOST_IN_ROW
+                max_columns = request.max_columns(
+                    MIN_MAP_WIDTH, MAX_FILM_COLUMNS if panel_kind == "film" else MAX_MAPS_IN_ROW
                 )
-                together.append(_map_row(maps, most))
-    most = wish.side_by_side(NARROWEST_LINES, MOST_WIDE)
-    columns = 2 if len(alone) == 4 and most > 2 else min(most, max(1, len(alone)))
-    return [_side_by_side(part, columns) for part in _in_rows(alone, columns)] + together
+                map_rows.append(_map_row(maps, max_columns))
+    max_columns = request.max_columns(MIN_LINE_PANEL_WIDTH, MAX_LINE_COLUMNS)
+    columns = (
+        2
+        if len(single_panels) == 4 and max_columns > 2
+        else min(max_columns, max(1, len(single_panels)))
+    )
+    return [_panel_row(part, columns) for part in _split_rows(single_panels, columns)] + map_rows
 
 
-def _laid_out(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Row]:
+def _requested_rows(
+    runs: Sequence[Results], names: Sequence[str], request: PlotRequest
+) -> list[_Row]:
     """The panels in the rows and columns asked for, in the order of the wish."""
-    assert wish.layout is not None
-    count, columns = wish.layout
-    if count * columns > MOST_PANELS:
+    assert request.layout is not None
+    count, columns = request.layout
+    if count * columns > MAX_PANELS:
         problem = f"--layout {count}x{columns} is for {count * columns} panels"
-        raise UsageError(problem, f"a picture has {MOST_PANELS} at most")
-    panels = _every_panel(runs, names, wish)
+        raise UsageError(problem, f"a picture has {MAX_PANELS} at most")
+    panels = _all_panels(runs, names, request)
     if len(panels) > count * columns:
         raise UsageError(
             f"--layout {count}x{columns} has room for {count * columns} panels; these are "
             f"{len(panels)}"
         )
-    narrow = NARROWEST_CELL * wish.font / canvas.FONT
-    if wish.width and wish.width * MM < columns * narrow:
-        least = columns * narrow / MM
+    min_width = MIN_CELL_WIDTH * request.font / figures.FONT_SIZE
+    if request.width and request.width * MM < columns * min_width:
+        min_width_mm = columns * min_width / MM
         raise UsageError(
-            f"{columns} panels side by side with letters of {wish.font:g} pt need --width "
-            f"{least:.0f}"
+            f"{columns} panels side by side with letters of {request.font:g} pt need --width "
+            f"{min_width_mm:.0f}"
         )
-    return [_side_by_side(part, columns) for part in _in_rows(panels, columns)]
+    return [_panel_row(part, columns) for part in _split_rows(panels, columns)]
 
 
 def _line_panels(
-    runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str
+    runs: Sequence[Results], names: Sequence[str], request: PlotRequest, panel_kind: str
 ) -> list[_Panel]:
     """The panels of curves of one kind."""
-    named = names if len(runs) > 1 else ("this run",)
-    if what == "force":
+    labels = names if len(runs) > 1 else ("this run",)
+    if panel_kind == "force":
         theory = runs[0].report.get("theory") if len(runs) == 1 else None
-        return [_line_panel(partial(draw_forces, runs=runs, theory=theory, names=named))]
-    if what == "time":
-        return [_line_panel(partial(history.draw_over_time, runs=runs, names=named))]
-    if what == "profile":
+        return [_line_panel(partial(draw_forces, runs=runs, theory=theory, names=labels))]
+    if panel_kind == "time":
+        return [_line_panel(partial(history.draw_over_time, runs=runs, names=labels))]
+    if panel_kind == "profile":
         return [
-            _line_panel(partial(draw_profiles, shown=_coloured(_shown(runs, names, wish, what))))
+            _line_panel(
+                partial(
+                    draw_profiles,
+                    shown=_assign_colours(_labelled_steps(runs, names, request, panel_kind)),
+                )
+            )
         ]
-    if what in PRESSED:
-        return _pressure_curves(runs, names, wish, what)
+    if panel_kind in PRESSURE_PANELS:
+        return _pressure_panels(runs, names, request, panel_kind)
     return []
 
 
@@ -347,7 +396,7 @@ def _line_panel(draw: Callable[[Axes], None]) -> _Panel:
 
     def into(axes: Axes, aspect: float) -> None:
         draw(axes)
-        canvas.legend_under(axes)
+        figures.draw_legend_under(axes)
 
     def alone(axes: Axes) -> None:
         draw(axes)
@@ -356,43 +405,55 @@ def _line_panel(draw: Callable[[Axes], None]) -> _Panel:
     return _Panel(into, alone)
 
 
-def _pressure_curves(
-    runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str
+def _pressure_panels(
+    runs: Sequence[Results], names: Sequence[str], request: PlotRequest, panel_kind: str
 ) -> list[_Panel]:
     """Pressures as curves: over the radius, or of a surface of two dimensions on a line through the
     tip's axis.
     """
-    along: Literal[0, 1] = 1 if what == "pressure_y" else 0
-    told = []
-    for run, step, name, colour in _coloured(_shown(runs, names, wish, what)):
-        contact = contact_of(run, step)
+    along: Literal[0, 1] = 1 if panel_kind == "pressure_y" else 0
+    curves_to_draw = []
+    for run, step, name, colour in _assign_colours(
+        _labelled_steps(runs, names, request, panel_kind)
+    ):
+        contact = contact_surface(run, step)
         has_two = np.ptp(contact.y) > 0
         if along == 1 and not has_two:
             raise UsageError(
                 f"{run.path} has no y axis: --what pressure_y is of bodies in three dimensions"
             )
-        if has_two and what == "pressure":
+        if has_two and panel_kind == "pressure":
             continue  # which is a map
-        told.append((run, on_axis(contact, along) if has_two else contact, name, colour))
+        curves_to_draw.append(
+            (run, surface_on_axis(contact, along) if has_two else contact, name, colour)
+        )
     return (
-        [_line_panel(partial(draw_pressures, shown=told, limits=wish.limits, along=along))]
-        if told
+        [
+            _line_panel(
+                partial(draw_pressures, shown=curves_to_draw, limits=request.limits, along=along)
+            )
+        ]
+        if curves_to_draw
         else []
     )
 
 
-def _maps(
-    runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str
+def _map_groups(
+    runs: Sequence[Results], names: Sequence[str], request: PlotRequest, panel_kind: str
 ) -> Iterator[FieldRow | PressureMaps]:
     """The maps of one kind, those of one quantity together."""
-    if what == "pressure":
-        found = _shown(runs, names, wish, what)
-        if seen := [one for one in found if np.ptp(one[0].surface["y"]) > 0]:
-            yield PressureMaps(seen, wish.limits)
-    elif what in MAPPED:
-        shown = _shown(runs, names, wish, what)
-        for name in wish.fields:
-            yield FieldRow(shown, field_of(name), wish.limits, wish.zoom)
+    if panel_kind == "pressure":
+        labelled_steps = _labelled_steps(runs, names, request, panel_kind)
+        if with_surface := [
+            labelled_step
+            for labelled_step in labelled_steps
+            if np.ptp(labelled_step[0].surface["y"]) > 0
+        ]:
+            yield PressureMaps(with_surface, request.limits)
+    elif panel_kind in MAP_PANELS:
+        shown = _labelled_steps(runs, names, request, panel_kind)
+        for name in request.fields:
+            yield FieldRow(shown, find_field(name), request.limits, request.zoom)
 
 
 def _map_panel(maps: FieldRow | PressureMaps, i: int) -> _Panel:
@@ -404,7 +465,7 @@ def _map_panel(maps: FieldRow | PressureMaps, i: int) -> _Panel:
     return _Panel(into, lambda axes: maps.draw([axes], slice(i, i + 1)), maps.aspect)
 
 
-def _side_by_side(panels: Sequence[_Panel], columns: int) -> _Row:
+def _panel_row(panels: Sequence[_Panel], columns: int) -> _Row:
     """Panels side by side, of one height and one baseline, each as wide as the others, be the row
     full or not.
     """
@@ -423,84 +484,90 @@ def _side_by_side(panels: Sequence[_Panel], columns: int) -> _Row:
     return _Row(1, columns, aspect, into)
 
 
-def _map_row(maps: FieldRow | PressureMaps, most: int) -> _Row:
+def _map_row(maps: FieldRow | PressureMaps, max_columns: int) -> _Row:
     """Maps in one frame and one range of colours, in as many lines as they need, with one bar."""
-    lines = -(-len(maps.shown) // most)
-    columns = -(-len(maps.shown) // lines)
+    lines = -(-len(maps.steps) // max_columns)
+    columns = -(-len(maps.steps) // lines)
 
     def into(part: SubFigure) -> Sequence[Axes]:
         is_shared = isinstance(maps, FieldRow)  # each pressure is seen around its own tip
         axes = part.subplots(
             lines, columns, squeeze=False, sharex=is_shared, sharey=is_shared
         ).ravel()
-        for unused in axes[len(maps.shown) :]:
+        for unused in axes[len(maps.steps) :]:
             unused.remove()
-        maps.draw(list(axes[: len(maps.shown)]))
-        return list(axes[: len(maps.shown)])
+        maps.draw(list(axes[: len(maps.steps)]))
+        return list(axes[: len(maps.steps)])
 
     return _Row(lines, columns, maps.aspect, into)
 
 
-def _in_rows(panels: Sequence[T], most: int) -> list[Sequence[T]]:
+def _split_rows(panels: Sequence[T], max_columns: int) -> list[Sequence[T]]:
     """So many in each row at most."""
-    return [panels[begin : begin + most] for begin in range(0, len(panels), most)]
+    return [panels[begin : begin + max_columns] for begin in range(0, len(panels), max_columns)]
 
 
-def _coloured(shown: Sequence[Shown]) -> list[tuple[Results, float, str, Any]]:
+def _assign_colours(steps: Sequence[LabelledStep]) -> list[tuple[Results, float, str, Any]]:
     """With the words that tell a curve from the others and its colour: steps from dark to light,
     results by hue.
     """
-    many = len(shown)
-    single = len({id(run) for run, *_ in shown}) == 1
+    count = len(steps)
+    is_one_run = len({id(run) for run, *_ in steps}) == 1
     colours = [
-        curves.shade(i, many) if single and many > 1 else curves.look(i, many)["color"]
-        for i in range(many)
+        curves.map_colour(i, count)
+        if is_one_run and count > 1
+        else curves.line_style(i, count)["color"]
+        for i in range(count)
     ]
-    return [(*one[:2], titled(*one), colour) for one, colour in zip(shown, colours, strict=True)]
+    return [
+        (*labelled_step[:2], panel_title(*labelled_step), colour)
+        for labelled_step, colour in zip(steps, colours, strict=True)
+    ]
 
 
-def _shown(runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str) -> list[Shown]:
+def _labelled_steps(
+    runs: Sequence[Results], names: Sequence[str], request: PlotRequest, panel_kind: str
+) -> list[LabelledStep]:
     """Every result at every step asked for; UsageError where one is missing."""
-    found = [
+    steps = [
         (run, step, name)
         for run, name in zip(runs, names, strict=True)
-        for step in _steps(run, wish, what)
+        for step in _requested_steps(run, request, panel_kind)
     ]
-    if len(found) > MOST_PANELS:
+    if len(steps) > MAX_PANELS:
         raise UsageError(
-            f"{len(found)} curves or panels of {what} are too many for one picture; name "
+            f"{len(steps)} curves or panels of {panel_kind} are too many for one picture; name "
             "fewer --steps"
         )
-    return found
+    return steps
 
 
-def _steps(run: Results, wish: Wish, what: str) -> list[float]:
+def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> list[float]:
     """The steps of a result that are shown: those asked for, or that of the largest force, of a
     film some of all.
     """
-    key = "fields" if what in MAPPED else "surface"
-    known = kept_steps(run.path, run["step"]) if key == "fields" else run.surface.get("step", ())
-    there = sorted(set(map(int, known)))
-    if not there:
-        kept = "all" if what == "film" else "last or all"
-        raise UsageError(f"{run.path} has no {key}; run it with --set output.{key}={kept}")
-    if what == "film" and not wish.steps:
-        if len(there) < len(run):
-            problem = (
-                f"{run.path} has fields of {len(there)} of {len(run)} steps, and a film is of all"
-            )
-            raise UsageError(problem, "run it with --set output.fields=all, or name --steps")
-        return [float(step) for step in history.spread(run, there)]
-    asked = [there[-1] if word == "last" else word for word in wish.steps]
-    drawn = replace(run, surface={"step": np.array(there, dtype=float)})
-    steps = (
-        there
-        if "all" in asked
-        else [int(word) for word in asked] or [int(strongest_step(drawn) or there[-1])]
+    key = "fields" if panel_kind in MAP_PANELS else "surface"
+    stored_steps = (
+        steps_with_fields(run.path, run["step"]) if key == "fields" else run.surface.get("step", ())
     )
-    if missing := [step for step in steps if step not in there]:
-        problem = (
-            f"{run.path} has no {key} of step {missing[0]}, only of {', '.join(map(str, there))}"
-        )
+    available = sorted(set(map(int, stored_steps)))
+    if not available:
+        kept = "all" if panel_kind == "film" else "last or all"
+        raise UsageError(f"{run.path} has no {key}; run it with --set output.{key}={kept}")
+    if panel_kind == "film" and not request.steps:
+        if len(available) < len(run):
+            problem = f"{run.path} has fields of {len(available)} of {len(run)} steps, and a film is of all"
+            raise UsageError(problem, "run it with --set output.fields=all, or name --steps")
+        return [float(step) for step in history.film_steps(run, available)]
+    requested = [available[-1] if word == "last" else word for word in request.steps]
+    reduced_run = replace(run, surface={"step": np.array(available, dtype=float)})
+    steps = (
+        available
+        if "all" in requested
+        else [int(word) for word in requested]
+        or [int(largest_force_step(reduced_run) or available[-1])]
+    )
+    if missing := [step for step in steps if step not in available]:
+        problem = f"{run.path} has no {key} of step {missing[0]}, only of {', '.join(map(str, available))}"
         raise UsageError(f"{problem}; output.{key}: all keeps every step")
     return [float(step) for step in steps]

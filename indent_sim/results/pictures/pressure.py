@@ -10,49 +10,49 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from indent_sim.model.tips import max_radius
-from indent_sim.results.outline import scene_of
 from indent_sim.results.pictures.axes import (
     Axis,
-    axis,
-    choice,
-    first_axis,
-    middle_of,
-    scaled,
-    time_said,
+    axis_of_column,
+    horizontal_axis_name,
+    plan_choice,
+    scaled_axis,
+    time_text,
+    tip_axis_position,
 )
-from indent_sim.results.pictures.canvas import (
+from indent_sim.results.pictures.figures import (
     COLOURS,
     GREY,
     Axes,
-    Look,
-    Where,
-    colour_bar,
-    from_zero,
-    title_over,
+    BarPosition,
+    PlotStyle,
+    draw_colour_bar,
+    draw_panel_title,
+    start_at_zero,
 )
-from indent_sim.results.pictures.profile import on_line
+from indent_sim.results.pictures.profile import values_on_line
 from indent_sim.results.reader import Results
+from indent_sim.results.tip_geometry import scene_of
 
 # Medians inside the contact up to which a peak is shown: beside a singular edge nothing else would
 # be seen
 PEAK_MEDIANS = 5.0
 PRESSURE_VIEW = 1.5  # contact radii around the tip in which the pressure is shown
 # of the median pressure within the contact radius: beyond it there is contact, below a ripple
-PRESSED_SHARE = 0.02
+PRESSED_FRACTION = 0.02
 # elements beside a kink of the tip, an infinite pressure, in which the mesh says what it is
-BESIDE_KINK = 1.5
-BESIDE_END = 4.0  # the same beside its end: one over a square root, no logarithm
-TOUCHED_RADII = (
+DISCONTINUITY_ELEMENTS = 1.5
+TIP_END_ELEMENTS = 4.0  # the same beside its end: one over a square root, no logarithm
+CONTACT_RADIUS_FACTOR = (
     1.02  # contact radii up to which the tip touches, for the radius of a row is of its nodes
 )
-OFF_MIDDLE = (
+MIDDLE_NODE_TOLERANCE = (
     0.1  # of an element: how far its deformed middle node may be from halfway between its ends
 )
-AT_REST = 1e-6  # of the largest depth: a search for a force of 0 ends as near to 0 as that
-UNPRESSED = (
+ZERO_DEPTH_RTOL = 1e-6  # of the largest depth: a search for a force of 0 ends as near to 0 as that
+LABEL_BACKGROUND = (
     "#00224e"  # the darkest of the map's colours: behind words that may stand beside the body
 )
-BAR = (
+COLOUR_BAR_BOX = (
     1.07,
     0.0,
     0.07,
@@ -61,7 +61,7 @@ BAR = (
 
 
 @dataclass(frozen=True)
-class PressedSurface:
+class ContactSurface:
     """The contact surface of one step around the tip: places (n,) from the tip's axis, pressure
     (n,), as modelled.
 
@@ -76,38 +76,44 @@ class PressedSurface:
     y: np.ndarray
     p: np.ndarray
     center: np.ndarray
-    mirrored: tuple[bool, bool]
+    mirror_axes: tuple[bool, bool]
     a: float
-    infinite: tuple[tuple[float, float], ...]
+    singularities: tuple[tuple[float, float], ...]
     shear: np.ndarray | None = None
-    sticks: float = 0.0
+    stick_radius: float = 0.0
 
     @property
-    def typical(self) -> float:
+    def median_pressure(self) -> float:
         """The median of the pressure's size inside the contact."""
         inside = np.hypot(self.x, self.y) <= self.a
         size = np.abs(self.p)
         return float(np.median(size[inside])) if inside.any() else float(size.max(initial=0.0))
 
     @property
-    def reach(self) -> float:
+    def half_width(self) -> float:
         """The half width of the frame around the tip [length]: PRESSURE_VIEW radii, and all that is
         pressed or pulled.
 
         Corners of a contact with few sides are farther from the tip than PRESSURE_VIEW radii of a
         circle with its area.
         """
-        pressed = np.abs(self.p) > PRESSED_SHARE * self.typical
+        pressed = np.abs(self.p) > PRESSED_FRACTION * self.median_pressure
         farthest = max(
             np.abs(self.x[pressed]).max(initial=0.0), np.abs(self.y[pressed]).max(initial=0.0)
         )
         return max(PRESSURE_VIEW * self.a, farthest + 0.1 * self.a)  # around what is pressed
 
-    def bounded(self) -> np.ndarray:
+    def is_bounded(self) -> np.ndarray:
         """Which points are not beside a place of infinite pressure (n,)."""
         r = np.hypot(self.x, self.y)
         return np.all(
-            [np.ones(len(r)), *(np.abs(r - place) > beside for place, beside in self.infinite)],
+            [
+                np.ones(len(r)),
+                *(
+                    np.abs(r - place) > excluded_radius
+                    for place, excluded_radius in self.singularities
+                ),
+            ],
             axis=0,
         )
 
@@ -116,8 +122,8 @@ class PressedSurface:
         infinite one.
         """
         order = np.argsort(self.x)
-        return self._along_line(
-            self.x[order], np.where(self.bounded(), self.p, np.nan)[order], middle
+        return self._mirror_line(
+            self.x[order], np.where(self.is_bounded(), self.p, np.nan)[order], middle
         )
 
     def shear_profile(self, middle: float) -> tuple[np.ndarray, np.ndarray]:
@@ -134,57 +140,64 @@ class PressedSurface:
         if (
             len(x) % 2
             and (
-                np.abs(x[1::2] - (x[:-2:2] + x[2::2]) / 2) <= OFF_MIDDLE * (x[2::2] - x[:-2:2])
+                np.abs(x[1::2] - (x[:-2:2] + x[2::2]) / 2)
+                <= MIDDLE_NODE_TOLERANCE * (x[2::2] - x[:-2:2])
             ).all()
         ):
             x = x[1::2]
             tau = (tau[:-2:2] + 4 * tau[1::2] + tau[2::2]) / 6
-        return self._along_line(x, np.abs(tau), middle)
+        return self._mirror_line(x, np.abs(tau), middle)
 
-    def _along_line(
+    def _mirror_line(
         self, x: np.ndarray, p: np.ndarray, middle: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        if self.mirrored[0]:
+        if self.mirror_axes[0]:
             x = np.concatenate([-x[::-1], x])
             p = np.concatenate([p[::-1], p])
         return x + middle, p
 
 
-def contact_of(results: Results, step: float) -> PressedSurface:
+def contact_surface(results: Results, step: float) -> ContactSurface:
     """The contact surface of a step of a result."""
     surface = results.surface
-    known = (surface["step"] == step) & np.isfinite(surface["pressure"])
-    x, y, p = (surface[name][known] for name in ("x", "y", "pressure"))
+    is_known = (surface["step"] == step) & np.isfinite(surface["pressure"])
+    x, y, p = (surface[name][is_known] for name in ("x", "y", "pressure"))
     if is_deformed(results):
-        x = x + surface["u_x"][known]
-        y = y + surface["u_y"][known]
-    said = results.report.get("center")  # of an older result: where the pressure is largest
-    center = np.array([*said, 0.0][:2]) if said else np.array([x[p.argmax()], y[p.argmax()]])
+        x = x + surface["u_x"][is_known]
+        y = y + surface["u_y"][is_known]
+    given_center = results.report.get("center")  # of an older result: where the pressure is largest
+    center = (
+        np.array([*given_center, 0.0][:2])
+        if given_center
+        else np.array([x[p.argmax()], y[p.argmax()]])
+    )
     x = x - center[0]
     y = y - center[1]
     small = 1e-9 * max(np.ptp(x), np.ptp(y), 1e-300)
-    is_part = choice(results.report, "symmetry") != "full"
-    ends = [
+    is_part = plan_choice(results.report, "symmetry") != "full"
+    ends_at_axis = [
         bool(np.ptp(along) > 0 and (along.min() > -small or along.max() < small))
         for along in (x, y)
     ]
-    mirrored = (is_part and ends[0], is_part and ends[1])
+    mirrored = (is_part and ends_at_axis[0], is_part and ends_at_axis[1])
     radius = results["a"][results["step"] == step]
-    pulled = p < -PRESSED_SHARE * np.abs(p).max(initial=0.0)
+    is_pulled = p < -PRESSED_FRACTION * np.abs(p).max(initial=0.0)
     a = float(radius[0]) if len(radius) else 0.0
     if not a > 0:  # how far it is pulled, or else the size of the surface
         a = (
-            float(np.hypot(x, y)[pulled].max())
-            if pulled.any()
+            float(np.hypot(x, y)[is_pulled].max())
+            if is_pulled.any()
             else float(np.hypot(np.ptp(x), np.ptp(y)))
         )
-    infinite = tuple(
-        (place, beside) for place, beside in _infinite(results, step) if place <= TOUCHED_RADII * a
+    singularities = tuple(
+        (place, excluded_radius)
+        for place, excluded_radius in _pressure_singularities(results, step)
+        if place <= CONTACT_RADIUS_FACTOR * a
     )
-    shear = surface["shear"][known] if "shear" in surface else None
-    sticks = results.table.get("stick_radius", np.zeros(len(results)))[results["step"] == step]
-    return PressedSurface(
-        x, y, p, center, mirrored, a, infinite, shear, float(sticks.max(initial=0.0))
+    shear = surface["shear"][is_known] if "shear" in surface else None
+    stick_radii = results.table.get("stick_radius", np.zeros(len(results)))[results["step"] == step]
+    return ContactSurface(
+        x, y, p, center, mirrored, a, singularities, shear, float(stick_radii.max(initial=0.0))
     )
 
 
@@ -195,7 +208,7 @@ def is_deformed(results: Results) -> bool:
     return results.report.get("gap") == "current"
 
 
-def name_of_places(name: str, runs: Sequence[Results]) -> str:
+def position_label(name: str, runs: Sequence[Results]) -> str:
     """The name of an axis of places: which surface they are on, where one is deformed."""
     deformed = [is_deformed(run) for run in runs]
     if all(deformed):
@@ -203,7 +216,7 @@ def name_of_places(name: str, runs: Sequence[Results]) -> str:
     return f"{name} (deformed at finite strain)" if any(deformed) else name
 
 
-def _infinite(results: Results, step: float) -> tuple[tuple[float, float], ...]:
+def _pressure_singularities(results: Results, step: float) -> tuple[tuple[float, float], ...]:
     """Where a sharp tip makes the pressure infinite, and how far beside that a mesh does not know
     it [length].
     """
@@ -213,15 +226,18 @@ def _infinite(results: Results, step: float) -> tuple[tuple[float, float], ...]:
     tip = scene.indenter
     mesh = scene.mesh
     size = mesh.h_contact if isinstance(mesh.h_contact, float) else 0.0
-    own = {True: mesh.h_axis or size, False: mesh.h_edge or size}
+    element_sizes = {True: mesh.h_axis or size, False: mesh.h_edge or size}
     radii = [radius for radius, _ in tip.slope_discontinuities()]
     end = max_radius(tip)
-    return tuple((r, (BESIDE_END if r >= end else BESIDE_KINK) * own[r == 0]) for r in radii)
+    return tuple(
+        (r, (TIP_END_ELEMENTS if r >= end else DISCONTINUITY_ELEMENTS) * element_sizes[r == 0])
+        for r in radii
+    )
 
 
 def draw_pressure(axes: Axes, results: Results, step: float) -> None:
     """The contact pressure of a step, around the tip: a profile along a line or a map."""
-    contact = contact_of(results, step)
+    contact = contact_surface(results, step)
     if np.ptp(contact.y) > 0:  # the surface has two dimensions
         PressureMaps([(results, step, "")]).draw([axes], where="beside")
     else:
@@ -236,13 +252,13 @@ def draw_pressure(axes: Axes, results: Results, step: float) -> None:
     )
 
 
-def on_axis(contact: PressedSurface, along: Literal[0, 1]) -> PressedSurface:
+def surface_on_axis(contact: ContactSurface, along: Literal[0, 1]) -> ContactSurface:
     """The pressure of a surface of two dimensions on the line through the tip's axis along x (0) or
     y (1).
     """
     x, y = (contact.x, contact.y) if along == 0 else (contact.y, contact.x)
     values = [contact.p] if contact.shear is None else [contact.p, contact.shear]
-    places, p, *shear = on_line(y, x, *values)
+    places, p, *shear = values_on_line(y, x, *values)
     return replace(
         contact,
         x=places,
@@ -250,13 +266,13 @@ def on_axis(contact: PressedSurface, along: Literal[0, 1]) -> PressedSurface:
         p=p,
         shear=shear[0] if shear else None,
         center=np.roll(contact.center, along),
-        mirrored=(contact.mirrored[along], False),
+        mirror_axes=(contact.mirror_axes[along], False),
     )
 
 
 def draw_pressures(
     axes: Axes,
-    shown: Sequence[tuple[Results, PressedSurface, str, object]],
+    shown: Sequence[tuple[Results, ContactSurface, str, object]],
     limits: tuple[float, float] | None = None,
     along: Literal[0, 1] = 0,
 ) -> None:
@@ -271,16 +287,19 @@ def draw_pressures(
     along : the axis that the places lie on, 0 for x and 1 for y
     """
     runs = [results for results, *_ in shown]
-    middle, name_of_axis = middle_of(runs, along)
-    is_half = all(first_axis(run) == "r" for run in runs)  # of a body of revolution
-    contacts = [replace(one, mirrored=(False, False)) if is_half else one for _, one, *_ in shown]
-    reach = max(contact.reach for contact in contacts)
-    length = scaled("length", runs, reach, name_of_places(name_of_axis, runs))
-    pressures = np.concatenate([contact.p[contact.bounded()] for contact in contacts])
-    pressure = scaled("pressure", runs, pressures, "pressure p")
+    middle, name_of_axis = tip_axis_position(runs, along)
+    is_half = all(horizontal_axis_name(run) == "r" for run in runs)  # of a body of revolution
+    contacts = [
+        replace(surface, mirror_axes=(False, False)) if is_half else surface
+        for _, surface, *_ in shown
+    ]
+    half_width = max(contact.half_width for contact in contacts)
+    length = scaled_axis("length", runs, half_width, position_label(name_of_axis, runs))
+    pressures = np.concatenate([contact.p[contact.is_bounded()] for contact in contacts])
+    pressure = scaled_axis("pressure", runs, pressures, "pressure p")
     sides = (1,) if is_half else (-1, 1)
-    tops = []
-    marked = False
+    pressure_ends = []
+    has_stick_radius = False
     for contact, (*_, name, colour) in zip(contacts, shown, strict=True):
         places, p = contact.profile(middle)
         x = length(places)
@@ -288,41 +307,48 @@ def draw_pressures(
         if not name:
             axes.fill_between(x, y, color=colour, alpha=0.12, lw=0)
         axes.plot(x, y, color=colour, label=name or None)
-        tops += [
-            min(np.nanmax(y, initial=0.0), PEAK_MEDIANS * pressure(contact.typical)),
+        pressure_ends += [
+            min(np.nanmax(y, initial=0.0), PEAK_MEDIANS * pressure(contact.median_pressure)),
             np.nanmin(y, initial=0.0),
         ]
     for contact, (*_, name, colour) in zip(contacts, shown, strict=True):
         if contact.shear is None:
             continue
         x, shear = contact.shear_profile(middle)
-        own = colour if name else COLOURS[1]
-        radius = contact.sticks
+        shear_colour = colour if name else COLOURS[1]
+        radius = contact.stick_radius
         axes.plot(
             length(x),
             pressure(shear),
-            color=own,
+            color=shear_colour,
             ls="--",
             label=", ".join(filter(None, [name, "shear"])),
         )
         for side in sides if radius else ():
             axes.axvline(
-                length(middle + side * radius), color=own if name else GREY, lw=0.8, ls=":"
+                length(middle + side * radius), color=shear_colour if name else GREY, lw=0.8, ls=":"
             )
-        marked |= radius > 0
-    if marked:  # named once
+        has_stick_radius |= radius > 0
+    if has_stick_radius:  # named once
         axes.plot([], [], color=GREY, lw=0.8, ls=":", label="stick radius")
     axes.set(xlabel=length.label, ylabel=pressure.label)
-    axes.set_xlim(0.0 if is_half else length(middle - reach), length(middle + reach))
+    axes.set_xlim(0.0 if is_half else length(middle - half_width), length(middle + half_width))
     if limits is None:
-        from_zero(axes, np.array(tops))
+        start_at_zero(axes, np.array(pressure_ends))
     else:
         axes.set_ylim(limits)
-    right_of_it: Look = {"xytext": (3, 0), "textcoords": "offset points", "ha": "left", "va": "top"}
-    for place in sorted({place for contact in contacts for place, _ in contact.infinite}):
+    annotation_style: PlotStyle = {
+        "xytext": (3, 0),
+        "textcoords": "offset points",
+        "ha": "left",
+        "va": "top",
+    }
+    for place in sorted({place for contact in contacts for place, _ in contact.singularities}):
         at = length(place + middle)
         axes.axvline(at, color=GREY, lw=0.8, ls=":", zorder=1)
-        axes.annotate("∞", (at, 1), xycoords=("data", "axes fraction"), color=GREY, **right_of_it)
+        axes.annotate(
+            "∞", (at, 1), xycoords=("data", "axes fraction"), color=GREY, **annotation_style
+        )
 
 
 @dataclass(frozen=True)
@@ -334,31 +360,31 @@ class PressureMaps:
     that is pressed.
     """
 
-    shown: Sequence[tuple[Results, float, str]]
+    steps: Sequence[tuple[Results, float, str]]
     limits: tuple[float, float] | None = (
         None  # of the colours, in the unit shown; None: those of all pressures
     )
     aspect: ClassVar[float] = 1.0  # height of the frame over its width
 
     @cached_property
-    def contacts(self) -> list[PressedSurface]:
+    def surfaces(self) -> list[ContactSurface]:
         """The contact surface of each."""
-        return [contact_of(results, step) for results, step, _ in self.shown]
+        return [contact_surface(results, step) for results, step, _ in self.steps]
 
     @property
     def _runs(self) -> list[Results]:
-        return [results for results, *_ in self.shown]
+        return [results for results, *_ in self.steps]
 
     @cached_property
-    def reach(self) -> float:
+    def half_width(self) -> float:
         """Half the width of the frame [length]."""
-        return max(contact.reach for contact in self.contacts)
+        return max(contact.half_width for contact in self.surfaces)
 
     def draw(
         self,
         panels: Sequence[Axes],
         some: slice = slice(None),
-        where: Where | Literal["beside"] = "right",
+        where: BarPosition | Literal["beside"] = "right",
         aspect: float = 1.0,
     ) -> None:
         """Draw some of them into as many panels, with one bar for the colours of all.
@@ -374,61 +400,64 @@ class PressureMaps:
         from matplotlib.ticker import MaxNLocator
 
         runs = self._runs
-        length = scaled("length", runs, self.reach, name_of_places("x", runs))
-        bounded = np.concatenate([contact.p[contact.bounded()] for contact in self.contacts])
-        pressure = scaled("pressure", runs, bounded, "pressure p")
-        low, top = self.limits or self._colours(pressure)
+        length = scaled_axis("length", runs, self.half_width, position_label("x", runs))
+        bounded = np.concatenate([contact.p[contact.is_bounded()] for contact in self.surfaces])
+        pressure = scaled_axis("pressure", runs, bounded, "pressure p")
+        low, top = self.limits or self._colour_range(pressure)
         for axes, (run, step, words), contact in zip(
-            panels, self.shown[some], self.contacts[some], strict=True
+            panels, self.steps[some], self.surfaces[some], strict=True
         ):
-            drawn = self._draw_one(axes, contact, length, pressure, (low, top), aspect)
-            title_over(axes, titled(run, step, words))
+            drawn = self._draw_map(axes, contact, length, pressure, (low, top), aspect)
+            draw_panel_title(axes, panel_title(run, step, words))
         ticks = [tick for tick in MaxNLocator(5).tick_values(low, top) if low <= tick <= top]
         if where == "beside":  # as high as the map, which is true to scale
-            beside = panels[0].inset_axes(BAR, label="<colorbar>")
-            bar = panels[0].figure.colorbar(drawn, cax=beside, label=pressure.label, ticks=ticks)
+            bar_axes = panels[0].inset_axes(COLOUR_BAR_BOX, label="<colorbar>")
+            bar = panels[0].figure.colorbar(drawn, cax=bar_axes, label=pressure.label, ticks=ticks)
             bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
         else:
-            colour_bar(panels, drawn, pressure.label, where, ticks=ticks)
+            draw_colour_bar(panels, drawn, pressure.label, where, ticks=ticks)
 
-    def _colours(self, pressure: Axis) -> tuple[float, float]:
+    def _colour_range(self, pressure: Axis) -> tuple[float, float]:
         """The smallest and the largest pressure of all that is shown; of a peak without bound
         PEAK_MEDIANS of the median in its contact.
         """
         highest = []
-        for contact in self.contacts:
-            largest = float(contact.p[contact.bounded()].max(initial=0.0))
+        for contact in self.surfaces:
+            largest = float(contact.p[contact.is_bounded()].max(initial=0.0))
             highest.append(
-                min(largest, PEAK_MEDIANS * contact.typical) if contact.infinite else largest
+                min(largest, PEAK_MEDIANS * contact.median_pressure)
+                if contact.singularities
+                else largest
             )
         low = min(
-            float(pressure(self._near(contact)[2].min(initial=0.0))) for contact in self.contacts
+            float(pressure(self._points_near_frame(contact)[2].min(initial=0.0)))
+            for contact in self.surfaces
         )
         return low, float(pressure(max(highest))) or float(low == 0.0)
 
-    def _near(
-        self, contact: PressedSurface, aspect: float = 1.0
+    def _points_near_frame(
+        self, contact: ContactSurface, aspect: float = 1.0
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The points in the frame and around it, for triangles reach beyond it, from the tip's
         axis.
         """
-        x, y, p = _whole(contact)
-        near = (np.abs(x) < 2 * self.reach) & (np.abs(y) < 2 * aspect * self.reach)
-        if near.sum() < 3 or np.ptp(x[near]) == 0 or np.ptp(y[near]) == 0:
-            near[:] = True
-        return x[near], y[near], p[near]
+        x, y, p = _mirror_surface(contact)
+        is_near = (np.abs(x) < 2 * self.half_width) & (np.abs(y) < 2 * aspect * self.half_width)
+        if is_near.sum() < 3 or np.ptp(x[is_near]) == 0 or np.ptp(y[is_near]) == 0:
+            is_near[:] = True
+        return x[is_near], y[is_near], p[is_near]
 
-    def _draw_one(
+    def _draw_map(
         self,
         axes: Axes,
-        contact: PressedSurface,
+        contact: ContactSurface,
         length: Axis,
         pressure: Axis,
         colours: tuple[float, float],
         aspect: float,
     ) -> Any:
         """One map; returns what a bar of colours is made of."""
-        x, y, p = self._near(contact, aspect)
+        x, y, p = self._points_near_frame(contact, aspect)
         low, top = colours
         levels = np.linspace(low, top, 25)
         beyond = {(False, True): "max", (True, False): "min", (True, True): "both"}
@@ -439,33 +468,33 @@ class PressureMaps:
             length(along + middle) for along, middle in zip((x, y), contact.center, strict=True)
         )
         drawn = axes.tricontourf(*places, pressure(p), levels=levels, cmap="cividis", extend=extend)
-        _draw_rubbed(axes, contact, length)
+        _draw_shear(axes, contact, length)
         axes.set_aspect("equal")
         for set_limits, middle, half in zip(
             (axes.set_xlim, axes.set_ylim),
             contact.center,
-            (self.reach, aspect * self.reach),
+            (self.half_width, aspect * self.half_width),
             strict=True,
         ):
             set_limits(length(middle - half), length(middle + half))
         axes.locator_params(nbins=5)
         axes.set(
             xlabel=length.label,
-            ylabel=Axis(name_of_places("y", self._runs), unit=length.unit).label,
+            ylabel=Axis(position_label("y", self._runs), unit=length.unit).label,
         )
         return drawn
 
 
-def _whole(contact: PressedSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _mirror_surface(contact: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The surface with its mirror images: what is modelled may be a half or a quarter."""
     x = contact.x
     y = contact.y
     p = contact.p
-    if contact.mirrored[0]:
+    if contact.mirror_axes[0]:
         x = np.concatenate([x, -x])
         y = np.tile(y, 2)
         p = np.tile(p, 2)
-    if contact.mirrored[1]:
+    if contact.mirror_axes[1]:
         x = np.tile(x, 2)
         y = np.concatenate([y, -y])
         p = np.tile(p, 2)
@@ -473,53 +502,57 @@ def _whole(contact: PressedSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     return x[first], y[first], p[first]
 
 
-def _draw_rubbed(axes: Axes, contact: PressedSurface, length: Axis) -> None:
+def _draw_shear(axes: Axes, contact: ContactSurface, length: Axis) -> None:
     """Lines of equal shear, and a dotted circle as large as what sticks; nothing without friction."""
     if contact.shear is None or not contact.shear.any():
         return
-    x, y, shear = _whole(replace(contact, p=contact.shear))
+    x, y, shear = _mirror_surface(replace(contact, p=contact.shear))
     places = (length(along + middle) for along, middle in zip((x, y), contact.center, strict=True))
     axes.tricontour(*places, shear, levels=3, colors="white", linewidths=0.5, alpha=0.7)
     angle = np.linspace(0.0, 2 * np.pi, 181)
-    around = contact.sticks * np.array([np.cos(angle), np.sin(angle)]) + contact.center[:, None]
-    axes.plot(*map(length, around), color="black", lw=1.4, ls=":")
-    look: Look = {
+    stick_circle = (
+        contact.stick_radius * np.array([np.cos(angle), np.sin(angle)]) + contact.center[:, None]
+    )
+    axes.plot(*map(length, stick_circle), color="black", lw=1.4, ls=":")
+    look: PlotStyle = {
         "color": "white",
         "fontsize": "x-small",
-        "bbox": {"facecolor": UNPRESSED, "lw": 0, "pad": 1.5},
+        "bbox": {"facecolor": LABEL_BACKGROUND, "lw": 0, "pad": 1.5},
     }
     axes.annotate(
         "lines: equal shear\ndots: what sticks", (0.03, 0.03), xycoords="axes fraction", **look
     )
 
 
-def strongest_step(results: Results) -> float | None:
+def largest_force_step(results: Results) -> float | None:
     """The step of the largest force among those whose surface is known, of the widest contact or
     else of the largest pull where none pushes; None without any force.
     """
-    shown = np.isin(results["step"], results.surface["step"]) if results.surface else np.array([])
-    if not np.any(results["force"][shown] if shown.any() else 0.0):
+    has_surface = (
+        np.isin(results["step"], results.surface["step"]) if results.surface else np.array([])
+    )
+    if not np.any(results["force"][has_surface] if has_surface.any() else 0.0):
         return None
     for size in (results["force"], results["a"], -results["force"]):
-        sizes = np.where(shown, size, 0.0)
+        sizes = np.where(has_surface, size, 0.0)
         if sizes.max() > 0:
             return float(results["step"][np.argmax(sizes)])
     return None
 
 
-def titled(results: Results, step: float, words: str, apart: str = ", ") -> str:
+def panel_title(results: Results, step: float, words: str, apart: str = ", ") -> str:
     """The words that tell a panel from others, its time where that passes, and its depth.
 
     apart: what stands between time and depth.
     """
     times = results.table.get("t", np.full(len(results), np.nan))[results["step"] == step]
-    time = f"t = {time_said(results, float(times[0]))}{apart}" if np.isfinite(times).any() else ""
+    time = f"t = {time_text(results, float(times[0]))}{apart}" if np.isfinite(times).any() else ""
     return ", ".join(filter(None, [words, f"{time}δ = {depth_text(results, step)}"]))
 
 
 def depth_text(results: Results, step: float) -> str:
     """The depth of a step in words, as the axes of the picture measure it."""
     delta = results["delta"][results["step"] == step]
-    if len(delta) and abs(delta[0]) < AT_REST * np.nanmax(np.abs(results["delta"])):
+    if len(delta) and abs(delta[0]) < ZERO_DEPTH_RTOL * np.nanmax(np.abs(results["delta"])):
         delta = np.zeros(1)
-    return axis("delta", [results]).said(delta[0]) if len(delta) else "?"
+    return axis_of_column("delta", [results]).value_text(delta[0]) if len(delta) else "?"

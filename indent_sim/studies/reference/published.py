@@ -12,11 +12,11 @@ from typing import Any
 from indent_sim.config.messages import closest
 from indent_sim.config.strict_yaml import KeyPath, key_text
 from indent_sim.process.errors import ConfigError
-from indent_sim.results.reader import FOUND_COLUMNS
+from indent_sim.results.reader import RESULT_COLUMNS
 
 CLAIMS = ("exact", "fit", "elements")
 PULL_OFF = "pull_off"
-QUANTITIES = (*FOUND_COLUMNS, PULL_OFF)
+QUANTITIES = (*RESULT_COLUMNS, PULL_OFF)
 PLACES = ("delta", "t", "step")  # what a row is named by
 PUBLISHED_KEYS = ("quantity", "at", "value", "claims", "within", "source")
 REQUIRED_KEYS = ("quantity", "value", "claims", "source")

@@ -14,7 +14,7 @@ import numpy as np
 from indent_sim.config.scene_file import Place
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results import reader
-from indent_sim.results.measured.measurement import parts_of
+from indent_sim.results.measured.measurement import curve_parts
 from indent_sim.results.reader import Results
 from indent_sim.studies.cases import Case
 from indent_sim.studies.study_file import StudyFile
@@ -257,8 +257,8 @@ def _read(path: Path, cases: Sequence[Case]) -> Results:
     scene = Results(
         Path("the study"), {}, {"units": {"length": units.length, "force": units.force}}
     )
-    both = reader.in_common_units([scene, found])
-    reader.refuse_other_units(both, "run that scene in the units of the study")
+    both = reader.convert_to_common_units([scene, found])
+    reader.refuse_different_units(both, "run that scene in the units of the study")
     return both[1]
 
 
@@ -268,12 +268,12 @@ def of_results(found: Results) -> Answer:
     """
     unknown = np.full(len(found), NAN)
     if "t" in found.table and not found.report.get(reader.MEASURED):
-        rows = parts_of(found["delta"])["approach"]
+        rows = curve_parts(found["delta"])["approach"]
         return Answer(
             *(found.table.get(name, unknown)[rows] for name in ("delta", "force", "a", "p_max"))
         )
     if found.report.get(reader.MEASURED):
-        rows = parts_of(found["delta"])["approach"]
+        rows = curve_parts(found["delta"])["approach"]
         order = np.argsort(found["delta"][rows], kind="stable")
         known = (found["delta"][rows][order], found["force"][rows][order])
         return Answer(*known, unknown[rows], unknown[rows], measured=True)

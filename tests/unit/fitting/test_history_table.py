@@ -18,7 +18,7 @@ from indent_sim.fitting.inference.noise import WHITE
 from indent_sim.fitting.scene_curve.history_table import MeasuredWay, way_of
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables
 from indent_sim.process.errors import ConfigError
-from indent_sim.results.measured.measurement import Measured, parts_of
+from indent_sim.results.measured.measurement import MeasuredCurve, curve_parts
 from indent_sim.run.simulate import states
 from indent_sim.scene.scene import resolve
 
@@ -89,11 +89,11 @@ def test_the_truth_comes_back_with_another_first_touch():
     assert (inside >= 33).all(), inside
 
 
-def curve_of(fine: int, seed: int) -> Measured:
+def curve_of(fine: int, seed: int) -> MeasuredCurve:
     """A curve that a run of its own makes, with half a per cent of noise, first touch at 0.3."""
     force = np.interp(T, np.append(0, GRADED), np.append(0, run(porous(fine), GRADED)), left=0.0)
     force = force + 0.005 * force.max() * drawn(WHITE, len(T), np.random.default_rng(seed)) + 0.01
-    return Measured("made up", force, X + 0.3, None, T + 7.0, parts=parts_of(X))
+    return MeasuredCurve("made up", force, X + 0.3, None, T + 7.0, parts=curve_parts(X))
 
 
 def followed(fine: int, seed: int):  # type: ignore[no-untyped-def]
@@ -135,7 +135,7 @@ def test_a_hold_behind_a_cantilever():
     config = porous(2, E=2.0, flow={"diffusivity": 0.3})
     held = from_mapping(to_mapping(config) | {"experiment": {"cantilever": {"stiffness": k}}})
     entry = fit_curve(
-        Measured("made up", force, None, z, T, parts=parts_of(X)),
+        MeasuredCurve("made up", force, None, z, T, parts=curve_parts(X)),
         Request(held, (E, D), part="all"),
         Tables(),
     ).entry

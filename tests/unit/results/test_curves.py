@@ -13,7 +13,7 @@ def test_a_smooth_curve_goes_through_its_points_and_never_beyond_them():
     chance = np.random.default_rng(0)
     for _ in range(50):
         x, y = np.cumsum(chance.uniform(0.1, 1, 8)), np.cumsum(chance.exponential(1, 8) ** 3)
-        fine_x, fine_y = curves.smooth(x, y)
+        fine_x, fine_y = curves.smooth_curve(x, y)
         assert np.isin(x, fine_x).all() and fine_y[np.isin(fine_x, x)] == pytest.approx(y)
         assert (np.diff(fine_y) >= -1e-12 * y[-1]).all()
 
@@ -23,7 +23,7 @@ def test_a_power_law_is_a_curve_and_no_chords(power):
     """Radius and force of a contact over the depth, at four points from first touch on: exact."""
     x = np.array([0.0, 0.1, 0.4, 1.0])
     for places in (x, x[::-1]):
-        fine_x, fine_y = curves.smooth(places, places**power)
+        fine_x, fine_y = curves.smooth_curve(places, places**power)
         assert fine_y == pytest.approx(fine_x**power, rel=1e-12, abs=1e-12)
 
 
@@ -32,7 +32,7 @@ def test_what_is_nearly_a_power_law_is_nearly_exact():
     error.
     """
     x = np.linspace(0, 1, 9)
-    fine_x, fine_y = curves.smooth(x, x**1.5 * (1 + x))
+    fine_x, fine_y = curves.smooth_curve(x, x**1.5 * (1 + x))
     exact = fine_x**1.5 * (1 + fine_x)
     assert (
         np.abs(fine_y - exact).max()
@@ -42,9 +42,9 @@ def test_what_is_nearly_a_power_law_is_nearly_exact():
 
 @pytest.mark.parametrize("y", [[1.0], [1.0, 2.0], [1.0, np.nan, 2.0], [1.0, -3.0, 0.0]])
 def test_too_few_points_and_jumps_stay_as_they_are(y):
-    assert curves.smooth(np.arange(len(y)), np.array(y))[1] == pytest.approx(y, nan_ok=True)
+    assert curves.smooth_curve(np.arange(len(y)), np.array(y))[1] == pytest.approx(y, nan_ok=True)
 
 
 def test_branches_end_at_turning_points():
-    found = curves.branches(np.array([1.0, 2.0, 3.0, 2.0, 1.0, 2.0]))
+    found = curves.split_branches(np.array([1.0, 2.0, 3.0, 2.0, 1.0, 2.0]))
     assert found == [(slice(0, 3), False), (slice(2, 5), True), (slice(4, 6), False)]

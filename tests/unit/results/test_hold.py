@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from indent_sim.results.hold import first_hold
 from indent_sim.results.reader import Results
+from indent_sim.results.relaxation_in_hold import first_hold
 
 
 def history(t: np.ndarray, force: np.ndarray, branch: list[str]) -> Results:
@@ -27,7 +27,7 @@ def test_half_of_an_exponential_is_over_after_its_time_times_ln_2() -> None:
     hold = first_hold(history(t, force, ["approach"] * 2 + ["hold"] * 2000 + ["retract"] * 2))
     assert hold is not None and hold.t[0] == 0 and hold.t[-1] == pytest.approx(4.0)
     assert hold.half_time == pytest.approx(0.2 * log(2), rel=1e-4)
-    assert hold.share[0] == 1 and hold.share[-1] == 0
+    assert hold.remaining_fraction[0] == 1 and hold.remaining_fraction[-1] == 0
 
 
 def test_a_force_that_rises_has_no_half() -> None:

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from indent_sim.process.errors import ConfigError, IndentSimError, UsageError
-from indent_sim.results.measured.curve_file import curve_files, read_measured
-from indent_sim.results.measured.delimited_text import read_text
-from indent_sim.results.measured.measurement import NoCurve, parts_by_name, parts_of
-from indent_sim.results.measured.tab_file import tab_of
+from indent_sim.results.measured.curve_file import curve_files, read_curves
+from indent_sim.results.measured.delimited_text import read_text_curve
+from indent_sim.results.measured.measurement import NoCurve, curve_parts, curve_parts_by_name
+from indent_sim.results.measured.tab_file import tab_text
 from indent_sim.results.reader import Results
 
 DEPTHS = np.linspace(-1.0, 2.0, 61)
@@ -30,7 +30,9 @@ def rows(separator: str, decimal: str = ".") -> str:
 
 def read(text: str | bytes, **how):  # type: ignore[no-untyped-def]
     """The curve of a text."""
-    return read_text(Path("curve.csv"), text if isinstance(text, bytes) else text.encode(), **how)
+    return read_text_curve(
+        Path("curve.csv"), text if isinstance(text, bytes) else text.encode(), **how
+    )
 
 
 @pytest.mark.parametrize(
@@ -124,27 +126,29 @@ def test_a_way_that_falls_towards_the_body_is_turned():
 
 def test_approach_hold_and_retract_by_their_path():
     go, stay = np.linspace(0, 1, 100), np.ones(50)
-    assert parts_of(go) == {"approach": slice(0, 100)}
-    assert parts_of(np.append(go, go[::-1])) == {
+    assert curve_parts(go) == {"approach": slice(0, 100)}
+    assert curve_parts(np.append(go, go[::-1])) == {
         "approach": slice(0, 100),
         "retract": slice(100, 200),
     }
-    held = parts_of(np.concatenate([go, stay, go[::-1]]))
+    held = curve_parts(np.concatenate([go, stay, go[::-1]]))
     assert list(held) == ["approach", "hold", "retract"] and abs(held["hold"].stop - 150) <= 1
-    assert list(parts_of(np.concatenate([go, stay]))) == ["approach", "hold"]
-    assert parts_of(go[::-1]) == {"approach": slice(0, 100)}  # a file that is sorted the other way
-    assert parts_of(np.zeros(5)) == {"approach": slice(0, 5)}
+    assert list(curve_parts(np.concatenate([go, stay]))) == ["approach", "hold"]
+    assert curve_parts(go[::-1]) == {
+        "approach": slice(0, 100)
+    }  # a file that is sorted the other way
+    assert curve_parts(np.zeros(5)) == {"approach": slice(0, 5)}
 
 
 def test_parts_by_words():
     words = np.array(["extend"] * 3 + ["pause"] * 2 + ["retract"] * 4)
-    assert parts_by_name(words) == {
+    assert curve_parts_by_name(words) == {
         "approach": slice(0, 3),
         "hold": slice(3, 5),
         "retract": slice(5, 9),
     }
     numbers = np.array(["0"] * 3 + ["1"] * 2)
-    assert parts_by_name(numbers) == {"approach": slice(0, 3), "retract": slice(3, 5)}
+    assert curve_parts_by_name(numbers) == {"approach": slice(0, 3), "retract": slice(3, 5)}
     curve = read(
         "delta,force,branch\n"
         + "".join(f"{k},{k},approach\n" for k in range(4))
@@ -212,14 +216,14 @@ def test_broken_files_at_random_end_in_a_curve_or_a_reason():
 
 def test_files_that_are_not_there(tmp_path):
     with pytest.raises(UsageError, match=r"cannot read .*nothing\.csv: No such file"):
-        read_measured(tmp_path / "nothing.csv")
+        read_curves(tmp_path / "nothing.csv")
     with pytest.raises(UsageError, match="there is no curve"):
         curve_files(tmp_path / "nothing.csv")
     with pytest.raises(UsageError, match="holds no file of curves"):
         curve_files(tmp_path)
     os.mkfifo(tmp_path / "pipe.csv")
     with pytest.raises(UsageError, match="cannot read"):
-        read_measured(tmp_path / "pipe.csv")
+        read_curves(tmp_path / "pipe.csv")
     (tmp_path / "b.csv").write_text(rows(","))
     (tmp_path / "notes.md").write_text("no curve")
     assert [path.name for path in curve_files(tmp_path)] == ["b.csv", "pipe.csv"]
@@ -234,9 +238,9 @@ def test_tab_file_comes_back_in_si_units(tmp_path):
         "a": np.sqrt(delta),
     }
     result = Results(tmp_path, table, {"units": {"length": "um", "force": "nN"}})
-    (tmp_path / "x.tab").write_text(text := tab_of(result))
-    (curve,) = read_measured(tmp_path / "x.tab")
-    there = curve.in_units({"length": "um", "force": "nN"})
+    (tmp_path / "x.tab").write_text(text := tab_text(result))
+    (curve,) = read_curves(tmp_path / "x.tab")
+    there = curve.convert_units({"length": "um", "force": "nN"})
     approach = there.part("approach")
     np.testing.assert_allclose(approach.delta[-20:], delta, rtol=1e-11)  # of 13 digits written
     np.testing.assert_allclose(approach.force[-20:], table["force"], rtol=1e-11)
@@ -246,4 +250,4 @@ def test_tab_file_comes_back_in_si_units(tmp_path):
     head = text.split("# END METADATA")[0].splitlines()[1:]
     assert json.loads("".join(line[1:] for line in head))["imaging mode"] == "force-distance"
     with pytest.raises(UsageError, match="says no units"):
-        tab_of(Results(tmp_path, table))
+        tab_text(Results(tmp_path, table))

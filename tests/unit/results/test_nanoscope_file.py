@@ -9,7 +9,7 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from indent_sim.results.measured.curve_file import curve_files, read_measured
+from indent_sim.results.measured.curve_file import curve_files, read_curves
 from indent_sim.results.measured.measurement import NoCurve, Uncalibrated
 
 HEADER = {"Entry_tot_nb_curve": 1, "spring_const_Nbym": 0.1, "defl_sens_nmbyV": 30.0}
@@ -40,7 +40,7 @@ def reader(monkeypatch, tmp_path):  # type: ignore[no-untyped-def]
         for name, module in modules.items():
             monkeypatch.setitem(sys.modules, f"pyfmreader.nanosc.{name}", module)
         (tmp_path / "gel.SPM").write_bytes(b"")
-        return read_measured(tmp_path / "gel.SPM", stiffness=stiffness)
+        return read_curves(tmp_path / "gel.SPM", stiffness=stiffness)
 
     return read
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from indent_sim.model.tips import Cone, FlatPunch, Paraboloid, Plate, Profile, Pyramid, Sphere
-from indent_sim.results.outline import half_section, outline, section
+from indent_sim.results.tip_geometry import half_section, section, tip_mesh
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_the_surface_of_a_pyramid_has_its_edges():
     """The farthest points at one height lie on the edges: cot(half_angle) s = z there with s the
     inner radius.
     """
-    drawn = outline(Pyramid(70.0, 4), (0.0, 0.0), 1.0, "three_dimensional", 1)
+    drawn = tip_mesh(Pyramid(70.0, 4), (0.0, 0.0), 1.0, "three_dimensional", 1)
     x, y, z = drawn.points.T
     assert np.tan(np.radians(70)) * z == pytest.approx(np.maximum(np.abs(x), np.abs(y)))
     assert len(drawn.cells) == 2 * (

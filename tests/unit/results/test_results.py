@@ -31,8 +31,8 @@ from indent_sim.process.signals import uninterrupted
 from indent_sim.results import folder, tables, xdmf
 from indent_sim.results.compare import compare
 from indent_sim.results.folder import write_atomically
-from indent_sim.results.outline import outline
-from indent_sim.results.reader import earlier_run, read, rows_of
+from indent_sim.results.reader import previous_run, read, rows_of
+from indent_sim.results.tip_geometry import tip_mesh
 from indent_sim.results.writer import ResultFolder, to_json
 from indent_sim.results.xdmf import ARRAYS, FieldWriter
 
@@ -117,7 +117,7 @@ class TestFiles:
                 run.append(a_state(step))
             run.write_fields(a_state(3), some_fields(3))
         assert kept_steps(tmp_path / "run") == [1, 2, 3]
-        assert xdmf.kept_steps(tmp_path / "run", read(tmp_path / "run")["step"]) == [1, 2]
+        assert xdmf.steps_with_fields(tmp_path / "run", read(tmp_path / "run")["step"]) == [1, 2]
 
     @pytest.mark.parametrize("empty", ["u", "gap", "pressure"])
     def test_a_surface_with_empty_cells_is_read(self, tmp_path, empty):
@@ -138,7 +138,7 @@ class TestFiles:
         values = {name: 0.1 for name in ERROR_COLUMNS} | {empty: float("nan")}
         with ResultFolder(tmp_path / "out", "title: x\n", columns=ERROR_COLUMNS) as run:
             run.append(a_state(1, **values))
-        found = earlier_run(tmp_path / "out", "title: x\n")
+        found = previous_run(tmp_path / "out", "title: x\n")
         assert (
             found is not None
             and len(found.states) == 1
@@ -156,8 +156,8 @@ class TestFiles:
         with ResultFolder(
             tmp_path / "run", "", columns=("force_error", "a_error"), resume=True
         ) as run:
-            assert run.earlier.states[0].force_error == 1e-3 and np.isnan(
-                run.earlier.states[0].p_max
+            assert run.previous_run.states[0].force_error == 1e-3 and np.isnan(
+                run.previous_run.states[0].p_max
             )
             run.append(a_state(2, force_error=2e-3, a_error=1.0))
         found = read(tmp_path / "run")
@@ -460,19 +460,19 @@ class TestKills:
 
             return one
 
-        claim = folder.Claim(tmp_path / "run")
+        claim = folder.OutputFolder(tmp_path / "run")
         write_atomically(claim.path / "run.json", json.dumps({"program": "indent-sim"}))
         write_atomically(claim.path / "force_indentation.csv", "step,delta,force,a\n1,1,1,1\n")
         with monkeypatch.context() as patch:
             patch.setattr(folder.os, "rename", counted(os.rename))
             patch.setattr(folder.shutil, "move", counted(folder.shutil.move))
             with suppress(Kill):
-                claim.publish()
-        os.close(claim._lock)
-        again = folder.Claim(tmp_path / "run")
+                claim.rename_into_place()
+        os.close(claim._lock_descriptor)
+        again = folder.OutputFolder(tmp_path / "run")
         rows = len(read(tmp_path / "run")) if earlier or folder.has_rows(tmp_path / "run") else 0
         assert rows in (earlier, 1)
-        again.drop()
+        again.abandon()
         assert names(tmp_path) == {"run"}
 
     def test_a_signal_waits_for_the_end_of_a_write(self):
@@ -495,7 +495,7 @@ CELLS = np.array([[0, 1, 2], [0, 2, 3]])
 
 
 REGIONS = np.array([0, 1])
-TIP = outline(Sphere(R=1.0), (0.0,), 0.5, "axisymmetric", 1)
+TIP = tip_mesh(Sphere(R=1.0), (0.0,), 0.5, "axisymmetric", 1)
 BODY = (POINTS, CELLS, REGIONS, TIP)
 
 
@@ -553,7 +553,7 @@ class TestFields:
         import meshio
 
         points = np.vstack([np.zeros(3), np.eye(3)])
-        tip = outline(Sphere(R=1.0), (0.0, 0.0), 0.5, "three_dimensional", 1)
+        tip = tip_mesh(Sphere(R=1.0), (0.0, 0.0), 0.5, "three_dimensional", 1)
         writer = FieldWriter(tmp_path, points, np.array([[0, 1, 2, 3]]), np.zeros(1), tip)
         writer.write(1, 0.1, some_fields(1, 4, 1, 3) | {"displacement": points})
         with meshio.xdmf.TimeSeriesReader(tmp_path / "fields.xdmf") as reader:
@@ -571,7 +571,7 @@ class TestFields:
         kinematics, center = {2: ("plane_strain", (2.0,)), 3: ("three_dimensional", (2.0, -1.0))}[
             dim
         ]
-        tip = outline(Sphere(R=1.0), center, 0.5, kinematics, 2)
+        tip = tip_mesh(Sphere(R=1.0), center, 0.5, kinematics, 2)
         writer = FieldWriter(tmp_path, POINTS, CELLS, REGIONS, tip, keep="all")
         for step in (1, 2):
             writer.write(step, 0.1 * step, some_fields(step))
@@ -603,7 +603,7 @@ class TestFields:
         text = (tmp_path / "fields.xdmf").read_text()
         (tmp_path / "fields.xdmf").write_text(text[: text.index("step 3") + 300])
         again = FieldWriter(tmp_path, *BODY, keep="all", done=2)
-        assert again.continued and kept_steps(tmp_path) == [1, 2]
+        assert again.is_continued and kept_steps(tmp_path) == [1, 2]
         assert names(tmp_path / "fields") == {"mesh.h5", "step-1.h5", "step-2.h5"}
 
     def test_one_file_of_the_version_before_is_replaced(self, tmp_path):
@@ -784,13 +784,15 @@ class TestCompare:
             found = compare(one, other)
             found.check()
             assert (
-                found.matched_by == "t" and found.steps == (0.5, 2.0) and found.interpolated[0] == A
+                found.matched_by == "t"
+                and found.row_keys == (0.5, 2.0)
+                and found.interpolation[0] == A
             )
         B.write_text(
             "step,t,delta,force,a,branch\n1,1,0.1,1,0.3,approach\n2,2,0.1,0.9,0.3,retract\n3,4,0,0,0,hold\n"
         )
         found = compare(A, B)
-        assert found.interpolated is None  # every time is a row's
+        assert found.interpolation is None  # every time is a row's
         assert [text.split(" differ")[0] for text in found.differences] == [
             f"t 4 is in {B} alone",
             "t 2: force 0.8 and 0.9",
@@ -810,7 +812,7 @@ class TestCompare:
         for pair in ((new, old), (old, new)):
             found = compare(*pair)
             found.check()
-            assert found.matched_by == "step" and len(found.steps) == 5
+            assert found.matched_by == "step" and len(found.row_keys) == 5
         (old / "experiment.csv").write_text(
             "\n".join(",".join(row) for row in rows).replace("0.6", "0.5") + "\n"
         )
@@ -824,11 +826,11 @@ class TestCompare:
         found = compare(A, B, 1e-9)
         assert (
             found.matched_by == "delta"
-            and found.interpolated[0] == A
-            and found.interpolated[1] < 1e-12
+            and found.interpolation[0] == A
+            and found.interpolation[1] < 1e-12
         )
         assert (
-            len(found.steps) == 7
+            len(found.row_keys) == 7
             and list(found.pairs) == ["force", "a"]
             and found.differences == ()
         )
@@ -846,9 +848,9 @@ class TestCompare:
         )  # B says no units: numbers as they stand
         B.write_text(self.curve(7))
         found = compare(A, B, 1e-3)
-        assert found.differences == () and found.interpolated[0] == A
-        assert 1e-6 < found.interpolated[1] < 1e-3
-        assert found.worst["force"] < 1e-3 and list(found.pairs) == ["force"]
+        assert found.differences == () and found.interpolation[0] == A
+        assert 1e-6 < found.interpolation[1] < 1e-3
+        assert found.max_relative_difference["force"] < 1e-3 and list(found.pairs) == ["force"]
 
     def test_the_residual_is_of_the_largest_force(self, tmp_path):
         found = self.pair(
@@ -903,7 +905,7 @@ class TestCompare:
                 (result / name).write_text(text)
         same = compare(A, B)
         same.check()
-        assert [(name, len(table.steps)) for name, table in same.beside.items()] == [
+        assert [(name, len(table.row_keys)) for name, table in same.other_tables.items()] == [
             ("experiment.csv", 3),
             ("dynamic.csv", 1),
         ]
@@ -916,11 +918,11 @@ class TestCompare:
         ]
         compare(A, B, {"force": 0.1, "loss": 0.6}).check()
         compare(A, B, columns=["a"]).check()
-        assert "dynamic.csv" not in compare(A, B, columns=["a"]).beside
+        assert "dynamic.csv" not in compare(A, B, columns=["a"]).other_tables
         with pytest.raises(UsageError, match="no column 'shear'"):
             compare(A, B, columns=["shear"])
         (B / "experiment.csv").unlink()
-        assert list(compare(A, B).beside) == ["dynamic.csv"]
+        assert list(compare(A, B).other_tables) == ["dynamic.csv"]
 
     def test_without_tolerance_every_digit_counts(self, tmp_path):
         self.pair(tmp_path, "1,0.1,0.3,0\n", "1,0.1,0.3,0\n", rtol=0).check()
@@ -931,7 +933,7 @@ class TestCompare:
 def test_the_time_of_a_state_is_its_own_where_time_passes(tmp_path: Path) -> None:
     """Of two rows of one time, at a jump, the second is a last digit later; a resumed file goes on."""
     points, cells = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, -1.0]]), np.array([[0, 1, 2]])
-    tip = outline(Sphere(R=1.0), (0.0,), 1.0, "axisymmetric", 1)
+    tip = tip_mesh(Sphere(R=1.0), (0.0,), 1.0, "axisymmetric", 1)
     fields = {"displacement": np.zeros((3, 2))}
     kinds = {"displacement": ARRAYS["displacement"]}
 

@@ -11,7 +11,7 @@ from mesh_files import section, write
 
 from indent_sim.config.scene_file import from_mapping, to_mapping, to_yaml
 from indent_sim.process.errors import ConfigError
-from indent_sim.results.reader import earlier_run
+from indent_sim.results.reader import previous_run
 from indent_sim.results.writer import to_json
 from indent_sim.run.explicit_config import automatic_keys, explicit_config
 from indent_sim.scene.scene import resolve
@@ -114,5 +114,5 @@ def test_a_resume_blames_the_key_that_was_changed(contact: str, tmp_path: Path) 
             (tmp_path / "config.yaml").write_text(there)
             (tmp_path / "run.json").write_text(to_json(report))
             with pytest.raises(ConfigError, match="another config") as caught:
-                earlier_run(tmp_path, here, ours)
+                previous_run(tmp_path, here, ours)
             assert caught.value.key == change.split("=")[0], (change, caught.value)

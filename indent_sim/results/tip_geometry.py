@@ -15,16 +15,16 @@ from indent_sim.config.schema import Config
 from indent_sim.model.body import AnyBody, Ball
 from indent_sim.model.tips import Indenter, RegularPyramid, Sphere, max_radius
 from indent_sim.process.errors import IndentSimError
-from indent_sim.results.folder import CONFIG, content
+from indent_sim.results.folder import CONFIG, read_regular_file
 
-Curve = tuple[np.ndarray, np.ndarray]  # (s, z)
+SectionCurve = tuple[np.ndarray, np.ndarray]  # (s, z)
 # of a surface: sections of a whole turn, and points of each
 SECTIONS_PER_TURN = 96
 SURFACE_RINGS = 40
 
 
 @dataclass(frozen=True)
-class Outline:
+class TipGeometry:
     """A tip as a mesh: points (n, 3) with the apex at first touch, z = 0; cells (m, 2) or (m, 3) of
     points [length].
 
@@ -34,25 +34,25 @@ class Outline:
 
     points: np.ndarray
     cells: np.ndarray
-    pieces: int = 1
+    contacts_per_body: int = 1
 
-    def at(self, delta: float) -> np.ndarray:
+    def displacement(self, delta: float) -> np.ndarray:
         """Its displacement (n, 3) at a depth [length]."""
-        return np.tile([0.0, 0.0, -delta / self.pieces], (len(self.points), 1))
+        return np.tile([0.0, 0.0, -delta / self.contacts_per_body], (len(self.points), 1))
 
 
 def scene_of(folder: Path) -> Config | None:
     """The scene of a result folder, in the user's units; None where there is none to read."""
     with suppress(OSError):
         written = os.stat(folder / CONFIG)
-        return _scene_of(folder / CONFIG, written.st_mtime_ns, written.st_ino)
+        return _cached_scene(folder / CONFIG, written.st_mtime_ns, written.st_ino)
     return None
 
 
-def adheres(folder: Path) -> bool | None:
+def has_adhesion(folder: Path) -> bool | None:
     """Whether the contact of a result adheres; None where its scene cannot be read."""
     with suppress(OSError):
-        if b"adhesion" not in content(
+        if b"adhesion" not in read_regular_file(
             folder / CONFIG
         ):  # as of most, which need not be checked key by key
             return False
@@ -61,18 +61,20 @@ def adheres(folder: Path) -> bool | None:
 
 
 @lru_cache(16)  # every panel of a picture asks
-def _scene_of(file: Path, written: int, inode: int) -> Config | None:
+def _cached_scene(file: Path, written: int, inode: int) -> Config | None:
     with suppress(IndentSimError, OSError, ValueError):
         return load_older(file)
     return None
 
 
-def pieces(body: AnyBody) -> int:
+def contacts_per_body(body: AnyBody) -> int:
     """Equal pieces of a body on top of each other, of which one is modelled."""
     return body.spherical_body.contacts_per_body if isinstance(body, Ball) else 1
 
 
-def half_section(tip: Indenter, width: float, degrees: float = 0.0, points: int = 160) -> Curve:
+def half_section(
+    tip: Indenter, width: float, degrees: float = 0.0, points: int = 160
+) -> SectionCurve:
     """(s, z) [length] of the tip in the half plane at this angle from x, from the apex out to
     `width`.
 
@@ -82,11 +84,11 @@ def half_section(tip: Indenter, width: float, degrees: float = 0.0, points: int 
         angles = np.linspace(0, np.pi if width >= tip.R else np.arcsin(width / tip.R), points)
         return tip.R * np.sin(angles), tip.R * (1 - np.cos(angles))
     end = min(width, max_radius(tip))
-    corners = [
+    refined_radii = [
         np.linspace(radius, radius + across, points // 4)
         for radius, across in tip.slope_discontinuities()
     ]  # no chords there
-    s = np.unique(np.concatenate([np.linspace(0, end, points), *corners]))
+    s = np.unique(np.concatenate([np.linspace(0, end, points), *refined_radii]))
     s = s[(s >= 0) & (s <= end)]
     x = s * np.cos(np.radians(degrees))
     y = s * np.sin(np.radians(degrees))
@@ -94,50 +96,55 @@ def half_section(tip: Indenter, width: float, degrees: float = 0.0, points: int 
     return (np.append(s, end), np.append(z, z[-1] + width)) if max_radius(tip) <= width else (s, z)
 
 
-def section(tip: Indenter, width: float, degrees: float = 0.0) -> Curve:
+def section(tip: Indenter, width: float, degrees: float = 0.0) -> SectionCurve:
     """(s, z) [length] of the tip in the vertical plane at this angle from x, from left to right."""
     (left, below) = half_section(tip, width, degrees + 180)
     (right, above) = half_section(tip, width, degrees)
     return np.concatenate([-left[:0:-1], right]), np.concatenate([below[:0:-1], above])
 
 
-def outline(
+def tip_mesh(
     tip: Indenter, center: tuple[float, ...], width: float, kinematics: str, pieces: int
-) -> Outline:
+) -> TipGeometry:
     """The tip out to `width` [length]: the half (axisymmetric) or whole section, a surface in three
     dimensions.
     """
     if kinematics == "three_dimensional":
-        points, cells = _surface(tip, width)
-        return Outline(points + np.array([*center, 0.0]), cells, pieces)
+        points, cells = _tip_surface(tip, width)
+        return TipGeometry(points + np.array([*center, 0.0]), cells, pieces)
     s, z = half_section(tip, width) if kinematics == "axisymmetric" else section(tip, width)
     points = np.column_stack([s + (*center, 0.0)[0], np.zeros(len(s)), z])
     ends = np.arange(len(s))
-    return Outline(points, np.column_stack([ends[:-1], ends[1:]]), pieces)
+    return TipGeometry(points, np.column_stack([ends[:-1], ends[1:]]), pieces)
 
 
-def _surface(tip: Indenter, width: float) -> tuple[np.ndarray, np.ndarray]:
+def _tip_surface(tip: Indenter, width: float) -> tuple[np.ndarray, np.ndarray]:
     """The tip's surface as triangles: sections about its axis, among them the edges of a pyramid."""
     edges, begin = (2 * tip.faces, tip.rotation) if isinstance(tip, RegularPyramid) else (1, 0.0)
-    turns = -(-SECTIONS_PER_TURN // edges) * edges
-    angles = begin + 360 * np.arange(turns) / turns
+    section_count = -(-SECTIONS_PER_TURN // edges) * edges
+    angles = begin + 360 * np.arange(section_count) / section_count
     sections = [half_section(tip, width, angle, SURFACE_RINGS) for angle in angles]
     rings = len(sections[0][0])
-    turned = zip(np.radians(angles), sections, strict=True)
+    angled_sections = zip(np.radians(angles), sections, strict=True)
     points = [
-        np.column_stack([s * np.cos(angle), s * np.sin(angle), z]) for angle, (s, z) in turned
+        np.column_stack([s * np.cos(angle), s * np.sin(angle), z])
+        for angle, (s, z) in angled_sections
     ]
-    here = (rings * np.arange(turns)[:, None] + np.arange(rings - 1)[None, :]).ravel()
-    there = (here + rings) % (rings * turns)
+    here = (rings * np.arange(section_count)[:, None] + np.arange(rings - 1)[None, :]).ravel()
+    there = (here + rings) % (rings * section_count)
     triangles = [(here, here + 1, there + 1), (here, there + 1, there)]
     return np.concatenate(points), np.concatenate(
         [np.column_stack(corners) for corners in triangles]
     )
 
 
-def drawn_width(tip: Indenter, a: float, delta: float) -> float:
+def plot_width(tip: Indenter, a: float, delta: float) -> float:
     """How far out a tip is drawn around a contact of radius a at a depth [length]: beyond both, a
     small tip whole.
     """
-    wide = 2.5 * max(a, abs(delta))
-    return max(wide, 1.0001 * max_radius(tip)) if max_radius(tip) < 2 * wide else wide
+    contact_width = 2.5 * max(a, abs(delta))
+    return (
+        max(contact_width, 1.0001 * max_radius(tip))
+        if max_radius(tip) < 2 * contact_width
+        else contact_width
+    )

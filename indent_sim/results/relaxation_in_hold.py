@@ -9,19 +9,19 @@ import numpy as np
 
 from indent_sim.results.reader import Results
 
-LEAST_ROWS = 4
-SHARE_ROUNDING = 1e-12
+MIN_HOLD_ROWS = 4
+FRACTION_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Hold:
+class HoldRelaxation:
     """The first hold: times since it began, from 0, and forces."""
 
     t: np.ndarray
     force: np.ndarray
 
     @property
-    def share(self) -> np.ndarray:
+    def remaining_fraction(self) -> np.ndarray:
         """What is left of the fall: 1 where it begins, 0 at its end."""
         return np.asarray((self.force - self.force[-1]) / (self.force[0] - self.force[-1]))
 
@@ -32,22 +32,26 @@ class Hold:
         """
         if not self.force[0] > self.force[-1]:
             return nan
-        after = int(np.argmax(self.share <= 0.5))
-        near = slice(after - 1, after + 1)
+        after = int(np.argmax(self.remaining_fraction <= 0.5))
+        neighbours = slice(after - 1, after + 1)
         return float(
-            np.interp(log(2), -np.log(np.maximum(self.share[near], SHARE_ROUNDING)), self.t[near])
+            np.interp(
+                log(2),
+                -np.log(np.maximum(self.remaining_fraction[neighbours], FRACTION_ROUNDING)),
+                self.t[neighbours],
+            )
         )
 
 
-def first_hold(results: Results) -> Hold | None:
+def first_hold(results: Results) -> HoldRelaxation | None:
     """The first hold of a result with a history; None where there is none, or next to nothing of
     it.
     """
     if not {"t", "branch"} <= set(results.table):
         return None
-    held = np.flatnonzero(results["branch"] == "hold")
-    if len(held) < LEAST_ROWS or held[0] == 0:
+    hold_rows = np.flatnonzero(results["branch"] == "hold")
+    if len(hold_rows) < MIN_HOLD_ROWS or hold_rows[0] == 0:
         return None
-    ends = np.flatnonzero(np.diff(held) > 1)
-    rows = np.arange(held[0] - 1, held[ends[0] if len(ends) else -1] + 1)
-    return Hold(results["t"][rows] - results["t"][rows[0]], results["force"][rows])
+    ends = np.flatnonzero(np.diff(hold_rows) > 1)
+    rows = np.arange(hold_rows[0] - 1, hold_rows[ends[0] if len(ends) else -1] + 1)
+    return HoldRelaxation(results["t"][rows] - results["t"][rows[0]], results["force"][rows])

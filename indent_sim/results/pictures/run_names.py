@@ -9,35 +9,35 @@ from pathlib import Path
 from indent_sim.config import strict_yaml
 from indent_sim.config.strict_yaml import short
 from indent_sim.process.errors import ConfigError
-from indent_sim.results.folder import CONFIG, Report, content
+from indent_sim.results.folder import CONFIG, Report, read_regular_file
 from indent_sim.results.reader import Results
 
 MOST_NAME_LETTERS = 48  # of a name
 
 
-def in_order(name: str) -> list[tuple[float, str]]:
+def natural_sort_key(name: str) -> list[tuple[float, str]]:
     """Sorts names by the numbers in them, as numbers."""
     parts = re.split(r"([-+]?\d+\.?\d*(?:e[-+]?\d+)?)", name)
     return [(float(part), "") if i % 2 else (0.0, part) for i, part in enumerate(parts)]
 
 
-def names_of(runs: Sequence[Results]) -> list[str]:
+def run_names(runs: Sequence[Results]) -> list[str]:
     """Short names: titles where they differ, else the keys of the configs that do, else the
     folders' own.
     """
     titles = [run.report.get("title", "") for run in runs]
     if all(titles) and len(set(titles)) == len(titles) and len(titles) > 1:
         return titles
-    settings = _differences(runs)
+    settings = _differing_settings(runs)
     if all(settings) and len(set(settings)) == len(settings):
         return settings
     names = [run.path.resolve().name for run in runs]
     return names if len(set(names)) == len(names) else [str(run.path) for run in runs]
 
 
-def _differences(runs: Sequence[Results]) -> list[str]:
+def _differing_settings(runs: Sequence[Results]) -> list[str]:
     """What was given differently, as in "nu 0.3, method penalty"; empty where a config is missing."""
-    configs = [config_of(run.path) for run in runs]
+    configs = [config_by_key(run.path) for run in runs]
     if not all(configs):
         return [""] * len(runs)
     chosen = {key for run in runs for key in run.report.get("plan", {}).get("auto", [])}
@@ -47,11 +47,13 @@ def _differences(runs: Sequence[Results]) -> list[str]:
         for key in keys
         if key not in chosen and key.split(".")[0] not in ("title", "units", "output")
     ]
-    told = [key for key in keys if len({str(config.get(key)) for config in configs}) > 1]
-    settings = [[(key.rpartition(".")[2], config.get(key)) for key in told] for config in configs]
+    differing_keys = [key for key in keys if len({str(config.get(key)) for config in configs}) > 1]
+    settings = [
+        [(key.rpartition(".")[2], config.get(key)) for key in differing_keys] for config in configs
+    ]
     words = [
-        ", ".join(f"{name} {short(value)}" for name, value in one if value is not None)
-        for one in settings
+        ", ".join(f"{name} {short(value)}" for name, value in pairs if value is not None)
+        for pairs in settings
     ]
     return [
         text if len(text) <= MOST_NAME_LETTERS else f"{text[: MOST_NAME_LETTERS - 1]}…"
@@ -59,18 +61,18 @@ def _differences(runs: Sequence[Results]) -> list[str]:
     ]
 
 
-def config_of(folder: Path) -> Report:
+def config_by_key(folder: Path) -> Report:
     """The resolved config of a result folder by dotted key; empty where there is none to read."""
     try:
-        sections, _ = strict_yaml.parse(content(folder / CONFIG).decode("utf-8"))
+        sections, _ = strict_yaml.parse(read_regular_file(folder / CONFIG).decode("utf-8"))
     except (OSError, ValueError, ConfigError):
         return {}
-    return dict(_flat(sections)) if isinstance(sections, dict) else {}
+    return dict(_flatten(sections)) if isinstance(sections, dict) else {}
 
 
-def _flat(section: Report, above: str = "") -> Iterator[tuple[str, object]]:
+def _flatten(section: Report, above: str = "") -> Iterator[tuple[str, object]]:
     for key, value in section.items():
         if isinstance(value, dict):
-            yield from _flat(value, f"{above}{key}.")
+            yield from _flatten(value, f"{above}{key}.")
         else:
             yield f"{above}{key}", value

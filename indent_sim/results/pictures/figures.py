@@ -19,7 +19,7 @@ import numpy as np
 
 from indent_sim.process.errors import UsageError
 from indent_sim.results.folder import is_own_file, write_atomically
-from indent_sim.results.pictures.axes import in_picture
+from indent_sim.results.pictures.axes import picture_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes
@@ -33,47 +33,47 @@ GREY = "#6e6e6e"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 FORCE_PICTURE = "force_indentation.png"
-FONT = 10.0  # points
+FONT_SIZE = 10.0  # points
 PICTURE_FORMATS = (".png", ".svg", ".pdf")
 DPI = {"png": 160, "svg": 200, "pdf": 300}  # of what is drawn point by point
 # bins of an axis, and pixels between its numbers
-MOST_TICKS = 6
+MAX_TICKS = 6
 TICK_LABEL_GAP = 3.0
 # Pixels along a side that Agg can draw, and of a picture: each takes 11 bytes until it is packed,
 # of which 1 GB is much
-LONGEST_SIDE = 2**16 - 1
-MOST_PIXELS = 1e8
-RAISED = str.maketrans("-\N{MINUS SIGN}0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")  # an exponent
-MANY = 40  # points from which a line carries no markers
+MAX_SIDE_PIXELS = 2**16 - 1
+MAX_PIXELS = 1e8
+SUPERSCRIPTS = str.maketrans("-\N{MINUS SIGN}0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")  # an exponent
+MAX_MARKED_POINTS = 40  # points from which a line carries no markers
 # inches: width of a letter and height of a line in a legend
-LETTER = 0.07
-LINE = 0.2
+LETTER_WIDTH = 0.07
+LINE_HEIGHT = 0.2
 LEGEND_LEFT = 0.6  # inches: of a legend below all panels
 # inches: width of what stands before a name there; letters of a line at least
-HANDLE = 0.45
-FEWEST_LETTERS = 12
-GAP = 0.15  # inches: between two columns of a legend
-FEW_NAMES = 6  # of a legend under a panel, which stand below one another
+HANDLE_WIDTH = 0.45
+MIN_LINE_LETTERS = 12
+COLUMN_GAP = 0.15  # inches: between two columns of a legend
+MAX_STACKED_NAMES = 6  # of a legend under a panel, which stand below one another
 # Inches at the standard font size: from the end of a panel to what stands below the numbers and the
 # name of its axis, numbers and name to the left of a panel, and the height of a bar of colours
 # under one
-UNDER_PANEL = 0.58
-BESIDE_PANEL = 0.75
+AXIS_LABEL_HEIGHT = 0.58
+AXIS_LABEL_WIDTH = 0.75
 BAR_HEIGHT = 0.12
-Where = Literal["right", "bottom"]  # where the bar of the colours of maps stands
-LETTERS = 9.0  # of a title to the inch
+BarPosition = Literal["right", "bottom"]  # where the bar of the colours of maps stands
+TITLE_LETTERS_PER_INCH = 9.0  # of a title to the inch
 # most letters
-SUBTITLE = 200
-LABEL_LETTERS = 120
-Look = dict[str, Any]  # matplotlib's words for how something is drawn
-THEORY_STYLE: Look = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
-FORMULA_STYLE: Look = {
+MAX_SUBTITLE_LETTERS = 200
+MAX_LABEL_LETTERS = 120
+PlotStyle = dict[str, Any]  # matplotlib's words for how something is drawn
+THEORY_STYLE: PlotStyle = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
+FORMULA_STYLE: PlotStyle = {
     "color": GREY,
     "ls": ":",
     "lw": 1.2,
     "zorder": 2,
 }  # of a half-space, beside any body
-STYLE: Look = {
+RC_PARAMETERS: PlotStyle = {
     "figure.dpi": 100,  # in which labels are measured
     "legend.framealpha": 0.85,  # a long line of text may cross a steep curve
     "text.usetex": False,  # titles are text, and LaTeX is a program
@@ -87,7 +87,7 @@ STYLE: Look = {
 
 
 @contextmanager
-def canvas(size: tuple[float, float] = (9.2, 4.8), font: float = FONT) -> Iterator[Figure]:
+def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) -> Iterator[Figure]:
     """An empty figure of this size [inches] and font size [points] in the style of all pictures."""
     with warnings.catch_warnings():
         warnings.filterwarnings(
@@ -95,41 +95,44 @@ def canvas(size: tuple[float, float] = (9.2, 4.8), font: float = FONT) -> Iterat
         )  # not wanted here, where two matplotlibs are
         import matplotlib
         from matplotlib.figure import Figure
-    with matplotlib.rc_context(STYLE | {"font.size": font}):
+    with matplotlib.rc_context(RC_PARAMETERS | {"font.size": font}):
         yield Figure(figsize=size, layout="constrained")
 
 
-def from_zero(axes: Axes, *curves: np.ndarray) -> None:
+def start_at_zero(axes: Axes, *curves: np.ndarray) -> None:
     """Show from 0, or a little below the lowest point where one is negative, to a little above the
     highest one.
     """
-    known = np.concatenate([np.ravel(curve) for curve in curves])
-    known = known[np.isfinite(known)]
-    lowest = known.min(initial=0)
-    highest = known.max(initial=-np.inf)
+    values = np.concatenate([np.ravel(curve) for curve in curves])
+    values = values[np.isfinite(values)]
+    lowest = values.min(initial=0)
+    highest = values.max(initial=-np.inf)
     axes.set_ylim(1.08 * lowest, 1.08 * highest if highest > 0 else 1)
 
 
-def legend_in(axes: Axes, named: Axes, columns: int = 1, wide: float = np.inf) -> None:
+def draw_legend_panel(
+    axes: Axes, labelled_axes: Axes, columns: int = 1, max_width: float = np.inf
+) -> None:
     """The legend of a panel in one of its own, where it hides nothing; its lines broken where it
     would be wider.
     """
     axes.axis("off")
-    handles, names = named.get_legend_handles_labels()
-    names = broken(names, wide)
+    handles, names = labelled_axes.get_legend_handles_labels()
+    names = wrap_names(names, max_width)
     axes.legend(handles, names, loc="upper left", ncol=columns, borderaxespad=0, borderpad=0.2)
 
 
-def broken(names: Sequence[str], wide: float) -> list[str]:
+def wrap_names(names: Sequence[str], max_width: float) -> list[str]:
     """Names of a legend in lines that fit into so many inches with their handles."""
-    most = (wide / (figure_font() / FONT) - HANDLE) / LETTER
-    room = max(FEWEST_LETTERS, most)
+    letters_per_line = (max_width / (current_font_size() / FONT_SIZE) - HANDLE_WIDTH) / LETTER_WIDTH
+    wrap_width = max(MIN_LINE_LETTERS, letters_per_line)
     return [
-        "\n".join(textwrap.wrap(name, int(room))) if len(name) > most else name for name in names
+        "\n".join(textwrap.wrap(name, int(wrap_width))) if len(name) > letters_per_line else name
+        for name in names
     ]
 
 
-def legend_under(axes: Axes) -> None:
+def draw_legend_under(axes: Axes) -> None:
     """The legend of a panel below it, as wide as the panel at most: the layout keeps room for it.
 
     Legends of panels side by side begin at one height, for their panels end at one.
@@ -137,39 +140,45 @@ def legend_under(axes: Axes) -> None:
     from matplotlib.transforms import ScaledTranslation
 
     figure = axes.get_figure()
-    scale = figure_font() / FONT
-    wide = _width(axes)
+    scale = current_font_size() / FONT_SIZE
+    panel_width = _panel_width(axes)
     handles, names = axes.get_legend_handles_labels()
     if not names:
         return
-    names = broken(names, wide)
+    names = wrap_names(names, panel_width)
     longest = max(len(line) for name in names for line in name.split("\n"))
-    abreast = int(np.clip(wide / (GAP + HANDLE + LETTER * longest) / scale, 1, len(names)))
-    below = ScaledTranslation(0, -UNDER_PANEL * scale, figure.dpi_scale_trans)
+    columns = int(
+        np.clip(
+            panel_width / (COLUMN_GAP + HANDLE_WIDTH + LETTER_WIDTH * longest) / scale,
+            1,
+            len(names),
+        )
+    )
+    offset = ScaledTranslation(0, -AXIS_LABEL_HEIGHT * scale, figure.dpi_scale_trans)
     axes.legend(
         handles,
         names,
         loc="upper left",
-        ncol=abreast if len(names) > FEW_NAMES else 1,
+        ncol=columns if len(names) > MAX_STACKED_NAMES else 1,
         bbox_to_anchor=(0, 0),
-        bbox_transform=axes.transAxes + below,
+        bbox_transform=axes.transAxes + offset,
         borderaxespad=0,
         borderpad=0,
     )
 
 
-def title_over(axes: Axes, words: str) -> None:
+def draw_panel_title(axes: Axes, title: str) -> None:
     """What a panel shows, small above it, in as many lines as its width asks for."""
-    letters = _width(axes) / (LETTER * figure_font() / FONT)
+    letters = _panel_width(axes) / (LETTER_WIDTH * current_font_size() / FONT_SIZE)
     lines = [
         part
-        for line in words.split("\n")
-        for part in textwrap.wrap(line, max(FEWEST_LETTERS, int(letters)))
+        for line in title.split("\n")
+        for part in textwrap.wrap(line, max(MIN_LINE_LETTERS, int(letters)))
     ]
     axes.set_title("\n".join(lines), loc="left", fontsize="small", color=GREY)
 
 
-def _width(axes: Axes) -> float:
+def _panel_width(axes: Axes) -> float:
     """The width of a panel [inches]: in a grid about, before it has its place."""
     figure = axes.get_figure()
     spec = getattr(axes, "get_subplotspec", lambda: None)()
@@ -177,11 +186,13 @@ def _width(axes: Axes) -> float:
         return float(axes.get_window_extent().width / figure.dpi)
     return float(
         figure.bbox.width / figure.dpi / spec.get_gridspec().ncols
-        - BESIDE_PANEL * figure_font() / FONT
+        - AXIS_LABEL_WIDTH * current_font_size() / FONT_SIZE
     )
 
 
-def colour_bar(panels: Sequence[Axes], drawn: Any, label: str, where: Where, **look: Any) -> Any:
+def draw_colour_bar(
+    panels: Sequence[Axes], drawn: Any, label: str, where: BarPosition, **look: Any
+) -> Any:
     """The bar of the colours of some maps: to the right of all, as high as they are, or under the
     one panel.
     """
@@ -189,23 +200,23 @@ def colour_bar(panels: Sequence[Axes], drawn: Any, label: str, where: Where, **l
     if where == "right":
         bar = figure.colorbar(drawn, ax=list(panels), label=label, aspect=25, **look)
     else:
-        below = _room_under(panels[0])
+        below = _axes_below(panels[0])
         bar = figure.colorbar(drawn, cax=below, orientation="horizontal", label=label, **look)
     bar.outline.set_visible(False)
     return bar
 
 
-def _room_under(axes: Axes) -> Axes:
+def _axes_below(axes: Axes) -> Axes:
     """A low panel under another one, as wide, below the name of its axis."""
     from matplotlib.transforms import Bbox
 
-    scale = figure_font() / FONT
+    scale = current_font_size() / FONT_SIZE
 
     def place(_: Axes, renderer: Any) -> Any:
         figure = axes.get_figure()
         box = axes.get_position()
         inch = figure.dpi / figure.bbox.height
-        top = box.y0 - UNDER_PANEL * scale * inch
+        top = box.y0 - AXIS_LABEL_HEIGHT * scale * inch
         return Bbox.from_extents(box.x0, top - BAR_HEIGHT * scale * inch, box.x1, top)
 
     below = axes.inset_axes((0, -0.3, 1, 0.1), label="<colorbar>")
@@ -213,29 +224,29 @@ def _room_under(axes: Axes) -> Axes:
     return below
 
 
-def legend_below(figure: Figure, named: Axes) -> None:
+def draw_figure_legend(figure: Figure, labelled_axes: Axes) -> None:
     """The legend of a panel below all of them; the figure grows to hold it."""
-    handles, names = named.get_legend_handles_labels()
+    handles, names = labelled_axes.get_legend_handles_labels()
     width, height = map(float, figure.get_size_inches())
-    scale = figure_font() / FONT
+    scale = current_font_size() / FONT_SIZE
     longest = max(map(len, names), default=0)
-    columns = int(np.clip(width / ((0.5 + LETTER * longest) * scale), 1, max(1, len(names))))
-    lines = (0.15 + LINE * -(-len(names) // columns)) * scale
-    figure.set_size_inches(width, height + lines)
-    _keep_free(figure, below=lines)
-    at = LEGEND_LEFT / width, lines / (height + lines)
+    columns = int(np.clip(width / ((0.5 + LETTER_WIDTH * longest) * scale), 1, max(1, len(names))))
+    legend_height = (0.15 + LINE_HEIGHT * -(-len(names) // columns)) * scale
+    figure.set_size_inches(width, height + legend_height)
+    _reserve_margin(figure, below=legend_height)
+    anchor = LEGEND_LEFT / width, legend_height / (height + legend_height)
     figure.legend(
         handles,
         names,
         loc="upper left",
-        bbox_to_anchor=at,
+        bbox_to_anchor=anchor,
         ncol=columns,
         borderaxespad=0,
         borderpad=0.2,
     )
 
 
-def _keep_free(figure: Figure, above: float = 0.0, below: float = 0.0) -> None:
+def _reserve_margin(figure: Figure, above: float = 0.0, below: float = 0.0) -> None:
     """Leave so many inches above or below the panels to words."""
     height = figure.get_figheight()
     engine = figure.get_layout_engine()
@@ -245,23 +256,23 @@ def _keep_free(figure: Figure, above: float = 0.0, below: float = 0.0) -> None:
     engine.set(rect=(x, low, wide, top - low))  # type: ignore[union-attr, call-arg]
 
 
-def figure_font() -> float:
+def current_font_size() -> float:
     """The font size of the present canvas [points]."""
     from matplotlib import rcParams
 
     return float(rcParams["font.size"])
 
 
-def head(figure: Figure, title: str, subtitle: str) -> None:
+def draw_title(figure: Figure, title: str, subtitle: str) -> None:
     """Title, as far as it fits, and subtitle above the panels."""
     # inches
     height = figure.get_figheight()
-    fits = int(LETTERS * figure.get_figwidth())
-    _keep_free(figure, above=0.64)
+    title_letters = int(TITLE_LETTERS_PER_INCH * figure.get_figwidth())
+    _reserve_margin(figure, above=0.64)
     figure.text(
         0.01,
         1 - 0.12 / height,
-        in_picture(title, fits),
+        picture_text(title, title_letters),
         ha="left",
         va="top",
         fontsize=13,
@@ -270,7 +281,7 @@ def head(figure: Figure, title: str, subtitle: str) -> None:
     figure.text(
         0.01,
         1 - 0.46 / height,
-        in_picture(subtitle, SUBTITLE),
+        picture_text(subtitle, MAX_SUBTITLE_LETTERS),
         ha="left",
         va="top",
         color=GREY,
@@ -278,7 +289,7 @@ def head(figure: Figure, title: str, subtitle: str) -> None:
     )
 
 
-def refuse_foreign(path: Path) -> None:
+def refuse_foreign_picture(path: Path) -> None:
     """UsageError when a picture with a name that nobody chose would replace a file that this
     program did not make.
     """
@@ -289,35 +300,35 @@ def refuse_foreign(path: Path) -> None:
         )
 
 
-def format_of(path: Path) -> str:
+def picture_format(path: Path) -> str:
     """png, svg or pdf after the suffix; UsageError for any other."""
     if path.suffix.lower() not in PICTURE_FORMATS:
         raise UsageError(f"{path}: a picture ends in {', '.join(PICTURE_FORMATS)}")
     return path.suffix.lower()[1:]
 
 
-def element(draw: Callable[[Path], None]) -> str:
+def svg_element(draw: Callable[[Path], None]) -> str:
     """What `draw` draws into a file as an element of a page: text that can be selected, no prolog,
     no metadata, and no name that another one may have. Empty where it draws nothing.
     """
     import matplotlib
 
     with tempfile.TemporaryDirectory() as folder, matplotlib.rc_context({"svg.fonttype": "none"}):
-        drawn = Path(folder) / "picture.svg"
-        draw(drawn)
-        if not drawn.exists():
+        svg_file = Path(folder) / "picture.svg"
+        draw(svg_file)
+        if not svg_file.exists():
             return ""
-        text = drawn.read_text(encoding="utf-8")
+        text = svg_file.read_text(encoding="utf-8")
     text = re.sub(
         r"<metadata>.*?</metadata>|<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL
     )
     text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
-    own = hashlib.sha256(text.encode()).hexdigest()[:8]
-    text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>p{own}-", text)
+    prefix = hashlib.sha256(text.encode()).hexdigest()[:8]
+    text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>p{prefix}-", text)
     return text.replace("<svg ", '<svg role="img" ', 1)
 
 
-def _write_powers(figure: Figure) -> None:
+def _format_powers(figure: Figure) -> None:
     """Write the power of ten beside a linear axis as "×10⁻³", where matplotlib writes "1e-3" or a
     formula.
     """
@@ -325,63 +336,63 @@ def _write_powers(figure: Figure) -> None:
 
     class Numbers(ScalarFormatter):
         def get_offset(self) -> str:
-            return _with_power(super().get_offset())
+            return _power_text(super().get_offset())
 
     for axes in figure.axes:
-        for along in (axes.xaxis, axes.yaxis):
-            if type(along.get_major_formatter()) is ScalarFormatter:
-                along.set_major_formatter(Numbers(useMathText=False))
+        for axis in (axes.xaxis, axes.yaxis):
+            if type(axis.get_major_formatter()) is ScalarFormatter:
+                axis.set_major_formatter(Numbers(useMathText=False))
 
 
-def _with_power(offset: str) -> str:
+def _power_text(offset: str) -> str:
     """What matplotlib writes beside an axis, "1e-3+2e2", with its powers as one reads them:
     "×10⁻³+2×10²".
     """
     powers = re.sub(
-        r"e([-+\N{MINUS SIGN}]?\d+)", lambda found: f"×10{found[1].translate(RAISED)}", offset
+        r"e([-+\N{MINUS SIGN}]?\d+)", lambda match: f"×10{match[1].translate(SUPERSCRIPTS)}", offset
     )
     return re.sub(r"(?<![\d.])1(?=×)", "", powers)
 
 
-def lay_out(figure: Figure) -> None:
+def apply_layout(figure: Figure) -> None:
     """Find the places of all panels once and for all, by matplotlib's constrained layout.
 
     Where numbers along an axis would touch, it gets fewer of them. The layout is found twice: fewer
     numbers, and panels that are true to scale, need another room than the first one left them.
     """
-    _write_powers(figure)
-    find_places(figure)
-    thin_numbers(figure)
-    find_places(figure)
+    _format_powers(figure)
+    place_panels(figure)
+    thin_tick_labels(figure)
+    place_panels(figure)
     figure.set_layout_engine("none")
 
 
-def find_places(figure: Figure) -> None:
+def place_panels(figure: Figure) -> None:
     """Move all panels to where the layout of the figure puts them; nothing where it is settled."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
 
 
-def thin_numbers(figure: Figure) -> None:
+def thin_tick_labels(figure: Figure) -> None:
     """Ask for fewer numbers along the linear axes of all panels until they stay apart."""
     for axes in figure.axes:
         if not axes.axison:
             continue
-        for along in (axes.xaxis, axes.yaxis):
-            bins = MOST_TICKS
-            while along.get_scale() == "linear" and bins > 1 and _touch(along):
-                axes.locator_params(axis=along.axis_name, nbins=bins)
+        for axis in (axes.xaxis, axes.yaxis):
+            bins = MAX_TICKS
+            while axis.get_scale() == "linear" and bins > 1 and _has_touching_labels(axis):
+                axes.locator_params(axis=axis.axis_name, nbins=bins)
                 bins -= 1
 
 
-def _touch(along: Any) -> bool:
+def _has_touching_labels(axis: Any) -> bool:
     boxes = [
         label.get_window_extent()
-        for label in along.get_ticklabels()
+        for label in axis.get_ticklabels()
         if label.get_text() and label.get_visible()
     ]
-    side = 0 if along.axis_name == "x" else 1
+    side = 0 if axis.axis_name == "x" else 1
     ends = sorted((box.min[side], box.max[side]) for box in boxes)
     return any(after[0] - before[1] < TICK_LABEL_GAP for before, after in pairwise(ends))
 
@@ -393,12 +404,12 @@ def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
     UsageError for more pixels than can be drawn.
     """
     path = Path(path)
-    kind = format_of(path)
+    kind = picture_format(path)
     _refuse_too_many_pixels(figure, dpi or DPI[kind])
     with warnings.catch_warnings():  # of a letter that the font lacks: a box stands for it
         warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from", UserWarning)
-        lay_out(figure)
-        _write(figure, path, kind, dpi or DPI[kind])
+        apply_layout(figure)
+        _write_picture(figure, path, kind, dpi or DPI[kind])
 
 
 def _refuse_too_many_pixels(figure: Figure, dpi: float) -> None:
@@ -406,16 +417,16 @@ def _refuse_too_many_pixels(figure: Figure, dpi: float) -> None:
     gigabytes.
     """
     width, height = (float(inches) for inches in figure.get_size_inches())
-    most = min((MOST_PIXELS / (width * height)) ** 0.5, LONGEST_SIDE / max(width, height))
-    if dpi > most:
+    max_dpi = min((MAX_PIXELS / (width * height)) ** 0.5, MAX_SIDE_PIXELS / max(width, height))
+    if dpi > max_dpi:
         size = f"{width * dpi:.0f} x {height * dpi:.0f} pixels"
         raise UsageError(
-            f"{size} are too many for a picture", f"--dpi {int(most)} is possible at this size"
+            f"{size} are too many for a picture", f"--dpi {int(max_dpi)} is possible at this size"
         )
 
 
-def _write(figure: Figure, path: Path, kind: str, dpi: float) -> None:
-    metadata: Look = {
+def _write_picture(figure: Figure, path: Path, kind: str, dpi: float) -> None:
+    metadata: PlotStyle = {
         "png": {"Software": "indent-sim"},
         "svg": {"Date": None},
         "pdf": {"CreationDate": None},

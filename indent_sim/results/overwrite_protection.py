@@ -1,0 +1,169 @@
+"""What a new run may take the place of: rows of the same config file, a finished run of the same
+scene alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from indent_sim.config.scene_file import load_older, to_mapping
+from indent_sim.config.strict_yaml import inline, leaves, parse
+from indent_sim.process.errors import ConfigError, UsageError
+from indent_sim.results.folder import (
+    CONFIG,
+    Report,
+    has_rows,
+    is_same_config_file,
+    read_regular_file,
+    read_report,
+)
+
+COMPLETE_EXIT_CODES = (
+    0,
+    6,
+)  # exit codes of runs that have all their rows; 6: but not as accurate as asked for
+IGNORED_KEYS = (
+    "title",
+    "output.directory",
+    "output.plot",
+)  # keys that change neither numbers nor what is kept
+MAX_DIFFERENCES = 5  # differences that a message names
+NOT_GIVEN = "not given"
+
+Difference = tuple[str, str, str]  # dotted key, what it was, and what it is now, in words
+
+
+def is_finished(report: Report) -> bool:
+    """Whether the run of a run.json came to its last row."""
+    return (
+        report.get("status") in ("done", "failed")
+        and report.get("exit_code") in COMPLETE_EXIT_CODES
+    )
+
+
+def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
+    """Refuse to replace the rows of another config file, or a finished run of another scene.
+
+    Parameters
+    ----------
+    folder
+        The result folder that the new run is to have.
+    config_yaml
+        The resolved scene of the new run.
+    report
+        What run.json will say of the new run: `asked` and `plan.auto` are looked at.
+
+    Raises
+    ------
+    UsageError
+        It names what differs, and an `--output` that is free.
+    """
+    if not has_rows(folder):
+        return
+    old_report = read_report(folder)
+    remedy = f"choose another --output, such as {free_folder_name(folder)}, or replace it with --overwrite"
+    if not is_same_config_file(old_report, report, folder):
+        file = old_report["asked"]["config"]
+        raise UsageError(
+            f"{folder} holds the run of another config file, {file}", remedy, str(folder)
+        )
+    if not is_finished(old_report):
+        return
+    differences = scene_differences(folder, old_report, config_yaml, report)
+    if differences:
+        difference_text = ", ".join(
+            f"{key} was {old} and is {new}" for key, old, new in differences[:MAX_DIFFERENCES]
+        )
+        more = len(differences) - MAX_DIFFERENCES
+        difference_text += f", and {more} more" if more > 0 else ""
+        raise UsageError(
+            f"{folder} holds the finished run of another scene: {difference_text}",
+            remedy,
+            str(folder),
+        )
+
+
+def scene_differences(
+    folder: Path, old_report: Report, config_yaml: str, new_report: Report
+) -> list[Difference]:
+    """What the scene of a finished run and that of a new one differ in.
+
+    Keys that both left to the program do not count: what it chose may follow from another key, or
+    from its version. Error bars count where the new run would have none.
+
+    Parameters
+    ----------
+    folder, theirs
+        The folder of the finished run, and its run.json.
+    config_yaml, ours
+        The resolved scene of the new run, and what its run.json will say.
+    """
+    scene = _read_scene(folder)
+    if not scene:
+        return []
+    old_values = dict(leaves(scene))
+    new_values = dict(leaves(parse(config_yaml, "")[0]))
+    automatic_keys = _automatic_keys(old_report) & _automatic_keys(new_report)
+    old_options = _requested_options(old_report)
+    new_options = _requested_options(new_report)
+    old_values["accuracy"] = old_options.get("accuracy")
+    new_values["accuracy"] = new_options.get("accuracy")
+    differences = []
+    for key in {**old_values, **new_values}:
+        is_ignored = (
+            key in automatic_keys or key.partition("[")[0] in automatic_keys or key in IGNORED_KEYS
+        )
+        if not is_ignored and old_values.get(key) != new_values.get(key):
+            differences.append((key, _value_text(old_values, key), _value_text(new_values, key)))
+    if old_options.get("error_bars") and not (
+        new_options.get("error_bars") or new_values["accuracy"]
+    ):
+        differences.append(("--error-bars", "given", NOT_GIVEN))
+    return differences
+
+
+def free_folder_name(folder: Path) -> Path:
+    """A path beside a folder that nothing has: its name with the first free number from 2 on."""
+    number = 2
+    while (candidate := folder.with_name(f"{folder.name}-{number}")).exists():
+        number += 1
+    return candidate
+
+
+def _read_scene(folder: Path) -> Mapping[str, Any]:
+    """The scene of a finished run as this version would write it; as it stands where this version
+    cannot read it.
+
+    Empty where config.yaml is missing or damaged: nobody can tell what the rows are of, and running
+    the scene again is what mends such a folder.
+    """
+    try:
+        return to_mapping(load_older(folder / CONFIG))
+    except (ConfigError, UsageError):
+        pass
+    try:
+        document = parse(read_regular_file(folder / CONFIG).decode("utf-8", "replace"), "")[0]
+    except (ConfigError, OSError):
+        return {}
+    return document if isinstance(document, dict) else {}
+
+
+def _automatic_keys(report: Report) -> set[str]:
+    """The keys that a run left to the program."""
+    return set((report.get("plan") or {}).get("auto") or ())
+
+
+def _requested_options(report: Report) -> Mapping[str, Any]:
+    """What a run was asked for beside its scene."""
+    options = report.get("asked")
+    return options if isinstance(options, dict) else {}
+
+
+def _value_text(values: Mapping[str, Any], key: str) -> str:
+    """The value of a key as YAML, cut where it is long."""
+    if values.get(key) is None:
+        return NOT_GIVEN
+    text = inline(values[key])
+    return text if len(text) <= 60 else f"{text[:57]}..."
