@@ -30,7 +30,7 @@ from indent_sim.process.version import VERSION
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
-    from indent_sim.fitting.fit_folder import Fits, Reading
+    from indent_sim.fitting.fit_folder import CurveFits, ReadOptions
     from indent_sim.results.reader import Results
     from indent_sim.run.simulate import Outcome
 
@@ -516,9 +516,9 @@ def _require_of_curve(
     config: Config, curve: Path, within: float, read: dict[str, Any], form: Form
 ) -> None:
     """What a scene requires for a measured curve."""
-    from indent_sim.fitting.curve_requirements import require_of_curve
+    from indent_sim.fitting.curve_requirements import require_for_curve
 
-    found = require_of_curve(config, curve, within, _reading(**read))
+    found = require_for_curve(config, curve, within, _reading(**read))
     say_done(found.as_json()) if form == "json" else say(
         terminal.curve_requirements(found, _width())
     )
@@ -639,7 +639,7 @@ def _design(config: Config, keys: tuple[str, ...], noise: float, points: int, fo
     """What a measurement of a scene would tell."""
     from indent_sim.fitting import design
 
-    found = design.design(config, keys, noise, points)
+    found = design.design_measurement(config, keys, noise, points)
     say_done(found.as_json()) if form == "json" else say(terminal.design(found))
 
 
@@ -653,21 +653,21 @@ def _fit(
     output: Path,
     say_line: Callable[[str], None],
     **how: Any,
-) -> Fits:
+) -> CurveFits:
     """The fits of some curves, with the options of the command line."""
     from indent_sim.fitting import fit_folder
-    from indent_sim.fitting.curve_fit import Request
-    from indent_sim.fitting.inference.estimate import Origin
+    from indent_sim.fitting.curve_fit import FitRequest
+    from indent_sim.fitting.inference.estimate import OriginOptions
 
     reading = _reading(how["columns"], how["units"])
-    origin = Origin(how["contact_point"], how["baseline"] == "tilted")
-    request = Request(config, how["keys"], how["segment"], origin, how["models"])
-    return fit_folder.fit_all(curves, request, output, reading, how["jobs"], say_line)
+    origin = OriginOptions(how["contact_point"], how["baseline"] == "tilted")
+    request = FitRequest(config, how["keys"], how["segment"], origin, how["models"])
+    return fit_folder.fit_curves(curves, request, output, reading, how["jobs"], say_line)
 
 
-def _reading(columns: tuple[str, ...], units: dict[str, str]) -> Reading:
+def _reading(columns: tuple[str, ...], units: dict[str, str]) -> ReadOptions:
     """How files of curves are read, by the options of the command line."""
-    from indent_sim.fitting.fit_folder import Reading
+    from indent_sim.fitting.fit_folder import ReadOptions
 
     if columns and not 2 <= len(columns) <= 3:
         raise ConfigError(
@@ -675,7 +675,7 @@ def _reading(columns: tuple[str, ...], units: dict[str, str]) -> Reading:
         )
     if wrong := [kind for kind in units if kind not in ("length", "force", "time")]:
         raise UsageError(f"--units {wrong[0]}: there are length, force, time")
-    return Reading(columns, units)
+    return ReadOptions(columns, units)
 
 
 @program.command()
@@ -910,9 +910,9 @@ def _page_of(folder: Path) -> str:
 
             return of_study(folder)
         case "fit":
-            from indent_sim.fitting.fit_report import of_fit
+            from indent_sim.fitting.fit_report import fit_page
 
-            return of_fit(folder)
+            return fit_page(folder)
     return reports.run_page(folder)
 
 

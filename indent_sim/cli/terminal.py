@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
     from indent_sim.fitting.curve_requirements import CurveRequirements
     from indent_sim.fitting.design import Design
-    from indent_sim.fitting.inference.verdict import Interval
+    from indent_sim.fitting.inference.model_assessment import Interval
     from indent_sim.results.compare import Comparison
     from indent_sim.run.model_selection.effects import Effect
     from indent_sim.run.model_selection.recommended_model import Requirements
@@ -269,8 +269,8 @@ def curve_requirements(found: CurveRequirements, width: int = 120) -> str:
     """What a curve says of the scene and of other models beside it, and what the scene requires at
     its depth.
     """
-    from indent_sim.fitting.curve_fit import ENDS, said
-    from indent_sim.fitting.inference.verdict import Interval
+    from indent_sim.fitting.curve_fit import INTERVAL_KEYS, format_value
+    from indent_sim.fitting.inference.model_assessment import Interval
 
     key = found.key
     config = found.config
@@ -279,10 +279,10 @@ def curve_requirements(found: CurveRequirements, width: int = 120) -> str:
     def row(
         name: str, verdict: str, one: Mapping[str, Any], added: Mapping[str, float]
     ) -> list[str]:
-        stated = Interval(*(one[end] for end in ENDS))
-        value, low, high = (said(key, config, one[end], stated) for end in ENDS)
+        stated = Interval(*(one[end] for end in INTERVAL_KEYS))
+        value, low, high = (format_value(key, config, one[end], stated) for end in INTERVAL_KEYS)
         beside = ", ".join(
-            f"{other} = {said(other, config, number)}" for other, number in added.items()
+            f"{other} = {format_value(other, config, number)}" for other, number in added.items()
         )
         return [name, value, f"{low} to {high}", verdict, beside]
 
@@ -311,13 +311,13 @@ def design(found: Design) -> str:
 
 def _intervals(parameters: Mapping[str, Interval], config: Config) -> list[str]:
     """Intervals with their units, and half widths in per cent."""
-    from indent_sim.fitting.curve_fit import said
+    from indent_sim.fitting.curve_fit import format_value
 
     def told(key: str, one: Interval) -> str:
         if not one.high < NOT_KNOWN * max(one.low, 1e-300):
             return "not known"
         half = f" (±{50 * (one.high - one.low) / one.value:.2g} %)" if one.value else ""
-        return f"{said(key, config, one.low, one)} to {said(key, config, one.high, one)}{half}"
+        return f"{format_value(key, config, one.low, one)} to {format_value(key, config, one.high, one)}{half}"
 
     return [told(key, one) for key, one in parameters.items()]
 

@@ -17,81 +17,98 @@ from indent_sim.config.quantities import kind_at, pressures, size_of
 from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.inference import models
+from indent_sim.fitting.forward_model.elastic_load_curve import (
+    elastic_config,
+    plan_elastic_run,
+    solve_load_curve,
+)
+from indent_sim.fitting.forward_model.forward_model import (
+    ForwardModel,
+    ForwardModelCache,
+    is_time_dependent,
+)
+from indent_sim.fitting.forward_model.measured_path_forces import (
+    first_contact_time,
+    needs_time_stepping,
+    simplify_path,
+)
+from indent_sim.fitting.forward_model.parameter_grid import (
+    NUMERICAL_ERRORS,
+    ForwardModelUnavailable,
+)
+from indent_sim.fitting.forward_model.parameters import SPRING_KEYS, number_at, replace_numbers
+from indent_sim.fitting.inference import alternative_models
+from indent_sim.fitting.inference.alternative_models import AlternativeModel, add_to_experiment
+from indent_sim.fitting.inference.depth_range_fits import fit_depth_ranges
 from indent_sim.fitting.inference.estimate import (
+    CurveModel,
     Estimate,
-    Model,
-    Origin,
-    Refused,
+    FitRejected,
+    OriginOptions,
     Samples,
-    beginnings,
-    far_level,
-    fit,
-    refuse_hopeless,
+    baseline_level,
+    fit_model,
+    initial_guesses,
+    reject_without_signal,
 )
-from indent_sim.fitting.inference.models import Other, with_experiment
-from indent_sim.fitting.inference.profile_likelihood import profiled
-from indent_sim.fitting.inference.verdict import (
+from indent_sim.fitting.inference.model_assessment import (
     Interval,
-    Verdict,
-    baseline_of,
-    bends_of,
-    half_widths,
+    ModelAssessment,
+    baseline_noise_probability,
+    find_residual_trend,
     is_suspect,
-    tied,
+    systematic_half_widths,
+    width_inflation_factors,
 )
-from indent_sim.fitting.inference.windows import windows
-from indent_sim.fitting.scene_curve.elastic_table import at_once, elastic_prospect, solved
-from indent_sim.fitting.scene_curve.history_table import remembers, touched, way_of
-from indent_sim.fitting.scene_curve.lattice import NUMBERS, NoTable
-from indent_sim.fitting.scene_curve.parameters import SPRINGS, number_at, with_numbers
-from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables, is_in_time
+from indent_sim.fitting.inference.profile_likelihood import add_profile_intervals
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import CurvePart, MeasuredCurve, NoCurve
 from indent_sim.results.pictures.axes import scaled_axis
 from indent_sim.results.reader import Results
 from indent_sim.run.solvers.elastic_curve import half_space_modulus
 
-CONTACT_RISE = 0.02  # of the rise: where the contact begins at the latest
-BLURRED = 4.0  # medians of the change between samples: by less a depth behind a spring is noise
-WAY_IN = 0.01  # of the way: where a hold begins at the latest
+CONTACT_RISE_FRACTION = 0.02  # of the rise: where the contact begins at the latest
+NOISE_MEDIANS = (
+    4.0  # medians of the change between samples: by less a depth behind a spring is noise
+)
+HOLD_DEPTH_FRACTION = 0.01  # of the way: where a hold begins at the latest
 # of the depth, as which a diffusivity goes: another way; how often it is followed
-SAME_WAY = 0.002
-MOST_FOLLOWED = 4
-SOLVED_WIDTHS = 1.3  # times the width of the contact: what is solved
-BARELY_DEEPER = 1.01  # times the width, where the body has no more
-GRADES = 1.25  # ratio of the depths of tables, so that curves share them
-LEAST_DEPTH = 0.05  # of the width of a contact on a soft spring
-MEANS = 200
+SAME_PATH_TOLERANCE = 0.002
+MAX_PATH_ITERATIONS = 4
+SOLVED_DEPTH_FACTOR = 1.3  # times the width of the contact: what is solved
+MIN_DEPTH_FACTOR = 1.01  # times the width, where the body has no more
+DEPTH_GRADE_RATIO = 1.25  # ratio of the depths of tables, so that curves share them
+MIN_DEPTH_FRACTION = 0.05  # of the width of a contact on a soft spring
+DEPTH_BLOCK_MEANS = 200
 HERTZ_POINTS = 200
 R_VARIATION = 0.05  # for the exponent of the force
 STEEP_BASELINE = 0.5  # of the rise, along the samples: more is hardly a baseline
-IN_CONTACT = (
+IN_CONTACT_HINT = (
     "a curve that begins in contact has none, and its modulus is wrong; --no-slope, "
     "--contact-point say what is known"
 )
 # of numbers in words
-DIGITS = 4
-MOST_DIGITS = 10
-ENDS = ("value", "low", "high")  # of an interval in fit.json
-Models = Literal["needed", "all"]
+MIN_DIGITS = 4
+MAX_DIGITS = 10
+INTERVAL_KEYS = ("value", "low", "high")  # of an interval in fit.json
+ModelChoice = Literal["needed", "all"]
 
 
 @dataclass(frozen=True)
-class Request:
+class FitRequest:
     """What a fit asks of every curve: scene, keys, part of the curve, what is known, which models
     are tried.
     """
 
     config: Config
-    keys: tuple[str, ...]
-    part: CurvePart = "approach"
-    origin: Origin = field(default_factory=Origin)
-    models: Models = "needed"
+    varied_keys: tuple[str, ...]
+    curve_part: CurvePart = "approach"
+    origin: OriginOptions = field(default_factory=OriginOptions)
+    models: ModelChoice = "needed"
 
 
 @dataclass(frozen=True)
-class Drawn:
+class PlottedCurve:
     """What a picture and the curve's table show: depth, force off the baseline and the fit, each
     (n,); `named`: the fits of other models by name; t: times from first touch on [s], where the
     scene's force depends on them.
@@ -100,7 +117,7 @@ class Drawn:
     delta: np.ndarray
     force: np.ndarray
     fit: np.ndarray
-    named: dict[str, np.ndarray] = field(default_factory=dict)
+    alternative_fits: dict[str, np.ndarray] = field(default_factory=dict)
     t: np.ndarray | None = None
 
 
@@ -109,7 +126,7 @@ class CurveFit:
     """What one curve came to: its entry of fit.json, and what is drawn of it."""
 
     entry: dict[str, Any]
-    drawn: Drawn | None = None
+    plotted: PlottedCurve | None = None
 
     @property
     def name(self) -> str:
@@ -122,464 +139,568 @@ class CurveFit:
         return bool(self.entry["status"] == "done")
 
 
-def refused(name: str, reason: str, seconds: float = 0.0) -> CurveFit:
+def rejected_fit(name: str, reason: str, seconds: float = 0.0) -> CurveFit:
     """A curve without parameters."""
     return CurveFit({"curve": name, "status": "refused", "reason": reason, "seconds": seconds})
 
 
-def fit_curve(curve: MeasuredCurve, request: Request, tables: Tables) -> CurveFit:
+def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCache) -> CurveFit:
     """Fit one curve, in units of its own; ConfigError where the scene or a key is wrong whatever
     the curve.
     """
-    began = time.process_time()
+    start_time = time.process_time()
     try:
         with np.errstate(all="ignore"):
-            return _fitted(
-                in_scene_units(curve, request.config).part(request.part), request, tables, began
+            return _fit_and_assess(
+                convert_to_scene_units(curve, request.config).part(request.curve_part),
+                request,
+                tables,
+                start_time,
             )
-    except (Refused, NoTable) as error:
-        return refused(curve.name, str(error), time.process_time() - began)
+    except (FitRejected, ForwardModelUnavailable) as error:
+        return rejected_fit(curve.name, str(error), time.process_time() - start_time)
     except NoCurve as error:
-        return refused(curve.name, error.problem, time.process_time() - began)
-    except NUMBERS as error:
-        why = (
+        return rejected_fit(curve.name, error.problem, time.process_time() - start_time)
+    except NUMERICAL_ERRORS as error:
+        reason = (
             f"not a curve: its numbers are beyond arithmetic ({' '.join(str(error).split())[:120]})"
         )
-        return refused(curve.name, why, time.process_time() - began)
+        return rejected_fit(curve.name, reason, time.process_time() - start_time)
 
 
-def in_scene_units(curve: MeasuredCurve, config: Config) -> MeasuredCurve:
+def convert_to_scene_units(curve: MeasuredCurve, config: Config) -> MeasuredCurve:
     """The curve in the units of a scene."""
-    return curve.convert_units(_units(config))
+    return curve.convert_units(_scene_units(config))
 
 
-def newtons_per_metre(config: Config) -> float | None:
+def cantilever_stiffness_si(config: Config) -> float | None:
     """The stiffness of the scene's cantilever, for AFM files that lack it; None where it has none,
     or no units.
     """
-    held = config.experiment.cantilever if config.experiment else None
-    if held is None or not (config.units.length and config.units.force):
+    cantilever = config.experiment.cantilever if config.experiment else None
+    if cantilever is None or not (config.units.length and config.units.force):
         return None
     return (
-        held.stiffness
+        cantilever.stiffness
         * size_of(config.units.force, "force")
         / size_of(config.units.length, "length")
     )
 
 
-def _units(config: Config) -> dict[str, str]:
+def _scene_units(config: Config) -> dict[str, str]:
     return {"length": config.units.length, "force": config.units.force}
 
 
-def _fitted(curve: MeasuredCurve, request: Request, tables: Tables, began: float) -> CurveFit:
-    config, samples, notes = _prepared(curve, request)
-    refuse_hopeless(samples)
-    if is_in_time(config) and samples.t is None:
+def _fit_and_assess(
+    curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCache, start_time: float
+) -> CurveFit:
+    config, samples, notes = _prepare_curve(curve, request)
+    reject_without_signal(samples)
+    if is_time_dependent(config) and samples.t is None:
         raise NoCurve("no column of time, which a scene that relaxes or drains needs")
-    follow = _followed if remembers(config) else _estimated
-    estimate = follow(config, request, samples, tables)
-    verdict = _judged(profiled(estimate), config, request.models, tables)
+    fit_function = _fit_along_path if needs_time_stepping(config) else _fit_load_curve
+    estimate = fit_function(config, request, samples, tables)
+    assessment = _assess_model(add_profile_intervals(estimate), config, request.models, tables)
     return CurveFit(
-        _entry(curve.name, verdict, config, (*curve.notes, *notes), began), _drawn(verdict)
+        _report_entry(curve.name, assessment, config, (*curve.notes, *notes), start_time),
+        _plotted_curve(assessment),
     )
 
 
-def _estimated(config: Config, request: Request, samples: Samples, tables: Tables) -> Estimate:
+def _fit_load_curve(
+    config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
+) -> Estimate:
     """The estimate of a scene, solved as deep as the curve turns out to be."""
-    forces = _forces(config, request.keys, samples, tables)
-    estimate = fit(forces, samples, request.origin)
-    deep = _depth_of(estimate)
-    if deep > forces.deepest:
-        estimate = fit(
-            tables.forces(config, request.keys, SOLVED_WIDTHS * deep), samples, request.origin
+    forward_model = _graded_forward_model(config, request.varied_keys, samples, tables)
+    estimate = fit_model(forward_model, samples, request.origin)
+    depth = _max_indentation(estimate)
+    if depth > forward_model.max_depth:
+        estimate = fit_model(
+            tables.forward_model(config, request.varied_keys, SOLVED_DEPTH_FACTOR * depth),
+            samples,
+            request.origin,
         )
     return estimate
 
 
-def _followed(config: Config, request: Request, samples: Samples, tables: Tables) -> Estimate:
+def _fit_along_path(
+    config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
+) -> Estimate:
     """The estimate of a scene with a memory, run along the measured way from first touch on: that
     of an elastic body first, and again where the fit has moved it.
     """
     assert samples.t is not None
     compliance = config.experiment.compliance if config.experiment else 0.0
-    force = samples.force - far_level(samples)
-    blur = (
-        BLURRED * compliance * float(np.median(np.abs(np.diff(force))))
+    force = samples.force - baseline_level(samples)
+    depth_noise = (
+        NOISE_MEDIANS * compliance * float(np.median(np.abs(np.diff(force))))
     )  # of depths behind a spring
     depth = samples.x - compliance * force
-    way_in = samples.where(
-        np.arange(len(samples)) <= int(np.argmax(depth > depth.max() - WAY_IN * np.ptp(depth)))
+    approach = samples.select(
+        np.arange(len(samples))
+        <= int(np.argmax(depth > depth.max() - HOLD_DEPTH_FRACTION * np.ptp(depth)))
     )
-    c = _first_touch(config, request, way_in, tables)
+    contact_point = _elastic_contact_point(config, request, approach, tables)
     estimate = None
-    for _ in range(MOST_FOLLOWED):
-        way = way_of(samples.t, depth - c, blur)
-        forces = tables.forces(config, request.keys, SOLVED_WIDTHS * way.deepest, way)
-        estimate = fit(forces, samples, request.origin, near=estimate)
-        moved = abs(estimate.contact_point - c)
-        c = estimate.contact_point
-        if moved < SAME_WAY * way.deepest and not blur:
+    for _ in range(MAX_PATH_ITERATIONS):
+        path = simplify_path(samples.t, depth - contact_point, depth_noise)
+        forward_model = tables.forward_model(
+            config, request.varied_keys, SOLVED_DEPTH_FACTOR * path.max_depth, path
+        )
+        estimate = fit_model(forward_model, samples, request.origin, near=estimate)
+        shift = abs(estimate.contact_point - contact_point)
+        contact_point = estimate.contact_point
+        if shift < SAME_PATH_TOLERANCE * path.max_depth and not depth_noise:
             break
         if compliance:  # the spring gives by the force that was fitted, which has no noise
-            depth = samples.x - compliance * forces(estimate.theta, samples.x - c, samples.t)
-            blur = 0.0
+            depth = samples.x - compliance * forward_model(
+                estimate.theta, samples.x - contact_point, samples.t
+            )
+            depth_noise = 0.0
     assert estimate is not None
     return estimate
 
 
-def _first_touch(config: Config, request: Request, way_in: Samples, tables: Tables) -> float:
+def _elastic_contact_point(
+    config: Config, request: FitRequest, approach: Samples, tables: ForwardModelCache
+) -> float:
     """The contact point of an elastic body on the way in, of a free first modulus; Refused where
     there is none.
     """
     if request.origin.contact_point is not None:
         return request.origin.contact_point
-    elastic = _forces(
-        _elastic(config, _width(way_in, config)), (pressures(config)[0],), way_in, tables
+    elastic_model = _graded_forward_model(
+        _elastic_config_with_spring(config, _max_contact_depth(approach, config)),
+        (pressures(config)[0],),
+        approach,
+        tables,
     )
-    starts = beginnings(elastic, way_in, request.origin)
-    if not starts:
-        raise Refused("no contact: the force does not rise with the depth")
-    p, _ = Model(elastic, way_in, request.origin).fitted(starts[0])
+    guesses = initial_guesses(elastic_model, approach, request.origin)
+    if not guesses:
+        raise FitRejected("no contact: the force does not rise with the depth")
+    p, _ = CurveModel(elastic_model, approach, request.origin).least_squares(guesses[0])
     return float(p[-3])
 
 
-def _elastic(config: Config, depth: float) -> Config:
+def _elastic_config_with_spring(config: Config, depth: float) -> Config:
     """The same scene of matter without a memory, behind the same spring, pressed to a depth."""
-    held = to_mapping(config).get("experiment")
-    document = to_mapping(at_once(config, depth))
-    return from_mapping(document | ({"experiment": held} if held else {}))
+    experiment = to_mapping(config).get("experiment")
+    document = to_mapping(elastic_config(config, depth))
+    return from_mapping(document | ({"experiment": experiment} if experiment else {}))
 
 
-def _prepared(curve: MeasuredCurve, request: Request) -> tuple[Config, Samples, list[str]]:
+def _prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Samples, list[str]]:
     """The scene as this curve needs it, its samples, and what was assumed."""
     config = request.config
     notes = []
-    is_held = config.experiment is not None and config.experiment.compliance > 0
+    has_spring = config.experiment is not None and config.experiment.compliance > 0
     stiffness = curve.stiffness
-    if not is_held and stiffness and curve.z is not None:
-        config = with_experiment(config, cantilever={"stiffness": stiffness})
-        is_held = True
-    along = curve.available_abscissa("z" if is_held else "delta")
-    if is_held and along == "delta":
-        config = _rigid(config)
+    if not has_spring and stiffness and curve.z is not None:
+        config = add_to_experiment(config, cantilever={"stiffness": stiffness})
+        has_spring = True
+    column = curve.available_abscissa("z" if has_spring else "delta")
+    if has_spring and column == "delta":
+        config = _remove_spring(config)
         notes.append("the curve has depths: the scene's spring is not used")
-    if not is_held and along == "z":
+    if not has_spring and column == "z":
         notes.append("no spring is known: the way of the base is taken for the depth")
     t = None if curve.t is None else curve.t - curve.t[0]
-    return config, Samples(curve.abscissa_values(along), curve.force, t), notes
+    return config, Samples(curve.abscissa_values(column), curve.force, t), notes
 
 
-def _rigid(config: Config) -> Config:
-    parts = config.experiment
-    assert parts is not None
-    return config.model_copy(update={"experiment": replace(parts, cantilever=None, frame=None)})
+def _remove_spring(config: Config) -> Config:
+    experiment = config.experiment
+    assert experiment is not None
+    return config.model_copy(
+        update={"experiment": replace(experiment, cantilever=None, frame=None)}
+    )
 
 
-def _forces(config: Config, keys: tuple[str, ...], samples: Samples, tables: Tables) -> SceneForces:
+def _graded_forward_model(
+    config: Config, keys: tuple[str, ...], samples: Samples, tables: ForwardModelCache
+) -> ForwardModel:
     """The scene's forces to the depth that the curve may have, one that other curves are given too
     where it exists.
     """
-    width = _width(samples, config)
-    graded = GRADES ** math.ceil(math.log(SOLVED_WIDTHS * width) / math.log(GRADES))
+    contact_depth = _max_contact_depth(samples, config)
+    graded_depth = DEPTH_GRADE_RATIO ** math.ceil(
+        math.log(SOLVED_DEPTH_FACTOR * contact_depth) / math.log(DEPTH_GRADE_RATIO)
+    )
     try:
-        return tables.forces(config, keys, graded)
-    except (ConfigError, NoTable):
-        return tables.forces(config, keys, BARELY_DEEPER * width)
+        return tables.forward_model(config, keys, graded_depth)
+    except (ConfigError, ForwardModelUnavailable):
+        return tables.forward_model(config, keys, MIN_DEPTH_FACTOR * contact_depth)
 
 
-def _width(samples: Samples, config: Config) -> float:
+def _max_contact_depth(samples: Samples, config: Config) -> float:
     """The depth of the part that lies above the baseline, at most [length]."""
-    few = samples.means(MEANS)
-    order = np.argsort(few.x, kind="stable")  # a retraction begins at its deepest
-    x = few.x[order]
-    force = few.force[order]
-    level = far_level(few)
-    top = int(np.argmax(force))
-    rise = float(force[top]) - level
-    below = np.flatnonzero(force[: top + 1] < level + CONTACT_RISE * rise)
-    width = float(samples.x.max() - x[below[-1] if len(below) else 0])
+    block_means = samples.block_means(DEPTH_BLOCK_MEANS)
+    order = np.argsort(block_means.x, kind="stable")  # a retraction begins at its deepest
+    x = block_means.x[order]
+    force = block_means.force[order]
+    baseline = baseline_level(block_means)
+    peak = int(np.argmax(force))
+    rise = float(force[peak]) - baseline
+    below_contact = np.flatnonzero(force[: peak + 1] < baseline + CONTACT_RISE_FRACTION * rise)
+    contact_depth = float(samples.x.max() - x[below_contact[-1] if len(below_contact) else 0])
     compliance = config.experiment.compliance if config.experiment else 0.0
-    return max(width - compliance * rise, LEAST_DEPTH * width)
+    return max(contact_depth - compliance * rise, MIN_DEPTH_FRACTION * contact_depth)
 
 
-def _depth_of(estimate: Estimate) -> float:
+def _max_indentation(estimate: Estimate) -> float:
     """The depth of the deepest sample behind the spring [length]."""
-    return estimate.depth - estimate.model.forces.experiment.compliance * estimate.rise
+    return estimate.depth - estimate.model.forward_model.experiment.compliance * estimate.max_force
 
 
-def _judged(estimate: Estimate, config: Config, wanted: Models, tables: Tables) -> Verdict:
-    forces = estimate.model.forces
-    seen = windows(estimate)
-    bends = bends_of(estimate)
-    baseline = baseline_of(estimate)
-    found: list[Other] = []
-    if wanted == "all" or is_suspect(seen, bends, baseline):
-        found = models.others(estimate, config, tables)
-    uncertain = half_widths(estimate, forces.error, relative_calibration(config, forces))
-    return Verdict(estimate, seen, bends.shape, baseline, found, uncertain)
+def _assess_model(
+    estimate: Estimate, config: Config, model_choice: ModelChoice, tables: ForwardModelCache
+) -> ModelAssessment:
+    forward_model = estimate.model.forward_model
+    depth_ranges = fit_depth_ranges(estimate)
+    residual_trend = find_residual_trend(estimate)
+    p_baseline = baseline_noise_probability(estimate)
+    alternatives: list[AlternativeModel] = []
+    if model_choice == "all" or is_suspect(depth_ranges, residual_trend, p_baseline):
+        alternatives = alternative_models.fit_alternatives(estimate, config, tables)
+    half_widths = systematic_half_widths(
+        estimate, forward_model.relative_error, relative_calibration_error(config, forward_model)
+    )
+    return ModelAssessment(
+        estimate, depth_ranges, residual_trend.shape, p_baseline, alternatives, half_widths
+    )
 
 
-def relative_calibration(config: Config, forces: SceneForces) -> float:
+def relative_calibration_error(config: Config, forward_model: ForwardModel) -> float:
     """Relative uncertainty of a modulus by those of the cantilever's stiffness and the tip's
     radius.
     """
-    given = config.experiment.calibration if config.experiment else None
+    calibration = config.experiment.calibration if config.experiment else None
     return (
-        math.hypot(given.stiffness, _of_R(config, forces.deepest) * given.R if given.R else 0.0)
-        if given
+        math.hypot(
+            calibration.stiffness,
+            _radius_exponent(config, forward_model.max_depth) * calibration.R
+            if calibration.R
+            else 0.0,
+        )
+        if calibration
         else 0.0
     )
 
 
-def _of_R(config: Config, deepest: float) -> float:
+def _radius_exponent(config: Config, max_depth: float) -> float:
     """The exponent of the tip's radius in the deepest force."""
     R = number_at(config, "indenter.R")
-    at = np.array([deepest])
-    sizes = (1.0 - R_VARIATION, 1.0 + R_VARIATION)
-    scenes = (with_numbers(config, {"indenter.R": size * R}) for size in sizes)
-    less, more = (float(solved(scene, deepest).force(at)[0]) for scene in scenes)
-    return math.log(more / less) / math.log(sizes[1] / sizes[0])
+    depths = np.array([max_depth])
+    factors = (1.0 - R_VARIATION, 1.0 + R_VARIATION)
+    scenes = (replace_numbers(config, {"indenter.R": factor * R}) for factor in factors)
+    lower_force, upper_force = (
+        float(solve_load_curve(scene, max_depth).force(depths)[0]) for scene in scenes
+    )
+    return math.log(upper_force / lower_force) / math.log(factors[1] / factors[0])
 
 
 # ---- what is said of it
 # ------------------------------------------------------------------------------------
 
 
-def _entry(
-    name: str, verdict: Verdict, config: Config, notes: tuple[str, ...], began: float
+def _report_entry(
+    name: str,
+    assessment: ModelAssessment,
+    config: Config,
+    notes: tuple[str, ...],
+    start_time: float,
 ) -> dict[str, Any]:
     """The curve's entry of fit.json."""
-    estimate = verdict.estimate
-    forces = verdict.estimate.model.forces
-    parameters = forces.parameters
-    k = len(forces.parameters)
-    stated = {one.key: verdict.stated(i) for i, one in enumerate(parameters)}
-    numbers = {
-        one.key: vars(stated[one.key])
-        | {"statistical": [one.value(end) for end in verdict.statistical(i)]}
-        for i, one in enumerate(parameters)
+    estimate = assessment.estimate
+    forward_model = assessment.estimate.model.forward_model
+    parameters = forward_model.parameters
+    k = len(forward_model.parameters)
+    intervals = {
+        parameter.key: assessment.stated_interval(i) for i, parameter in enumerate(parameters)
     }
-    half = 1.96 * float(estimate.sd[k])
-    place = {"value": estimate.contact_point, "low": estimate.contact_point - half}
-    shared = {one.key: ratio for one, ratio in zip(parameters, tied(estimate), strict=True)}
-    rise = estimate.rise
+    parameter_entries = {
+        parameter.key: vars(intervals[parameter.key])
+        | {"statistical": [parameter.value(end) for end in assessment.statistical_interval(i)]}
+        for i, parameter in enumerate(parameters)
+    }
+    half_width = 1.96 * float(estimate.sd[k])
+    contact_point = {"value": estimate.contact_point, "low": estimate.contact_point - half_width}
+    ratios = {
+        parameter.key: ratio
+        for parameter, ratio in zip(parameters, width_inflation_factors(estimate), strict=True)
+    }
+    rise = estimate.max_force
     n = len(estimate.model.samples)
-    noise = estimate.found.likeliest
+    noise = estimate.uncertainty.likeliest_noise
     residual: dict[str, Any] = {"rms": estimate.rms, "percent": 100 * estimate.rms / rise, "n": n}
-    residual |= {"n_effective": n / noise.samples, "correlation": noise.tau}
-    residual |= {"p_shape": verdict.p_shape, "p_baseline": verdict.p_baseline}
+    residual |= {"n_effective": n / noise.integrated_correlation_time, "correlation": noise.tau}
+    residual |= {"p_shape": assessment.p_shape, "p_baseline": assessment.p_baseline}
     span = max(float(np.ptp(estimate.model.samples.x)), 1e-300)
-    found = {
+    entry = {
         "curve": name,
         "status": "done",
         "reason": "",
-        "explained": verdict.explained,
-        "cause": verdict.cause,
+        "explained": assessment.is_adequate,
+        "cause": assessment.misfit_causes,
     }
-    found |= {"parameters": numbers, "fixed": _fixed(config, forces)}
-    found |= {"contact_point": place | {"high": estimate.contact_point + half}}
-    found |= {"baseline": {"force": float(estimate.p[-2]), "slope": float(estimate.p[-1]) / span}}
-    found |= {"force_max": rise, "depth": _depth_of(estimate), "residual": residual}
-    found |= {
-        "window": _windows(verdict),
-        "models": [_model(one, parameters) for one in verdict.others],
+    entry |= {"parameters": parameter_entries, "fixed": _fixed_numbers(config, forward_model)}
+    entry |= {"contact_point": contact_point | {"high": estimate.contact_point + half_width}}
+    entry |= {"baseline": {"force": float(estimate.p[-2]), "slope": float(estimate.p[-1]) / span}}
+    entry |= {"force_max": rise, "depth": _max_indentation(estimate), "residual": residual}
+    entry |= {
+        "window": _depth_range_rows(assessment),
+        "models": [
+            _alternative_entry(parameter, parameters) for parameter in assessment.alternatives
+        ],
     }
-    found |= {
-        "identifiable": verdict.identifiable,
-        "tied": shared,
-        "words": _words(verdict, config),
+    entry |= {
+        "identifiable": assessment.is_identifiable,
+        "tied": ratios,
+        "words": _summary(assessment, config),
     }
-    found |= {"hertz": _hertz(verdict, config), "model_error": forces.error}
-    return found | {
-        "warnings": [*notes, *_warnings(verdict)],
-        "seconds": time.process_time() - began,
+    entry |= {
+        "hertz": _hertz_comparison(assessment, config),
+        "model_error": forward_model.relative_error,
+    }
+    return entry | {
+        "warnings": [*notes, *_warnings(assessment)],
+        "seconds": time.process_time() - start_time,
     }
 
 
-def _fixed(config: Config, forces: SceneForces) -> dict[str, float]:
+def _fixed_numbers(config: Config, forward_model: ForwardModel) -> dict[str, float]:
     """Numbers of the scene on which a modulus leans, and which the fit did not touch."""
-    known = {}
+    fixed_values = {}
     for key in (
         "material.E",
         "material.nu",
         "indenter.R",
         "indenter.half_angle",
         "body.height",
-        *SPRINGS,
+        *SPRING_KEYS,
     ):
-        if key not in forces.keys:
+        if key not in forward_model.varied_keys:
             try:
-                known[key] = number_at(config, key)
+                fixed_values[key] = number_at(config, key)
             except ConfigError:
                 continue
-    return known
+    return fixed_values
 
 
-def _windows(verdict: Verdict) -> list[dict[str, float]]:
+def _depth_range_rows(assessment: ModelAssessment) -> list[dict[str, float]]:
     """Values and intervals of every window, the whole curve the last."""
-    parameters = verdict.estimate.model.forces.parameters
+    parameters = assessment.estimate.model.forward_model.parameters
 
     def row(
         upper: float, theta: np.ndarray, interval: Callable[[int], tuple[float, float]]
     ) -> dict[str, float]:
-        found = {"upper": upper}
-        for k, one in enumerate(parameters):
-            low, high = map(one.value, interval(k))
-            found |= {
-                one.key: one.value(float(theta[k])),
-                f"{one.key}_low": low,
-                f"{one.key}_high": high,
+        values = {"upper": upper}
+        for k, parameter in enumerate(parameters):
+            low, high = map(parameter.value, interval(k))
+            values |= {
+                parameter.key: parameter.value(float(theta[k])),
+                f"{parameter.key}_low": low,
+                f"{parameter.key}_high": high,
             }
-        return found
+        return values
 
-    rows = [row(window.upper, window.theta, window.interval) for window in verdict.windows]
-    return [*rows, row(1.0, verdict.estimate.theta, verdict.statistical)]
+    rows = [
+        row(range_fit.depth_fraction, range_fit.theta, range_fit.interval)
+        for range_fit in assessment.depth_range_fits
+    ]
+    return [*rows, row(1.0, assessment.estimate.theta, assessment.statistical_interval)]
 
 
-def _model(other: Other, parameters: tuple[Any, ...]) -> dict[str, Any]:
+def _alternative_entry(
+    alternative: AlternativeModel, parameters: tuple[Any, ...]
+) -> dict[str, Any]:
     """Another model: what it adds, and the first varied key that it would give."""
-    first = parameters[0] if parameters else None
-    found: dict[str, Any] = {"name": other.name, "p": other.p, "parameters": other.added}
-    if first is None:
-        return found
-    low, high = other.estimate.interval(0)
-    value = first.value(float(other.estimate.theta[0]))
-    return found | {"value": value, "low": first.value(low), "high": first.value(high)}
+    first_parameter = parameters[0] if parameters else None
+    entry: dict[str, Any] = {
+        "name": alternative.name,
+        "p": alternative.p,
+        "parameters": alternative.added_values,
+    }
+    if first_parameter is None:
+        return entry
+    low, high = alternative.estimate.interval(0)
+    value = first_parameter.value(float(alternative.estimate.theta[0]))
+    return entry | {
+        "value": value,
+        "low": first_parameter.value(low),
+        "high": first_parameter.value(high),
+    }
 
 
-def _hertz(verdict: Verdict, config: Config) -> dict[str, float] | None:
+def _hertz_comparison(assessment: ModelAssessment, config: Config) -> dict[str, float] | None:
     """The modulus of a half-space fit from the same contact point, and by how many per cent it is
     off the scene's.
     """
-    estimate = verdict.estimate
-    forces = verdict.estimate.model.forces
-    prospect = elastic_prospect(config, forces.deepest)
-    samples = estimate.model.samples.means(HERTZ_POINTS)
-    off = estimate.model.samples.force - estimate.model.baseline(estimate.p)
-    force = Samples(estimate.model.samples.x, off).means(HERTZ_POINTS).force
-    delta = samples.x - estimate.contact_point - forces.experiment.compliance * force
-    E = half_space_modulus(prospect, delta, force)
+    estimate = assessment.estimate
+    forward_model = assessment.estimate.model.forward_model
+    planned_run = plan_elastic_run(config, forward_model.max_depth)
+    samples = estimate.model.samples.block_means(HERTZ_POINTS)
+    contact_force = estimate.model.samples.force - estimate.model.baseline(estimate.p)
+    force = Samples(estimate.model.samples.x, contact_force).block_means(HERTZ_POINTS).force
+    delta = samples.x - estimate.contact_point - forward_model.experiment.compliance * force
+    E = half_space_modulus(planned_run, delta, force)
     if E is None:
         return None
-    fitted = zip(forces.parameters, estimate.theta, strict=True)
-    moduli = [one.value(float(x)) for one, x in fitted if one.key == "material.E"]
-    own = moduli[0] if moduli else prospect.modulus
-    return {"E": E, "percent": 100 * (E / own - 1)}
-
-
-def _warnings(verdict: Verdict) -> list[str]:
-    estimate = verdict.estimate
-    parameters = estimate.model.forces.parameters
-    told = [
-        f"{one.key} is at the end of its range"
-        for k, one in enumerate(parameters)
-        if estimate.at_bound(k)
+    coordinates = zip(forward_model.parameters, estimate.theta, strict=True)
+    fitted_moduli = [
+        parameter.value(float(x)) for parameter, x in coordinates if parameter.key == "material.E"
     ]
-    if estimate.p[-1] > STEEP_BASELINE * estimate.rise:
-        told.append(
-            f"the baseline rises by {100 * estimate.p[-1] / estimate.rise:.0f} % of the "
-            f"force: {IN_CONTACT}"
+    scene_modulus = fitted_moduli[0] if fitted_moduli else planned_run.modulus
+    return {"E": E, "percent": 100 * (E / scene_modulus - 1)}
+
+
+def _warnings(assessment: ModelAssessment) -> list[str]:
+    estimate = assessment.estimate
+    parameters = estimate.model.forward_model.parameters
+    messages = [
+        f"{parameter.key} is at the end of its range"
+        for k, parameter in enumerate(parameters)
+        if estimate.is_at_bound(k)
+    ]
+    if estimate.p[-1] > STEEP_BASELINE * estimate.max_force:
+        messages.append(
+            f"the baseline rises by {100 * estimate.p[-1] / estimate.max_force:.0f} % of the "
+            f"force: {IN_CONTACT_HINT}"
         )
-    error = estimate.model.forces.error
+    error = estimate.model.forward_model.relative_error
     sd = estimate.sd[: len(parameters)]
     if len(sd) and error > 0.65 * float(np.min(sd[sd > 0], initial=np.inf)):  # a third of 1.96 sd
-        told.append(
+        messages.append(
             f"the mesh is off by {100 * error:.2g} %, more than a third of the noise: a finer "
             "mesh tells more"
         )
-    return told
+    return messages
 
 
-def said(key: str, config: Config, value: float, beside: Interval | None = None) -> str:
+def format_value(key: str, config: Config, value: float, interval: Interval | None = None) -> str:
     """A value of a key with its unit, where the scene has units: of the size of an interval that it
     stands beside, with the digits that tell its ends apart.
     """
-    kind = kind_of(config, key)
-    digits = _digits(beside) if beside else DIGITS
+    kind = quantity_kind(config, key)
+    digits = _significant_digits(interval) if interval else MIN_DIGITS
     if kind is None:
         return f"{value:.{digits}g}"
-    runs = [Results(Path(), {}, {"units": _units(config)})]
-    return scaled_axis(kind, runs, np.array([beside.value if beside else value]), key).value_text(
-        value, digits
-    )
+    unit_results = [Results(Path(), {}, {"units": _scene_units(config)})]
+    return scaled_axis(
+        kind, unit_results, np.array([interval.value if interval else value]), key
+    ).value_text(value, digits)
 
 
-def _digits(stated: Interval) -> int:
+def _significant_digits(interval: Interval) -> int:
     """Two of the width of an interval, four at least."""
-    width = (stated.high - stated.low) / max(abs(stated.high), abs(stated.low), 1e-300)
+    width = (interval.high - interval.low) / max(abs(interval.high), abs(interval.low), 1e-300)
     return (
-        min(max(DIGITS, 2 - math.floor(math.log10(width))), MOST_DIGITS)
+        min(max(MIN_DIGITS, 2 - math.floor(math.log10(width))), MAX_DIGITS)
         if 0 < width < math.inf
-        else DIGITS
+        else MIN_DIGITS
     )
 
 
-def kind_of(config: Config, key: str) -> str | None:
+def quantity_kind(config: Config, key: str) -> str | None:
     """Length, force or pressure, of a key of these dimensions."""
     return kind_at(key_path(key), to_mapping(config))
 
 
-def _words(verdict: Verdict, config: Config) -> str:
+def _summary(assessment: ModelAssessment, config: Config) -> str:
     """The verdict in a few sentences."""
-    told = [_sentence(verdict, k, config) for k in range(verdict.estimate.model.size)]
-    if verdict.explained:
-        return " ".join([*told, "Nothing in the curve stands against the scene."])
-    named = ", ".join(one.name for one in verdict.named)
-    other = f"{named} would." if named else "no model known here does." if verdict.others else ""
-    return " ".join([*told, f"The scene does not explain the curve; {other}".rstrip("; ")])
-
-
-def in_short(entry: Mapping[str, Any], config: Config) -> str:
-    """The intervals, and what stands against the scene, on one line."""
-    told = [
-        in_words(key, config, Interval(*map(one.get, ENDS)))
-        for key, one in entry["parameters"].items()
+    sentences = [
+        _parameter_sentence(assessment, k, config)
+        for k in range(assessment.estimate.model.coordinate_count)
     ]
-    against = f"not explained: {', '.join(entry['cause'])}" if entry["cause"] else "explained"
-    return "  ·  ".join([*told, against])
+    if assessment.is_adequate:
+        return " ".join([*sentences, "Nothing in the curve stands against the scene."])
+    better_names = ", ".join(model.name for model in assessment.better_models)
+    alternative = (
+        f"{better_names} would."
+        if better_names
+        else "no model known here does."
+        if assessment.alternatives
+        else ""
+    )
+    return " ".join(
+        [*sentences, f"The scene does not explain the curve; {alternative}".rstrip("; ")]
+    )
 
 
-def in_words(key: str, config: Config, stated: Interval) -> str:
+def one_line_summary(entry: Mapping[str, Any], config: Config) -> str:
+    """The intervals, and what stands against the scene, on one line."""
+    intervals = [
+        format_interval(key, config, Interval(*map(numbers.get, INTERVAL_KEYS)))
+        for key, numbers in entry["parameters"].items()
+    ]
+    objection = f"not explained: {', '.join(entry['cause'])}" if entry["cause"] else "explained"
+    return "  ·  ".join([*intervals, objection])
+
+
+def format_interval(key: str, config: Config, interval: Interval) -> str:
     """A key's value and interval with their unit."""
     value, low, high = (
-        said(key, config, number, stated) for number in (stated.value, stated.low, stated.high)
+        format_value(key, config, number, interval)
+        for number in (interval.value, interval.low, interval.high)
     )
     return f"{key.rpartition('.')[2]} = {value}, 95 % in {low} to {high}"
 
 
-def _sentence(verdict: Verdict, k: int, config: Config) -> str:
-    one = verdict.estimate.model.forces.parameters[k]
-    text = in_words(one.key, config, verdict.stated(k))
-    half = 196 * float(verdict.estimate.sd[k])
-    alone = f"statistics alone would say ±{half:.2g} %" if not one.is_linear else ""
-    if "window" in verdict.cause and verdict.windows:
-        first = said(one.key, config, one.value(float(verdict.windows[0].theta[k])))
+def _parameter_sentence(assessment: ModelAssessment, k: int, config: Config) -> str:
+    parameter = assessment.estimate.model.forward_model.parameters[k]
+    text = format_interval(parameter.key, config, assessment.stated_interval(k))
+    half_width_percent = 196 * float(assessment.estimate.sd[k])
+    noise_note = (
+        f"statistics alone would say ±{half_width_percent:.2g} %" if not parameter.is_linear else ""
+    )
+    if "window" in assessment.misfit_causes and assessment.depth_range_fits:
+        shallow_value = format_value(
+            parameter.key, config, parameter.value(float(assessment.depth_range_fits[0].theta[k]))
+        )
         text += (
-            f": the fit moves with the window, from {first} at {verdict.windows[0].upper:g} "
+            f": the fit moves with the window, from {shallow_value} at {assessment.depth_range_fits[0].depth_fraction:g} "
             "of the depth"
         )
-    return f"{text}; {alone}." if alone and not verdict.explained else f"{text}."
+    return f"{text}; {noise_note}." if noise_note and not assessment.is_adequate else f"{text}."
 
 
-def _drawn(verdict: Verdict) -> Drawn:
+def _plotted_curve(assessment: ModelAssessment) -> PlottedCurve:
     """The curve off its baseline with the fits, over the depth behind the spring that the scene's
     has.
     """
-    estimate = verdict.estimate
+    estimate = assessment.estimate
     model = estimate.model
     baseline = estimate.model.baseline(estimate.p)
-    fitted = model.contact(estimate.p)
-    delta = model.samples.x - estimate.contact_point - model.forces.experiment.compliance * fitted
-    named: dict[str, np.ndarray] = {}
-    for one in verdict.named:
-        other = one.estimate
-        named[one.name] = other.model.contact(other.p) + other.model.baseline(other.p) - baseline
+    fitted = model.contact_force(estimate.p)
+    delta = (
+        model.samples.x
+        - estimate.contact_point
+        - model.forward_model.experiment.compliance * fitted
+    )
+    alternative_fits: dict[str, np.ndarray] = {}
+    for alternative in assessment.better_models:
+        estimate_of_alternative = alternative.estimate
+        alternative_fits[alternative.name] = (
+            estimate_of_alternative.model.contact_force(estimate_of_alternative.p)
+            + estimate_of_alternative.model.baseline(estimate_of_alternative.p)
+            - baseline
+        )
     t = model.samples.t
-    from_touch = t - touched(t, delta) if t is not None and model.forces.relaxes else None
-    return Drawn(delta, model.samples.force - baseline, fitted, named, from_touch)
+    contact_times = (
+        t - first_contact_time(t, delta)
+        if t is not None and model.forward_model.is_time_dependent
+        else None
+    )
+    return PlottedCurve(
+        delta, model.samples.force - baseline, fitted, alternative_fits, contact_times
+    )
 
 
-def request_words(request: Request) -> Mapping[str, Any]:
+def request_identity(request: FitRequest) -> Mapping[str, Any]:
     """What tells one request from another, for the folder that goes on with it."""
-    known = {"scene": to_mapping(request.config), "vary": list(request.keys), "part": request.part}
-    return known | {"origin": vars(request.origin), "models": request.models}
+    record = {
+        "scene": to_mapping(request.config),
+        "vary": list(request.varied_keys),
+        "part": request.curve_part,
+    }
+    return record | {"origin": vars(request.origin), "models": request.models}

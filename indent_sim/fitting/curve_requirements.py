@@ -11,11 +11,16 @@ from typing import Any
 
 from indent_sim.config.quantities import pressures
 from indent_sim.config.schema import Config
-from indent_sim.fitting.curve_fit import Request, fit_curve, in_scene_units, newtons_per_metre
-from indent_sim.fitting.fit_folder import Reading
-from indent_sim.fitting.inference.verdict import NAMED, Interval
-from indent_sim.fitting.scene_curve.parameters import with_numbers
-from indent_sim.fitting.scene_curve.scene_forces import Tables
+from indent_sim.fitting.curve_fit import (
+    FitRequest,
+    cantilever_stiffness_si,
+    convert_to_scene_units,
+    fit_curve,
+)
+from indent_sim.fitting.fit_folder import ReadOptions
+from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
+from indent_sim.fitting.forward_model.parameters import replace_numbers
+from indent_sim.fitting.inference.model_assessment import BETTER_MODEL_P, Interval
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.results.measured.curve_file import read_curves
 from indent_sim.results.measured.measurement import MeasuredCurve
@@ -43,16 +48,16 @@ class CurveRequirements:
     @property
     def modulus(self) -> Interval:
         """The modulus that the curve gives, with its stated interval."""
-        stated = self.entry["parameters"][self.key]
-        return Interval(stated["value"], stated["low"], stated["high"])
+        interval = self.entry["parameters"][self.key]
+        return Interval(interval["value"], interval["low"], interval["high"])
 
     def as_json(self) -> dict[str, Any]:
         """The requirements as one JSON object."""
         return self.requirements.as_json() | {"curve": self.entry, "models": self.models}
 
 
-def require_of_curve(
-    config: Config, path: Path, within: float, reading: Reading | None = None
+def require_for_curve(
+    config: Config, path: Path, within: float, reading: ReadOptions | None = None
 ) -> CurveRequirements:
     """What a scene requires for a force within a relative tolerance, at the depth and with the
     modulus of the first curve of a file.
@@ -61,7 +66,7 @@ def require_of_curve(
     it; ConfigError for a scene without a modulus or that cannot be run; errors of the file as
     `read_curves` raises them.
     """
-    reading = reading or Reading()
+    reading = reading or ReadOptions()
     key = next(iter(pressures(config)), None)
     if key is None:
         raise ConfigError(
@@ -69,29 +74,35 @@ def require_of_curve(
             "has no modulus that a curve could tell",
             "give a material with one, such as E",
         )
-    curve = read_curves(path, reading.columns or None, reading.units, newtons_per_metre(config))[0]
-    found = fit_curve(curve, Request(config, (key,), models="all"), Tables())
-    if not found.is_done:
-        raise NotConverged(f"{path}: {found.entry['reason']}")
-    value = found.entry["parameters"][key]["value"]
-    pressed = with_numbers(config, {key: value, "loading": _loading(config, curve, found.entry)})
+    curve = read_curves(
+        path, reading.columns or None, reading.units, cantilever_stiffness_si(config)
+    )[0]
+    curve_fit = fit_curve(curve, FitRequest(config, (key,), models="all"), ForwardModelCache())
+    if not curve_fit.is_done:
+        raise NotConverged(f"{path}: {curve_fit.entry['reason']}")
+    value = curve_fit.entry["parameters"][key]["value"]
+    fitted_config = replace_numbers(
+        config, {key: value, "loading": _approach_loading(config, curve, curve_fit.entry)}
+    )
     models = [
-        one | {"verdict": NEEDED if one["p"] < NAMED else NOT_EXCLUDED}
-        for one in found.entry["models"]
+        model | {"verdict": NEEDED if model["p"] < BETTER_MODEL_P else NOT_EXCLUDED}
+        for model in curve_fit.entry["models"]
     ]
-    return CurveRequirements(config, key, found.entry, models, require(pressed, within))
+    return CurveRequirements(config, key, curve_fit.entry, models, require(fitted_config, within))
 
 
-def _loading(config: Config, curve: MeasuredCurve, entry: dict[str, Any]) -> dict[str, Any]:
+def _approach_loading(
+    config: Config, curve: MeasuredCurve, entry: dict[str, Any]
+) -> dict[str, Any]:
     """The path of the curve's approach: its depth, or in time the way from first touch on at an
     even pace.
     """
     if not config.loading.prescribed_history:
         return {"delta": entry["depth"], "steps": config.loading.steps}
-    held = config.experiment is not None and config.experiment.compliance > 0
-    along = curve.available_abscissa("z" if held else "delta")
-    approach = in_scene_units(curve, config).part("approach")
-    x = approach.abscissa_values(along)
-    c = entry["contact_point"]["value"]
-    t = approach.t[x > c] if approach.t is not None else [0.0, 1.0]
-    return {"history": [[0.0, 0.0], [float(t[-1] - t[0]), float(x.max() - c)]]}
+    has_spring = config.experiment is not None and config.experiment.compliance > 0
+    column = curve.available_abscissa("z" if has_spring else "delta")
+    approach = convert_to_scene_units(curve, config).part("approach")
+    x = approach.abscissa_values(column)
+    contact_point = entry["contact_point"]["value"]
+    t = approach.t[x > contact_point] if approach.t is not None else [0.0, 1.0]
+    return {"history": [[0.0, 0.0], [float(t[-1] - t[0]), float(x.max() - contact_point)]]}

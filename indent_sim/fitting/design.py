@@ -16,40 +16,61 @@ import numpy as np
 
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import (
-    BARELY_DEEPER,
-    SOLVED_WIDTHS,
-    in_words,
-    relative_calibration,
+    MIN_DEPTH_FACTOR,
+    SOLVED_DEPTH_FACTOR,
+    format_interval,
+    relative_calibration_error,
 )
-from indent_sim.fitting.inference.estimate import BASELINE_KEPT, Estimate, Model, Samples, deviation
-from indent_sim.fitting.inference.noise import WHITE, Averaged
-from indent_sim.fitting.inference.profile_likelihood import profiled
-from indent_sim.fitting.inference.verdict import Interval, Verdict, half_widths, tied
-from indent_sim.fitting.scene_curve.history_table import MeasuredWay, remembers, way_of
-from indent_sim.fitting.scene_curve.lattice import NoTable
-from indent_sim.fitting.scene_curve.parameters import number_at, with_numbers
-from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables, relaxation_of
+from indent_sim.fitting.forward_model.forward_model import (
+    ForwardModel,
+    ForwardModelCache,
+    relaxation_of,
+)
+from indent_sim.fitting.forward_model.measured_path_forces import (
+    MeasuredPath,
+    needs_time_stepping,
+    simplify_path,
+)
+from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
+from indent_sim.fitting.forward_model.parameters import number_at, replace_numbers
+from indent_sim.fitting.inference.estimate import (
+    MAX_BASELINE_DEPTHS,
+    CurveModel,
+    Estimate,
+    Samples,
+    standard_deviation,
+)
+from indent_sim.fitting.inference.model_assessment import (
+    Interval,
+    ModelAssessment,
+    systematic_half_widths,
+    width_inflation_factors,
+)
+from indent_sim.fitting.inference.noise import WHITE, ParameterUncertainty
+from indent_sim.fitting.inference.profile_likelihood import add_profile_intervals
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.run.planned_run import PlannedRun
 
-BASELINE = 1.0  # depths before contact that a designed curve has
-BASELINES = (
+BASELINE_DEPTHS = 1.0  # depths before contact that a designed curve has
+COMPARED_BASELINES = (
     0.1,
     0.2,
     0.3,
     0.5,
     0.75,
     1.0,
-    BASELINE_KEPT,
+    MAX_BASELINE_DEPTHS,
 )  # depths that are compared, the last what a fit uses at most
-ENOUGH = 1.05  # times the deviation of the longest baseline
-SHORTEST_WAY_IN = 0.25  # of a history: the time that a baseline before a jump is given
-RADII = ("indenter.R", "indenter.radius")
-TIED = 2.0  # times a wider interval than with the others known, from which on it is said
+BASELINE_TOLERANCE = 1.05  # times the deviation of the longest baseline
+MIN_APPROACH_FRACTION = 0.25  # of a history: the time that a baseline before a jump is given
+RADIUS_KEYS = ("indenter.R", "indenter.radius")
+REPORTED_WIDTH_RATIO = (
+    2.0  # times a wider interval than with the others known, from which on it is said
+)
 
 
 @dataclass(frozen=True)
-class Help:
+class DesignImprovement:
     """A change of the scene and the intervals that it would give; none, and the reason, where it
     cannot be.
     """
@@ -73,7 +94,7 @@ class Design:
     parameters: dict[str, Interval]
     tied: dict[str, float]
     identifiable: bool
-    helps: tuple[Help, ...]
+    helps: tuple[DesignImprovement, ...]
     baseline: float
     depth: float
     force: float
@@ -82,15 +103,15 @@ class Design:
 
     def as_json(self) -> dict[str, Any]:
         """The design as one JSON object."""
-        found = {
+        report = {
             "scene": self.config.source.name,
             "vary": list(self.parameters),
             "words": self.words,
         } | vars(self)
-        stated = {key: asdict(one) for key, one in self.parameters.items()}
-        helps = [asdict(one) for one in self.helps]
-        found |= {"parameters": stated, "helps": helps}
-        return {name: one for name, one in found.items() if name != "config"}
+        intervals = {key: asdict(value) for key, value in self.parameters.items()}
+        improvements = [asdict(value) for value in self.helps]
+        report |= {"parameters": intervals, "helps": improvements}
+        return {name: value for name, value in report.items() if name != "config"}
 
     @property
     def words(self) -> str:
@@ -100,66 +121,83 @@ class Design:
                 f"Not identifiable: {' and '.join(self.parameters)} together, by no better than a "
                 "factor of 3."
             )
-        said = [f"{in_words(key, self.config, one)}." for key, one in self.parameters.items()]
-        wide = [(key, ratio) for key, ratio in self.tied.items() if ratio > TIED]
-        said += [
+        sentences = [
+            f"{format_interval(key, self.config, interval)}."
+            for key, interval in self.parameters.items()
+        ]
+        wide_ratios = [
+            (key, ratio) for key, ratio in self.tied.items() if ratio > REPORTED_WIDTH_RATIO
+        ]
+        sentences += [
             f"With the others known {key} would be {ratio:.2g} times better known."
-            for key, ratio in wide
+            for key, ratio in wide_ratios
         ]
         return " ".join(
-            [*said, f"A baseline of {self.baseline:g} depths before contact is enough."]
+            [*sentences, f"A baseline of {self.baseline:g} depths before contact is enough."]
         )
 
 
 @dataclass(frozen=True)
-class _Measurement:
+class _PlannedMeasurement:
     """A curve to be measured: depth, or way of the base, x [length] and times t [s] from first
     touch on, straight between them, the deepest `depth` [length].
     """
 
     config: Config
-    forces: SceneForces
+    forward_model: ForwardModel
     depth: float
     x: np.ndarray
     t: np.ndarray
 
-    def model(self, points: int, baseline: float) -> Model:
+    def build_model(self, points: int, baseline: float) -> CurveModel:
         """The curve at so many samples at equal times, after a baseline [depths]."""
-        top = int(np.argmax(self.x))
-        pace = self.x[top] / max(self.t[top] - self.t[0], SHORTEST_WAY_IN * float(np.ptp(self.t)))
-        before = baseline * self.depth
-        t = np.linspace(self.t[0] - before / pace, self.t[-1], points)
-        x = np.where(t < self.t[0], pace * (t - self.t[0]), np.interp(t, self.t, self.x))
-        return Model(
-            self.forces, Samples(x, np.zeros(points), t - t[0] if self.forces.relaxes else None)
+        deepest_index = int(np.argmax(self.x))
+        speed = self.x[deepest_index] / max(
+            self.t[deepest_index] - self.t[0], MIN_APPROACH_FRACTION * float(np.ptp(self.t))
+        )
+        baseline_length = baseline * self.depth
+        t = np.linspace(self.t[0] - baseline_length / speed, self.t[-1], points)
+        x = np.where(t < self.t[0], speed * (t - self.t[0]), np.interp(t, self.t, self.x))
+        return CurveModel(
+            self.forward_model,
+            Samples(
+                x, np.zeros(points), t - t[0] if self.forward_model.is_time_dependent else None
+            ),
         )
 
     @property
-    def force(self) -> float:
+    def max_force(self) -> float:
         """The largest force [force]."""
-        model = self.model(len(self.t) * 50, 0.0)
-        return float(model.contact(self._start).max())
+        model = self.build_model(len(self.t) * 50, 0.0)
+        return float(model.contact_force(self._initial_parameters).max())
 
     @property
-    def _start(self) -> np.ndarray:
-        return np.array([*self.forces.start, 0.0, 0.0, 0.0])
+    def _initial_parameters(self) -> np.ndarray:
+        return np.array([*self.forward_model.initial_coordinates, 0.0, 0.0, 0.0])
 
-    def estimate(self, points: int, noise: float, baseline: float = BASELINE) -> Estimate:
+    def expected_estimate(
+        self, points: int, noise: float, baseline: float = BASELINE_DEPTHS
+    ) -> Estimate:
         """The estimate of such a curve that shows the scene as it stands, in white noise [force]."""
-        model = self.model(points, baseline)
-        p = self._start
-        model = replace(model, samples=replace(model.samples, force=model.contact(p)))
-        blind = Estimate(
-            model, p, p, Averaged(WHITE, noise**2, np.zeros((len(p), len(p))), np.zeros(len(p)))
+        model = self.build_model(points, baseline)
+        p = self._initial_parameters
+        model = replace(model, samples=replace(model.samples, force=model.contact_force(p)))
+        noise_free = Estimate(
+            model,
+            p,
+            p,
+            ParameterUncertainty(WHITE, noise**2, np.zeros((len(p), len(p))), np.zeros(len(p))),
         )
-        sd = np.array([deviation(blind, k) for k in range(len(p))])
-        for key, value in zip(self.forces.keys, sd, strict=False):
+        sd = np.array([standard_deviation(noise_free, k) for k in range(len(p))])
+        for key, value in zip(self.forward_model.varied_keys, sd, strict=False):
             if not np.isfinite(value):
                 raise ConfigError(key, "the force does not depend on it", "leave it out of --vary")
-        return replace(blind, found=replace(blind.found, covariance=np.diag(sd**2)))
+        return replace(
+            noise_free, uncertainty=replace(noise_free.uncertainty, covariance=np.diag(sd**2))
+        )
 
 
-def design(config: Config, keys: Sequence[str], noise: float, points: int) -> Design:
+def design_measurement(config: Config, keys: Sequence[str], noise: float, points: int) -> Design:
     """What a curve of so many points of a scene would tell of its keys; its last depth is the
     deepest point.
 
@@ -168,39 +206,41 @@ def design(config: Config, keys: Sequence[str], noise: float, points: int) -> De
     wrong, NotConverged for a scene that could not be solved.
     """
     with np.errstate(all="ignore"):  # profiles try what overflows
-        return _designed(config, keys, noise, points)
+        return _evaluate_design(config, keys, noise, points)
 
 
-def _designed(config: Config, keys: Sequence[str], noise: float, points: int) -> Design:
-    tables = Tables()
+def _evaluate_design(config: Config, keys: Sequence[str], noise: float, points: int) -> Design:
+    tables = ForwardModelCache()
     try:
-        own = _measurement(config, tuple(keys), tables)
-    except NoTable as error:
+        measurement = _plan_measurement(config, tuple(keys), tables)
+    except ForwardModelUnavailable as error:
         raise NotConverged(f"the scene could not be solved: {error}") from error
-    level = noise * own.force
-    estimate = own.estimate(points, level)
-    helps = tuple(
-        _help(config, change, tuple(keys), (points, level), tables)
-        for change in _changes(config, keys)
+    noise_force = noise * measurement.max_force
+    estimate = measurement.expected_estimate(points, noise_force)
+    improvements = tuple(
+        _evaluate_change(config, change, tuple(keys), (points, noise_force), tables)
+        for change in _possible_changes(config, keys)
     )
-    shared = dict(zip(keys, tied(estimate), strict=True))
-    enough = _baseline(own, points, level)
-    verdict = _verdict(own, estimate)
+    ratios = dict(zip(keys, width_inflation_factors(estimate), strict=True))
+    baseline = _sufficient_baseline(measurement, points, noise_force)
+    assessment = _adequate_assessment(measurement, estimate)
     return Design(
         config,
-        _stated(verdict),
-        shared,
-        verdict.identifiable,
-        helps,
-        enough,
-        own.depth,
-        own.force,
-        level,
+        _stated_intervals(assessment),
+        ratios,
+        assessment.is_identifiable,
+        improvements,
+        baseline,
+        measurement.depth,
+        measurement.max_force,
+        noise_force,
         points,
     )
 
 
-def _measurement(config: Config, keys: tuple[str, ...], tables: Tables) -> _Measurement:
+def _plan_measurement(
+    config: Config, keys: tuple[str, ...], tables: ForwardModelCache
+) -> _PlannedMeasurement:
     """The scene's own path up to its deepest point, held as long as it holds there."""
     for key in keys:
         number_at(config, key)
@@ -211,56 +251,69 @@ def _measurement(config: Config, keys: tuple[str, ...], tables: Tables) -> _Meas
     depth = max(PlannedRun.resolve(config).depths)
     if not depth > 0:
         raise ConfigError("loading", "the tip never touches the body", "give loading.delta > 0")
-    way = _way(config)
-    path = config.loading.prescribed_history
+    measured_path = _scene_path(config)
+    history = config.loading.prescribed_history
     try:
-        forces = tables.forces(config, keys, SOLVED_WIDTHS * depth, way)
-    except (ConfigError, NoTable):
-        forces = tables.forces(config, keys, BARELY_DEEPER * depth, way)
-    if path is None:
-        top = depth + forces.experiment.compliance * float(
-            forces.rigid(forces.start)(np.array([depth]))[0]
+        forward_model = tables.forward_model(
+            config, keys, SOLVED_DEPTH_FACTOR * depth, measured_path
         )
-        return _Measurement(config, forces, depth, np.array([0.0, top]), np.array([0.0, 1.0]))
-    t, x = np.array(path.points_from_rest).T
+    except (ConfigError, ForwardModelUnavailable):
+        forward_model = tables.forward_model(config, keys, MIN_DEPTH_FACTOR * depth, measured_path)
+    if history is None:
+        deepest_x = depth + forward_model.experiment.compliance * float(
+            forward_model.force_without_spring(forward_model.initial_coordinates)(
+                np.array([depth])
+            )[0]
+        )
+        return _PlannedMeasurement(
+            config, forward_model, depth, np.array([0.0, deepest_x]), np.array([0.0, 1.0])
+        )
+    t, x = np.array(history.points_from_rest).T
     end = int(np.flatnonzero(x == x.max())[-1]) + 1
-    return _Measurement(config, forces, depth, x[:end], t[:end])
+    return _PlannedMeasurement(config, forward_model, depth, x[:end], t[:end])
 
 
-def _way(config: Config) -> MeasuredWay | None:
+def _scene_path(config: Config) -> MeasuredPath | None:
     """The scene's own way, where the force depends on it as a whole."""
-    path = config.loading.prescribed_history
-    if not remembers(config) or path is None:
+    history = config.loading.prescribed_history
+    if not needs_time_stepping(config) or history is None:
         return None
     if config.experiment and config.experiment.compliance:
         raise ConfigError(
             "experiment", "a design of matter with a memory follows the tip", "leave the spring out"
         )
-    t, delta = np.array(path.points_from_rest).T
-    return way_of(t, delta)
+    t, delta = np.array(history.points_from_rest).T
+    return simplify_path(t, delta)
 
 
-def _verdict(measurement: _Measurement, estimate: Estimate) -> Verdict:
+def _adequate_assessment(measurement: _PlannedMeasurement, estimate: Estimate) -> ModelAssessment:
     """The verdict of a fit that the scene explains: intervals by noise, mesh and calibration."""
-    forces = measurement.forces
-    uncertain = half_widths(
-        estimate, forces.error, relative_calibration(measurement.config, forces)
+    forward_model = measurement.forward_model
+    half_widths_by_systematics = systematic_half_widths(
+        estimate,
+        forward_model.relative_error,
+        relative_calibration_error(measurement.config, forward_model),
     )
-    return Verdict(profiled(estimate), [], 1.0, None, [], uncertain)
+    return ModelAssessment(
+        add_profile_intervals(estimate), [], 1.0, None, [], half_widths_by_systematics
+    )
 
 
-def _stated(verdict: Verdict) -> dict[str, Interval]:
+def _stated_intervals(assessment: ModelAssessment) -> dict[str, Interval]:
     """The intervals of the varied keys."""
-    return {key: verdict.stated(k) for k, key in enumerate(verdict.estimate.model.forces.keys)}
+    return {
+        key: assessment.stated_interval(k)
+        for k, key in enumerate(assessment.estimate.model.forward_model.varied_keys)
+    }
 
 
-def _changes(config: Config, keys: Sequence[str]) -> Iterator[dict[str, Any]]:
+def _possible_changes(config: Config, keys: Sequence[str]) -> Iterator[dict[str, Any]]:
     """What an experimenter may change: the depth, the tip's radius, and a hold of a body that
     relaxes.
     """
-    path = config.loading.history
-    if path:
-        yield {"loading.history": [[t, 2.0 * value] for t, value in path]}
+    history = config.loading.history
+    if history:
+        yield {"loading.history": [[t, 2.0 * value] for t, value in history]}
     else:
         yield {
             "loading": {
@@ -268,52 +321,76 @@ def _changes(config: Config, keys: Sequence[str]) -> Iterator[dict[str, Any]]:
                 "steps": config.loading.steps,
             }
         }
-    for key in RADII:
+    for key in RADIUS_KEYS:
         try:
             R = number_at(config, key)
         except ConfigError:
             continue
         yield from ({key: factor * R} for factor in (0.5, 2.0) if key not in keys)
-    if path and relaxation_of(config):
-        top = max(value for _, value in path)
-        way = [
+    if history and relaxation_of(config):
+        max_depth = max(value for _, value in history)
+        approach = [
             list(point)
-            for point in path[: max(k for k, point in enumerate(path) if point[1] == top) + 1]
+            for point in history[
+                : max(k for k, point in enumerate(history) if point[1] == max_depth) + 1
+            ]
         ]
-        yield {"loading.history": [*way, [way[-1][0] + (way[-1][0] - way[0][0]), top]]}
+        yield {
+            "loading.history": [
+                *approach,
+                [approach[-1][0] + (approach[-1][0] - approach[0][0]), max_depth],
+            ]
+        }
 
 
-def _help(
+def _evaluate_change(
     config: Config,
     change: dict[str, Any],
     keys: tuple[str, ...],
-    of: tuple[int, float],
-    tables: Tables,
-) -> Help:
-    points, level = of
-    shown = {"loading.delta": change["loading"]["delta"]} if "loading" in change else change
+    points_and_noise: tuple[int, float],
+    tables: ForwardModelCache,
+) -> DesignImprovement:
+    points, noise_force = points_and_noise
+    reported_change = (
+        {"loading.delta": change["loading"]["delta"]} if "loading" in change else change
+    )
     try:
-        measurement = _measurement(with_numbers(config, change), keys, tables)
-        return Help(shown, _stated(_verdict(measurement, measurement.estimate(points, level))))
+        measurement = _plan_measurement(replace_numbers(config, change), keys, tables)
+        return DesignImprovement(
+            reported_change,
+            _stated_intervals(
+                _adequate_assessment(
+                    measurement, measurement.expected_estimate(points, noise_force)
+                )
+            ),
+        )
     except (ConfigError, NotConverged) as error:
-        return Help(
-            shown,
+        return DesignImprovement(
+            reported_change,
             {},
             f"{error.key}: {error.problem}" if isinstance(error, ConfigError) else str(error),
         )
-    except NoTable as error:
-        return Help(shown, {}, str(error))
+    except ForwardModelUnavailable as error:
+        return DesignImprovement(reported_change, {}, str(error))
 
 
-def _baseline(measurement: _Measurement, points: int, level: float) -> float:
+def _sufficient_baseline(
+    measurement: _PlannedMeasurement, points: int, noise_force: float
+) -> float:
     """The shortest of the baselines that is as good as the longest, at the same distance of
     samples.
     """
-    each = points / (1.0 + BASELINE)
+    points_per_depth = points / (1.0 + BASELINE_DEPTHS)
 
     def deviations(baseline: float) -> np.ndarray:
-        estimate = measurement.estimate(round(each * (1.0 + baseline)), level, baseline)
-        return estimate.sd[: estimate.model.size]
+        estimate = measurement.expected_estimate(
+            round(points_per_depth * (1.0 + baseline)), noise_force, baseline
+        )
+        return estimate.sd[: estimate.model.coordinate_count]
 
-    best = deviations(BASELINES[-1])
-    return next(one for one in BASELINES if np.all(deviations(one) <= ENOUGH * best))
+    best_deviations = deviations(COMPARED_BASELINES[-1])
+    return next(
+        candidate
+        for candidate in COMPARED_BASELINES
+        if np.all(deviations(candidate) <= BASELINE_TOLERANCE * best_deviations)
+    )

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from indent_sim.config.schema import Config
-from indent_sim.fitting.curve_fit import CurveFit, in_short, kind_of
+from indent_sim.fitting.curve_fit import CurveFit, one_line_summary, quantity_kind
 from indent_sim.results.measured.measurement import curve_parts
 from indent_sim.results.pictures import figures
 from indent_sim.results.pictures.axes import Axis, picture_text, scaled_axis
@@ -21,136 +21,153 @@ from indent_sim.results.reader import Results
 
 # inches
 SIZE = (10.5, 5.2)
-MANY_SIZE = (9.2, 4.8)
-BASELINE = 1.0  # depths of the baseline that are shown
+INTERVALS_SIZE = (9.2, 4.8)
+SHOWN_BASELINE_DEPTHS = 1.0  # depths of the baseline that are shown
 RESIDUAL_MEANS = 40  # whose means are drawn over the residuals
 # where other models stand beside the windows, and beside one another
-OTHERS_AT = 1.06
-OTHERS_APART = 0.03
-NAME_ROOM = 0.07  # of the height of a panel: for a line of names above the bars
+ALTERNATIVES_POSITION = 1.06
+ALTERNATIVES_SPACING = 0.03
+LEGEND_MARGIN = 0.07  # of the height of a panel: for a line of names above the bars
 GREY_POINTS: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "color": "#b0b0b0", "zorder": 1}
-FITTED: PlotStyle = {"color": COLOURS[0], "lw": 1.8, "zorder": 3}
+FIT_STYLE: PlotStyle = {"color": COLOURS[0], "lw": 1.8, "zorder": 3}
 Entry = Mapping[str, Any]
 
 
 @contextmanager
-def pictured(fit: CurveFit, config: Config) -> Iterator[Figure]:
+def fit_figure(fit: CurveFit, config: Config) -> Iterator[Figure]:
     """The figure of one curve: force with the fit, residuals in per cent of the largest force, and
     the first varied key by the depth that is used.
     """
-    assert fit.drawn is not None
+    assert fit.plotted is not None
     with figures.new_figure(SIZE) as figure:
         panels: dict[str, Axes] = figure.subplot_mosaic(
             [["force", "window"], ["residual", "window"]],
             width_ratios=[1.5, 1],
             height_ratios=[2.2, 1],
         )
-        _forces(panels["force"], panels["residual"], fit, config)
+        _draw_forces(panels["force"], panels["residual"], fit, config)
         keys = list(fit.entry["parameters"])
         if keys:
-            used = "depth" if fit.drawn.t is None else "time in contact"
-            _windows(
-                panels["window"], fit.entry, keys[0], _axis_of(config, keys[0], [fit.entry]), used
+            range_name = "depth" if fit.plotted.t is None else "time in contact"
+            _draw_depth_ranges(
+                panels["window"],
+                fit.entry,
+                keys[0],
+                _parameter_axis(config, keys[0], [fit.entry]),
+                range_name,
             )
-        figures.draw_title(figure, picture_text(fit.name), in_short(fit.entry, config))
+        figures.draw_title(figure, picture_text(fit.name), one_line_summary(fit.entry, config))
         yield figure
 
 
 def draw_curve(fit: CurveFit, config: Config, path: Path) -> None:
     """Draw one curve into a file."""
-    with pictured(fit, config) as figure:
+    with fit_figure(fit, config) as figure:
         figures.save(figure, path)
 
 
-def draw_many(entries: Sequence[Entry], keys: Sequence[str], config: Config, path: Path) -> None:
+def draw_parameter_intervals(
+    entries: Sequence[Entry], keys: Sequence[str], config: Config, path: Path
+) -> None:
     """Draw the first varied key of many curves with its intervals, in order of its size; hollow:
     not explained.
     """
-    done = [entry for entry in entries if entry["status"] == "done"]
-    if not done or not keys:
+    done_entries = [entry for entry in entries if entry["status"] == "done"]
+    if not done_entries or not keys:
         return
-    axis = _axis_of(config, keys[0], done)
-    ordered = sorted(done, key=lambda entry: float(entry["parameters"][keys[0]]["value"]))
-    with figures.new_figure(MANY_SIZE) as figure:
+    axis = _parameter_axis(config, keys[0], done_entries)
+    ordered = sorted(done_entries, key=lambda entry: float(entry["parameters"][keys[0]]["value"]))
+    with figures.new_figure(INTERVALS_SIZE) as figure:
         axes = figure.subplots()
         for explained, name in ((True, "explained by the scene"), (False, "not explained")):
-            places = [
+            ranks = [
                 k
                 for k, entry in enumerate(ordered, start=1)
                 if bool(entry["explained"]) is explained
             ]
-            stated = [ordered[k - 1]["parameters"][keys[0]] for k in places]
-            if not places:
+            intervals = [ordered[k - 1]["parameters"][keys[0]] for k in ranks]
+            if not ranks:
                 continue
             value, low, high = (
-                axis([one[end] for one in stated]) for end in ("value", "low", "high")
+                axis([interval[end] for interval in intervals]) for end in ("value", "low", "high")
             )
-            look: PlotStyle = {
+            style: PlotStyle = {
                 "fmt": "o",
                 "ms": 4,
                 "lw": 1.0,
                 "color": COLOURS[0 if explained else 1],
             }
             face = {} if explained else {"mfc": "white"}
-            axes.errorbar(places, value, [value - low, high - value], label=name, **look, **face)
-        axes.set(xlabel="curve, by size", xlim=(0.5, len(done) + 0.5), ylabel=axis.label)
+            axes.errorbar(ranks, value, [value - low, high - value], label=name, **style, **face)
+        axes.set(xlabel="curve, by size", xlim=(0.5, len(done_entries) + 0.5), ylabel=axis.label)
         axes.locator_params(axis="x", integer=True)
         axes.margins(y=0.2)  # the legend's two lines
         axes.legend(loc="upper left")
-        refused = len(entries) - len(done)
-        beside = f", {refused} refused" if refused else ""
-        count = "1 curve" if len(done) == 1 else f"{len(done)} curves"
+        rejected_count = len(entries) - len(done_entries)
+        rejected_text = f", {rejected_count} refused" if rejected_count else ""
+        count = "1 curve" if len(done_entries) == 1 else f"{len(done_entries)} curves"
         figures.draw_title(
-            figure, f"{count}{beside}", "95 % intervals; fit.csv has a row for each curve"
+            figure, f"{count}{rejected_text}", "95 % intervals; fit.csv has a row for each curve"
         )
         figures.save(figure, path)
 
 
-def _forces(above: Axes, below: Axes, fit: CurveFit, config: Config) -> None:
+def _draw_forces(force_axes: Axes, residual_axes: Axes, fit: CurveFit, config: Config) -> None:
     """Measured and fitted forces, and what is left."""
-    drawn = fit.drawn
-    labels = _shown(config)
-    assert drawn is not None
-    depth = float(drawn.delta.max())
-    shown = drawn.delta > -BASELINE * depth
-    delta = labels("length", drawn.delta[shown], "depth δ")
-    force = labels("force", drawn.force[shown], "force F")
-    x = delta(drawn.delta[shown])
-    along = delta.label
-    if drawn.t is not None and _stays(drawn.delta[shown]):  # a hold is no line straight down
-        x = drawn.t[shown]
-        along = "time t [s]"
-    above.plot(x, force(drawn.force[shown]), label="measured", **GREY_POINTS)
-    above.plot(x, force(drawn.fit[shown]), label="scene", **FITTED)
-    for k, (name, other) in enumerate(drawn.named.items(), start=1):
-        above.plot(
-            x, force(other[shown]), label=f"{name} instead", color=COLOURS[k], ls="--", lw=1.2
+    curve = fit.plotted
+    make_axis = _axis_factory(config)
+    assert curve is not None
+    depth = float(curve.delta.max())
+    is_shown = curve.delta > -SHOWN_BASELINE_DEPTHS * depth
+    delta = make_axis("length", curve.delta[is_shown], "depth δ")
+    force = make_axis("force", curve.force[is_shown], "force F")
+    x = delta(curve.delta[is_shown])
+    x_label = delta.label
+    if curve.t is not None and _has_hold(curve.delta[is_shown]):  # a hold is no line straight down
+        x = curve.t[is_shown]
+        x_label = "time t [s]"
+    force_axes.plot(x, force(curve.force[is_shown]), label="measured", **GREY_POINTS)
+    force_axes.plot(x, force(curve.fit[is_shown]), label="scene", **FIT_STYLE)
+    for k, (name, alternative_fit) in enumerate(curve.alternative_fits.items(), start=1):
+        force_axes.plot(
+            x,
+            force(alternative_fit[is_shown]),
+            label=f"{name} instead",
+            color=COLOURS[k],
+            ls="--",
+            lw=1.2,
         )
-    above.set(ylabel=force.label)
-    above.legend(loc="best")
-    left = 100 * (drawn.force - drawn.fit)[shown] / max(float(np.abs(drawn.fit).max()), 1e-300)
-    below.plot(x, left, **GREY_POINTS)
-    size = max(1, len(left) // RESIDUAL_MEANS)
-    whole = len(left) // size * size
-    means = (one[:whole].reshape(-1, size).mean(axis=1) for one in (x, left))
-    below.plot(*means, color=INK, lw=1.0)
-    below.axhline(0, color=GREY, lw=0.6)
-    below.set(xlabel=along, ylabel="residual [%]")
+    force_axes.set(ylabel=force.label)
+    force_axes.legend(loc="best")
+    residual = (
+        100 * (curve.force - curve.fit)[is_shown] / max(float(np.abs(curve.fit).max()), 1e-300)
+    )
+    residual_axes.plot(x, residual, **GREY_POINTS)
+    block_size = max(1, len(residual) // RESIDUAL_MEANS)
+    used_length = len(residual) // block_size * block_size
+    means = (values[:used_length].reshape(-1, block_size).mean(axis=1) for values in (x, residual))
+    residual_axes.plot(*means, color=INK, lw=1.0)
+    residual_axes.axhline(0, color=GREY, lw=0.6)
+    residual_axes.set(xlabel=x_label, ylabel="residual [%]")
 
 
-def _stays(delta: np.ndarray) -> bool:
+def _has_hold(delta: np.ndarray) -> bool:
     """Whether a curve is held, or comes back."""
     return set(curve_parts(delta)) != {"approach"}
 
 
-def _windows(axes: Axes, entry: Entry, key: str, axis: Axis, used: str) -> None:
+def _draw_depth_ranges(axes: Axes, entry: Entry, key: str, axis: Axis, range_name: str) -> None:
     """The key of each window, of so much depth or time, with its own interval over the stated one,
     and named models.
     """
-    stated = entry["parameters"][key]
+    interval = entry["parameters"][key]
     windows = entry["window"]
     axes.axhspan(
-        float(axis(stated["low"])), float(axis(stated["high"])), color=COLOURS[0], alpha=0.15, lw=0
+        float(axis(interval["low"])),
+        float(axis(interval["high"])),
+        color=COLOURS[0],
+        alpha=0.15,
+        lw=0,
     )
     upper = [100 * window["upper"] for window in windows]
     value, low, high = (
@@ -159,32 +176,39 @@ def _windows(axes: Axes, entry: Entry, key: str, axis: Axis, used: str) -> None:
     axes.errorbar(
         upper, value, [value - low, high - value], fmt="o", ms=4, lw=1.0, color=COLOURS[0]
     )
-    named = 0
-    for k, other in enumerate(entry["models"], start=1):
-        if other["name"] in entry["cause"]:
-            place = axis(other["value"])
-            bar = axis([[other["value"] - other["low"]], [other["high"] - other["value"]]])
-            at = 100 * (OTHERS_AT + OTHERS_APART * named)
-            named += 1
+    model_count = 0
+    for k, model in enumerate(entry["models"], start=1):
+        if model["name"] in entry["cause"]:
+            model_value = axis(model["value"])
+            bar = axis([[model["value"] - model["low"]], [model["high"] - model["value"]]])
+            x_position = 100 * (ALTERNATIVES_POSITION + ALTERNATIVES_SPACING * model_count)
+            model_count += 1
             axes.errorbar(
-                [at], [place], bar, fmt="s", ms=4, lw=1.0, color=COLOURS[k], label=other["name"]
+                [x_position],
+                [model_value],
+                bar,
+                fmt="s",
+                ms=4,
+                lw=1.0,
+                color=COLOURS[k],
+                label=model["name"],
             )
-    if named:  # above all bars, each of which it might hide
+    if model_count:  # above all bars, each of which it might hide
         low, high = axes.get_ylim()
-        axes.set_ylim(low, high + NAME_ROOM * (1 + named) * (high - low))
+        axes.set_ylim(low, high + LEGEND_MARGIN * (1 + model_count) * (high - low))
         axes.legend(loc="upper right")
-    axes.set(xlabel=f"{used} used [%]", ylabel=axis.label)
+    axes.set(xlabel=f"{range_name} used [%]", ylabel=axis.label)
 
 
-def _shown(config: Config) -> Callable[[str, Any, str], Axis]:
+def _axis_factory(config: Config) -> Callable[[str, Any, str], Axis]:
     units = {"length": config.units.length, "force": config.units.force}
     return lambda kind, values, name: scaled_axis(
         kind, [Results(Path(), {}, {"units": units})], values, name
     )
 
 
-def _axis_of(config: Config, key: str, entries: Sequence[Entry]) -> Axis:
+def _parameter_axis(config: Config, key: str, entries: Sequence[Entry]) -> Axis:
     name = key.rpartition(".")[2]
-    kind = kind_of(config, key)
+    kind = quantity_kind(config, key)
     values = [entry["parameters"][key]["value"] for entry in entries]
-    return _shown(config)(kind, values, name) if kind else Axis(name)
+    return _axis_factory(config)(kind, values, name) if kind else Axis(name)

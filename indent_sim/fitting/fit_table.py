@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.fitting.curve_fit import Drawn
+from indent_sim.fitting.curve_fit import PlottedCurve
 
 FIRST_COLUMNS = ("curve", "status", "reason", "explained", "cause")
 CONTACT_COLUMNS = ("contact_point", "contact_point_low", "contact_point_high")
@@ -25,8 +25,8 @@ LAST_COLUMNS = (
     "drift_percent",
     "hertz_E",
 )
-DRAWN_COLUMNS = ("delta", "force", "fit", "residual")
-OF_MODEL = "fit_"
+PLOTTED_COLUMNS = ("delta", "force", "fit", "residual")
+MODEL_PREFIX = "fit_"
 Entry = Mapping[str, Any]
 
 
@@ -46,24 +46,28 @@ def table_of_fits(entries: Sequence[Entry], keys: Sequence[str]) -> str:
     table = csv.DictWriter(text, columns, lineterminator="\n", restval="")
     table.writeheader()
     for entry in entries:
-        table.writerow(_row(entry, keys))
+        table.writerow(_fit_row(entry, keys))
     return text.getvalue()
 
 
-def _row(entry: Entry, keys: Sequence[str]) -> dict[str, Any]:
+def _fit_row(entry: Entry, keys: Sequence[str]) -> dict[str, Any]:
     row: dict[str, Any] = {name: entry.get(name, "") for name in ("curve", "status", "reason")}
     if entry["status"] != "done":
         return row
     row |= {"explained": str(entry["explained"]).lower(), "cause": " ".join(entry["cause"])}
     for key in keys:
-        stated = entry["parameters"][key]
-        row |= {key: stated["value"], f"{key}_low": stated["low"], f"{key}_high": stated["high"]}
-    place = entry["contact_point"]
+        interval = entry["parameters"][key]
+        row |= {
+            key: interval["value"],
+            f"{key}_low": interval["low"],
+            f"{key}_high": interval["high"],
+        }
+    contact_point = entry["contact_point"]
     residual = entry["residual"]
     row |= {
-        "contact_point": place["value"],
-        "contact_point_low": place["low"],
-        "contact_point_high": place["high"],
+        "contact_point": contact_point["value"],
+        "contact_point_low": contact_point["low"],
+        "contact_point_high": contact_point["high"],
     }
     row |= {
         "force_max": entry["force_max"],
@@ -73,12 +77,12 @@ def _row(entry: Entry, keys: Sequence[str]) -> dict[str, Any]:
     row |= {
         "n": residual["n"],
         "n_effective": residual["n_effective"],
-        "drift_percent": drift(entry, keys),
+        "drift_percent": modulus_drift(entry, keys),
     }
     return row | {"hertz_E": (entry["hertz"] or {}).get("E", "")}
 
 
-def drift(entry: Entry, keys: Sequence[str]) -> float | str:
+def modulus_drift(entry: Entry, keys: Sequence[str]) -> float | str:
     """By how many per cent the first key is larger at half the depth; empty where there is no such
     window.
     """
@@ -88,33 +92,41 @@ def drift(entry: Entry, keys: Sequence[str]) -> float | str:
     return float(100 * (windows[0][keys[0]] / windows[-1][keys[0]] - 1))
 
 
-def table_of_curve(drawn: Drawn) -> str:
+def table_of_curve(curve: PlottedCurve) -> str:
     """curves/NAME.csv: depth from first touch, force without its baseline, the fit, what it leaves,
     and in a column `fit_MODEL` each the fits of the models that are better; times `t` from first
     touch on where the force depends on them.
     """
-    columns = [drawn.delta, drawn.force, drawn.fit, drawn.force - drawn.fit, *drawn.named.values()]
-    columns += [drawn.t] if drawn.t is not None else []
+    columns = [
+        curve.delta,
+        curve.force,
+        curve.fit,
+        curve.force - curve.fit,
+        *curve.alternative_fits.values(),
+    ]
+    columns += [curve.t] if curve.t is not None else []
     lines = (
         ",".join(f"{float(value):.10g}" for value in row) for row in zip(*columns, strict=True)
     )
     titles = [
-        *DRAWN_COLUMNS,
-        *(f"{OF_MODEL}{name}" for name in drawn.named),
-        *(["t"] if drawn.t is not None else []),
+        *PLOTTED_COLUMNS,
+        *(f"{MODEL_PREFIX}{name}" for name in curve.alternative_fits),
+        *(["t"] if curve.t is not None else []),
     ]
     return "\n".join([",".join(titles), *lines, ""])
 
 
-def curve_of_table(text: str) -> Drawn:
+def read_curve_table(text: str) -> PlottedCurve:
     """What `table_of_curve` wrote; ValueError for anything else."""
     head, *rows = csv.reader(io.StringIO(text))
-    if tuple(head[: len(DRAWN_COLUMNS)]) != DRAWN_COLUMNS or not rows:
+    if tuple(head[: len(PLOTTED_COLUMNS)]) != PLOTTED_COLUMNS or not rows:
         raise ValueError("not the table of a fitted curve")
     columns = dict(zip(head, np.array(rows, dtype=float).T, strict=True))
-    named = {
-        name.removeprefix(OF_MODEL): one
-        for name, one in columns.items()
-        if name.startswith(OF_MODEL)
+    alternative_fits = {
+        name.removeprefix(MODEL_PREFIX): column
+        for name, column in columns.items()
+        if name.startswith(MODEL_PREFIX)
     }
-    return Drawn(columns["delta"], columns["force"], columns["fit"], named, columns.get("t"))
+    return PlottedCurve(
+        columns["delta"], columns["force"], columns["fit"], alternative_fits, columns.get("t")
+    )

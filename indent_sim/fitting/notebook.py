@@ -11,10 +11,10 @@ import numpy as np
 
 from indent_sim.config.scene_file import from_mapping, load
 from indent_sim.config.schema import Config
-from indent_sim.fitting.curve_fit import ENDS, CurveFit, Models, Request, fit_curve
-from indent_sim.fitting.inference.estimate import Origin
-from indent_sim.fitting.inference.verdict import Interval
-from indent_sim.fitting.scene_curve.scene_forces import Tables
+from indent_sim.fitting.curve_fit import INTERVAL_KEYS, CurveFit, FitRequest, ModelChoice, fit_curve
+from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
+from indent_sim.fitting.inference.estimate import OriginOptions
+from indent_sim.fitting.inference.model_assessment import Interval
 from indent_sim.process.errors import NotConverged, UsageError
 from indent_sim.results.measured.curve_file import read_curves
 from indent_sim.results.measured.measurement import CurvePart, MeasuredCurve, curve_parts
@@ -42,7 +42,7 @@ class Fit:
         """Force, fit, residuals and windows."""
         from indent_sim.fitting import fit_picture
 
-        with fit_picture.pictured(self._curve_fit, self._config) as figure:
+        with fit_picture.fit_figure(self._curve_fit, self._config) as figure:
             return figure
 
 
@@ -55,7 +55,7 @@ def fit(
     columns: Sequence[str] = (),
     units: Mapping[str, str] | None = None,
     contact_point: float | None = None,
-    models: Models = "needed",
+    models: ModelChoice = "needed",
 ) -> Fit:
     """Fit the keys `vary` of a scene to one measured curve, contact point and baseline unknown.
 
@@ -70,16 +70,23 @@ def fit(
         if isinstance(scene, Mapping)
         else load(scene)
     )
-    request = Request(config, tuple(vary), segment, Origin(contact_point), models)
-    found = fit_curve(_measured(curve, columns, units), request, Tables())
-    if not found.is_done:
-        raise NotConverged(f"{found.name}: {found.entry['reason']}")
-    stated = found.entry["parameters"]
-    numbers = {key: Interval(*(stated[key][end] for end in ENDS)) for key in stated}
-    return Fit(numbers, found.entry["explained"], found.entry["words"], found.entry, found, config)
+    request = FitRequest(config, tuple(vary), segment, OriginOptions(contact_point), models)
+    curve_fit = fit_curve(_read_curve(curve, columns, units), request, ForwardModelCache())
+    if not curve_fit.is_done:
+        raise NotConverged(f"{curve_fit.name}: {curve_fit.entry['reason']}")
+    intervals = curve_fit.entry["parameters"]
+    numbers = {key: Interval(*(intervals[key][end] for end in INTERVAL_KEYS)) for key in intervals}
+    return Fit(
+        numbers,
+        curve_fit.entry["explained"],
+        curve_fit.entry["words"],
+        curve_fit.entry,
+        curve_fit,
+        config,
+    )
 
 
-def _measured(
+def _read_curve(
     curve: Curve, columns: Sequence[str], units: Mapping[str, str] | None
 ) -> MeasuredCurve:
     if isinstance(curve, MeasuredCurve):

@@ -11,8 +11,8 @@ import pytest
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
 from indent_sim.fitting.notebook import fit
-from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 
 X = np.linspace(-0.1, 0.1, 300)
 THEORY = {"shape": "layer", "height": 1.0}
@@ -37,7 +37,7 @@ def scene(body: dict, **more) -> Config:  # type: ignore[no-untyped-def,type-arg
 
 def curve(E: float, c: float, seed: int) -> np.ndarray:
     """Theory's forces with one per cent of noise."""
-    force = SceneForces(scene(THEORY), ["material.E"], 0.15)(np.array([math.log(E)]), X - c)
+    force = ForwardModel(scene(THEORY), ["material.E"], 0.15)(np.array([math.log(E)]), X - c)
     return force + 0.01 * force.max() * np.random.default_rng(seed).standard_normal(len(X))
 
 
@@ -55,12 +55,12 @@ def test_the_error_of_a_mesh_is_inside_the_interval(h):
 
 def test_a_table_of_a_mesh_is_theory_but_for_its_error_bar():
     """Small strain, walls four heights away: the two are one problem."""
-    meshed = SceneForces(scene(WIDE, mesh={"h_contact": 0.03}), [], 0.1)
-    theory = SceneForces(scene(THEORY), [], 0.1)
+    meshed = ForwardModel(scene(WIDE, mesh={"h_contact": 0.03}), [], 0.1)
+    theory = ForwardModel(scene(THEORY), [], 0.1)
     depths = np.linspace(0.02, 0.1, 9)
     ratio = meshed(np.array([]), depths) / theory(np.array([]), depths) - 1
     assert (
-        np.abs(ratio).max() < 2 * meshed.error and meshed.error < 0.01
+        np.abs(ratio).max() < 2 * meshed.relative_error and meshed.relative_error < 0.01
     )  # at shallower depths than the bar's
 
 
@@ -68,7 +68,7 @@ def test_a_load_path_at_finite_strain_scales_with_its_only_modulus():
     """By dimension: the table at E = 1 times three is that of the scene with E = 3."""
     material = {"model": "neo_hookean", "E": 1.0, "nu": 0.4}
     more = {"mesh": {"h_contact": 0.1, "h_far": 0.6}}
-    soft, hard = (SceneForces(scene(WIDE | {"radius": 2.0}, material=material | {"E": E}, **more), ["material.E"], 0.2)
+    soft, hard = (ForwardModel(scene(WIDE | {"radius": 2.0}, material=material | {"E": E}, **more), ["material.E"], 0.2)
                   for E in (1.0, 3.0))  # fmt: skip
     depths = np.array([0.03, 0.1, 0.2])
     np.testing.assert_allclose(

@@ -15,53 +15,62 @@ from functools import cached_property
 
 import numpy as np
 
-from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, Averaged, Noise, averaged, inverse
-from indent_sim.fitting.scene_curve.lattice import NoTable
-from indent_sim.fitting.scene_curve.scene_forces import SceneForces
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
+from indent_sim.fitting.inference.noise import (
+    NORMAL_95,
+    WHITE,
+    Noise,
+    ParameterUncertainty,
+    average_over_noise,
+    symmetric_inverse,
+)
 
-FEWEST_POINTS = 30
-FEWEST_PUSHING = 20
+MIN_POINTS = 30
+MIN_CONTACT_POINTS = 20
 # of the points at the largest force
-SATURATED_SHARE = 0.02
-MOST_SATURATED = 5
-BLOCKS = 50  # of a curve, whose means tell a contact from noise
-WORST_FACTOR = 4.0  # a modulus known to a larger factor is not known
-LEAST_RISE = 4.0  # rms of the residuals: a smaller rise is noise
+SATURATED_FRACTION = 0.02
+MAX_SATURATED = 5
+SIGNAL_BLOCKS = 50  # of a curve, whose means tell a contact from noise
+MAX_UNCERTAINTY_FACTOR = 4.0  # a modulus known to a larger factor is not known
+MIN_SIGNAL_TO_NOISE = 4.0  # rms of the residuals: a smaller rise is noise
 # block means
-MOST_PILOT = 400
-MOST_MEANS = 1500
+MAX_PILOT_SAMPLES = 400
+MAX_SAMPLES = 1500
 # contact points that are tried, between these percentiles of x
-CONTACTS = 80
+CONTACT_CANDIDATES = 80
 CONTACT_PERCENTILES = (2.0, 97.0)
 # depths before contact that count, and share of the range at least
-BASELINE_KEPT = 1.5
-LEAST_BASELINE = 0.02
+MAX_BASELINE_DEPTHS = 1.5
+MIN_BASELINE_FRACTION = 0.02
 # of a fit, in coordinates and of the contact point in depths
-FIT_ROUNDS = 40
-LARGEST_STEP = 1.0
-LARGEST_SHIFT = 0.3
-SETTLED_SQUARES = (
+MAX_FIT_ITERATIONS = 40
+MAX_STEP = 1.0
+MAX_CONTACT_SHIFT = 0.3
+SQUARES_TOLERANCE = (
     1e-6  # relative change of the sum of squares: with n samples n 1e-6 of a deviation squared
 )
-WORSE = 1.1  # of the rms: a fit in correlated noise that leaves more forgives residuals
-OFFSETS = (
+MAX_RMS_RATIO = 1.1  # of the rms: a fit in correlated noise that leaves more forgives residuals
+START_OFFSETS = (
     0.0,
     -1.2,
     1.2,
     -2.4,
     2.4,
 )  # of a parameter's coordinate from the scene's own, where fits begin
-LINEAR_OFFSETS = (0.0, -0.1, 0.1)
-BEGINNINGS = 3  # that are followed to their end
-AT_BOUND = 1e-6
+LINEAR_START_OFFSETS = (0.0, -0.1, 0.1)
+MAX_INITIAL_GUESSES = 3  # that are followed to their end
+BOUND_TOLERANCE = 1e-6
 # samples by which a contact point is moved, and rounds
-SNAPS = (-3, -2, -1, 0, 1, 2, 3)
-SNAP_ROUNDS = 6
-MOST_SNAPS = 5
-CLEAR_SNAP = 5.0  # deviations of the noise: a snap-in that shows between which samples it lies
+SNAP_SHIFTS = (-3, -2, -1, 0, 1, 2, 3)
+SNAP_ITERATIONS = 6
+MAX_SNAP_MOVES = 5
+CLEAR_SNAP_DEVIATIONS = (
+    5.0  # deviations of the noise: a snap-in that shows between which samples it lies
+)
 
 
-class Refused(Exception):
+class FitRejected(Exception):
     """A curve that tells nothing of the parameters; the message says why."""
 
 
@@ -78,28 +87,33 @@ class Samples:
     def __len__(self) -> int:
         return len(self.x)
 
-    def where(self, chosen: np.ndarray) -> Samples:
+    def select(self, selected: np.ndarray) -> Samples:
         """Some of the samples."""
         return Samples(
-            self.x[chosen], self.force[chosen], None if self.t is None else self.t[chosen]
+            self.x[selected], self.force[selected], None if self.t is None else self.t[selected]
         )
 
-    def means(self, most: int) -> Samples:
+    def block_means(self, max_count: int) -> Samples:
         """Means of blocks of neighbours, so many at most."""
-        if len(self) <= most:
+        if len(self) <= max_count:
             return self
-        size = math.ceil(len(self) / most)
-        first = (
-            len(self) % size
+        block_size = math.ceil(len(self) / max_count)
+        remainder = (
+            len(self) % block_size
         )  # at equal times they stay so: what is left over goes with the baseline
-        x, force = (one[first:].reshape(-1, size).mean(axis=1) for one in (self.x, self.force))
+        x, force = (
+            column[remainder:].reshape(-1, block_size).mean(axis=1)
+            for column in (self.x, self.force)
+        )
         return Samples(
-            x, force, None if self.t is None else self.t[first:].reshape(-1, size).mean(axis=1)
+            x,
+            force,
+            None if self.t is None else self.t[remainder:].reshape(-1, block_size).mean(axis=1),
         )
 
 
 @dataclass(frozen=True)
-class Origin:
+class OriginOptions:
     """Whether contact point and slope of the baseline are fitted: a number is a contact point that
     is known.
     """
@@ -109,93 +123,101 @@ class Origin:
 
 
 @dataclass(frozen=True)
-class Model:
+class CurveModel:
     """Forces of a scene on a baseline, of the parameters [theta..., c, b0, b1] (p,), at some
     samples.
 
     held: coordinates that are not fitted.
     """
 
-    forces: SceneForces
+    forward_model: ForwardModel
     samples: Samples
-    origin: Origin = field(default_factory=Origin)
-    held: frozenset[int] = frozenset()
+    origin: OriginOptions = field(default_factory=OriginOptions)
+    fixed: frozenset[int] = frozenset()
 
     @property
-    def size(self) -> int:
+    def coordinate_count(self) -> int:
         """How many coordinates theta the forces have."""
-        return len(self.forces.parameters)
+        return len(self.forward_model.parameters)
 
     @cached_property
-    def _slope(self) -> np.ndarray:
+    def _baseline_coordinate(self) -> np.ndarray:
         x = self.samples.x
         return (x - x.mean()) / max(float(np.ptp(x)), 1e-300)
 
     @property
-    def free(self) -> np.ndarray:
+    def is_free(self) -> np.ndarray:
         """Which parameters are fitted (p,)."""
-        free = np.ones(self.size + 3, dtype=bool)
-        free[self.size] = self.origin.contact_point is None
-        free[-1] = self.origin.has_slope
-        free[list(self.held)] = False
-        return free
+        is_free = np.ones(self.coordinate_count + 3, dtype=bool)
+        is_free[self.coordinate_count] = self.origin.contact_point is None
+        is_free[-1] = self.origin.has_slope
+        is_free[list(self.fixed)] = False
+        return is_free
 
-    def contact(self, p: np.ndarray) -> np.ndarray:
+    def contact_force(self, p: np.ndarray) -> np.ndarray:
         """The forces without the baseline."""
-        theta = p[: self.size]
-        c = p[self.size]
-        return self.forces(theta, self.samples.x - c, self.samples.t)
+        theta = p[: self.coordinate_count]
+        c = p[self.coordinate_count]
+        return self.forward_model(theta, self.samples.x - c, self.samples.t)
 
     def baseline(self, p: np.ndarray) -> np.ndarray:
         """b0 + b1 (x - mean)/range."""
-        return p[-2] + p[-1] * self._slope
+        return p[-2] + p[-1] * self._baseline_coordinate
 
     def residual(self, p: np.ndarray) -> np.ndarray:
         """Measured less modelled forces (n,)."""
-        return self.samples.force - self.baseline(p) - self.contact(p)
+        return self.samples.force - self.baseline(p) - self.contact_force(p)
 
     def jacobian(self, p: np.ndarray) -> np.ndarray:
         """Derivatives of the modelled forces by all parameters (n, p), by central differences."""
-        columns = [self._along(p, k, 1e-4) for k in range(self.size)]
-        columns.append(self._along(p, self.size, 1e-5 * self.forces.deepest))
-        columns[-1] = np.where(self._snaps(p, 1e-5 * self.forces.deepest), 0.0, columns[-1])
-        J = np.column_stack([*columns, np.ones(len(self.samples)), self._slope])
-        return J * self.free
+        columns = [self._derivative(p, k, 1e-4) for k in range(self.coordinate_count)]
+        columns.append(
+            self._derivative(p, self.coordinate_count, 1e-5 * self.forward_model.max_depth)
+        )
+        columns[-1] = np.where(
+            self._is_near_snap(p, 1e-5 * self.forward_model.max_depth), 0.0, columns[-1]
+        )
+        J = np.column_stack([*columns, np.ones(len(self.samples)), self._baseline_coordinate])
+        return J * self.is_free
 
-    def _along(self, p: np.ndarray, k: int, h: float) -> np.ndarray:
+    def _derivative(self, p: np.ndarray, k: int, h: float) -> np.ndarray:
         step = np.zeros(len(p))
         step[k] = h
-        low = self._inside(p - step)
-        high = self._inside(p + step)
-        return (self.contact(high) - self.contact(low)) / max(high[k] - low[k], 1e-300)
+        low = self._clip_to_bounds(p - step)
+        high = self._clip_to_bounds(p + step)
+        return (self.contact_force(high) - self.contact_force(low)) / max(high[k] - low[k], 1e-300)
 
-    def _snaps(self, p: np.ndarray, h: float) -> np.ndarray:
+    def _is_near_snap(self, p: np.ndarray, h: float) -> np.ndarray:
         """Which samples lie as near to where a tip snaps in: no derivative knows of that."""
-        return self.forces.adheres & (np.abs(self.samples.x - p[self.size]) <= h)  # type: ignore[no-any-return]
+        return self.forward_model.has_adhesion & (
+            np.abs(self.samples.x - p[self.coordinate_count]) <= h
+        )  # type: ignore[no-any-return]
 
     @property
-    def spacing(self) -> float:
+    def sample_spacing(self) -> float:
         """The distance of samples [length]."""
         return float(np.median(np.abs(np.diff(self.samples.x))))
 
-    def _inside(self, p: np.ndarray) -> np.ndarray:
+    def _clip_to_bounds(self, p: np.ndarray) -> np.ndarray:
         """The parameters, none beyond its bounds."""
-        low, high = self.forces.bounds
-        return np.concatenate([np.clip(p[: self.size], low, high), p[self.size :]])
+        low, high = self.forward_model.bounds
+        return np.concatenate(
+            [np.clip(p[: self.coordinate_count], low, high), p[self.coordinate_count :]]
+        )
 
-    def fitted(
-        self, p: np.ndarray, noise: Noise = WHITE, rounds: int = FIT_ROUNDS
+    def least_squares(
+        self, p: np.ndarray, noise: Noise = WHITE, rounds: int = MAX_FIT_ITERATIONS
     ) -> tuple[np.ndarray, float]:
         """The least squares of the residuals in a noise from these parameters on, by
         Levenberg-Marquardt.
         """
-        p = self._inside(p)
+        p = self._clip_to_bounds(p)
         damping = 1e-3
         r = self.residual(p)
         J = self.jacobian(p)
-        size = _norm(r, noise)
+        squares = _weighted_squares(r, noise)
         for _ in range(rounds):
-            VJ = noise.whitened(J)[0]
+            VJ = noise.apply_inverse_covariance(J)[0]
             A = J.T @ VJ
             g = VJ.T @ r
             if not (np.isfinite(A).all() and np.isfinite(g).all()):
@@ -203,42 +225,42 @@ class Model:
             scale = np.sqrt(np.where(np.diag(A) > 0, np.diag(A), 1.0))
             A = A / np.outer(scale, scale)
             g = g / scale
-            done = True
+            is_converged = True
             for _ in range(8):
                 step = np.linalg.solve(A + damping * np.eye(len(g)), g) / scale
-                new = self._inside(p + self._shortened(step))
+                new_p = self._clip_to_bounds(p + self._limit_step(step))
                 try:
-                    r_new = self.residual(new)
-                    smaller = _norm(r_new, noise)
-                except NoTable:
-                    smaller = math.inf
-                if smaller < size:
-                    done = size - smaller < SETTLED_SQUARES * size
-                    p = new
+                    r_new = self.residual(new_p)
+                    new_squares = _weighted_squares(r_new, noise)
+                except ForwardModelUnavailable:
+                    new_squares = math.inf
+                if new_squares < squares:
+                    is_converged = squares - new_squares < SQUARES_TOLERANCE * squares
+                    p = new_p
                     r = r_new
-                    size = smaller
+                    squares = new_squares
                     damping = max(0.2 * damping, 1e-9)
                     break
                 damping *= 6.0
-            if done:
+            if is_converged:
                 break
             J = self.jacobian(p)
-        return p, size
+        return p, squares
 
-    def _shortened(self, step: np.ndarray) -> np.ndarray:
+    def _limit_step(self, step: np.ndarray) -> np.ndarray:
         depth = max(float(np.ptp(self.samples.x)), 1e-300)
         longest = max(
             [
-                *np.abs(step[: self.size]) / LARGEST_STEP,
-                abs(step[self.size]) / (LARGEST_SHIFT * depth),
+                *np.abs(step[: self.coordinate_count]) / MAX_STEP,
+                abs(step[self.coordinate_count]) / (MAX_CONTACT_SHIFT * depth),
                 1.0,
             ]
         )
         return step / longest
 
 
-def _norm(r: np.ndarray, noise: Noise) -> float:
-    value = float(r @ noise.whitened(r)[0])
+def _weighted_squares(r: np.ndarray, noise: Noise) -> float:
+    value = float(r @ noise.apply_inverse_covariance(r)[0])
     return value if math.isfinite(value) else math.inf
 
 
@@ -250,21 +272,21 @@ class Estimate:
     profiles: intervals of coordinates that are too wide for a parabola.
     """
 
-    model: Model
+    model: CurveModel
     p: np.ndarray
-    ordinary: np.ndarray
-    found: Averaged
+    ordinary_p: np.ndarray
+    uncertainty: ParameterUncertainty
     profiles: dict[int, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def theta(self) -> np.ndarray:
         """The coordinates of the varied keys."""
-        return self.p[: self.model.size]
+        return self.p[: self.model.coordinate_count]
 
     @property
     def contact_point(self) -> float:
         """x at first touch [length]."""
-        return float(self.p[self.model.size])
+        return float(self.p[self.model.coordinate_count])
 
     @property
     def depth(self) -> float:
@@ -282,282 +304,323 @@ class Estimate:
         return float(np.sqrt(np.mean(self.residual**2)))
 
     @property
-    def rise(self) -> float:
+    def max_force(self) -> float:
         """The largest fitted force of the contact [force]."""
-        return float(np.abs(self.model.contact(self.p)).max())
+        return float(np.abs(self.model.contact_force(self.p)).max())
 
     @property
     def sd(self) -> np.ndarray:
         """Standard deviations of the parameters."""
-        return self.found.sd
+        return self.uncertainty.sd
 
     def interval(self, k: int) -> tuple[float, float]:
         """The 95 % interval of a varied key's coordinate, within its bounds."""
-        low, high = self.model.forces.parameters[k].bounds
-        half = NORMAL_95 * float(self.sd[k])
-        begin, end = self.profiles.get(
-            k, (float(self.theta[k]) - half, float(self.theta[k]) + half)
+        low, high = self.model.forward_model.parameters[k].bounds
+        half_width = NORMAL_95 * float(self.sd[k])
+        lower, upper = self.profiles.get(
+            k, (float(self.theta[k]) - half_width, float(self.theta[k]) + half_width)
         )
-        return max(low, begin), min(high, end)
+        return max(low, lower), min(high, upper)
 
-    def at_bound(self, k: int) -> bool:
+    def is_at_bound(self, k: int) -> bool:
         """Whether a varied key ended at a bound of its range."""
-        low, high = self.model.forces.parameters[k].bounds
+        low, high = self.model.forward_model.parameters[k].bounds
         value = float(self.theta[k])
-        return min(value - low, high - value) < AT_BOUND
+        return min(value - low, high - value) < BOUND_TOLERANCE
 
 
-def estimated(model: Model, start: np.ndarray) -> Estimate:
+def estimate_parameters(model: CurveModel, initial_p: np.ndarray) -> Estimate:
     """The estimate of a model from these parameters on."""
-    ordinary = _beside_snaps(model, model.fitted(start)[0])
-    found = averaged_at(model, ordinary)
-    if found.likeliest == WHITE:
-        return Estimate(model, ordinary, ordinary, found)
-    general, _ = model.fitted(ordinary, found.likeliest)
-    if _rms(model, general) > WORSE * _rms(model, ordinary):
-        return Estimate(model, ordinary, ordinary, found)
-    return Estimate(model, general, ordinary, averaged_at(model, general))
+    ordinary_p = _search_contact_point(model, model.least_squares(initial_p)[0])
+    uncertainty = uncertainty_at(model, ordinary_p)
+    if uncertainty.likeliest_noise == WHITE:
+        return Estimate(model, ordinary_p, ordinary_p, uncertainty)
+    weighted_p, _ = model.least_squares(ordinary_p, uncertainty.likeliest_noise)
+    if _rms_residual(model, weighted_p) > MAX_RMS_RATIO * _rms_residual(model, ordinary_p):
+        return Estimate(model, ordinary_p, ordinary_p, uncertainty)
+    return Estimate(model, weighted_p, ordinary_p, uncertainty_at(model, weighted_p))
 
 
-def _beside_snaps(model: Model, p: np.ndarray) -> np.ndarray:
+def _search_contact_point(model: CurveModel, p: np.ndarray) -> np.ndarray:
     """The parameters with the contact point between the samples where it leaves least: a tip that
     snaps in makes the sum of squares jump at each of them, and descents end there.
     """
-    if not model.forces.adheres or model.origin.contact_point is not None:
+    if not model.forward_model.has_adhesion or model.origin.contact_point is not None:
         return p
-    held = replace(model, held=model.held | {model.size})
-    size = math.inf
-    for _ in range(MOST_SNAPS):
-        moved = [p + shift * model.spacing * np.eye(len(p))[model.size] for shift in SNAPS]
-        best, least = min(
-            (held.fitted(one, rounds=SNAP_ROUNDS) for one in moved), key=lambda found: found[1]
+    fixed_model = replace(model, fixed=model.fixed | {model.coordinate_count})
+    squares = math.inf
+    for _ in range(MAX_SNAP_MOVES):
+        trials = [
+            p + shift * model.sample_spacing * np.eye(len(p))[model.coordinate_count]
+            for shift in SNAP_SHIFTS
+        ]
+        best_p, smallest_squares = min(
+            (fixed_model.least_squares(trial, rounds=SNAP_ITERATIONS) for trial in trials),
+            key=lambda found: found[1],
         )
-        if least >= size * (1 - SETTLED_SQUARES):
+        if smallest_squares >= squares * (1 - SQUARES_TOLERANCE):
             break
-        p, size = model.fitted(best)
+        p, squares = model.least_squares(best_p)
     return p
 
 
-def averaged_at(model: Model, p: np.ndarray, noises: list[Noise] | None = None) -> Averaged:
+def uncertainty_at(
+    model: CurveModel, p: np.ndarray, noises: list[Noise] | None = None
+) -> ParameterUncertainty:
     """What the residuals at these parameters say of the fitted ones; of those that are known
     nothing varies.
     """
-    free = model.free
-    found = averaged(model.jacobian(p)[:, free], model.residual(p), noises)
-    covariance = np.zeros((len(free), len(free)))
-    step = np.zeros(len(free))
-    covariance[np.ix_(free, free)] = found.covariance
-    step[free] = found.step
-    return replace(found, covariance=_beside_snap(covariance, model, p, found.s2), step=step)
+    is_free = model.is_free
+    uncertainty = average_over_noise(model.jacobian(p)[:, is_free], model.residual(p), noises)
+    covariance = np.zeros((len(is_free), len(is_free)))
+    step = np.zeros(len(is_free))
+    covariance[np.ix_(is_free, is_free)] = uncertainty.covariance
+    step[is_free] = uncertainty.step
+    return replace(
+        uncertainty,
+        covariance=_limit_contact_point_variance(covariance, model, p, uncertainty.s2),
+        step=step,
+    )
 
 
-def _beside_snap(covariance: np.ndarray, model: Model, p: np.ndarray, s2: float) -> np.ndarray:
+def _limit_contact_point_variance(
+    covariance: np.ndarray, model: CurveModel, p: np.ndarray, s2: float
+) -> np.ndarray:
     """The covariance where a tip snaps in and tells the contact point to a sample's distance d:
     deviation d/sqrt(3), since the least squares end at either of two samples.
     """
-    if not model.free[model.size] or _snap_of(model, p) < CLEAR_SNAP * math.sqrt(s2):
+    if not model.is_free[model.coordinate_count] or _snap_in_force(
+        model, p
+    ) < CLEAR_SNAP_DEVIATIONS * math.sqrt(s2):
         return covariance
-    along = covariance[model.size]
-    return covariance - np.outer(along, along) / (model.spacing**2 / 3.0 + along[model.size])
+    contact_column = covariance[model.coordinate_count]
+    return covariance - np.outer(contact_column, contact_column) / (
+        model.sample_spacing**2 / 3.0 + contact_column[model.coordinate_count]
+    )
 
 
-def _snap_of(model: Model, p: np.ndarray) -> float:
+def _snap_in_force(model: CurveModel, p: np.ndarray) -> float:
     """The force with which a tip snaps in [force]; 0 of one that does not adhere."""
-    if not model.forces.adheres:
+    if not model.forward_model.has_adhesion:
         return 0.0
-    theta = p[: model.size]
-    touch = np.array([0.0])
-    return abs(float(model.forces.rigid(theta)(touch)[0]))
+    theta = p[: model.coordinate_count]
+    zero_depth = np.array([0.0])
+    return abs(float(model.forward_model.force_without_spring(theta)(zero_depth)[0]))
 
 
-def deviation(estimate: Estimate, k: int, known: Sequence[int] = ()) -> float:
+def standard_deviation(estimate: Estimate, k: int, fixed: Sequence[int] = ()) -> float:
     """Standard deviation of a coordinate in the likeliest noise, s sqrt((J'V^-1 J)^-1_kk); infinite
     where nothing depends on it. known: the varied keys that are not fitted beside it.
     """
-    model = replace(estimate.model, held=estimate.model.held | set(known))
-    free = model.free
-    noise = estimate.found.likeliest
+    model = replace(estimate.model, fixed=estimate.model.fixed | set(fixed))
+    is_free = model.is_free
+    noise = estimate.uncertainty.likeliest_noise
     J = model.jacobian(estimate.p)
     scale = np.sqrt((J * J).sum(axis=0))
     if not scale[k] > 0:
-        return math.inf if free[k] else 0.0
-    J = J[:, free] / np.where(scale > 0, scale, 1.0)[free]
-    inverted, _ = inverse(J.T @ noise.whitened(J)[0])
-    covariance = np.zeros((len(free), len(free)))
-    covariance[np.ix_(free, free)] = (
-        estimate.found.s2 * inverted / np.outer(scale[free], scale[free])
+        return math.inf if is_free[k] else 0.0
+    J = J[:, is_free] / np.where(scale > 0, scale, 1.0)[is_free]
+    inverted, _ = symmetric_inverse(J.T @ noise.apply_inverse_covariance(J)[0])
+    covariance = np.zeros((len(is_free), len(is_free)))
+    covariance[np.ix_(is_free, is_free)] = (
+        estimate.uncertainty.s2 * inverted / np.outer(scale[is_free], scale[is_free])
     )
     return math.sqrt(
-        max(float(_beside_snap(covariance, model, estimate.p, estimate.found.s2)[k, k]), 0.0)
+        max(
+            float(
+                _limit_contact_point_variance(
+                    covariance, model, estimate.p, estimate.uncertainty.s2
+                )[k, k]
+            ),
+            0.0,
+        )
     )
 
 
-def _rms(model: Model, p: np.ndarray) -> float:
+def _rms_residual(model: CurveModel, p: np.ndarray) -> float:
     return float(np.sqrt(np.mean(model.residual(p) ** 2)))
 
 
-def refuse_hopeless(samples: Samples) -> None:
+def reject_without_signal(samples: Samples) -> None:
     """Refused for a curve that no scene is worth fitting to."""
     n = len(samples)
     force = samples.force
-    if n < FEWEST_POINTS:
-        raise Refused(f"{n} points" if n != 1 else "1 point")
+    if n < MIN_POINTS:
+        raise FitRejected(f"{n} points" if n != 1 else "1 point")
     for name, values in (("depth", samples.x), ("force", force)):
         if not np.ptp(values) > 0:
-            raise Refused(f"no contact: the {name} does not change")
-    most = int(np.count_nonzero(force >= force.max() - 1e-12 * np.ptp(force)))
-    if most > max(SATURATED_SHARE * n, MOST_SATURATED):
-        raise Refused(f"saturated: {most} points at the largest force")
-    block = n / BLOCKS
-    means = samples.means(BLOCKS).force
+            raise FitRejected(f"no contact: the {name} does not change")
+    saturated_count = int(np.count_nonzero(force >= force.max() - 1e-12 * np.ptp(force)))
+    if saturated_count > max(SATURATED_FRACTION * n, MAX_SATURATED):
+        raise FitRejected(f"saturated: {saturated_count} points at the largest force")
+    block_size = n / SIGNAL_BLOCKS
+    block_means = samples.block_means(SIGNAL_BLOCKS).force
     noise = 1.48 * float(np.median(np.abs(np.diff(force)))) / math.sqrt(2.0)
-    if np.ptp(means) < 3.0 * noise + 6.0 * noise / math.sqrt(block):
-        raise Refused("no contact: the force does not rise above its noise")
+    if np.ptp(block_means) < 3.0 * noise + 6.0 * noise / math.sqrt(block_size):
+        raise FitRejected("no contact: the force does not rise above its noise")
 
 
-def beginnings(forces: SceneForces, samples: Samples, origin: Origin) -> list[np.ndarray]:
+def initial_guesses(
+    forward_model: ForwardModel, samples: Samples, origin: OriginOptions
+) -> list[np.ndarray]:
     """Parameters from which a fit may begin, the likeliest first: contact points and coordinates
     that are tried, with the baseline and the size of the force solved for.
     """
-    few = samples.means(MOST_PILOT)
-    wanted = (
-        np.percentile(few.x, np.linspace(*CONTACT_PERCENTILES, CONTACTS))
+    pilot = samples.block_means(MAX_PILOT_SAMPLES)
+    percentiles = (
+        np.percentile(pilot.x, np.linspace(*CONTACT_PERCENTILES, CONTACT_CANDIDATES))
         if origin.contact_point is None
         else []
     )
-    contacts = [origin.contact_point] if origin.contact_point is not None else list(wanted)
-    softness = forces.experiment.compliance
-    depth = few.x - softness * (few.force - far_level(few))
-    found = [_begun(forces, theta, few, depth, contacts, origin) for theta in _tried(forces)]
-    ordered = sorted((one for one in found if one), key=lambda one: one[0])
-    return [p for _, p in ordered[:BEGINNINGS]]
+    contact_points = (
+        [origin.contact_point] if origin.contact_point is not None else list(percentiles)
+    )
+    compliance = forward_model.experiment.compliance
+    depth = pilot.x - compliance * (pilot.force - baseline_level(pilot))
+    guesses = [
+        _best_contact_point(forward_model, theta, pilot, depth, contact_points, origin)
+        for theta in _trial_coordinates(forward_model)
+    ]
+    ordered = sorted((guess for guess in guesses if guess), key=lambda guess: guess[0])
+    return [p for _, p in ordered[:MAX_INITIAL_GUESSES]]
 
 
-def far_level(samples: Samples) -> float:
+def baseline_level(samples: Samples) -> float:
     """The force of the tenth of the samples that is farthest from the body."""
-    far = np.argsort(samples.x, kind="stable")[: max(3, len(samples) // 10)]
-    return float(np.median(samples.force[far]))
+    far_samples = np.argsort(samples.x, kind="stable")[: max(3, len(samples) // 10)]
+    return float(np.median(samples.force[far_samples]))
 
 
-def _tried(forces: SceneForces) -> list[np.ndarray]:
+def _trial_coordinates(forward_model: ForwardModel) -> list[np.ndarray]:
     """The scene's own coordinates, and those with one of the shape's or the experiment's moved."""
-    start = forces.start
-    tried = [start]
-    for k, one in enumerate(forces.parameters):
-        if one.role != "scale":
-            for offset in (LINEAR_OFFSETS if one.is_linear else OFFSETS)[1:]:
-                moved = start.copy()
-                moved[k] = float(np.clip(start[k] + offset, *one.bounds))
-                tried.append(moved)
-    return tried
+    initial = forward_model.initial_coordinates
+    trials = [initial]
+    for k, parameter in enumerate(forward_model.parameters):
+        if parameter.role != "scale":
+            for offset in (LINEAR_START_OFFSETS if parameter.is_linear else START_OFFSETS)[1:]:
+                trial = initial.copy()
+                trial[k] = float(np.clip(initial[k] + offset, *parameter.bounds))
+                trials.append(trial)
+    return trials
 
 
-def _begun(
-    forces: SceneForces,
+def _best_contact_point(
+    forward_model: ForwardModel,
     theta: np.ndarray,
-    few: Samples,
+    pilot: Samples,
     depth: np.ndarray,
-    contacts: Sequence[float],
-    origin: Origin,
+    contact_points: Sequence[float],
+    origin: OriginOptions,
 ) -> tuple[float, np.ndarray] | None:
     """The best contact point for some coordinates, as (residual, parameters); None where there is
     none.
     """
     best: tuple[float, np.ndarray] | None = None
-    line = (few.x - few.x.mean()) / max(float(np.ptp(few.x)), 1e-300)
-    scaling = forces.scaling
+    baseline_coordinate = (pilot.x - pilot.x.mean()) / max(float(np.ptp(pilot.x)), 1e-300)
+    scale_index = forward_model.scale_index
     try:
-        of = forces.rigid(theta)
-    except NoTable:
+        force_at_depth = forward_model.force_without_spring(theta)
+    except ForwardModelUnavailable:
         return None
-    for c in contacts:
-        f = of(depth - c)
+    for c in contact_points:
+        f = force_at_depth(depth - c)
         if not np.any(f):
             continue
-        columns = [np.ones(len(f)), *([line] if origin.has_slope else [])]
-        known = [*columns, f] if scaling is not None else columns
-        right = few.force if scaling is not None else few.force - f
-        solution, *_ = np.linalg.lstsq(np.column_stack(known), right, rcond=None)
-        amplitude = float(solution[-1]) if scaling is not None else 1.0
-        left = float(np.sum((right - np.column_stack(known) @ solution) ** 2))
-        if amplitude > 0 and (best is None or left < best[0]):
-            moved = theta.copy()
-            if scaling is not None:
-                moved[scaling] += math.log(amplitude)
+        columns = [np.ones(len(f)), *([baseline_coordinate] if origin.has_slope else [])]
+        all_columns = [*columns, f] if scale_index is not None else columns
+        target = pilot.force if scale_index is not None else pilot.force - f
+        solution, *_ = np.linalg.lstsq(np.column_stack(all_columns), target, rcond=None)
+        amplitude = float(solution[-1]) if scale_index is not None else 1.0
+        squares = float(np.sum((target - np.column_stack(all_columns) @ solution) ** 2))
+        if amplitude > 0 and (best is None or squares < best[0]):
+            coordinates = theta.copy()
+            if scale_index is not None:
+                coordinates[scale_index] += math.log(amplitude)
             slope = float(solution[1]) if origin.has_slope else 0.0
-            best = left, np.array([*moved, c, float(solution[0]), slope])
+            best = squares, np.array([*coordinates, c, float(solution[0]), slope])
     return best
 
 
-def fit(
-    forces: SceneForces, samples: Samples, origin: Origin, near: Estimate | None = None
+def fit_model(
+    forward_model: ForwardModel,
+    samples: Samples,
+    origin: OriginOptions,
+    near: Estimate | None = None,
 ) -> Estimate:
     """The best estimate of a scene's parameters on a curve; Refused with the reason where it tells
     nothing of them.
 
     near: an estimate of almost the same forces on this curve, from which alone the fit begins.
     """
-    few = Model(forces, samples.means(MOST_PILOT), origin)
-    starts = (
-        beginnings(forces, samples, origin) if near is None else [rebased(near.model, few, near.p)]
+    pilot_model = CurveModel(forward_model, samples.block_means(MAX_PILOT_SAMPLES), origin)
+    guesses = (
+        initial_guesses(forward_model, samples, origin)
+        if near is None
+        else [convert_baseline(near.model, pilot_model, near.p)]
     )
-    if not starts:
-        other = Samples(samples.x, -samples.force, samples.t)
-        turned = (
+    if not guesses:
+        negated_samples = Samples(samples.x, -samples.force, samples.t)
+        sign_hint = (
             " (it falls: one that pushes in counts > 0)"
-            if beginnings(forces, other, origin)
+            if initial_guesses(forward_model, negated_samples, origin)
             else ""
         )
-        raise Refused(f"no contact: the force does not rise with the depth{turned}")
-    followed = [_followed(few, start) for start in starts]
-    best = min((one for one in followed if one), key=lambda one: one[1], default=None)
+        raise FitRejected(f"no contact: the force does not rise with the depth{sign_hint}")
+    solutions = [_try_least_squares(pilot_model, start) for start in guesses]
+    best = min(
+        (solution for solution in solutions if solution),
+        key=lambda solution: solution[1],
+        default=None,
+    )
     if best is None:
-        raise Refused("no contact: no fit was found")
-    close = nearby(samples, float(best[0][len(forces.parameters)]))
-    if len(close) < FEWEST_POINTS:
-        raise Refused(f"no contact: {len(close)} points in contact")
-    model = Model(forces, close, origin)
-    estimate = estimated(model, rebased(few, model, best[0]))
-    _refuse_weak(estimate)
+        raise FitRejected("no contact: no fit was found")
+    near_samples = samples_near_contact(samples, float(best[0][len(forward_model.parameters)]))
+    if len(near_samples) < MIN_POINTS:
+        raise FitRejected(f"no contact: {len(near_samples)} points in contact")
+    model = CurveModel(forward_model, near_samples, origin)
+    estimate = estimate_parameters(model, convert_baseline(pilot_model, model, best[0]))
+    _reject_weak_signal(estimate)
     return estimate
 
 
-def _followed(model: Model, start: np.ndarray) -> tuple[np.ndarray, float] | None:
+def _try_least_squares(model: CurveModel, initial_p: np.ndarray) -> tuple[np.ndarray, float] | None:
     try:
-        return model.fitted(start)
-    except (NoTable, ValueError, np.linalg.LinAlgError):
+        return model.least_squares(initial_p)
+    except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
         return None
 
 
-def nearby(samples: Samples, c: float) -> Samples:
+def samples_near_contact(samples: Samples, contact_point: float) -> Samples:
     """The samples in contact and beside it; a long baseline would drown the contact and fit its own
     waves.
     """
-    depth = float(samples.x.max()) - c
+    depth = float(samples.x.max()) - contact_point
     span = float(np.ptp(samples.x))
-    return samples.where(samples.x > c - max(BASELINE_KEPT * depth, LEAST_BASELINE * span)).means(
-        MOST_MEANS
-    )
+    return samples.select(
+        samples.x > contact_point - max(MAX_BASELINE_DEPTHS * depth, MIN_BASELINE_FRACTION * span)
+    ).block_means(MAX_SAMPLES)
 
 
-def rebased(old: Model, new: Model, p: np.ndarray) -> np.ndarray:
+def convert_baseline(old: CurveModel, new: CurveModel, p: np.ndarray) -> np.ndarray:
     """The same line of the baseline in the mean and range of other samples."""
-    span = float(np.ptp(old.samples.x))
-    spans = float(np.ptp(new.samples.x))
-    slope = p[-1] / max(span, 1e-300)
+    old_range = float(np.ptp(old.samples.x))
+    new_range = float(np.ptp(new.samples.x))
+    slope = p[-1] / max(old_range, 1e-300)
     level = p[-2] + slope * (float(new.samples.x.mean()) - float(old.samples.x.mean()))
-    return np.array([*p[:-2], level, slope * spans])
+    return np.array([*p[:-2], level, slope * new_range])
 
 
-def _refuse_weak(estimate: Estimate) -> None:
-    within = int(np.count_nonzero(estimate.model.samples.x > estimate.contact_point))
-    if within < FEWEST_PUSHING:
-        raise Refused(f"no contact: {within} points in contact")
-    if estimate.rise < LEAST_RISE * estimate.rms:
-        raise Refused("no contact: the force does not rise above its noise")
-    for k, one in enumerate(estimate.model.forces.parameters):
+def _reject_weak_signal(estimate: Estimate) -> None:
+    contact_count = int(np.count_nonzero(estimate.model.samples.x > estimate.contact_point))
+    if contact_count < MIN_CONTACT_POINTS:
+        raise FitRejected(f"no contact: {contact_count} points in contact")
+    if estimate.max_force < MIN_SIGNAL_TO_NOISE * estimate.rms:
+        raise FitRejected("no contact: the force does not rise above its noise")
+    for k, parameter in enumerate(estimate.model.forward_model.parameters):
         factor = (
-            math.exp(min(NORMAL_95 * float(estimate.sd[k]), 100.0)) if one.role == "scale" else 1.0
+            math.exp(min(NORMAL_95 * float(estimate.sd[k]), 100.0))
+            if parameter.role == "scale"
+            else 1.0
         )
-        if factor > WORST_FACTOR:
-            raise Refused(f"{one.key} is known to a factor of {factor:.2g} only")
+        if factor > MAX_UNCERTAINTY_FACTOR:
+            raise FitRejected(f"{parameter.key} is known to a factor of {factor:.2g} only")

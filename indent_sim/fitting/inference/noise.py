@@ -23,10 +23,10 @@ import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import lfilter
 
-WHITE_SHARES = (0.0003, 0.05, 0.25, 0.5, 0.8, 0.95)
-LONGEST_SHARE = 0.25  # of the samples: the longest correlation that n of them tell of
+WHITE_FRACTIONS = (0.0003, 0.05, 0.25, 0.5, 0.8, 0.95)
+MAX_TAU_FRACTION = 0.25  # of the samples: the longest correlation that n of them tell of
 WHITE_WEIGHT = 54  # nodes that noise without correlation counts for
-LEAST_WEIGHT = 1e-9  # of the largest weight: less is left out
+MIN_WEIGHT = 1e-9  # of the largest weight: less is left out
 NORMAL_95 = 1.96
 
 
@@ -53,7 +53,7 @@ class Noise:
         band[1, 0] = band[1, -1] = 1.0
         return band / (1.0 - rho * rho)
 
-    def whitened(self, X: np.ndarray) -> tuple[np.ndarray, float]:
+    def apply_inverse_covariance(self, X: np.ndarray) -> tuple[np.ndarray, float]:
         """V^-1 X, of columns (n, m) or one (n,), and ln|V|."""
         n = len(X)
         if not self.tau or n < 2:
@@ -63,16 +63,16 @@ class Noise:
         mixed[1] += 1.0 - self.w
         factor = cholesky_banded(mixed)
         Y = cho_solve_banded((factor, False), X)
-        off = T[0, 1:]
-        on = T[1]
-        side = (slice(None), None) if X.ndim == 2 else (slice(None),)
-        Z = on[side] * Y
-        Z[:-1] += off[side] * Y[1:]
-        Z[1:] += off[side] * Y[:-1]
+        off_diagonal = T[0, 1:]
+        diagonal = T[1]
+        rows = (slice(None), None) if X.ndim == 2 else (slice(None),)
+        Z = diagonal[rows] * Y
+        Z[:-1] += off_diagonal[rows] * Y[1:]
+        Z[1:] += off_diagonal[rows] * Y[:-1]
         log_T = -(n - 1) * math.log1p(-(self.rho**2))
         return Z, 2.0 * float(np.log(factor[1]).sum()) - log_T
 
-    def times(self, X: np.ndarray) -> np.ndarray:
+    def apply_covariance(self, X: np.ndarray) -> np.ndarray:
         """V X of columns (n, m)."""
         if not self.tau:
             return X
@@ -82,7 +82,7 @@ class Noise:
         return self.w * X + (1.0 - self.w) * (forward + backward - X)
 
     @property
-    def samples(self) -> float:
+    def integrated_correlation_time(self) -> float:
         """Samples that count as one: w + (1 - w) (1 + rho)/(1 - rho)."""
         return self.w + (1.0 - self.w) * (1.0 + self.rho) / (1.0 - self.rho)
 
@@ -91,13 +91,13 @@ WHITE = Noise()
 
 
 @dataclass(frozen=True)
-class Averaged:
+class ParameterUncertainty:
     """What residuals say of a linear model: the likeliest noise and its variance s2, the covariance
     (p, p) of the parameters averaged over all noises, and their mean step (p,) from where the
     model was linearised.
     """
 
-    likeliest: Noise
+    likeliest_noise: Noise
     s2: float
     covariance: np.ndarray
     step: np.ndarray
@@ -108,13 +108,15 @@ class Averaged:
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
 
-def grid(n: int) -> list[Noise]:
+def noise_grid(n: int) -> list[Noise]:
     """White noise, and all noises that n samples can tell of."""
-    taus = [2.0**k for k in range(30) if 2.0**k <= LONGEST_SHARE * n]
-    return [WHITE, *(Noise(tau, w) for tau in taus for w in WHITE_SHARES)]
+    taus = [2.0**k for k in range(30) if 2.0**k <= MAX_TAU_FRACTION * n]
+    return [WHITE, *(Noise(tau, w) for tau in taus for w in WHITE_FRACTIONS)]
 
 
-def averaged(J: np.ndarray, r: np.ndarray, noises: list[Noise] | None = None) -> Averaged:
+def average_over_noise(
+    J: np.ndarray, r: np.ndarray, noises: list[Noise] | None = None
+) -> ParameterUncertainty:
     """The covariance of the parameters of r = J p + noise, by all noises with their likelihoods.
 
     J (n, p) and r (n,). A parameter on which nothing depends has an infinite variance.
@@ -123,38 +125,40 @@ def averaged(J: np.ndarray, r: np.ndarray, noises: list[Noise] | None = None) ->
     scale = np.sqrt((J * J).sum(axis=0))
     scale = np.where(scale > 0, scale, 1.0)
     X = np.column_stack([J / scale, r])
-    noises = grid(n) if noises is None else noises
-    found = [_under(noise, X, n - p) for noise in noises]
-    logs = np.array([one[0] for one in found])
-    logs[0] += math.log(WHITE_WEIGHT if len(noises) > 1 else 1)
-    weights = np.exp(logs - logs.max())
+    noises = noise_grid(n) if noises is None else noises
+    results = [_restricted_likelihood(noise, X, n - p) for noise in noises]
+    log_likelihoods = np.array([result[0] for result in results])
+    log_likelihoods[0] += math.log(WHITE_WEIGHT if len(noises) > 1 else 1)
+    weights = np.exp(log_likelihoods - log_likelihoods.max())
     weights /= weights.sum()
-    steps = np.array([one[2] for one in found])
+    steps = np.array([result[2] for result in results])
     mean = weights @ steps
     covariance = np.zeros((p, p))
-    for weight, (_, cov, step, _) in zip(weights, found, strict=True):
-        if weight > LEAST_WEIGHT:
+    for weight, (_, cov, step, _) in zip(weights, results, strict=True):
+        if weight > MIN_WEIGHT:
             covariance += weight * (cov + np.outer(step - mean, step - mean))
     best = int(np.argmax(weights))
-    return Averaged(noises[best], found[best][3], covariance / np.outer(scale, scale), mean / scale)
+    return ParameterUncertainty(
+        noises[best], results[best][3], covariance / np.outer(scale, scale), mean / scale
+    )
 
 
-def _under(
-    noise: Noise, X: np.ndarray, freedom: int
+def _restricted_likelihood(
+    noise: Noise, X: np.ndarray, degrees_of_freedom: int
 ) -> tuple[float, np.ndarray, np.ndarray, float]:
     """ln L, covariance, step and s2 under one noise."""
-    VX, log_V = noise.whitened(X)
+    VX, log_V = noise.apply_inverse_covariance(X)
     M = X.T @ VX
     A = M[:-1, :-1]
     b = M[:-1, -1]
     c = float(M[-1, -1])
-    cov, log_A = inverse(A)
+    cov, log_A = symmetric_inverse(A)
     step = cov @ b
-    s2 = max((c - float(b @ step)) / max(freedom, 1), 1e-300)
-    return -0.5 * (log_V + log_A + freedom * math.log(s2)), s2 * cov, step, s2
+    s2 = max((c - float(b @ step)) / max(degrees_of_freedom, 1), 1e-300)
+    return -0.5 * (log_V + log_A + degrees_of_freedom * math.log(s2)), s2 * cov, step, s2
 
 
-def inverse(A: np.ndarray) -> tuple[np.ndarray, float]:
+def symmetric_inverse(A: np.ndarray) -> tuple[np.ndarray, float]:
     """Inverse and ln|A| of a symmetric matrix, directions on which nothing depends having large
     variances.
     """
@@ -163,30 +167,38 @@ def inverse(A: np.ndarray) -> tuple[np.ndarray, float]:
     return (vectors / values) @ vectors.T, float(np.log(values).sum())
 
 
-def gain(J: np.ndarray, extra: np.ndarray, r: np.ndarray, noise: Noise) -> float:
+def f_test_extra_columns(J: np.ndarray, extra: np.ndarray, r: np.ndarray, noise: Noise) -> float:
     """Probability that columns `extra` (n, m) beside J explain as much of r by accident: an F test
     in a noise.
     """
     X = np.column_stack([J, extra, r])
     p = J.shape[1]
     m = extra.shape[1]
-    without, with_them = (_rest(X[:, [*range(k), -1]], noise) for k in (p, p + m))
-    return f_test(max(without - with_them, 0.0), m, with_them, len(r) - p - m)
+    squares_without, squares_with = (
+        _residual_squares(X[:, [*range(k), -1]], noise) for k in (p, p + m)
+    )
+    return f_test(max(squares_without - squares_with, 0.0), m, squares_with, len(r) - p - m)
 
 
-def _rest(X: np.ndarray, noise: Noise) -> float:
+def _residual_squares(X: np.ndarray, noise: Noise) -> float:
     """What is left of the last column beside the others, in the norm of a noise."""
     scale = np.sqrt((X[:, :-1] ** 2).sum(axis=0))
     X = np.column_stack([X[:, :-1] / np.where(scale > 0, scale, 1.0), X[:, -1]])
-    M = X.T @ noise.whitened(X)[0]
-    cov, _ = inverse(M[:-1, :-1])
+    M = X.T @ noise.apply_inverse_covariance(X)[0]
+    cov, _ = symmetric_inverse(M[:-1, :-1])
     return float(M[-1, -1] - M[:-1, -1] @ cov @ M[:-1, -1])
 
 
-def f_test(gained: float, m: int, left: float, freedom: int) -> float:
+def f_test(
+    explained_squares: float, m: int, residual_squares: float, degrees_of_freedom: int
+) -> float:
     """Probability of F = (gained/m)/(left/freedom) or more."""
     from scipy.special import fdtrc
 
-    if freedom < 1 or left <= 0:
+    if degrees_of_freedom < 1 or residual_squares <= 0:
         return 1.0
-    return float(fdtrc(m, freedom, gained / m / (left / freedom)))
+    return float(
+        fdtrc(
+            m, degrees_of_freedom, explained_squares / m / (residual_squares / degrees_of_freedom)
+        )
+    )

@@ -14,57 +14,61 @@ from dataclasses import replace
 
 import numpy as np
 
-from indent_sim.fitting.inference.estimate import Estimate, deviation
+from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
+from indent_sim.fitting.inference.estimate import Estimate, standard_deviation
 from indent_sim.fitting.inference.noise import NORMAL_95
-from indent_sim.fitting.scene_curve.lattice import NoTable
 
-WIDE = 0.2  # half width of a coordinate from which on a parabola is not enough
+WIDE_HALF_WIDTH = 0.2  # half width of a coordinate from which on a parabola is not enough
 # on each side, and how far the last is, in averaged deviations
-VALUES = 7
-LAST_VALUE = 3.0
-NEIGHBOUR_ROUNDS = 12  # of a fit from its neighbour's
+PROFILE_VALUES = 7
+PROFILE_RANGE = 3.0
+NEIGHBOUR_ITERATIONS = 12  # of a fit from its neighbour's
 
 
-def profiled(estimate: Estimate) -> Estimate:
+def add_profile_intervals(estimate: Estimate) -> Estimate:
     """The estimate with intervals by profiles, where one of them is wide."""
-    keys = range(estimate.model.size)
-    if not any(NORMAL_95 * float(estimate.sd[k]) > WIDE for k in keys):
+    keys = range(estimate.model.coordinate_count)
+    if not any(NORMAL_95 * float(estimate.sd[k]) > WIDE_HALF_WIDTH for k in keys):
         return estimate
-    return replace(estimate, profiles={k: _interval(estimate, k) for k in keys})
+    return replace(estimate, profiles={k: _profile_interval(estimate, k) for k in keys})
 
 
-def _interval(estimate: Estimate, k: int) -> tuple[float, float]:
-    reach = (NORMAL_95 * float(estimate.sd[k]) / max(deviation(estimate, k), 1e-300)) ** 2
-    return _end(estimate, k, -1.0, reach), _end(estimate, k, 1.0, reach)
+def _profile_interval(estimate: Estimate, k: int) -> tuple[float, float]:
+    critical_rise = (
+        NORMAL_95 * float(estimate.sd[k]) / max(standard_deviation(estimate, k), 1e-300)
+    ) ** 2
+    return _profile_end(estimate, k, -1.0, critical_rise), _profile_end(
+        estimate, k, 1.0, critical_rise
+    )
 
 
-def _end(estimate: Estimate, k: int, side: float, reach: float) -> float:
+def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) -> float:
     """Where the profile has risen by so much; the parabola's end where the others cannot be fitted."""
-    model = replace(estimate.model, held=frozenset({k}))
-    noise = estimate.found.likeliest
+    model = replace(estimate.model, fixed=frozenset({k}))
+    noise = estimate.uncertainty.likeliest_noise
     p = estimate.p.copy()
     start = float(p[k])
     sd = float(estimate.sd[k])
-    low, high = model.forces.parameters[k].bounds
+    low, high = model.forward_model.parameters[k].bounds
     r = model.residual(p)
-    least = float(r @ noise.whitened(r)[0])
-    before = start
-    risen = 0.0
-    for step in np.linspace(0.0, LAST_VALUE, VALUES + 1)[1:]:
+    smallest_squares = float(r @ noise.apply_inverse_covariance(r)[0])
+    previous_value = start
+    previous_rise = 0.0
+    for step in np.linspace(0.0, PROFILE_RANGE, PROFILE_VALUES + 1)[1:]:
         value = min(max(start + side * step * sd, low), high)
         p[k] = value
         try:
-            p, size = model.fitted(p, noise, NEIGHBOUR_ROUNDS)
-        except (NoTable, ValueError, np.linalg.LinAlgError):
+            p, squares = model.least_squares(p, noise, NEIGHBOUR_ITERATIONS)
+        except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
             return start + side * NORMAL_95 * sd
-        rise = max((size - least) / estimate.found.s2, 0.0)
-        if rise >= reach:
-            share = (math.sqrt(reach) - math.sqrt(risen)) / max(
-                math.sqrt(rise) - math.sqrt(risen), 1e-300
+        rise = max((squares - smallest_squares) / estimate.uncertainty.s2, 0.0)
+        if rise >= critical_rise:
+            fraction = (math.sqrt(critical_rise) - math.sqrt(previous_rise)) / max(
+                math.sqrt(rise) - math.sqrt(previous_rise), 1e-300
             )
-            return before + min(max(share, 0.0), 1.0) * (value - before)
+            return previous_value + min(max(fraction, 0.0), 1.0) * (value - previous_value)
         if value in (low, high):
             return value
-        before = value
-        risen = rise
-    return before
+        previous_value = value
+        previous_rise = rise
+    return previous_value

@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
 from indent_sim.fitting.inference.noise import Noise
-from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 
 N, LONGEST = 300, 8  # samples, and records of 1/f noise that the longest wave has
 LAYER = {"shape": "layer", "height": 1.0}
@@ -55,10 +55,12 @@ def covariance(noise: Noise | None, n: int) -> np.ndarray:
         spectrum = np.append(0.0, 1.0 / np.arange(1, size // 2 + 1))
         row = np.fft.irfft(spectrum)[:n]
         return toeplitz(row / row[0])
-    return noise.times(np.eye(n))
+    return noise.apply_covariance(np.eye(n))
 
 
-def measured(truth: SceneForces, theta, x: np.ndarray, noise: np.ndarray, c: float = 0.013, t=None):  # type: ignore[no-untyped-def]
+def measured(
+    truth: ForwardModel, theta, x: np.ndarray, noise: np.ndarray, c: float = 0.013, t=None
+):  # type: ignore[no-untyped-def]
     """Forces on a tilted baseline, with noise of one per cent of the largest."""
     force = truth(np.asarray(theta, dtype=float), x - c, t)
     return force + force.max() * (0.01 * noise + 0.3 + 0.05 * x / x.max())

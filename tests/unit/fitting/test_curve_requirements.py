@@ -9,9 +9,9 @@ import pytest
 from measurements import HALF_SPACE, drawn, measured, relaxing, scene
 
 from indent_sim.fitting import curve_requirements
-from indent_sim.fitting.curve_requirements import require_of_curve
+from indent_sim.fitting.curve_requirements import require_for_curve
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
 from indent_sim.fitting.inference.noise import WHITE
-from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 
 N = 300
 X, T = np.linspace(-0.1, 0.1, N), np.linspace(3, 5, N)
@@ -22,7 +22,7 @@ def curve(tmp_path):  # type: ignore[no-untyped-def]
     """Write a curve of a scene with E = 3."""
 
     def write(config):  # type: ignore[no-untyped-def]
-        forces = SceneForces(config, ["material.E"], 0.13)
+        forces = ForwardModel(config, ["material.E"], 0.13)
         force = measured(
             forces, [math.log(3)], X, drawn(WHITE, N, np.random.default_rng(2)), t=T - T[0]
         )
@@ -47,7 +47,7 @@ def asked(monkeypatch):  # type: ignore[no-untyped-def]
 
 def test_a_layer_taken_for_a_half_space_needs_its_thickness(curve, monkeypatch):
     scenes = asked(monkeypatch)
-    found = require_of_curve(
+    found = require_for_curve(
         scene(HALF_SPACE), curve(scene({"shape": "layer", "height": 0.4})), 0.01
     )
     verdicts = {one["name"]: one["verdict"] for one in found.models}
@@ -62,7 +62,7 @@ def test_a_layer_taken_for_a_half_space_needs_its_thickness(curve, monkeypatch):
 def test_a_history_is_the_way_of_the_approach(curve, monkeypatch):
     """First touch at 0.013 of a way at an even pace of 0.1 a second."""
     scenes, config = asked(monkeypatch), relaxing([[0.5, 0.6]], HALF_SPACE)
-    require_of_curve(config, curve(config), 0.01)
+    require_for_curve(config, curve(config), 0.01)
     first, (t, delta) = scenes[0].loading.history
     assert (
         first == (0, 0)

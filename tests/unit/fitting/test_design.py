@@ -9,11 +9,11 @@ import pytest
 from measurements import HALF_SPACE, relaxing, scene
 
 from indent_sim.config.schema import Config
-from indent_sim.fitting.design import Design, _measurement, design
-from indent_sim.fitting.inference.estimate import Origin, Samples, fit
+from indent_sim.fitting.design import Design, _plan_measurement, design_measurement
+from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
+from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY
+from indent_sim.fitting.inference.estimate import OriginOptions, Samples, fit_model
 from indent_sim.fitting.inference.noise import NORMAL_95
-from indent_sim.fitting.scene_curve.parameters import WORK
-from indent_sim.fitting.scene_curve.scene_forces import Tables
 from indent_sim.process.errors import ConfigError
 
 SLS, TERM = [[0.5, 0.6]], "material.relaxation.prony[0]"
@@ -30,36 +30,37 @@ def half_width(found: Design, key: str) -> float:
 
 def spread(config: Config, found: Design, fits: int) -> np.ndarray:
     """1.96 deviations of the coordinates (k,) that fits to the designed curve in its noise give."""
-    measurement = _measurement(config, tuple(found.parameters), Tables())
+    measurement = _plan_measurement(config, tuple(found.parameters), ForwardModelCache())
     made, draw = (
-        measurement.estimate(found.points, found.noise).model.samples,
+        measurement.expected_estimate(found.points, found.noise).model.samples,
         np.random.default_rng(1),
     )
     noisy = (made.force + found.noise * draw.standard_normal(len(made)) for _ in range(fits))
     thetas = [
-        fit(measurement.forces, Samples(made.x, force, made.t), Origin()).theta for force in noisy
+        fit_model(measurement.forward_model, Samples(made.x, force, made.t), OriginOptions()).theta
+        for force in noisy
     ]
     return NORMAL_95 * np.std(thetas, axis=0)
 
 
 def test_the_expected_interval_is_the_spread_of_forty_fits():
     """1.3 is 2.3 deviations of the spread of 40."""
-    found = design(scene(), ["material.E"], 0.01, 300)
+    found = design_measurement(scene(), ["material.E"], 0.01, 300)
     assert half_width(found, "material.E") == pytest.approx(spread(scene(), found, 40)[0], rel=0.3)
 
 
 @pytest.mark.verify
 @pytest.mark.parametrize("config, keys", [
-    (scene(), ["material.E"]), (scene(), ["material.E", "body.height"]), (ADHERING, ["material.E", WORK]),
+    (scene(), ["material.E"]), (scene(), ["material.E", "body.height"]), (ADHERING, ["material.E", ADHESION_WORK_KEY]),
     (scene(experiment={"cantilever": {"stiffness": 0.3}}), ["material.E"]),
     (HELD_BODY, ["material.E", f"{TERM}[0]", f"{TERM}[1]"]),
 ], ids=["E", "E and height", "adhesion", "cantilever", "relaxation"])  # fmt: skip
 def test_expected_intervals_are_the_spread_of_a_hundred_fits(config, keys):
     """1.3 is four deviations of the spread of 100; measured 0.95 to 1.08."""
-    found = design(config, keys, 0.005, 300)
-    measurement = _measurement(config, tuple(keys), Tables())
+    found = design_measurement(config, keys, 0.005, 300)
+    measurement = _plan_measurement(config, tuple(keys), ForwardModelCache())
     for parameter, wide in zip(
-        measurement.forces.parameters, spread(config, found, 100), strict=True
+        measurement.forward_model.parameters, spread(config, found, 100), strict=True
     ):
         stated = found.parameters[parameter.key]
         expected = 0.5 * (parameter.theta(stated.high) - parameter.theta(stated.low))
@@ -69,7 +70,8 @@ def test_expected_intervals_are_the_spread_of_a_hundred_fits(config, keys):
 def test_half_the_noise_or_four_times_the_points_halve_an_interval():
     """Exactly where an interval is small: to its square, and to 1/N of samples on a line."""
     one, quiet, many = (
-        design(scene(), ["material.E"], *how) for how in ((0.01, 300), (0.005, 300), (0.01, 1200))
+        design_measurement(scene(), ["material.E"], *how)
+        for how in ((0.01, 300), (0.005, 300), (0.01, 1200))
     )
     half = half_width(one, "material.E")
     assert half_width(quiet, "material.E") == pytest.approx(half / 2, rel=1e-3)
@@ -78,7 +80,8 @@ def test_half_the_noise_or_four_times_the_points_halve_an_interval():
 
 def test_what_is_tied_is_wider_by_as_much_as_is_said():
     alone, both = (
-        design(scene(), keys, 1e-4, 300) for keys in (["material.E"], ["material.E", "body.height"])
+        design_measurement(scene(), keys, 1e-4, 300)
+        for keys in (["material.E"], ["material.E", "body.height"])
     )
     ratio = half_width(both, "material.E") / half_width(alone, "material.E")
     assert alone.tied == {"material.E": 1.0} and both.tied["material.E"] == pytest.approx(
@@ -89,17 +92,17 @@ def test_what_is_tied_is_wider_by_as_much_as_is_said():
 
 def test_keys_that_no_curve_tells_apart_are_not_identifiable():
     """The force of a half-space is E/(1 - nu^2) sqrt(R) times a function of the depth."""
-    found = design(scene(HALF_SPACE), ["material.E", "indenter.R"], 0.01, 300)
+    found = design_measurement(scene(HALF_SPACE), ["material.E", "indenter.R"], 0.01, 300)
     assert not found.identifiable and found.words.startswith(
         "Not identifiable: material.E and indenter.R"
     )
     assert found.parameters["material.E"].high / found.parameters["material.E"].low > 100
-    assert design(scene(HALF_SPACE), ["material.E"], 0.01, 300).identifiable
+    assert design_measurement(scene(HALF_SPACE), ["material.E"], 0.01, 300).identifiable
 
 
 def test_what_helps_is_solved_with_the_noise_of_the_same_instrument():
     """A deeper curve of a half-space: 2^1.5 times the force, and an interval narrower by as much."""
-    found = design(scene(HALF_SPACE), ["material.E"], 0.01, 300)
+    found = design_measurement(scene(HALF_SPACE), ["material.E"], 0.01, 300)
     assert [one.change for one in found.helps] == [
         {"loading.delta": 0.2},
         {"indenter.R": 0.5},
@@ -113,7 +116,7 @@ def test_what_helps_is_solved_with_the_noise_of_the_same_instrument():
 
 def test_a_hold_tells_of_relaxation_and_a_change_that_cannot_be_says_why():
     config = relaxing(SLS, HALF_SPACE)
-    found = design(config, ["material.E", f"{TERM}[0]"], 0.003, 300)
+    found = design_measurement(config, ["material.E", f"{TERM}[0]"], 0.003, 300)
     hold = next(
         one
         for one in found.helps
@@ -124,7 +127,7 @@ def test_a_hold_tells_of_relaxation_and_a_change_that_cannot_be_says_why():
         hold.parameters[key].high - hold.parameters[key].low
         < found.parameters[key].high - found.parameters[key].low
     )
-    deep = design(scene({"shape": "layer", "height": 0.15}), ["material.E"], 0.01, 300)
+    deep = design_measurement(scene({"shape": "layer", "height": 0.15}), ["material.E"], 0.01, 300)
     assert deep.helps[0].parameters == {} and "beyond the body's thickness" in deep.helps[0].reason
 
 
@@ -132,7 +135,7 @@ def test_the_baseline_is_as_long_as_it_has_to_be():
     """Contact point and modulus of a paraboloid are told apart by the baseline: no fifth of a depth
     is enough.
     """
-    found = design(scene(HALF_SPACE), ["material.E"], 0.01, 300)
+    found = design_measurement(scene(HALF_SPACE), ["material.E"], 0.01, 300)
     assert 0.3 < found.baseline <= 1.5
 
 
@@ -142,7 +145,7 @@ def test_the_baseline_is_as_long_as_it_has_to_be():
 ])  # fmt: skip
 def test_keys_that_tell_nothing_are_refused(keys, problem):
     with pytest.raises(ConfigError, match=problem):
-        design(scene(), keys, 0.01, 300)
+        design_measurement(scene(), keys, 0.01, 300)
 
 
 def test_a_path_of_forces_in_time_is_refused():
@@ -150,4 +153,4 @@ def test_a_path_of_forces_in_time_is_refused():
         HALF_SPACE, material=relaxing(SLS).material, loading={"force_history": [[0, 0], [1, 0.01]]}
     )
     with pytest.raises(ConfigError, match="a design follows depths"):
-        design(config, ["material.E"], 0.01, 300)
+        design_measurement(config, ["material.E"], 0.01, 300)

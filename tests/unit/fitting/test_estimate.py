@@ -11,52 +11,56 @@ import pytest
 from measurements import HALF_SPACE, LAYER, NOISES, N, drawn, measured, relaxing, scene
 from scipy.stats import binom
 
-from indent_sim.fitting.inference import models, profile_likelihood
+from indent_sim.fitting.forward_model.forward_model import ForwardModel, ForwardModelCache
+from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY
+from indent_sim.fitting.inference import alternative_models, profile_likelihood
+from indent_sim.fitting.inference.depth_range_fits import fit_depth_ranges
 from indent_sim.fitting.inference.estimate import (
     Estimate,
-    Origin,
-    Refused,
+    FitRejected,
+    OriginOptions,
     Samples,
-    fit,
-    refuse_hopeless,
+    fit_model,
+    reject_without_signal,
+)
+from indent_sim.fitting.inference.model_assessment import (
+    ModelAssessment,
+    baseline_noise_probability,
+    find_residual_trend,
+    is_suspect,
+    systematic_half_widths,
+    width_inflation_factors,
 )
 from indent_sim.fitting.inference.noise import NORMAL_95, WHITE
-from indent_sim.fitting.inference.verdict import (
-    Verdict,
-    baseline_of,
-    bends_of,
-    half_widths,
-    is_suspect,
-    tied,
-)
-from indent_sim.fitting.inference.windows import windows
-from indent_sim.fitting.scene_curve.parameters import WORK
-from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables
 
 DEEPEST, C = 0.13, 0.013
-TABLES = Tables()
+TABLES = ForwardModelCache()
 X, T = np.linspace(-0.1, 0.1, N), np.linspace(0, 2, N)
 
 
-def judged(estimate: Estimate, config) -> Verdict:  # type: ignore[no-untyped-def]
+def judged(estimate: Estimate, config) -> ModelAssessment:  # type: ignore[no-untyped-def]
     """The verdict, other models asked where something stands against the scene."""
-    seen, bends, baseline = windows(estimate), bends_of(estimate), baseline_of(estimate)
+    seen, bends, baseline = (
+        fit_depth_ranges(estimate),
+        find_residual_trend(estimate),
+        baseline_noise_probability(estimate),
+    )
     is_asked = is_suspect(seen, bends, baseline)
-    others = models.others(estimate, config, TABLES) if is_asked else []
-    return Verdict(estimate, seen, bends.shape, baseline, others)
+    others = alternative_models.fit_alternatives(estimate, config, TABLES) if is_asked else []
+    return ModelAssessment(estimate, seen, bends.shape, baseline, others)
 
 
 def test_twenty_white_curves_hold_their_modulus_and_their_contact_point():
     """Of 95 % intervals 20 hold fewer than 15 once in 3000."""
     forces, draw, inside, near = (
-        SceneForces(scene(), ["material.E"], DEEPEST),
+        ForwardModel(scene(), ["material.E"], DEEPEST),
         np.random.default_rng(1),
         0,
         0,
     )
     for _ in range(20):
         force = measured(forces, [math.log(3)], X, drawn(WHITE, N, draw))
-        found = fit(forces, Samples(X, force), Origin())
+        found = fit_model(forces, Samples(X, force), OriginOptions())
         low, high = found.interval(0)
         inside += low < math.log(3) < high
         near += abs(found.contact_point - C) < NORMAL_95 * found.sd[1]
@@ -66,16 +70,16 @@ def test_twenty_white_curves_hold_their_modulus_and_their_contact_point():
 
 
 def test_without_noise_the_truth_comes_back():
-    forces = SceneForces(scene(), ["material.E", "body.height"], DEEPEST)
+    forces = ForwardModel(scene(), ["material.E", "body.height"], DEEPEST)
     theta = [math.log(3), math.log(0.4)]
     force = measured(forces, theta, X, np.zeros(N))
-    found = fit(forces, Samples(X, force), Origin())
+    found = fit_model(forces, Samples(X, force), OriginOptions())
     np.testing.assert_allclose(
         found.theta, theta, atol=1e-4
     )  # of rounds that end at 1e-6 of the squares
     assert found.contact_point == pytest.approx(C, abs=1e-6)
     assert all(
-        ratio > 3 for ratio in tied(found)
+        ratio > 3 for ratio in width_inflation_factors(found)
     )  # modulus and height: known together, hardly apart
 
 
@@ -84,48 +88,57 @@ def test_a_profile_of_a_parabola_is_its_interval(monkeypatch):
     lines.
     """
     monkeypatch.setattr(profile_likelihood, "WIDE", 0.0)
-    forces = SceneForces(scene(), ["material.E"], DEEPEST)
-    found = fit(
+    forces = ForwardModel(scene(), ["material.E"], DEEPEST)
+    found = fit_model(
         forces,
         Samples(X, measured(forces, [0.3], X, drawn(WHITE, N, np.random.default_rng(11)))),
-        Origin(),
+        OriginOptions(),
     )
-    by_profile = np.array(profile_likelihood.profiled(found).interval(0)) - found.theta[0]
+    by_profile = (
+        np.array(profile_likelihood.add_profile_intervals(found).interval(0)) - found.theta[0]
+    )
     np.testing.assert_allclose(by_profile, np.array(found.interval(0)) - found.theta[0], rtol=0.05)
 
 
 def test_a_wide_interval_follows_its_profile_and_ends_at_a_bound():
     """Modulus and Poisson ratio of a layer are hardly apart: nu ends at 1/2, and E where nu does."""
-    forces = SceneForces(scene(), ["material.E", "material.nu"], DEEPEST)
+    forces = ForwardModel(scene(), ["material.E", "material.nu"], DEEPEST)
     force = measured(forces, [0.3, 0.45], X, 2 * drawn(WHITE, N, np.random.default_rng(12)))
-    plain = fit(forces, Samples(X, force), Origin())
-    found = profile_likelihood.profiled(plain)
+    plain = fit_model(forces, Samples(X, force), OriginOptions())
+    found = profile_likelihood.add_profile_intervals(plain)
     assert found.interval(1)[1] == 0.5 and found.interval(0)[0] < 0.3 < found.interval(0)[1]
     assert np.ptp(found.interval(0)) < 0.9 * np.ptp(plain.interval(0))
 
 
 def test_what_is_known_is_not_fitted():
-    forces = SceneForces(scene(), ["material.E"], DEEPEST)
+    forces = ForwardModel(scene(), ["material.E"], DEEPEST)
     force = measured(forces, [0.0], X, drawn(WHITE, N, np.random.default_rng(2)))
-    free, held = (fit(forces, Samples(X, force), known) for known in (Origin(), Origin(C)))
+    free, held = (
+        fit_model(forces, Samples(X, force), known) for known in (OriginOptions(), OriginOptions(C))
+    )
     assert held.contact_point == C and held.sd[1] == 0 and held.sd[0] < 0.8 * free.sd[0]
-    assert fit(forces, Samples(X, force), Origin(has_slope=False)).p[-1] == 0
+    assert fit_model(forces, Samples(X, force), OriginOptions(has_slope=False)).p[-1] == 0
 
 
 def test_a_cantilever_is_fitted_in_its_way():
     config = scene(experiment={"cantilever": {"stiffness": 0.3}})
-    forces, draw = SceneForces(config, ["material.E"], DEEPEST), np.random.default_rng(3)
+    forces, draw = ForwardModel(config, ["material.E"], DEEPEST), np.random.default_rng(3)
     z = np.linspace(-0.15, 0.3, N)
     force = measured(forces, [0.4], z, drawn(WHITE, N, draw))
-    low, high = fit(forces, Samples(z, force), Origin()).interval(0)
+    low, high = fit_model(forces, Samples(z, force), OriginOptions()).interval(0)
     assert low < 0.4 < high and high - low < 0.2
 
 
 def test_adhesion_and_modulus_together():
     config = scene(HALF_SPACE, experiment={"adhesion": {"work": 0.001}})
-    forces, draw = SceneForces(config, ["material.E", WORK], DEEPEST), np.random.default_rng(4)
+    forces, draw = (
+        ForwardModel(config, ["material.E", ADHESION_WORK_KEY], DEEPEST),
+        np.random.default_rng(4),
+    )
     theta = np.array([0.3, math.log(0.002)])
-    found = fit(forces, Samples(X, measured(forces, theta, X, drawn(WHITE, N, draw))), Origin())
+    found = fit_model(
+        forces, Samples(X, measured(forces, theta, X, drawn(WHITE, N, draw))), OriginOptions()
+    )
     assert (np.abs(found.theta - theta) < 4 * found.sd[:2]).all() and found.sd[0] < 0.05
 
 
@@ -134,9 +147,14 @@ def test_a_clear_snap_in_tells_the_contact_point_to_a_sample():
     would say a sample.
     """
     config = scene(HALF_SPACE, experiment={"adhesion": {"work": 0.002}})
-    forces, x = SceneForces(config, ["material.E", WORK], DEEPEST), np.linspace(-0.1, 0.1, 1000)
-    force = forces(forces.start, x) + 2.5e-4 * np.random.default_rng(3).standard_normal(1000)
-    found = fit(forces, Samples(x, force), Origin())
+    forces, x = (
+        ForwardModel(config, ["material.E", ADHESION_WORK_KEY], DEEPEST),
+        np.linspace(-0.1, 0.1, 1000),
+    )
+    force = forces(forces.initial_coordinates, x) + 2.5e-4 * np.random.default_rng(
+        3
+    ).standard_normal(1000)
+    found = fit_model(forces, Samples(x, force), OriginOptions())
     spacing = x[1] - x[0]
     assert abs(found.contact_point) <= 0.501 * spacing
     assert 0.4 < found.sd[2] / spacing < 1 / math.sqrt(3)
@@ -146,8 +164,8 @@ def test_the_interval_of_a_correlated_curve_is_wide():
     """Naive intervals hold the truth in a third of the curves of AR 10: these are four times as
     wide.
     """
-    forces, draw = SceneForces(scene(), ["material.E"], DEEPEST), np.random.default_rng(5)
-    sd = [fit(forces, Samples(X, measured(forces, [0.0], X, drawn(noise, N, draw))), Origin()).sd[0]
+    forces, draw = ForwardModel(scene(), ["material.E"], DEEPEST), np.random.default_rng(5)
+    sd = [fit_model(forces, Samples(X, measured(forces, [0.0], X, drawn(noise, N, draw))), OriginOptions()).sd[0]
           for noise in (WHITE, NOISES["AR 10"])]  # fmt: skip
     assert sd[1] > 2.5 * sd[0]
 
@@ -160,13 +178,13 @@ def test_the_interval_of_a_correlated_curve_is_wide():
 def test_a_wrong_model_is_named_and_its_interval_spans_the_truth(name, truth):
     config, draw = scene(HALF_SPACE), np.random.default_rng(6)
     forces, made = (
-        SceneForces(config, ["material.E"], DEEPEST),
-        SceneForces(truth, ["material.E"], DEEPEST),
+        ForwardModel(config, ["material.E"], DEEPEST),
+        ForwardModel(truth, ["material.E"], DEEPEST),
     )
     force = measured(made, [0.0], X, drawn(WHITE, N, draw), t=T)
-    verdict = judged(fit(forces, Samples(X, force, T), Origin()), config)
-    low, high = verdict.interval(0)
-    assert name in verdict.cause and not verdict.explained and low < 0 < high
+    verdict = judged(fit_model(forces, Samples(X, force, T), OriginOptions()), config)
+    low, high = verdict.coordinate_interval(0)
+    assert name in verdict.misfit_causes and not verdict.is_adequate and low < 0 < high
 
 
 def test_a_snap_in_slow_noise_is_asked_about():
@@ -179,40 +197,49 @@ def test_a_snap_in_slow_noise_is_asked_about():
     )
     config = scene(HALF_SPACE)
     forces = {
-        name: SceneForces(one, ["material.E"], DEEPEST)
+        name: ForwardModel(one, ["material.E"], DEEPEST)
         for name, one in (("jkr", truth), ("own", config))
     }
     asked = {"jkr": 0, "own": 0}
     for name, made in forces.items():
         for _ in range(10):
             force = measured(made, [0.0], X, drawn(NOISES["AR 10"], N, draw))
-            asked[name] += bends_of(fit(forces["own"], Samples(X, force), Origin())).snap < 1e-3
+            asked[name] += (
+                find_residual_trend(
+                    fit_model(forces["own"], Samples(X, force), OriginOptions())
+                ).snap
+                < 1e-3
+            )
     assert asked["jkr"] >= 9 and asked["own"] <= 1, asked
 
 
 def test_another_tip_is_named_by_its_exponent():
     config, cone = scene(HALF_SPACE), scene(HALF_SPACE, tip={"shape": "cone", "half_angle": 60.0})
     forces, made = (
-        SceneForces(config, ["material.E"], DEEPEST),
-        SceneForces(cone, ["material.E"], DEEPEST),
+        ForwardModel(config, ["material.E"], DEEPEST),
+        ForwardModel(cone, ["material.E"], DEEPEST),
     )
     force = measured(made, [0.0], X, drawn(WHITE, N, np.random.default_rng(7)))
-    verdict = judged(fit(forces, Samples(X, force), Origin()), config)
-    tip = next(one for one in verdict.named if one.name == "tip")
-    assert tip.added["exponent"] == pytest.approx(0.5, abs=0.1)  # delta^2 in place of delta^1.5
-    low, high = verdict.interval(0)
-    assert all(low <= float(window.theta[0]) <= high for window in verdict.windows)
+    verdict = judged(fit_model(forces, Samples(X, force), OriginOptions()), config)
+    tip = next(one for one in verdict.better_models if one.name == "tip")
+    assert tip.added_values["exponent"] == pytest.approx(
+        0.5, abs=0.1
+    )  # delta^2 in place of delta^1.5
+    low, high = verdict.coordinate_interval(0)
+    assert all(low <= float(window.theta[0]) <= high for window in verdict.depth_range_fits)
 
 
 def test_an_error_of_the_force_moves_a_modulus_by_as_much():
-    forces = SceneForces(scene(), ["material.E"], DEEPEST)
+    forces = ForwardModel(scene(), ["material.E"], DEEPEST)
     force = measured(forces, [0.0], X, drawn(WHITE, N, np.random.default_rng(8)))
-    found = fit(forces, Samples(X, force), Origin())
-    assert half_widths(found, 0.02, 0.0)[0] == pytest.approx(0.02, rel=0.01)
-    assert half_widths(found, 0.0, 0.02)[0] == pytest.approx(0.02 * NORMAL_95, rel=0.01)
-    certain, wide = (Verdict(found, [], 1.0, None, [], uncertain) for uncertain in ((), (0.02,)))
-    half = 0.5 * (certain.interval(0)[1] - certain.interval(0)[0])
-    assert wide.interval(0)[1] - found.theta[0] == pytest.approx(math.hypot(half, 0.02))
+    found = fit_model(forces, Samples(X, force), OriginOptions())
+    assert systematic_half_widths(found, 0.02, 0.0)[0] == pytest.approx(0.02, rel=0.01)
+    assert systematic_half_widths(found, 0.0, 0.02)[0] == pytest.approx(0.02 * NORMAL_95, rel=0.01)
+    certain, wide = (
+        ModelAssessment(found, [], 1.0, None, [], uncertain) for uncertain in ((), (0.02,))
+    )
+    half = 0.5 * (certain.coordinate_interval(0)[1] - certain.coordinate_interval(0)[0])
+    assert wide.coordinate_interval(0)[1] - found.theta[0] == pytest.approx(math.hypot(half, 0.02))
 
 
 def hopeless() -> dict[str, tuple[np.ndarray, str]]:
@@ -231,24 +258,24 @@ def hopeless() -> dict[str, tuple[np.ndarray, str]]:
 
 @pytest.mark.parametrize("force, reason", hopeless().values(), ids=hopeless())
 def test_hopeless_curves_are_refused(force, reason):
-    with pytest.raises(Refused, match=reason):
-        refuse_hopeless(Samples(X, force))
-    with pytest.raises(Refused, match=r"^3 points$"):
-        refuse_hopeless(Samples(X[:3], force[:3]))
+    with pytest.raises(FitRejected, match=reason):
+        reject_without_signal(Samples(X, force))
+    with pytest.raises(FitRejected, match=r"^3 points$"):
+        reject_without_signal(Samples(X[:3], force[:3]))
 
 
 def test_a_contact_of_few_points_is_refused():
-    forces = SceneForces(scene(), ["material.E"], DEEPEST)
+    forces = ForwardModel(scene(), ["material.E"], DEEPEST)
     force = measured(forces, [0.0], X, 0.01 * drawn(WHITE, N, np.random.default_rng(10)), c=0.095)
-    with pytest.raises(Refused, match=r"no contact: \d+ points in contact"):
-        fit(forces, Samples(X, force), Origin())
+    with pytest.raises(FitRejected, match=r"no contact: \d+ points in contact"):
+        fit_model(forces, Samples(X, force), OriginOptions())
 
 
 def test_a_force_that_is_counted_the_other_way_is_said_so():
-    forces = SceneForces(scene(), ["material.E"], DEEPEST)
+    forces = ForwardModel(scene(), ["material.E"], DEEPEST)
     force = measured(forces, [0.0], X, drawn(WHITE, N, np.random.default_rng(15)))
-    with pytest.raises(Refused, match=r"does not rise with the depth .it falls"):
-        fit(forces, Samples(X, -force), Origin())
+    with pytest.raises(FitRejected, match=r"does not rise with the depth .it falls"):
+        fit_model(forces, Samples(X, -force), OriginOptions())
 
 
 def test_a_layer_of_a_thickness_that_waves_hardly_see_is_named():
@@ -257,26 +284,26 @@ def test_a_layer_of_a_thickness_that_waves_hardly_see_is_named():
     """
     config, made = (
         scene(HALF_SPACE),
-        SceneForces(scene({"shape": "layer", "height": 1.4}), ["material.E"], DEEPEST),
+        ForwardModel(scene({"shape": "layer", "height": 1.4}), ["material.E"], DEEPEST),
     )
-    forces = SceneForces(config, ["material.E"], DEEPEST)
+    forces = ForwardModel(config, ["material.E"], DEEPEST)
     force = measured(made, [0.0], X, drawn(WHITE, N, np.random.default_rng(18)))
-    verdict = judged(fit(forces, Samples(X, force), Origin()), config)
-    low, high = verdict.interval(0)
-    assert "thickness" in verdict.cause and low < 0 < high
+    verdict = judged(fit_model(forces, Samples(X, force), OriginOptions()), config)
+    low, high = verdict.coordinate_interval(0)
+    assert "thickness" in verdict.misfit_causes and low < 0 < high
 
 
 def test_a_modulus_known_to_a_large_factor_is_refused():
     """Modulus and contact point of the first tenth of a contact in noise of half its force."""
-    forces = SceneForces(scene(), ["material.E"], DEEPEST)
+    forces = ForwardModel(scene(), ["material.E"], DEEPEST)
     x = np.linspace(-0.1, 0.03, 120)
     force = measured(forces, [0.0], x, 8 * drawn(NOISES["AR 10"], 120, np.random.default_rng(14)))
-    with pytest.raises(Refused, match=r"material.E is known to a factor of|no contact"):
-        fit(forces, Samples(x, force), Origin())
+    with pytest.raises(FitRejected, match=r"material.E is known to a factor of|no contact"):
+        fit_model(forces, Samples(x, force), OriginOptions())
 
 
 def test_means_of_blocks_keep_equal_times_and_the_deepest_samples():
-    few = Samples(np.arange(1003.0), np.arange(1003.0), np.arange(1003.0)).means(100)
+    few = Samples(np.arange(1003.0), np.arange(1003.0), np.arange(1003.0)).block_means(100)
     assert len(few) <= 100 and few.x[-1] > 995 and len(set(np.diff(few.t))) == 1
 
 
@@ -300,20 +327,20 @@ def test_coverage_of_three_hundred_curves():
     draw, inside, unexplained, refused = np.random.default_rng(20), 0, 0, 0
     kinds = [NOISES["white"], NOISES["AR 3"], NOISES["white"], NOISES["mixed 10"]]
     for config, _ in FAMILIES.values():
-        forces = SceneForces(config, ["material.E"], DEEPEST)
+        forces = ForwardModel(config, ["material.E"], DEEPEST)
         for k in range(50):
             truth = draw.uniform(-1, 1)
             force = measured(
                 forces, [truth], X, drawn(kinds[k % 4], N, draw), c=draw.uniform(-0.02, 0.02)
             )
             try:
-                found = fit(forces, Samples(X, force), Origin())
-            except Refused:
+                found = fit_model(forces, Samples(X, force), OriginOptions())
+            except FitRejected:
                 refused += 1
                 continue
             low, high = found.interval(0)
             inside += low < truth < high
-            unexplained += not judged(found, config).explained
+            unexplained += not judged(found, config).is_adequate
     assert refused <= 6 and unexplained <= 18 and 276 <= inside <= 297, (
         inside,
         unexplained,
@@ -331,7 +358,7 @@ def test_coverage_of_adhesion_and_of_known_relaxation():
     known = relaxing([[0.6, 0.3]], HALF_SPACE)
     draw = np.random.default_rng(30)
     both, weak, strong = (
-        ["material.E", WORK],
+        ["material.E", ADHESION_WORK_KEY],
         np.array([0.3, math.log(0.002)]),
         np.array([0.3, math.log(0.004)]),
     )
@@ -341,11 +368,11 @@ def test_coverage_of_adhesion_and_of_known_relaxation():
         (adhering, both, strong, 1000),
     )
     for config, keys, truth, n in cases:
-        forces, inside = SceneForces(config, keys, DEEPEST), np.zeros(len(keys))
+        forces, inside = ForwardModel(config, keys, DEEPEST), np.zeros(len(keys))
         x, t = np.linspace(-0.1, 0.1, n), np.linspace(0, 2, n)
         for _ in range(40):
             force = measured(forces, truth, x, drawn(WHITE, n, draw), draw.uniform(-0.01, 0.01), t)
-            found = fit(forces, Samples(x, force, t), Origin())
+            found = fit_model(forces, Samples(x, force, t), OriginOptions())
             inside += [
                 low < value < high
                 for value, (low, high) in zip(
@@ -371,22 +398,26 @@ def test_wrong_models_that_leave_seven_deviations_are_seen():
     deviations of the noise.
     """
     config, draw = scene(HALF_SPACE), np.random.default_rng(40)
-    forces, counted, fair, named = SceneForces(config, ["material.E"], DEEPEST), 0, 0, 0
+    forces, counted, fair, named = ForwardModel(config, ["material.E"], DEEPEST), 0, 0, 0
     for name, truths in WRONG.items():
         for truth in truths:
-            made = SceneForces(truth, ["material.E"], DEEPEST)
+            made = ForwardModel(truth, ["material.E"], DEEPEST)
             pure = made(np.array([0.0]), X - C, T)
             for noise in (NOISES["white"], NOISES["AR 10"]):
-                left = fit(forces, Samples(X, pure, T), Origin()).residual / (0.01 * pure.max())
+                left = fit_model(forces, Samples(X, pure, T), OriginOptions()).residual / (
+                    0.01 * pure.max()
+                )
                 if left @ noise.whitened(left)[0] < 49:
                     continue
                 for _ in range(6):
                     force = measured(made, [0.0], X, drawn(noise, N, draw), t=T)
-                    verdict = judged(fit(forces, Samples(X, force, T), Origin()), config)
-                    low, high = verdict.interval(0)
+                    verdict = judged(
+                        fit_model(forces, Samples(X, force, T), OriginOptions()), config
+                    )
+                    low, high = verdict.coordinate_interval(0)
                     counted += 1
-                    fair += low < 0 < high or not verdict.explained
-                    named += name in verdict.cause
+                    fair += low < 0 < high or not verdict.is_adequate
+                    named += name in verdict.misfit_causes
     assert counted >= 36 and fair >= 0.9 * counted and named >= 0.5 * counted, (
         counted,
         fair,

@@ -13,10 +13,10 @@ from measurements import N, drawn, measured
 
 import indent_sim
 from indent_sim.config.scene_file import from_mapping
-from indent_sim.fitting.curve_fit import Request
-from indent_sim.fitting.fit_folder import Fits, Reading, fit_all
+from indent_sim.fitting.curve_fit import FitRequest
+from indent_sim.fitting.fit_folder import CurveFits, ReadOptions, fit_curves
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
 from indent_sim.fitting.inference.noise import WHITE
-from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 from indent_sim.process.errors import ConfigError, NotConverged, UsageError
 
 SCENE = {
@@ -27,9 +27,9 @@ SCENE = {
     "loading": {"delta": "0.5 um"},
     "output": {"plot": False},
 }
-REQUEST = Request(from_mapping(SCENE), ("material.E",))
+REQUEST = FitRequest(from_mapping(SCENE), ("material.E",))
 X = np.linspace(-1, 1, N)
-FORCES = SceneForces(REQUEST.config, ["material.E"], 1.3)
+FORCES = ForwardModel(REQUEST.config, ["material.E"], 1.3)
 
 
 def write(path: Path, E: float = 2.0, seed: int = 0) -> Path:
@@ -40,9 +40,9 @@ def write(path: Path, E: float = 2.0, seed: int = 0) -> Path:
     return path
 
 
-def fitted(paths: list[Path], folder: Path, request: Request = REQUEST, **how) -> Fits:  # type: ignore[no-untyped-def]
+def fitted(paths: list[Path], folder: Path, request: FitRequest = REQUEST, **how) -> CurveFits:  # type: ignore[no-untyped-def]
     """The fit of some files."""
-    return fit_all(paths, request, folder, **how)
+    return fit_curves(paths, request, folder, **how)
 
 
 @pytest.fixture
@@ -104,7 +104,7 @@ def test_a_folder_goes_on_with_what_is_new_or_changed(curves, tmp_path):
 def test_another_scene_or_a_foreign_folder_is_refused(curves, tmp_path):
     fitted([curves / "c0.csv"], tmp_path / "fit")
     with pytest.raises(UsageError, match="holds the fit of another scene"):
-        fitted([curves / "c0.csv"], tmp_path / "fit", replace(REQUEST, part="all"))
+        fitted([curves / "c0.csv"], tmp_path / "fit", replace(REQUEST, curve_part="all"))
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("years")
     with pytest.raises(UsageError, match="was not made by indent-sim"):
@@ -113,9 +113,9 @@ def test_another_scene_or_a_foreign_folder_is_refused(curves, tmp_path):
     with pytest.raises(UsageError, match="there is no curve"):
         fitted([tmp_path / "nothing.csv"], tmp_path / "new")
     with pytest.raises(ConfigError, match="is no number of the scene"):
-        fitted([curves / "c0.csv"], tmp_path / "new", replace(REQUEST, keys=("material.Q",)))
+        fitted([curves / "c0.csv"], tmp_path / "new", replace(REQUEST, varied_keys=("material.Q",)))
     with pytest.raises(ConfigError, match="there is no column 'x'"):
-        fitted([curves / "c0.csv"], tmp_path / "other", reading=Reading(("x", "force")))
+        fitted([curves / "c0.csv"], tmp_path / "other", reading=ReadOptions(("x", "force")))
     assert not (tmp_path / "new").exists() and not (tmp_path / "other").exists()
 
 

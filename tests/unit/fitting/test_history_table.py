@@ -12,11 +12,11 @@ from measurements import HALF_SPACE, drawn, relaxing, scene
 
 from indent_sim.config.quantities import pressures
 from indent_sim.config.scene_file import from_mapping, to_mapping
-from indent_sim.fitting.curve_fit import Request, fit_curve
-from indent_sim.fitting.inference.estimate import Origin, Samples, fit
+from indent_sim.fitting.curve_fit import FitRequest, fit_curve
+from indent_sim.fitting.forward_model.forward_model import ForwardModel, ForwardModelCache
+from indent_sim.fitting.forward_model.measured_path_forces import MeasuredPath, simplify_path
+from indent_sim.fitting.inference.estimate import OriginOptions, Samples, fit_model
 from indent_sim.fitting.inference.noise import WHITE
-from indent_sim.fitting.scene_curve.history_table import MeasuredWay, way_of
-from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import MeasuredCurve, curve_parts
 from indent_sim.run.simulate import states
@@ -24,7 +24,7 @@ from indent_sim.scene.scene import resolve
 
 E, D = "material.E", "material.flow.diffusivity"
 DEPTH, RAMP, END = 0.05, 0.1, 3.0
-WAY = MeasuredWay(((0.0, 0.0), (RAMP, DEPTH), (END, DEPTH)))
+WAY = MeasuredPath(((0.0, 0.0), (RAMP, DEPTH), (END, DEPTH)))
 POROUS = {"model": "linear_elastic", "E": 1.0, "nu": 0.2, "flow": {"diffusivity": 0.1}}
 T = np.linspace(-0.1, END, 500)
 GRADED = np.concatenate([np.linspace(0.005, RAMP, 20), RAMP + np.geomspace(1e-4, END - RAMP, 80)])
@@ -42,8 +42,8 @@ def porous(fine: int = 1, **more):  # type: ignore[no-untyped-def]
 
 
 @functools.cache
-def table() -> SceneForces:
-    return SceneForces(porous(), [E, D], 1.3 * DEPTH, WAY)
+def table() -> ForwardModel:
+    return ForwardModel(porous(), [E, D], 1.3 * DEPTH, WAY)
 
 
 def run(config, t: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
@@ -67,7 +67,7 @@ def test_a_table_is_the_run_of_other_numbers():
     found = forces(theta, np.minimum(DEPTH * times / RAMP, DEPTH), times)[1:]
     np.testing.assert_allclose(found, other, atol=6e-3 * other.max())
     assert found[1] > 1.3 * found[-1]  # it has drained
-    missed = forces.missed(theta, np.minimum(DEPTH * times / RAMP, DEPTH), times)[1:]
+    missed = forces.time_step_error(theta, np.minimum(DEPTH * times / RAMP, DEPTH), times)[1:]
     # Of steps half as long: of two a doubling, on four elements in the contact. It was 1.4e-3 and
     # 0.8e-3 on bodies of two widths
     assert 3e-4 < np.abs(missed).max() / other.max() < 1e-2
@@ -77,11 +77,11 @@ def test_a_table_is_the_run_of_other_numbers():
 def test_the_truth_comes_back_with_another_first_touch():
     """40 intervals of 95 %: fewer than 33 hold their truth once in 400."""
     forces, draw, inside = table(), np.random.default_rng(1), np.zeros(2)
-    truth = forces.start + np.array([0.3, -0.2])
+    truth = forces.initial_coordinates + np.array([0.3, -0.2])
     pure = forces(truth, X, T)
     for _ in range(40):
         force = pure + pure.max() * (0.01 * drawn(WHITE, len(T), draw) + 0.2)
-        found = fit(forces, Samples(X + 0.004, force, T), Origin())
+        found = fit_model(forces, Samples(X + 0.004, force, T), OriginOptions())
         inside += [
             low < value < high
             for value, (low, high) in zip(truth, map(found.interval, range(2)), strict=True)
@@ -98,8 +98,8 @@ def curve_of(fine: int, seed: int) -> MeasuredCurve:
 
 def followed(fine: int, seed: int):  # type: ignore[no-untyped-def]
     """The entry of such a curve, from a scene whose E and D are off by 2 and 3."""
-    request = Request(porous(fine, E=2.0, flow={"diffusivity": 0.3}), (E, D), part="all")
-    entry = fit_curve(curve_of(fine, seed), request, Tables()).entry
+    request = FitRequest(porous(fine, E=2.0, flow={"diffusivity": 0.3}), (E, D), curve_part="all")
+    entry = fit_curve(curve_of(fine, seed), request, ForwardModelCache()).entry
     assert entry["status"] == "done" and entry["explained"], entry["reason"] or entry["cause"]
     return entry["parameters"]
 
@@ -136,8 +136,8 @@ def test_a_hold_behind_a_cantilever():
     held = from_mapping(to_mapping(config) | {"experiment": {"cantilever": {"stiffness": k}}})
     entry = fit_curve(
         MeasuredCurve("made up", force, None, z, T, parts=curve_parts(X)),
-        Request(held, (E, D), part="all"),
-        Tables(),
+        FitRequest(held, (E, D), curve_part="all"),
+        ForwardModelCache(),
     ).entry
     assert entry["status"] == "done", entry["reason"]
     for key, value in ((E, 1.0), (D, 0.1)):
@@ -160,10 +160,10 @@ def test_shear_that_relaxes_at_constant_volume_is_lee_and_radok():
         "loading": {"history": [[0, 0], [RAMP, DEPTH], [END, DEPTH]]},
         "mesh": {"h_contact": 0.03},
     }
-    own = SceneForces(scene(HALF_SPACE, material=material, **more), [E], 1.3 * DEPTH, WAY)
+    own = ForwardModel(scene(HALF_SPACE, material=material, **more), [E], 1.3 * DEPTH, WAY)
     theory = relaxing(terms, HALF_SPACE)
     alike = to_mapping(theory) | {"material": material | {"relaxation": {"prony": terms}}}
-    exact = SceneForces(from_mapping(alike), [E], 0.1)
+    exact = ForwardModel(from_mapping(alike), [E], 0.1)
     t = np.append(0.0, t)
     x, dense = np.minimum(DEPTH * t / RAMP, DEPTH), np.linspace(0, 1, 2001)
     wanted = np.interp(t, dense, exact(np.zeros(1), np.minimum(DEPTH * dense / RAMP, DEPTH), dense))
@@ -173,13 +173,13 @@ def test_shear_that_relaxes_at_constant_volume_is_lee_and_radok():
 def test_corners_of_a_measured_way():
     t = np.linspace(0.0, 2.0, 401)
     delta = np.interp(t, [0.0, 0.5, 1.5, 2.0], [-0.1, 0.1, 0.1, 0.0])
-    way = way_of(t, delta)
+    way = simplify_path(t, delta)
     wanted = [(0.0, 0.0), (0.25, 0.1), (1.25, 0.1), (1.75, 0.0)]
     assert way.corners == tuple(pytest.approx(corner, abs=1e-12) for corner in wanted)
-    held = way_of(t[200:300], delta[200:300])
+    held = simplify_path(t[200:300], delta[200:300])
     assert held.corners == ((0.0, 0.0), (0.0, 0.1), pytest.approx((0.495, 0.1)))
     shaken = delta + 1e-4 * np.sin(300 * t)  # a thousandth of the deepest
-    assert len(way_of(t, shaken).corners) < 8
+    assert len(simplify_path(t, shaken).corners) < 8
 
 
 def test_what_scales_the_force_and_what_a_fit_does_not_follow():
@@ -187,7 +187,7 @@ def test_what_scales_the_force_and_what_a_fit_does_not_follow():
     assert pressures(porous()) == [E]
     assert pressures(porous(flow={"permeability": 0.1})) == [E, "material.flow.permeability"]
     with pytest.raises(ConfigError, match="needs a way in time"):
-        SceneForces(porous(), [E], DEPTH)
+        ForwardModel(porous(), [E], DEPTH)
     gel = {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.2}
     with pytest.raises(ConfigError, match="does not follow a gel"):
-        SceneForces(scene(material=gel), ["material.G"], DEPTH)
+        ForwardModel(scene(material=gel), ["material.G"], DEPTH)

@@ -7,7 +7,14 @@ import pytest
 from measurements import NOISES, drawn
 from scipy.linalg import toeplitz
 
-from indent_sim.fitting.inference.noise import WHITE, Noise, averaged, f_test, gain, grid
+from indent_sim.fitting.inference.noise import (
+    WHITE,
+    Noise,
+    average_over_noise,
+    f_test,
+    f_test_extra_columns,
+    noise_grid,
+)
 
 
 def dense(noise: Noise, n: int) -> np.ndarray:
@@ -28,13 +35,15 @@ def test_banded_products_are_those_of_the_dense_matrix(noise):
 def test_samples_that_count_as_one():
     """The variance of a mean is s2 samples/n: the row sums of V, but for its ends."""
     noise, n = Noise(8, 0.3), 4000
-    assert abs(dense(noise, n).sum() / n / noise.samples - 1) < 0.005  # ends: tau/n
+    assert (
+        abs(dense(noise, n).sum() / n / noise.integrated_correlation_time - 1) < 0.005
+    )  # ends: tau/n
 
 
 def test_white_noise_gives_the_textbook_covariance():
     J = np.column_stack([np.ones(200), np.linspace(-1, 1, 200)])
     r = drawn(WHITE, 200, np.random.default_rng(3))
-    found = averaged(J, r, [WHITE])
+    found = average_over_noise(J, r, [WHITE])
     left = r - J @ np.linalg.lstsq(J, r, rcond=None)[0]
     np.testing.assert_allclose(
         found.covariance, left @ left / 198 * np.linalg.inv(J.T @ J), rtol=1e-9, atol=1e-15
@@ -50,7 +59,7 @@ def test_intervals_of_a_line_hold_its_slope(name):
     """
     n, noise, draw = 300, NOISES[name], np.random.default_rng(4)
     J = np.column_stack([np.ones(n), np.linspace(-1, 1, n)])
-    found = [averaged(J, drawn(noise, n, draw)) for _ in range(100)]
+    found = [average_over_noise(J, drawn(noise, n, draw)) for _ in range(100)]
     inside = sum(abs(one.step[1]) < 1.96 * one.sd[1] for one in found)
     V = dense(noise, n)
     true = np.sqrt(np.linalg.inv(J.T @ np.linalg.solve(V, J))[1, 1])
@@ -59,16 +68,16 @@ def test_intervals_of_a_line_hold_its_slope(name):
 
 def test_the_likeliest_noise_of_a_long_record_is_its_own():
     J, draw = np.ones((3000, 1)), np.random.default_rng(5)
-    found = averaged(J, drawn(Noise(16, 0.5), 3000, draw)).likeliest
+    found = average_over_noise(J, drawn(Noise(16, 0.5), 3000, draw)).likeliest_noise
     assert found.tau in (8, 16, 32) and found.w in (0.25, 0.5, 0.8)  # beside it on the grid
-    assert averaged(J, drawn(WHITE, 3000, draw)).likeliest == WHITE
+    assert average_over_noise(J, drawn(WHITE, 3000, draw)).likeliest_noise == WHITE
 
 
 def test_the_grid_ends_at_a_quarter_of_the_record():
     assert (
-        grid(3) == [WHITE]
-        and max(noise.tau for noise in grid(1200)) == 256
-        and len(grid(1200)) == 55
+        noise_grid(3) == [WHITE]
+        and max(noise.tau for noise in noise_grid(1200)) == 256
+        and len(noise_grid(1200)) == 55
     )
 
 
@@ -78,7 +87,7 @@ def test_gains_by_accident_are_uniform():
     """
     draw, x = np.random.default_rng(6), np.linspace(-1, 1, 80)
     J, extra = np.column_stack([np.ones(80), x]), np.column_stack([x**2, x**3])
-    p = [gain(J, extra, draw.standard_normal(80), WHITE) for _ in range(200)]
+    p = [f_test_extra_columns(J, extra, draw.standard_normal(80), WHITE) for _ in range(200)]
     assert 5 <= sum(one < 0.1 for one in p) <= 38
-    assert gain(J, extra, draw.standard_normal(80) + 3 * x**2, WHITE) < 1e-6
+    assert f_test_extra_columns(J, extra, draw.standard_normal(80) + 3 * x**2, WHITE) < 1e-6
     assert f_test(1.0, 2, 0.0, 5) == 1.0 and f_test(1.0, 2, 1.0, 0) == 1.0

@@ -11,9 +11,12 @@ import pytest
 from measurements import HALF_SPACE, LAYER, relaxing, scene
 
 from indent_sim.config.quantities import pressures
-from indent_sim.fitting.scene_curve.elastic_table import NoTable, elastic_prospect
-from indent_sim.fitting.scene_curve.parameters import WORK, number_at, parameters_of
-from indent_sim.fitting.scene_curve.scene_forces import SceneForces
+from indent_sim.fitting.forward_model.elastic_load_curve import (
+    ForwardModelUnavailable,
+    plan_elastic_run,
+)
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY, number_at, parameters_of
 from indent_sim.process.errors import ConfigError
 from indent_sim.theory.adhesion import Jkr
 from indent_sim.theory.punches import LayerPunches
@@ -25,7 +28,7 @@ DEPTHS = np.array([1e-4, 0.001, 0.01, 0.03, 0.1, 0.13])
 
 def by_theory(config, depths=DEPTHS) -> np.ndarray:  # type: ignore[no-untyped-def]
     """Theory's forces in the scene's units."""
-    given = elastic_prospect(config, DEEPEST).scene
+    given = plan_elastic_run(config, DEEPEST).scene
     scales = given.physics.scales
     curve = given.plan.theory.contact.curve([float(delta / scales.depth) for delta in depths])
     return np.array([one.force for one in curve]) * scales.force
@@ -44,14 +47,14 @@ def by_theory(config, depths=DEPTHS) -> np.ndarray:  # type: ignore[no-untyped-d
 )
 def test_tables_are_theory_at_other_depths(body, tip):
     config = scene(body, tip=tip)
-    forces = SceneForces(config, ["material.E"], DEEPEST)(np.array([math.log(2.5)]), DEPTHS)
+    forces = ForwardModel(config, ["material.E"], DEEPEST)(np.array([math.log(2.5)]), DEPTHS)
     np.testing.assert_allclose(
         forces, 2.5 * by_theory(config), rtol=1e-6
     )  # 5e-11 as a rule, a sphere's edge the worst
 
 
 def test_no_contact_no_force_and_beyond_the_table_a_power():
-    forces = SceneForces(scene(HALF_SPACE), [], DEEPEST)
+    forces = ForwardModel(scene(HALF_SPACE), [], DEEPEST)
     got = forces(np.array([]), np.array([-1.0, 0.0, 2 * DEEPEST]))
     assert got[0] == got[1] == 0.0
     np.testing.assert_allclose(
@@ -63,7 +66,7 @@ def test_no_contact_no_force_and_beyond_the_table_a_power():
     "key, values", [("body.height", (0.3, 0.77, 5.0)), ("material.nu", (0.0, 0.31, 0.5))]
 )
 def test_parameters_of_shape_are_interpolated(key, values):
-    forces = SceneForces(scene(), ["material.E", key], DEEPEST)
+    forces = ForwardModel(scene(), ["material.E", key], DEEPEST)
     for value in values:
         theta = np.array([0.0, forces.parameters[1].theta(value)])
         changed = (
@@ -75,18 +78,23 @@ def test_parameters_of_shape_are_interpolated(key, values):
 
 
 def test_a_body_thinner_than_the_depth_has_no_table():
-    forces = SceneForces(scene(), ["body.height"], DEEPEST)
+    forces = ForwardModel(scene(), ["body.height"], DEEPEST)
     assert forces.bounds[0][0] == pytest.approx(math.log(1.15 * DEEPEST))
     forces(forces.bounds[0], DEPTHS)  # its nodes all lie above
-    with pytest.raises((NoTable, ConfigError)):
-        SceneForces(scene({"shape": "layer", "height": 0.1}), ["material.E"], DEEPEST)
+    with pytest.raises((ForwardModelUnavailable, ConfigError)):
+        ForwardModel(scene({"shape": "layer", "height": 0.1}), ["material.E"], DEEPEST)
 
 
 def test_roles_and_numbers_of_keys():
     layers = {"shape": "layer", "height": 1.4, "layers": [{"thickness": 0.4}, {"thickness": 1.0, "material": {
         "model": "linear_elastic", "E": 5.0, "nu": 0.3}}]}  # fmt: skip
     config = scene(layers, experiment={"adhesion": {"work": 0.01}})
-    keys = ["material.E", "body.layers[1].material.nu", "body.layers[0].thickness", WORK]
+    keys = [
+        "material.E",
+        "body.layers[1].material.nu",
+        "body.layers[0].thickness",
+        ADHESION_WORK_KEY,
+    ]
     assert [one.role for one in parameters_of(config, keys, DEEPEST)] == [
         "shape",
         "shape",
@@ -120,7 +128,7 @@ def test_two_layers_move_by_their_own_moduli():
             }
         )
 
-    forces = SceneForces(
+    forces = ForwardModel(
         two(1.0, 3.0), ["body.layers[0].material.E", "body.layers[1].material.E"], DEEPEST
     )
     theta = np.log([1.3, 4.4])
@@ -136,7 +144,7 @@ def test_two_layers_move_by_their_own_moduli():
 def test_a_spring_gives_way_by_its_force(held):
     """z = delta + F/k at the same force."""
     rigid, soft = (
-        SceneForces(scene(experiment=more), [], DEEPEST)
+        ForwardModel(scene(experiment=more), [], DEEPEST)
         for more in ({"frame": {"compliance": 0.0}}, held)
     )
     force = rigid(np.array([]), DEPTHS)
@@ -149,8 +157,8 @@ def test_a_spring_gives_way_by_its_force(held):
 def test_adhesion_is_that_of_theory(compliance):
     held = {"frame": {"compliance": compliance}}
     config, work, E = scene(experiment={"adhesion": {"work": 0.002}, **held}), 0.0033, 1.7
-    forces = SceneForces(config, ["material.E", WORK], DEEPEST)
-    given = elastic_prospect(config, DEEPEST).scene
+    forces = ForwardModel(config, ["material.E", ADHESION_WORK_KEY], DEEPEST)
+    given = plan_elastic_run(config, DEEPEST).scene
     L, F = given.physics.scales.length, given.physics.scales.force
     jkr = Jkr(LayerPunches(given.plan.theory.contact), work / E / given.physics.scales.pressure / L)
     ways = [0.0, 0.003, 0.02, 0.09]
@@ -168,7 +176,7 @@ def test_relaxation_while_the_contact_grows_is_lee_and_radok():
     terms = [[0.4, 0.3], [0.2, 2.0]]
     config = relaxing(terms)
     t = np.linspace(0, 1, 400)
-    got = SceneForces(config, [], DEEPEST)(np.array([]), 0.1 * t, t)
+    got = ForwardModel(config, [], DEEPEST)(np.array([]), 0.1 * t, t)
     depths = np.geomspace(1e-5, 0.1001, 80)
     elastic = ElasticCurve(depths, by_theory(config, depths), np.sqrt(depths))
     cycle = LeeRadokTing(ShearRelaxation((0.4, 0.2), (0.3, 2.0)), [0.0, 1.0], [0.0, 0.1], elastic)
@@ -192,8 +200,8 @@ def test_a_linear_rise_relaxes_exactly_at_any_times():
 def test_a_spring_on_a_relaxing_body_balances():
     """z = delta + F/k at every time, of the force that belongs to these depths."""
     terms = [[0.5, 0.2]]
-    soft = SceneForces(relaxing(terms, experiment={"cantilever": {"stiffness": 1.0}}), [], DEEPEST)
-    rigid = SceneForces(relaxing(terms), [], DEEPEST)
+    soft = ForwardModel(relaxing(terms, experiment={"cantilever": {"stiffness": 1.0}}), [], DEEPEST)
+    rigid = ForwardModel(relaxing(terms), [], DEEPEST)
     t = np.linspace(0, 1, 200)
     force = soft(np.array([]), 0.1 * t, t)
     np.testing.assert_allclose(

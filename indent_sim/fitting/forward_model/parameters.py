@@ -17,20 +17,20 @@ from indent_sim.process.errors import ConfigError
 
 Role = Literal["scale", "shape", "work", "relaxation", "spring", "power"]
 # of the depth beside the scene's own, no key of it; its range
-FREE_EXPONENT = "exponent"
-EXPONENTS = (-1.0, 1.0)
-MEASURABLE = (
+FREE_EXPONENT_KEY = "exponent"
+EXPONENT_BOUNDS = (-1.0, 1.0)
+MEASURABLE_SECTIONS = (
     "body",
     "material",
     "indenter",
     "contact",
     "experiment",
 )  # sections of what a curve may tell
-WORK = "experiment.adhesion.work"
-SPRINGS = ("experiment.cantilever.stiffness", "experiment.frame.compliance")
-LARGEST_NU = 0.5
-LARGEST_FRACTION = 0.999
-SHALLOWEST_BODY = 1.15  # depths: a thinner body is pressed through
+ADHESION_WORK_KEY = "experiment.adhesion.work"
+SPRING_KEYS = ("experiment.cantilever.stiffness", "experiment.frame.compliance")
+MAX_NU = 0.5
+MAX_FRACTION = 0.999
+MIN_HEIGHT_DEPTHS = 1.15  # depths: a thinner body is pressed through
 # of the lattice on which scenes are solved
 LOG_STEP = 0.2
 LINEAR_STEP = 0.02
@@ -46,12 +46,12 @@ class Parameter:
     """
 
     key: str
-    start: float
+    initial_value: float
     role: Role
     low: float
     high: float
     is_linear: bool = False
-    step: float = LOG_STEP
+    grid_step: float = LOG_STEP
 
     def theta(self, value: float) -> float:
         """The coordinate of a value in which the fit works."""
@@ -64,15 +64,15 @@ class Parameter:
     @property
     def bounds(self) -> tuple[float, float]:
         """The coordinates between which the value may lie."""
-        ends = (self.low, self.high)
-        return ends if self.is_linear else tuple(map(_log, ends))  # type: ignore[return-value]
+        limits = (self.low, self.high)
+        return limits if self.is_linear else tuple(map(_log_or_infinity, limits))  # type: ignore[return-value]
 
 
-def _log(value: float) -> float:
+def _log_or_infinity(value: float) -> float:
     return math.log(value) if 0 < value < math.inf else math.copysign(math.inf, value - 0.5)
 
 
-def parameters_of(config: Config, keys: Sequence[str], deepest: float) -> tuple[Parameter, ...]:
+def parameters_of(config: Config, keys: Sequence[str], max_depth: float) -> tuple[Parameter, ...]:
     """The parameters of some keys; ConfigError for one that is no number of the scene, or that is
     named twice.
 
@@ -81,48 +81,50 @@ def parameters_of(config: Config, keys: Sequence[str], deepest: float) -> tuple[
     for key in keys:
         if list(keys).count(key) > 1:
             raise ConfigError("--vary", f"names {key} twice", "name it once")
-    return tuple(_parameter(config, key, deepest) for key in keys)
+    return tuple(_make_parameter(config, key, max_depth) for key in keys)
 
 
-def _parameter(config: Config, key: str, deepest: float) -> Parameter:
-    start = number_at(config, key)
-    last = key.rpartition(".")[2]
-    if last.startswith("nu"):
-        return Parameter(key, start, "shape", 0.0, LARGEST_NU, is_linear=True, step=LINEAR_STEP)
-    if not start > 0:
-        raise ConfigError(
-            key, f"is {start:g}: a fit begins from a number above 0", f"--set {key}=..."
+def _make_parameter(config: Config, key: str, max_depth: float) -> Parameter:
+    initial_value = number_at(config, key)
+    last_part = key.rpartition(".")[2]
+    if last_part.startswith("nu"):
+        return Parameter(
+            key, initial_value, "shape", 0.0, MAX_NU, is_linear=True, grid_step=LINEAR_STEP
         )
-    if key == WORK:
-        return Parameter(key, start, "work", 0.0, math.inf)
+    if not initial_value > 0:
+        raise ConfigError(
+            key, f"is {initial_value:g}: a fit begins from a number above 0", f"--set {key}=..."
+        )
+    if key == ADHESION_WORK_KEY:
+        return Parameter(key, initial_value, "work", 0.0, math.inf)
     if "relaxation" in key_path(key):
-        is_fraction = key.endswith("[0]") or last == "exponent"
+        is_fraction = key.endswith("[0]") or last_part == "exponent"
         in_shear = any(
             law.relaxation and law.relaxation.of != "all" for _, law in config.materials()
         )
         role: Role = "shape" if in_shear else "relaxation"
-        return Parameter(key, start, role, 0.0, LARGEST_FRACTION if is_fraction else math.inf)
-    if key in SPRINGS:
-        return Parameter(key, start, "spring", 0.0, math.inf)
+        return Parameter(key, initial_value, role, 0.0, MAX_FRACTION if is_fraction else math.inf)
+    if key in SPRING_KEYS:
+        return Parameter(key, initial_value, "spring", 0.0, math.inf)
     if pressures(config) == [key]:
-        return Parameter(key, start, "scale", 0.0, math.inf)
+        return Parameter(key, initial_value, "scale", 0.0, math.inf)
     low = (
-        SHALLOWEST_BODY * deepest
-        if last in ("height", "thickness") and "layers" not in key
+        MIN_HEIGHT_DEPTHS * max_depth
+        if last_part in ("height", "thickness") and "layers" not in key
         else 0.0
     )
-    return Parameter(key, start, "shape", low, math.inf)
+    return Parameter(key, initial_value, "shape", low, math.inf)
 
 
 def number_at(config: Config, key: str) -> float:
     """The number at a key of the scene; ConfigError where there is none, or none that a curve tells
     of.
     """
-    if str(next(iter(key_path(key)), "")) not in MEASURABLE:
+    if str(next(iter(key_path(key)), "")) not in MEASURABLE_SECTIONS:
         raise ConfigError(
             key,
             "is nothing that a curve tells of",
-            f"--vary names a key of {', '.join(MEASURABLE)}",
+            f"--vary names a key of {', '.join(MEASURABLE_SECTIONS)}",
         )
     section: Any = to_mapping(config)
     for part in key_path(key):
@@ -137,7 +139,7 @@ def number_at(config: Config, key: str) -> float:
     return float(section)
 
 
-def with_numbers(config: Config, values: Mapping[str, Any]) -> Config:
+def replace_numbers(config: Config, values: Mapping[str, Any]) -> Config:
     """The scene with other values at some keys; ConfigError where there is no such scene."""
     settings = [(key, value, ("--vary", None)) for key, value in values.items()]
     return varied(to_mapping(config), config.source, settings)

@@ -1,0 +1,491 @@
+"""Forces: a scene as a function of depth and of its parameters, with what its experiment adds.
+
+    F(x, t; theta),   x the depth delta, or with a spring the way z = delta + compliance F of its
+    base
+
+Signs as everywhere: x > 0 in, F > 0 pushing; 0 before first touch. Units of the scene, times in
+seconds.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from indent_sim.config.scene_file import to_yaml
+from indent_sim.config.schema import Config
+from indent_sim.config.strict_yaml import key_path
+from indent_sim.fitting.forward_model.elastic_load_curve import (
+    MIN_RADIUS_FRACTION,
+    ElasticLoadCurve,
+    ElasticLoadCurveGrid,
+    plan_elastic_run,
+)
+from indent_sim.fitting.forward_model.measured_path_forces import (
+    MeasuredPath,
+    MeasuredPathForces,
+    first_contact_time,
+    needs_time_stepping,
+)
+from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
+from indent_sim.fitting.forward_model.parameters import (
+    ADHESION_WORK_KEY,
+    EXPONENT_BOUNDS,
+    FREE_EXPONENT_KEY,
+    Parameter,
+    number_at,
+    parameters_of,
+    replace_numbers,
+)
+from indent_sim.process.errors import ConfigError
+from indent_sim.run.history_on_curve import relaxation_modulus
+
+SPRING_TABLE_SAMPLES = 1500  # of the table of depths behind a spring
+JKR_BRANCH_SAMPLES = 600  # of the branch of a tip that adheres
+# of depths behind a spring in a body that relaxes, relative to the depth
+MAX_SPRING_ITERATIONS = 60
+DEPTH_TOLERANCE = 1e-9
+MIN_RELATIVE_DEPTH = 1e-9  # of the depth, from where on a free power of it goes on as a number
+MAX_CACHED_MODELS = 100
+# Contact radii that a height may have: a thicker body is a half-space, a thinner one is solved for
+# long
+MIN_HEIGHT_RADII = 0.2
+MAX_HEIGHT_RADII = 20.0
+# What relaxation makes, at some times, of the elastic forces there
+RelaxationOperator = Callable[[np.ndarray], Callable[[np.ndarray], np.ndarray]]
+
+
+@dataclass(frozen=True)
+class ExperimentSettings:
+    """The experiment at some values of the parameters: work of adhesion, compliance, relaxation."""
+
+    scale: float
+    shape_coordinates: tuple[float, ...]
+    adhesion_work: float
+    compliance: float
+    relaxation: RelaxationOperator | None
+    extra_exponent: float = 0.0  # of the depth, beside the scene's own
+
+
+class ForwardModel:
+    """The force of a scene at depths, or ways of the base, for any values of its varied keys.
+
+    config: the scene; keys: what varies; deepest [length]: of the table; way: of the tip, for
+    matter that drains or relaxes in shear. ConfigError for a scene that cannot exist, NoTable for
+    one without a solution.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        varied_keys: Sequence[str],
+        max_depth: float,
+        measured_path: MeasuredPath | None = None,
+    ):
+        self.config = config
+        self.varied_keys = tuple(varied_keys)
+        self.max_depth = max_depth
+        self.parameters = parameters_of(config, varied_keys, max_depth)
+        self.experiment = config.instrument
+        self.pivot_depth = max_depth
+        self.has_adhesion = self.experiment.adhesion is not None
+        self._shape_indices = [
+            k for k, parameter in enumerate(self.parameters) if parameter.role == "shape"
+        ]
+        shape_parameters = [self.parameters[k] for k in self._shape_indices]
+        self.path_forces: MeasuredPathForces | None = None
+        is_time_stepped = needs_time_stepping(config)
+        curve_parameters = [] if is_time_stepped else shape_parameters
+        self.elastic_curves = ElasticLoadCurveGrid(
+            config, curve_parameters, max_depth, self.has_adhesion
+        )
+        if is_time_stepped:
+            self.path_forces = _build_path_forces(
+                config, shape_parameters, measured_path, self.elastic_curves.scene_curve
+            )
+        radius = self.elastic_curves.scene_curve.contact_radius
+        self.parameters = tuple(_bound_height(parameter, radius) for parameter in self.parameters)
+
+    @property
+    def initial_coordinates(self) -> np.ndarray:
+        """The coordinates of the scene's own values."""
+        return np.array([parameter.theta(parameter.initial_value) for parameter in self.parameters])
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """The least and largest coordinates."""
+        low, high = (
+            zip(*(parameter.bounds for parameter in self.parameters), strict=True)
+            if self.parameters
+            else ((), ())
+        )
+        return np.array(low, dtype=float), np.array(high, dtype=float)
+
+    @property
+    def scale_index(self) -> int | None:
+        """Which parameter multiplies the force, if one does."""
+        return next(
+            (k for k, parameter in enumerate(self.parameters) if parameter.role == "scale"), None
+        )
+
+    @property
+    def is_time_dependent(self) -> bool:
+        """Whether the force depends on time."""
+        return self.path_forces is not None or relaxation_of(self.config) is not None
+
+    @property
+    def effects(self) -> set[str]:
+        """What it has that another model may add: adhesion, relaxation."""
+        has_effect = {"adhesion": self.has_adhesion, "relaxation": self.is_time_dependent}
+        return {name for name, is_present in has_effect.items() if is_present}
+
+    @property
+    def relative_error(self) -> float:
+        """Relative error bar of the force, from its mesh."""
+        return self.elastic_curves.scene_curve.relative_error
+
+    def __call__(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
+        """Forces [force] at ways x [length] (n,) and times t (n,), in order of time."""
+        settings = self._experiment_settings(theta)
+        if self.is_time_dependent and t is None:
+            raise ValueError("a scene that relaxes needs times")
+        if self.path_forces is not None and t is not None:
+            return self._force_along_path(self.path_forces, settings, x, t)
+        load_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
+        if self.has_adhesion:
+            return self._adhesive_force(load_curve, settings, x)
+        if settings.relaxation is not None and t is not None:
+            return self._relaxed_force(load_curve, settings, x, settings.relaxation(t))
+        if not settings.compliance:
+            return self._elastic_force(load_curve, settings, x)
+        max_x = max(float(x.max(initial=0.0)), 1e-300)
+        depths = min(max_x, 1.2 * self.max_depth) * np.linspace(0.0, 1.0, SPRING_TABLE_SAMPLES) ** 2
+        force = self._elastic_force(load_curve, settings, depths)
+        return np.where(x > 0, np.interp(x, depths + settings.compliance * force, force), 0.0)
+
+    def force_without_spring(self, theta: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        """The forces over the depth, without spring and relaxation: where a fit begins."""
+        settings = self._experiment_settings(theta)
+        path_forces = self.path_forces
+        if path_forces is not None:
+            return lambda delta: (
+                settings.scale
+                * path_forces.peak_force_factor
+                * np.maximum(delta, 0.0) ** path_forces.exponent
+            )
+        load_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
+        if self.has_adhesion:
+            rigid_settings = replace(settings, compliance=0.0, relaxation=None)
+            return lambda delta: self._adhesive_force(load_curve, rigid_settings, delta)
+        return lambda delta: self._elastic_force(load_curve, settings, delta)
+
+    def _elastic_force(
+        self, load_curve: ElasticLoadCurve, settings: ExperimentSettings, delta: np.ndarray
+    ) -> np.ndarray:
+        """The elastic force at depths: the scene's, times another power of the depth."""
+        force = settings.scale * load_curve.force(delta)
+        return (
+            force
+            * np.maximum(delta / self.pivot_depth, MIN_RELATIVE_DEPTH) ** settings.extra_exponent
+            if settings.extra_exponent
+            else force
+        )
+
+    def _force_along_path(
+        self,
+        path_forces: MeasuredPathForces,
+        settings: ExperimentSettings,
+        x: np.ndarray,
+        t: np.ndarray,
+    ) -> np.ndarray:
+        """The force of a body with a memory."""
+        if not (x > 0).any():
+            return np.zeros(len(x))
+        exponent = path_forces.exponent + settings.extra_exponent
+        positive_x = np.maximum(x, 0.0)
+        force_factor = (
+            settings.scale
+            * path_forces.force_factor(settings.shape_coordinates, t - first_contact_time(t, x))
+            * self.pivot_depth**-settings.extra_exponent
+        )
+        if not settings.compliance:
+            return force_factor * positive_x**exponent  # type: ignore[no-any-return]
+
+        def pushed(delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            force = force_factor * np.maximum(delta, 0.0) ** exponent
+            return force, exponent * force / np.maximum(delta, MIN_RELATIVE_DEPTH * self.max_depth)
+
+        return self._solve_spring_balance(positive_x, settings.compliance, pushed)
+
+    def time_step_error(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None) -> np.ndarray:
+        """What the force of a body with a memory lacks of one solved by itself, in shorter steps
+        (n,); else nothing.
+        """
+        path_forces = self.path_forces
+        settings = self._experiment_settings(theta)
+        if path_forces is None or t is None or not (x > 0).any():
+            return np.zeros(len(x))
+        values = {
+            parameter.key: parameter.value(float(theta[k]))
+            for k in self._shape_indices
+            for parameter in (self.parameters[k],)
+        }
+        factor_error = path_forces.time_step_error(
+            replace_numbers(self.config, values),
+            settings.shape_coordinates,
+            t - first_contact_time(t, x),
+        )
+        depth = np.maximum(x - settings.compliance * self(theta, x, t), 0.0)
+        return settings.scale * factor_error * depth**path_forces.exponent  # type: ignore[no-any-return]
+
+    def _experiment_settings(self, theta: np.ndarray) -> ExperimentSettings:
+        values = {
+            parameter.key: parameter.value(float(x))
+            for parameter, x in zip(self.parameters, theta, strict=True)
+        }
+        scale = math.prod(
+            values[parameter.key] / parameter.initial_value
+            for parameter in self.parameters
+            if parameter.role == "scale"
+        )
+        adhesion = self.experiment.adhesion
+        adhesion_work = values.get(ADHESION_WORK_KEY, adhesion.work if adhesion else 0.0)
+        cantilever = self.experiment.cantilever
+        frame = self.experiment.frame
+        compliance = (
+            1.0 / values.get("experiment.cantilever.stiffness", cantilever.stiffness)
+            if cantilever
+            else 0.0
+        )
+        compliance += values.get("experiment.frame.compliance", frame.compliance) if frame else 0.0
+        relaxation_values = {
+            parameter.key: values[parameter.key]
+            for parameter in self.parameters
+            if parameter.role == "relaxation"
+        }
+        extra_exponent = values.get(FREE_EXPONENT_KEY, 0.0)
+        relaxation = relaxation_of(self.config, relaxation_values)
+        return ExperimentSettings(
+            scale,
+            tuple(theta[self._shape_indices]),
+            adhesion_work,
+            compliance,
+            relaxation,
+            extra_exponent,
+        )
+
+    def add_free_exponent(self, pivot_depth: float) -> ForwardModel:
+        """The same scene whose force rises with a free power of the depth beside its own, as under
+        another tip; at the depth `pivot_depth` [length] the force is the scene's.
+        """
+        model = copy.copy(self)
+        model.parameters = (
+            *self.parameters,
+            Parameter(FREE_EXPONENT_KEY, 0.0, "power", *EXPONENT_BOUNDS, is_linear=True),
+        )
+        model.varied_keys = (*self.varied_keys, FREE_EXPONENT_KEY)
+        model.pivot_depth = pivot_depth
+        return model
+
+    def _adhesive_force(
+        self, load_curve: ElasticLoadCurve, settings: ExperimentSettings, x: np.ndarray
+    ) -> np.ndarray:
+        """JKR's stable branch by the contact radius, from first touch at x = 0 until the tip comes
+        off.
+        """
+        assert load_curve.punch_coefficients is not None
+        log_min_radius = math.log(MIN_RADIUS_FRACTION)
+        ln_a = np.linspace(log_min_radius, 0.0, JKR_BRANCH_SAMPLES)
+        log_columns = [
+            np.polynomial.chebyshev.chebval(1.0 - 2.0 * ln_a / log_min_radius, coefficients)
+            for coefficients in load_curve.punch_coefficients
+        ]
+        delta, force, K, slope = np.exp(log_columns)
+        q = np.sqrt(
+            4.0
+            * np.pi
+            * load_curve.max_radius
+            * np.exp(ln_a)
+            * settings.adhesion_work
+            / (settings.scale * slope)
+        )
+        delta = delta - q
+        force = settings.scale * (force - K * q)
+        base_displacement = delta + settings.compliance * force
+        unstable_points = np.flatnonzero(np.diff(base_displacement) <= 0)
+        first_stable = int(unstable_points[-1]) + 1 if len(unstable_points) else 0
+        has_touched = np.logical_or.accumulate(x >= 0.0)
+        return np.where(
+            has_touched & (x >= base_displacement[first_stable]),
+            np.interp(x, base_displacement[first_stable:], force[first_stable:]),
+            0.0,
+        )
+
+    def _relaxed_force(
+        self,
+        load_curve: ElasticLoadCurve,
+        settings: ExperimentSettings,
+        x: np.ndarray,
+        relaxation: Callable[[np.ndarray], np.ndarray],
+    ) -> np.ndarray:
+        """The force of a relaxing body."""
+        h = 1e-6 * self.max_depth
+        if not settings.compliance:
+            return relaxation(self._elastic_force(load_curve, settings, x))
+
+        def pushed(delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            elastic = self._elastic_force(load_curve, settings, delta)
+            return relaxation(elastic), (
+                self._elastic_force(load_curve, settings, delta + h) - elastic
+            ) / h
+
+        return self._solve_spring_balance(x, settings.compliance, pushed)
+
+    def _solve_spring_balance(
+        self,
+        x: np.ndarray,
+        compliance: float,
+        force_and_stiffness: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    ) -> np.ndarray:
+        """Forces at ways of a base (n,) behind a spring, by rounds of Newton's kind.
+
+        pushed: force and stiffness at depths, every time by itself.
+        """
+        delta = x.copy()
+        for _ in range(MAX_SPRING_ITERATIONS):
+            force, stiffness = force_and_stiffness(delta)
+            change = (x - delta - compliance * force) / (1.0 + compliance * stiffness)
+            delta = delta + change
+            if np.abs(change).max(initial=0.0) < DEPTH_TOLERANCE * self.max_depth:
+                break
+        return force
+
+
+def _build_path_forces(
+    config: Config,
+    shape_parameters: Sequence[Parameter],
+    measured_path: MeasuredPath | None,
+    load_curve: ElasticLoadCurve,
+) -> MeasuredPathForces:
+    """The table along a way, with the exponent of the elastic force at its deepest."""
+    if config.experiment and config.experiment.adhesion:
+        raise ConfigError(
+            "experiment.adhesion",
+            "a fit does not follow a tip that adheres in time",
+            "leave it out",
+        )
+    if measured_path is None:
+        raise ConfigError(
+            "loading",
+            "matter that drains, or relaxes in shear, needs a way in time",
+            "give a history",
+        )
+    lower_force, upper_force = load_curve.force(np.array([0.95, 1.05]) * measured_path.max_depth)
+    return MeasuredPathForces(
+        config,
+        shape_parameters,
+        measured_path,
+        math.log(upper_force / lower_force) / math.log(1.05 / 0.95),
+    )
+
+
+def _bound_height(parameter: Parameter, contact_radius: float) -> Parameter:
+    """A height between those that are worth solving, for a contact of this radius [length]."""
+    if parameter.key.rpartition(".")[2] not in ("height", "thickness"):
+        return parameter
+    thinnest = MIN_HEIGHT_RADII * contact_radius
+    thickest = MAX_HEIGHT_RADII * contact_radius
+    low = max(parameter.low, min(thinnest, 0.99 * parameter.initial_value))
+    return replace(parameter, low=low, high=max(thickest, 1.01 * parameter.initial_value))
+
+
+def relaxation_of(
+    config: Config, values: Mapping[str, float] | None = None
+) -> RelaxationOperator | None:
+    """The relaxation of a scene, with other numbers at some of its keys; None where it does not
+    relax.
+    """
+    law = next((law.relaxation for _, law in config.materials() if law.relaxation), None)
+    if law is None:
+        return None
+    numbers = {_relaxation_subkey(key): value for key, value in (values or {}).items()}
+    if power_law := law.power_law:
+        changed = {
+            name: numbers.get(("power_law", name), getattr(power_law, name))
+            for name in ("exponent", "time")
+        }
+        return relaxation_modulus(
+            replace(law, power_law=replace(power_law, **changed))
+        ).force_relaxation
+    indexed_terms = enumerate(law.prony or ())
+    terms = tuple(
+        tuple(numbers.get(("prony", k, i), value) for i, value in enumerate(term))
+        for k, term in indexed_terms
+    )
+    return relaxation_modulus(replace(law, prony=terms)).force_relaxation
+
+
+def is_time_dependent(config: Config) -> bool:
+    """Whether the force of a scene depends on time."""
+    return needs_time_stepping(config) or relaxation_of(config) is not None
+
+
+def _relaxation_subkey(key: str) -> tuple[str | int, ...]:
+    """What of a key lies inside the relaxation of a material, which is the same in all of them."""
+    path = key_path(key)
+    return tuple(path[path.index("relaxation") + 1 :])
+
+
+class ForwardModelCache:
+    """The forces of scenes to some depths, made once for all curves that share them."""
+
+    def __init__(self) -> None:
+        self._models: dict[
+            tuple[str, tuple[str, ...], float, MeasuredPath | None], ForwardModel
+        ] = {}
+
+    def forward_model(
+        self,
+        config: Config,
+        keys: tuple[str, ...],
+        max_depth: float,
+        measured_path: MeasuredPath | None = None,
+    ) -> ForwardModel:
+        """The forces of a scene; NoTable where it does not exist at this depth, ConfigError where
+        at none.
+        """
+        cache_key = to_yaml(config), keys, max_depth, measured_path
+        if cache_key not in self._models:
+            if len(self._models) >= MAX_CACHED_MODELS:
+                self._models.clear()
+            self._models[cache_key] = _build_forward_model(config, keys, max_depth, measured_path)
+        return self._models[cache_key]
+
+
+def _build_forward_model(
+    config: Config, keys: tuple[str, ...], max_depth: float, measured_path: MeasuredPath | None
+) -> ForwardModel:
+    for key in keys:
+        number_at(config, key)
+    try:
+        return ForwardModel(config, keys, max_depth, measured_path)
+    except ConfigError as error:
+        plan_elastic_run(config, _scene_depth(config))  # wrong whatever the depth
+        raise ForwardModelUnavailable(
+            f"deeper than the scene is made for, {max_depth:.4g}: {error.problem}"
+        ) from error
+
+
+def _scene_depth(config: Config) -> float:
+    """A depth at which the scene itself must exist."""
+    loading = config.loading
+    return loading.delta or max(loading.deltas or (0.0,)) or 1e-3 * _characteristic_length(config)
+
+
+def _characteristic_length(config: Config) -> float:
+    height = getattr(config.body, "height", None)
+    return float(height or getattr(config.indenter, "R", None) or 1.0)

@@ -1,0 +1,302 @@
+"""Other models: what else may make a curve, and whether the scene's own model is refuted by one of
+them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from indent_sim.config.scene_file import from_mapping, to_mapping, varied
+from indent_sim.config.schema import Config
+from indent_sim.fitting.forward_model.forward_model import ForwardModel, ForwardModelCache
+from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
+from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY
+from indent_sim.fitting.inference.estimate import (
+    CurveModel,
+    Estimate,
+    convert_baseline,
+    uncertainty_at,
+)
+from indent_sim.fitting.inference.noise import f_test
+from indent_sim.process.errors import IndentSimError
+
+ModelName = Literal["thickness", "adhesion", "relaxation", "tip"]
+# block means on which, and rounds for which the starts of a model are followed
+EXPLORATION_SAMPLES = 300
+EXPLORATION_ITERATIONS = 15
+MIN_HEIGHT_DEPTHS = 1.15  # depths that a free thickness must have
+START_HEIGHT_RADII = (0.5, 1.5, 4.0)  # contact radii, where free thicknesses begin
+START_WORK_FRACTIONS = (
+    0.01,
+    0.05,
+    0.2,
+)  # of the largest force over the contact radius, where works of adhesion begin
+# What a scene may not have of its own where a model is tried
+EXCLUDED_EFFECTS: dict[str, set[str]] = {
+    "tip": {"adhesion"},
+    "thickness": set(),
+    "adhesion": {"adhesion", "relaxation"},
+    "relaxation": {"adhesion", "relaxation"},
+}
+# of a Prony term, its time in durations of the contact
+PRONY_FRACTIONS = (0.3,)
+PRONY_TIMES = (0.1, 0.4, 1.5)
+START_EXPONENT_CHANGES = (-0.2, 0.0, 0.2)  # of the depth's exponent, where it begins
+
+
+@dataclass(frozen=True)
+class AlternativeModel:
+    """Another model on the same curve: its name, the probability p of gaining as much by accident,
+    its estimate, the keys that it fits beside the scene's, and their values.
+    """
+
+    name: ModelName
+    p: float
+    estimate: Estimate
+    added_values: dict[str, float]
+
+
+def fit_alternatives(
+    estimate: Estimate, config: Config, tables: ForwardModelCache
+) -> list[AlternativeModel]:
+    """The models that may stand beside a scene's own, each fitted from several starts in its own
+    noise.
+
+    tables: those that are known. A model that the scene has already, or that cannot be computed for
+    it, is left out.
+    """
+    alternatives = (
+        _fit_alternative(name, estimate, config, tables)
+        for name in ("thickness", "adhesion", "relaxation", "tip")
+    )
+    return sorted(
+        (alternative for alternative in alternatives if alternative is not None),
+        key=lambda alternative: alternative.p,
+    )
+
+
+def _fit_alternative(
+    name: ModelName, estimate: Estimate, config: Config, tables: ForwardModelCache
+) -> AlternativeModel | None:
+    try:
+        best_estimate = _best_candidate(estimate, list(_candidates(name, estimate, config, tables)))
+    except (
+        IndentSimError,
+        ForwardModelUnavailable,
+        ValueError,
+        ArithmeticError,
+        np.linalg.LinAlgError,
+    ):
+        return None
+    if best_estimate is None:
+        return None
+    p = refutation_probability(estimate, best_estimate)
+    fitted_values = {
+        parameter.key: parameter.value(float(x))
+        for parameter, x in zip(
+            best_estimate.model.forward_model.parameters, best_estimate.theta, strict=True
+        )
+    }
+    return AlternativeModel(
+        name,
+        p,
+        best_estimate,
+        {
+            key: value
+            for key, value in fitted_values.items()
+            if key not in estimate.model.forward_model.varied_keys
+        },
+    )
+
+
+def _best_candidate(
+    estimate: Estimate, candidates: Sequence[tuple[ForwardModel, np.ndarray]]
+) -> Estimate | None:
+    """The candidate that leaves least, its noise beside it; found on fewer samples, and ended on
+    all.
+    """
+    scene_model = estimate.model
+    pilot_model = CurveModel(
+        scene_model.forward_model,
+        scene_model.samples.block_means(EXPLORATION_SAMPLES),
+        scene_model.origin,
+    )
+    baseline_values = convert_baseline(scene_model, pilot_model, estimate.ordinary_p)[
+        scene_model.coordinate_count :
+    ]
+    best: tuple[float, CurveModel, np.ndarray] | None = None
+    for forward_model, theta in candidates:
+        model = CurveModel(forward_model, pilot_model.samples, scene_model.origin)
+        try:
+            p, squares = model.least_squares(
+                np.array([*theta, *baseline_values]), rounds=EXPLORATION_ITERATIONS
+            )
+        except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
+            continue
+        if best is None or squares < best[0]:
+            best = squares, model, p
+    if best is None:
+        return None
+    model = CurveModel(best[1].forward_model, scene_model.samples, scene_model.origin)
+    p, _ = model.least_squares(convert_baseline(best[1], model, best[2]))
+    return Estimate(model, p, p, uncertainty_at(model, p))
+
+
+def refutation_probability(scene: Estimate, richer: Estimate) -> float:
+    """The probability that a richer model gains as much by accident: an F test in the noise beside
+    the richer one.
+    """
+    noise = richer.uncertainty.likeliest_noise
+    scene_squares, richer_squares = (
+        float(r @ noise.apply_inverse_covariance(r)[0])
+        for r in (scene.model.residual(_refit_scene(scene, noise)), _refitted_residual(richer))
+    )
+    m = len(richer.p) - len(scene.p)
+    return f_test(
+        max(scene_squares - richer_squares, 0.0),
+        m,
+        richer_squares,
+        len(richer.model.samples) - len(richer.p),
+    )
+
+
+def _refit_scene(scene: Estimate, noise: Any) -> np.ndarray:
+    return scene.model.least_squares(scene.ordinary_p, noise, rounds=10)[0]
+
+
+def _refitted_residual(richer: Estimate) -> np.ndarray:
+    p, _ = richer.model.least_squares(richer.p, richer.uncertainty.likeliest_noise, rounds=10)
+    return richer.model.residual(p)
+
+
+def _candidates(
+    name: ModelName, estimate: Estimate, config: Config, tables: ForwardModelCache
+) -> Iterator[tuple[ForwardModel, np.ndarray]]:
+    """The model's forces and the coordinates from which it is fitted."""
+    forward_model = estimate.model.forward_model
+    theta = estimate.ordinary_p[: estimate.model.coordinate_count]
+    if forward_model.effects & EXCLUDED_EFFECTS[name]:
+        return
+    match name:
+        case "tip":
+            compliance = forward_model.experiment.compliance
+            free_model = forward_model.add_free_exponent(
+                max(estimate.depth - compliance * estimate.max_force, 1e-3 * estimate.depth)
+            )
+            yield from ((free_model, np.array([*theta, q])) for q in START_EXPONENT_CHANGES)
+        case "thickness":
+            yield from _thickness_candidates(forward_model, theta, config, tables)
+        case "adhesion":
+            radius = forward_model.elastic_curves.scene_curve.contact_radius
+            adhesive_config = add_to_experiment(
+                config,
+                adhesion={
+                    "work": START_WORK_FRACTIONS[0] * _scene_max_force(forward_model) / radius
+                },
+            )
+            adhesive_model = tables.forward_model(
+                adhesive_config,
+                (*forward_model.varied_keys, ADHESION_WORK_KEY),
+                forward_model.max_depth,
+            )
+            yield from (
+                (
+                    adhesive_model,
+                    np.array([*theta, math.log(fraction * estimate.max_force / radius)]),
+                )
+                for fraction in START_WORK_FRACTIONS
+            )
+        case "relaxation":
+            yield from _relaxation_candidates(estimate, theta, config, tables)
+
+
+def _relaxation_candidates(
+    estimate: Estimate, theta: np.ndarray, config: Config, tables: ForwardModelCache
+) -> Iterator[tuple[ForwardModel, np.ndarray]]:
+    """Matter that relaxes by one term; a curve without times does not tell."""
+    forward_model = estimate.model.forward_model
+    t = estimate.model.samples.t
+    x = estimate.model.samples.x
+    if t is None:
+        return
+    duration = float(np.ptp(t[x > estimate.contact_point]))
+    key, relaxing_config = _add_relaxation(config, forward_model.max_depth)
+    relaxing_model = tables.forward_model(
+        relaxing_config,
+        (*forward_model.varied_keys, f"{key}[0][0]", f"{key}[0][1]"),
+        forward_model.max_depth,
+    )
+    instantaneous = _scale_modulus(
+        theta, forward_model.scale_index, 1.0 / (1.0 - 0.5 * PRONY_FRACTIONS[0])
+    )
+    for fraction in PRONY_TIMES:
+        yield (
+            relaxing_model,
+            np.array([*instantaneous, math.log(PRONY_FRACTIONS[0]), math.log(fraction * duration)]),
+        )
+
+
+def _scene_max_force(forward_model: ForwardModel) -> float:
+    """The largest force of the scene as it stands."""
+    return float(
+        forward_model.elastic_curves.scene_curve.force(np.array([forward_model.max_depth]))[0]
+    )
+
+
+def _scale_modulus(theta: np.ndarray, scale_index: int | None, factor: float) -> np.ndarray:
+    coordinates = theta.copy()
+    if scale_index is not None:
+        coordinates[scale_index] += math.log(factor)
+    return coordinates
+
+
+def _thickness_candidates(
+    forward_model: ForwardModel, theta: np.ndarray, config: Config, tables: ForwardModelCache
+) -> Iterator[tuple[ForwardModel, np.ndarray]]:
+    """A homogeneous body of free height; one whose height is fitted already has none."""
+    body = config.body
+    key = "body.height"
+    radius = forward_model.elastic_curves.scene_curve.contact_radius
+    if (
+        key in forward_model.varied_keys
+        or body.shape not in ("half_space", "layer")
+        or body.layers
+        or body.inclusions
+    ):
+        return
+    min_height = MIN_HEIGHT_DEPTHS * forward_model.max_depth
+    base_config = config
+    if body.shape != "layer":
+        layer = {"shape": "layer", "height": max(4.0 * radius, 2.0 * min_height)}
+        base_config = from_mapping(to_mapping(config) | {"body": layer})
+    layer_model = tables.forward_model(
+        base_config, (*forward_model.varied_keys, key), forward_model.max_depth
+    )
+    for fraction in START_HEIGHT_RADII:
+        yield layer_model, np.array([*theta, math.log(max(fraction * radius, 1.1 * min_height))])
+
+
+def _add_relaxation(config: Config, max_depth: float) -> tuple[str, Config]:
+    """The scene of matter that relaxes by one term, and the key of its terms in the first material."""
+    keys = [f"{key}.relaxation" for key, _ in config.materials()]
+    settings: list[tuple[str, Any]] = [
+        (key, {"prony": [[PRONY_FRACTIONS[0], 1.0]]}) for key in keys
+    ]
+    settings.append(
+        ("loading", {"history": [[0.0, 0.0], [1.0, max_depth]]})
+    )  # relaxation needs a time
+    return f"{keys[0]}.prony", varied(
+        to_mapping(config), config.source, [(*setting, ("--models", None)) for setting in settings]
+    )
+
+
+def add_to_experiment(config: Config, **parts: Any) -> Config:
+    """The scene with a part added to its experiment; ConfigError where that cannot be."""
+    document = to_mapping(config)
+    document["experiment"] = {**document.get("experiment", {}), **parts}
+    return from_mapping(document)

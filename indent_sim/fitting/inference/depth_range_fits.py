@@ -1,0 +1,115 @@
+"""Windows: the fit to shallower and shallower parts of a curve, and whether it moves by more than
+its noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
+from indent_sim.fitting.inference.estimate import (
+    MIN_CONTACT_POINTS,
+    CurveModel,
+    Estimate,
+    convert_baseline,
+    uncertainty_at,
+)
+from indent_sim.fitting.inference.noise import NORMAL_95
+
+DEPTH_FRACTIONS = (0.5, 0.6, 0.7, 0.8, 0.9)  # of the depth
+MIN_DEVIATION_RATIO = 0.1  # of the window's own: of its difference to the whole
+
+
+@dataclass(frozen=True)
+class DepthRangeFit:
+    """The ordinary fit to the depths up to a share `upper` of the deepest: coordinates theta (k,),
+    their standard deviations, and z, their difference to the whole curve's in standard
+    deviations of that difference.
+    """
+
+    depth_fraction: float
+    theta: np.ndarray
+    sd: np.ndarray
+    z_score: np.ndarray
+
+    def interval(self, k: int) -> tuple[float, float]:
+        """The window's own 95 % interval of a coordinate."""
+        half_width = NORMAL_95 * float(self.sd[k])
+        return float(self.theta[k]) - half_width, float(self.theta[k]) + half_width
+
+
+def fit_depth_ranges(estimate: Estimate) -> list[DepthRangeFit]:
+    """The windows of a fit, the shallowest first; one with too few points in contact is left out.
+
+    Where the scene relaxes a window ends at a share of the time in contact.
+
+    The difference of two ordinary fits is linear in the noise, D = pinv(J_u) - pinv(J) with zeros
+    where the window has no rows: its variance is s2 D V D', V and s2 being the noise of the whole.
+    """
+    model = estimate.model
+    p = estimate.ordinary_p
+    is_free = model.is_free
+    whole_pseudoinverse = np.linalg.pinv(model.jacobian(p)[:, is_free])
+    progress = _contact_progress(model, float(p[model.coordinate_count]))
+    fits = (
+        _fit_depth_range(estimate, whole_pseudoinverse, fraction, progress <= fraction)
+        for fraction in DEPTH_FRACTIONS
+    )
+    return [range_fit for range_fit in fits if range_fit is not None]
+
+
+def _contact_progress(model: CurveModel, c: float) -> np.ndarray:
+    """How far each sample is from first touch to the deepest one; in time where the scene relaxes,
+    and may be held.
+    """
+    x = model.samples.x
+    t = model.samples.t
+    if model.forward_model.is_time_dependent and t is not None and np.any(x > c):
+        contact_time = t[np.argmax(x > c)]
+        return (t - contact_time) / max(float(t[-1] - contact_time), 1e-300)  # type: ignore[no-any-return]
+    return (x - c) / max(float(x.max()) - c, 1e-300)  # type: ignore[no-any-return]
+
+
+def _fit_depth_range(
+    estimate: Estimate,
+    whole_pseudoinverse: np.ndarray,
+    depth_fraction: float,
+    is_inside: np.ndarray,
+) -> DepthRangeFit | None:
+    model = estimate.model
+    is_free = estimate.model.is_free
+    if (
+        np.count_nonzero(is_inside & (model.samples.x > estimate.contact_point))
+        < MIN_CONTACT_POINTS
+    ):
+        return None
+    partial_model = CurveModel(model.forward_model, model.samples.select(is_inside), model.origin)
+    try:
+        p, _ = partial_model.least_squares(
+            convert_baseline(model, partial_model, estimate.ordinary_p)
+        )
+        J = partial_model.jacobian(p)[:, is_free]
+        partial_uncertainty = uncertainty_at(partial_model, p)
+    except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
+        return None
+    k = model.coordinate_count
+    D = -whole_pseudoinverse[:k].copy()
+    D[:, is_inside] += np.linalg.pinv(J)[:k]
+    uncertainty = estimate.uncertainty
+    sd = np.sqrt(
+        np.maximum(
+            uncertainty.s2
+            * np.einsum("ij,ji->i", D, uncertainty.likeliest_noise.apply_covariance(D.T)),
+            0.0,
+        )
+    )
+    sd = np.maximum(sd, MIN_DEVIATION_RATIO * partial_uncertainty.sd[:k])
+    theta = p[:k]
+    return DepthRangeFit(
+        depth_fraction,
+        theta,
+        partial_uncertainty.sd[:k],
+        (theta - estimate.ordinary_p[:k]) / np.where(sd > 0, sd, 1.0),
+    )

@@ -1,0 +1,331 @@
+"""Verdict: whether a scene explains a curve, and the interval that is stated for each parameter.
+
+It does not where the residuals have a shape, where a window's fit moves, where the contact is
+noisier than the baseline, or where another model is better. The interval is then widened until
+nothing contradicts it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from indent_sim.fitting.inference.alternative_models import AlternativeModel
+from indent_sim.fitting.inference.depth_range_fits import DepthRangeFit
+from indent_sim.fitting.inference.estimate import CurveModel, Estimate, standard_deviation
+from indent_sim.fitting.inference.noise import (
+    NORMAL_95,
+    average_over_noise,
+    f_test,
+    f_test_extra_columns,
+)
+
+# that a shape is looked for with, from so many depths before contact on
+COSINE_COUNT = 8
+TREND_BASELINE_DEPTHS = 0.35
+CONTACT_MARGIN_DEPTHS = 0.2  # depths before first touch that are no baseline
+# points before contact, of a baseline that tells its noise
+MIN_BASELINE_POINTS = 40
+MIN_EFFECTIVE_POINTS = 8.0
+# Where other models are asked
+SUSPECT_SHAPE = 1e-2
+SUSPECT_POWER = 1e-2
+SUSPECT_SNAP = 1e-3
+SUSPECT_Z = 2.5
+SUSPECT_BASELINE = 1e-3
+# where the scene does not explain the curve
+WRONG_SHAPE = 1e-3
+WRONG_Z = 3.5
+WRONG_BASELINE = 1e-4
+BETTER_MODEL_P = 1e-3
+MEDIAN_TO_DEVIATION = 1.4826  # of normal numbers
+NEGLIGIBLE_RESIDUAL = 1e-5  # of the largest force: residuals that say nothing
+MAX_IDENTIFIABLE_FACTOR = 3.0  # an interval beyond it is none
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value and its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class ModelAssessment:
+    """A fit judged: what the residuals, windows and other models say of it.
+
+    uncertain: half-widths of each coordinate from the mesh and from calibration (k,), added in
+    quadrature.
+    """
+
+    estimate: Estimate
+    depth_range_fits: list[DepthRangeFit]
+    p_shape: float
+    p_baseline: float | None
+    alternatives: list[AlternativeModel] = field(default_factory=list)
+    systematic_half_widths: tuple[float, ...] = ()
+
+    @property
+    def better_models(self) -> list[AlternativeModel]:
+        """The models that are better than the scene's by more than accident."""
+        return [model for model in self.alternatives if model.p < BETTER_MODEL_P]
+
+    @cached_property
+    def misfit_causes(self) -> list[str]:
+        """What stands against the scene: names of models, and shape, window, baseline; nothing
+        where the residuals are those of arithmetic, as of a curve that was simulated.
+        """
+        if self.estimate.rms < NEGLIGIBLE_RESIDUAL * self.estimate.max_force:
+            return []
+        is_depth_dependent = any(
+            self._is_depth_dependent(k) for k in range(self.estimate.model.coordinate_count)
+        )
+        is_noisy = self.p_baseline is not None and self.p_baseline < WRONG_BASELINE
+        is_misfit = {
+            "shape": self.p_shape < WRONG_SHAPE,
+            "window": is_depth_dependent,
+            "baseline": is_noisy,
+        }
+        return [
+            *(model.name for model in self.better_models),
+            *(name for name, is_wrong in is_misfit.items() if is_wrong),
+        ]
+
+    def _is_depth_dependent(self, k: int) -> bool:
+        """Whether a window's value lies too far off, or its own interval misses that of the whole
+        curve.
+        """
+        low, high = self._add_systematic_errors(k, *self.statistical_interval(k))
+        for range_fit in self.depth_range_fits:
+            range_low, range_high = range_fit.interval(k)
+            if abs(range_fit.z_score[k]) > WRONG_Z or range_high < low or range_low > high:
+                return True
+        return False
+
+    @property
+    def is_adequate(self) -> bool:
+        """Whether nothing stands against the scene."""
+        return not self.misfit_causes
+
+    def statistical_interval(self, k: int) -> tuple[float, float]:
+        """The interval of a coordinate by noise alone."""
+        return self.estimate.interval(k)
+
+    def coordinate_interval(self, k: int) -> tuple[float, float]:
+        """The stated interval of a coordinate: with mesh and calibration; spanning all windows and
+        the named models where the scene does not explain the curve.
+        """
+        low, high = self.statistical_interval(k)
+        if not self.is_adequate:
+            low = min([low, *(float(range_fit.theta[k]) for range_fit in self.depth_range_fits)])
+            high = max([high, *(float(range_fit.theta[k]) for range_fit in self.depth_range_fits)])
+            for alternative in self.better_models:
+                alternative_low, alternative_high = alternative.estimate.interval(k)
+                low = min(low, alternative_low)
+                high = max(high, alternative_high)
+        low, high = self._add_systematic_errors(k, low, high)
+        lower_bound, upper_bound = self.estimate.model.forward_model.parameters[k].bounds
+        return max(low, lower_bound), min(high, upper_bound)
+
+    def _add_systematic_errors(self, k: int, low: float, high: float) -> tuple[float, float]:
+        """An interval with mesh and calibration in quadrature."""
+        value = float(self.estimate.theta[k])
+        systematic = self.systematic_half_widths[k] if self.systematic_half_widths else 0.0
+        return value - math.hypot(value - low, systematic), value + math.hypot(
+            high - value, systematic
+        )
+
+    def stated_interval(self, k: int) -> Interval:
+        """Value and interval of a varied key, in the scene's units."""
+        parameter = self.estimate.model.forward_model.parameters[k]
+        ends = (parameter.value(end) for end in self.coordinate_interval(k))
+        return Interval(parameter.value(float(self.estimate.theta[k])), *ends)
+
+    @property
+    def is_identifiable(self) -> bool:
+        """Whether every parameter is known to a factor of three and lies inside its range."""
+        keys = range(self.estimate.model.coordinate_count)
+        return not any(
+            self.estimate.is_at_bound(k) or self._uncertainty_factor(k) > MAX_IDENTIFIABLE_FACTOR
+            for k in keys
+        )
+
+    def _uncertainty_factor(self, k: int) -> float:
+        interval = self.stated_interval(k)
+        ends = (abs(interval.high), abs(interval.value), abs(interval.low))
+        if self.estimate.model.forward_model.parameters[k].is_linear or min(ends) == 0:
+            return 1.0
+        return max(ends[0] / ends[1], ends[1] / ends[2])
+
+
+@dataclass(frozen=True)
+class ResidualTrend:
+    """Probabilities that the residuals bend so by accident: in any shape, along another power of
+    the depth, and in a fall between two samples, as where a tip snaps in.
+    """
+
+    shape: float
+    power: float
+    snap: float
+
+
+def is_suspect(
+    depth_range_fits: Sequence[DepthRangeFit],
+    residual_trend: ResidualTrend,
+    p_baseline: float | None,
+) -> bool:
+    """Whether other models are worth asking."""
+    is_depth_dependent = any(
+        np.any(np.abs(range_fit.z_score) > SUSPECT_Z) for range_fit in depth_range_fits
+    )
+    is_noisy = p_baseline is not None and p_baseline < SUSPECT_BASELINE
+    has_trend = (
+        residual_trend.shape < SUSPECT_SHAPE
+        or residual_trend.power < SUSPECT_POWER
+        or residual_trend.snap < SUSPECT_SNAP
+    )
+    return is_depth_dependent or is_noisy or has_trend
+
+
+def find_residual_trend(estimate: Estimate) -> ResidualTrend:
+    """F tests of eight cosines in the contact, and of the one direction F ln(delta/depth), in which
+    thickness, adhesion and other tips bend a curve, where eight waves may see nothing.
+
+    The noise is found with and without the cosines; of the shape the larger probability counts,
+    since either may take one for the other. The power is tested beside them: it only asks.
+    """
+    model = estimate.model
+    p = estimate.ordinary_p
+    J = model.jacobian(p)[:, model.is_free]
+    r = model.residual(p)
+    c = estimate.contact_point
+    x = model.samples.x
+    first_x = c - TREND_BASELINE_DEPTHS * estimate.depth
+    last_x = float(x.max())
+    u = np.clip((x - first_x) / (last_x - first_x), 0.0, 1.0)
+    cosines = np.column_stack(
+        [np.where(x >= first_x, np.cos(np.pi * k * u), 0.0) for k in range(1, COSINE_COUNT + 1)]
+    )
+    noise_with_cosines = average_over_noise(np.column_stack([J, cosines]), r).likeliest_noise
+    shape = max(
+        f_test_extra_columns(J, cosines, r, noise)
+        for noise in {noise_with_cosines, estimate.uncertainty.likeliest_noise}
+    )
+    snap = (
+        1.0
+        if model.forward_model.has_adhesion
+        else _snap_in_probability(model.samples.force[np.argsort(x, kind="stable")])
+    )
+    return ResidualTrend(
+        shape,
+        f_test_extra_columns(J, _exponent_derivative(model, p)[:, None], r, noise_with_cosines),
+        snap,
+    )
+
+
+def _snap_in_probability(force: np.ndarray) -> float:
+    """The probability of the largest fall between two samples (n,) in order of depth, their median
+    being that of noise.
+
+    Slow noise, which hides the attraction before and after it, does not hide the fall itself.
+    """
+    changes = np.diff(force)
+    deviation = MEDIAN_TO_DEVIATION * float(np.median(np.abs(changes)))
+    if not deviation > 0:  # a curve of few digits, or none at all
+        return 1.0
+    return min(
+        1.0, 0.5 * len(changes) * math.erfc(-float(changes.min()) / deviation / math.sqrt(2.0))
+    )
+
+
+def _exponent_derivative(model: CurveModel, p: np.ndarray) -> np.ndarray:
+    """F ln(delta/depth): by which a force changes with the exponent of the depth."""
+    force = model.contact_force(p)
+    delta = (
+        model.samples.x
+        - p[model.coordinate_count]
+        - model.forward_model.experiment.compliance * force
+    )
+    return force * np.log(np.maximum(delta / max(float(delta.max()), 1e-300), 1e-9))  # type: ignore[no-any-return]
+
+
+def baseline_noise_probability(estimate: Estimate) -> float | None:
+    """The probability that the contact is as noisy as the baseline by accident; None where the
+    baseline is short.
+    """
+    model = estimate.model
+    r = estimate.residual
+    c = estimate.contact_point
+    x = model.samples.x
+    is_before_contact = (
+        x < c - CONTACT_MARGIN_DEPTHS * estimate.depth
+    )  # a tip that snaps in is missed by its model there
+    n = int(np.count_nonzero(is_before_contact))
+    m = int(np.count_nonzero(~is_before_contact))
+    if n < MIN_BASELINE_POINTS or not m:
+        return None
+    baseline_columns = np.column_stack(
+        [np.ones(n), x[is_before_contact] - x[is_before_contact].mean()]
+    )
+    uncertainty = average_over_noise(baseline_columns, r[is_before_contact])
+    if n / uncertainty.likeliest_noise.integrated_correlation_time < MIN_EFFECTIVE_POINTS:
+        return None
+    contact_squares = float(
+        r[~is_before_contact]
+        @ uncertainty.likeliest_noise.apply_inverse_covariance(r[~is_before_contact])[0]
+    )
+    return f_test(contact_squares, m, uncertainty.s2 * (n - 2), n - 2)
+
+
+def width_inflation_factors(estimate: Estimate) -> list[float]:
+    """Half width of each coordinate over that with all other varied keys known."""
+    coordinate_count = estimate.model.coordinate_count
+    other_indices = [
+        [j for j in range(coordinate_count) if j != k] for k in range(coordinate_count)
+    ]
+    pairs = (
+        (standard_deviation(estimate, k), standard_deviation(estimate, k, fixed))
+        for k, fixed in enumerate(other_indices)
+    )
+    return [
+        total_deviation / max(conditional_deviation, 1e-300)
+        for total_deviation, conditional_deviation in pairs
+    ]
+
+
+def parameter_shift(estimate: Estimate, force_error: np.ndarray) -> np.ndarray:
+    """By how much the coordinates move where the modelled force is off by `force_error` (n,)."""
+    model = estimate.model
+    noise = estimate.uncertainty.likeliest_noise
+    J = model.jacobian(estimate.p)[:, model.is_free]
+    VJ = noise.apply_inverse_covariance(J)[0]
+    return np.abs(
+        np.linalg.lstsq(J.T @ VJ, VJ.T @ force_error, rcond=1e-13)[0][: model.coordinate_count]
+    )
+
+
+def systematic_half_widths(
+    estimate: Estimate, mesh_error: float, calibration_error: float
+) -> tuple[float, ...]:
+    """What a relative error of the force, from the mesh and from calibration at one standard
+    deviation, adds, and what its steps in time miss.
+    """
+    force = estimate.model.contact_force(estimate.p)
+    model = estimate.model
+    error_shift = parameter_shift(
+        estimate, math.hypot(mesh_error, NORMAL_95 * calibration_error) * force
+    )
+    samples = model.samples
+    time_step_shift = parameter_shift(
+        estimate,
+        model.forward_model.time_step_error(
+            estimate.theta, samples.x - estimate.contact_point, samples.t
+        ),
+    )
+    return tuple(np.hypot(error_shift, time_step_shift).tolist())
