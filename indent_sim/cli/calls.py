@@ -19,10 +19,10 @@ from indent_sim.results.writer import json_data
 from indent_sim.run.error_estimation import sensitivities as derivatives
 from indent_sim.run.planned_run import plan_with_cost
 from indent_sim.run.simulate import config_of
-from indent_sim.studies import conduct, curve_table, multiples
-from indent_sim.studies import plan as plan_study
-from indent_sim.studies.conduct import Study
-from indent_sim.studies.picture import curves_pictured
+from indent_sim.studies import curve_table, run_study, small_multiples
+from indent_sim.studies import plan_study as plan_study
+from indent_sim.studies.run_study import Study
+from indent_sim.studies.study_picture import curves_figure
 
 if TYPE_CHECKING:
     from indent_sim.results.pictures.figures import Axes, Figure
@@ -48,7 +48,7 @@ def read(path: str | Path) -> Results | Study:
     UsageError when there is none, or it is damaged.
     """
     return (
-        conduct.read_back(Path(path))
+        run_study.read_study(Path(path))
         if folder.folder_kind(Path(path)) == "study"
         else reader.read(path)
     )
@@ -108,10 +108,12 @@ def study(
         or (given.get("output") or {}).get("directory")
     ):
         place = Path(directory) if directory else None
-        return conduct.carry_out(given, output=place, jobs=jobs, resume=resume, overwrite=overwrite)
+        return run_study.execute_study(
+            given, output=place, jobs=jobs, resume=resume, overwrite=overwrite
+        )
     place = Path(tempfile.mkdtemp(prefix="indent-sim-"))
     try:
-        found = conduct.carry_out(given, output=place, jobs=jobs)
+        found = run_study.execute_study(given, output=place, jobs=jobs)
     except BaseException:
         shutil.rmtree(place, ignore_errors=True)
         raise
@@ -146,15 +148,17 @@ def plot(
     from indent_sim.results.pictures import figures, panels
 
     if isinstance(shown, Study):
-        if wish or ax is not None or what not in ("", "curves", *multiples.COLUMNS):
-            words = f"a study is drawn as curves, or as one of {', '.join(multiples.COLUMNS)}"
+        if wish or ax is not None or what not in ("", "curves", *small_multiples.PLOTTED_COLUMNS):
+            words = f"a study is drawn as curves, or as one of {', '.join(small_multiples.PLOTTED_COLUMNS)}"
             raise UsageError(f"{words}: give one of its runs for other panels")
-        families = curve_table.of_runs(shown.directory / folder.RUNS, shown.rows, shown.keys)
+        families = curve_table.group_folder_curves(
+            shown.directory / folder.RUNS, shown.rows, shown.keys
+        )
         if not families.curves:
             raise UsageError(f"{shown.directory} has no run that is done")
-        pictured = curves_pictured(families, shown.title)
-        if what in multiples.COLUMNS:
-            pictured = multiples.column_pictured(families, what, shown.title)
+        pictured = curves_figure(families, shown.title)
+        if what in small_multiples.PLOTTED_COLUMNS:
+            pictured = small_multiples.column_figure(families, what, shown.title)
     else:
         several = [shown] if isinstance(shown, Results | str | Path) else list(shown)
         runs = [one if isinstance(one, Results) else reader.read(one) for one in several]

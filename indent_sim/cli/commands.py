@@ -438,7 +438,9 @@ def study(file: Path, told: Told, form: Form, **how: Any) -> None:
     from indent_sim import studies
 
     with _quiet_libraries(LEVELS[told]), stoppable():
-        done = studies.carry_out(file, tell=tell if told == "all" else (lambda line: None), **how)
+        done = studies.execute_study(
+            file, tell=tell if told == "all" else (lambda line: None), **how
+        )
     say_done(studies.as_json(done)) if form == "json" else say(str(done.directory))
     board = [terminal.scoreboard(done.scoreboard)] if done.scoreboard else []
     for line in (*board, *done.notes, *done.recommendations) if told == "all" else ():
@@ -799,7 +801,7 @@ def _plot_study(paths: Sequence[Path], output: Path | None, given: dict[str, Any
     """Draw the curves of a study, or a column of its table over what varies."""
     from indent_sim.results.folder import RUNS
     from indent_sim.results.pictures import figures
-    from indent_sim.studies import curve_table, multiples, picture, study_report
+    from indent_sim.studies import curve_table, small_multiples, study_picture, study_report
 
     if len(paths) > 1:
         raise UsageError("a study is drawn by itself", "name one study, or folders of runs alone")
@@ -809,19 +811,21 @@ def _plot_study(paths: Sequence[Path], output: Path | None, given: dict[str, Any
         )
     folder = paths[0]
     (word, *more) = given.get("what", ("curves",))
-    if more or word not in ("curves", *multiples.COLUMNS):
-        raise UsageError(f"--what of a study is one of curves, {', '.join(multiples.COLUMNS)}")
-    record, rows = study_report.read_study(folder)
-    families = curve_table.of_runs(folder / RUNS, rows, record["keys"])
+    if more or word not in ("curves", *small_multiples.PLOTTED_COLUMNS):
+        raise UsageError(
+            f"--what of a study is one of curves, {', '.join(small_multiples.PLOTTED_COLUMNS)}"
+        )
+    record, rows = study_report.read_study_folder(folder)
+    families = curve_table.group_folder_curves(folder / RUNS, rows, record["keys"])
     if not families.curves:
         raise UsageError(f"{folder} has no run that is done")
     title = str(record.get("title") or folder.resolve().name)
     if output is None:
         output = folder / f"{word}.png"
         figures.refuse_foreign_picture(output)
-    drawn = picture.curves_pictured(families, title)
+    drawn = study_picture.curves_figure(families, title)
     if word != "curves":
-        drawn = multiples.column_pictured(families, word, title)
+        drawn = small_multiples.column_figure(families, word, title)
     try:
         with drawn as figure:
             figures.save(figure, output, given.get("dpi"))
@@ -906,9 +910,9 @@ def _page_of(folder: Path) -> str:
 
     match folder_kind(folder):
         case "study":
-            from indent_sim.studies.study_report import of_study
+            from indent_sim.studies.study_report import study_page
 
-            return of_study(folder)
+            return study_page(folder)
         case "fit":
             from indent_sim.fitting.fit_report import fit_page
 
@@ -1162,7 +1166,7 @@ def _plan_study(path: Path, overrides: tuple[str, ...], error_bars: bool, form: 
         raise UsageError("--set belongs to a scene; a study has set: in its file")
     from indent_sim import studies
 
-    planned = studies.plan(path, error_bars)
+    planned = studies.plan_study(path, error_bars)
     say_done(planned.as_json()) if form == "json" else say(terminal.study_plan(planned))
     for line in planned.notes:
         tell(line)

@@ -363,7 +363,7 @@ def scoreboard(rows: Sequence[Report]) -> str:
     """Published values beside exact ones and ours, a line each, and who is off by more than is
     claimed.
     """
-    from indent_sim.studies.reference.scoreboard import in_words
+    from indent_sim.studies.reference.scoreboard import verdict_text
 
     names = ("published", "exact", "ours", "our_error")
     head = ["case", "", *(name.replace("_", " ") for name in names), "difference", "who is wrong"]
@@ -371,7 +371,7 @@ def scoreboard(rows: Sequence[Report]) -> str:
     for row in rows:
         numbers = ["" if row[name] is None else _shown(row[name]) for name in names]
         apart = "" if row["difference"] is None else f"{round(row['difference'], 6):+.3g} %"
-        lines.append([row["case"], row["quantity"], *numbers, apart, in_words(row)])
+        lines.append([row["case"], row["quantity"], *numbers, apart, verdict_text(row)])
     return _aligned(lines, "<")
 
 

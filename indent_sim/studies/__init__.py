@@ -3,11 +3,11 @@
     StudyFile --cases.asked_for--> Case, Case, ... --conduct--> result folders --study_table.rows-->
     study.csv
 
-`carry_out` walks the whole chain.
+`execute_study` walks the whole chain.
 """
 
-from indent_sim.studies.conduct import Study, as_json, carry_out
-from indent_sim.studies.plan import StudyPlan, plan
+from indent_sim.studies.run_study import Study, as_json, execute_study
 from indent_sim.studies.study_file import StudyFile, read
+from indent_sim.studies.study_plan import StudyPlan, plan_study
 
 __all__ = ["Study", "StudyFile", "StudyPlan", "as_json", "carry_out", "plan", "read"]

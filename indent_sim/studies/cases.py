@@ -15,16 +15,16 @@ from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import KeyPath, inline, key_path, short
 from indent_sim.process.errors import ConfigError, ConfigErrors
 from indent_sim.run.planned_run import PlannedRun
-from indent_sim.studies.points import Multiple, Point, Setting
-from indent_sim.studies.study_file import StudyFile, Wanted
+from indent_sim.studies.parameter_points import ParameterPoint, Setting, StiffnessMultiple
+from indent_sim.studies.study_file import RunRequest, StudyFile
 
-DISCRETE = (
+METHOD_SECTIONS = (
     "mesh",
     "contact",
     "solver",
 )  # sections that choose how a scene is solved, not which scene it is
-MOST_TOLD = 20  # errors of one study
-HOW = ("accuracy", "material.formulation", "loading.steps")  # keys that do
+MAX_REPORTED_ERRORS = 20  # errors of one study
+METHOD_KEYS = ("accuracy", "material.formulation", "loading.steps")  # keys that do
 
 
 @dataclass(frozen=True)
@@ -36,22 +36,22 @@ class Case:
 
     index: int
     values: dict[str, Any]
-    prospect: PlannedRun
+    planned_run: PlannedRun
     id: str
 
     @property
-    def words(self) -> str:
+    def label(self) -> str:
         """The varied keys in words."""
         return ", ".join(f"{key}={short(value)}" for key, value in self.values.items())
 
     @cached_property
-    def numbers(self) -> dict[str, Any]:
+    def table_values(self) -> dict[str, Any]:
         """The varied keys as a table has them: a quantity with a unit as a number in the scene's
         units.
         """
-        quantities = self.prospect.config.source.quantities
+        quantities = self.planned_run.config.source.quantities
         return {
-            key: _in_scene_units(value, key_path(key), quantities)
+            key: _convert_to_scene_units(value, key_path(key), quantities)
             for key, value in self.values.items()
         }
 
@@ -60,66 +60,80 @@ class Case:
         """As in E=2_method=penalty-3f2a...: the varied keys, as far as a file name holds them, and
         the id.
         """
-        said = {
+        value_texts = {
             key: re.sub(r"[^A-Za-z0-9=.+-]+", "_", short(value))
             for key, value in self.values.items()
         }
-        words = "_".join(f"{key.split('.')[-1]}={word.strip('_')}" for key, word in said.items())
-        return f"{words[:80].lstrip('.-')}-{self.id}"  # letters
+        text = "_".join(
+            f"{key.split('.')[-1]}={word.strip('_')}" for key, word in value_texts.items()
+        )
+        return f"{text[:80].lstrip('.-')}-{self.id}"  # letters
 
     @property
-    def problem(self) -> str:
+    def problem_key(self) -> str:
         """What is asked for, however it is solved: cases with equal problems have one answer."""
-        names = (key for key in self.values if key.split(".")[0] not in DISCRETE and key not in HOW)
-        asked = {key: self.values[key] for key in names}
-        physics = self.prospect.scene.physics
-        surface = {
+        names = (
+            key
+            for key in self.values
+            if key.split(".")[0] not in METHOD_SECTIONS and key not in METHOD_KEYS
+        )
+        varied_values = {key: self.values[key] for key in names}
+        physics = self.planned_run.scene.physics
+        contact_values = {
             "gap": physics.gap,
             "friction": physics.contact.friction,
             "adhesion": str(physics.contact.adhesion),
         }
-        return inline(asked | surface | {"depth": self.depth, "control": physics.path.control})
+        return inline(
+            varied_values
+            | contact_values
+            | {"depth": self.last_depth, "control": physics.path.control}
+        )
 
     @property
-    def depth(self) -> float:
+    def last_depth(self) -> float:
         """The last depth, to expect where forces are prescribed, in the user's units."""
-        return self.prospect.depths[-1]
+        return self.planned_run.depths[-1]
 
 
-def _in_scene_units(value: Any, path: KeyPath, quantities: Quantities) -> Any:
+def _convert_to_scene_units(value: Any, path: KeyPath, quantities: Quantities) -> Any:
     """A value of a document with every quantity in it as the number that it stands for in the
     scene.
     """
     if path in quantities:
         return quantities[path][1]
     if isinstance(value, Mapping):
-        return {key: _in_scene_units(part, (*path, key), quantities) for key, part in value.items()}
+        return {
+            key: _convert_to_scene_units(part, (*path, key), quantities)
+            for key, part in value.items()
+        }
     if isinstance(value, list):
         return [
-            _in_scene_units(part, (*path, index), quantities) for index, part in enumerate(value)
+            _convert_to_scene_units(part, (*path, index), quantities)
+            for index, part in enumerate(value)
         ]
     return value
 
 
 @dataclass(frozen=True)
-class Refusal:
+class RejectedCase:
     """A point that the program refuses before anything is run, and why: a row of a study with a
     tolerance.
     """
 
     index: int
-    point: Point
-    named: dict[str, Any] | None
+    point: ParameterPoint
+    labels: dict[str, Any] | None
     error: ConfigError
     quantities: Quantities = field(default_factory=dict)
 
     @property
-    def numbers(self) -> dict[str, Any]:
+    def table_values(self) -> dict[str, Any]:
         """The varied keys as a table has them: a quantity with a unit as a number in the scene's
         units.
         """
         return {
-            key: _in_scene_units(value, key_path(key), self.quantities)
+            key: _convert_to_scene_units(value, key_path(key), self.quantities)
             for key, value in self.values.items()
         }
 
@@ -129,117 +143,125 @@ class Refusal:
         return {key: value for key, value, _ in self.point}
 
     @property
-    def told(self) -> ConfigError:
+    def located_error(self) -> ConfigError:
         """The error, and of which run it is where the place that it names does not say."""
-        words = ", ".join(
-            f"{key} {short(value)}" for key, value in (self.named or self.values).items()
+        labels_text = ", ".join(
+            f"{key} {short(value)}" for key, value in (self.labels or self.values).items()
         )
-        known = [] if self.named else [place for *_, place in self.point]
-        said = [
-            one
-            if (one.file, one.line) in known
-            else replace(one, problem=f"{one.problem} (in the run of {words})")
-            for one in self.error.errors
+        known_locations = [] if self.labels else [location for *_, location in self.point]
+        errors = [
+            error
+            if (error.file, error.line) in known_locations
+            else replace(error, problem=f"{error.problem} (in the run of {labels_text})")
+            for error in self.error.errors
         ]
-        return ConfigErrors.of(said)
+        return ConfigErrors.of(errors)
 
 
-def asked_for(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
+def resolve_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
     """The cases of a study, and with a tolerance those refused; without, ConfigError when any
     cannot be run.
     """
-    cases, refusals = sorted_out(study)
-    if refusals and study.tolerance is None:
-        told: dict[str, list[Refusal]] = {}
-        for refusal in refusals:
-            told.setdefault(str(refusal.error), []).append(refusal)
-        of_all = len(cases) + len(
-            refusals
+    cases, rejected_cases = validate_cases(study)
+    if rejected_cases and study.tolerance is None:
+        rejected_by_error: dict[str, list[RejectedCase]] = {}
+        for rejected_case in rejected_cases:
+            rejected_by_error.setdefault(str(rejected_case.error), []).append(rejected_case)
+        case_count = len(cases) + len(
+            rejected_cases
         )  # what is wrong with every run is wrong with what they share
-        errors = [one[0].error if len(one) == of_all else one[0].told for one in told.values()][
-            :MOST_TOLD
-        ]
-        if cases and not study.members:
-            errors[-1] = _with_a_way_out(errors[-1], len(refusals), of_all)
+        errors = [
+            same_error_cases[0].error
+            if len(same_error_cases) == case_count
+            else same_error_cases[0].located_error
+            for same_error_cases in rejected_by_error.values()
+        ][:MAX_REPORTED_ERRORS]
+        if cases and not study.named_cases:
+            errors[-1] = _add_tolerance_hint(errors[-1], len(rejected_cases), case_count)
         raise ConfigErrors.of(errors)
-    return cases, refusals
+    return cases, rejected_cases
 
 
-def _with_a_way_out(error: ConfigError, refused: int, of_all: int) -> ConfigError:
+def _add_tolerance_hint(error: ConfigError, rejected_count: int, case_count: int) -> ConfigError:
     """The last of the errors of a study, some of whose runs are possible: what lets it go on
     without the others.
     """
-    *others, last = error.errors
-    way = (
-        f"{refused} of {of_all} runs cannot be: with `tolerance` in the study they are "
+    *other_errors, last_error = error.errors
+    hint = (
+        f"{rejected_count} of {case_count} runs cannot be: with `tolerance` in the study they are "
         "rows that failed"
     )
-    remedy = f"{last.remedy}; {way}" if last.remedy else way
-    return ConfigErrors.of([*others, replace(last, remedy=remedy)])
+    remedy = f"{last_error.remedy}; {hint}" if last_error.remedy else hint
+    return ConfigErrors.of([*other_errors, replace(last_error, remedy=remedy)])
 
 
-def sorted_out(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
+def validate_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
     """The cases of a study that can be run, and the points that cannot."""
-    build = _Builder(study.common)
+    build_case = _CaseBuilder(study.common_settings)
     cases: list[Case] = []
-    refusals: list[Refusal] = []
-    for index, wanted in enumerate(study.wanted()):
+    rejected_cases: list[RejectedCase] = []
+    for index, request in enumerate(study.run_requests()):
         try:
-            cases.append(build(index, wanted))
+            cases.append(build_case(index, request))
         except ConfigError as error:
-            refusals.append(
-                Refusal(index, wanted.point, wanted.named, error, build.quantities(wanted))
+            rejected_cases.append(
+                RejectedCase(
+                    index, request.point, request.labels, error, build_case.quantities(request)
+                )
             )
-    return cases, refusals
+    return cases, rejected_cases
 
 
-class _Builder:
+class _CaseBuilder:
     """Makes cases; remembers the unit of stiffness of each body and mesh."""
 
-    def __init__(self, common: Point):
-        self._common = common
-        self._units: dict[str, float] = {}
+    def __init__(self, common: ParameterPoint):
+        self._common_settings = common
+        self._stiffness_units: dict[str, float] = {}
 
-    def __call__(self, index: int, wanted: Wanted) -> Case:
+    def __call__(self, index: int, request: RunRequest) -> Case:
         point = tuple(
-            (key, self._number(value, wanted), place) for key, value, place in wanted.point
+            (key, self._resolve_multiple(value, request), location)
+            for key, value, location in request.point
         )
-        config = self._config(wanted, point)
-        prospect = _prospect(config, point)
-        named = wanted.named or {key: value for key, value, _ in point}
-        return Case(index, named, prospect, prospect.identity)
+        config = self._config(request, point)
+        planned_run = _plan_run(config, point)
+        labels = request.labels or {key: value for key, value, _ in point}
+        return Case(index, labels, planned_run, planned_run.identity)
 
-    def quantities(self, wanted: Wanted) -> Quantities:
+    def quantities(self, request: RunRequest) -> Quantities:
         """What the quantities of a point are in its scene's units; none where one is no quantity."""
         try:
-            return quantities_of(wanted.base, (*self._common, *wanted.point))
+            return quantities_of(request.base, (*self._common_settings, *request.point))
         except ConfigError:
             return {}
 
-    def _number(self, value: object, wanted: Wanted) -> object:
+    def _resolve_multiple(self, value: object, request: RunRequest) -> object:
         """A value at a point, a multiple of E*/h_contact in the user's units."""
         return (
-            float(f"{value.factor * self._unit(wanted):.15g}")
-            if isinstance(value, Multiple)
+            float(f"{value.factor * self._stiffness_unit(request):.15g}")
+            if isinstance(value, StiffnessMultiple)
             else value
         )
 
-    def _config(self, wanted: Wanted, point: Point) -> Config:
-        return varied(wanted.base, wanted.source, (*self._common, *point))
+    def _config(self, request: RunRequest, point: ParameterPoint) -> Config:
+        return varied(request.base, request.source, (*self._common_settings, *point))
 
-    def _unit(self, wanted: Wanted) -> float:
+    def _stiffness_unit(self, request: RunRequest) -> float:
         """E*/h_contact of the scene at a point, in the user's units."""
-        others = tuple(setting for setting in wanted.point if setting[0].split(".")[0] != "contact")
-        name = inline([[key, value] for key, value, _ in others])
-        if name not in self._units:
+        other_settings = tuple(
+            setting for setting in request.point if setting[0].split(".")[0] != "contact"
+        )
+        name = inline([[key, value] for key, value, _ in other_settings])
+        if name not in self._stiffness_units:
             auto: Setting = ("contact", {"method": "auto"}, ("", None))
-            self._units[name] = _prospect(
-                self._config(wanted, (*others, auto)), wanted.point
+            self._stiffness_units[name] = _plan_run(
+                self._config(request, (*other_settings, auto)), request.point
             ).stiffness_unit
-        return self._units[name]
+        return self._stiffness_units[name]
 
 
-def _prospect(config: Config, point: Point) -> PlannedRun:
+def _plan_run(config: Config, point: ParameterPoint) -> PlannedRun:
     """The prospect of a point; an error about a section says which value varied there, and where
     that stands.
     """
@@ -249,11 +271,11 @@ def _prospect(config: Config, point: Point) -> PlannedRun:
         section = error.key.split(".")[0]
         for key, value, (file, line) in point:
             if key.split(".")[0] == section:
-                told = f"{error.problem} (with {key}={short(value)})"
-                raise replace(error, problem=told, file=file, line=line) from None
+                problem = f"{error.problem} (with {key}={short(value)})"
+                raise replace(error, problem=problem, file=file, line=line) from None
         raise located(config, error) from None
 
 
-def unique(cases: Iterable[Case]) -> list[Case]:
+def unique_cases(cases: Iterable[Case]) -> list[Case]:
     """The cases that have to be run: the first of every id."""
     return list({case.id: case for case in reversed(list(cases))}.values())[::-1]

@@ -16,14 +16,14 @@ from indent_sim.process.errors import IndentSimError, UsageError
 from indent_sim.results.reader import Results, read_run
 from indent_sim.studies import study_table
 from indent_sim.studies.cases import Case
-from indent_sim.studies.points import STIFFNESS_UNIT, Multiple
+from indent_sim.studies.parameter_points import STIFFNESS_UNIT, StiffnessMultiple
 from indent_sim.studies.study_table import Row
 
 CURVE_COLUMNS = ("step", "delta", "force", "a", "force_error")
 
 
 @dataclass(frozen=True)
-class Curve:
+class RunCurve:
     """The curve of a run and the values of the varied keys that made it."""
 
     values: Row
@@ -31,87 +31,104 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Families:
+class CurveGroups:
     """The curves of a study and the varied keys that tell them apart, those that decide others
     first.
     """
 
-    curves: tuple[Curve, ...]
+    curves: tuple[RunCurve, ...]
     keys: tuple[str, ...]
 
-    def apart(self) -> list[str]:
+    def curve_names(self) -> list[str]:
         """The name of each curve."""
-        return self.names(self.keys)
+        return self.value_names(self.keys)
 
-    def names(self, keys: Sequence[str]) -> list[str]:
+    def value_names(self, keys: Sequence[str]) -> list[str]:
         """These of the varied keys in words, curve by curve; of sections what differs between them."""
-        alike = {key: _alike([curve.values.get(key) for curve in self.curves]) for key in keys}
-        given = [
+        common_entries = {
+            key: _common_entries([curve.values.get(key) for curve in self.curves]) for key in keys
+        }
+        given_keys = [
             [key for key in keys if curve.values.get(key) is not None] for curve in self.curves
         ]
         return [
-            ", ".join(_in_words(self.told(key), curve.values[key], alike[key]) for key in known)
-            for curve, known in zip(self.curves, given, strict=True)
+            ", ".join(
+                _value_label(self.short_key(key), curve.values[key], common_entries[key])
+                for key in keys_of_curve
+            )
+            for curve, keys_of_curve in zip(self.curves, given_keys, strict=True)
         ]
 
-    def told(self, key: str) -> str:
+    def short_key(self, key: str) -> str:
         """The last part of a key's name, all of it where another key ends alike: contact.method and
         solver.method.
         """
-        last = key.split(".")[-1]
-        return last if sum(other.split(".")[-1] == last for other in self.keys) < 2 else key
-
-    def numeric(self) -> tuple[str, ...]:
-        """The keys whose values are numbers, or quantities in one unit."""
-        return tuple(
-            key for key in self.keys if len(units := self._units(key)) == 1 and None not in units
+        last_part = key.split(".")[-1]
+        return (
+            last_part
+            if sum(other_key.split(".")[-1] == last_part for other_key in self.keys) < 2
+            else key
         )
 
-    def numbers(self, key: str) -> list[float]:
+    def numeric_keys(self) -> tuple[str, ...]:
+        """The keys whose values are numbers, or quantities in one unit."""
+        return tuple(
+            key
+            for key in self.keys
+            if len(units := self._key_units(key)) == 1 and None not in units
+        )
+
+    def key_numbers(self, key: str) -> list[float]:
         """The values of a numeric key."""
-        return [amount(curve.values[key])[0] for curve in self.curves]
+        return [number_and_unit(curve.values[key])[0] for curve in self.curves]
 
-    def unit(self, key: str) -> str:
+    def key_unit(self, key: str) -> str:
         """The unit of a numeric key's values; "" of plain numbers."""
-        return self._units(key).pop() or ""
+        return self._key_units(key).pop() or ""
 
-    def _units(self, key: str) -> set[str | None]:
-        return {amount(curve.values.get(key))[1] for curve in self.curves}
+    def _key_units(self, key: str) -> set[str | None]:
+        return {number_and_unit(curve.values.get(key))[1] for curve in self.curves}
 
 
-def told_apart(values: Sequence[object]) -> list[str]:
+def distinguishing_labels(values: Sequence[object]) -> list[str]:
     """Values of a varied key in words; of sections what differs between them."""
-    alike = _alike(values)
-    return [_in_words("", value, alike).strip() for value in values]
+    common_entries = _common_entries(values)
+    return [_value_label("", value, common_entries).strip() for value in values]
 
 
-def _in_words(name: str, value: object, alike: Collection[str]) -> str:
+def _value_label(name: str, value: object, common_entries: Collection[str]) -> str:
     """The value of a varied key behind its name; of a section the entries that are not alike, of
     equal ones all.
     """
-    section = _section(value)
+    section = _parse_section(value)
     if section is None:
         return f"{name} {value if isinstance(value, str) else short(value)}"
-    own = {entry: one for entry, one in section.items() if entry not in alike} or section
+    distinct_entries = {
+        entry: entry_value for entry, entry_value in section.items() if entry not in common_entries
+    } or section
     return ", ".join(
-        f"{entry} {one if isinstance(one, str) else short(one)}" for entry, one in own.items()
+        f"{entry} {entry_value if isinstance(entry_value, str) else short(entry_value)}"
+        for entry, entry_value in distinct_entries.items()
     )
 
 
-def _alike(values: Sequence[object]) -> list[str]:
+def _common_entries(values: Sequence[object]) -> list[str]:
     """The entries that all of some sections have in common; none of values that are no sections."""
-    sections = [_section(value) for value in values if value is not None]
+    sections = [_parse_section(value) for value in values if value is not None]
     if not sections or None in sections:
         return []
-    first, *others = [section for section in sections if section is not None]
+    first_section, *other_sections = [section for section in sections if section is not None]
     return [
         name
-        for name in first
-        if all(name in other and other[name] == first[name] for other in others)
+        for name in first_section
+        if all(
+            name in second_section and second_section[name] == first_section[name]
+            for second_section in other_sections
+        )
     ]
 
 
-def _section(value: object) -> Mapping[str, object] | None:
+def _parse_section(value: object) -> Mapping[str, object] | None:
     """A value that is a section, also read back as text; None of any other."""
     if isinstance(value, str) and value.startswith("{"):
         with suppress(IndentSimError):
@@ -119,9 +136,9 @@ def _section(value: object) -> Mapping[str, object] | None:
     return value if isinstance(value, Mapping) else None
 
 
-def amount(value: object) -> tuple[float, str | None]:
+def number_and_unit(value: object) -> tuple[float, str | None]:
     """A value as a number and its unit, "" of a plain number; the unit of a word, nan, is None."""
-    if isinstance(value, Multiple):
+    if isinstance(value, StiffnessMultiple):
         return value.factor, STIFFNESS_UNIT
     if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
         return float(value), ""
@@ -129,23 +146,27 @@ def amount(value: object) -> tuple[float, str | None]:
     return (float(match["number"]), match["unit"].strip()) if match else (math.nan, None)
 
 
-def rows(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Results]) -> list[Row]:
+def rows(
+    cases: Sequence[Case], keys: Sequence[str], results_by_id: Mapping[str, Results]
+) -> list[Row]:
     """One row per run and step: run, every varied key, then `CURVE_COLUMNS`; what is unknown is
     None.
     """
-    found: list[Row] = []
-    for case, results in ((case, done[case.id]) for case in cases if case.id in done):
-        head = {"run": results.path.name} | {key: case.numbers.get(key) for key in keys}
+    table_rows: list[Row] = []
+    for case, results in (
+        (case, results_by_id[case.id]) for case in cases if case.id in results_by_id
+    ):
+        first_cells = {"run": results.path.name} | {key: case.table_values.get(key) for key in keys}
         columns = {
             name: results.table.get(name, np.full(len(results), math.nan)) for name in CURVE_COLUMNS
         }
         for i in range(len(results)):
             values = {name: float(column[i]) for name, column in columns.items()}
-            known = {
+            finite_values = {
                 name: value if math.isfinite(value) else None for name, value in values.items()
             }
-            found.append(head | known | {"step": int(results["step"][i])})
-    return found
+            table_rows.append(first_cells | finite_values | {"step": int(results["step"][i])})
+    return table_rows
 
 
 def write(curves: Sequence[Row]) -> str:
@@ -153,45 +174,60 @@ def write(curves: Sequence[Row]) -> str:
     return study_table.write(curves) if curves else ",".join(["run", *CURVE_COLUMNS]) + "\n"
 
 
-def families(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Results]) -> Families:
+def group_case_curves(
+    cases: Sequence[Case], keys: Sequence[str], results_by_id: Mapping[str, Results]
+) -> CurveGroups:
     """The curves of all runs that came to their end."""
-    ended = [
-        case for case in cases if case.id in done and done[case.id].report.get("status") == "done"
+    ended_cases = [
+        case
+        for case in cases
+        if case.id in results_by_id and results_by_id[case.id].report.get("status") == "done"
     ]
-    return _family(
-        [Curve({key: case.values.get(key) for key in keys}, done[case.id]) for case in ended], keys
+    return _make_groups(
+        [
+            RunCurve({key: case.values.get(key) for key in keys}, results_by_id[case.id])
+            for case in ended_cases
+        ],
+        keys,
     )
 
 
-def of_runs(folder: Path, runs: Sequence[Row], keys: Sequence[str]) -> Families:
+def group_folder_curves(folder: Path, runs: Sequence[Row], keys: Sequence[str]) -> CurveGroups:
     """The same of the rows of a study's table, from those of its runs that are still in their
     folder.
     """
-    named = {row["run"]: row for row in runs if row["status"] == "done" and row["run"]}
-    found = []
-    for name, row in named.items():
+    rows_by_run = {row["run"]: row for row in runs if row["status"] == "done" and row["run"]}
+    curves = []
+    for name, row in rows_by_run.items():
         with suppress(UsageError):
-            found.append(Curve({key: row[key] for key in keys}, read_run(folder / str(name))))
-    return _family([curve for curve in found if len(curve.results)], keys)
+            curves.append(RunCurve({key: row[key] for key in keys}, read_run(folder / str(name))))
+    return _make_groups([curve for curve in curves if len(curve.results)], keys)
 
 
-def _family(found: Sequence[Curve], keys: Sequence[str]) -> Families:
-    rows = [curve.values for curve in found]
-    told = study_table.telling(rows, keys)
-    words = [
+def _make_groups(curves: Sequence[RunCurve], keys: Sequence[str]) -> CurveGroups:
+    value_rows = [curve.values for curve in curves]
+    independent = study_table.independent_keys(value_rows, keys)
+    word_keys = [
         key
         for key in keys
-        if any(row.get(key) is not None and amount(row[key])[1] is None for row in rows)
+        if any(
+            row.get(key) is not None and number_and_unit(row[key])[1] is None for row in value_rows
+        )
     ]
 
     def has_words_alone(key: str) -> bool:
         """Whether a run would have no word without it: a section that others lack."""
-        others = [other for other in told if other in words]
+        other_word_keys = [other_key for other_key in independent if other_key in word_keys]
         return any(
-            row.get(key) is not None and all(row.get(other) is None for other in others)
-            for row in rows
+            row.get(key) is not None
+            and all(row.get(other_key) is None for other_key in other_word_keys)
+            for row in value_rows
         )
 
-    return Families(
-        tuple(found), (*told, *(key for key in words if key not in told and has_words_alone(key)))
+    return CurveGroups(
+        tuple(curves),
+        (
+            *independent,
+            *(key for key in word_keys if key not in independent and has_words_alone(key)),
+        ),
     )

@@ -16,15 +16,27 @@ from indent_sim.config.scene_file import OF_A_STUDY, Place, plain, read_document
 from indent_sim.config.schema import Source, keys_at, outside
 from indent_sim.config.strict_yaml import MAX_DEPTH, KeyPath, key_path, key_text
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
-from indent_sim.studies.points import LARGEST_RANGE_END, MOST_RUNS, Block, Point, points, read_block
-from indent_sim.studies.reference.published import Exact, Published, read_exact, read_published
+from indent_sim.studies.parameter_points import (
+    LARGEST_RANGE_END,
+    MOST_RUNS,
+    ParameterBlock,
+    ParameterPoint,
+    grid_points,
+    read_block,
+)
+from indent_sim.studies.reference.published import (
+    ExactValue,
+    PublishedValue,
+    read_exact,
+    read_published,
+)
 
 Document = dict[str, Any]  # as YAML says it
-KEYS = ("title", "base", "set", "vary", "cases", "compare_to", "tolerance", "output")
-UNNAMED = "study"  # what stands for the file of a study that has none
-OF_A_CASE = ("name", "scene", "set", "published", "exact")
-CASE = "case"  # column of the names of cases, where a study has them instead of varied keys
-SCENE = {
+STUDY_KEYS = ("title", "base", "set", "vary", "cases", "compare_to", "tolerance", "output")
+DEFAULT_NAME = "study"  # what stands for the file of a study that has none
+CASE_KEYS = ("name", "scene", "set", "published", "exact")
+CASE_COLUMN = "case"  # column of the names of cases, where a study has them instead of varied keys
+SCENE_KEYS = {
     "body",
     "material",
     "indenter",
@@ -34,7 +46,7 @@ SCENE = {
     "solver",
     "accuracy",
 }  # of a scene alone
-QUIET = {
+QUIET_OUTPUT = {
     "fields": "none",
     "surface": "none",
     "plot": False,
@@ -42,7 +54,7 @@ QUIET = {
 
 
 @dataclass(frozen=True)
-class Member:
+class NamedCase:
     """A case of a study's `cases`: a scene of its own, and what is published of it; `place`: where
     it stands.
     """
@@ -50,14 +62,14 @@ class Member:
     name: str
     base: Document
     source: Source
-    point: Point
-    published: Published | None
-    exact: Exact | None
-    place: Place
+    point: ParameterPoint
+    published: PublishedValue | None
+    exact: ExactValue | None
+    published_location: Place
 
 
 @dataclass(frozen=True)
-class Wanted:
+class RunRequest:
     """A run that a study asks for: the scene's document, where its keys stand, and the settings
     that change it.
 
@@ -66,8 +78,8 @@ class Wanted:
 
     base: Document
     source: Source
-    point: Point
-    named: dict[str, Any] | None = None
+    point: ParameterPoint
+    labels: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -84,76 +96,89 @@ class StudyFile:
     title: str
     base: Document
     source: Source
-    common: Point
-    blocks: tuple[Block, ...]
+    common_settings: ParameterPoint
+    blocks: tuple[ParameterBlock, ...]
     compare_to: str | float | Path
-    compare_place: Place
+    compare_to_location: Place
     tolerance: float | None
     directory: Path
-    members: tuple[Member, ...] = ()  # instead of base and blocks
+    named_cases: tuple[NamedCase, ...] = ()  # instead of base and blocks
 
     @property
     def keys(self) -> tuple[str, ...]:
         """Every varied key once, in the order of the file."""
         return (
-            (CASE,)
-            if self.members
+            (CASE_COLUMN,)
+            if self.named_cases
             else tuple(dict.fromkeys(key for block in self.blocks for key in block.keys))
         )
 
-    def wanted(self) -> list[Wanted]:
+    def run_requests(self) -> list[RunRequest]:
         """The runs in the order of study.csv."""
-        grid = [Wanted(self.base, self.source, point) for point in self.points()]
+        grid = [RunRequest(self.base, self.source, point) for point in self.grid_points()]
         return grid + [
-            Wanted(one.base, one.source, one.point, {CASE: one.name}) for one in self.members
+            RunRequest(
+                named_case.base, named_case.source, named_case.point, {CASE_COLUMN: named_case.name}
+            )
+            for named_case in self.named_cases
         ]
 
-    def points(self) -> list[Point]:
+    def grid_points(self) -> list[ParameterPoint]:
         """The grid in the order of study.csv: the last key of a block varies fastest, block after
         block.
         """
-        return [point for block in self.blocks for point in points(block)]
+        return [point for block in self.blocks for point in grid_points(block)]
 
 
-def read(given: Path | str | Mapping[str, Any]) -> StudyFile:
+def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
     """The study of a file, or of mappings shaped like one, whose paths count from the working
     directory.
 
     UsageError when it cannot be read, ConfigError for anything wrong in it.
     """
-    path = Path(UNNAMED) if isinstance(given, Mapping) else Path(given)
+    path = Path(DEFAULT_NAME) if isinstance(study_input, Mapping) else Path(study_input)
     document, source = (
-        (plain(given), Source()) if isinstance(given, Mapping) else read_document(path)
+        (plain(study_input), Source()) if isinstance(study_input, Mapping) else read_document(path)
     )
-    if not (OF_A_STUDY | {"cases"}) & document.keys() and set(document) & SCENE:
+    if not (OF_A_STUDY | {"cases"}) & document.keys() and set(document) & SCENE_KEYS:
         problem = "this is a scene, not a study"
         remedy = f"indent-sim run {path}"
         raise ConfigError(
-            "", problem, remedy, *source.place((next(key for key in document if key in SCENE),))
+            "",
+            problem,
+            remedy,
+            *source.place((next(key for key in document if key in SCENE_KEYS),)),
         )
-    if unknown := [key for key in document if key not in KEYS]:
-        raise ConfigErrors.of([_unknown(key, source) for key in unknown])
+    if unknown := [key for key in document if key not in STUDY_KEYS]:
+        raise ConfigErrors.of([_unknown_key_error(key, source) for key in unknown])
     reader = _StudyReader(path, document, source)
     if "cases" in document:
-        return reader.of_cases()
-    base, where = reader.base()
+        return reader.read_named_cases()
+    base, key_locations = reader.read_base()
     if not isinstance(title := document.get("title", ""), str):
-        raise reader.error(("title",), "must be a text")
+        raise reader.config_error(("title",), "must be a text")
     title = title or str(base.get("title") or path.stem)
-    runs = (reader.common(), reader.blocks())
-    compared = (reader.compared(), reader.place(("compare_to",)))
+    settings_and_blocks = (reader.read_common_settings(), reader.read_blocks())
+    reference = (reader.read_compare_to(), reader.location(("compare_to",)))
     return StudyFile(
-        path, title, base, where, *runs, *compared, reader.tolerance(), reader.directory()
+        path,
+        title,
+        base,
+        key_locations,
+        *settings_and_blocks,
+        *reference,
+        reader.read_tolerance(),
+        reader.read_directory(),
     )
 
 
-def _unknown(key: str, source: Source) -> ConfigError:
-    match = closest(key, KEYS)
+def _unknown_key_error(key: str, source: Source) -> ConfigError:
+    match = closest(key, STUDY_KEYS)
     problem = f"unknown key, did you mean '{match}'?" if match else "unknown key"
     remedy = (
         "it belongs in the base scene, or in set"
         if key in keys_at((), {})
-        else f"valid here: {', '.join(KEYS)}"
+        else f"valid here: {', '.join(STUDY_KEYS)}"
     )
     file, line = source.place((key,))
     return ConfigError(key, problem, "" if match else remedy, file, line)
@@ -166,34 +191,40 @@ class _StudyReader:
         self.path = path
         self.document = document
         self.source = source
-        self.place = source.place
+        self.location = source.place
 
-    def error(self, keys: KeyPath, problem: str, remedy: str = "") -> ConfigError:
-        return ConfigError(key_text(keys), problem, remedy, *self.place(keys))
+    def config_error(self, keys: KeyPath, problem: str, remedy: str = "") -> ConfigError:
+        return ConfigError(key_text(keys), problem, remedy, *self.location(keys))
 
-    def base(self) -> tuple[Document, Source]:
+    def read_base(self) -> tuple[Document, Source]:
         """The scene's document and where its keys stand, in a file of its own or written out here."""
-        return self.scene(self.document.get("base"), ("base",))
+        return self.read_scene(self.document.get("base"), ("base",))
 
-    def scene(self, given: Any, at: KeyPath) -> tuple[Document, Source]:
+    def read_scene(self, raw_scene: Any, section_keys: KeyPath) -> tuple[Document, Source]:
         """A scene given as the path of its file, or written out."""
-        if isinstance(given, str) and given:
-            return self.scene_of(self.path.parent / given, at)
-        if not isinstance(given, dict):
-            problem = "missing" if given is None else "is no scene"
-            raise self.error(at, problem, "give the path of a scene file, or the scene itself")
-        size = len(at)
-        inside = {
-            keys[size:]: place for keys, place in self.source.places.items() if keys[:size] == at
+        if isinstance(raw_scene, str) and raw_scene:
+            return self.read_scene_file(self.path.parent / raw_scene, section_keys)
+        if not isinstance(raw_scene, dict):
+            problem = "missing" if raw_scene is None else "is no scene"
+            raise self.config_error(
+                section_keys, problem, "give the path of a scene file, or the scene itself"
+            )
+        prefix_length = len(section_keys)
+        inner_places = {
+            keys[prefix_length:]: location
+            for keys, location in self.source.places.items()
+            if keys[:prefix_length] == section_keys
         }
-        return given, Source(self.source.name, inside)
+        return raw_scene, Source(self.source.name, inner_places)
 
-    def scene_of(self, path: Path, at: KeyPath) -> tuple[Document, Source]:
+    def read_scene_file(self, path: Path, section_keys: KeyPath) -> tuple[Document, Source]:
         """The document of another file; of one that is no scene nothing is told, for studies come
         from strangers.
         """
-        no_scene = self.error(
-            at, f"{path} is no scene file", "give the path of a scene, or the scene itself"
+        no_scene = self.config_error(
+            section_keys,
+            f"{path} is no scene file",
+            "give the path of a scene, or the scene itself",
         )
         try:
             if path.suffix not in (".yaml", ".yml", ".json") or (
@@ -202,212 +233,261 @@ class _StudyReader:
                 raise no_scene
             document, source = read_document(path)
         except (UsageError, OSError, ValueError) as error:
-            raise self.error(at, str(error)) from None
+            raise self.config_error(section_keys, str(error)) from None
         except ConfigError as error:
             raise dataclasses.replace(error, key="") from None
         if not isinstance(document.get("body"), dict):
             raise no_scene
         return document, source
 
-    def of_cases(self) -> StudyFile:
+    def read_named_cases(self) -> StudyFile:
         """The study of `cases`, each a scene of its own."""
         for key in ("base", "vary", "compare_to", "tolerance"):
             if key in self.document:
-                raise self.error(
+                raise self.config_error(
                     (key,),
                     "does not go with cases",
                     "a case has its scene, set, published and exact",
                 )
-        given = self.document["cases"]
-        if not isinstance(given, list) or not given:
-            raise self.error(
-                ("cases",), "must be a list of cases", f"each has {', '.join(OF_A_CASE)}"
+        raw_cases = self.document["cases"]
+        if not isinstance(raw_cases, list) or not raw_cases:
+            raise self.config_error(
+                ("cases",), "must be a list of cases", f"each has {', '.join(CASE_KEYS)}"
             )
-        if len(given) > MOST_RUNS:
-            raise self.error(("cases",), f"more than {MOST_RUNS} runs")
-        members = tuple(self.member(one, ("cases", index)) for index, one in enumerate(given))
-        self.check_names(members)
+        if len(raw_cases) > MOST_RUNS:
+            raise self.config_error(("cases",), f"more than {MOST_RUNS} runs")
+        named_cases = tuple(
+            self.read_named_case(given_case, ("cases", index))
+            for index, given_case in enumerate(raw_cases)
+        )
+        self.check_names(named_cases)
         title = self.document.get("title", "") or self.path.stem
         if not isinstance(title, str):
-            raise self.error(("title",), "must be a text")
-        compared = ("finest", self.place(("cases",)))
+            raise self.config_error(("title",), "must be a text")
+        reference = ("finest", self.location(("cases",)))
         return StudyFile(
-            self.path, title, {}, self.source, (), (), *compared, None, self.directory(), members
+            self.path,
+            title,
+            {},
+            self.source,
+            (),
+            (),
+            *reference,
+            None,
+            self.read_directory(),
+            named_cases,
         )
 
-    def member(self, given: Any, at: KeyPath) -> Member:
+    def read_named_case(self, raw_case: Any, case_keys: KeyPath) -> NamedCase:
         """One of the cases."""
-        if not isinstance(given, dict):
-            raise self.error(at, "must be a section of keys", f"it has {', '.join(OF_A_CASE)}")
-        if unknown := [key for key in given if key not in OF_A_CASE]:
-            match = closest(unknown[0], OF_A_CASE)
-            problem = f"unknown key, did you mean '{match}'?" if match else "unknown key"
-            raise self.error(
-                (*at, unknown[0]), problem, "" if match else f"valid here: {', '.join(OF_A_CASE)}"
+        if not isinstance(raw_case, dict):
+            raise self.config_error(
+                case_keys, "must be a section of keys", f"it has {', '.join(CASE_KEYS)}"
             )
-        if not isinstance(name := given.get("name"), str) or not name.strip():
-            raise self.error((*at, "name"), "must be a text", "what the table calls the case")
-        base, source = self.scene(given.get("scene"), (*at, "scene"))
-        point = (*self.common(), *self.settings_of(given.get("set", {}), (*at, "set")))
+        if unknown := [key for key in raw_case if key not in CASE_KEYS]:
+            match = closest(unknown[0], CASE_KEYS)
+            problem = f"unknown key, did you mean '{match}'?" if match else "unknown key"
+            raise self.config_error(
+                (*case_keys, unknown[0]),
+                problem,
+                "" if match else f"valid here: {', '.join(CASE_KEYS)}",
+            )
+        if not isinstance(name := raw_case.get("name"), str) or not name.strip():
+            raise self.config_error(
+                (*case_keys, "name"), "must be a text", "what the table calls the case"
+            )
+        base, source = self.read_scene(raw_case.get("scene"), (*case_keys, "scene"))
+        point = (
+            *self.read_common_settings(),
+            *self.read_settings(raw_case.get("set", {}), (*case_keys, "set")),
+        )
         try:
             published = (
-                read_published(given["published"], (*at, "published"))
-                if "published" in given
+                read_published(raw_case["published"], (*case_keys, "published"))
+                if "published" in raw_case
                 else None
             )
-            exact = read_exact(given["exact"], (*at, "exact")) if "exact" in given else None
-        except ConfigError as error:
-            raise self.error(key_path(error.key), error.problem, error.remedy) from None
-        if exact and not published:
-            raise self.error(
-                (*at, "exact"), "belongs to a published value", "add published, or leave it out"
+            exact = (
+                read_exact(raw_case["exact"], (*case_keys, "exact"))
+                if "exact" in raw_case
+                else None
             )
-        return Member(name, base, source, point, published, exact, self.place((*at, "published")))
+        except ConfigError as error:
+            raise self.config_error(key_path(error.key), error.problem, error.remedy) from None
+        if exact and not published:
+            raise self.config_error(
+                (*case_keys, "exact"),
+                "belongs to a published value",
+                "add published, or leave it out",
+            )
+        return NamedCase(
+            name, base, source, point, published, exact, self.location((*case_keys, "published"))
+        )
 
-    def settings_of(self, given: Any, at: KeyPath) -> Point:
+    def read_settings(self, raw_settings: Any, section_keys: KeyPath) -> ParameterPoint:
         """The settings of a case, which stand over those of all."""
-        if not isinstance(given, dict):
-            raise self.error(at, "must be a section of keys")
-        for key in given:
-            self.check_key((*at, key), key)
-        return tuple((key, value, self.place((*at, key))) for key, value in given.items())
+        if not isinstance(raw_settings, dict):
+            raise self.config_error(section_keys, "must be a section of keys")
+        for key in raw_settings:
+            self.check_key((*section_keys, key), key)
+        return tuple(
+            (key, value, self.location((*section_keys, key))) for key, value in raw_settings.items()
+        )
 
-    def check_names(self, members: tuple[Member, ...]) -> None:
+    def check_names(self, named_cases: tuple[NamedCase, ...]) -> None:
         """Names once, and those of cases that hold exact values known."""
-        names = tuple(member.name for member in members)
-        for index, member in enumerate(members):
-            if member.name in names[:index]:
-                raise self.error(
-                    ("cases", index, "name"), f"{member.name} is there twice", "give each its own"
+        names = tuple(named_case.name for named_case in named_cases)
+        for index, named_case in enumerate(named_cases):
+            if named_case.name in names[:index]:
+                raise self.config_error(
+                    ("cases", index, "name"),
+                    f"{named_case.name} is there twice",
+                    "give each its own",
                 )
-            if member.exact and member.exact.case and member.exact.case not in names:
-                near = closest(member.exact.case, names)
-                hint = f"did you mean '{near}'?" if near else "give the name of a case"
-                raise self.error(("cases", index, "exact", "case"), "there is no such case", hint)
-        self.check_circles(members)
+            if named_case.exact and named_case.exact.case and named_case.exact.case not in names:
+                closest_name = closest(named_case.exact.case, names)
+                hint = (
+                    f"did you mean '{closest_name}'?" if closest_name else "give the name of a case"
+                )
+                raise self.config_error(
+                    ("cases", index, "exact", "case"), "there is no such case", hint
+                )
+        self.check_circular_references(named_cases)
 
-    def check_circles(self, members: tuple[Member, ...]) -> None:
+    def check_circular_references(self, named_cases: tuple[NamedCase, ...]) -> None:
         """ConfigError for a case whose exact value is its own, or comes back to it by way of
         others.
         """
         exact = {
-            member.name: member.exact.case
-            for member in members
-            if member.exact and member.exact.case
+            named_case.name: named_case.exact.case
+            for named_case in named_cases
+            if named_case.exact and named_case.exact.case
         }
-        for index, member in enumerate(members):
-            way = [member.name]
-            while (following := exact.get(way[-1])) and following not in way:
-                way.append(following)
-            if following == member.name:
-                told = " by ".join([*way, member.name])
-                problem = f"is known by itself: {told}" if len(way) > 1 else "names its own case"
+        for index, named_case in enumerate(named_cases):
+            chain = [named_case.name]
+            while (next_name := exact.get(chain[-1])) and next_name not in chain:
+                chain.append(next_name)
+            if next_name == named_case.name:
+                chain_text = " by ".join([*chain, named_case.name])
+                problem = (
+                    f"is known by itself: {chain_text}" if len(chain) > 1 else "names its own case"
+                )
                 remedy = "an exact value is that of a second method"
-                raise self.error(("cases", index, "exact", "case"), problem, remedy)
+                raise self.config_error(("cases", index, "exact", "case"), problem, remedy)
 
-    def common(self) -> Point:
+    def read_common_settings(self) -> ParameterPoint:
         """The settings of every run: the study's quiet output, then `output`, then `set`."""
-        output = self.section("output")
-        here = self.place(("output",))
-        quiet = {f"output.{key}": (value, here) for key, value in QUIET.items()}
-        named = {
-            f"output.{k}": (v, self.place(("output", k)))
+        output = self.read_section("output")
+        output_location = self.location(("output",))
+        quiet = {f"output.{key}": (value, output_location) for key, value in QUIET_OUTPUT.items()}
+        output_settings = {
+            f"output.{k}": (v, self.location(("output", k)))
             for k, v in output.items()
             if k != "directory"
         }
-        chosen = {
-            key: (value, self.place(("set", key))) for key, value in self.section("set").items()
+        set_settings = {
+            key: (value, self.location(("set", key)))
+            for key, value in self.read_section("set").items()
         }
-        for key in chosen:
+        for key in set_settings:
             self.check_key(("set", key), key)
-        self.check_apart(list(chosen), ("set",))
+        self.check_overlaps(list(set_settings), ("set",))
         return tuple(
-            (key, value, place) for key, (value, place) in (quiet | named | chosen).items()
+            (key, value, location)
+            for key, (value, location) in (quiet | output_settings | set_settings).items()
         )
 
-    def section(self, key: str) -> Document:
+    def read_section(self, key: str) -> Document:
         value = self.document.get(key, {})
         if not isinstance(value, dict):
-            raise self.error((key,), "must be a section of keys")
+            raise self.config_error((key,), "must be a section of keys")
         return value
 
-    def blocks(self) -> tuple[Block, ...]:
+    def read_blocks(self) -> tuple[ParameterBlock, ...]:
         """The grids of `vary`: one, or a list of them that follow one another."""
         vary = self.document.get("vary")
         if not vary:
-            raise self.error(
+            raise self.config_error(
                 ("vary",),
                 "says nothing to vary",
                 "give keys and values, e.g. material.nu: [0.2, 0.3]",
             )
-        listed = isinstance(vary, list)
+        is_list = isinstance(vary, list)
         parts = list(enumerate(vary)) if isinstance(vary, list) else [(0, vary)]
         blocks = []
         for index, part in parts:
-            keys: KeyPath = ("vary", index) if listed else ("vary",)
+            keys: KeyPath = ("vary", index) if is_list else ("vary",)
             if not isinstance(part, dict) or not set(part) - {"zip"}:
-                raise self.error(keys, "must be keys and values, e.g. material.nu: [0.2, 0.3]")
+                raise self.config_error(
+                    keys, "must be keys and values, e.g. material.nu: [0.2, 0.3]"
+                )
             varied = [key for key in part if key != "zip"]
             for key in varied:
                 self.check_key((*keys, key), key)
-            self.check_apart(varied, keys)
+            self.check_overlaps(varied, keys)
             blocks.append(read_block(part, keys, self.source))
             if sum(block.size for block in blocks) > MOST_RUNS:
-                raise self.error(keys, f"more than {MOST_RUNS} runs")
+                raise self.config_error(keys, f"more than {MOST_RUNS} runs")
         return tuple(blocks)
 
-    def check_apart(self, given: list[str], keys: KeyPath) -> None:
+    def check_overlaps(self, given_keys: list[str], keys: KeyPath) -> None:
         """No section beside a key inside it, here or in `set`: one of the two would be lost."""
-        written = {key: ("set", key) for key in self.section("set")} | {
-            key: (*keys, key) for key in given
+        written = {key: ("set", key) for key in self.read_section("set")} | {
+            key: (*keys, key) for key in given_keys
         }
-        for whole in given:
-            for part in [key for key in written if key.startswith(f"{whole}.")]:
-                problem = f"contradicts {whole}, which is given as a whole"
-                raise self.error(written[part], problem, "give one of the two")
+        for section_key in given_keys:
+            for inner_key in [key for key in written if key.startswith(f"{section_key}.")]:
+                problem = f"contradicts {section_key}, which is given as a whole"
+                raise self.config_error(written[inner_key], problem, "give one of the two")
 
     def check_key(self, keys: KeyPath, key: str) -> None:
         if not key or key != key_text(key_path(key)) or len(key_path(key)) > MAX_DEPTH:
-            raise self.error(keys, "is no key", "write it with dots, e.g. mesh.h_far")
+            raise self.config_error(keys, "is no key", "write it with dots, e.g. mesh.h_far")
         if key.split(".")[0] in ("title", "units", "output"):
-            raise self.error(
+            raise self.config_error(
                 keys,
                 "does not change the physics",
                 f"a study has one {key.split('.')[0]} of its own",
             )
 
-    def compared(self) -> str | float | Path:
+    def read_compare_to(self) -> str | float | Path:
         """What the forces are compared with ["finest"]."""
-        wanted = self.document.get("compare_to", "finest")
-        if type(wanted) in (int, float) and 0 < abs(wanted) <= LARGEST_RANGE_END:
-            return float(wanted)
-        if isinstance(wanted, str) and wanted in ("theory", "finest"):
-            return wanted
+        compare_to = self.document.get("compare_to", "finest")
+        if type(compare_to) in (int, float) and 0 < abs(compare_to) <= LARGEST_RANGE_END:
+            return float(compare_to)
+        if isinstance(compare_to, str) and compare_to in ("theory", "finest"):
+            return compare_to
         if (
-            isinstance(wanted, str) and wanted and os.path.exists(self.path.parent / wanted)
+            isinstance(compare_to, str)
+            and compare_to
+            and os.path.exists(self.path.parent / compare_to)
         ):  # whatever the name
-            return self.path.parent / wanted
-        problem = f"is neither theory nor finest, nor a force, nor a result: {wanted!r}"
-        raise self.error(("compare_to",), problem, "a path counts from the study's folder")
+            return self.path.parent / compare_to
+        problem = f"is neither theory nor finest, nor a force, nor a result: {compare_to!r}"
+        raise self.config_error(("compare_to",), problem, "a path counts from the study's folder")
 
-    def tolerance(self) -> float | None:
+    def read_tolerance(self) -> float | None:
         """The relative error of the force that is still right; None without."""
-        wanted = self.document.get("tolerance")
-        if wanted is None:
+        tolerance = self.document.get("tolerance")
+        if tolerance is None:
             return None
-        if isinstance(wanted, bool) or not isinstance(wanted, (int, float)) or not 0 < wanted < 1:
-            raise self.error(
+        if (
+            isinstance(tolerance, bool)
+            or not isinstance(tolerance, (int, float))
+            or not 0 < tolerance < 1
+        ):
+            raise self.config_error(
                 ("tolerance",), "must be a number between 0 and 1", "0.01 is 1 % of the force"
             )
-        return float(wanted)
+        return float(tolerance)
 
-    def directory(self) -> Path:
+    def read_directory(self) -> Path:
         """Where the study goes [results/<stem of the file>], relative to the working directory."""
-        directory = self.section("output").get("directory", f"results/{self.path.stem}")
+        directory = self.read_section("output").get("directory", f"results/{self.path.stem}")
         if not isinstance(directory, str) or not directory:
-            raise self.error(("output", "directory"), "must be the path of a folder")
+            raise self.config_error(("output", "directory"), "must be the path of a folder")
         if problem := outside(directory):
-            raise self.error(
+            raise self.config_error(
                 ("output", "directory"), problem, "choose any other folder with --output"
             )
         return Path(directory)

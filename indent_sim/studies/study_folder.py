@@ -26,7 +26,7 @@ from indent_sim.results.overwrite_protection import MAX_DIFFERENCES, free_folder
 from indent_sim.results.reader import Results, read_run
 from indent_sim.results.writer import to_json
 
-RECORD = results.STUDY
+STUDY_RECORD = results.STUDY
 STUDY_TABLE = "study.csv"
 STUDY_PICTURE = "study.png"
 CURVES = "curves.csv"
@@ -34,7 +34,7 @@ CURVES_PICTURE = "curves.png"
 SCOREBOARD = "verification.csv"
 SCOREBOARD_PICTURE = "verification.png"
 STUDY_FILES = (
-    RECORD,
+    STUDY_RECORD,
     STUDY_TABLE,
     STUDY_PICTURE,
     CURVES,
@@ -45,9 +45,16 @@ STUDY_FILES = (
 )
 LOCK = ".lock"
 WORKER_TIMEOUT = 5.0  # s to wait for the worker of a killed study to be gone
-SENT = (signal.SIGHUP, signal.SIGINT, signal.SIGBUS, signal.SIGKILL, signal.SIGTERM, signal.SIGXCPU)
-OF_THE_MACHINE = {128 + number for number in SENT}  # exit codes
-LACKING = (
+MACHINE_SIGNALS = (
+    signal.SIGHUP,
+    signal.SIGINT,
+    signal.SIGBUS,
+    signal.SIGKILL,
+    signal.SIGTERM,
+    signal.SIGXCPU,
+)
+MACHINE_EXIT_CODES = {128 + number for number in MACHINE_SIGNALS}  # exit codes
+RESOURCE_FAILURES = (
     "MemoryError",
     "cannot write results",
 )  # how the reason of a run begins that ran out of memory or disk
@@ -73,34 +80,38 @@ class StudyFolder:
         names: Iterable[str] = (),
     ):
         self.path = path
-        self._runs = path / RUNS
+        self._runs_folder = path / RUNS
         self._overwrite = overwrite
-        self._physics = {name.rpartition("-")[2] for name in names}
-        self._resume = resume or shared
-        self._shared = shared
-        self._lock = -1
-        self._ended: dict[str, Results | None] = {}  # runs, by their names
-        self._names: dict[str, str] = {}  # of the folders of runs, by the name of their physics
+        self._physics_names = {name.rpartition("-")[2] for name in names}
+        self._is_resumed = resume or shared
+        self._is_shared = shared
+        self._lock_descriptor = -1
+        self._results_by_run: dict[str, Results | None] = {}  # runs, by their names
+        self._folder_names: dict[
+            str, str
+        ] = {}  # of the folders of runs, by the name of their physics
 
     def __enter__(self) -> StudyFolder:
         results.refuse_foreign(
             self.path, "study", (STUDY_PICTURE, CURVES_PICTURE, SCOREBOARD_PICTURE)
         )
-        if self._runs.is_symlink() or (self._runs.exists() and not self._runs.is_dir()):
+        if self._runs_folder.is_symlink() or (
+            self._runs_folder.exists() and not self._runs_folder.is_dir()
+        ):
             raise UsageError(
-                f"{self._runs} is a link, or no folder: the runs of a study stand in its own folder"
+                f"{self._runs_folder} is a link, or no folder: the runs of a study stand in its own folder"
             )
-        for run in self._runs.iterdir() if self._runs.exists() else ():
-            if run.name.rpartition("-")[2] in self._physics:  # this study writes there
+        for run in self._runs_folder.iterdir() if self._runs_folder.exists() else ():
+            if run.name.rpartition("-")[2] in self._physics_names:  # this study writes there
                 results.refuse_foreign(run)
-        if not (self._resume or self._overwrite):
-            self._refuse_to_lose()
+        if not (self._is_resumed or self._overwrite):
+            self._reject_losing_runs()
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             self._take_lock()
-            self._runs.mkdir(exist_ok=True)
-            self._names = {
-                entry.name.rpartition("-")[2]: entry.name for entry in self._runs.iterdir()
+            self._runs_folder.mkdir(exist_ok=True)
+            self._folder_names = {
+                entry.name.rpartition("-")[2]: entry.name for entry in self._runs_folder.iterdir()
             }
         except (OSError, UsageError) as error:
             self._release()
@@ -111,102 +122,110 @@ class StudyFolder:
         self._release()
 
     @property
-    def keeps(self) -> bool:
+    def is_resumed(self) -> bool:
         """Whether runs that have ended stay, and those cut off are gone on with."""
-        return self._resume
+        return self._is_resumed
 
-    def run(self, name: str) -> Path:
+    def run_folder(self, name: str) -> Path:
         """The result folder of a run: that of the same physics where there is one, whatever was
         varied then.
         """
         physics = name.rpartition("-")[2]
-        if physics not in self._names:
-            self._names[physics] = name
-        return self._runs / self._names[physics]
+        if physics not in self._folder_names:
+            self._folder_names[physics] = name
+        return self._runs_folder / self._folder_names[physics]
 
     def is_finished(self, name: str) -> bool:
         """Whether a run has ended and would end so again: the machine did not kill it, and gave it
         memory and disk.
         """
-        if (found := self._read(name)) is None:
+        if (results_of_run := self._read_ended_run(name)) is None:
             return False
-        code = found.report.get("exit_code")
-        reason = str(found.report.get("reason"))
-        return code not in OF_THE_MACHINE and not reason.startswith(LACKING)
+        code = results_of_run.report.get("exit_code")
+        reason = str(results_of_run.report.get("reason"))
+        return code not in MACHINE_EXIT_CODES and not reason.startswith(RESOURCE_FAILURES)
 
-    def ended(self, name: str) -> Results | None:
+    def ended_results(self, name: str) -> Results | None:
         """The result of a run that has ended, well or not, under this version of the program; None
         of any other, and where it cannot be read. To be asked for when it will not be done
         again: it is read once.
         """
-        if name not in self._ended:
-            self._ended[name] = self._read(name)
-        return self._ended[name]
+        if name not in self._results_by_run:
+            self._results_by_run[name] = self._read_ended_run(name)
+        return self._results_by_run[name]
 
-    def _read(self, name: str) -> Results | None:
-        report = read_report(self.run(name))
+    def _read_ended_run(self, name: str) -> Results | None:
+        report = read_report(self.run_folder(name))
         if report.get("status") in ("done", "failed") and report.get("version") == VERSION:
             with suppress(UsageError):  # damaged since
-                return read_run(self.run(name))
+                return read_run(self.run_folder(name))
         return None
 
-    def fail(self, name: str, exit_code: int, reason: str) -> None:
+    def record_failure(self, name: str, exit_code: int, reason: str) -> None:
         """Write down a failure that left no report of its own, and no finished run of before."""
-        report = read_report(self.run(name))
+        report = read_report(self.run_folder(name))
         if report.get("status") == "done":
             return
         if report.get("status") == "failed" and report.get("exit_code") == exit_code:
             return
         identity = {"program": PROGRAM, "version": VERSION, "status": "failed"}
-        self.run(name).mkdir(exist_ok=True)
-        said = identity | {"exit_code": exit_code, "reason": reason, "rows": 0}
-        write_atomically(self.run(name) / REPORT, to_json(report | said) + "\n")
+        self.run_folder(name).mkdir(exist_ok=True)
+        failure = identity | {"exit_code": exit_code, "reason": reason, "rows": 0}
+        write_atomically(self.run_folder(name) / REPORT, to_json(report | failure) + "\n")
 
-    def forget_others(self) -> None:
+    def delete_other_runs(self) -> None:
         """Delete the results of runs that this study does not ask for, unless it is to keep what is
         there.
         """
-        for run in [] if self._resume else self._others():
+        for run in [] if self._is_resumed else self._other_runs():
             if results.is_own_folder(run):
                 results.delete_own_files(run)
 
-    def _others(self) -> list[Path]:
+    def _other_runs(self) -> list[Path]:
         """What stands among the runs and is none that this study asks for."""
-        runs = sorted(self._runs.iterdir()) if self._runs.is_dir() else []
-        return [run for run in runs if run.name.rpartition("-")[2] not in self._physics]
+        runs = sorted(self._runs_folder.iterdir()) if self._runs_folder.is_dir() else []
+        return [run for run in runs if run.name.rpartition("-")[2] not in self._physics_names]
 
-    def _refuse_to_lose(self) -> None:
+    def _reject_losing_runs(self) -> None:
         """UsageError where finished runs of another study would go."""
-        lost = [
-            run for run in self._others() if results.has_rows(run) and is_finished(read_report(run))
+        lost_runs = [
+            run
+            for run in self._other_runs()
+            if results.has_rows(run) and is_finished(read_report(run))
         ]
-        if not lost:
+        if not lost_runs:
             return
-        told = ", ".join(run.name for run in lost[:MAX_DIFFERENCES]) + (
-            " and others" if len(lost) > MAX_DIFFERENCES else ""
+        run_names = ", ".join(run.name for run in lost_runs[:MAX_DIFFERENCES]) + (
+            " and others" if len(lost_runs) > MAX_DIFFERENCES else ""
         )
-        count = "1 finished run" if len(lost) == 1 else f"{len(lost)} finished runs"
-        problem = f"{self.path} holds {count} that this study does not ask for: {told}"
-        other = f"choose another --output, such as {free_folder_name(self.path)}"
+        count = "1 finished run" if len(lost_runs) == 1 else f"{len(lost_runs)} finished runs"
+        problem = f"{self.path} holds {count} that this study does not ask for: {run_names}"
+        output_hint = f"choose another --output, such as {free_folder_name(self.path)}"
         raise UsageError(
-            problem, f"--resume keeps them, --overwrite replaces them, or {other}", str(self.path)
+            problem,
+            f"--resume keeps them, --overwrite replaces them, or {output_hint}",
+            str(self.path),
         )
 
-    def write(self, name: str, content: str) -> None:
+    def write_file(self, name: str, content: str) -> None:
         """Replace a file of the study at once."""
         write_atomically(self.path / name, content)
 
     def write_record(self, **entries: Any) -> None:
         """study.json: that this folder is a study, and what it says of itself."""
-        self.write(RECORD, to_json({"program": PROGRAM, "version": VERSION, **entries}) + "\n")
+        self.write_file(
+            STUDY_RECORD, to_json({"program": PROGRAM, "version": VERSION, **entries}) + "\n"
+        )
 
     def _take_lock(self) -> None:
-        self._lock = os.open(self.path / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
-        mode = fcntl.LOCK_SH if self._shared else fcntl.LOCK_EX
+        self._lock_descriptor = os.open(
+            self.path / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644
+        )
+        mode = fcntl.LOCK_SH if self._is_shared else fcntl.LOCK_EX
         deadline = time.monotonic() + WORKER_TIMEOUT
         while True:
             try:
-                return fcntl.flock(self._lock, mode | fcntl.LOCK_NB)
+                return fcntl.flock(self._lock_descriptor, mode | fcntl.LOCK_NB)
             except BlockingIOError:
                 if time.monotonic() > deadline:
                     raise UsageError(f"{self.path} is in use by another study") from None
@@ -215,20 +234,20 @@ class StudyFolder:
                 return None  # a file system without locks: go on without
 
     def _release(self) -> None:
-        if self._lock >= 0:
-            os.close(self._lock)
-            self._lock = -1
+        if self._lock_descriptor >= 0:
+            os.close(self._lock_descriptor)
+            self._lock_descriptor = -1
 
 
 @contextmanager
-def opened(path: Path, **how: Any) -> Iterator[StudyFolder]:
+def open_study_folder(path: Path, **options: Any) -> Iterator[StudyFolder]:
     """The folder of a study, locked; one that this call made and left empty is taken away again."""
-    before = next((parent for parent in (path, *path.parents) if parent.exists()), path)
-    with StudyFolder(path, **how) as folder:
+    existing_parent = next((parent for parent in (path, *path.parents) if parent.exists()), path)
+    with StudyFolder(path, **options) as folder:
         try:
             yield folder
         finally:
-            if before != path and not (path / RECORD).exists():
-                for made in (path / RUNS, path / LOCK, path):
+            if existing_parent != path and not (path / STUDY_RECORD).exists():
+                for created_path in (path / RUNS, path / LOCK, path):
                     with suppress(OSError):
-                        made.rmdir() if made.is_dir() else made.unlink()
+                        created_path.rmdir() if created_path.is_dir() else created_path.unlink()

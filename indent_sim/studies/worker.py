@@ -24,12 +24,14 @@ from indent_sim.run.planned_run import PlannedRun
 
 # What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when
 # it is ended
-OPEN_MPI = tuple(f"OMPI_{part}" for part in ("COMM_", "UNIVERSE_", "MCA_orte_", "MCA_ess"))
-LAUNCHERS = ("SLURM_", "PMI_", "PMIX_", "PRTE_MCA_ess", *OPEN_MPI)
+OPEN_MPI_VARIABLES = tuple(
+    f"OMPI_{part}" for part in ("COMM_", "UNIVERSE_", "MCA_orte_", "MCA_ess")
+)
+LAUNCHER_VARIABLES = ("SLURM_", "PMI_", "PMIX_", "PRTE_MCA_ess", *OPEN_MPI_VARIABLES)
 
-Ending = tuple[int, str]  # exit code and reason
-Load = Callable[[], object]  # loads libraries
-Named = TypeVar("Named", bound=Hashable)
+ExitStatus = tuple[int, str]  # exit code and reason
+LoadLibraries = Callable[[], object]  # loads libraries
+JobName = TypeVar("Named", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -38,42 +40,42 @@ class Job:
     there.
     """
 
-    prospect: PlannedRun
+    planned_run: PlannedRun
     directory: Path
     resume: bool = True
 
 
-Jobs = Mapping[Named, Job]  # by their names
+Jobs = Mapping[JobName, Job]  # by their names
 
 
-class Worker(ExitStack, Generic[Named]):
+class Worker(ExitStack, Generic[JobName]):
     """Does jobs in a process of its own, which knows them from this one and calls `load` first, by
     default for what solves meshes; a context manager.
     """
 
-    def __init__(self, jobs: Jobs[Named], load: Load = simulate.warm_up) -> None:
+    def __init__(self, jobs: Jobs[JobName], load: LoadLibraries = simulate.warm_up) -> None:
         super().__init__()
         self._process = Forked(
-            lambda name: _ending(jobs[name]), partial(_prepare, load), uses_mpi=True
+            lambda name: _run_job(jobs[name]), partial(_prepare_process, load), uses_mpi=True
         )
         self.callback(self._process.stop)
-        self._answer: Callable[[], Ending] = lambda: (0, "")
-        self._done = 0
+        self._wait_for_answer: Callable[[], ExitStatus] = lambda: (0, "")
+        self._job_count = 0
 
-    def begin(self, name: Named) -> None:
+    def begin_job(self, name: JobName) -> None:
         """Begin a job; `end` waits for it."""
-        if self._done % 100 == 0:  # PETSc and the compiled forms keep half a MB of each run
+        if self._job_count % 100 == 0:  # PETSc and the compiled forms keep half a MB of each run
             self._process.stop()
-        self._done += 1
-        self._answer = self._process.ask(name)
+        self._job_count += 1
+        self._wait_for_answer = self._process.ask(name)
 
-    def end(self) -> Ending:
+    def wait_for_job(self) -> ExitStatus:
         """How the job that was begun ended: exit code and reason.
 
         UsageError and BackendError are raised.
         """
         try:
-            return self._answer()
+            return self._wait_for_answer()
         except Crash as crash:
             return crash.exit_code, f"the process of the run {crash}"
 
@@ -82,23 +84,23 @@ class Worker(ExitStack, Generic[Named]):
         return self._process.fileno()
 
 
-def _prepare(load: Load) -> None:
+def _prepare_process(load: LoadLibraries) -> None:
     """Forget the launcher, and load the libraries."""
-    for name in [name for name in os.environ if name.startswith(LAUNCHERS)]:
+    for name in [name for name in os.environ if name.startswith(LAUNCHER_VARIABLES)]:
         del os.environ[name]
     load()
     gc.freeze()  # libraries stay: every run ends with a search for what it left behind
 
 
-def _ending(job: Job) -> Ending:
+def _run_job(job: Job) -> ExitStatus:
     """Do a run, or what an earlier call left of it to do; what cannot be gone on with is begun
     anew.
 
     A finished run is of the same physics, as the name of its folder says; where it was written with
     other words, or with other output, it is replaced all the same.
     """
-    config = job.prospect.config
-    scene = job.prospect.scene
+    config = job.planned_run.config
+    scene = job.planned_run.scene
     directory = job.directory
     try:
         if directory.exists():
@@ -115,27 +117,27 @@ def _ending(job: Job) -> Ending:
     return 0, ""
 
 
-class Workers(ExitStack, Generic[Named]):
+class Workers(ExitStack, Generic[JobName]):
     """Several workers, each doing one job after another; a context manager."""
 
-    def __init__(self, count: int, jobs: Jobs[Named], load: Load):
+    def __init__(self, count: int, jobs: Jobs[JobName], load: LoadLibraries):
         super().__init__()
         self._workers = [self.enter_context(Worker(jobs, load)) for _ in range(count)]
 
-    def done(self, names: Iterable[Named]) -> Iterator[tuple[Named, Ending]]:
+    def run_jobs(self, names: Iterable[JobName]) -> Iterator[tuple[JobName, ExitStatus]]:
         """Do jobs, as many at a time as there are workers; each with its ending as soon as that is
         known.
         """
-        waiting = iter(names)
-        busy = dict[Worker[Named], Named]()
+        pending = iter(names)
+        busy = dict[Worker[JobName], JobName]()
         idle = list(self._workers)
         while True:
-            for worker, name in zip(list(idle), waiting, strict=False):
+            for worker, name in zip(list(idle), pending, strict=False):
                 idle.remove(worker)
-                worker.begin(name)
+                worker.begin_job(name)
                 busy[worker] = name
             if not busy:
                 return
-            ready: Worker[Named] = connection.wait(list(busy))[0]  # type: ignore[assignment, arg-type]
+            ready: Worker[JobName] = connection.wait(list(busy))[0]  # type: ignore[assignment, arg-type]
             idle.append(ready)
-            yield busy.pop(ready), ready.end()
+            yield busy.pop(ready), ready.wait_for_job()

@@ -361,7 +361,7 @@ def how_it_ends(seed: int, place: Path) -> int:
     (place / "scene.yaml").write_text(dump(document), "utf-8", errors="surrogatepass")
     try:
         if is_study:
-            study_file.read(place / "scene.yaml").points()
+            study_file.read(place / "scene.yaml").grid_points()
         else:
             config = load(
                 place / "scene.yaml", [override(rng) for _ in range(rng.choice([0, 0, 0, 1, 3]))]

@@ -295,7 +295,7 @@ def read_study(document: dict[str, Any]) -> None:
         path = Path(place, "STUDY.yaml")
         path.write_text(dump(document), encoding="utf-8", errors="surrogatepass")
         with suppress(ConfigError, UsageError):
-            assert study_file.read(path).points()
+            assert study_file.read(path).grid_points()
 
 
 @settings(BRIEF, max_examples=60)  # and six hundred in `make stress`

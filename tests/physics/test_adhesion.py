@@ -136,7 +136,7 @@ def test_the_exact_pull_off_of_the_scoreboard_is_that_of_rings() -> None:
         / "verification"
         / "published.yaml"
     )
-    case = next(one for one in read_study(path).members if one.name == "Maugis, lambda 1")
+    case = next(one for one in read_study(path).named_cases if one.name == "Maugis, lambda 1")
     assert case.exact and case.exact.value and case.published
     depths = [-0.40, -0.42, -0.44]
     rings = largest_pull(

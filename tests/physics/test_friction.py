@@ -208,10 +208,10 @@ def test_the_shipped_map_is_that_of_plan(
     scripts/make_friction_page holds all of them.
     """
     forces = {
-        case.values["contact.friction"]: solve(case.prospect.scene)[-1].force
+        case.values["contact.friction"]: solve(case.planned_run.scene)[-1].force
         for case in shipped(name)
         if case.values["material.nu"] == nu
-        and case.prospect.scene.plan.prediction["a"] == pytest.approx(slender, rel=1e-3)
+        and case.planned_run.scene.plan.prediction["a"] == pytest.approx(slender, rel=1e-3)
     }
     known = LAYER_FORCE_RATIOS[power][MAPPED_POISSON_RATIOS.index(nu)][
         MAPPED_SLENDERNESS.index(slender)
@@ -222,7 +222,7 @@ def test_the_shipped_map_is_that_of_plan(
 @cache
 def shipped(name: str) -> list[cases.Case]:
     """The cases of a study of the map."""
-    return cases.asked_for(study_file.read(STUDIES / f"{name}.yaml"))[0]
+    return cases.resolve_cases(study_file.read(STUDIES / f"{name}.yaml"))[0]
 
 
 @pytest.mark.parametrize(

@@ -124,13 +124,13 @@ class TestNotOurs:
         place = tmp_path / "study"
         with StudyFolder(place, resume=False) as study:
             study.write_record()
-            write_run(study.run("a"))
+            write_run(study.run_folder("a"))
         (place / "runs" / "a" / "notes").write_text("mine")
         (place / "runs" / "thesis").mkdir()
         (place / "runs" / "thesis" / "data.csv").write_text("mine")
         with StudyFolder(place, resume=False, overwrite=True, names=["b"]) as study:
-            write_run(study.run("b"))
-            study.forget_others()
+            write_run(study.run_folder("b"))
+            study.delete_other_runs()
         kept = {
             "study.json",
             ".lock",
@@ -359,16 +359,16 @@ class TestDamaged:
     )
     def test_a_run_that_the_machine_killed_is_tried_again(self, tmp_path, code, reason, again):
         with StudyFolder(tmp_path / "study", resume=False) as study:
-            study.fail("x", code, reason)
-            assert study.ended("x") is not None and study.is_finished("x") != again
-            report = json.loads((study.run("x") / "run.json").read_text())
+            study.record_failure("x", code, reason)
+            assert study.ended_results("x") is not None and study.is_finished("x") != again
+            report = json.loads((study.run_folder("x") / "run.json").read_text())
             assert report["version"] == __version__
 
     def test_a_damaged_run_of_a_study_is_done_again(self, tmp_path):
         with StudyFolder(tmp_path / "study", resume=False) as study:
-            write_run(study.run("x"))
+            write_run(study.run_folder("x"))
             assert study.is_finished("x")
-            (study.run("x") / "force_indentation.csv").write_bytes(
+            (study.run_folder("x") / "force_indentation.csv").write_bytes(
                 np.random.default_rng(0).bytes(100)
             )
             assert not study.is_finished("x")

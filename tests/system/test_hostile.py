@@ -509,7 +509,7 @@ def read_back(rng: random.Random, place: Path, good: Path) -> None:
         os.mkdir("study")
         os.mkdir("study/runs")
         with StudyFolder(place / "study", resume=True) as folder:
-            os.rename(place / "out", folder.run("x"))
+            os.rename(place / "out", folder.run_folder("x"))
             folder.is_finished("x")
 
 

@@ -20,7 +20,7 @@ from indent_sim.process.errors import UsageError, printable
 from indent_sim.results.pictures import figures, forces
 from indent_sim.results.pictures.run_names import config_by_key
 from indent_sim.results.reader import Results
-from indent_sim.studies import picture
+from indent_sim.studies import study_picture
 
 
 def text_of(path: Path) -> str:
@@ -391,7 +391,7 @@ class TestText:
             }
             for n, title in enumerate(TITLES[:6])
         ]
-        picture.draw(rows, ["contact.method"], "$\\frac{", "$x", tmp_path / "study.png")
+        study_picture.draw_cost(rows, ["contact.method"], "$\\frac{", "$x", tmp_path / "study.png")
         assert (tmp_path / "study.png").stat().st_size > 5000
 
     @pytest.mark.parametrize("name", ["one.png", "one.svg", "one.pdf"])

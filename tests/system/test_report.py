@@ -20,7 +20,7 @@ from indent_sim.cli import commands
 from indent_sim.config.scene_file import load
 from indent_sim.results import html_report
 from indent_sim.run.simulate import simulate
-from indent_sim.studies.study_report import of_study
+from indent_sim.studies.study_report import study_page
 
 CHROMIUM = (
     shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -191,7 +191,7 @@ def test_a_damaged_study_is_told(tmp_path, damage):
     (tmp_path / "study.csv").write_text(
         "index,run,a,status,method,force_error_vs,cpu_s\n1,x,2,done,theory,,1\n"
     )
-    assert "1 of 1 runs done" in of_study(tmp_path)
+    assert "1 of 1 runs done" in study_page(tmp_path)
     (tmp_path / name).unlink()
     if text is not None:
         (tmp_path / name).write_bytes(text.encode("latin-1"))

@@ -24,8 +24,8 @@ from indent_sim.results.reader import Results, read
 from indent_sim.run.simulate import warm_up
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import study_table
-from indent_sim.studies.points import Multiple
-from indent_sim.studies.reference.truth import Truth
+from indent_sim.studies.parameter_points import StiffnessMultiple
+from indent_sim.studies.reference.reference_solution import ReferenceSolution
 from indent_sim.studies.worker import Job, Worker
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -69,7 +69,7 @@ def written(tmp_path, monkeypatch):
 
 def grid(path: Path) -> list[dict]:
     """The varied keys of every point of a study file."""
-    return [{key: value for key, value, _ in point} for point in studies.read(path).points()]
+    return [{key: value for key, value, _ in point} for point in studies.read(path).grid_points()]
 
 
 def rows_of(folder: Path) -> list[dict[str, str]]:
@@ -160,13 +160,13 @@ vary:
   contact.epsilon_n: {from: 2, to: 2, count: 1, unit: E*/h_contact}
 """
         path = written(text)
-        assert grid(path)[0]["contact.epsilon_n"] == Multiple(2.0)
-        found = case_list.asked_for(studies.read(path))[0]
+        assert grid(path)[0]["contact.epsilon_n"] == StiffnessMultiple(2.0)
+        found = case_list.resolve_cases(studies.read(path))[0]
         E_star = 1 / (1 - 0.3**2)
         assert [case.values["contact.epsilon_n"] for case in found] == pytest.approx(
             [20 * E_star, 40 * E_star]
         )
-        assert [case.prospect.stiffness for case in found] == pytest.approx([2.0, 2.0])
+        assert [case.planned_run.stiffness for case in found] == pytest.approx([2.0, 2.0])
 
     def test_a_whole_section_is_a_value(self, written):
         path = written(
@@ -174,8 +174,8 @@ vary:
             "nitsche}]}\n"
         )
         assert [
-            case.prospect.scene.physics.contact.method
-            for case in case_list.asked_for(studies.read(path))[0]
+            case.planned_run.scene.physics.contact.method
+            for case in case_list.resolve_cases(studies.read(path))[0]
         ] == [
             "penalty",
             "nitsche",
@@ -186,14 +186,14 @@ vary:
         path = written(
             f"base:\n{indented}set: {{loading.delta: 0.02}}\nvary: {{mesh.h_far: [0.4, 0.5]}}\n"
         )
-        assert [case.depth for case in case_list.asked_for(studies.read(path))[0]] == pytest.approx(
-            [0.02, 0.02]
-        )
+        assert [
+            case.last_depth for case in case_list.resolve_cases(studies.read(path))[0]
+        ] == pytest.approx([0.02, 0.02])
 
 
 class TestIdentity:
     def ids(self, written, text):
-        return [case.id for case in case_list.asked_for(studies.read(written(text)))[0]]
+        return [case.id for case in case_list.resolve_cases(studies.read(written(text)))[0]]
 
     def test_titles_labels_and_output_have_no_part_in_it(self, written, tmp_path):
         vary = "vary: {mesh.h_far: [0.4, 0.5]}\n"
@@ -333,7 +333,7 @@ class TestRefusals:
 
     def test_an_error_of_many_points_is_told_once(self, written):
         with pytest.raises(ConfigError) as told:
-            case_list.asked_for(
+            case_list.resolve_cases(
                 studies.read(
                     written("base: scene.yaml\nvary: {a.b: [1], mesh.h_far: [0.4, 0.5]}\n")
                 )
@@ -357,7 +357,7 @@ class TestRefusals:
         (tmp_path / "theirs").mkdir()
         (tmp_path / "theirs" / "thesis.tex").touch()
         with pytest.raises(UsageError, match="not made by"):
-            studies.carry_out(written(METHODS), output=tmp_path / "theirs")
+            studies.execute_study(written(METHODS), output=tmp_path / "theirs")
 
     @pytest.mark.parametrize("name", ["study.png", "curves.png"])
     def test_a_picture_of_the_users_in_its_folder(self, written, tmp_path, name):
@@ -367,7 +367,7 @@ class TestRefusals:
         (place / "study.json").write_text(json.dumps({"program": "indent-sim", "version": "0"}))
         (place / name).write_text("mine")
         with pytest.raises(UsageError, match=f"{name} was not made by"):
-            studies.carry_out(written(METHODS), output=place, resume=True)
+            studies.execute_study(written(METHODS), output=place, resume=True)
         assert {entry.name for entry in place.iterdir()} == {"study.json", name}
 
     def test_several_ranks(self, written, monkeypatch):
@@ -377,13 +377,13 @@ class TestRefusals:
 
     def test_a_study_in_use(self, written, tmp_path, monkeypatch):
         monkeypatch.setattr("indent_sim.studies.study_folder.WORKER_TIMEOUT", 0.0)
-        from indent_sim.studies.study_folder import opened
+        from indent_sim.studies.study_folder import open_study_folder
 
         with (
-            opened(tmp_path / "out", resume=False, shared=False),
+            open_study_folder(tmp_path / "out", resume=False, shared=False),
             pytest.raises(UsageError, match="in use"),
         ):
-            studies.carry_out(written(METHODS), output=tmp_path / "out")
+            studies.execute_study(written(METHODS), output=tmp_path / "out")
 
 
 class TestPlan:
@@ -480,10 +480,10 @@ class TestRuns:
 
         monkeypatch.setattr(simulate, "simulate", run)
         text = METHODS.replace("[penalty, active_set]", "active_set")
-        done = studies.carry_out(written(text), output=tmp_path / "out")
+        done = studies.execute_study(written(text), output=tmp_path / "out")
         assert [row["status"] for row in done.rows] == ["done", "failed", "done"]
         assert done.rows[1]["exit_code"] == exit_code and reason in done.rows[1]["reason"]
-        again = studies.carry_out(written(text), output=tmp_path / "out", resume=True)
+        again = studies.execute_study(written(text), output=tmp_path / "out", resume=True)
         assert again.rows == done.rows  # read back, failures too
 
     def test_a_signal_to_the_worker_ends_nothing(self, written, tmp_path, monkeypatch):
@@ -499,12 +499,12 @@ class TestRuns:
             return whole(config, **options)
 
         monkeypatch.setattr(simulate, "simulate", run)
-        assert studies.carry_out(written(METHODS), output=tmp_path / "out").failures == []
+        assert studies.execute_study(written(METHODS), output=tmp_path / "out").failures == []
 
     def test_a_run_that_was_cut_off_goes_on(self, written, tmp_path, monkeypatch):
         """And one whose folder holds something else is begun anew."""
         path, out = written(METHODS.replace("[penalty, active_set]", "penalty")), tmp_path / "out"
-        whole = studies.carry_out(path, output=out)
+        whole = studies.execute_study(path, output=out)
         cut, strange, _ = sorted((out / "runs").iterdir())
         for folder in (cut, strange):
             report = json.loads((folder / "run.json").read_text())
@@ -512,7 +512,7 @@ class TestRuns:
         table_of_cut = cut / "force_indentation.csv"
         table_of_cut.write_text("".join(table_of_cut.read_text().splitlines(keepends=True)[:2]))
         (strange / "config.yaml").write_text("another: 1\n")
-        again = studies.carry_out(path, output=out, resume=True)
+        again = studies.execute_study(path, output=out, resume=True)
         assert [
             json.loads((f / "run.json").read_text()).get("resumed_after") for f in (cut, strange)
         ] == [[1], None]
@@ -520,7 +520,7 @@ class TestRuns:
         assert (
             costs[cut.name] is None and costs[strange.name] > 0
         )  # the seconds before the cut are not known
-        assert cut.name not in [row["run"] for row in study_table.measured(again.rows)]
+        assert cut.name not in [row["run"] for row in study_table.rows_with_error(again.rows)]
         assert [row["force"] for row in again.rows] == pytest.approx(
             [row["force"] for row in whole.rows], rel=1e-9
         )
@@ -533,7 +533,7 @@ class TestRuns:
             f"base: {ROOT}/configs/hertz_cube.yaml\nvary: {{mesh.h_contact: [0.1, 0.099, "
             f"0.098, 0.097, 0.096]}}\n"
         )
-        rows = studies.carry_out(written(text), output=tmp_path / "out").rows
+        rows = studies.execute_study(written(text), output=tmp_path / "out").rows
         first, last = rows[0], rows[-1]
         assert first["memory_MB"] > 20  # something to give back; 74 were measured, 43 later
         assert (
@@ -547,26 +547,26 @@ class TestRuns:
 
         monkeypatch.setattr("indent_sim.run.simulate.simulate", run)
         with pytest.raises(NotConverged, match="never"):
-            studies.carry_out(written(METHODS), output=tmp_path / "out")
+            studies.execute_study(written(METHODS), output=tmp_path / "out")
         assert {row["reason"] for row in rows_of(tmp_path / "out")} == {"never"}
 
     def test_a_second_call_replaces_and_resume_keeps(self, written, tmp_path):
         path, out = written(METHODS), tmp_path / "out"
-        studies.carry_out(path, output=out)
+        studies.execute_study(path, output=out)
         first = {
             folder.name: (folder / "run.json").stat().st_mtime_ns
             for folder in (out / "runs").iterdir()
         }
         told: list[str] = []
-        studies.carry_out(path, output=out, resume=True, tell=told.append)
+        studies.execute_study(path, output=out, resume=True, tell=told.append)
         assert told == ["6 of 6 runs are there already"]
         path.write_text(METHODS.replace(", 0.04]", "]"))
         with pytest.raises(
             UsageError, match=r"2 finished runs that this study does not ask for.*--overwrite"
         ):
-            studies.carry_out(path, output=out)
+            studies.execute_study(path, output=out)
         assert len(list((out / "runs").iterdir())) == 6
-        studies.carry_out(path, output=out, overwrite=True)
+        studies.execute_study(path, output=out, overwrite=True)
         second = {
             folder.name: (folder / "run.json").stat().st_mtime_ns
             for folder in (out / "runs").iterdir()
@@ -580,7 +580,7 @@ class TestRuns:
             "base: scene.yaml\nset: {body: {shape: half_space}, mesh: {}}\nvary: "
             "{material.nu: [0.2, 0.3]}\n"
         )
-        studies.carry_out(path, output=tmp_path / "out")
+        studies.execute_study(path, output=tmp_path / "out")
 
         def content() -> dict[Path, bytes]:
             files = (tmp_path / "out" / "runs").rglob("*")
@@ -591,7 +591,7 @@ class TestRuns:
 
         before, table = content(), rows_of(tmp_path / "out")
         monkeypatch.setattr("indent_sim.run.simulate.simulate", fails)
-        studies.carry_out(path, output=tmp_path / "out")
+        studies.execute_study(path, output=tmp_path / "out")
         assert content() == before and rows_of(tmp_path / "out") == table
 
     def test_files_of_a_user_stay_among_the_runs(self, written, tmp_path):
@@ -599,7 +599,7 @@ class TestRuns:
         is changed.
         """
         path, out = written(METHODS.replace(", 0.04]", "]")), tmp_path / "out"
-        studies.carry_out(path, output=out)
+        studies.execute_study(path, output=out)
         run = min((out / "runs").iterdir())
         for file in (
             run / "notes.txt",
@@ -608,7 +608,7 @@ class TestRuns:
             out / "mine.csv",
         ):
             file.write_text("mine")
-        studies.carry_out(path, output=out)
+        studies.execute_study(path, output=out)
         assert {
             file.name for file in out.rglob("*") if file.is_file() and file.read_bytes() == b"mine"
         } == {
@@ -621,7 +621,7 @@ class TestRuns:
         (run / "experiment.csv").write_text("mine")
         before = {file: file.read_bytes() for file in out.rglob("*") if file.is_file()}
         with pytest.raises(UsageError, match=r"experiment\.csv was not made by"):
-            studies.carry_out(path, output=out)
+            studies.execute_study(path, output=out)
         assert before == {file: file.read_bytes() for file in out.rglob("*") if file.is_file()}
 
     def test_several_jobs_give_the_table_of_one(self, written, tmp_path):
@@ -630,7 +630,7 @@ class TestRuns:
         """
         path = written(METHODS)
         for jobs in (1, 2):
-            studies.carry_out(path, output=tmp_path / f"{jobs}", jobs=jobs)
+            studies.execute_study(path, output=tmp_path / f"{jobs}", jobs=jobs)
         assert rows_of(tmp_path / "1") == rows_of(tmp_path / "2")
         assert (tmp_path / "1" / "curves.csv").read_text() == (
             tmp_path / "2" / "curves.csv"
@@ -655,7 +655,7 @@ class TestRuns:
         undisturbed study.
         """
         path = written(METHODS)
-        studies.carry_out(path, output=tmp_path / "whole")
+        studies.execute_study(path, output=tmp_path / "whole")
         for _ in range(2):
             process = subprocess.Popen(
                 command(path, "--output", "cut", "--jobs", "2", "--resume"),
@@ -666,23 +666,23 @@ class TestRuns:
             process.stderr.readline()  # type: ignore[union-attr]
             process.kill()
             process.communicate()
-        studies.carry_out(path, output=tmp_path / "cut", jobs=2, resume=True)
+        studies.execute_study(path, output=tmp_path / "cut", jobs=2, resume=True)
         assert rows_of(tmp_path / "cut") == rows_of(tmp_path / "whole")
 
     def test_a_run_keeps_its_folder_when_other_keys_vary(self, written, tmp_path):
         """The physics is the identity, the name says what varied when it was first run."""
-        first = studies.carry_out(
+        first = studies.execute_study(
             written("base: scene.yaml\nvary: {material.nu: [0.2, 0.3]}\n"), output=tmp_path / "out"
         )
         text = "base: scene.yaml\nvary: {material.nu: [0.2, 0.3], indenter.R: [1.0, 2.0]}\n"
-        again = studies.carry_out(written(text), output=tmp_path / "out", resume=True)
+        again = studies.execute_study(written(text), output=tmp_path / "out", resume=True)
         assert {row["run"] for row in first.rows} < {row["run"] for row in again.rows}
         assert len(list((tmp_path / "out" / "runs").iterdir())) == 4
 
     def test_more_jobs_than_the_memory_holds(self, written, tmp_path, monkeypatch):
-        monkeypatch.setattr("indent_sim.studies.conduct.machine_memory", lambda: 3e8)
+        monkeypatch.setattr("indent_sim.studies.run_study.machine_memory", lambda: 3e8)
         with pytest.raises(UsageError, match="fewer --jobs"):
-            studies.carry_out(written(METHODS), output=tmp_path / "out", jobs=2)
+            studies.execute_study(written(METHODS), output=tmp_path / "out", jobs=2)
         assert not (tmp_path / "out").exists()
 
     def test_quiet(self, written):
@@ -703,8 +703,8 @@ class TestRuns:
                 and not (tmp_path / "parts" / "study.csv").exists()
             )
         told: list[str] = []
-        studies.carry_out(path, output=tmp_path / "parts", resume=True, tell=told.append)
-        studies.carry_out(path, output=tmp_path / "whole")
+        studies.execute_study(path, output=tmp_path / "parts", resume=True, tell=told.append)
+        studies.execute_study(path, output=tmp_path / "whole")
         assert told == ["6 of 6 runs are there already"]
         assert rows_of(tmp_path / "parts") == rows_of(tmp_path / "whole")
 
@@ -726,7 +726,7 @@ class TestRuns:
         """
         one_step = METHODS.replace("[0.06, 0.05, 0.04]", str(sizes)) + "set: {loading.steps: 1}\n"
         path = written(one_step)
-        studies.carry_out(path, output=tmp_path / "whole")
+        studies.execute_study(path, output=tmp_path / "whole")
         random = np.random.default_rng(1)
         for runs in kills_after:  # so many are there when the kill comes
             with subprocess.Popen(
@@ -759,7 +759,7 @@ class TestRuns:
             METHODS.replace("[0.06, 0.05, 0.04]", "[0.06]")
             + "set: {indenter: {shape: cone, half_angle: 80}}\n"
         )
-        studies.carry_out(written(cone), output=tmp_path / "cone")
+        studies.execute_study(written(cone), output=tmp_path / "cone")
         assert all(
             (row["p_max"], row["p_error_vs"], row["status"]) == ("", "", "done")
             for row in rows_of(tmp_path / "cone")
@@ -783,10 +783,10 @@ class TestRuns:
         assert [row["status"] for row in rows_of(tmp_path / "out")] == ["pending"] * 6
 
     def test_the_worker_is_gone_after_the_study(self, written, tmp_path):
-        case = case_list.asked_for(studies.read(written(METHODS)))[0][0]
-        with Worker({"the first": Job(case.prospect, tmp_path / "run")}) as worker:
-            worker.begin("the first")
-            assert worker.end() == (0, "")
+        case = case_list.resolve_cases(studies.read(written(METHODS)))[0][0]
+        with Worker({"the first": Job(case.planned_run, tmp_path / "run")}) as worker:
+            worker.begin_job("the first")
+            assert worker.wait_for_job() == (0, "")
             pid = worker._process._child.pid
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
@@ -833,9 +833,11 @@ class TestComparison:
                 == 0
             )
         text = f"base: scene.yaml\ncompare_to: {wanted}\nvary: {{mesh.h_contact: [0.06, 0.05]}}\n"
-        rows = studies.carry_out(written(text), output=tmp_path / "out").rows
+        rows = studies.execute_study(written(text), output=tmp_path / "out").rows
         force = [row["force"] for row in rows]
-        layer = case_list.asked_for(studies.read(tmp_path / "STUDY.yaml"))[0][0].prospect.scene
+        layer = case_list.resolve_cases(studies.read(tmp_path / "STUDY.yaml"))[0][
+            0
+        ].planned_run.scene
         theory = layer.plan.theory.solution_at_depth(0.01).force
         reference = {"theory": theory, "1.6e-3": 1.6e-3}.get(wanted, force[1])
         assert [row["force_error_vs"] for row in rows] == pytest.approx(
@@ -850,25 +852,25 @@ class TestComparison:
         path = written("base: scene.yaml\ncompare_to: result\nvary: {mesh.h_contact: [0.06]}\n")
         (tmp_path / "scene.yaml").write_text(f"units: {{length: um, force: N}}\n{SCENE}")
         with pytest.raises(ConfigError, match=r"STUDY.yaml:2: compare_to: .* in um, .* in mm"):
-            studies.carry_out(path, output=tmp_path / "out")
+            studies.execute_study(path, output=tmp_path / "out")
 
     def test_a_file_without_the_depth(self, written, tmp_path):
         (tmp_path / "known.csv").write_text("step,delta,force,a\n1,0.02,1,1\n")
         path = written("base: scene.yaml\ncompare_to: known.csv\nvary: {mesh.h_far: [0.4, 0.5]}\n")
         with pytest.raises(ConfigError, match=r"STUDY.yaml:2: compare_to: has no depth 0.01"):
-            studies.carry_out(path, output=tmp_path / "out")
+            studies.execute_study(path, output=tmp_path / "out")
 
     def test_finest_of_each_problem(self, written, tmp_path):
         path = written(
             "base: scene.yaml\nvary: {material.nu: [0.1, 0.3], mesh.h_contact: [0.06, 0.05]}\n"
         )
-        rows = studies.carry_out(path, output=tmp_path / "out").rows
+        rows = studies.execute_study(path, output=tmp_path / "out").rows
         assert [row["force_error_vs"] == 0 for row in rows] == [False, True, False, True]
         assert all(abs(row["force_error_vs"]) < 0.01 for row in rows)
 
     def test_a_run_is_no_answer_to_itself(self, written, tmp_path):
         """Every nu asks another question: no error is known, and none is 0."""
-        done = studies.carry_out(
+        done = studies.execute_study(
             written("base: scene.yaml\nvary: {material.nu: [0.1, 0.3]}\n"), output=tmp_path / "out"
         )
         errors = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
@@ -879,7 +881,7 @@ class TestComparison:
         (tmp_path / "scene.yaml").write_text(
             SCENE.replace("mesh: {h_contact: 0.05, h_far: 0.5}\n", "")
         )
-        done = studies.carry_out(
+        done = studies.execute_study(
             written("base: scene.yaml\nvary: {accuracy: [fast, accurate]}\n"),
             output=tmp_path / "out",
         )
@@ -893,16 +895,16 @@ class TestComparison:
             "base: scene.yaml\nset: {body.sides: free}\ncompare_to: theory\nvary: "
             "{mesh.h_contact: [0.06]}\n"
         )
-        assert "not exact" in studies.carry_out(path, output=tmp_path / "out").notes[0]
+        assert "not exact" in studies.execute_study(path, output=tmp_path / "out").notes[0]
 
     def test_no_peak_where_theory_has_none(self, written):
         text = (
             "base: scene.yaml\nset: {indenter: {shape: flat_punch, radius: 0.3}}\nvary: "
             "{mesh.h_far: [0.4]}\n"
         )
-        from indent_sim.studies.reference.truth import of_theory
+        from indent_sim.studies.reference.reference_solution import theory_curve
 
-        answer = of_theory(case_list.asked_for(studies.read(written(text)))[0][0])
+        answer = theory_curve(case_list.resolve_cases(studies.read(written(text)))[0][0])
         assert np.isnan(answer.p_max).all() and np.isfinite(answer.force).all()
 
 
@@ -911,12 +913,14 @@ class TestComparison:
 )
 def test_shipped_studies_can_be_run(path):
     planned = studies.read(path)
-    found, refused = case_list.sorted_out(planned)
+    found, refused = case_list.validate_cases(planned)
     assert not refused or planned.tolerance
     # nothing in them is asked twice, but of cases, which may be several rows of one run
-    assert len({case.id for case in found}) == len(found) > 1 or planned.members
+    assert len({case.id for case in found}) == len(found) > 1 or planned.named_cases
     if planned.tolerance is None:  # theory at all points of a map takes a minute
-        answered = {Truth(planned, found).answer(case) is not None for case in found}
+        answered = {
+            ReferenceSolution(planned, found).reference_curve(case) is not None for case in found
+        }
         assert (
             len(answered) == 1
         )  # a study of accuracy has an answer for each, one of a parameter for none
@@ -971,9 +975,9 @@ cases:
         path = written(self.CASES)
         planned = CliRunner().invoke(commands.program, ["plan", str(path), "--json"])
         assert [row["case"] for row in json.loads(planned.output)["rows"]] == ["coarse", "finer"]
-        first = studies.carry_out(path, output=tmp_path / "out")
+        first = studies.execute_study(path, output=tmp_path / "out")
         told: list[str] = []
-        again = studies.carry_out(path, output=tmp_path / "out", resume=True, tell=told.append)
+        again = studies.execute_study(path, output=tmp_path / "out", resume=True, tell=told.append)
         assert told == ["2 of 2 runs are there already"] and again.scoreboard == first.scoreboard
 
     def test_a_study_of_cases_is_no_scene(self, written):
@@ -986,7 +990,7 @@ cases:
         Hayes' table.
         """
         path = ROOT / "configs" / "studies" / "verification" / "published.yaml"
-        board = studies.carry_out(path, output=tmp_path / "out", jobs=2).scoreboard
+        board = studies.execute_study(path, output=tmp_path / "out", jobs=2).scoreboard
         assert [row["case"] for row in board if row["wrong"] in ("ours", "both", "unknown")] == []
         assert [row["case"] for row in board if row["ours"] is None] == []
         wrong = [row["case"] for row in board if row["wrong"] == "published"]
@@ -1004,7 +1008,7 @@ class TestAdvice:
         rows = self.rows(
             ("a", 1, 10, 0.1), ("a", 2, 20, -0.01), ("b", 2.5, 10, 0.05), ("b", 3, 20, 0.001)
         )
-        assert [row["run"] for row in study_table.pareto(rows)] == ["0", "1", "3"]
+        assert [row["run"] for row in study_table.pareto_front(rows)] == ["0", "1", "3"]
 
     def test_luck_does_not_count(self):
         """The coarse mesh hits 0.1 % where a finer one misses it."""
@@ -1012,27 +1016,28 @@ class TestAdvice:
             ("a", 1, 10, 1e-4), ("a", 2, 20, 0.005), ("a", 4, 40, 1e-4), ("b", 3, 10, 0.004)
         )
         assert [
-            study_table.recommended(rows, ["method"], target)["run"] for target in (0.01, 0.001)
+            study_table.recommended_run(rows, ["method"], target)["run"] for target in (0.01, 0.001)
         ] == ["0", "2"]
-        assert study_table.recommended(rows, ["method"], 1e-5) is None
+        assert study_table.recommended_run(rows, ["method"], 1e-5) is None
 
     def test_a_run_of_unknown_cost_is_not_advised_but_tells_luck(self):
         rows = self.rows(
             ("a", 1, 10, 1e-4), ("a", None, 20, 0.005), ("b", None, 10, 1e-5), ("b", 9, 20, 1e-5)
         )
-        assert study_table.recommended(rows, ["method"], 0.001)["run"] == "3"
+        assert study_table.recommended_run(rows, ["method"], 0.001)["run"] == "3"
 
     def test_what_has_no_error_is_not_measured(self):
         rows = self.rows(("a", 1, 10, 0.0), ("a", 1, 10, None))
         assert (
-            study_table.measured(rows) == [] and study_table.recommendations(rows, ["method"]) == []
+            study_table.rows_with_error(rows) == []
+            and study_table.recommendations(rows, ["method"]) == []
         )
 
     def test_a_run_without_rows_has_no_numbers(self, written):
-        case = case_list.asked_for(studies.read(written(METHODS)))[0][0]
+        case = case_list.resolve_cases(studies.read(written(METHODS)))[0][0]
         report = {"status": "failed", "exit_code": 4, "reason": "no,\nmesh"}
         empty = {name: np.empty(0) for name in ("step", "newton_iterations")}
-        row = study_table._row(case, [], Results(Path(), empty, report), None, None)
+        row = study_table._case_row(case, [], Results(Path(), empty, report), None, None)
         assert row["force"] is None and row["steps_done"] == 0
         assert '"no, mesh"' in study_table.write([row])
 
@@ -1061,10 +1066,10 @@ vary:
     )
     def test_of_a_row(self, row, expected):
         empty = {"run": "", "force_error_vs": None, "stated_error": None, "exit_code": None}
-        assert study_table.verdict(empty | row, 0.005) == expected
+        assert study_table.row_verdict(empty | row, 0.005) == expected
 
     def test_a_study_with_a_tolerance_judges_every_point(self, written):
-        done = studies.carry_out(written(self.MAP))
+        done = studies.execute_study(written(self.MAP))
         assert [row["verdict"] for row in done.rows] == ["right", "flagged", "refused"]
         soft, refused = done.rows[1:]
         assert abs(soft["force_error_vs"]) <= soft["stated_error"] and "too low" in soft["warnings"]
@@ -1074,8 +1079,8 @@ vary:
             "reason": "scene.yaml:12: loading: depth 2 is beyond the body's thickness 1"
         }
         assert (
-            study_table.impossible(done.rows) == 0
-            and study_table.impossible([*done.rows, beyond]) == 1
+            study_table.impossible_scene_count(done.rows) == 0
+            and study_table.impossible_scene_count([*done.rows, beyond]) == 1
         )
         assert [row["verdict"] for row in rows_of(done.directory)] == [
             "right",
@@ -1085,7 +1090,7 @@ vary:
 
     def test_without_one_a_point_that_cannot_be_is_an_error(self, written):
         with pytest.raises(ConfigError, match="nitsche gives wrong forces"):
-            studies.carry_out(written(self.MAP.replace("tolerance: 0.005\n", "")))
+            studies.execute_study(written(self.MAP.replace("tolerance: 0.005\n", "")))
 
     @pytest.mark.parametrize("given", ["0", "1.5", "true", "small"])
     def test_a_tolerance_is_a_part_of_the_force(self, written, given):
@@ -1097,7 +1102,7 @@ vary:
             "base: scene.yaml\ncompare_to: theory\ntolerance: 0.005\nvary: {loading: "
             "[{deltas: [0.01, -0.01]}]}\n"
         )
-        (row,) = studies.carry_out(written(text)).rows
+        (row,) = studies.execute_study(written(text)).rows
         assert (row["force"], row["force_error_vs"], row["verdict"]) == (0.0, 0.0, "right")
 
 
@@ -1110,7 +1115,7 @@ class TestPicture:
         as it is listed.
         """
         from indent_sim.results.pictures import figures
-        from indent_sim.studies import picture
+        from indent_sim.studies import study_picture
 
         drawn_figures = []
         monkeypatch.setattr(figures, "save", lambda figure, path: drawn_figures.append(figure))
@@ -1128,7 +1133,7 @@ class TestPicture:
                 }
                 for i, (m, h, s, e) in enumerate(rows)
             ]
-            picture.draw(
+            study_picture.draw_cost(
                 table,
                 self.KEYS,
                 "A title that is " + "very " * 40 + "long",
@@ -1171,10 +1176,13 @@ class TestPicture:
         assert figure.axes[1].lines[0].get_linestyle() == "None"
 
     def test_of_keys_that_go_together_the_first_is_named(self):
-        from indent_sim.studies.study_table import telling
+        from indent_sim.studies.study_table import independent_keys
 
         rows = [
             {"method": m, "h": h, "far": 10 * h, "nu": 0.3} for m in ("a", "b") for h in (0.1, 0.2)
         ]
-        assert telling(rows, ["method", "h", "far", "nu"]) == ["method", "h"]
-        assert telling(rows[:1], ["method", "h"]) == ["method", "h"]  # nothing varies: all of them
+        assert independent_keys(rows, ["method", "h", "far", "nu"]) == ["method", "h"]
+        assert independent_keys(rows[:1], ["method", "h"]) == [
+            "method",
+            "h",
+        ]  # nothing varies: all of them

@@ -19,8 +19,8 @@ from indent_sim.cli import commands
 from indent_sim.process.errors import UsageError
 from indent_sim.results.pictures import figures
 from indent_sim.results.reader import Results
-from indent_sim.studies import multiples, picture
-from indent_sim.studies.curve_table import Curve, Families
+from indent_sim.studies import small_multiples, study_picture
+from indent_sim.studies.curve_table import CurveGroups, RunCurve
 
 UNITS = {"length": "um", "force": "nN"}
 HEIGHTS, RADII, RATIOS, MODULI = (
@@ -36,7 +36,7 @@ def force_of(height: float = 8.0, R: float = 5.0, nu: float = 0.3, E: float = 1.
     return E * R**0.5 * (1 + R / height) / (1 - nu**2)
 
 
-def families(**numbers: tuple[float, ...]) -> Families:
+def families(**numbers: tuple[float, ...]) -> CurveGroups:
     """A grid of runs over these numbers, in the order given; forces go with the depth to 3/2."""
     grid = np.stack(np.meshgrid(*numbers.values(), indexing="ij"), axis=-1).reshape(
         -1, len(numbers)
@@ -50,8 +50,8 @@ def families(**numbers: tuple[float, ...]) -> Families:
         table = {"step": np.arange(1.0, 6.0), "delta": delta, "force": force, "a": np.sqrt(delta)}
         table |= {"p_max": force, "penetration": 1e-3 * force}
         run = Results(Path("run"), table, {"status": "done", "units": UNITS, "method": "penalty"})
-        curves.append(Curve(values, run))
-    return Families(tuple(curves), tuple(numbers))
+        curves.append(RunCurve(values, run))
+    return CurveGroups(tuple(curves), tuple(numbers))
 
 
 def panels_of(figure: Any) -> list[Any]:
@@ -59,21 +59,21 @@ def panels_of(figure: Any) -> list[Any]:
 
 
 @pytest.fixture(scope="module")
-def four() -> Families:
+def four() -> CurveGroups:
     return families(
         **{"body.height": HEIGHTS, "material.nu": RATIOS, "indenter.R": RADII, "material.E": MODULI}
     )
 
 
-def test_two_hundred_runs_of_four_keys_are_told_apart(four: Families) -> None:
+def test_two_hundred_runs_of_four_keys_are_told_apart(four: CurveGroups) -> None:
     """Every curve lies in the panel of its R and nu, in the colour of its height, with the dashes
     of its E.
     """
-    with picture.curves_pictured(four, "200 runs") as figure:
+    with study_picture.curves_figure(four, "200 runs") as figure:
         figures.apply_layout(figure)
         assert faults(figure) == []
         small = panels_of(figure)[: len(RADII) * len(RATIOS)]
-        shades, _ = multiples.looks_by(four, "body.height")
+        shades, _ = small_multiples.styles_by_key(four, "body.height")
         colours = {
             curve.values["body.height"]: look["color"]
             for curve, look in zip(four.curves, shades, strict=True)
@@ -114,7 +114,7 @@ def test_the_force_over_two_numbers_is_a_map() -> None:
     its numbers.
     """
     two = families(**{"body.height": HEIGHTS, "indenter.R": RADII})
-    with multiples.column_pictured(two, "force", "two") as figure:
+    with small_multiples.column_figure(two, "force", "two") as figure:
         figures.apply_layout(figure)
         assert faults(figure) == []
         (axes,) = panels_of(figure)
@@ -127,15 +127,16 @@ def test_the_force_over_two_numbers_is_a_map() -> None:
         assert levels == pytest.approx((min(forces), max(forces)))
 
 
-@pytest.mark.parametrize("column", multiples.COLUMNS)
+@pytest.mark.parametrize("column", small_multiples.PLOTTED_COLUMNS)
 def test_columns_over_one_number_are_the_rows(column: str) -> None:
     one = families(**{"indenter.R": RADII, "body.height": (2.0, 4.0)})
-    with multiples.column_pictured(one, column, "one") as figure:
+    with small_multiples.column_figure(one, column, "one") as figure:
         figures.apply_layout(figure)
         axes = panels_of(figure)[0]
         assert axes.get_xlabel() == "R [µm]"
         scale = (
-            multiples.told(one, column)[0][0] / one.curves[0].results[column][-1]
+            small_multiples.representative_values(one, column)[0][0]
+            / one.curves[0].results[column][-1]
         )  # of the unit shown
         points = np.concatenate([part.get_offsets() for part in axes.collections])
         asked = [
@@ -146,13 +147,13 @@ def test_columns_over_one_number_are_the_rows(column: str) -> None:
 
 def test_a_study_without_numbers_has_nothing_to_draw_over() -> None:
     two = families(**{"indenter.R": RADII})
-    words = Families(
-        tuple(Curve({"contact.method": "penalty"}, curve.results) for curve in two.curves),
+    words = CurveGroups(
+        tuple(RunCurve({"contact.method": "penalty"}, curve.results) for curve in two.curves),
         ("contact.method",),
     )
     with (
         pytest.raises(UsageError, match="no number varies"),
-        multiples.column_pictured(words, "force", "words"),
+        small_multiples.column_figure(words, "force", "words"),
     ):
         pass
 
@@ -189,18 +190,20 @@ def test_the_penetration_is_over_epsilon_n_beside_what_a_penalty_yields() -> Non
     runs = families(**{"indenter.R": RADII}).curves
     stiffness = np.geomspace(1e2, 1e6, len(runs))
     curves = tuple(
-        Curve({"contact.epsilon_n": float(one)}, curve.results)
+        RunCurve({"contact.epsilon_n": float(one)}, curve.results)
         for one, curve in zip(stiffness, runs, strict=True)
     )
-    with multiples.column_pictured(
-        Families(curves, ("contact.epsilon_n",)), "penetration", "penalty"
+    with small_multiples.column_figure(
+        CurveGroups(curves, ("contact.epsilon_n",)), "penetration", "penalty"
     ) as figure:
         figures.apply_layout(figure)
         assert faults(figure) == []
         (axes,) = panels_of(figure)
         points = np.concatenate([part.get_offsets() for part in axes.collections])
         scale = (
-            multiples.told(Families(curves, ("contact.epsilon_n",)), "penetration")[0][0]
+            small_multiples.representative_values(
+                CurveGroups(curves, ("contact.epsilon_n",)), "penetration"
+            )[0][0]
             / runs[0].results["penetration"][-1]
         )
         assert np.asarray(points) == pytest.approx(

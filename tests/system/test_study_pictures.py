@@ -16,9 +16,9 @@ from indent_sim.results.pictures import figures
 from indent_sim.results.pictures.axes import axis_of_column
 from indent_sim.results.pictures.forces import draw_force, draw_force_lines
 from indent_sim.results.reader import Results
-from indent_sim.studies import cases, curve_table, picture, study_file, study_table
+from indent_sim.studies import cases, curve_table, study_file, study_picture, study_table
 from indent_sim.studies.cases import Case
-from indent_sim.studies.reference.truth import Truth
+from indent_sim.studies.reference.reference_solution import ReferenceSolution
 from indent_sim.studies.study_file import StudyFile
 from indent_sim.studies.study_table import Row
 
@@ -55,8 +55,8 @@ def made_up(case: Case, random: np.random.Generator) -> Results:
     """What a run may have found: a force of the size to expect that rises with depth, or falls
     while the tip stands.
     """
-    scene = case.prospect.scene
-    deepest, force = case.depth or 1.0, float(scene.plan.prediction.get("force") or 1.0)
+    scene = case.planned_run.scene
+    deepest, force = case.last_depth or 1.0, float(scene.plan.prediction.get("force") or 1.0)
     share = np.linspace(1, SAMPLES, SAMPLES) / SAMPLES
     table: dict[str, Any] = {
         "delta": deepest * share,
@@ -67,7 +67,7 @@ def made_up(case: Case, random: np.random.Generator) -> Results:
         table["branch"] = np.array(["approach"] * (SAMPLES - HOLD) + ["hold"] * HOLD)
         table["force"] = force * np.exp(-random.uniform(0.1, 1) * table["t"])
     known = {name: np.ones(SAMPLES) for name in ("a", "p_max", "penetration", "newton_iterations")}
-    units = case.prospect.config.units
+    units = case.planned_run.config.units
     report = {
         "status": "done",
         "exit_code": 0,
@@ -89,7 +89,7 @@ def made_up(case: Case, random: np.random.Generator) -> Results:
 def board_of(study: StudyFile, random: np.random.Generator) -> list[Row]:
     """A scoreboard whose values are off by anything up to 30 per cent."""
     rows = []
-    for member in study.members:
+    for member in study.named_cases:
         if published := member.published:
             off = {
                 "difference": random.uniform(-30, 30),
@@ -98,7 +98,7 @@ def board_of(study: StudyFile, random: np.random.Generator) -> list[Row]:
             said = {
                 "case": member.name,
                 "quantity": published.quantity,
-                "within": published.within,
+                "within": published.claimed_error,
                 "wrong": "nobody",
             }
             rows.append(
@@ -123,21 +123,21 @@ def test_no_picture_of_a_shipped_study_has_a_fault(
 
     monkeypatch.setattr(figures, "save", keep)
     random, study = np.random.default_rng(1), study_file.read(path)
-    asked = found, _ = cases.asked_for(study)
+    asked = found, _ = cases.resolve_cases(study)
     done = {case.id: made_up(case, random) for case in found}
     rows = study_table.rows(
-        study, asked, done, Truth(study, found), {case.id: case.name for case in found}
+        study, asked, done, ReferenceSolution(study, found), {case.id: case.name for case in found}
     )
     for row in rows:
         if row["status"] == "done":
             row["force_error_vs"] = float(10 ** random.uniform(-5, 0))
-    picture.draw(rows, study.keys, study.title, "theory", Path("study.png"))
-    picture.draw_curves(
-        curve_table.families(found, study.keys, done), study.title, Path("curves.png")
+    study_picture.draw_cost(rows, study.keys, study.title, "theory", Path("study.png"))
+    study_picture.draw_curves(
+        curve_table.group_case_curves(found, study.keys, done), study.title, Path("curves.png")
     )
-    picture.draw_scoreboard(board_of(study, random), study.title, Path("verification.png"))
+    study_picture.draw_scoreboard(board_of(study, random), study.title, Path("verification.png"))
     assert {"study.png", "curves.png"} <= set(drawn) and ("verification.png" in drawn) == bool(
-        study.members
+        study.named_cases
     )
     assert {name: found for name, found in drawn.items() if found} == {}
 

@@ -69,8 +69,8 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "h5py": ("results/", "mesh/mesh_file.py"),
     "matplotlib": (
         "results/pictures/",
-        "studies/picture.py",
-        "studies/multiples.py",
+        "studies/study_picture.py",
+        "studies/small_multiples.py",
         "fitting/fit_picture.py",
     ),
     "scipy": ("theory/", "fe/", "fitting/"),

@@ -17,14 +17,14 @@ from indent_sim.results.reader import RESULT_COLUMNS
 CLAIMS = ("exact", "fit", "elements")
 PULL_OFF = "pull_off"
 QUANTITIES = (*RESULT_COLUMNS, PULL_OFF)
-PLACES = ("delta", "t", "step")  # what a row is named by
+ROW_KEYS = ("delta", "t", "step")  # what a row is named by
 PUBLISHED_KEYS = ("quantity", "at", "value", "claims", "within", "source")
 REQUIRED_KEYS = ("quantity", "value", "claims", "source")
-EXACT = ("value", "case", "by")
+EXACT_KEYS = ("value", "case", "by")
 
 
 @dataclass(frozen=True)
-class Published:
+class PublishedValue:
     """A value [user's units] that a source states of a row of a scene.
 
     at: what names the row, (delta | t | step, number), None for the last; claims: what the source
@@ -34,111 +34,124 @@ class Published:
 
     quantity: str
     value: float
-    at: tuple[str, float] | None
-    claims: str
-    within: float | None
+    row_key: tuple[str, float] | None
+    claimed_kind: str
+    claimed_error: float | None
     source: str
 
 
 @dataclass(frozen=True)
-class Exact:
+class ExactValue:
     """How the exact value is known where theory does not: a number, or the run of another case;
     `by` in words.
     """
 
-    by: str
+    method: str
     value: float | None = None
     case: str = ""
 
 
-def read_published(given: Any, keys: KeyPath) -> Published:
+def read_published(raw_section: Any, keys: KeyPath) -> PublishedValue:
     """The section `published` of a case; ConfigError, without its place, for anything wrong in it."""
-    section = _section(given, keys, PUBLISHED_KEYS, REQUIRED_KEYS)
+    section = _check_section(raw_section, keys, PUBLISHED_KEYS, REQUIRED_KEYS)
     quantity = section["quantity"]
     claims = section["claims"]
     if quantity not in QUANTITIES:
-        near = closest(str(quantity), QUANTITIES)
-        said = (
-            f"is no number of a result, did you mean '{near}'?"
-            if near
+        closest_name = closest(str(quantity), QUANTITIES)
+        problem = (
+            f"is no number of a result, did you mean '{closest_name}'?"
+            if closest_name
             else "is no number of a result"
         )
-        raise _error(
-            (*keys, "quantity"), said, f"force, a, p_max, {PULL_OFF}, E_hertz or another column"
+        raise _config_error(
+            (*keys, "quantity"), problem, f"force, a, p_max, {PULL_OFF}, E_hertz or another column"
         )
     if claims not in CLAIMS:
-        raise _error(
+        raise _config_error(
             (*keys, "claims"),
             "is none of exact, fit, elements",
             "what the source says that its value is",
         )
-    within = _number(section, "within", keys) if section.get("within") is not None else None
-    if within is not None and not 0 < within < 1:
-        raise _error((*keys, "within"), "must be between 0 and 1", "0.01: the source claims 1 %")
-    if not _number(section, "value", keys):
-        raise _error((*keys, "value"), "must not be 0", "differences are parts of it")
-    words = _words(section, "source", keys)
-    return Published(
-        quantity, float(section["value"]), _place(section, keys), claims, within, words
+    claimed_error = (
+        _read_number(section, "within", keys) if section.get("within") is not None else None
+    )
+    if claimed_error is not None and not 0 < claimed_error < 1:
+        raise _config_error(
+            (*keys, "within"), "must be between 0 and 1", "0.01: the source claims 1 %"
+        )
+    if not _read_number(section, "value", keys):
+        raise _config_error((*keys, "value"), "must not be 0", "differences are parts of it")
+    source = _read_text(section, "source", keys)
+    return PublishedValue(
+        quantity,
+        float(section["value"]),
+        _read_row_key(section, keys),
+        claims,
+        claimed_error,
+        source,
     )
 
 
-def read_exact(given: Any, keys: KeyPath) -> Exact:
+def read_exact(raw_section: Any, keys: KeyPath) -> ExactValue:
     """The section `exact` of a case; ConfigError, without its place, for anything wrong in it."""
-    section = _section(given, keys, EXACT, ("by",))
+    section = _check_section(raw_section, keys, EXACT_KEYS, ("by",))
     if ("value" in section) == ("case" in section):
-        raise _error(
+        raise _config_error(
             keys,
             "must have one of value and case",
             "a number, or the name of a case that is run beside",
         )
-    value = _number(section, "value", keys) if "value" in section else None
+    value = _read_number(section, "value", keys) if "value" in section else None
     if value == 0:
-        raise _error((*keys, "value"), "must not be 0", "differences are parts of it")
-    return Exact(
-        _words(section, "by", keys),
+        raise _config_error((*keys, "value"), "must not be 0", "differences are parts of it")
+    return ExactValue(
+        _read_text(section, "by", keys),
         value,
-        _words(section, "case", keys) if "case" in section else "",
+        _read_text(section, "case", keys) if "case" in section else "",
     )
 
 
-def _section(
-    given: Any, keys: KeyPath, known: tuple[str, ...], needed: tuple[str, ...]
+def _check_section(
+    raw_section: Any, keys: KeyPath, valid_keys: tuple[str, ...], required_keys: tuple[str, ...]
 ) -> Mapping[str, Any]:
-    if not isinstance(given, dict):
-        raise _error(keys, "must be a section of keys", f"it has {', '.join(known)}")
-    if unknown := [key for key in given if key not in known]:
-        raise _error((*keys, unknown[0]), "unknown key", f"valid here: {', '.join(known)}")
-    if missing := [key for key in needed if key not in given]:
-        raise _error((*keys, missing[0]), "missing", f"needed here: {', '.join(needed)}")
-    return given
+    if not isinstance(raw_section, dict):
+        raise _config_error(keys, "must be a section of keys", f"it has {', '.join(valid_keys)}")
+    if unknown := [key for key in raw_section if key not in valid_keys]:
+        raise _config_error(
+            (*keys, unknown[0]), "unknown key", f"valid here: {', '.join(valid_keys)}"
+        )
+    if missing := [key for key in required_keys if key not in raw_section]:
+        raise _config_error(
+            (*keys, missing[0]), "missing", f"needed here: {', '.join(required_keys)}"
+        )
+    return raw_section
 
 
-def _place(section: Mapping[str, Any], keys: KeyPath) -> tuple[str, float] | None:
-    at = section.get("at")
-    if at is None:
+def _read_row_key(section: Mapping[str, Any], keys: KeyPath) -> tuple[str, float] | None:
+    row_key = section.get("at")
+    if row_key is None:
         return None
-    if not isinstance(at, dict) or len(at) != 1 or next(iter(at)) not in PLACES:
-        raise _error(
+    if not isinstance(row_key, dict) or len(row_key) != 1 or next(iter(row_key)) not in ROW_KEYS:
+        raise _config_error(
             (*keys, "at"), "must name one row", "write {delta: 0.01}, {t: 1.5} or {step: 3}"
         )
-    name = next(iter(at))
-    return name, _number(at, name, (*keys, "at"))
+    name = next(iter(row_key))
+    return name, _read_number(row_key, name, (*keys, "at"))
 
 
-def _number(section: Mapping[str, Any], key: str, keys: KeyPath) -> float:
+def _read_number(section: Mapping[str, Any], key: str, keys: KeyPath) -> float:
     value = section[key]
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise _error((*keys, key), "must be a number, in the units of the scene")
+        raise _config_error((*keys, key), "must be a number, in the units of the scene")
     return float(value)
 
 
-def _words(section: Mapping[str, Any], key: str, keys: KeyPath) -> str:
+def _read_text(section: Mapping[str, Any], key: str, keys: KeyPath) -> str:
     value = section[key]
     if not isinstance(value, str) or not value.strip():
-        raise _error((*keys, key), "must be a text")
+        raise _config_error((*keys, key), "must be a text")
     return " ".join(value.split())
 
 
-def _error(keys: KeyPath, problem: str, remedy: str = "") -> ConfigError:
+def _config_error(keys: KeyPath, problem: str, remedy: str = "") -> ConfigError:
     return ConfigError(key_text(keys), problem, remedy)

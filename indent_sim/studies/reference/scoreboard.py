@@ -19,11 +19,11 @@ import numpy as np
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.reader import Results
 from indent_sim.studies.cases import Case
-from indent_sim.studies.reference.published import PULL_OFF, Published
-from indent_sim.studies.study_file import CASE, Member
+from indent_sim.studies.reference.published import PULL_OFF, PublishedValue
+from indent_sim.studies.study_file import CASE_COLUMN, NamedCase
 
-SAME_PLACE = 1e-9  # relative
-OWN_COLUMNS = ("within", "ours_difference", "wrong")
+ROW_TOLERANCE = 1e-9  # relative
+JUDGEMENT_COLUMNS = ("within", "ours_difference", "wrong")
 SCOREBOARD_COLUMNS = (
     *(
         "case",
@@ -37,7 +37,7 @@ SCOREBOARD_COLUMNS = (
         "claims",
         "source",
     ),
-    *OWN_COLUMNS,
+    *JUDGEMENT_COLUMNS,
 )
 NOBODY = "nobody"
 PUBLISHED = "published"
@@ -50,51 +50,62 @@ Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Value:
+class VerifiedValue:
     """A number [user's units], half the width of its error bar (None: not known) and how it was
     found.
     """
 
     number: float
     error: float | None = None
-    by: str = ""
+    method: str = ""
 
 
-def check(members: Sequence[Member], cases: Sequence[Case]) -> None:
+def check_published_rows(named_cases: Sequence[NamedCase], cases: Sequence[Case]) -> None:
     """ConfigError, with its place, for a published value of a row that the scene does not have."""
-    of = {case.values.get(CASE): case for case in cases}
-    for member in members:
-        case = of.get(member.name)
-        published = member.published
+    cases_by_name = {case.values.get(CASE_COLUMN): case for case in cases}
+    for named_case in named_cases:
+        case = cases_by_name.get(named_case.name)
+        published = named_case.published
         if (
             case is None
             or published is None
-            or published.at is None
-            or case.prospect.scene.is_time_dependent
+            or published.row_key is None
+            or case.planned_run.scene.is_time_dependent
         ):
             continue
-        name, wanted = published.at
-        depths = case.prospect.depths
-        known = {
+        name, published_place = published.row_key
+        depths = case.planned_run.depths
+        row_values = {
             "step": np.arange(1.0, len(depths) + 1),
             "delta": np.array(depths),
             "t": np.empty(0),
         }
-        is_found = name == "delta" and case.prospect.has_prescribed_forces
-        if not is_found and not np.isclose(known[name], wanted, rtol=SAME_PLACE, atol=0).any():
-            problem = f"the scene of {member.name} has no row with {name} {wanted:g}"
-            raise ConfigError("published.at", problem, "add it to loading.deltas", *member.place)
+        is_found_depth = name == "delta" and case.planned_run.has_prescribed_forces
+        if (
+            not is_found_depth
+            and not np.isclose(row_values[name], published_place, rtol=ROW_TOLERANCE, atol=0).any()
+        ):
+            problem = f"the scene of {named_case.name} has no row with {name} {published_place:g}"
+            raise ConfigError(
+                "published.at", problem, "add it to loading.deltas", *named_case.published_location
+            )
 
 
 def rows(
-    members: Sequence[Member], cases: Sequence[Case], done: Mapping[str, Results]
+    named_cases: Sequence[NamedCase], cases: Sequence[Case], results_by_id: Mapping[str, Results]
 ) -> list[Row]:
     """The scoreboard, a row for every case with a published value, in the order of the file; what
     is unknown is None. difference and ours_difference are in per cent of the exact value;
     `wrong` is nobody, published, ours, both or unknown.
     """
-    found = {str(case.values.get(CASE)): (case, done.get(case.id)) for case in cases}
-    return [_row(member, found) for member in members if member.published is not None]
+    case_results = {
+        str(case.values.get(CASE_COLUMN)): (case, results_by_id.get(case.id)) for case in cases
+    }
+    return [
+        _scoreboard_row(named_case, case_results)
+        for named_case in named_cases
+        if named_case.published is not None
+    ]
 
 
 def read_row(row: Mapping[str, str]) -> Row:
@@ -113,111 +124,141 @@ def read(text: str) -> list[Row]:
     return [read_row(row) for row in csv.DictReader(io.StringIO(text))]
 
 
-def in_words(row: Row) -> str:
+def verdict_text(row: Row) -> str:
     """Who is wrong and by how much, of the exact value."""
     if row["wrong"] == UNKNOWN:
         return "no exact value known" if row["ours"] is not None else "the run failed"
-    said = []
+    parts = []
     if row["wrong"] in (PUBLISHED, BOTH):
-        said.append(f"published by {row['difference']:+.2g} %, claims {100 * row['within']:.2g} %")
+        parts.append(f"published by {row['difference']:+.2g} %, claims {100 * row['within']:.2g} %")
     if row["wrong"] in (OURS, BOTH):
-        said.append(f"ours by {row['ours_difference']:+.2g} %")
+        parts.append(f"ours by {row['ours_difference']:+.2g} %")
     if row["within"] is None:
-        said.append(f"published is {row['difference']:+.2g} % off, claims no accuracy")
-    return "; ".join(said) or NOBODY
+        parts.append(f"published is {row['difference']:+.2g} % off, claims no accuracy")
+    return "; ".join(parts) or NOBODY
 
 
-def _row(member: Member, found: Mapping[str, tuple[Case, Results | None]]) -> Row:
-    published = member.published
+def _scoreboard_row(
+    named_case: NamedCase, case_results: Mapping[str, tuple[Case, Results | None]]
+) -> Row:
+    published = named_case.published
     assert published is not None
-    said: Row = {"case": member.name, "quantity": published.quantity, "published": published.value}
-    said |= {"claims": published.claims, "source": published.source, "within": published.within}
-    ours = _found(published, *found.get(member.name, (None, None)))
-    exact = _exact(member, found)
+    source_cells: Row = {
+        "case": named_case.name,
+        "quantity": published.quantity,
+        "published": published.value,
+    }
+    source_cells |= {
+        "claims": published.claimed_kind,
+        "source": published.source,
+        "within": published.claimed_error,
+    }
+    computed = _computed_value(published, *case_results.get(named_case.name, (None, None)))
+    exact = _exact_value(named_case, case_results)
     if exact is not None and exact.number == 0:
         exact = None  # of which no difference could be a part
-    row = dict.fromkeys(SCOREBOARD_COLUMNS) | said | {"wrong": _wrong(published, exact, ours)}
-    if ours is not None:
-        row |= {"ours": ours.number, "our_error": ours.error}
+    row = (
+        dict.fromkeys(SCOREBOARD_COLUMNS)
+        | source_cells
+        | {"wrong": _wrong_side(published, exact, computed)}
+    )
+    if computed is not None:
+        row |= {"ours": computed.number, "our_error": computed.error}
     if exact is not None:
-        row |= {"exact": exact.number, "exact_by": exact.by}
+        row |= {"exact": exact.number, "exact_by": exact.method}
         row |= {"difference": 100 * (published.value / exact.number - 1)}
-        row |= {"ours_difference": 100 * (ours.number / exact.number - 1) if ours else None}
+        row |= {"ours_difference": 100 * (computed.number / exact.number - 1) if computed else None}
     return row
 
 
-def _wrong(published: Published, exact: Value | None, ours: Value | None) -> str:
+def _wrong_side(
+    published: PublishedValue, exact: VerifiedValue | None, computed: VerifiedValue | None
+) -> str:
     """Who is off by more than is claimed: the source beyond `within`, we beyond our error bar."""
     if exact is None:
         return UNKNOWN
-    spread = (exact.error or 0.0) + ROUNDING * abs(exact.number)
-    claimed = math.inf if published.within is None else published.within
-    is_theirs = abs(published.value - exact.number) > claimed * abs(exact.number) + spread
-    is_ours = (
-        ours is not None
-        and ours.error is not None
-        and abs(ours.number - exact.number) > ours.error + spread
+    exact_uncertainty = (exact.error or 0.0) + ROUNDING * abs(exact.number)
+    claimed_error = math.inf if published.claimed_error is None else published.claimed_error
+    is_published_wrong = (
+        abs(published.value - exact.number) > claimed_error * abs(exact.number) + exact_uncertainty
     )
-    return {(0, 0): NOBODY, (1, 0): PUBLISHED, (0, 1): OURS, (1, 1): BOTH}[is_theirs, is_ours]
+    is_computed_wrong = (
+        computed is not None
+        and computed.error is not None
+        and abs(computed.number - exact.number) > computed.error + exact_uncertainty
+    )
+    return {(0, 0): NOBODY, (1, 0): PUBLISHED, (0, 1): OURS, (1, 1): BOTH}[
+        is_published_wrong, is_computed_wrong
+    ]
 
 
-def _exact(member: Member, found: Mapping[str, tuple[Case, Results | None]]) -> Value | None:
+def _exact_value(
+    named_case: NamedCase, case_results: Mapping[str, tuple[Case, Results | None]]
+) -> VerifiedValue | None:
     """The exact value of a case by its second method; None where there is none, or its run failed."""
-    published = member.published
-    exact = member.exact
+    published = named_case.published
+    exact = named_case.exact
     assert published is not None
     if exact is None:
-        return _by_theory(published, *found.get(member.name, (None, None)))
+        return _theory_value(published, *case_results.get(named_case.name, (None, None)))
     if exact.value is not None:
-        return Value(exact.value, 0.0, exact.by)
-    value = _found(published, *found.get(exact.case, (None, None)))
-    return value and replace(value, by=exact.by)
+        return VerifiedValue(exact.value, 0.0, exact.method)
+    value = _computed_value(published, *case_results.get(exact.case, (None, None)))
+    return value and replace(value, method=exact.method)
 
 
-def _found(published: Published, case: Case | None, results: Results | None) -> Value | None:
+def _computed_value(
+    published: PublishedValue, case: Case | None, results: Results | None
+) -> VerifiedValue | None:
     """What a run says of the quantity; None where it has no such row, or it is empty there."""
     if case is None or results is None or results.report.get("status") != "done":
         return None
     if published.quantity == PULL_OFF:
         return _pull_off(results)
-    row = _row_at(published, results)
+    row = _row_index(published, results)
     if row is None or published.quantity not in results.table:
         return None
     number = float(results[published.quantity][row])
-    bars = results.table.get(f"{published.quantity}_error")
-    error = float(bars[row]) if bars is not None and math.isfinite(bars[row]) else None
+    error_bars = results.table.get(f"{published.quantity}_error")
+    error = (
+        float(error_bars[row])
+        if error_bars is not None and math.isfinite(error_bars[row])
+        else None
+    )
     if published.quantity == "E_hertz" and "force_error" in results.table and results["force"][row]:
         error = abs(number * float(results["force_error"][row]) / float(results["force"][row]))
-    return Value(number, error) if math.isfinite(number) else None
+    return VerifiedValue(number, error) if math.isfinite(number) else None
 
 
-def _row_at(published: Published, results: Results) -> int | None:
+def _row_index(published: PublishedValue, results: Results) -> int | None:
     """The row that a value was published of; at a jump, of two rows of one time, the later."""
-    if published.at is None:
+    if published.row_key is None:
         return len(results) - 1
-    name, wanted = published.at
+    name, row_value = published.row_key
     if name not in results.table:
         return None
-    match = np.flatnonzero(np.isclose(results[name], wanted, rtol=SAME_PLACE, atol=0))
-    return int(match[-1]) if len(match) else None
+    matching_rows = np.flatnonzero(np.isclose(results[name], row_value, rtol=ROW_TOLERANCE, atol=0))
+    return int(matching_rows[-1]) if len(matching_rows) else None
 
 
-def _pull_off(results: Results) -> Value | None:
+def _pull_off(results: Results) -> VerifiedValue | None:
     """The pull-off force under force control, < 0.
 
     Of the limit without range; else the one between the rows, or where none was searched for that
     of the row that pulls most.
     """
     experiment, adhesion = (results.report.get(name) or {} for name in ("experiment", "adhesion"))
-    without_range = ((experiment.get("adhesion") or {}).get(PULL_OFF) or {}).get("force_control")
-    known = without_range or adhesion.get(PULL_OFF) or adhesion.get("largest_pull")
-    if not known:
+    jkr_pull_off = ((experiment.get("adhesion") or {}).get(PULL_OFF) or {}).get("force_control")
+    pull_off = jkr_pull_off or adhesion.get(PULL_OFF) or adhesion.get("largest_pull")
+    if not pull_off:
         return None
-    force = float(known["force"])
-    missed = known.get("error", 0.0)
-    row = None if without_range else adhesion["largest_pull"]["step"]
+    force = float(pull_off["force"])
+    search_error = pull_off.get("error", 0.0)
+    row = None if jkr_pull_off else adhesion["largest_pull"]["step"]
     error = _pull_off_error(force, row, results)
-    return Value(force, None if error is None or missed is None else error + missed)
+    return VerifiedValue(
+        force, None if error is None or search_error is None else error + search_error
+    )
 
 
 def _pull_off_error(force: float, step: int | None, results: Results) -> float | None:
@@ -230,33 +271,39 @@ def _pull_off_error(force: float, step: int | None, results: Results) -> float |
     if step is not None:
         forces = forces[results["step"] == step]
         errors = errors[results["step"] == step]
-    parts = errors[forces > 0] / forces[forces > 0]
-    return abs(force) * float(parts.max()) if len(parts) and np.isfinite(parts).all() else None
+    relative_errors = errors[forces > 0] / forces[forces > 0]
+    return (
+        abs(force) * float(relative_errors.max())
+        if len(relative_errors) and np.isfinite(relative_errors).all()
+        else None
+    )
 
 
-def _by_theory(published: Published, case: Case | None, results: Results | None) -> Value | None:
+def _theory_value(
+    published: PublishedValue, case: Case | None, results: Results | None
+) -> VerifiedValue | None:
     """What the theory of the very body says of a row that elements found; None where it is not
     exact for it.
     """
     if (
         case is None
         or results is None
-        or not case.prospect.scene.is_meshed
-        or case.prospect.scene.history_on_curve
+        or not case.planned_run.scene.is_meshed
+        or case.planned_run.scene.history_on_curve
         or not len(results)
     ):
         return None
-    row = _row_at(published, results)
-    theory = case.prospect.scene.exact_theory
-    physics = case.prospect.scene.physics
+    row = _row_index(published, results)
+    theory = case.planned_run.scene.exact_theory
+    physics = case.planned_run.scene.physics
     if row is None or theory is None:
-        return _beside(published, results, row)
+        return _reported_theory_value(published, results, row)
     L = physics.scales.length
     D = physics.scales.depth
     P = physics.scales.pressure
     F = physics.scales.force
     depth: float | None = float(results["delta"][row]) / D
-    if case.prospect.has_prescribed_forces:
+    if case.planned_run.has_prescribed_forces:
         depth = theory.depth_of_force(float(results["force"][row]) / F, physics.body.height)
     solution = theory.solution_at_depth(depth) if depth is not None else None
     if solution is None:
@@ -267,13 +314,23 @@ def _by_theory(published: Published, case: Case | None, results: Results | None)
         if published.quantity == "p_max"
         else numbers.get(published.quantity)
     )
-    return Value(number, 0.0, theory.name) if number is not None and math.isfinite(number) else None
+    return (
+        VerifiedValue(number, 0.0, theory.name)
+        if number is not None and math.isfinite(number)
+        else None
+    )
 
 
-def _beside(published: Published, results: Results, row: int | None) -> Value | None:
+def _reported_theory_value(
+    published: PublishedValue, results: Results, row: int | None
+) -> VerifiedValue | None:
     """The theory that stands beside a run in its report, where that is exact for its friction too."""
     theory = results.report.get("theory") or {}
     if row is None or not theory.get("exact") or not theory.get(published.quantity):
         return None
     is_deepest = row == int(np.argmax(results["delta"]))
-    return Value(float(theory[published.quantity]), 0.0, theory["name"]) if is_deepest else None
+    return (
+        VerifiedValue(float(theory[published.quantity]), 0.0, theory["name"])
+        if is_deepest
+        else None
+    )

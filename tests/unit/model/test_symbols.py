@@ -22,7 +22,7 @@ from indent_sim.model.state import DERIVED_COLUMNS, STATE_COLUMNS, State, Surfac
 from indent_sim.model.symbols import GROUPS, SYMBOLS, lookup
 from indent_sim.model.units import unit_of
 from indent_sim.results.tables import SURFACE_COLUMNS
-from indent_sim.studies import points, study_file, study_table
+from indent_sim.studies import parameter_points, study_file, study_table
 from indent_sim.studies.reference import scoreboard
 
 
@@ -93,7 +93,7 @@ def test_every_column_of_a_fit_has_a_meaning(name):
     assert lookup(name, "fit"), f"add {name} to indent_sim/model/symbols.py"
 
 
-@pytest.mark.parametrize("name", [*study_file.KEYS, *points.RANGE, "zip"])
+@pytest.mark.parametrize("name", [*study_file.STUDY_KEYS, *parameter_points.RANGE_KEYS, "zip"])
 def test_every_key_of_a_study_has_a_meaning(name):
     assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
 
@@ -110,7 +110,7 @@ def test_one_entry_a_name():
 
 def test_an_entry_for_one_section_names_a_section_and_key():
     known = {f"{section}.{name}" for section, _, name in yaml_fields()}
-    known |= {f"study.{name}" for name in (*study_file.KEYS, *study_table.STUDY_COLUMNS)}
+    known |= {f"study.{name}" for name in (*study_file.STUDY_KEYS, *study_table.STUDY_COLUMNS)}
     known |= {f"fit.{name}" for name in (*fit_table.FIRST_COLUMNS, *fit_table.LAST_COLUMNS)}
     assert [name for name in SYMBOLS if "." in name and name not in known] == []
 

@@ -8,7 +8,7 @@ import pytest
 
 from indent_sim.process.errors import ConfigError
 from indent_sim.studies import cases, study_file
-from indent_sim.studies.reference.truth import Truth
+from indent_sim.studies.reference.reference_solution import ReferenceSolution
 
 SCENE = """
 base:
@@ -34,8 +34,8 @@ def test_another_surface_is_another_question(varied: str, questions: int, tmp_pa
     """A method or a mesh is another answer to the same one; friction changes what is asked."""
     study = tmp_path / "study.yaml"
     study.write_text(f"{SCENE}  {varied}\n")
-    found = cases.asked_for(study_file.read(study))[0]
-    assert len({case.problem for case in found}) == questions
+    found = cases.resolve_cases(study_file.read(study))[0]
+    assert len({case.problem_key for case in found}) == questions
 
 
 def test_another_experiment_is_another_run(tmp_path: Path) -> None:
@@ -45,9 +45,9 @@ def test_another_experiment_is_another_run(tmp_path: Path) -> None:
         f"{SCENE}  experiment: [{{adhesion: {{work: 1.0e-3}}}}, {{adhesion: {{work: 2.0e-3}}}}, "
         "{adhesion: {work: 1.0e-3}}]\n"
     )
-    first, second, third = cases.asked_for(study_file.read(study))[0]
+    first, second, third = cases.resolve_cases(study_file.read(study))[0]
     assert first.id == third.id != second.id
-    assert len(cases.unique([first, second, third])) == 2
+    assert len(cases.unique_cases([first, second, third])) == 2
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_another_experiment_is_another_run(tmp_path: Path) -> None:
 def test_another_history_or_relaxation_is_another_run(varied: str, tmp_path: Path) -> None:
     study = tmp_path / "study.yaml"
     study.write_text(f"{SCENE}  {varied}\n")
-    assert len(cases.unique(cases.asked_for(study_file.read(study))[0])) == 2
+    assert len(cases.unique_cases(cases.resolve_cases(study_file.read(study))[0])) == 2
 
 
 def test_a_history_is_compared_with_nothing_by_depth(tmp_path: Path) -> None:
@@ -70,7 +70,7 @@ def test_a_history_is_compared_with_nothing_by_depth(tmp_path: Path) -> None:
     study.write_text(f"{SCENE}  loading: [{{history: [[0, 0], [1, 0.01]]}}]\ncompare_to: theory\n")
     read = study_file.read(study)
     with pytest.raises(ConfigError, match="passes one several times"):
-        Truth(read, cases.asked_for(read)[0])
+        ReferenceSolution(read, cases.resolve_cases(read)[0])
 
 
 SHARED = (
@@ -102,7 +102,7 @@ def test_an_error_says_of_which_run_it_is(runs: str, names: list[str], tmp_path:
         runs.replace("BODY", SHARED + RELAXING).replace("TIMED", "{history: [[0, 0], [1, 0.1]]}")
     )
     with pytest.raises(ConfigError) as told:
-        cases.asked_for(study_file.read(study))
+        cases.resolve_cases(study_file.read(study))
     (error,) = told.value.errors
     assert error.key == "material.relaxation" and all(name in error.problem for name in names)
     assert ("in the run of" in error.problem) == bool(names)
@@ -125,14 +125,14 @@ def test_a_table_has_quantities_as_numbers_in_the_units_of_the_scene(tmp_path: P
     """Also of what is refused, and in sections: 1 kPa was text, which nothing can plot."""
     study = tmp_path / "study.yaml"
     study.write_text(f"{MIXED}tolerance: 0.01\n")
-    found, refused = cases.asked_for(study_file.read(study))
-    assert [case.numbers["body.height"] for case in found] == [5.0, 10.0]
-    assert found[0].numbers["material"] == {
+    found, refused = cases.resolve_cases(study_file.read(study))
+    assert [case.table_values["body.height"] for case in found] == [5.0, 10.0]
+    assert found[0].table_values["material"] == {
         "model": "linear_elastic",
         "E": pytest.approx(2.0),
         "nu": 0.3,
     }
-    assert [one.numbers["body.height"] for one in refused] == [pytest.approx(0.05)]
+    assert [one.table_values["body.height"] for one in refused] == [pytest.approx(0.05)]
     assert (
         found[0].name.startswith("material=") and "height=5_um" in found[0].name
     )  # a name says what was written
@@ -144,8 +144,8 @@ def test_one_impossible_combination_is_told_with_the_word_tolerance(tmp_path: Pa
     with pytest.raises(
         ConfigError, match=r"1 of 3 runs cannot be: with `tolerance` in the study they are rows"
     ):
-        cases.asked_for(study_file.read(study))
+        cases.resolve_cases(study_file.read(study))
     study.write_text(MIXED.replace("5 um, 10000 nm, ", ""))  # none can be
     with pytest.raises(ConfigError) as told:
-        cases.asked_for(study_file.read(study))
+        cases.resolve_cases(study_file.read(study))
     assert "tolerance" not in str(told.value)

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from made_results import a_result
 
-from indent_sim.studies.curve_table import Curve, Families
+from indent_sim.studies.curve_table import CurveGroups, RunCurve
 
 RUBBER, LINEAR = (
     {"model": model, "E": 1.0, "nu": 0.3} for model in ("neo_hookean", "linear_elastic")
@@ -16,7 +16,7 @@ RUBBER, LINEAR = (
 
 def names(*values: dict[str, Any]) -> list[str]:
     keys = tuple(dict.fromkeys(key for one in values for key in one))
-    return Families(tuple(Curve(one, a_result()) for one in values), keys).apart()
+    return CurveGroups(tuple(RunCurve(one, a_result()) for one in values), keys).curve_names()
 
 
 @pytest.mark.parametrize(

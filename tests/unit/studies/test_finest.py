@@ -10,7 +10,7 @@ import numpy as np
 
 from indent_sim.results.reader import Results
 from indent_sim.studies import cases, study_file, study_table
-from indent_sim.studies.reference.truth import Truth
+from indent_sim.studies.reference.reference_solution import ReferenceSolution
 
 STUDY = """\
 base:
@@ -50,8 +50,8 @@ def test_among_equal_meshes_the_least_penetration_is_the_reference(tmp_path: Pat
     path = tmp_path / "study.yaml"
     path.write_text(STUDY)
     study = study_file.read(path)
-    asked = cases.asked_for(study)
-    truth = Truth(study, asked[0])
+    asked = cases.resolve_cases(study)
+    truth = ReferenceSolution(study, asked[0])
     done = {
         case.id: results(number // 2, 2000 if number % 2 else 1000)
         for number, case in enumerate(asked[0])

@@ -42,11 +42,11 @@ def study(
 
 def board(found: study_file.StudyFile, **columns: list[float]) -> list[scoreboard.Row]:
     """The scoreboard where the first case has found these columns, the others nothing."""
-    asked = cases.asked_for(found)[0]
-    scoreboard.check(found.members, asked)
+    asked = cases.resolve_cases(found)[0]
+    scoreboard.check_published_rows(found.named_cases, asked)
     table = {name: np.array(values) for name, values in columns.items()}
     done = {asked[0].id: Results(Path("run"), table, {"status": "done"})} if columns else {}
-    return scoreboard.rows(found.members, asked, done)
+    return scoreboard.rows(found.named_cases, asked, done)
 
 
 def found(force: float, error: float = 1e-6) -> dict[str, list[float]]:
@@ -105,7 +105,7 @@ def test_a_source_that_claims_no_accuracy_is_not_judged(tmp_path: Path) -> None:
     (row,) = board(
         study(tmp_path, "{quantity: force, value: 2.0e-3, claims: fit, source: x}"), **found(HERTZ)
     )
-    assert row["wrong"] == "nobody" and "claims no accuracy" in scoreboard.in_words(row)
+    assert row["wrong"] == "nobody" and "claims no accuracy" in scoreboard.verdict_text(row)
 
 
 def test_a_number_may_be_the_exact_one(tmp_path: Path) -> None:
@@ -117,7 +117,7 @@ def test_a_number_may_be_the_exact_one(tmp_path: Path) -> None:
 
 def test_a_run_that_failed_is_judged_by_nobody(tmp_path: Path) -> None:
     (row,) = board(study(tmp_path))
-    assert row["ours"] is None and scoreboard.in_words(row) == "the run failed"
+    assert row["ours"] is None and scoreboard.verdict_text(row) == "the run failed"
 
 
 def test_rows_are_read_back_as_they_were(tmp_path: Path) -> None:
@@ -235,12 +235,12 @@ def test_a_pull_off_has_the_bar_of_what_it_is_found_from(
     """Without range the widest of the elastic curve, relative: 2 % of row 1; of a row that pulls
     its own, and between rows that and what the search leaves."""
     study_of = study(tmp_path, "{quantity: pull_off, value: -4.0, claims: fit, source: nobody}")
-    asked = cases.asked_for(study_of)[0]
+    asked = cases.resolve_cases(study_of)[0]
     row = report.get("adhesion", {}).get("largest_pull", {"force": -4.0})
     table = {"step": [1, 2], "delta": [0.005, 0.01], "force": [1.0, row["force"]]}
     table["force_error"] = [0.02, -0.01 * row["force"]]
     columns = {name: np.array(values) for name, values in table.items()}
     done = {asked[0].id: Results(Path("run"), columns, {"status": "done"} | report)}
-    (row,) = scoreboard.rows(study_of.members, asked, done)
+    (row,) = scoreboard.rows(study_of.named_cases, asked, done)
     assert row["ours"] == -4.0
     assert row["our_error"] == (bar if bar is None else pytest.approx(bar, rel=1e-12))

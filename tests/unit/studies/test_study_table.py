@@ -9,7 +9,7 @@ import pytest
 
 from indent_sim.results.reader import Results
 from indent_sim.studies import cases, study_file, study_table
-from indent_sim.studies.reference.truth import Truth
+from indent_sim.studies.reference.reference_solution import ReferenceSolution
 
 RAMPS = """
 base:
@@ -61,10 +61,10 @@ def test_a_history_is_told_by_its_largest_force(
     path = tmp_path / "study.yaml"
     path.write_text(RAMPS)
     study = study_file.read(path)
-    asked = cases.asked_for(study)
+    asked = cases.resolve_cases(study)
     (case,) = asked[0]
     (row,) = study_table.rows(
-        study, asked, {case.id: a_run(times, force)}, Truth(study, [case]), {}
+        study, asked, {case.id: a_run(times, force)}, ReferenceSolution(study, [case]), {}
     )
     assert row["force"] == force[told - 1]
     assert [row[name] for name in ("a", "p_max", "penetration")] == [told] * 3

@@ -12,10 +12,10 @@ from typing import Any
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import study_file
 from indent_sim.studies.reference import scoreboard
-from indent_sim.studies.reference.truth import Truth
+from indent_sim.studies.reference.reference_solution import ReferenceSolution
 from indent_sim.studies.study_table import Row
 
-EXPECTED = ("force", "delta", "dofs", "memory_MB", "seconds")
+PREDICTED_COLUMNS = ("force", "delta", "dofs", "memory_MB", "seconds")
 
 
 @dataclass(frozen=True)
@@ -47,27 +47,33 @@ class StudyPlan:
         return {name: getattr(self, name) for name in names}
 
 
-def plan(given: Path | str | Mapping[str, Any], error_bars: bool = False) -> StudyPlan:
+def plan_study(study_input: Path | str | Mapping[str, Any], error_bars: bool = False) -> StudyPlan:
     """The plan of a study file, each run at its cost with error bars where asked for; errors as of
-    `carry_out` before its first run.
+    `execute_study` before its first run.
     """
-    study = study_file.read(given)
-    cases, refusals = case_list.asked_for(study)
-    scoreboard.check(study.members, cases)
-    against = Truth(study, cases)
-    runs = case_list.unique(cases)
+    study = study_file.read(study_input)
+    cases, rejected_cases = case_list.resolve_cases(study)
+    scoreboard.check_published_rows(study.named_cases, cases)
+    reference = ReferenceSolution(study, cases)
+    runs = case_list.unique_cases(cases)
     rows: list[Row] = []
     for case in runs:
-        said = case.prospect.add_estimation_cost(error_bars).plan
+        run_plan = case.planned_run.add_estimation_cost(error_bars).plan
         row = {"index": case.index + 1, "run": case.name} | {
             key: case.values.get(key) for key in study.keys
         }
-        row |= {"method": case.prospect.scene.method} | {
-            name: said.prediction.get(name) for name in EXPECTED
+        row |= {"method": case.planned_run.scene.method} | {
+            name: run_plan.prediction.get(name) for name in PREDICTED_COLUMNS
         }
-        row["seconds"] = float(f"{case.prospect.study_seconds(error_bars):.2g}")
-        rows.append(row | {"warnings": list(said.warnings)})
-    refused = [str(refusal.error) for refusal in refusals]
+        row["seconds"] = float(f"{case.planned_run.study_seconds(error_bars):.2g}")
+        rows.append(row | {"warnings": list(run_plan.warnings)})
+    rejected_errors = [str(rejected_case.error) for rejected_case in rejected_cases]
     return StudyPlan(
-        study.title, study.keys, against.name, rows, len(cases) - len(runs), refused, against.notes
+        study.title,
+        study.keys,
+        reference.name,
+        rows,
+        len(cases) - len(runs),
+        rejected_errors,
+        reference.notes,
     )

@@ -17,15 +17,15 @@ from indent_sim.results.folder import Report, read_regular_file, read_report
 from indent_sim.results.reader import Results, data_frame
 from indent_sim.run import simulate
 from indent_sim.studies import cases as case_list
-from indent_sim.studies import curve_table, picture, study_file, study_folder, study_table
+from indent_sim.studies import curve_table, study_file, study_folder, study_picture, study_table
 from indent_sim.studies.cases import Case
 from indent_sim.studies.reference import scoreboard
-from indent_sim.studies.reference.truth import Truth
+from indent_sim.studies.reference.reference_solution import ReferenceSolution
 from indent_sim.studies.study_folder import StudyFolder
 from indent_sim.studies.study_table import Row
-from indent_sim.studies.worker import Ending, Job, Load, Workers
+from indent_sim.studies.worker import ExitStatus, Job, LoadLibraries, Workers
 
-TELLING = (
+NOTEBOOK_COLUMNS = (
     "status",
     "force",
     "a",
@@ -34,7 +34,7 @@ TELLING = (
     "cpu_s",
     "verdict",
 )  # columns that a notebook shows
-Tell = Callable[[str], None]
+ReportLine = Callable[[str], None]
 
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class Study:
     @property
     def verdicts(self) -> dict[str, int]:
         """How many rows are right, flagged, refused and wrong; all 0 without a tolerance."""
-        return study_table.counts(self.rows)
+        return study_table.verdict_counts(self.rows)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -89,22 +89,22 @@ class Study:
         return len(self.rows)
 
     def __repr__(self) -> str:
-        return self._shown().text
+        return self._repr_table().text
 
     def _repr_html_(self) -> str:
-        return self._shown().html
+        return self._repr_table().html
 
-    def _shown(self) -> Shown:
+    def _repr_table(self) -> Shown:
         """What a notebook shows: the varied keys and what came of them."""
         names = [
             name
-            for name in (*self.keys, *TELLING)
+            for name in (*self.keys, *NOTEBOOK_COLUMNS)
             if any(row.get(name) is not None for row in self.rows)
         ]
         rows = [[row[name] for name in names] for row in self.rows]
-        done = sum(row["status"] == "done" for row in self.rows)
+        done_count = sum(row["status"] == "done" for row in self.rows)
         return Shown(
-            f"{self.title}: {done} of {len(rows)} runs done",
+            f"{self.title}: {done_count} of {len(rows)} runs done",
             names,
             rows,
             "; ".join(self.recommendations),
@@ -120,15 +120,15 @@ class Study:
         return [row for row in self.rows if row["status"] != "done"]
 
 
-def carry_out(
-    given: Path | str | Mapping[str, Any],
+def execute_study(
+    study_input: Path | str | Mapping[str, Any],
     *,
     output: Path | None = None,
     resume: bool = False,
     shard: tuple[int, int] | None = None,
     jobs: int = 1,
     overwrite: bool = False,
-    tell: Tell = lambda line: None,
+    tell: ReportLine = lambda line: None,
 ) -> Study:
     """Do the study of a file, or of mappings shaped like one. `shard` (i, n): do every n-th run
     from the i-th on, and write no table.
@@ -138,60 +138,64 @@ def carry_out(
     `resume`. Raises UsageError, ConfigError (before any run), BackendError; NotConverged when no
     run at all gave a result.
     """
-    study = study_file.read(given)
-    asked = cases, _ = case_list.asked_for(study)
-    scoreboard.check(study.members, cases)
-    against = Truth(study, cases)
-    first, every = shard or (1, 1)
-    mine = case_list.unique(cases)[first - 1 :: every]
-    largest = sorted(
-        (case.prospect.plan.prediction.get("memory_MB", 0.0) for case in mine), reverse=True
+    study = study_file.read(study_input)
+    resolved_cases = cases, _ = case_list.resolve_cases(study)
+    scoreboard.check_published_rows(study.named_cases, cases)
+    reference = ReferenceSolution(study, cases)
+    shard_index, shard_count = shard or (1, 1)
+    shard_cases = case_list.unique_cases(cases)[shard_index - 1 :: shard_count]
+    largest_memories = sorted(
+        (case.planned_run.plan.prediction.get("memory_MB", 0.0) for case in shard_cases),
+        reverse=True,
     )[:jobs]
     available = machine_memory() / 1e6
-    if jobs > 1 and sum(largest) > available:
-        need = f"{len(largest)} runs at a time need about {sum(largest):.3g} MB"
+    if jobs > 1 and sum(largest_memories) > available:
+        need = f"{len(largest_memories)} runs at a time need about {sum(largest_memories):.3g} MB"
         raise UsageError(f"{need}, this machine has {available:.3g}: fewer --jobs")
     finished = Study(
-        output or study.directory, study.title, study.keys, against.name, [], against.notes
+        output or study.directory, study.title, study.keys, reference.name, [], reference.notes
     )
-    load = (
-        simulate.warm_up if any(case.prospect.scene.is_meshed for case in cases) else lambda: None
+    load_libraries = (
+        simulate.warm_up
+        if any(case.planned_run.scene.is_meshed for case in cases)
+        else lambda: None
     )
-    names = [case.name for case in mine]
-    how = {"resume": resume, "shared": shard is not None, "overwrite": overwrite}
-    folder = study_folder.opened(finished.directory, names=names, **how)
-    with folder as place:
-        place.write_record(
-            title=study.title, study=str(study.path), keys=study.keys, compare_to=against.name
+    names = [case.name for case in shard_cases]
+    options = {"resume": resume, "shared": shard is not None, "overwrite": overwrite}
+    folder = study_folder.open_study_folder(finished.directory, names=names, **options)
+    with folder as open_folder:
+        open_folder.write_record(
+            title=study.title, study=str(study.path), keys=study.keys, compare_to=reference.name
         )
         if shard is not None:
-            _do(mine, place, jobs, load, tell)
+            _run_cases(shard_cases, open_folder, jobs, load_libraries, tell)
             return finished
         try:
-            _do(mine, place, jobs, load, tell)
+            _run_cases(shard_cases, open_folder, jobs, load_libraries, tell)
         finally:
-            ended = ((case.id, place.ended(case.name)) for case in mine)
-            done = {name: results for name, results in ended if results is not None}
-            folders = {case.id: place.run(case.name).name for case in mine}
-            rows = study_table.rows(study, asked, done, against, folders)
-            board = scoreboard.rows(study.members, cases, done)
+            ended_runs = ((case.id, open_folder.ended_results(case.name)) for case in shard_cases)
+            results_by_id = {name: results for name, results in ended_runs if results is not None}
+            folders = {case.id: open_folder.run_folder(case.name).name for case in shard_cases}
+            rows = study_table.rows(study, resolved_cases, results_by_id, reference, folders)
+            scoreboard_rows = scoreboard.rows(study.named_cases, cases, results_by_id)
             finished = replace(
                 finished,
                 rows=rows,
-                notes=against.notes,
-                scoreboard=board,
-                compared_with=against.name,
+                notes=reference.notes,
+                scoreboard=scoreboard_rows,
+                compared_with=reference.name,
             )
-            place.write_record(
-                title=study.title, study=str(study.path), keys=study.keys, compare_to=against.name
+            open_folder.write_record(
+                title=study.title, study=str(study.path), keys=study.keys, compare_to=reference.name
             )
-            place.write(study_folder.STUDY_TABLE, study_table.write(rows))
-            if board:
-                place.write(study_folder.SCOREBOARD, study_table.write(board))
-            place.write(
-                study_folder.CURVES, curve_table.write(curve_table.rows(mine, study.keys, done))
+            open_folder.write_file(study_folder.STUDY_TABLE, study_table.write(rows))
+            if scoreboard_rows:
+                open_folder.write_file(study_folder.SCOREBOARD, study_table.write(scoreboard_rows))
+            open_folder.write_file(
+                study_folder.CURVES,
+                curve_table.write(curve_table.rows(shard_cases, study.keys, results_by_id)),
             )
-        _draw(finished, mine, done)
+        _draw_pictures(finished, shard_cases, results_by_id)
         if len(finished.failures) == len(rows):
             raise NotConverged(
                 f"no run of this study gave a result; the first: {rows[0]['reason']}"
@@ -199,31 +203,37 @@ def carry_out(
     return finished
 
 
-def _draw(study: Study, cases: Sequence[Case], done: Mapping[str, Results]) -> None:
+def _draw_pictures(
+    study: Study, cases: Sequence[Case], results_by_id: Mapping[str, Results]
+) -> None:
     """Draw a study that has its table into its folder."""
-    where = study.directory
+    directory = study.directory
     keys = study.keys
     title = study.title
-    of_one_kind = (
+    comparable_cases = (
         [] if study.scoreboard else cases
     )  # scenes with published values have no depths and forces to compare
-    families = curve_table.families(of_one_kind, keys, done)
-    picture.draw(study.rows, keys, title, study.compared_with, where / study_folder.STUDY_PICTURE)
-    picture.draw_curves(families, title, where / study_folder.CURVES_PICTURE)
-    picture.draw_scoreboard(study.scoreboard, title, where / study_folder.SCOREBOARD_PICTURE)
+    curve_groups = curve_table.group_case_curves(comparable_cases, keys, results_by_id)
+    study_picture.draw_cost(
+        study.rows, keys, title, study.compared_with, directory / study_folder.STUDY_PICTURE
+    )
+    study_picture.draw_curves(curve_groups, title, directory / study_folder.CURVES_PICTURE)
+    study_picture.draw_scoreboard(
+        study.scoreboard, title, directory / study_folder.SCOREBOARD_PICTURE
+    )
 
 
-def read_back(folder: Path) -> Study:
+def read_study(folder: Path) -> Study:
     """The study of a folder, as it was carried out; UsageError when it holds none, or one without
     its table.
     """
-    record = read_report(folder, study_folder.RECORD)
+    record = read_report(folder, study_folder.STUDY_RECORD)
     table = folder / study_folder.STUDY_TABLE
-    board: list[Row] = []
+    scoreboard_rows: list[Row] = []
     try:
         rows = study_table.read(read_regular_file(table).decode("utf-8"))
         if (folder / study_folder.SCOREBOARD).exists():
-            board = scoreboard.read(
+            scoreboard_rows = scoreboard.read(
                 read_regular_file(folder / study_folder.SCOREBOARD).decode("utf-8")
             )
         keys = tuple(map(str, record["keys"]))
@@ -239,47 +249,64 @@ def read_back(folder: Path) -> Study:
         keys,
         str(record.get("compare_to")),
         rows,
-        scoreboard=board,
+        scoreboard=scoreboard_rows,
     )
 
 
-def _do(cases: Sequence[Case], place: StudyFolder, at_once: int, load: Load, tell: Tell) -> None:
+def _run_cases(
+    cases: Sequence[Case],
+    folder: StudyFolder,
+    worker_count: int,
+    load: LoadLibraries,
+    tell: ReportLine,
+) -> None:
     """Do the runs, so many at once, those left out that have ended before."""
-    waiting = {
-        case.name: case for case in cases if not (place.keeps and place.is_finished(case.name))
+    pending_cases = {
+        case.name: case
+        for case in cases
+        if not (folder.is_resumed and folder.is_finished(case.name))
     }
-    if len(waiting) < len(cases):
-        tell(f"{len(cases) - len(waiting)} of {len(cases)} runs are there already")
-    began = time.monotonic()
-    effort = sum(map(_effort, waiting.values()))
-    left = effort
+    if len(pending_cases) < len(cases):
+        tell(f"{len(cases) - len(pending_cases)} of {len(cases)} runs are there already")
+    start_time = time.monotonic()
+    total_seconds = sum(map(_expected_seconds, pending_cases.values()))
+    remaining_seconds = total_seconds
     jobs = {
-        name: Job(case.prospect, place.run(name), place.keeps) for name, case in waiting.items()
+        name: Job(case.planned_run, folder.run_folder(name), folder.is_resumed)
+        for name, case in pending_cases.items()
     }
-    with Workers(at_once, jobs, load) as workers:
-        for count, (name, ending) in enumerate(workers.done(jobs), start=1):
+    with Workers(worker_count, jobs, load) as workers:
+        for count, (name, ending) in enumerate(workers.run_jobs(jobs), start=1):
             if ending[0]:
-                place.fail(name, *ending)
-            left -= _effort(waiting[name])
-            spent = (time.monotonic() - began) * left / (effort - left)
-            remains = f"  about {duration(spent)} left" if count < len(waiting) else ""
-            told = _told(place.ended(name), ending)
-            tell(f"run {count}/{len(waiting)}  {waiting[name].words}  {told}{remains}")
-    place.forget_others()
+                folder.record_failure(name, *ending)
+            remaining_seconds -= _expected_seconds(pending_cases[name])
+            expected_time = (
+                (time.monotonic() - start_time)
+                * remaining_seconds
+                / (total_seconds - remaining_seconds)
+            )
+            remaining_text = (
+                f"  about {duration(expected_time)} left" if count < len(pending_cases) else ""
+            )
+            outcome = _outcome_text(folder.ended_results(name), ending)
+            tell(
+                f"run {count}/{len(pending_cases)}  {pending_cases[name].label}  {outcome}{remaining_text}"
+            )
+    folder.delete_other_runs()
 
 
-def _told(found: Results | None, ending: Ending) -> str:
+def _outcome_text(results: Results | None, ending: ExitStatus) -> str:
     code, reason = ending
-    if code or found is None:
+    if code or results is None:
         return f"failed ({code}): {reason}"
-    force = found["force"][study_table.answer_row(found)]
-    seconds = sum(found.report.get("cpu_timings", {}).values())
+    force = results["force"][study_table.representative_row(results)]
+    seconds = sum(results.report.get("cpu_timings", {}).values())
     return f"force {force:.6g}  {seconds:.2f} s"
 
 
-def _effort(case: Case) -> float:
+def _expected_seconds(case: Case) -> float:
     """The seconds that a run is expected to take, its companions among them."""
-    return case.prospect.study_seconds()
+    return case.planned_run.study_seconds()
 
 
 def as_json(study: Study) -> Report:
@@ -294,5 +321,5 @@ def as_json(study: Study) -> Report:
         "verdicts",
         "scoreboard",
     )
-    pareto = [row["index"] for row in study_table.pareto(study.rows)]
+    pareto = [row["index"] for row in study_table.pareto_front(study.rows)]
     return {name: getattr(study, name) for name in names} | {"pareto": pareto}

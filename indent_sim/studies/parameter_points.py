@@ -1,0 +1,166 @@
+"""The values of `vary`: lists and ranges, crossed or zipped, as points of a grid."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from indent_sim.config.scene_file import Place
+from indent_sim.config.schema import Source
+from indent_sim.config.strict_yaml import KeyPath, key_text
+from indent_sim.process.errors import ConfigError
+
+RANGE_KEYS = ("from", "to", "count", "spacing", "unit")
+STIFFNESS_UNIT = "E*/h_contact"
+MOST_RUNS = 100_000  # runs of one study
+LARGEST_RANGE_END = 1e100  # end of a range, beyond all that a scene can hold
+
+
+@dataclass(frozen=True)
+class StiffnessMultiple:
+    """A value in units of the scene's own E*/h_contact."""
+
+    factor: float
+
+
+Setting = tuple[str, Any, Place]  # dotted key, value, where that is written
+ParameterPoint = tuple[Setting, ...]
+
+
+@dataclass(frozen=True)
+class ParameterBlock:
+    """One grid: axes that are crossed; the keys of one axis go together, value by value."""
+
+    axes: tuple[tuple[ParameterPoint, ...], ...]
+
+    @property
+    def size(self) -> int:
+        """How many points it has."""
+        return math.prod(map(len, self.axes))
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The varied keys in order."""
+        return tuple(key for axis in self.axes for key, _, _ in axis[0])
+
+
+def grid_points(block: ParameterBlock) -> Iterator[ParameterPoint]:
+    """The points of a grid; the last axis varies fastest."""
+    for combination in itertools.product(*block.axes):
+        yield tuple(setting for part in combination for setting in part)
+
+
+def read_block(part: Mapping[str, Any], keys: KeyPath, source: Source) -> ParameterBlock:
+    """The grid of one section of `vary`; `zip: true` or `zip: [keys]` says which keys go together."""
+    values = {
+        key: _read_values(values_given, (*keys, key), key, source)
+        for key, values_given in part.items()
+        if key != "zip"
+    }
+    zipped_keys = _zipped_keys(part.get("zip", False), values, (*keys, "zip"), source)
+    axes: list[tuple[ParameterPoint, ...]] = []
+    for key, settings in values.items():
+        if key not in zipped_keys:
+            axes.append(tuple((setting,) for setting in settings))
+        elif key == zipped_keys[0]:
+            axes.append(tuple(zip(*(values[name] for name in zipped_keys), strict=True)))
+    return ParameterBlock(tuple(axes))
+
+
+def _zipped_keys(
+    zip_given: Any, values: Mapping[str, Any], keys: KeyPath, source: Source
+) -> list[str]:
+    """The keys that go together, in the order of the block."""
+    if isinstance(zip_given, bool):
+        zipped_keys = list(values) if zip_given else []
+    elif isinstance(zip_given, list) and all(
+        key in list(values) for key in zip_given
+    ):  # whatever they are
+        zipped_keys = [key for key in values if key in zip_given]
+    else:
+        raise _config_error(
+            keys,
+            source,
+            "must be true, or a list of keys varied here",
+            f"these are {', '.join(values)}",
+        )
+    lengths = {key: len(values[key]) for key in zipped_keys}
+    if len(set(lengths.values())) > 1:
+        counts_text = ", ".join(f"{key} has {count}" for key, count in lengths.items())
+        raise _config_error(
+            keys, source, f"keys that go together need equally many values: {counts_text}"
+        )
+    return zipped_keys
+
+
+def _read_values(values_given: Any, keys: KeyPath, key: str, source: Source) -> list[Setting]:
+    """The settings of one key: each item of a list, the numbers of a range, or a single word or
+    number.
+    """
+    if isinstance(values_given, dict) and "from" in values_given:
+        return [
+            (key, value, source.place(keys)) for value in _range_values(values_given, keys, source)
+        ]
+    if isinstance(values_given, list):
+        if not values_given:
+            raise _config_error(keys, source, "has no values")
+        return [
+            (key, value, source.place((*keys, index))) for index, value in enumerate(values_given)
+        ]
+    if values_given is None or isinstance(values_given, dict):
+        raise _config_error(keys, source, "must be a list of values, or a range {from, to, count}")
+    return [(key, values_given, source.place(keys))]
+
+
+def _range_values(range_given: Mapping[str, Any], keys: KeyPath, source: Source) -> list[Any]:
+    """`count` numbers from one to another, equally far apart or by equal factors."""
+    if unknown := [key for key in range_given if key not in RANGE_KEYS]:
+        raise _config_error(
+            (*keys, unknown[0]), source, "unknown key", f"a range has {', '.join(RANGE_KEYS)}"
+        )
+    first, last = (_range_end(range_given, end, keys, source) for end in ("from", "to"))
+    count = range_given.get("count")
+    spacing = range_given.get("spacing", "linear")
+    unit = range_given.get("unit", 1)
+    if type(count) is not int or not 1 <= count <= MOST_RUNS:
+        raise _config_error(
+            (*keys, "count"), source, f"must be a whole number from 1 to {MOST_RUNS}"
+        )
+    if spacing not in ("linear", "log"):
+        raise _config_error((*keys, "spacing"), source, "must be linear or log")
+    if unit not in (1, STIFFNESS_UNIT):
+        raise _config_error((*keys, "unit"), source, f"must be {STIFFNESS_UNIT}")
+    if spacing == "log" and not (first > 0 and last > 0):
+        raise _config_error((*keys, "from"), source, "must be > 0 for spacing: log")
+    numbers = (
+        np.geomspace(first, last, count) if spacing == "log" else np.linspace(first, last, count)
+    )
+    values = [float(f"{number:.12g}") for number in numbers]
+    if unit == STIFFNESS_UNIT:
+        return [StiffnessMultiple(value) for value in values]
+    is_integer = type(first) is type(last) is int and all(value.is_integer() for value in values)
+    return [int(value) for value in values] if is_integer else values
+
+
+def _range_end(
+    range_given: Mapping[str, Any], end: str, keys: KeyPath, source: Source
+) -> int | float:
+    value = range_given.get(end)
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, (int, float))
+        or abs(value) > LARGEST_RANGE_END
+    ):
+        raise _config_error(
+            (*keys, end), source, f"must be a number of size {LARGEST_RANGE_END:g} at most"
+        )
+    return value
+
+
+def _config_error(keys: KeyPath, source: Source, problem: str, remedy: str = "") -> ConfigError:
+    return ConfigError(key_text(keys), problem, remedy, *source.place(keys))

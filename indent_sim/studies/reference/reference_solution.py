@@ -1,0 +1,348 @@
+"""References of a study: theory, its finest run, a number, or another result."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from indent_sim.config.scene_file import Place
+from indent_sim.process.errors import ConfigError, UsageError
+from indent_sim.results import reader
+from indent_sim.results.measured.measurement import curve_parts
+from indent_sim.results.reader import Results
+from indent_sim.studies.cases import Case
+from indent_sim.studies.study_file import StudyFile
+
+DEPTH_TOLERANCE = 1e-9  # relative
+MAX_DEPTHS = 200  # at which theory is asked
+DEPTH_FACTOR = 1.3  # times an expected depth the one found may be
+PEAK_RADII = 200  # at which theory's pressure is looked at for its peak
+NO_COMPARISON_NOTE = (
+    "every run asks a question of its own and is compared with no other; curves.csv "
+    "and curves.png have the curves"
+)
+APPROACH_NOTE = "of the history that is compared with, the rows of its approach count"
+NAN = math.nan
+
+
+@dataclass(frozen=True)
+class ReferenceCurve:
+    """Force, contact radius and peak pressure at given depths, in the user's units; NaN where
+    unknown.
+
+    `between`: the depths asked for are found, not prescribed, and lie near those known rather than
+    on them. `measured`: they are those of a measured curve, between any two of which it is
+    straight.
+    """
+
+    delta: np.ndarray
+    force: np.ndarray
+    a: np.ndarray
+    p_max: np.ndarray
+    is_interpolated: bool = field(default=False, kw_only=True)
+    is_measured: bool = field(default=False, kw_only=True)
+
+    def interpolate(self, delta: float) -> tuple[float, float, float]:
+        """(force, a, p_max) at a depth, if need be by power laws between those known; NaN when it
+        is not known.
+        """
+        columns = self.force, self.a, self.p_max
+        if self.is_measured:
+            return tuple(
+                float(np.interp(delta, self.delta, column, NAN, NAN)) for column in columns
+            )  # type: ignore[return-value]
+        if self.is_interpolated:
+            return tuple(_interpolate_power_law(delta, self.delta, column) for column in columns)  # type: ignore[return-value]
+        matching_rows = np.flatnonzero(np.isclose(self.delta, delta, rtol=DEPTH_TOLERANCE, atol=0))[
+            -1:
+        ]
+        return tuple(
+            float(column[matching_rows[0]]) if len(matching_rows) else NAN for column in columns
+        )  # type: ignore[return-value]
+
+
+def _interpolate_power_law(x: float, known_x: np.ndarray, values: np.ndarray) -> float:
+    """The value at x of the power law through the two nearest of the known points; NaN where there
+    are no two.
+    """
+    nearest = [i for i in np.argsort(np.abs(known_x - x)) if known_x[i] > 0 and values[i] > 0]
+    second_index = next(
+        (
+            i
+            for i in nearest
+            if not np.isclose(known_x[i], known_x[nearest[0]], rtol=DEPTH_TOLERANCE, atol=0)
+        ),
+        None,
+    )
+    if x <= 0 or second_index is None:
+        return NAN
+    slope = np.log(values[second_index] / values[nearest[0]]) / np.log(
+        known_x[second_index] / known_x[nearest[0]]
+    )
+    return float(values[nearest[0]] * (x / known_x[nearest[0]]) ** slope)
+
+
+class ReferenceSolution:
+    """The answer that belongs to each case; `name` says what it is, `notes` what to know about it."""
+
+    def __init__(self, study: StudyFile, cases: Sequence[Case]):
+        self.notes: tuple[str, ...] = ()
+        # cases ask a question each
+        self._compare_to = study.compare_to
+        self._has_named_cases = bool(study.named_cases)
+        self._curves: dict[str, ReferenceCurve] = {}
+        self._file_curve: ReferenceCurve | None = None
+        self._finest_cases: dict[
+            str, Case
+        ] = {}  # the run that answers each problem, where runs are compared with such
+        location = study.compare_to_location
+        if self._compare_to != "finest" and any(
+            case.planned_run.scene.is_time_dependent for case in cases
+        ):
+            raise _config_error(
+                location,
+                "rows are compared by depth, and a history passes one several times",
+                "leave it out",
+            )
+        if self._compare_to == "theory":
+            self._use_theory(cases, location)
+        elif isinstance(self._compare_to, float):
+            if any(case.planned_run.has_prescribed_forces for case in cases):
+                raise _config_error(
+                    location,
+                    "forces are prescribed, and depths found",
+                    "give theory, finest or a result",
+                )
+        elif not isinstance(self._compare_to, str):
+            try:
+                results = _read_result(self._compare_to, cases)
+                self._file_curve = result_curve(results)
+                self.notes = (
+                    (APPROACH_NOTE,)
+                    if "t" in results.table and not results.report.get(reader.MEASURED)
+                    else ()
+                )
+            except UsageError as error:
+                raise _config_error(
+                    location,
+                    str(error),
+                    "give a result folder, its force_indentation.csv or a measured curve",
+                ) from None
+            uncovered_cases = [
+                case
+                for case in cases
+                if math.isnan(
+                    _adapt_to_case(case, self._file_curve).interpolate(case.last_depth)[0]
+                )
+            ]
+            if uncovered_cases:
+                raise _config_error(
+                    location,
+                    f"has no depth {uncovered_cases[0].last_depth:g}, the last of {uncovered_cases[0].label}",
+                )
+
+    @property
+    def name(self) -> str:
+        """What is compared with, in words."""
+        if isinstance(self._compare_to, float):
+            return f"{self._compare_to:g}"
+        if len(self._finest_cases) == 1:
+            return f"finest: {next(iter(self._finest_cases.values())).label}"
+        return self._compare_to if isinstance(self._compare_to, str) else self._compare_to.name
+
+    @property
+    def reference_ids(self) -> set[str]:
+        """The runs, by id, that others are compared with."""
+        return {case.id for case in self._finest_cases.values()}
+
+    def reference_name(self, case: Case) -> str | None:
+        """What a case is compared with: the id of a run, theory, a force or the name of a result;
+        None for nothing.
+        """
+        if self._compare_to == "finest":
+            return (
+                self._finest_cases[case.problem_key].id
+                if case.problem_key in self._finest_cases
+                else None
+            )
+        return self.name if self.reference_curve(case) else None
+
+    def choose_finest_cases(
+        self, cases: Sequence[Case], results_by_id: Mapping[str, Results]
+    ) -> None:
+        """Where the finest run is the reference: choose it, for every problem the study asks about.
+
+        It has the most unknowns, and among such the least penetration: what a penalty lets sink in
+        is no answer.
+        """
+        if self._compare_to != "finest":
+            return
+        cases_by_problem: dict[str, list[Case]] = {}
+        comparable = (
+            case
+            for case in cases
+            if case.id in results_by_id and not case.planned_run.scene.is_time_dependent
+        )  # by depth
+        for case in sorted(comparable, key=lambda case: _resolution_order(case, results_by_id)):
+            cases_by_problem.setdefault(case.problem_key, []).append(case)  # the finest comes last
+        # none is its own answer
+        self._finest_cases = {
+            problem: candidates[-1]
+            for problem, candidates in cases_by_problem.items()
+            if len({finest_case.id for finest_case in candidates}) > 1
+        }
+        self._curves = {
+            problem: result_curve(results_by_id[finest_case.id])
+            for problem, finest_case in self._finest_cases.items()
+        }
+        if cases_by_problem and not self._finest_cases and not self._has_named_cases:
+            self.notes = (NO_COMPARISON_NOTE,)
+        if len(self._finest_cases) == 1:
+            (finest_case,) = self._finest_cases.values()
+            unknowns = results_by_id[finest_case.id].report.get("dofs") or "no"
+            self.notes = (
+                f"compared with the finest run, {finest_case.label}: {unknowns} "
+                f"unknowns{_penetration_text(results_by_id[finest_case.id])}",
+            )
+
+    def reference_curve(self, case: Case) -> ReferenceCurve | None:
+        """What the case is compared with; None when there is nothing."""
+        if isinstance(self._compare_to, float):
+            return ReferenceCurve(
+                *(np.array([value]) for value in (case.last_depth, self._compare_to, NAN, NAN))
+            )
+        curve = self._file_curve or self._curves.get(case.problem_key)
+        return _adapt_to_case(case, curve) if curve else None
+
+    def _use_theory(self, cases: Sequence[Case], location: Place) -> None:
+        for case in cases:
+            curve = self._curves.get(case.problem_key) or theory_curve(case)
+            if curve is None:
+                raise _config_error(
+                    location,
+                    f"there is no theory for {case.label}",
+                    "compare_to: finest always works",
+                )
+            self._curves[case.problem_key] = curve
+        inexact_scene = next(
+            (case.planned_run.scene for case in cases if not case.planned_run.scene.exact_theory),
+            None,
+        )
+        if inexact_scene is not None:
+            reasons = "; ".join(inexact_scene.theory_differences)
+            self.notes = (
+                f"theory is not exact for this body ({reasons}): the errors include the difference",
+            )
+
+
+def _adapt_to_case(case: Case, curve: ReferenceCurve) -> ReferenceCurve:
+    """The answer as a case needs it, whose depths may be found, not prescribed."""
+    return dataclasses.replace(curve, is_interpolated=case.planned_run.has_prescribed_forces)
+
+
+def theory_curve(case: Case) -> ReferenceCurve | None:
+    """Layer theory at the depths of a case, of very many at some, and around those to expect; None
+    without theory.
+    """
+    scene = case.planned_run.scene
+    depths = [delta for delta in scene.physics.deltas if delta > 0]
+    depths = depths[:: -max(1, len(depths) // MAX_DEPTHS)][::-1]  # the last among them
+    if case.planned_run.has_prescribed_forces and depths:
+        depths_around = np.geomspace(
+            min(depths) / DEPTH_FACTOR,
+            min(max(depths) * DEPTH_FACTOR, scene.physics.body.height),
+            MAX_DEPTHS,
+        )
+        depths = [float(depth) for depth in depths_around]
+    curve = (
+        (scene.plan.theory.solutions_at_depths(depths) if scene.plan.theory else None)
+        if depths
+        else []
+    )
+    if curve is None:
+        return None
+    scales = scene.physics.scales
+    L = scales.length
+    D = scales.depth
+    P = scales.pressure
+    F = scales.force
+    open_depths = sorted({delta for delta in scene.physics.deltas if delta <= 0})
+    rows = [(s.delta * D, s.force * F, s.a * L, _peak_pressure(s) * P) for s in curve]
+    rows += [(delta * D, 0.0, 0.0, 0.0) for delta in open_depths]  # out of contact: nothing
+    return ReferenceCurve(*np.array(rows).T)
+
+
+def _read_result(path: Path, cases: Sequence[Case]) -> Results:
+    """A result or a measured curve, which is taken in the units of the cases; UsageError for a
+    result in others.
+    """
+    results = reader.read(path)
+    if not cases:
+        return results
+    units = cases[0].planned_run.config.units
+    scene = Results(
+        Path("the study"), {}, {"units": {"length": units.length, "force": units.force}}
+    )
+    scene_and_result = reader.convert_to_common_units([scene, results])
+    reader.refuse_different_units(scene_and_result, "run that scene in the units of the study")
+    return scene_and_result[1]
+
+
+def result_curve(results: Results) -> ReferenceCurve:
+    """The table of a result, by depth, of a history its approach; of a measured curve the same in
+    order of depth.
+    """
+    unknown = np.full(len(results), NAN)
+    if "t" in results.table and not results.report.get(reader.MEASURED):
+        rows = curve_parts(results["delta"])["approach"]
+        return ReferenceCurve(
+            *(results.table.get(name, unknown)[rows] for name in ("delta", "force", "a", "p_max"))
+        )
+    if results.report.get(reader.MEASURED):
+        rows = curve_parts(results["delta"])["approach"]
+        order = np.argsort(results["delta"][rows], kind="stable")
+        delta_and_force = (results["delta"][rows][order], results["force"][rows][order])
+        return ReferenceCurve(*delta_and_force, unknown[rows], unknown[rows], is_measured=True)
+    return ReferenceCurve(
+        results["delta"], results["force"], results["a"], results.table.get("p_max", unknown)
+    )
+
+
+def _peak_pressure(solution: Any) -> float:
+    """The largest pressure; NaN where it is infinite (a sharp edge or apex)."""
+    radii = solution.a * np.linspace(0, 1, PEAK_RADII + 1)
+    with np.errstate(all="ignore"):
+        p = np.asarray(solution.pressure(radii), dtype=float)
+    is_unbounded = p[:-1].max() > 1.5 * p[2:-2].max()
+    return NAN if not np.isfinite(p).all() or is_unbounded else float(p.max())
+
+
+def _resolution_order(case: Case, results_by_id: Mapping[str, Results]) -> tuple[Any, ...]:
+    """Sorts cases from coarse to fine, and among equal meshes those into which the tip sinks least
+    last.
+    """
+    scene = case.planned_run.scene
+    results = results_by_id[case.id]
+    dofs = results.report.get("dofs", 0) if scene.is_meshed else math.inf
+    return dofs, -_last_penetration(results), -scene.sizes.h_contact, -case.index
+
+
+def _last_penetration(results: Results) -> float:
+    """How far the tip sinks in at the last row [length]; 0 where nobody knows."""
+    column = results.table.get("penetration", np.zeros(1))
+    return float(np.nan_to_num(column[-1])) if len(column) else 0.0
+
+
+def _penetration_text(results: Results) -> str:
+    """The same in words."""
+    return f", penetration {_last_penetration(results):.2g} at its last row"
+
+
+def _config_error(location: Place, problem: str, remedy: str = "") -> ConfigError:
+    return ConfigError("compare_to", problem, remedy, *location)

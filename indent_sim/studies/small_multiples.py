@@ -1,0 +1,535 @@
+"""Pictures of a study of many runs: small multiples of curves, and columns of its table over the
+keys that vary.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from indent_sim.process.errors import UsageError
+from indent_sim.results.pictures import figures
+from indent_sim.results.pictures.axes import Axis, axis_of_column, picture_text, unit_label_of_key
+from indent_sim.results.pictures.curves import Colour
+from indent_sim.results.pictures.figures import Axes, Figure, PlotStyle, SubFigure
+from indent_sim.results.pictures.forces import draw_force, draw_force_lines
+from indent_sim.results.reader import MEASURED, Results
+from indent_sim.studies.curve_table import CurveGroups
+from indent_sim.studies.study_table import representative_row
+
+PLOTTED_COLUMNS = (
+    "force",
+    "a",
+    "p_max",
+    "penetration",
+)  # of a run, that are drawn over the keys that vary
+STIFFNESS_KEY = "contact.epsilon_n"
+MAX_COLOURS = len(figures.COLOURS)
+# small multiples side by side and below one another
+MAX_PANEL_COLUMNS = 6
+MAX_PANEL_ROWS = 4
+MAX_NUMBER_PANELS = 3  # panels over a varied number
+MAX_NAMED_GROUPS = 12  # lines that are named
+DASHES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (5, 1.5, 1, 1.5)))  # of lines that share a colour
+LOG_NUMBER_RATIO = 20.0  # ratio of largest to smallest from which a varied number is logarithmic
+# The same of what many runs tell: of numbers over a decade and a half half of the curves would lie
+# on zero
+LOG_RESULT_RATIO = 30.0
+MIN_MAP_VALUES = 3  # values of a key, from which on there is a map over two
+# ratio of the ends of a logarithmic axis from which on 1, 2 and 5 of a decade are enough numbers
+FEW_TICKS_RATIO = 6.0
+MAP_LEVELS = 12  # steps of the colours of a map
+# inches: width and height of a small multiple, and of another panel
+MULTIPLE_SIZE = (2.0, 1.75)
+PANEL_SIZE = (4.2, 3.4)
+TITLE_HEIGHT = 0.7  # inches: of title and subtitle
+
+
+@dataclass(frozen=True)
+class KeyRoles:
+    """What each varied key does in small multiples: "" where no key does it.
+
+    colour: of the curves; across, down: panels side by side and below one another; dashes: of lines
+    of one colour.
+    """
+
+    colour: str
+    across: str = ""
+    down: str = ""
+    dashes: str = ""
+
+    @property
+    def visible_keys(self) -> tuple[str, ...]:
+        """The keys that can be read off."""
+        return tuple(filter(None, (self.colour, self.across, self.down, self.dashes)))
+
+
+def assign_roles(curve_groups: CurveGroups) -> KeyRoles:
+    """Give every key its role by how many values it has.
+
+    The number with the most values is the colour, for a bar tells any number of them apart. Of the
+    other keys the one with the most values goes across, and so on; a key with more values than
+    there are panels gets none while another one can have it.
+    """
+    counts = {key: len(_value_names(curve_groups, key)) for key in curve_groups.keys}
+    numeric = curve_groups.numeric_keys()
+    word_keys = [
+        key for key in curve_groups.keys if key not in numeric and counts[key] <= MAX_COLOURS
+    ]
+    colour = max(numeric or word_keys or curve_groups.keys, key=counts.__getitem__)
+    remaining_keys = sorted(
+        (key for key in curve_groups.keys if key != colour), key=counts.__getitem__, reverse=True
+    )
+    keys_by_role = {"colour": colour}
+    for role, max_values in (
+        ("across", MAX_PANEL_COLUMNS),
+        ("down", MAX_PANEL_ROWS),
+        ("dashes", len(DASHES)),
+    ):
+        candidates = [key for key in remaining_keys if counts[key] <= max_values]
+        if not candidates and role == "across":
+            candidates = remaining_keys  # some of its values are shown
+        if candidates:
+            keys_by_role[role] = candidates[0]
+            remaining_keys.remove(candidates[0])
+    return KeyRoles(**keys_by_role)
+
+
+@contextmanager
+def small_multiples_figure(curve_groups: CurveGroups, title: str) -> Iterator[Figure]:
+    """The figure of the curves of many runs of a study with two varied keys or more.
+
+    Above small multiples of force over depth, below what the force of a run is over every varied
+    number, and for two numbers a map over both.
+    """
+    key_roles = assign_roles(curve_groups)
+    across, down = (
+        _evenly_spaced(_value_names(curve_groups, key), max_values)
+        for key, max_values in _facet_keys(key_roles)
+    )
+    number_keys = curve_groups.numeric_keys()[:MAX_NUMBER_PANELS]
+    is_map = len(curve_groups.keys) == 2 and is_grid(curve_groups, number_keys)
+    lower_panels = [*(["map"] if is_map else []), *number_keys]
+    width = max(MULTIPLE_SIZE[0] * len(across) + 1.6, PANEL_SIZE[0] * len(lower_panels))
+    heights = [
+        MULTIPLE_SIZE[1] * len(down) + 0.9,
+        *([PANEL_SIZE[1] + 0.6 * is_map] if lower_panels else []),
+    ]
+    with figures.new_figure((width, sum(heights) + TITLE_HEIGHT)) as figure:
+        grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+        subfigures = [figure.add_subfigure(grid_cell) for grid_cell in grid]
+        styles, bar = styles_by_key(curve_groups, key_roles.colour)
+        first_axes = _draw_multiples(
+            subfigures[0], curve_groups, key_roles, (across, down), styles, bar
+        )
+        if lower_panels:
+            values, label = representative_values(curve_groups, "force")
+            panels = subfigures[1].subplots(1, len(lower_panels), squeeze=False)[0]
+            for axes, key in zip(panels, lower_panels, strict=True):
+                if key == "map":
+                    draw_map(axes, curve_groups, number_keys, values, label)
+                else:
+                    draw_over_number(axes, curve_groups, key, values, label, styles)
+        if first_axes.get_legend_handles_labels()[1]:
+            figures.draw_figure_legend(figure, first_axes)
+        figures.draw_title(figure, title, _subtitle(curve_groups, key_roles, across))
+        yield figure
+
+
+def _subtitle(curve_groups: CurveGroups, key_roles: KeyRoles, across: Sequence[str]) -> str:
+    """How many runs there are, and what the picture does not tell of them."""
+    parts = [f"{len(curve_groups.curves)} runs", "every force at its run's own depth"]
+    value_count = len(_value_names(curve_groups, key_roles.across)) if key_roles.across else 0
+    if value_count > len(across):
+        parts.append(
+            f"{curve_groups.short_key(key_roles.across)}: {len(across)} of {value_count} values"
+        )
+    if hidden_keys := [
+        curve_groups.short_key(key)
+        for key in curve_groups.keys
+        if key not in key_roles.visible_keys
+    ]:
+        parts.append(f"lines of one look differ in {', '.join(hidden_keys)}")
+    return "  \N{MIDDLE DOT}  ".join(parts)
+
+
+def _facet_keys(key_roles: KeyRoles) -> tuple[tuple[str, int], tuple[str, int]]:
+    return (key_roles.across, MAX_PANEL_COLUMNS), (key_roles.down, MAX_PANEL_ROWS)
+
+
+def _value_names(curve_groups: CurveGroups, key: str) -> list[str]:
+    """The values of a key in words, numbers in their order; one empty word of no key."""
+    if not key:
+        return [""]
+    names = list(dict.fromkeys(curve_groups.value_names([key])))
+    if key not in curve_groups.numeric_keys():
+        return names
+    numbers = dict(zip(curve_groups.value_names([key]), curve_groups.key_numbers(key), strict=True))
+    return sorted(names, key=numbers.__getitem__)
+
+
+def _evenly_spaced(values: Sequence[str], max_count: int) -> list[str]:
+    """So many of some values, spread over all of them."""
+    if len(values) <= max_count:
+        return list(values)
+    return [values[i] for i in np.linspace(0, len(values) - 1, max_count).round().astype(int)]
+
+
+def _draw_multiples(
+    subfigure: SubFigure,
+    curve_groups: CurveGroups,
+    key_roles: KeyRoles,
+    facets: tuple[Sequence[str], Sequence[str]],
+    styles: Sequence[PlotStyle],
+    bar: Any,
+) -> Axes:
+    """Draw force over depth into a panel for every pair of values; returns the one that has the
+    names.
+    """
+    across, down = facets
+    runs = [curve.results for curve in curve_groups.curves]
+    depth = axis_of_column("delta", runs)
+    force = axis_of_column("force", runs)
+    dash_names = _value_names(curve_groups, key_roles.dashes)
+    names = {
+        key: curve_groups.value_names([key]) if key else [""] * len(runs)
+        for key in ("", *key_roles.visible_keys)
+    }
+    styles = [
+        style | {"ls": DASHES[dash_names.index(name)], "marker": ""}
+        for style, name in zip(styles, names[key_roles.dashes], strict=True)
+    ]
+    panels = subfigure.subplots(len(down), len(across), squeeze=False, sharex=True, sharey=True)
+    for panel_row, row_name in zip(panels, down, strict=True):
+        for axes, name in zip(panel_row, across, strict=True):
+            panel_runs = [
+                i
+                for i in range(len(runs))
+                if names[key_roles.across][i] == name and names[key_roles.down][i] == row_name
+            ]
+            if panel_runs:
+                _draw_curves(
+                    axes,
+                    [runs[i] for i in panel_runs],
+                    depth,
+                    force,
+                    [styles[i] for i in panel_runs],
+                )
+            figures.draw_panel_title(axes, picture_text(", ".join(filter(None, (name, row_name)))))
+            axes.set(xlabel=depth.label, ylabel=force.label)
+    first_axes: Axes = panels[0, 0]
+    _scale_axes(first_axes, runs, depth, force)
+    for axes in panels.ravel():
+        axes.label_outer()
+    if bar is not None:
+        figures.draw_colour_bar(
+            list(panels.ravel()), bar, key_label(curve_groups, key_roles.colour), "right"
+        )
+    else:
+        style_by_name = dict(zip(names[key_roles.colour], styles, strict=True))
+        for name, style in style_by_name.items():
+            first_axes.plot([], [], color=style["color"], label=picture_text(name))
+    if key_roles.dashes:
+        for name, dash in zip(dash_names, DASHES, strict=False):
+            first_axes.plot([], [], color=figures.GREY, ls=dash, label=picture_text(name))
+    return first_axes
+
+
+def _draw_curves(
+    axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis, styles: Sequence[PlotStyle]
+) -> None:
+    if all(len(run) > 1 and not run.report.get(MEASURED) for run in runs):
+        draw_force_lines(axes, runs, depth, force, styles)
+        return
+    for run, style in zip(runs, styles, strict=True):
+        draw_force(axes, run, depth, force, style, "_")
+
+
+def _scale_axes(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -> None:
+    """Axes from zero, or logarithmic ones where most curves would lie on zero."""
+    from matplotlib.ticker import NullLocator
+
+    if value_ratio([run["force"].max() for run in runs]) < LOG_RESULT_RATIO:
+        axes.autoscale_view()
+        return
+    axes.set(xscale="log", yscale="log")
+    for matplotlib_axis, set_limits, convert, column in (
+        (axes.xaxis, axes.set_xlim, depth, "delta"),
+        (axes.yaxis, axes.set_ylim, force, "force"),
+    ):
+        values = np.concatenate([run[column] for run in runs])
+        positive_values = convert(values[values > 0])
+        set_limits(0.8 * positive_values.min(), 1.25 * positive_values.max())
+        set_plain_log_ticks(matplotlib_axis, max(value_ratio(positive_values), FEW_TICKS_RATIO))
+        matplotlib_axis.set_minor_locator(NullLocator())
+
+
+def styles_by_key(curve_groups: CurveGroups, key: str) -> tuple[list[PlotStyle], Any]:
+    """The colour of every curve by a varied key, and what a bar of colours is made of; None of
+    words.
+    """
+    if key in curve_groups.numeric_keys():
+        colours, bar = number_colours(curve_groups.key_numbers(key))
+        return [{"color": colour, "ls": "-"} for colour in colours], bar
+    names = curve_groups.value_names([key])
+    colour_names = list(dict.fromkeys(names))
+    if len(colour_names) > MAX_COLOURS:
+        return [{"color": figures.GREY, "ls": "-"} for _ in names], None
+    return [{"color": figures.COLOURS[colour_names.index(name)], "ls": "-"} for name in names], None
+
+
+def number_colours(values: Sequence[float]) -> tuple[list[Colour], Any]:
+    """Colours of some numbers, and what a bar of colours is made of."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
+
+    low = min(values)
+    high = max(values)
+    norm = (LogNorm if low > 0 and high > LOG_NUMBER_RATIO * low else Normalize)(
+        low, high if high > low else low + 1
+    )
+    viridis = colormaps["viridis"]  # without its lightest yellow, which is lost on white
+    colour_map = LinearSegmentedColormap.from_list("shades", viridis(np.linspace(0.0, 0.9, 256)))
+    colours = [tuple(colour) for colour in viridis(0.9 * np.asarray(norm(values))).tolist()]
+    return colours, ScalarMappable(norm, colour_map)
+
+
+def key_label(curve_groups: CurveGroups, key: str) -> str:
+    """The name of a varied number with its unit."""
+    unit = curve_groups.key_unit(key) or unit_label_of_key(key, curve_groups.curves[0].results)
+    return Axis(picture_text(curve_groups.short_key(key)), unit=unit).label
+
+
+def value_ratio(values: Sequence[float] | np.ndarray) -> float:
+    """Ratio of the largest to the smallest of positive numbers; 1 where one is not."""
+    return float(np.max(values) / np.min(values)) if np.min(values) > 0 else 1.0
+
+
+def representative_values(curve_groups: CurveGroups, column: str) -> tuple[list[float], str]:
+    """A column in the row that each run is told by, as it is shown, and its name with its unit."""
+    runs = [curve.results for curve in curve_groups.curves]
+    column_axis = axis_of_column(column, runs)
+    values = [float(column_axis(run[column][representative_row(run)])) for run in runs]
+    has_histories = all("t" in run.table for run in runs)
+    row_text = "at the largest force" if has_histories else "at the last depth"
+    force_text = "largest" if has_histories else "last"
+    return (
+        values,
+        f"{force_text} {column_axis.label}"
+        if column == "force"
+        else f"{column_axis.label}, {row_text}",
+    )
+
+
+def group_indices(curve_groups: CurveGroups, key: str) -> dict[str, list[int]]:
+    """The places of the curves by their other varied keys, in words."""
+    groups: dict[str, list[int]] = {}
+    for index, name in enumerate(
+        curve_groups.value_names([other_key for other_key in curve_groups.keys if other_key != key])
+    ):
+        groups.setdefault(name, []).append(index)
+    return groups
+
+
+def draw_over_number(
+    axes: Axes,
+    curve_groups: CurveGroups,
+    key: str,
+    values: Sequence[float],
+    label: str,
+    styles: Sequence[PlotStyle],
+) -> None:
+    """Draw what the runs tell over a varied number: a line for all runs that differ in this number
+    alone.
+    """
+    numbers = curve_groups.key_numbers(key)
+    for indices in group_indices(curve_groups, key).values():
+        ordered = sorted(indices, key=lambda index: numbers[index])
+        colours = [styles[index]["color"] for index in ordered]
+        x = [numbers[index] for index in ordered]
+        y = [values[index] for index in ordered]
+        line = colours[0] if len(set(map(str, colours))) == 1 else figures.GREY
+        axes.plot(x, y, lw=0.9, color=line, zorder=1)
+        axes.scatter(x, y, s=12, color=colours, zorder=2)
+    scale_number_axis(axes, numbers)
+    if value_ratio(values) >= LOG_RESULT_RATIO:
+        axes.set_yscale("log")
+    axes.set(xlabel=key_label(curve_groups, key), ylabel=label)
+
+
+def scale_number_axis(axes: Axes, numbers: Sequence[float]) -> None:
+    """A logarithmic axis of x for a varied number that spans decades."""
+    if value_ratio(numbers) > LOG_NUMBER_RATIO:
+        axes.set_xscale("log")
+        set_plain_log_ticks(axes.xaxis, value_ratio(numbers))
+
+
+def set_plain_log_ticks(matplotlib_axis: Any, ratio: float) -> None:
+    """Plain numbers on a logarithmic axis whose largest number is less than 100 times the smallest."""
+    from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
+
+    if ratio < 100:
+        matplotlib_axis.set_major_locator(
+            LogLocator(subs=(1, 2, 5) if ratio >= FEW_TICKS_RATIO else (1, 1.5, 2, 3, 4, 5, 6, 8))
+        )
+        matplotlib_axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        matplotlib_axis.set_minor_locator(NullLocator())
+    matplotlib_axis.set_minor_formatter(NullFormatter())
+
+
+def is_grid(curve_groups: CurveGroups, keys: Sequence[str]) -> bool:
+    """Whether two numbers vary, every value of one with every value of the other, at least
+    FEW_VALUES of each.
+    """
+    if len(keys) != 2 or tuple(keys) != curve_groups.keys:
+        return False
+    pairs = set(
+        zip(curve_groups.key_numbers(keys[0]), curve_groups.key_numbers(keys[1]), strict=True)
+    )
+    counts = [len({pair[i] for pair in pairs}) for i in (0, 1)]
+    return min(counts) >= MIN_MAP_VALUES and len(pairs) == counts[0] * counts[1]
+
+
+def draw_map(
+    axes: Axes, curve_groups: CurveGroups, keys: Sequence[str], values: Sequence[float], label: str
+) -> None:
+    """Draw what the runs tell as colours over two varied numbers, between the runs, which are dots."""
+    from matplotlib.colors import LogNorm
+    from matplotlib.ticker import LogLocator, MaxNLocator
+
+    x, y = (curve_groups.key_numbers(key) for key in keys)
+    value_at = {
+        pair: value for *pair_, value in zip(x, y, values, strict=True) for pair in [tuple(pair_)]
+    }
+    across = sorted(set(x))
+    up = sorted(set(y))
+    value_grid = np.array(
+        [[value_at[across_value, up_value] for across_value in across] for up_value in up]
+    )
+    is_log = value_ratio(values) >= LOG_RESULT_RATIO
+    low = min(values)
+    high = max(values)
+    high = high if high > low else low + 1.0
+    levels = (
+        np.geomspace(low, high, MAP_LEVELS + 1)
+        if is_log
+        else np.linspace(low, high, MAP_LEVELS + 1)
+    )
+    norm_style: PlotStyle = {"norm": LogNorm(low, high)} if is_log else {}
+    filled_contours = axes.contourf(
+        across, up, value_grid, levels=levels, cmap="viridis", extend="neither", **norm_style
+    )
+    axes.plot(x, y, ls="", marker=".", ms=4, color="white", mec=figures.INK, mew=0.3)
+    for numbers, scale, matplotlib_axis in (
+        (across, axes.set_xscale, axes.xaxis),
+        (up, axes.set_yscale, axes.yaxis),
+    ):
+        if value_ratio(numbers) >= LOG_NUMBER_RATIO:
+            scale("log")
+            set_plain_log_ticks(matplotlib_axis, value_ratio(numbers))
+    axes.set(xlabel=key_label(curve_groups, keys[0]), ylabel=key_label(curve_groups, keys[1]))
+    bar = figures.draw_colour_bar([axes], filled_contours, label, "bottom")
+    bar.set_ticks(LogLocator(subs=(1, 2, 5)) if is_log else MaxNLocator(5))
+    bar.ax.xaxis.set_major_formatter("{x:g}")
+    bar.minorticks_off()
+
+
+@contextmanager
+def column_figure(curve_groups: CurveGroups, column: str, title: str) -> Iterator[Figure]:
+    """The figure of one of COLUMNS over what varies: the penetration over epsilon_n where that
+    varies.
+
+    Else over two numbers a map, over one or several a panel for each. UsageError where no number
+    varies, or no run has such a column.
+    """
+    numeric = curve_groups.numeric_keys()
+    if not numeric:
+        raise UsageError(f"no number varies in this study: {column} can be drawn over none")
+    if not any(
+        np.isfinite(curve.results.table.get(column, np.nan)).any() for curve in curve_groups.curves
+    ):
+        raise UsageError(f"no run of this study has {column}")
+    number_keys = (
+        (STIFFNESS_KEY,)
+        if column == "penetration" and STIFFNESS_KEY in numeric
+        else numeric[:MAX_NUMBER_PANELS]
+    )
+    values, label = representative_values(curve_groups, column)
+    is_map = number_keys == numeric and is_grid(curve_groups, number_keys)
+    count = 1 if is_map else len(number_keys)
+    width = PANEL_SIZE[0] * count * (1.4 if count == 1 else 1.0)
+    with figures.new_figure(
+        (width, TITLE_HEIGHT + PANEL_SIZE[1] + (1.0 if is_map else 0.4))
+    ) as figure:
+        panels = figure.subplots(1, count, squeeze=False)[0]
+        if is_map:
+            draw_map(panels[0], curve_groups, number_keys, values, label)
+        else:
+            _draw_over_each(figure, panels, curve_groups, number_keys, (values, label))
+        if number_keys == (STIFFNESS_KEY,):
+            _draw_pressure_over_stiffness(panels[0], curve_groups)
+            if (
+                min(values) > 0
+                and value_ratio(curve_groups.key_numbers(STIFFNESS_KEY)) > LOG_NUMBER_RATIO
+            ):
+                panels[0].set_yscale("log")  # it falls with the stiffness
+        if panels[0].get_legend_handles_labels()[1]:
+            figures.draw_figure_legend(figure, panels[0])
+        figures.draw_title(figure, title, f"{len(curve_groups.curves)} runs")
+        yield figure
+
+
+def _draw_over_each(
+    figure: Figure,
+    panels: Sequence[Axes],
+    curve_groups: CurveGroups,
+    number_keys: Sequence[str],
+    values_and_label: tuple[Sequence[float], str],
+) -> None:
+    """Draw a column over each of some numbers, its lines named by the other keys while they are
+    few.
+    """
+    other_keys = [key for key in curve_groups.keys if key not in number_keys]
+    names = curve_groups.value_names(other_keys)
+    group_names = list(dict.fromkeys(names))
+    if 1 < len(group_names) <= MAX_COLOURS:
+        styles: list[PlotStyle] = [
+            {"color": figures.COLOURS[group_names.index(name)]} for name in names
+        ]
+        bar = None
+        for name, colour in zip(group_names, figures.COLOURS, strict=False):
+            panels[0].plot([], [], color=colour, label=picture_text(name))
+    elif len(other_keys) or len(number_keys) > 1:
+        colour_key = next(
+            (key for key in (*other_keys, *number_keys) if key in curve_groups.numeric_keys()),
+            curve_groups.keys[0],
+        )
+        styles, bar = styles_by_key(curve_groups, colour_key)
+        if bar is not None:
+            figures.draw_colour_bar(list(panels), bar, key_label(curve_groups, colour_key), "right")
+    else:
+        styles = [{"color": figures.COLOURS[0]} for _ in names]
+    for axes, key in zip(panels, number_keys, strict=True):
+        draw_over_number(axes, curve_groups, key, *values_and_label, styles)
+
+
+def _draw_pressure_over_stiffness(axes: Axes, curve_groups: CurveGroups) -> None:
+    """Draw by how much a penalty of stiffness epsilon_n yields under the largest pressure: p_max /
+    epsilon_n.
+    """
+    runs = [curve.results for curve in curve_groups.curves]
+    if any(run.report.get("method") != "penalty" for run in runs) or curve_groups.key_unit(
+        STIFFNESS_KEY
+    ):
+        return
+    stiffness = np.array(curve_groups.key_numbers(STIFFNESS_KEY))
+    peak_pressure = np.array([run["p_max"][representative_row(run)] for run in runs])
+    order = np.argsort(stiffness)
+    penetration = axis_of_column("penetration", runs)(peak_pressure[order] / stiffness[order])
+    label = r"$p_{max}/\varepsilon_n$ of these runs"
+    axes.plot(stiffness[order], penetration, label=label, **figures.FORMULA_STYLE)

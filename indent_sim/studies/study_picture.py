@@ -1,0 +1,658 @@
+"""Pictures of a study: its curves in curves.png, and in study.png what accuracy costs.
+
+curves.png: force over depth of every run, and the last force, of histories the largest, over each
+varied number; of histories with a hold what is left of the force's fall over the time, and when
+half of it is over. study.png: force error against CPU seconds, and against the varied number if
+there is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from textwrap import wrap
+
+import numpy as np
+
+from indent_sim.config.strict_yaml import short
+from indent_sim.results.folder import Report
+from indent_sim.results.pictures import figures
+from indent_sim.results.pictures.axes import axis_of_column, picture_text
+from indent_sim.results.pictures.curves import smooth_curve
+from indent_sim.results.pictures.figures import FORMULA_STYLE, Axes, Figure, PlotStyle
+from indent_sim.results.pictures.forces import draw_force, draw_force_lines
+from indent_sim.results.reader import MEASURED, Results
+from indent_sim.results.relaxation_in_hold import HoldRelaxation, first_hold
+from indent_sim.studies import small_multiples, study_table
+from indent_sim.studies.curve_table import CurveGroups, distinguishing_labels
+from indent_sim.studies.small_multiples import (
+    DASHES,
+    LOG_NUMBER_RATIO,
+    MAX_COLOURS,
+    MAX_NAMED_GROUPS,
+    group_indices,
+    key_label,
+    set_plain_log_ticks,
+    styles_by_key,
+    value_ratio,
+)
+from indent_sim.studies.study_table import Row
+
+MAX_NAMED_POINTS = 8  # points of the front that are named
+LABEL_DISTANCE = (
+    0.03,
+    0.045,
+)  # of the panel's width or height: points that are nearer have no room for a number each
+# from how many groups on the picture grows, and by how much for each
+GROUPS_AT_BASE_HEIGHT = 4
+HEIGHT_PER_GROUP = 0.2
+MAX_LEGEND_LETTERS = 48  # of a name
+POINT_LABEL_LETTERS = 44  # of a line of what a point of the front is, of which there are two
+LOG_COST_RATIO = 3.0  # from which ratio of largest to smallest an axis is logarithmic
+ONE_PERCENT = 0.01
+CURVE_PANEL_SIZE = 4.4  # inches: width and height of the panels of curves.png
+BAR_WIDTH = 0.2  # inches: width of a bar of colours
+TWO_COLUMN_LETTERS = 24  # letters of names of which two stand side by side below a panel
+MAX_LEGEND_HEIGHT = (
+    1.4  # inches: of names below a panel that take room from it; more make the picture higher
+)
+MAX_NAMED_CURVES = 8  # beside the panels
+FORMULA_TOLERANCE = 1e-3  # relative, between points of a curve
+# inches of a line of the scoreboard; per cent where its axis turns logarithmic
+SCOREBOARD_LINE_HEIGHT = 0.27
+LINEAR_PERCENT = 0.1
+SCOREBOARD_MARK: PlotStyle = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
+LOG_FORCE_RATIO = 1000.0  # likewise depths and forces: on linear axes most curves would lie on zero
+
+
+def draw_cost(
+    rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, path: Path
+) -> None:
+    """Draw the picture of a study; without any error to show there is none."""
+    compared_rows = study_table.rows_with_error(rows)
+    if not compared_rows:
+        path.unlink(missing_ok=True)
+        return
+    varying_keys = [
+        key
+        for key in keys
+        if _is_numeric(compared_rows, key) and len({row[key] for row in compared_rows}) > 1
+    ]
+    number_key = varying_keys[0] if len(varying_keys) == 1 else None
+    groups = _group_rows(compared_rows, keys, number_key)
+    height = 5.0 + HEIGHT_PER_GROUP * max(0, len(groups) - GROUPS_AT_BASE_HEIGHT)
+    names, widths = (
+        (["work", "number", "names"], [1, 1, 0.62]) if number_key else (["work", "names"], [1, 0.5])
+    )
+    with figures.new_figure((12.4 if number_key else 9.6, height)) as figure:
+        panels: dict[str, Axes] = figure.subplot_mosaic([names], width_ratios=widths)
+        failed_count = sum(row["status"] == "failed" for row in rows)
+        runs_text = f"{len(rows)} runs" + (f", {failed_count} failed" if failed_count else "")
+        figures.draw_title(figure, title, f"{runs_text}  ·  force error against {reference}")
+        _draw_error_over_cost(panels["work"], groups)
+        front = study_table.pareto_front(rows)
+        named_rows = _draw_pareto_front(panels["work"], front)
+        if number_key:
+            _draw_error_over_number(panels["number"], groups, number_key)
+        value_labels = {
+            key: _value_labels(compared_rows, key)
+            for key in study_table.independent_keys(compared_rows, keys)
+        }
+        _draw_legend(panels["names"], panels["work"], named_rows, len(front), value_labels)
+        figures.save(figure, path)
+
+
+def draw_curves(curve_groups: CurveGroups, title: str, path: Path) -> None:
+    """Draw the curves of a study's runs, and their last forces over every varied number; without a
+    run nothing.
+    """
+    if not curve_groups.curves:
+        path.unlink(missing_ok=True)
+        return
+    with curves_figure(curve_groups, title) as figure:
+        figures.save(figure, path)
+
+
+@contextmanager
+def curves_figure(curve_groups: CurveGroups, title: str) -> Iterator[Figure]:
+    """The figure of the curves of a study's runs, of which there is at least one; of many that
+    differ in several keys small multiples.
+    """
+    holds = [first_hold(curve.results) for curve in curve_groups.curves]
+    if (
+        len(curve_groups.keys) > 1
+        and len(curve_groups.curves) > MAX_NAMED_CURVES
+        and not _common_holds(holds)
+    ):
+        with small_multiples.small_multiples_figure(curve_groups, title) as figure:
+            yield figure
+        return
+    # panels
+    number_keys = curve_groups.numeric_keys()[:3]
+    count = len(curve_groups.curves)
+    is_coloured = len(number_keys) > 0 and (len(curve_groups.keys) == 1 or count > MAX_NAMED_CURVES)
+    styles, names = _all_line_styles(curve_groups)
+    longest = min(max(map(len, names), default=0), MAX_LEGEND_LETTERS)
+    legend_width = 0.9 if is_coloured or not any(names) else 0.7 + figures.LETTER_WIDTH * longest
+    groups_by_key = {key: group_indices(curve_groups, key) for key in number_keys}
+    named_groups = {
+        key: list(groups)
+        for key, groups in groups_by_key.items()
+        if _group_styles(curve_groups, key)
+    }
+    legend_columns = (
+        2
+        if max(
+            (len(name) for group_names in named_groups.values() for name in group_names), default=0
+        )
+        <= TWO_COLUMN_LETTERS
+        else 1
+    )
+    legend_height = figures.LINE_HEIGHT * max(
+        [0, *(-(-len(group_names) // legend_columns) + 1 for group_names in named_groups.values())]
+    )
+    height = CURVE_PANEL_SIZE + max(0.0, legend_height - MAX_LEGEND_HEIGHT)
+    widths = [
+        *[CURVE_PANEL_SIZE] * (1 + len(number_keys)),
+        BAR_WIDTH if is_coloured else legend_width,
+    ]
+    rows = [["curves", *number_keys, "names"]]
+    heights = [height - legend_height]
+    if named_groups:
+        rows = [
+            *rows,
+            [
+                "curves",
+                *(f"{key} groups" if key in named_groups else key for key in number_keys),
+                "names",
+            ],
+        ]
+        heights = [*heights, legend_height]
+    with figures.new_figure(
+        (CURVE_PANEL_SIZE * (1 + len(number_keys)) + legend_width, height)
+    ) as figure:
+        axes: dict[str, Axes] = figure.subplot_mosaic(
+            rows, width_ratios=widths, height_ratios=heights
+        )
+        hold_subtitle = "what is left of the force's fall while the tip stands still"
+        subtitle = hold_subtitle if _common_holds(holds) else "every force at its run's own depth"
+        figures.draw_title(figure, title, f"{count} run{'s' * (count > 1)}  ·  {subtitle}")
+        if is_coloured:
+            styles, colour_scale = styles_by_key(curve_groups, number_keys[0])
+            names = [""] * count
+            label = key_label(curve_groups, number_keys[0])
+            figure.colorbar(colour_scale, cax=axes["names"], label=label).outline.set_visible(False)
+        _draw_force_curves(axes["curves"], curve_groups, styles, names, holds)
+        for key in number_keys:
+            _draw_over_number(axes[key], curve_groups, key, styles, holds)
+            if key in named_groups:
+                figures.draw_legend_panel(axes[f"{key} groups"], axes[key], legend_columns)
+        if not is_coloured:
+            figures.draw_legend_panel(axes["names"], axes["curves"])
+            if (
+                inner_legend := axes["curves"].get_legend()
+            ) is not None:  # what it names is named beside, too
+                inner_legend.remove()
+        yield figure
+
+
+def _all_line_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[str]]:
+    """The look of every curve, and the name of the first with each look: of few curves their own,
+    of many those of what varies first; where that has too many values for colours all are grey
+    and have none.
+    """
+    names = curve_groups.curve_names()
+    styles = (
+        _styles_by_keys(curve_groups, curve_groups.keys)
+        if len(set(names)) <= MAX_NAMED_CURVES
+        else None
+    )
+    if styles is None:
+        names = curve_groups.value_names(curve_groups.keys[:1])
+        styles = _styles_by_keys(curve_groups, curve_groups.keys[:1])
+    if styles is None:
+        return [{"color": figures.GREY, "ls": "-"} for _ in names], [""] * len(names)
+    return styles, [name if names.index(name) == i else "" for i, name in enumerate(names)]
+
+
+def _styles_by_keys(curve_groups: CurveGroups, keys: Sequence[str]) -> list[PlotStyle] | None:
+    """The look of every curve by these varied keys, a colour for each of their values, or of more
+    than there are colours a colour for each value of one key and dashes for those of the others;
+    None where that is not enough.
+    """
+    for colour_keys, dash_keys in ((keys, ()), (keys[:1], keys[1:]), (keys[1:], keys[:1])):
+        colours = curve_groups.value_names(colour_keys)
+        dashes = curve_groups.value_names(dash_keys)
+        colour_names = list(dict.fromkeys(colours))
+        dash_names = list(dict.fromkeys(dashes))
+        if len(colour_names) <= MAX_COLOURS and len(dash_names) <= len(DASHES):
+            style_indices = [
+                (colour_names.index(colour_index), dash_names.index(dash_index))
+                for colour_index, dash_index in zip(colours, dashes, strict=True)
+            ]
+            return [
+                {
+                    "color": figures.COLOURS[colour_index],
+                    "marker": figures.MARKERS[colour_index],
+                    "ls": DASHES[dash_index],
+                }
+                for colour_index, dash_index in style_indices
+            ]
+    return None
+
+
+def _group_styles(curve_groups: CurveGroups, key: str) -> list[PlotStyle] | None:
+    """The look of every curve in a panel over a varied number, where a few named lines differ in
+    the others; else None.
+    """
+    other_keys = [other_key for other_key in curve_groups.keys if other_key != key]
+    is_few = 1 < len(set(curve_groups.value_names(other_keys))) <= MAX_NAMED_GROUPS
+    return _styles_by_keys(curve_groups, other_keys) if is_few else None
+
+
+def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
+    """Draw how far published values, and ours with their error bars, are from the exact ones;
+    without any nothing.
+
+    The axis is linear to LEAST per cent on both sides of 0 and logarithmic beyond.
+    """
+    known_rows = [row for row in rows if row["exact"] is not None][::-1]  # the first on top
+    if not known_rows:
+        path.unlink(missing_ok=True)
+        return
+    with figures.new_figure((9.2, 1.6 + SCOREBOARD_LINE_HEIGHT * len(known_rows))) as figure:
+        axes = figure.subplots()
+        wrong_count = sum(row["wrong"] in ("published", "both") for row in known_rows)
+        count_text = (
+            f"{len(known_rows)} published values  ·  {wrong_count} off by more than they claim"
+        )
+        figures.draw_title(figure, title, f"{count_text}  ·  ours with its own error bar")
+        for row_number, row in enumerate(known_rows):
+            _draw_scoreboard_line(axes, row_number, row)
+        axes.plot([], [], color=figures.INK, **SCOREBOARD_MARK, label="published")
+        if wrong_count:
+            axes.plot(
+                [],
+                [],
+                color=figures.COLOURS[1],
+                **SCOREBOARD_MARK,
+                label="published, off by more than it claims",
+            )
+        axes.set_yticks(
+            range(len(known_rows)),
+            [picture_text(f"{row['case']}: {row['quantity']}", 48) for row in known_rows],
+        )
+        axes.set_xscale("symlog", linthresh=LINEAR_PERCENT)
+        largest_difference = max(1.0, *(abs(row["difference"]) for row in known_rows))
+        ticks = [
+            tick
+            for tick in (-100, -10, -1, -LINEAR_PERCENT, 0, LINEAR_PERCENT, 1, 10, 100)
+            if abs(tick) <= 3 * largest_difference
+        ]
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        axes.set_xlim(-3 * largest_difference, 3 * largest_difference)
+        axes.axvline(0, color=figures.INK, lw=0.8, zorder=1)
+        axes.set(xlabel="difference from the exact value [%]", ylim=(-0.7, len(known_rows) - 0.3))
+        figures.draw_figure_legend(figure, axes)
+        figures.save(figure, path)
+
+
+def _draw_scoreboard_line(axes: Axes, row_number: int, row: Row) -> None:
+    """One published value: what it claims as a bar, where it lies, and ours."""
+    claimed_percent = 100 * (row["within"] or 0.0)
+    is_first = row_number == 0
+    band = {"color": "#d9d9d9", "height": 0.6, "zorder": 0}
+    label = "claimed by the source, where it says so" if is_first else None
+    axes.barh(row_number, 2 * claimed_percent, left=-claimed_percent, label=label, **band)
+    colour = figures.COLOURS[1] if row["wrong"] in ("published", "both") else figures.INK
+    axes.plot(row["difference"], row_number, color=colour, **SCOREBOARD_MARK)
+    if row["ours_difference"] is not None:
+        bar = 100 * abs((row["our_error"] or 0.0) / row["exact"])
+        bar_style: PlotStyle = {
+            "fmt": "s",
+            "ms": 4,
+            "capsize": 3,
+            "color": figures.COLOURS[0],
+            "zorder": 4,
+        }
+        axes.errorbar(
+            row["ours_difference"],
+            row_number,
+            xerr=bar,
+            label="ours" if is_first else None,
+            **bar_style,
+        )
+
+
+Holds = Sequence[HoldRelaxation | None]
+
+
+def _draw_force_curves(
+    axes: Axes,
+    curve_groups: CurveGroups,
+    styles: Sequence[PlotStyle],
+    names: Sequence[str],
+    holds: Holds,
+) -> None:
+    """Force over depth of every run; where all hold, what is left of the fall in the hold over the
+    time.
+    """
+    runs = [curve.results for curve in curve_groups.curves]
+    labels = [
+        picture_text(name, MAX_LEGEND_LETTERS) or "_" for name in names
+    ]  # what begins with _ is no name
+    if common_holds := _common_holds(holds):
+        for hold, style, name in zip(common_holds, styles, labels, strict=True):
+            axes.plot(
+                hold.t[1:],
+                hold.remaining_fraction[1:],
+                color=style["color"],
+                ls=style["ls"],
+                lw=1.5,
+                label=name,
+            )
+        axes.set(
+            xscale="log",
+            xlabel=f"time in the hold t{_time_unit(curve_groups)}",
+            ylabel="left of the fall of the force",
+        )
+        axes.axhline(0.5, color=figures.GREY, lw=0.6, ls=":", zorder=0)
+        return
+    depth = axis_of_column("delta", runs)
+    force = axis_of_column("force", runs)
+    if len(runs) > MAX_NAMED_CURVES and {*labels} == {"_"} and all(_is_line(run) for run in runs):
+        draw_force_lines(axes, runs, depth, force, styles)
+    else:
+        for run, style, name in zip(runs, styles, labels, strict=True):
+            draw_force(axes, run, depth, force, style | {"marker": ""}, name)
+    if formula := _common_formula(runs):
+        formula_points = (
+            depth([0, *formula["curve"]["delta"]]),
+            force([0, *formula["curve"]["force"]]),
+        )
+        (line,) = axes.plot(
+            *smooth_curve(*formula_points),
+            **FORMULA_STYLE,
+            label=picture_text(f"{formula['name']}, half-space"),
+        )
+        axes.legend(handles=[line], loc="upper left")  # where no force is
+    axes.set(xlabel=depth.label, ylabel=force.label)
+    if value_ratio([run["delta"].max() for run in runs]) >= LOG_FORCE_RATIO:
+        axes.set_xscale("log")
+    if value_ratio([run["force"].max() for run in runs]) >= LOG_FORCE_RATIO:
+        axes.set_yscale("log")
+    else:
+        axes.axhline(0, color=figures.GREY, lw=0.6, zorder=0)
+
+
+def _is_line(run: Results) -> bool:
+    """Whether a line goes through its rows: one alone has a mark, measured ones are points."""
+    return len(run) > 1 and not run.report.get(MEASURED)
+
+
+def _common_formula(runs: Sequence[Results]) -> Report | None:
+    """The half-space formula beside all runs, where it is one and the same for them; of the run
+    that goes deepest.
+    """
+    formulas = [(run.report.get("theory") or {}).get("half_space") or {} for run in runs]
+    if not all(
+        formula.get("curve", {}).get("delta") and formula["curve"]["delta"][-1] > 0
+        for formula in formulas
+    ):
+        return None
+    deepest_formula: Report = max(
+        formulas, key=lambda formula: float(formula["curve"]["delta"][-1])
+    )
+    x, y = (np.array([0.0, *deepest_formula["curve"][name]]) for name in ("delta", "force"))
+    ends = [(formula["curve"]["delta"][-1], formula["curve"]["force"][-1]) for formula in formulas]
+    is_common = all(
+        abs(np.interp(delta, *smooth_curve(x, y)) / force - 1) < FORMULA_TOLERANCE
+        for delta, force in ends
+        if force
+    )
+    return deepest_formula if is_common else None
+
+
+def _time_unit(curve_groups: CurveGroups) -> str:
+    """The unit of times, of scenes that have units."""
+    return (
+        " [s]"
+        if any(
+            (curve.results.report.get("units") or {}).get("length") for curve in curve_groups.curves
+        )
+        else ""
+    )
+
+
+def _common_holds(holds: Holds) -> list[HoldRelaxation]:
+    """The holds where every run has one in which its force falls; none else."""
+    holds_with_fall = [hold for hold in holds if hold and hold.half_time == hold.half_time]
+    return holds_with_fall if len(holds_with_fall) == len(holds) else []
+
+
+def _draw_over_number(
+    axes: Axes, curve_groups: CurveGroups, key: str, styles: Sequence[PlotStyle], holds: Holds
+) -> None:
+    """The last force of every run, of histories the largest, over a varied number, or when half of
+    its fall in a hold is over; a line for each group of those that differ in it alone, with the
+    looks of the curves where it has no name.
+    """
+    force = axis_of_column("force", [curve.results for curve in curve_groups.curves])
+    common_holds = _common_holds(holds)
+    group_styles = _group_styles(curve_groups, key)
+    values = curve_groups.key_numbers(key)
+    y = [hold.half_time for hold in common_holds] or [
+        float(force(_representative_force(curve.results))) for curve in curve_groups.curves
+    ]
+    for name, indices in group_indices(curve_groups, key).items():
+        ordered = sorted(indices, key=lambda index: values[index])
+        x_y = [values[index] for index in ordered], [y[index] for index in ordered]
+        if group_styles:
+            axes.plot(*x_y, lw=1.0, ms=5, **group_styles[ordered[0]], label=picture_text(name))
+            continue
+        axes.plot(*x_y, lw=1.0, color=figures.GREY, zorder=1)
+        axes.scatter(*x_y, s=14, color=[styles[index]["color"] for index in ordered], zorder=2)
+    in_time = all("t" in curve.results.table for curve in curve_groups.curves)
+    if value_ratio(values) > (1.0 if common_holds else LOG_NUMBER_RATIO):
+        axes.set_xscale("log")
+        set_plain_log_ticks(axes.xaxis, value_ratio(values))
+    if common_holds or value_ratio(y) >= LOG_FORCE_RATIO:
+        axes.set_yscale("log")
+    axes.set(
+        xlabel=key_label(curve_groups, key),
+        ylabel=f"half of the fall is over at t{_time_unit(curve_groups)}"
+        if common_holds
+        else f"{'largest' if in_time else 'last'} {force.label}",
+    )
+
+
+def _representative_force(run: Results) -> float:
+    return float(run["force"][study_table.representative_row(run)])
+
+
+def _draw_error_over_cost(axes: Axes, groups: dict[str, list[Row]]) -> None:
+    for i, (name, rows) in enumerate(groups.items()):
+        style = _marker_style(i) | {"label": picture_text(name) or "runs"}
+        axes.plot(
+            [row["cpu_s"] for row in rows], [_absolute_error(row) for row in rows], ls="", **style
+        )
+    _set_log_axes(
+        axes, "CPU seconds of a run", [row["cpu_s"] for rows in groups.values() for row in rows], 1
+    )
+
+
+def _draw_pareto_front(axes: Axes, front: Sequence[Row]) -> list[Row]:
+    """The Pareto front as a line, the points with room for it numbered; returns these."""
+    points = [(row["cpu_s"], _absolute_error(row)) for row in front]
+    axes.plot(*zip(*points, strict=True), color=figures.INK, lw=1.2, zorder=2, label="Pareto front")
+    positions = axes.transLimits.transform(
+        axes.transScale.transform(points)
+    )  # in parts of the panel
+    spaced = _spaced_points(positions)
+    named_indices = [
+        spaced[i]
+        for i in np.linspace(0, len(spaced) - 1, min(MAX_NAMED_POINTS, len(spaced)))
+        .round()
+        .astype(int)
+    ]
+    left_below: PlotStyle = {
+        "xytext": (-6, -6),
+        "textcoords": "offset points",
+        "ha": "right",
+        "va": "top",
+    }
+    for number, i in enumerate(named_indices, start=1):
+        axes.annotate(f"{number}", points[i], fontsize=9, fontweight="bold", **left_below)
+    return [front[i] for i in named_indices]
+
+
+def _spaced_points(positions: np.ndarray) -> list[int]:
+    """The points of a front that lie apart from one another, the last among them."""
+    kept_indices = [len(positions) - 1]
+    for i in reversed(range(len(positions) - 1)):
+        if np.any(np.abs(positions[i] - positions[kept_indices[-1]]) >= LABEL_DISTANCE):
+            kept_indices.append(i)
+    return kept_indices[::-1]
+
+
+def _draw_error_over_number(axes: Axes, groups: dict[str, list[Row]], key: str) -> None:
+    for i, (name, rows) in enumerate(groups.items()):
+        ordered = sorted((row for row in rows if row[key] is not None), key=lambda row: row[key])
+        x = [row[key] for row in ordered]
+        style = "-" if len(set(x)) == len(x) else ""  # else several curves share the colour
+        axes.plot(
+            x,
+            [_absolute_error(row) for row in ordered],
+            ls=style,
+            lw=1.0,
+            **_marker_style(i),
+            label=picture_text(name),
+        )
+    _set_log_axes(
+        axes,
+        picture_text(key),
+        [row[key] for rows in groups.values() for row in rows if row[key] is not None],
+    )
+
+
+def _draw_legend(
+    axes: Axes,
+    cost_panel: Axes,
+    named_rows: Sequence[Row],
+    front_size: int,
+    value_labels: dict[str, dict[str, str]],
+) -> None:
+    """What the colours and the numbers on the front stand for."""
+    axes.axis("off")
+    handles, labels = cost_panel.get_legend_handles_labels()
+    axes.legend(handles, labels, loc="upper left", fontsize=9, borderaxespad=0)
+    lines = [
+        "Pareto front"
+        if len(named_rows) == front_size
+        else f"Pareto front, {len(named_rows)} of its {front_size} points"
+    ]
+    for number, row in enumerate(named_rows, start=1):
+        first_line, *other_lines = wrap(_point_label(row, value_labels), POINT_LABEL_LETTERS) or [
+            ""
+        ]
+        cost = f"{row['cpu_s']:.2g} s, {row['force_error_vs']:+.2g}"
+        letters_left = max(1, POINT_LABEL_LETTERS - len(cost))
+        second_line = [picture_text(" ".join(other_lines), letters_left)] if other_lines else []
+        lines += [f"{number}  {picture_text(first_line)}", "    " + ": ".join([*second_line, cost])]
+    axes.text(
+        0,
+        0,
+        "\n".join(lines),
+        fontsize=8,
+        va="bottom",
+        ha="left",
+        linespacing=1.35,
+        transform=axes.transAxes,
+    )
+
+
+def _point_label(row: Row, value_labels: dict[str, dict[str, str]]) -> str:
+    """The telling keys of a row: words alone, numbers and lists of them with their key."""
+    value_texts = {
+        key: labels[short(row[key])] for key, labels in value_labels.items() if row[key] is not None
+    }
+    has_key = {key: _is_number(row[key]) or value_texts[key].startswith("[") for key in value_texts}
+    parts = [
+        f"{key.split('.')[-1]} {text}" if has_key[key] else text
+        for key, text in value_texts.items()
+    ]
+    return ", ".join(parts)
+
+
+def _value_labels(rows: Sequence[Row], key: str) -> dict[str, str]:
+    """The values of a key in words, by the values in full."""
+    values = [row[key] for row in rows]
+    return dict(zip(map(short, values), distinguishing_labels(values), strict=True))
+
+
+def _group_rows(
+    rows: Sequence[Row], keys: Sequence[str], number_key: str | None
+) -> dict[str, list[Row]]:
+    """The rows by what few colours can tell apart: the contact method, else a varied word, else a
+    number.
+    """
+    other_keys = [key for key in keys if key != number_key]
+    word_keys = [key for key in other_keys if not _is_numeric(rows, key)]
+    methods = ["method"] if any(key.split(".")[0] == "contact" for key in keys) else []
+    for key in [*methods, *word_keys, *other_keys]:
+        values = _value_labels(rows, key)
+        if 1 < len(values) <= MAX_COLOURS:
+            word = f"{key.split('.')[-1]} " if any(_is_number(row[key]) for row in rows) else ""
+            return {
+                f"{word}{label}": [row for row in rows if short(row[key]) == value]
+                for value, label in values.items()
+            }
+    return {"": list(rows)}
+
+
+def _is_numeric(rows: Sequence[Row], key: str) -> bool:
+    """Whether every known value of a varied key is a number: `friction: [0.1, stick]` has words
+    too.
+    """
+    return all(_is_number(row[key]) for row in rows if row[key] is not None)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _absolute_error(row: Row) -> float:
+    return abs(row["force_error_vs"])
+
+
+def _marker_style(i: int) -> PlotStyle:
+    colour = figures.COLOURS[i % MAX_COLOURS]
+    return {
+        "color": colour,
+        "marker": figures.MARKERS[i % 7],
+        "ms": 6,
+        "mec": "white",
+        "mew": 0.6,
+        "zorder": 3,
+    }
+
+
+def _set_log_axes(
+    axes: Axes, x_label: str, values: Sequence[float], log_ratio: float = LOG_COST_RATIO
+) -> None:
+    """|error| on a logarithmic axis, and the other logarithmic where its numbers span enough."""
+    axes.set(yscale="log", xlabel=x_label, ylabel="|relative error of the force|")
+    if min(values) > 0 and max(values) > log_ratio * min(values):
+        axes.set_xscale("log")
+        set_plain_log_ticks(axes.xaxis, max(values) / min(values))
+    axes.axhline(ONE_PERCENT, color=figures.GREY, lw=0.6, ls=":", zorder=1)
+    label_style: PlotStyle = {
+        "xycoords": ("axes fraction", "data"),
+        "ha": "right",
+        "va": "bottom",
+        "fontsize": 8,
+    }
+    axes.annotate("1 %", (1, ONE_PERCENT), color=figures.GREY, **label_style)
+    axes.grid(True, which="major", color="#e4e4e4", lw=0.6, zorder=0)
+    axes.margins(0.08)
