@@ -15,9 +15,9 @@ import time
 from pathlib import Path
 
 from indent_sim.mesh import gmsh
-from indent_sim.process.ranks import is_first, on_root
+from indent_sim.process.ranks import is_root, run_on_root
 
-if is_first():
+if is_root():
     gmsh.start_mesher()  # as `indent-sim run` does, before MPI is up
 
 from mpi4py import MPI
@@ -32,7 +32,7 @@ from indent_sim.scene.problem_setup import read_imported_mesh
 def own() -> float:
     """Memory of this process now that no file holds [MB]."""
     found = re.search(r"RssAnon:\s*(\d+)", Path("/proc/self/status").read_text())
-    return int(found[1]) / 1024 if found else usage.memory()
+    return int(found[1]) / 1024 if found else usage.current_memory()
 
 
 class Watch(threading.Thread):
@@ -56,14 +56,14 @@ def main(path: str, *settings: str) -> None:
     config, began = load(Path(path), settings), time.monotonic()
     scene = scenes.resolve(config, piece=read_imported_mesh(config, comm))
     part = scene.physics.domain
-    grid = on_root(comm, gmsh.build_mesh, part, scene.sizes)
+    grid = run_on_root(comm, gmsh.build_mesh, part, scene.sizes)
     ready = comm.bcast(time.monotonic() - began)
     mesh = solver.distribute(grid, part, comm)
     took = time.monotonic() - began - ready
     found = comm.gather((watch.most - watch.first, len(mesh.regions)))
     if comm.rank == 0:
         print(
-            f"{len(grid.cells)} cells; {usage.ELSEWHERE.memory:.0f} MB of the process beside rank 0, {ready:.0f} s; "
+            f"{len(grid.cells)} cells; {usage.CHILD_USAGE.memory:.0f} MB of the process beside rank 0, {ready:.0f} s; "
             f"divided in {took:.1f} s"
         )
         for rank, (most, cells) in enumerate(found):

@@ -23,9 +23,9 @@ import click
 from indent_sim.cli import terminal
 from indent_sim.process import errors
 from indent_sim.process.errors import ConfigError, IndentSimError, UsageError, printable
-from indent_sim.process.limits import require_room, spent, unwritable
-from indent_sim.process.ranks import Alone, Meeting
-from indent_sim.process.signals import check, stoppable
+from indent_sim.process.limits import require_resources, translate_resource_errors, write_error
+from indent_sim.process.ranks import FailureConsensus, SerialComm
+from indent_sim.process.signals import raise_on_signals, raise_pending_signal
 from indent_sim.process.version import VERSION
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ class Program(click.Group):
         try:
             if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
                 signal.signal(signal.SIGINT, signal.default_int_handler)
-            with spent():
+            with translate_resource_errors():
                 return super().invoke(ctx)
         except click.ClickException as error:
             refuse(error, ctx.meta[FORM])
@@ -392,15 +392,15 @@ def run(
 ) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     with _without_garbage():
-        with stoppable():
-            require_room()
+        with raise_on_signals():
+            require_resources()
             from indent_sim.config.scene_file import load
-            from indent_sim.process.ranks import on_root
+            from indent_sim.process.ranks import run_on_root
 
             read = cache(partial(load, config, overrides))
-            comm = _world() if _starts_mesher(read) else Alone()
-        with together(comm), stoppable(comm.rank):
-            settings = comm.bcast(on_root(comm, read))
+            comm = _world() if _starts_mesher(read) else SerialComm()
+        with together(comm), raise_on_signals(comm.rank):
+            settings = comm.bcast(run_on_root(comm, read))
             directory = output or Path(settings.output.directory or Path("results") / config.stem)
             outcome = _simulate(settings, comm, directory, told, **how)
         if comm.rank == 0:
@@ -434,10 +434,10 @@ def run(
 def study(file: Path, told: Told, form: Form, **how: Any) -> None:
     """Vary one scene: many runs, one table of what accuracy costs. Prints the folder."""
     _refuse_ranks()
-    require_room()
+    require_resources()
     from indent_sim import studies
 
-    with _quiet_libraries(LEVELS[told]), stoppable():
+    with _quiet_libraries(LEVELS[told]), raise_on_signals():
         done = studies.execute_study(
             file, tell=tell if told == "all" else (lambda line: None), **how
         )
@@ -501,13 +501,13 @@ def require(
     not excluded and what it would give.
     """
     _refuse_ranks()
-    require_room()
+    require_resources()
     from indent_sim.config.scene_file import load
     from indent_sim.run.model_selection import recommended_model
 
     if curve is None and any(read.values()):
         raise UsageError("--columns and --units belong to --curve FILE")
-    with _quiet_libraries(logging.ERROR), stoppable():
+    with _quiet_libraries(logging.ERROR), raise_on_signals():
         if curve is not None:
             return _require_of_curve(load(config, overrides), curve, within, read, form)
         found = recommended_model.require(load(config, overrides), within)
@@ -586,7 +586,7 @@ def fit(
     scene would give, and what would help.
     """
     _refuse_ranks()
-    require_room()
+    require_resources()
     from indent_sim.config.scene_file import load
 
     scene, designed, noise, points = (
@@ -594,18 +594,18 @@ def fit(
     )
     _refuse_mixed(curves, scene, designed, noise, points)
     if designed:
-        with _quiet_libraries(LEVELS[told]), stoppable():
+        with _quiet_libraries(LEVELS[told]), raise_on_signals():
             return _design(
                 load(designed, overrides), how["keys"], noise, points or DESIGNED_POINTS, form
             )
     output = how.pop("output") or Path("results") / f"fit-{curves[0].resolve().stem}"
-    with _quiet_libraries(LEVELS[told]), stoppable():
+    with _quiet_libraries(LEVELS[told]), raise_on_signals():
         fits = _fit(
             curves, load(scene, overrides), output, tell if told == "all" else _silent, **how
         )
     if fits.exit_code:
         none = errors.NotConverged(f"no curve was fitted; the first: {fits.entries[0]['reason']}")
-        none.beside = fits.as_json()
+        none.partial_result = fits.as_json()
         raise none
     say_done({"directory": output} | fits.as_json()) if form == "json" else say(str(output))
 
@@ -712,7 +712,7 @@ def compare(
     try:
         comparison.check()
     except errors.VerificationError as different:
-        different.beside = comparison.as_json()
+        different.partial_result = comparison.as_json()
         raise
     if form == "json":
         say_done(comparison.as_json())
@@ -790,7 +790,7 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
     try:
         panels.draw(runs, wanted, output) if wanted else panels.draw_results(runs, output)
     except OSError as error:
-        raise unwritable(output, error) from error
+        raise write_error(output, error) from error
     say(str(output))
 
 
@@ -830,7 +830,7 @@ def _plot_study(paths: Sequence[Path], output: Path | None, given: dict[str, Any
         with drawn as figure:
             figures.save(figure, output, given.get("dpi"))
     except OSError as error:
-        raise unwritable(output, error) from error
+        raise write_error(output, error) from error
     say(str(output))
 
 
@@ -847,7 +847,7 @@ def _write_tab(runs: list[Results], given: dict[str, Any], output: Path) -> None
     try:
         write_atomically(output, tab_text(runs[0]))
     except OSError as error:
-        raise unwritable(output, error) from error
+        raise write_error(output, error) from error
     say(str(output))
 
 
@@ -950,7 +950,7 @@ def init(kind: str, output: Path | None) -> None:
         if kind != "study" and not os.path.lexists(described):
             write_atomically(described, to_json(json_schema()) + "\n")
     except OSError as error:
-        raise unwritable(output, error) from error
+        raise write_error(output, error) from error
     say(str(output))
 
 
@@ -982,7 +982,7 @@ def doctor(form: Form) -> None:
         say("\n".join(map(str, checks)))
     if broken:
         error = errors.BackendError(f"missing or broken: {', '.join(broken)}")
-        error.beside = {"checks": checks}
+        error.partial_result = {"checks": checks}
         raise error
     if form == "json":
         say_done({"checks": checks})
@@ -1001,10 +1001,10 @@ def _starts_mesher(read: Callable[[], Config]) -> bool:
     """Fork the process that meshes on rank 0, before MPI is up, unless theory solves; whether ranks
     are to be met.
     """
-    from indent_sim.process.ranks import is_first, is_one_of_several
+    from indent_sim.process.ranks import is_parallel, is_root
     from indent_sim.run.planned_run import start_mesher_if_needed
 
-    return not is_first() or start_mesher_if_needed(read) or is_one_of_several()
+    return not is_root() or start_mesher_if_needed(read) or is_parallel()
 
 
 @contextmanager
@@ -1032,9 +1032,9 @@ def _refuse_ranks() -> None:
     """A study forks its runs off, which a process that takes part in MPI must not do; so only
     mpirun is asked.
     """
-    from indent_sim.process.ranks import is_one_of_several
+    from indent_sim.process.ranks import is_parallel
 
-    if is_one_of_several():
+    if is_parallel():
         with together(_world()):
             raise UsageError(
                 "a study runs on one rank; start it without mpirun, and split it with --shard"
@@ -1048,7 +1048,7 @@ def together(comm: Any) -> Iterator[None]:
 
     A rank that fails where the others do not (a bug, a signal) takes them all down.
     """
-    meeting = Meeting(comm)
+    meeting = FailureConsensus(comm)
     try:
         yield
     except BaseException as error:
@@ -1058,7 +1058,7 @@ def together(comm: Any) -> Iterator[None]:
         code = (
             getattr(error, "exit_code", 1) if comm.rank else explain(error)
         )  # at once: mpirun kills
-        if (comm.rank or not stopped) and meeting.all_arrive() and not stopped:
+        if (comm.rank or not stopped) and meeting.all_ranks_failed() and not stopped:
             raise click.exceptions.Exit(code) from error
         comm.Abort(explain(error) if comm.rank else code)
 
@@ -1076,7 +1076,7 @@ def _simulate(settings: Config, comm: Any, directory: Path, told: Told, **how: A
         ):  # rank 0 speaks for all
 
             def follow(*row: Any) -> None:
-                check()
+                raise_pending_signal()
                 if row[1] >= FEW:  # the step: at once where a run goes on from a later row
                     gc.enable()
                 if show is not None:

@@ -10,7 +10,7 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.process.errors import printable
-from indent_sim.process.usage import Pace
+from indent_sim.process.usage import ProgressEstimate
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -44,7 +44,7 @@ Report = dict[str, Any]  # of a run, or a part of one
 @contextmanager
 def progress(tell: Callable[[str], None], config: Config) -> Iterator[Progress]:
     """A function to call with every state: a bar on a terminal, plain lines in a log (stderr)."""
-    pace = Pace()
+    pace = ProgressEstimate()
     is_flat = "plane_strain" in (config.mesh.symmetry, getattr(config.body, "kinematics", ""))
     units = _units_of_rows(vars(config.units), is_flat or config.body.shape == "strip")
     if not sys.stderr.isatty():
@@ -62,7 +62,7 @@ def progress(tell: Callable[[str], None], config: Config) -> Iterator[Progress]:
             task,
             completed=step,
             total=total,
-            description=f"{state.summary(units)}  {pace.after(total - step)[1]}",
+            description=f"{state.summary(units)}  {pace.record_step(total - step)[1]}",
         )
 
 
@@ -423,11 +423,16 @@ def listed(section: str) -> str:
 
 
 def _log(
-    tell: Callable[[str], None], row: str, effort: str, step: int, total: int, pace: Pace
+    tell: Callable[[str], None],
+    row: str,
+    effort: str,
+    step: int,
+    total: int,
+    pace: ProgressEstimate,
 ) -> None:
     """A line with the step's own time, and what is left."""
     every = -(-total // LINES)
-    (own, left) = pace.after(total - step)
+    (own, left) = pace.record_step(total - step)
     if step % every == 0 or step in (1, total):
         tell(f"step {step}/{total}  {row}  {effort}  {own:.1f} s  {left}".rstrip())
 

@@ -34,7 +34,7 @@ def in_words(error: ValidationError, document: Mapping[str, Any]) -> ConfigError
     ]
     if len(groups) > MOST_PROBLEMS:
         problems.append(AND_MORE)
-    return ConfigErrors.of(problems)
+    return ConfigErrors.combine(problems)
 
 
 def _echoes(groups: dict[KeyPath, list[Any]], document: Mapping[str, Any]) -> Iterator[KeyPath]:
@@ -126,7 +126,9 @@ def _unknown_key(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
         )
         return ConfigError(key_text(path), problem, f"remove it; valid here: {', '.join(valid)}")
     if match := closest(key, valid):
-        return ConfigError(key_text(path), f"unknown key, did you mean '{match}'?", meant=match)
+        return ConfigError(
+            key_text(path), f"unknown key, did you mean '{match}'?", suggestion=match
+        )
     if homes := [name for name in schema.sections() if not section.path and key in _all_keys(name)]:
         return ConfigError(key_text(path), "unknown key", f"it belongs in {' or '.join(homes)}")
     return ConfigError(key_text(path), "unknown key", f"valid here: {', '.join(valid)}")
@@ -151,7 +153,7 @@ def _wrong_kind(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
     guess = f", did you mean '{match}'?" if match else ""
     name = next(part for part in reversed(path) if isinstance(part, str))
     return ConfigError(
-        key, f"there is no {name} {shown(spot.choice)}{guess}", remedy, meant=match or ""
+        key, f"there is no {name} {shown(spot.choice)}{guess}", remedy, suggestion=match or ""
     )
 
 
@@ -178,7 +180,7 @@ def _wrong_value(spot: schema.Spot) -> ConfigError:
     match = closest(value, key_types.words_of(hint)) if isinstance(value, str) else None
     remedy = f"did you mean '{match}'?" if match else key_types.remedy_of(hint)
     return ConfigError(
-        key_text(path), f"must be {allowed}, got {shown(value)}", remedy, meant=match or ""
+        key_text(path), f"must be {allowed}, got {shown(value)}", remedy, suggestion=match or ""
     )
 
 

@@ -93,7 +93,7 @@ def converted(document: Mapping[str, Any]) -> tuple[dict[str, Any], Given]:
     convert = Conversion(document)
     changed = convert.changed(schema.spot_at((), document))
     if convert.errors:
-        raise ConfigErrors.of(convert.errors)
+        raise ConfigErrors.combine(convert.errors)
     return changed, convert.found
 
 

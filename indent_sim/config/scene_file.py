@@ -257,9 +257,9 @@ def _overridden(document: Document, source: Source, overrides: Changes) -> Confi
     try:
         config = _validated(document, source)
     except ConfigError as error:
-        raise ConfigErrors.of([*wrong, *_beside(wrong, error)]) from None
+        raise ConfigErrors.combine([*wrong, *_beside(wrong, error)]) from None
     if wrong:
-        raise ConfigErrors.of(wrong)
+        raise ConfigErrors.combine(wrong)
     return config
 
 
@@ -294,7 +294,7 @@ def _and_others(
             new = _beside(found, error)
     if len(found) > MOST_PROBLEMS:
         found = [*found[:MOST_PROBLEMS], AND_MORE]
-    return located(source, ConfigErrors.of(found))
+    return located(source, ConfigErrors.combine(found))
 
 
 def _beside(found: Sequence[ConfigError], error: ConfigError) -> list[ConfigError]:
@@ -314,7 +314,7 @@ def _beside(found: Sequence[ConfigError], error: ConfigError) -> list[ConfigErro
 
 def _asks_for(found: Sequence[ConfigError], error: ConfigError) -> bool:
     words = re.split(r"[\s,;]+", error.remedy)
-    return any(one.key and not one.meant and one.key in words for one in found)
+    return any(one.key and not one.suggestion and one.key in words for one in found)
 
 
 def _mended(document: Document, source: Source, error: ConfigError) -> bool:
@@ -326,11 +326,11 @@ def _mended(document: Document, source: Source, error: ConfigError) -> bool:
     if not path or not isinstance(section, dict) or path[-1] not in section:
         return False
     value = section.pop(path[-1])
-    if error.meant and isinstance(value, str):
-        section[path[-1]] = error.meant
-    elif error.meant and error.meant not in section:
-        section[error.meant] = value
-        meant = (*path[:-1], error.meant)
+    if error.suggestion and isinstance(value, str):
+        section[path[-1]] = error.suggestion
+    elif error.suggestion and error.suggestion not in section:
+        section[error.suggestion] = value
+        meant = (*path[:-1], error.suggestion)
         inside = [old for old in source.places if old[: len(path)] == path]
         source.places.update({(*meant, *old[len(path) :]): source.places[old] for old in inside})
     return True

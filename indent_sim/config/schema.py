@@ -264,7 +264,7 @@ class Config(BaseModel):
         if problems := number_limits.beyond(given) or [
             problem for check in checks for problem in check(self)
         ]:
-            raise ConfigErrors.of(problems)
+            raise ConfigErrors.combine(problems)
         return self
 
 

@@ -29,8 +29,8 @@ from indent_sim.fitting.curve_fit import (
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import number_at
 from indent_sim.process.errors import BackendError, ConfigError, NotConverged, UsageError
-from indent_sim.process.forked import Crash, Forked
-from indent_sim.process.limits import unwritable
+from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
+from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
 from indent_sim.results import folder as results
 from indent_sim.results.folder import FIT, PROGRAM, read_report, write_atomically
@@ -179,7 +179,7 @@ class _Writer:
                 fit_table.table_of_fits(self.entries, self.request.varied_keys),
             )
         except OSError as error:
-            raise unwritable(self.directory, error) from error
+            raise write_error(self.directory, error) from error
         self._write_time = time.monotonic()
 
     def finish(self) -> CurveFits:
@@ -215,7 +215,7 @@ def _open_locked(directory: Path, request: FitRequest) -> Iterator[list[Entry]]:
         (directory / CURVES_FOLDER).mkdir(exist_ok=True)
         lock = os.open(directory / results.LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
     except OSError as error:
-        raise unwritable(directory, error) from error
+        raise write_error(directory, error) from error
     try:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -337,10 +337,10 @@ def _run_in_processes(
     come.
     """
     with ExitStack() as stack:
-        idle = [Forked(work, lambda: None, uses_mpi=True) for _ in range(jobs)]
+        idle = [ForkedProcess(work, lambda: None, uses_mpi=True) for _ in range(jobs)]
         for process in idle:
             stack.callback(process.stop)
-        busy: dict[Forked, tuple[Callable[[], Any], _FitTask]] = {}
+        busy: dict[ForkedProcess, tuple[Callable[[], Any], _FitTask]] = {}
         for task in tasks:
             if not isinstance(task, _FitTask):
                 yield task
@@ -350,13 +350,13 @@ def _run_in_processes(
                     idle.append(process)
                     yield _collect_entry(*busy.pop(process))
             process = idle.pop()
-            busy[process] = process.ask(task), task
+            busy[process] = process.begin_call(task), task
         while busy:
             for process in _ready_processes(busy):
                 yield _collect_entry(*busy.pop(process))
 
 
-def _ready_processes(busy: Mapping[Forked, Any]) -> list[Forked]:
+def _ready_processes(busy: Mapping[ForkedProcess, Any]) -> list[ForkedProcess]:
     """The processes that have an answer, at least one."""
     answered = list(map(id, connection.wait(list(busy))))  # type: ignore[arg-type]
     return [process for process in busy if id(process) in answered]
@@ -365,7 +365,7 @@ def _ready_processes(busy: Mapping[Forked, Any]) -> list[Forked]:
 def _collect_entry(answer: Callable[[], Entry], task: _FitTask) -> Entry:
     try:
         return answer()
-    except Crash as crash:
+    except ProcessCrash as crash:
         return rejected_fit(task.curve.name, f"the process of this curve {crash}").entry | {
             "source": task.source
         }

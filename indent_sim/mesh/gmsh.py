@@ -24,8 +24,8 @@ from indent_sim.mesh.sizes import (
 )
 from indent_sim.model.body import BallInclusion, CylinderInclusion, EllipsoidInclusion, Inclusion
 from indent_sim.process.errors import BackendError, MeshError
-from indent_sim.process.forked import Crash, Forked
-from indent_sim.process.ranks import is_one_of_several
+from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
+from indent_sim.process.ranks import is_parallel
 
 T = TypeVar("T")
 Gmsh = Any  # the module, which is loaded where it meshes alone, or one of its kernels
@@ -67,7 +67,7 @@ def start_meshing(domain: ModelDomain, sizes: Sizes) -> Callable[[], Grid]:
         return call_in_mesher(
             "gmsh could not mesh the body", _mesh_domain, domain, sizes, terminal=1
         )
-    if not is_one_of_several():
+    if not is_parallel():
         return partial(refine_domain, domain, sizes)
     return call_in_mesher("the mesh could not be refined", refine_domain, domain, sizes)
 
@@ -83,17 +83,17 @@ def call_in_mesher(
     crashes, with `failure` as its words.
     """
     call = partial(function, *arguments)
-    if not _mesher.is_up and is_one_of_several():
+    if not _mesher.is_running and is_parallel():
         return call
     try:
-        wait_for_result = _mesher.ask(partial(call, **child_arguments), mapped=is_one_of_several())
+        wait_for_result = _mesher.begin_call(partial(call, **child_arguments), mapped=is_parallel())
     except OSError:
         return call
 
     def wait_for_mesh() -> T:
         try:
             return wait_for_result()
-        except Crash as crash:
+        except ProcessCrash as crash:
             raise MeshError(f"{failure}: its process {crash}") from None
 
     return wait_for_mesh
@@ -189,7 +189,7 @@ def _load_gmsh() -> None:
         pass
 
 
-_mesher = Forked(
+_mesher = ForkedProcess(
     lambda call: call(), _load_gmsh
 )  # one for this process, as gmsh is; keeps what gmsh prints for a crash
 

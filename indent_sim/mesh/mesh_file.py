@@ -24,8 +24,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, MeshFileError
-from indent_sim.process.limits import confine
-from indent_sim.process.ranks import is_one_of_several
+from indent_sim.process.limits import limit_resources
+from indent_sim.process.ranks import is_parallel
 
 T = TypeVar("T")
 Meshio = Any  # a mesh of meshio, which is loaded where a file is read alone
@@ -134,7 +134,10 @@ def read_mesh_file(version: MeshFileVersion, convert: Callable[[MeshFile], T]) -
     """What a function makes of the mesh in a file, all of it in a process of its own; MeshFileError
     for what is no mesh or needs more time or memory than its length allows.
     """
-    from indent_sim.process.forked import Crash, once  # with processes, which no other body needs
+    from indent_sim.process.forked_process import (
+        ProcessCrash,
+        call_in_fork,
+    )  # with processes, which no other body needs
 
     try:
         reader = import_module(f"meshio.{READERS[version.path.suffix.lower()]}").read
@@ -143,13 +146,15 @@ def read_mesh_file(version: MeshFileVersion, convert: Callable[[MeshFile], T]) -
             f"a body from a file needs meshio ({import_error}); run scripts/setup"
         ) from import_error
     try:
-        return once(
+        return call_in_fork(
             partial(_read_and_convert, reader, version, convert),
             partial(_limit_reader, version.size),
-            is_one_of_several(),
+            is_parallel(),
         )
-    except (Crash, MemoryError) as failure:
-        cause = f"its reader {failure}" if isinstance(failure, Crash) else "it needs more memory"
+    except (ProcessCrash, MemoryError) as failure:
+        cause = (
+            f"its reader {failure}" if isinstance(failure, ProcessCrash) else "it needs more memory"
+        )
         (seconds, seconds_per_byte) = READING_SECONDS
         (memory, memory_per_byte) = READING_MEMORY
         limits = (
@@ -166,7 +171,9 @@ def read_mesh_file(version: MeshFileVersion, convert: Callable[[MeshFile], T]) -
 
 
 def _limit_reader(size: int) -> None:
-    confine(*(base + per_byte * size for base, per_byte in (READING_SECONDS, READING_MEMORY)))
+    limit_resources(
+        *(base + per_byte * size for base, per_byte in (READING_SECONDS, READING_MEMORY))
+    )
 
 
 def mesh_file_error(problem: str, remedy: str = "", key: str = "body.file") -> ConfigError:

@@ -31,7 +31,7 @@ class IndentSimError(Exception):
     """Base of all expected failures; `exit_code` is what the shell sees."""
 
     exit_code = 1
-    beside: Mapping[str, Any] = MappingProxyType(
+    partial_result: Mapping[str, Any] = MappingProxyType(
         {}
     )  # what the command found all the same, for its JSON object
 
@@ -67,7 +67,7 @@ class ConfigError(IndentSimError):
     remedy: str = ""
     file: str = ""
     line: int | None = None
-    meant: str = ""
+    suggestion: str = ""
 
     exit_code = 3
 
@@ -84,7 +84,14 @@ class ConfigError(IndentSimError):
         return printable(f"{place}: {message}" if place else message)
 
     def __reduce__(self):
-        return type(self), (self.key, self.problem, self.remedy, self.file, self.line, self.meant)
+        return type(self), (
+            self.key,
+            self.problem,
+            self.remedy,
+            self.file,
+            self.line,
+            self.suggestion,
+        )
 
 
 class ConfigErrors(ConfigError):
@@ -93,18 +100,18 @@ class ConfigErrors(ConfigError):
     def __init__(self, errors: list[ConfigError]):
         first = errors[0]
         super().__init__(first.key, first.problem, first.remedy, first.file, first.line)
-        self._all = errors
+        self._errors = errors
 
     @property
     def errors(self) -> list[ConfigError]:
         """Each of them."""
-        return self._all
+        return self._errors
 
     @staticmethod
-    def of(errors: Sequence[ConfigError]) -> ConfigError:
+    def combine(errors: Sequence[ConfigError]) -> ConfigError:
         """One error as it is, several together, each once."""
-        found = list({str(error): error for error in errors}.values())
-        return ConfigErrors(found) if len(found) > 1 else found[0]
+        unique = list({str(error): error for error in errors}.values())
+        return ConfigErrors(unique) if len(unique) > 1 else unique[0]
 
     def __str__(self) -> str:
         return "\n".join(str(error) for error in self.errors)

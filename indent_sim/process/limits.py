@@ -18,19 +18,19 @@ from pathlib import Path
 from indent_sim.process.errors import BackendError, IndentSimError, NotConverged, UsageError
 from indent_sim.process.usage import address_space
 
-OPEN_FILES = 48  # open at a time; a small run was seen to need up to 32
+MIN_OPEN_FILES = 48  # open at a time; a small run was seen to need up to 32
 # processes and threads beside this one; Open MPI and the linear algebra were seen to need 15
-TASKS = 20
-ADDRESS_SPACE = 800e6  # bytes of address space; the libraries alone were seen to need 700 MB
-NO_MEMORY = (
+MIN_TASKS = 20
+MIN_ADDRESS_SPACE = 800e6  # bytes of address space; the libraries alone were seen to need 700 MB
+OUT_OF_MEMORY_SIGNS = (
     "error code 55\n",
     "PetscMalloc",
     "INFOG(1)=-13",
 )  # PETSc and MUMPS in the messages of petsc4py
-FULL = (errno.ENOSPC, errno.EDQUOT)
+DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)
 
 
-def require_room() -> None:
+def require_resources() -> None:
     """BackendError or NotConverged where the limits of this process are too narrow for any run,
     UsageError where it has no working directory.
     """
@@ -40,8 +40,8 @@ def require_room() -> None:
         raise UsageError(
             "the working directory is gone", "change to a folder that is there"
         ) from error
-    _require("open files", "ulimit -n", resource.RLIMIT_NOFILE, OPEN_FILES)
-    _require("MB of memory", "ulimit -v", resource.RLIMIT_AS, ADDRESS_SPACE / 1e6, 1e6)
+    _require_limit("open files", "ulimit -n", resource.RLIMIT_NOFILE, MIN_OPEN_FILES)
+    _require_limit("MB of memory", "ulimit -v", resource.RLIMIT_AS, MIN_ADDRESS_SPACE / 1e6, 1e6)
     _require_tasks()
     folder = Path(os.environ.get("TMPDIR") or "/tmp")
     if not folder.is_dir():
@@ -53,34 +53,36 @@ def require_room() -> None:
             file.write(bytes(2**20))  # Open MPI keeps its session there
             file.flush()
     except OSError as error:
-        kind = NotConverged if error.errno in FULL else BackendError
+        kind = NotConverged if error.errno in DISK_FULL_ERRORS else BackendError
         raise kind(
             f"cannot keep temporary files in {folder}: {error.strerror}; TMPDIR names another "
             "folder"
         ) from error
 
 
-def _require(what: str, limit: str, number: int, least: float, unit: float = 1.0) -> None:
-    allowed, _ = resource.getrlimit(number)
-    if allowed != resource.RLIM_INFINITY and allowed / unit < least:
+def _require_limit(
+    resource_name: str, limit: str, limit_number: int, needed: float, unit: float = 1.0
+) -> None:
+    allowed, _ = resource.getrlimit(limit_number)
+    if allowed != resource.RLIM_INFINITY and allowed / unit < needed:
         raise BackendError(
-            f"{allowed / unit:.0f} {what} are allowed ({limit}); a run needs at least {least:.0f}"
+            f"{allowed / unit:.0f} {resource_name} are allowed ({limit}); a run needs at least {needed:.0f}"
         )
 
 
-def confine(seconds: float, memory: float) -> None:
+def limit_resources(seconds: float, memory: float) -> None:
     """Allow this process so much CPU time in all [s] and so much memory beyond what it has [bytes].
 
     SIGXCPU ends it after that time; without memory it meets MemoryError, or dies of what a library
     makes of that.
     """
-    for number, most in (
+    for number, limit in (
         (resource.RLIMIT_CPU, math.ceil(seconds)),
         (resource.RLIMIT_AS, address_space() + memory),
     ):
         _, hard = resource.getrlimit(number)
         resource.setrlimit(
-            number, (int(most) if hard == resource.RLIM_INFINITY else min(int(most), hard), hard)
+            number, (int(limit) if hard == resource.RLIM_INFINITY else min(int(limit), hard), hard)
         )
 
 
@@ -88,48 +90,50 @@ def _require_tasks() -> None:
     """BackendError where no more processes and threads can be started; others of the user count
     too, so it is tried.
     """
-    end = threading.Event()
+    all_started = threading.Event()
     started: list[threading.Thread] = []
     try:
-        for _ in range(TASKS):
-            thread = threading.Thread(target=end.wait)
+        for _ in range(MIN_TASKS):
+            thread = threading.Thread(target=all_started.wait)
             thread.start()
             started.append(thread)
     except RuntimeError as error:
-        told = (
+        message = (
             f"{len(started)} more processes and threads can be started (ulimit -u); a run "
-            f"needs {TASKS}"
+            f"needs {MIN_TASKS}"
         )
-        raise BackendError(told) from error
+        raise BackendError(message) from error
     finally:
-        end.set()
+        all_started.set()
         for thread in started:  # a process will be forked, which copies none
             thread.join()
 
 
-def unwritable(what: object, error: OSError) -> IndentSimError:
+def write_error(target: object, error: OSError) -> IndentSimError:
     """What to raise where something cannot be written: NotConverged on a full disk, else
     UsageError.
     """
-    kind = NotConverged if error.errno in FULL else UsageError
-    return kind(f"cannot write {what}: {error.strerror or error}")
+    kind = NotConverged if error.errno in DISK_FULL_ERRORS else UsageError
+    return kind(f"cannot write {target}: {error.strerror or error}")
 
 
 @contextmanager
-def spent() -> Iterator[None]:
+def translate_resource_errors() -> Iterator[None]:
     """Memory, files or a disk that run out inside the block, and PETSc that refuses what the
     environment says, as the expected failures that they are.
     """
     try:
         yield
     except (MemoryError, OSError, RuntimeError) as error:
-        if (known := _known(error)) is None:
+        if (resource_error := _resource_error(error)) is None:
             raise
-        raise known from error
+        raise resource_error from error
 
 
-def _known(error: BaseException) -> IndentSimError | None:
-    is_memory = isinstance(error, MemoryError) or any(sign in str(error) for sign in NO_MEMORY)
+def _resource_error(error: BaseException) -> IndentSimError | None:
+    is_memory = isinstance(error, MemoryError) or any(
+        sign in str(error) for sign in OUT_OF_MEMORY_SIGNS
+    )
     number = errno.ENOMEM if is_memory else getattr(error, "errno", None)
     place = f" {name}" if (name := getattr(error, "filename", None)) else ""
     match number:
@@ -145,8 +149,8 @@ def _known(error: BaseException) -> IndentSimError | None:
     if options and "PETSc" in type(error).__module__ + str(
         error
     ):  # without it that is a bug of this program
-        why = str(error).strip().splitlines()[-1].removeprefix("[0] ")
+        reason = str(error).strip().splitlines()[-1].removeprefix("[0] ")
         return BackendError(
-            f"PETSc stopped with PETSC_OPTIONS={options!r} in the environment: {why}; try without"
+            f"PETSc stopped with PETSC_OPTIONS={options!r} in the environment: {reason}; try without"
         )
     return None

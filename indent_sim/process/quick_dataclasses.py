@@ -31,14 +31,14 @@ def quick_dataclasses() -> Iterator[None]:
     if sys.version_info[:2] != (3, 11):
         quick = {}
     before = {name: getattr(dataclasses, name) for name in quick}
-    _set(quick)
+    _patch_dataclasses(quick)
     try:
         yield
     finally:
-        _set(before)
+        _patch_dataclasses(before)
 
 
-def _set(functions: dict[str, Any]) -> None:
+def _patch_dataclasses(functions: dict[str, Any]) -> None:
     for name, function in functions.items():
         setattr(dataclasses, name, function)
 
@@ -70,7 +70,7 @@ def _repr(fields: Fields, globals: Any) -> Method:
 
 
 def _hash(fields: Fields, globals: Any) -> Method:
-    values = _values_of([field.name for field in fields])
+    values = _field_getter([field.name for field in fields])
 
     def __hash__(self: Any) -> int:
         return hash(values(self))
@@ -82,7 +82,9 @@ def _compare(method: str, operator: str, own: str, other: str, globals: Any) -> 
     """own: the fields as in "(self.x,self.y,)"."""
     if operator != "==":
         return _compiled_compare(method, operator, own, other, globals=globals)
-    values = _values_of([word.removeprefix("self.") for word in own.strip("()").split(",") if word])
+    values = _field_getter(
+        [word.removeprefix("self.") for word in own.strip("()").split(",") if word]
+    )
 
     def __eq__(self: Any, other: object) -> Any:
         return (
@@ -95,7 +97,7 @@ def _compare(method: str, operator: str, own: str, other: str, globals: Any) -> 
 _compiled_compare: Method = getattr(dataclasses, "_cmp_fn", None)  # type: ignore[assignment]
 
 
-def _values_of(names: Sequence[str]) -> Callable[[Any], tuple[Any, ...]]:
+def _field_getter(names: Sequence[str]) -> Callable[[Any], tuple[Any, ...]]:
     """What says the fields of an instance, as a tuple."""
     if len(names) > 1:
         return attrgetter(*names)

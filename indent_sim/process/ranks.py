@@ -11,12 +11,12 @@ from typing import Any, TypeVar
 
 # How many ranks there are and which one this is, as mpirun and srun tell it before MPI is up
 RANK_COUNT_VARIABLES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS")
-RANKS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "MPI_LOCALRANKID")
+RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "MPI_LOCALRANKID")
 RANK_TIMEOUT = 10.0  # s that a rank which failed waits for the others
 T = TypeVar("T")
 
 
-class Alone:
+class SerialComm:
     """The communicator of a process without others: what needs no MPI does not load it."""
 
     rank = 0
@@ -31,7 +31,7 @@ class Alone:
         return [value]
 
 
-class Meeting:
+class FailureConsensus:
     """Where ranks find out which of them failed (collective): on a communicator of its own, which
     what the others wait for does not disturb.
     """
@@ -39,22 +39,22 @@ class Meeting:
     def __init__(self, comm: Any):
         self._comm = comm.Dup() if comm.size > 1 else None
 
-    def all_arrive(self) -> bool:
+    def all_ranks_failed(self) -> bool:
         """Whether every rank gets here, having failed, before patience ends."""
-        return self.failures(1) is not None
+        return self.count_failures(1) is not None
 
-    def failures(self, own: int) -> int | None:
-        """How many ranks get here having failed (`own`: 1 of this one, or 0), once all do.
+    def count_failures(self, own_failures: int) -> int | None:
+        """How many ranks get here having failed (`own_failures`: 1 of this one, or 0), once all do.
 
         None where this one has and others do not come before its patience ends: they wait for it
         elsewhere, for ever.
         """
-        mine = array("i", [own])
-        total = array("i", [own])
+        send_buffer = array("i", [own_failures])
+        total = array("i", [own_failures])
         if self._comm is None:
             return total[0]
-        request = self._comm.Iallreduce(mine, total)
-        deadline = time.monotonic() + (RANK_TIMEOUT if own else inf)
+        request = self._comm.Iallreduce(send_buffer, total)
+        deadline = time.monotonic() + (RANK_TIMEOUT if own_failures else inf)
         while not request.Test():
             if time.monotonic() > deadline:
                 return None
@@ -67,17 +67,17 @@ class Meeting:
             self._comm.Free()
 
 
-def is_one_of_several() -> bool:
+def is_parallel() -> bool:
     """Whether this process was started as one of several ranks."""
     return any(os.environ.get(name, "1") not in ("", "0", "1") for name in RANK_COUNT_VARIABLES)
 
 
-def is_first() -> bool:
+def is_root() -> bool:
     """Whether this process was started as rank 0; every process is that no launcher numbered."""
-    return all(os.environ.get(name, "0") in ("", "0") for name in RANKS)
+    return all(os.environ.get(name, "0") in ("", "0") for name in RANK_VARIABLES)
 
 
-def on_root(comm: Any, action: Callable[..., T], *args: Any) -> T | None:
+def run_on_root(comm: Any, action: Callable[..., T], *args: Any) -> T | None:
     """Do something on rank 0 alone; its exception is raised on every rank, its result stays on rank
     0.
     """

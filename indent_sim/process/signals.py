@@ -14,10 +14,10 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-class Stopped(KeyboardInterrupt):
+class Interrupted(KeyboardInterrupt):
     """SIGINT, SIGTERM or SIGHUP arrived; exit code 128 + signal."""
 
     def __init__(self, number: int):
@@ -25,82 +25,84 @@ class Stopped(KeyboardInterrupt):
         self.number = number
         self.exit_code = 128 + number
 
-    def __reduce__(self) -> tuple[type[Stopped], tuple[int]]:
-        return Stopped, (self.number,)  # other ranks learn of it
+    def __reduce__(self) -> tuple[type[Interrupted], tuple[int]]:
+        return Interrupted, (self.number,)  # other ranks learn of it
 
 
 # Signals belong to the process, and so do
-_arrived: list[int] = []  # those that raised Stopped
-_held: list[list[int]] = []  # those that arrived in each of the blocks that hold them back
-_stoppable: list[int] = []  # and the ranks of the blocks in which they raise it
+_raised_signals: list[int] = []  # those that raised Stopped
+_deferred_signals: list[
+    list[int]
+] = []  # those that arrived in each of the blocks that hold them back
+_interruptible_ranks: list[int] = []  # and the ranks of the blocks in which they raise it
 
 
-def check() -> None:
+def raise_pending_signal() -> None:
     """Raise Stopped when a signal has arrived whose exception somebody swallowed; to be called now
     and then.
     """
-    if _arrived:
-        raise Stopped(_arrived[0])
+    if _raised_signals:
+        raise Interrupted(_raised_signals[0])
 
 
 @contextmanager
-def unmasked() -> Iterator[None]:
+def reraise_signal() -> Iterator[None]:
     """Stopped again, where a library turned what was raised in its callbacks into an error of its
     own.
     """
     try:
         yield
     except Exception:
-        check()
+        raise_pending_signal()
         raise
 
 
 @contextmanager
-def stoppable(rank: int = 0) -> Iterator[None]:
+def raise_on_signals(rank: int = 0) -> Iterator[None]:
     """SIGNALS raise Stopped on rank 0, which keeps what there is and takes the others along.
 
     A SIGHUP that is ignored stays so: that is what `nohup` asks for.
     """
 
     def stop(number: int, frame: FrameType | None) -> None:
-        if _held:
-            _held[-1].append(number)
+        if _deferred_signals:
+            _deferred_signals[-1].append(number)
             return
-        _arrived.append(number)
+        _raised_signals.append(number)
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # who presses Ctrl-C again means it
         signal.signal(signal.SIGTERM, signal.SIG_IGN)  # mpirun and batch systems repeat themselves
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
-        raise Stopped(number)
+        raise Interrupted(number)
 
     def lost(raised: Any) -> None:
-        if not isinstance(raised.exc_value, Stopped):  # else `check` will say so
-            tell_lost(raised)
+        if not isinstance(raised.exc_value, Interrupted):  # else `check` will say so
+            old_hook(raised)
 
-    _arrived.clear()
+    _raised_signals.clear()
     # of what is raised while a process forks, or in a __del__
-    tell_lost = sys.unraisablehook
+    old_hook = sys.unraisablehook
     sys.unraisablehook = lost
     handler: Any = stop if rank == 0 else signal.SIG_IGN
-    wanted = [
+    handled_signals = [
         number
-        for number in SIGNALS
+        for number in STOP_SIGNALS
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
     ]
-    before = {number: signal.signal(number, handler) for number in wanted}
-    _stoppable.append(rank)
+    old_handlers = {number: signal.signal(number, handler) for number in handled_signals}
+    _interruptible_ranks.append(rank)
     try:
-        with unmasked():
+        with reraise_signal():
             yield
-            check()
+            raise_pending_signal()
     finally:
-        _stoppable.pop()
-        _arrived.clear()
-        sys.unraisablehook = tell_lost
-        for number, old in before.items():
+        _interruptible_ranks.pop()
+        _raised_signals.clear()
+        sys.unraisablehook = old_hook
+        for number, old in old_handlers.items():
             signal.signal(number, old)
 
 
-def die_with(parent: int) -> None:
+def die_with_parent(parent: int) -> None:
     """Ask Linux to kill this forked process when its parent is killed: nobody would read what it
     computes.
     """
@@ -111,7 +113,7 @@ def die_with(parent: int) -> None:
 
 
 @contextmanager
-def uninterrupted() -> Iterator[None]:
+def defer_signals() -> Iterator[None]:
     """Hold back the signals that stop a run until the block is done, so that no file is left half
     written.
     """
@@ -119,21 +121,23 @@ def uninterrupted() -> Iterator[None]:
         yield
         return
     arrived: list[int] = []
-    knows = (
-        _stoppable and not _arrived
+    handler_defers = (
+        _interruptible_ranks and not _raised_signals
     )  # then what handles them holds them back itself: thousands of rows are quick
     signals = (
-        [] if knows else [s for s in SIGNALS if signal.getsignal(s) not in (None, signal.SIG_IGN)]
+        []
+        if handler_defers
+        else [s for s in STOP_SIGNALS if signal.getsignal(s) not in (None, signal.SIG_IGN)]
     )
-    before = {
+    old_handlers = {
         number: signal.signal(number, lambda got, frame: arrived.append(got)) for number in signals
     }
-    _held.append(arrived)
+    _deferred_signals.append(arrived)
     try:
         yield
     finally:
-        _held.pop()
-        for number, handler in before.items():
+        _deferred_signals.pop()
+        for number, handler in old_handlers.items():
             signal.signal(number, handler)
-        for again in arrived[:1]:
-            signal.raise_signal(again)
+        for first_signal in arrived[:1]:
+            signal.raise_signal(first_signal)

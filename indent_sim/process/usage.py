@@ -13,7 +13,7 @@ from pathlib import Path
 
 
 @dataclass
-class Elsewhere:
+class ChildUsage:
     """What forked processes used for this one: CPU time [s], and their largest memory beyond what
     they share [MB].
     """
@@ -21,50 +21,50 @@ class Elsewhere:
     cpu: float = 0.0
     memory: float = 0.0
 
-    def add(self, cpu: float, memory: float) -> None:
+    def add_call(self, cpu: float, memory: float) -> None:
         """Count one call that a forked process answered."""
         self.cpu += cpu
         self.memory = max(self.memory, memory)
 
 
-ELSEWHERE = Elsewhere()  # of this process, as its CPU time is
+CHILD_USAGE = ChildUsage()  # of this process, as its CPU time is
 
 
 def cpu_time() -> float:
     """CPU time of this process so far [s], with that of the calls which forked processes answered."""
-    return time.process_time() + ELSEWHERE.cpu
+    return time.process_time() + CHILD_USAGE.cpu
 
 
-def memory() -> float:
+def current_memory() -> float:
     """Memory of this process now [MB]; its peak where the system does not say."""
-    return _status("VmRSS:") or _peak()
+    return _proc_status("VmRSS:") or _own_peak_memory()
 
 
 def address_space() -> float:
     """Addresses that this process uses now [bytes], what it shares with others among them."""
-    return (_status("VmSize:") or 0.0) * 1024**2
+    return (_proc_status("VmSize:") or 0.0) * 1024**2
 
 
 def peak_memory() -> float:
     """Largest memory of this process so far [MB], with the largest of its forked processes."""
-    return _peak() + ELSEWHERE.memory
+    return _own_peak_memory() + CHILD_USAGE.memory
 
 
-def forget_peak_memory() -> None:
+def reset_peak_memory() -> None:
     """Begin anew with the largest memory; what was freed goes back to the system."""
-    ELSEWHERE.memory = 0.0
+    CHILD_USAGE.memory = 0.0
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
 
 
-def _peak() -> float:
+def _own_peak_memory() -> float:
     """The kernel's ru_maxrss would include the memory of whoever started this process."""
-    return _status("VmHWM:") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return _proc_status("VmHWM:") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def _status(name: str) -> float | None:
+def _proc_status(name: str) -> float | None:
     with suppress(OSError, ValueError):
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith(name):
@@ -79,7 +79,7 @@ def machine_memory() -> float:
     return physical if allowed == resource.RLIM_INFINITY else min(physical, float(allowed))
 
 
-def duration(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
     """A time in words, in the unit that fits."""
     minutes = seconds / 60
     hours = seconds / 3600
@@ -93,26 +93,35 @@ def duration(seconds: float) -> str:
 
 
 @dataclass
-class Pace:
+class ProgressEstimate:
     """How long each of several steps takes, and how long the others will; the first step seen
     begins the count.
     """
 
-    seen: int = 0
-    first: float = 0.0
-    last: float = field(default_factory=time.monotonic)
+    completed_steps: int = 0
+    first_step_end: float = 0.0
+    last_step_end: float = field(default_factory=time.monotonic)
 
-    def after(self, left: int) -> tuple[float, str]:
+    def record_step(self, remaining_steps: int) -> tuple[float, str]:
         """Seconds of the step that has just ended, and in words how long so many more take; nothing
         after one step.
         """
         now = time.monotonic()
-        own = now - self.last
-        self.last = now
-        self.seen = self.seen + 1
-        self.first = self.first or now
-        each = (now - self.first) / (self.seen - 1) if self.seen > 1 else 0.0
-        return own, f"{duration(each * left)} left" if left and each else ""
+        step_seconds = now - self.last_step_end
+        self.last_step_end = now
+        self.completed_steps = self.completed_steps + 1
+        self.first_step_end = self.first_step_end or now
+        mean_seconds = (
+            (now - self.first_step_end) / (self.completed_steps - 1)
+            if self.completed_steps > 1
+            else 0.0
+        )
+        return (
+            step_seconds,
+            f"{duration_text(mean_seconds * remaining_steps)} left"
+            if remaining_steps and mean_seconds
+            else "",
+        )
 
 
 @dataclass

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from indent_sim.process.errors import IndentSimError, UsageError
-from indent_sim.process.limits import unwritable
+from indent_sim.process.limits import write_error
 
 PROGRAM = "indent-sim"
 LOCK = ".lock"
@@ -332,7 +332,7 @@ class OutputFolder:
             self._refuse_target()
         except (OSError, IndentSimError) as error:
             self.abandon()
-            raise (unwritable(target, error) if isinstance(error, OSError) else error) from error
+            raise (write_error(target, error) if isinstance(error, OSError) else error) from error
         self.replaces_results = has_rows(self.target)
 
     def resume_in_place(self) -> None:
@@ -347,7 +347,7 @@ class OutputFolder:
                 if path.name.startswith("."):
                     path.unlink()
         except OSError as error:
-            raise unwritable(self.target, error) from error
+            raise write_error(self.target, error) from error
         staging = self.path
         old_lock = self._lock_descriptor
         self.path = self.target

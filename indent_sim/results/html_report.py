@@ -16,7 +16,7 @@ import numpy as np
 
 from indent_sim.model.symbols import ADHESION_SYMBOLS
 from indent_sim.process.errors import UsageError
-from indent_sim.process.limits import unwritable
+from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
 from indent_sim.results.folder import (
     CONFIG,
@@ -112,7 +112,7 @@ def write(text: str, path: Path) -> None:
     try:
         write_atomically(path, text)
     except OSError as error:
-        raise unwritable(path, error) from error
+        raise write_error(path, error) from error
 
 
 def run_page(folder: Path) -> str:
@@ -556,7 +556,7 @@ def write_crate(folder: Path, parts: Sequence[str]) -> None:
             to_json({"@context": f"{CRATE_PROFILE}/context", "@graph": graph}) + "\n",
         )
     except OSError as error:
-        raise unwritable(folder / CRATE, error) from error
+        raise write_error(folder / CRATE, error) from error
 
 
 def _crate_entity(path: Path) -> CrateEntity:

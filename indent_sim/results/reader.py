@@ -33,7 +33,7 @@ from indent_sim.model.state import (
     State,
 )
 from indent_sim.process.errors import BackendError, ConfigError, UsageError
-from indent_sim.process.screen import Shown
+from indent_sim.process.repr_tables import ReprTable
 from indent_sim.results import folder as result_folder
 from indent_sim.results import tables
 from indent_sim.results.folder import (
@@ -118,7 +118,7 @@ class Results:
     def _repr_html_(self) -> str:
         return self._repr_table().html
 
-    def _repr_table(self) -> Shown:
+    def _repr_table(self) -> ReprTable:
         """What a notebook shows: the columns that tell most, and how the run ended."""
         names = [
             name for name in REPR_COLUMNS if name in self.table and np.any(self[name] == self[name])
@@ -130,7 +130,7 @@ class Results:
             self.report.get("status", ""),
             units,
         ]
-        return Shown(
+        return ReprTable(
             "  ·  ".join(filter(None, title_parts)),
             names,
             rows,

@@ -19,7 +19,7 @@ import numpy as np
 
 from indent_sim.model.state import DERIVED_COLUMNS, STATE_COLUMNS, State, Surface
 from indent_sim.process.errors import NotConverged
-from indent_sim.process.signals import uninterrupted
+from indent_sim.process.signals import defer_signals
 from indent_sim.process.version import VERSION
 from indent_sim.results import checkpoint, folder, tables
 from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
@@ -106,7 +106,7 @@ class ResultFolder:
         return self._output.path
 
     def __enter__(self) -> ResultFolder:
-        with uninterrupted():
+        with defer_signals():
             self._output = folder.OutputFolder(self._target, self._refuse_overwrite)
             self._appears_at_end = (
                 self._guard and read_report(self._output.target).get("status") == "done"
@@ -170,7 +170,7 @@ class ResultFolder:
             raise ValueError(
                 f"step {state.step} has not converged and is no result: {state.reason}"
             )
-        with uninterrupted(), self._convert_write_errors():
+        with defer_signals(), self._convert_write_errors():
             self._next_write_syncs = (
                 time.monotonic() - self._last_sync > 1.0
             )  # s that a power failure may cost
@@ -204,7 +204,7 @@ class ResultFolder:
         """
         if keep == "none":
             return
-        with uninterrupted(), self._convert_write_errors():
+        with defer_signals(), self._convert_write_errors():
             done = self.rows if self.previous_run else None
             arrays = ARRAYS | {name: OPTIONAL_ARRAYS[name] for name in more}
             scene_units = self.report.get("units")
@@ -233,14 +233,14 @@ class ResultFolder:
         """
         if self._fields is None:
             return
-        with uninterrupted(), self._convert_write_errors():
+        with defer_signals(), self._convert_write_errors():
             self._fields.write(state.step, state.delta, fields, time)
 
     def write_experiment(self, rows: Sequence[Any], dynamic: Sequence[Any]) -> None:
         """Write experiment.csv, and dynamic.csv where there is one; of a run before what is not
         written now goes.
         """
-        with uninterrupted(), self._convert_write_errors():
+        with defer_signals(), self._convert_write_errors():
             for name, items in ((EXPERIMENT, rows), (DYNAMIC, dynamic)):
                 if items:
                     write_atomically(self.path / name, tables.csv_table(items))
@@ -251,7 +251,7 @@ class ResultFolder:
         """Keep the last equilibria for `--resume`, which can do without: a full disk is no failure
         here.
         """
-        with uninterrupted(), suppress(OSError):
+        with defer_signals(), suppress(OSError):
             checkpoint.write(self.path / CHECKPOINT, saved, identity)
 
     def read_checkpoint(self, identity: Report) -> Checkpoint:
@@ -268,7 +268,7 @@ class ResultFolder:
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self.finish(error)
         self._next_write_syncs = True
-        with uninterrupted():
+        with defer_signals():
             try:
                 is_done = self._status["status"] == "done"
                 is_worth_keeping = (

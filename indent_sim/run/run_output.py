@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from indent_sim.process.errors import IndentSimError, printable
-from indent_sim.process.ranks import Alone, Meeting, on_root
-from indent_sim.process.signals import check
+from indent_sim.process.ranks import FailureConsensus, SerialComm, run_on_root
+from indent_sim.process.signals import raise_pending_signal
 from indent_sim.results.checkpoint import Checkpoint
 from indent_sim.results.folder import REPORT, read_report, write_atomically
 from indent_sim.results.reader import PreviousRun
@@ -38,8 +38,8 @@ class OptionalOutput:
     def __init__(
         self, comm: Comm = None, report_missing: Callable[[str, Failure], None] | None = None
     ):
-        self._comm = comm if comm is not None else Alone()
-        self.consensus = Meeting(self._comm)
+        self._comm = comm if comm is not None else SerialComm()
+        self.consensus = FailureConsensus(self._comm)
         self._report_missing = report_missing or (
             lambda name, failure: log.warning(f"{name} is missing: {failure[0]}")
         )
@@ -55,13 +55,13 @@ class OptionalOutput:
         try:
             value: T | Fallback = find()
         except Exception as error:
-            check()
+            raise_pending_signal()
             kind = "" if isinstance(error, IndentSimError) else f"{type(error).__name__}: "
             failure = f"{kind}{printable(str(error))}", "".join(traceback.format_exception(error))
-            if (count := self.consensus.failures(True)) is None:
+            if (count := self.consensus.count_failures(True)) is None:
                 raise
         else:
-            count = self.consensus.failures(False)
+            count = self.consensus.count_failures(False)
         if not count:
             return value
         first = next(filter(None, self._comm.allgather(failure)))
@@ -78,7 +78,7 @@ def _root_method(method: Callable[..., T]) -> Callable[..., T | None]:
 
     @wraps(method)
     def call(record: RunOutput, *args: Any, **options: Any) -> T | None:
-        return on_root(record.comm, lambda: method(record._folder, *args, **options))
+        return run_on_root(record.comm, lambda: method(record._folder, *args, **options))
 
     return call
 
@@ -99,12 +99,12 @@ class RunOutput:
         # of all ranks, of this one
         self.optional_output = OptionalOutput(comm, self._report_missing)
         self.rank_optional_output = OptionalOutput(None, self._report_missing)
-        self.failure_consensus = Meeting(
+        self.failure_consensus = FailureConsensus(
             comm
         )  # of ranks whose run has failed: others may just then meet in `beside`
 
     def __enter__(self) -> RunOutput:
-        self._folder = on_root(self.comm, self._open_folder)
+        self._folder = run_on_root(self.comm, self._open_folder)
         self.earlier = self.comm.bcast(
             self._folder.previous_run if self._folder is not None else None
         )
@@ -112,7 +112,7 @@ class RunOutput:
 
     def __exit__(self, *error: Any) -> None:
         if error[0] is None:
-            on_root(self.comm, self._close_folder, *error)
+            run_on_root(self.comm, self._close_folder, *error)
             self.optional_output.consensus.free()
             self.failure_consensus.free()
         else:

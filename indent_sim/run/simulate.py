@@ -19,10 +19,10 @@ from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import ERROR_COLUMNS, KRYLOV_COLUMNS, STATE_COLUMNS, State
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import BackendError, ConfigError, VerificationError
-from indent_sim.process.limits import spent
-from indent_sim.process.ranks import Alone, on_root
-from indent_sim.process.signals import unmasked
-from indent_sim.process.usage import Clock, memory
+from indent_sim.process.limits import translate_resource_errors
+from indent_sim.process.ranks import SerialComm, run_on_root
+from indent_sim.process.signals import reraise_signal
+from indent_sim.process.usage import Clock, current_memory
 from indent_sim.results.folder import config_file_entries, read_report
 from indent_sim.results.reader import missing_files, previous_run, read, resumable_report
 from indent_sim.results.tables import EXPERIMENT
@@ -107,7 +107,7 @@ def simulate(
     replaced once this one is done. Raises ConfigError, UsageError, MeshError, NotConverged,
     VerificationError, BackendError; what was computed before a failure is on disk.
     """
-    comm = comm if comm is not None else Alone()
+    comm = comm if comm is not None else SerialComm()
     config = config_of(given)
     target = Path(directory or config.output.directory or "results/run")
     try:
@@ -117,7 +117,7 @@ def simulate(
     except ConfigError as error:
         raise collect_errors(error, config) from None
     if config.output.plot:
-        on_root(comm, _plot, target, outcome.report)
+        run_on_root(comm, _plot, target, outcome.report)
     return outcome
 
 
@@ -144,7 +144,7 @@ class SimulationDriver:
         self._overwrite = overwrite
         self._clock = Clock()
         self._previous_report = (
-            comm.bcast(on_root(comm, resumable_report, target)) if resume else {}
+            comm.bcast(run_on_root(comm, resumable_report, target)) if resume else {}
         )
         previous_request = error_request_of(self._previous_report)
         self._request = ErrorRequest(
@@ -153,7 +153,7 @@ class SimulationDriver:
         if self._previous_report:
             check_same_request(previous_request, self._request, target)
         self._optional_output = OptionalOutput()
-        with self._clock.stage("resolve"), spent():
+        with self._clock.stage("resolve"), translate_resource_errors():
             self._imported_mesh = read_imported_mesh(config, comm)
 
     def run(self) -> Outcome:
@@ -209,7 +209,7 @@ class SimulationDriver:
             mesh=mesh,
             **folder,
         )
-        with opened as run_output, unmasked(), spent():
+        with opened as run_output, reraise_signal(), translate_resource_errors():
             plan = scene.plan
             self._optional_output = run_output.optional_output
             error_bars = self._error_bars(level) if self._request.has_error_bars else None
@@ -276,7 +276,7 @@ class SimulationDriver:
         """
         comm = self.comm
         target = self.target
-        earlier = comm.bcast(on_root(comm, previous_run, target, config_yaml, initial_report))
+        earlier = comm.bcast(run_on_root(comm, previous_run, target, config_yaml, initial_report))
         if earlier is None:
             return None
         physics = scene.physics
@@ -287,11 +287,11 @@ class SimulationDriver:
         if earlier.report.get("status") != "done" or len(earlier.states) != steps:
             return None
         surface = "none" if scene.history_on_curve else output.surface
-        missing_files = comm.bcast(on_root(comm, missing_files, target, surface, output.fields))
+        missing_files = comm.bcast(run_on_root(comm, missing_files, target, surface, output.fields))
         is_reported_missing = EXPERIMENT in (earlier.report.get("missing") or ())
         has_table = scene.experiment is not None and scene.history_on_curve is None
         if has_table and not (
-            is_reported_missing or comm.bcast(on_root(comm, (target / EXPERIMENT).exists))
+            is_reported_missing or comm.bcast(run_on_root(comm, (target / EXPERIMENT).exists))
         ):
             missing_files = [*missing_files, EXPERIMENT]
         advice = "missing or damaged since; leave --resume out to compute them again"
@@ -329,7 +329,7 @@ class SimulationDriver:
             "plan": planned,
             "warnings": list(plan.warnings),
         }
-        return report | {"ranks": self.comm.size, "memory_before_MB": round(memory(), 1)}
+        return report | {"ranks": self.comm.size, "memory_before_MB": round(current_memory(), 1)}
 
     def _optional_columns(self, scene: Scene) -> tuple[str, ...]:
         """Columns that apply to the scene: of its linear solver, and the error bars of what it
@@ -426,11 +426,11 @@ def states(
     is left.
     """
     scene = given if isinstance(given, Scene) else resolve(config_of(given))
-    comm = communicator(comm if comm is not None else Alone(), scene)
+    comm = communicator(comm if comm is not None else SerialComm(), scene)
     optional_output = OptionalOutput(comm)
     fe = backend() if scene.is_meshed else None
     domain = scene.physics.domain
-    mesh = fe and fe.distribute(on_root(comm, mesher, scene), domain, comm)
+    mesh = fe and fe.distribute(run_on_root(comm, mesher, scene), domain, comm)
     walk: Any = fe.walk(scene, mesh) if fe else SemiAnalyticSolver(scene, comm)
     readings = DerivedQuantities(scene, walk.equilibrium if fe else None, optional_output)
     if scene.history_on_curve:
@@ -521,7 +521,7 @@ def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
     comm = comm if comm is not None else mpi().COMM_SELF
     while _released_meshes:
         fe.release(_released_meshes.pop())
-    mesh = fe.distribute(on_root(comm, scene.grid), scene.physics.domain, comm)
+    mesh = fe.distribute(run_on_root(comm, scene.grid), scene.physics.domain, comm)
     body = CondensedBody(scene, fe.equilibrium(scene, mesh))
     if comm.size == 1:  # several ranks need not let go of it at the same time
         weakref.finalize(body, _released_meshes.append, mesh).atexit = False
@@ -550,7 +550,7 @@ def communicator(comm: Comm, scene: Scene) -> Comm:
     """The communicator that solves a scene: a mesh is one of MPI, on this process alone as
     elsewhere.
     """
-    return mpi().COMM_SELF if scene.is_meshed and isinstance(comm, Alone) else comm
+    return mpi().COMM_SELF if scene.is_meshed and isinstance(comm, SerialComm) else comm
 
 
 def mpi() -> Any:

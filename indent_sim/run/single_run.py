@@ -15,8 +15,8 @@ from indent_sim.config.schema import Config
 from indent_sim.fe.dolfinx_loading import load_dolfinx
 from indent_sim.model.state import PullOff, State
 from indent_sim.process.errors import BackendError, NotConverged, VerificationError
-from indent_sim.process.ranks import on_root
-from indent_sim.process.signals import uninterrupted
+from indent_sim.process.ranks import run_on_root
+from indent_sim.process.signals import defer_signals
 from indent_sim.process.usage import Clock
 from indent_sim.results.checkpoint import Checkpoint
 from indent_sim.results.tables import EXPERIMENT
@@ -108,13 +108,13 @@ class SingleRun:
         scene = self.scene
         clock = self.clock
         part = scene.physics.domain
-        meshing: Any = on_root(
+        meshing: Any = run_on_root(
             record.comm, scene.start_meshing
         )  # it is meshed while the libraries load
         with clock.stage("imports"):
             fe = backend()
         with clock.stage("mesh"):
-            grid = on_root(record.comm, meshing)
+            grid = run_on_root(record.comm, meshing)
             self._mesh = mesh = fe.distribute(grid, part, record.comm)
         with clock.stage("assemble"):
             self._solver = fe.walk(scene, mesh, clock.started - earlier_seconds)
@@ -276,7 +276,8 @@ class SingleRun:
         except (NotConverged, KeyboardInterrupt) as end:
             # a signal reaches the ranks one by one: only a failure may be known to all of them
             if self.run_output.comm.size == 1 or (
-                isinstance(end, NotConverged) and self.run_output.failure_consensus.all_arrive()
+                isinstance(end, NotConverged)
+                and self.run_output.failure_consensus.all_ranks_failed()
             ):
                 self._save_checkpoint()
                 if self.states and self._keep_fields == "last":
@@ -520,7 +521,7 @@ def backend() -> Any:
     """What solves: `fe.solver`; BackendError when a library is missing."""
     is_new = "indent_sim.fe.solver" not in sys.modules
     try:
-        with uninterrupted():  # a signal inside an import would look like a missing library
+        with defer_signals():  # a signal inside an import would look like a missing library
             load_dolfinx()
             from indent_sim.fe import solver
     except ImportError as missing:

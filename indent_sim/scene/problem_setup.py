@@ -40,7 +40,7 @@ from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS
 from indent_sim.model.tips import FlatPunch, Indenter, Plate
 from indent_sim.model.units import Scales, round_length
 from indent_sim.process.errors import ConfigError
-from indent_sim.process.ranks import on_root
+from indent_sim.process.ranks import run_on_root
 from indent_sim.scene.cost import SolverWork
 from indent_sim.scene.domain_truncation import Truncation, expected_depth, truncate
 from indent_sim.scene.reference_theory import (
@@ -1232,7 +1232,7 @@ def read_imported_mesh(config: Config, comm: Any) -> ImportedMesh | None:
         return None
     if comm.size == 1:
         return _read_mesh_file(config, config.body)
-    boundary_cells = on_root(comm, _read_boundary_cells, config, config.body)
+    boundary_cells = run_on_root(comm, _read_boundary_cells, config, config.body)
     shared_cells = comm.bcast(
         replace(boundary_cells, unplaced_mesh=None) if boundary_cells else None, root=0
     )

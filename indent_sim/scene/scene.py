@@ -17,7 +17,7 @@ from indent_sim.model.loading import History
 from indent_sim.model.materials import Relaxation
 from indent_sim.model.tips import FlatPunch, max_radius
 from indent_sim.process.errors import ConfigError
-from indent_sim.process.screen import Shown, cell
+from indent_sim.process.repr_tables import ReprTable, cell_text
 from indent_sim.process.usage import machine_memory
 from indent_sim.scene import choices, sizing
 from indent_sim.scene.choices import Choice
@@ -140,18 +140,18 @@ class Scene:
     def _repr_html_(self) -> str:
         return self._repr_table().html
 
-    def _repr_table(self) -> Shown:
+    def _repr_table(self) -> ReprTable:
         """What a notebook shows: every choice with its reason, and what to expect."""
         rows = [(choice.key, choice.value, choice.why) for choice in self.plan.choices]
         expected = ", ".join(
-            f"{name.replace('_', ' ')} {cell(value)}"
+            f"{name.replace('_', ' ')} {cell_text(value)}"
             for name, value in self.plan.prediction.items()
         )
         title = (
             self.plan.title
             or f"{type(self.physics.indenter).__name__} on {type(self.physics.body).__name__}"
         )
-        return Shown(title, ("what", "choice", "why"), rows, f"expected: {expected}")
+        return ReprTable(title, ("what", "choice", "why"), rows, f"expected: {expected}")
 
     @property
     def is_meshed(self) -> bool:

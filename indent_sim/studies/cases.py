@@ -155,7 +155,7 @@ class RejectedCase:
             else replace(error, problem=f"{error.problem} (in the run of {labels_text})")
             for error in self.error.errors
         ]
-        return ConfigErrors.of(errors)
+        return ConfigErrors.combine(errors)
 
 
 def resolve_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
@@ -178,7 +178,7 @@ def resolve_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
         ][:MAX_REPORTED_ERRORS]
         if cases and not study.named_cases:
             errors[-1] = _add_tolerance_hint(errors[-1], len(rejected_cases), case_count)
-        raise ConfigErrors.of(errors)
+        raise ConfigErrors.combine(errors)
     return cases, rejected_cases
 
 
@@ -192,7 +192,7 @@ def _add_tolerance_hint(error: ConfigError, rejected_count: int, case_count: int
         "rows that failed"
     )
     remedy = f"{last_error.remedy}; {hint}" if last_error.remedy else hint
-    return ConfigErrors.of([*other_errors, replace(last_error, remedy=remedy)])
+    return ConfigErrors.combine([*other_errors, replace(last_error, remedy=remedy)])
 
 
 def validate_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from indent_sim.process.errors import NotConverged, UsageError
-from indent_sim.process.screen import Shown
-from indent_sim.process.usage import duration, machine_memory
+from indent_sim.process.repr_tables import ReprTable
+from indent_sim.process.usage import duration_text, machine_memory
 from indent_sim.results.folder import Report, read_regular_file, read_report
 from indent_sim.results.reader import Results, data_frame
 from indent_sim.run import simulate
@@ -94,7 +94,7 @@ class Study:
     def _repr_html_(self) -> str:
         return self._repr_table().html
 
-    def _repr_table(self) -> Shown:
+    def _repr_table(self) -> ReprTable:
         """What a notebook shows: the varied keys and what came of them."""
         names = [
             name
@@ -103,7 +103,7 @@ class Study:
         ]
         rows = [[row[name] for name in names] for row in self.rows]
         done_count = sum(row["status"] == "done" for row in self.rows)
-        return Shown(
+        return ReprTable(
             f"{self.title}: {done_count} of {len(rows)} runs done",
             names,
             rows,
@@ -286,7 +286,7 @@ def _run_cases(
                 / (total_seconds - remaining_seconds)
             )
             remaining_text = (
-                f"  about {duration(expected_time)} left" if count < len(pending_cases) else ""
+                f"  about {duration_text(expected_time)} left" if count < len(pending_cases) else ""
             )
             outcome = _outcome_text(folder.ended_results(name), ending)
             tell(

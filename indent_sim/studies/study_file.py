@@ -150,7 +150,7 @@ def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
             *source.place((next(key for key in document if key in SCENE_KEYS),)),
         )
     if unknown := [key for key in document if key not in STUDY_KEYS]:
-        raise ConfigErrors.of([_unknown_key_error(key, source) for key in unknown])
+        raise ConfigErrors.combine([_unknown_key_error(key, source) for key in unknown])
     reader = _StudyReader(path, document, source)
     if "cases" in document:
         return reader.read_named_cases()

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from indent_sim.process.errors import UsageError
-from indent_sim.process.limits import unwritable
+from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
 from indent_sim.results import folder as results
 from indent_sim.results.folder import PROGRAM, REPORT, RUNS, read_report, write_atomically
@@ -115,7 +115,9 @@ class StudyFolder:
             }
         except (OSError, UsageError) as error:
             self._release()
-            raise (unwritable(self.path, error) if isinstance(error, OSError) else error) from error
+            raise (
+                write_error(self.path, error) if isinstance(error, OSError) else error
+            ) from error
         return self
 
     def __exit__(self, *error: object) -> None:

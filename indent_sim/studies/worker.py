@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, UsageError
-from indent_sim.process.forked import Crash, Forked
+from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
 from indent_sim.run import simulate
 from indent_sim.run.planned_run import PlannedRun
 
@@ -55,7 +55,7 @@ class Worker(ExitStack, Generic[JobName]):
 
     def __init__(self, jobs: Jobs[JobName], load: LoadLibraries = simulate.warm_up) -> None:
         super().__init__()
-        self._process = Forked(
+        self._process = ForkedProcess(
             lambda name: _run_job(jobs[name]), partial(_prepare_process, load), uses_mpi=True
         )
         self.callback(self._process.stop)
@@ -67,7 +67,7 @@ class Worker(ExitStack, Generic[JobName]):
         if self._job_count % 100 == 0:  # PETSc and the compiled forms keep half a MB of each run
             self._process.stop()
         self._job_count += 1
-        self._wait_for_answer = self._process.ask(name)
+        self._wait_for_answer = self._process.begin_call(name)
 
     def wait_for_job(self) -> ExitStatus:
         """How the job that was begun ended: exit code and reason.
@@ -76,7 +76,7 @@ class Worker(ExitStack, Generic[JobName]):
         """
         try:
             return self._wait_for_answer()
-        except Crash as crash:
+        except ProcessCrash as crash:
             return crash.exit_code, f"the process of the run {crash}"
 
     def fileno(self) -> int:

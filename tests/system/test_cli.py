@@ -29,7 +29,7 @@ from indent_sim.process.errors import (
     UsageError,
     VerificationError,
 )
-from indent_sim.process.signals import Stopped
+from indent_sim.process.signals import Interrupted
 from indent_sim.results.reader import read
 from indent_sim.run.simulate import simulate
 
@@ -438,7 +438,7 @@ class TestJson:
             (VerificationError("not so"), 6, "failed"),
             (BackendError("gone"), 7, "failed"),
             (KeyError("a bug"), 1, "failed"),
-            (Stopped(signal.SIGTERM), 143, "interrupted"),
+            (Interrupted(signal.SIGTERM), 143, "interrupted"),
         ],
         ids=str,
     )

@@ -25,7 +25,7 @@ from test_resume import CONDENSED, HYPERELASTIC, same_numbers
 from indent_sim.config.scene_file import load
 from indent_sim.model.state import State
 from indent_sim.process.errors import UsageError
-from indent_sim.process.signals import Stopped, stoppable
+from indent_sim.process.signals import Interrupted, raise_on_signals
 from indent_sim.results.reader import Results, read, read_run
 from indent_sim.run.simulate import simulate
 
@@ -97,11 +97,11 @@ class TestSignals:
         def hide(state: State, step: int, total: int) -> None:
             try:
                 signal.raise_signal(signal.SIGTERM)
-            except Stopped:
+            except Interrupted:
                 raise RuntimeError("error code 101") from None
 
         (tmp_path / "scene.yaml").write_text(CONDENSED)
-        with pytest.raises(Stopped), stoppable():
+        with pytest.raises(Interrupted), raise_on_signals():
             simulate(load(tmp_path / "scene.yaml"), directory=tmp_path / "out", progress=hide)
         report = read(tmp_path / "out").report
         assert (report["status"], report["exit_code"], report["rows"]) == ("interrupted", 143, 1)

@@ -24,7 +24,7 @@ from indent_sim.mesh import gmsh
 from indent_sim.mesh.grid import Grid
 from indent_sim.process import usage
 from indent_sim.process.errors import ConfigError, MeshError
-from indent_sim.process.forked import Crash, Forked
+from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
 from indent_sim.run import simulate
 from indent_sim.scene.scene import Scene, resolve
 
@@ -190,7 +190,7 @@ def half(x: float) -> float:
 @pytest.fixture
 def halving():
     """`half` in a forked process."""
-    forked = Forked(half, lambda: None)
+    forked = ForkedProcess(half, lambda: None)
     yield forked
     forked.stop()
 
@@ -213,7 +213,7 @@ class TestForked:
     def test_a_crash_is_an_exception_and_the_next_call_is_answered(
         self, halving, capfd, number, how
     ):
-        with pytest.raises(Crash, match=how):
+        with pytest.raises(ProcessCrash, match=how):
             halving.ask(number)()
         assert halving.ask(3.0)() == 1.5
         assert capfd.readouterr() == ("", "")
@@ -229,7 +229,7 @@ class TestForked:
     def test_an_answer_that_nobody_waits_for_is_no_other_calls(self, halving):
         late = halving.ask(8.0)
         assert halving.ask(4.0)() == 2.0
-        with pytest.raises(Crash):
+        with pytest.raises(ProcessCrash):
             late()
 
     def test_a_signal_ends_the_waiting_and_the_process(self, halving):
@@ -278,8 +278,8 @@ class TestForked:
         gc.collect()
         gc.disable()
         Garbage()
-        forked = Forked(lambda _: gc.collect(), lambda: None)
-        forked.ask(None)()
+        forked = ForkedProcess(lambda _: gc.collect(), lambda: None)
+        forked.begin_call(None)()
         forked.stop()
         gc.enable()
         gc.collect()
@@ -307,8 +307,8 @@ print(forked._child.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)
             while time.process_time() < end:
                 pass
 
-        forked, before = Forked(work, lambda: None), usage.cpu_time()
-        forked.ask(0.3)()
+        forked, before = ForkedProcess(work, lambda: None), usage.cpu_time()
+        forked.begin_call(0.3)()
         assert usage.cpu_time() - before == pytest.approx(
             0.3, abs=0.1
         )  # 0.1: what this process does meanwhile
@@ -398,4 +398,4 @@ class TestRun:
     def test_among_ranks_nothing_is_forked_once_mpi_may_be_up(self, monkeypatch):
         gmsh._mesher.stop()
         monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
-        assert len(grid_of(resolve(loads(SMALL))).cells) > 0 and not gmsh._mesher.is_up
+        assert len(grid_of(resolve(loads(SMALL))).cells) > 0 and not gmsh._mesher.is_running

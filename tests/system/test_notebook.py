@@ -18,7 +18,7 @@ from click.testing import CliRunner
 import indent_sim
 from indent_sim.cli import commands
 from indent_sim.process.errors import BackendError, ConfigError, UsageError
-from indent_sim.process.screen import MOST_LINES, Shown
+from indent_sim.process.repr_tables import MAX_ROWS, ReprTable
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -109,17 +109,16 @@ def test_what_is_shown_fits_a_screen(result: Any) -> None:
     """A title, as many lines as fit, and the warnings; in HTML nothing of a title is markup."""
     for thing in (result, indent_sim.resolve(indent_sim.load(SCENE))):
         lines = repr(thing).splitlines()
-        assert "A gel <on> glass" in lines[0] and len(lines) <= MOST_LINES + 5
+        assert "A gel <on> glass" in lines[0] and len(lines) <= MAX_ROWS + 5
         assert max(map(len, lines)) <= WIDEST
         assert (
-            "<on>" not in thing._repr_html_()
-            and thing._repr_html_().count("<tr>") <= MOST_LINES + 2
+            "<on>" not in thing._repr_html_() and thing._repr_html_().count("<tr>") <= MAX_ROWS + 2
         )
     assert repr(result).splitlines()[2].split()[:3] == ["1", "0.1", f"{result['force'][0]:.6g}"]
 
 
 def test_long_tables_show_both_ends() -> None:
-    shown = Shown("many", ["n"], [[i] for i in range(1000)])
+    shown = ReprTable("many", ["n"], [[i] for i in range(1000)])
     assert (
         shown.text.splitlines()[2:4] == ["0", "1"]
         and shown.text.splitlines()[-1] == "999"

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from indent_sim.process import parcel
+from indent_sim.process import ipc
 
 
 def passed(value: Any, mapped: bool) -> Any:
     """A value that was sent and received."""
     here, there = Pipe()
-    parcel.send(here, value, mapped)
-    return parcel.receive(there)
+    ipc.send(here, value, mapped)
+    return ipc.receive(there)
 
 
 VALUE = {
@@ -57,6 +57,6 @@ def test_a_file_without_room_is_an_error_and_leaves_the_pipe_as_it_is(
     monkeypatch.setattr("tempfile.tempdir", "/dev/full/none")
     here, there = Pipe()
     with pytest.raises(OSError):
-        parcel.send(here, np.ones(10), mapped=True)
-    parcel.send(here, "words", mapped=True)
-    assert parcel.receive(there) == "words"
+        ipc.send(here, np.ones(10), mapped=True)
+    ipc.send(here, "words", mapped=True)
+    assert ipc.receive(there) == "words"

@@ -13,7 +13,7 @@ import numpy as np
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State, Surface
 from indent_sim.model.tips import gap_under_tip
-from indent_sim.process.ranks import on_root
+from indent_sim.process.ranks import run_on_root
 from indent_sim.run.run_output import Comm
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.solution import Solution
@@ -42,13 +42,15 @@ class SemiAnalyticSolver:
         """One State per requested value after the first `done`; after one that theory does not
         reach no other.
         """
-        solutions = on_root(self._comm, self._solve_all, path.values) or [None] * len(path.values)
+        solutions = run_on_root(self._comm, self._solve_all, path.values) or [None] * len(
+            path.values
+        )
         rows = list(
             zip(path.values, solutions, strict=True)
         )  # of the whole path: a row does not know where a run goes on
         for step, (value, solution) in enumerate(rows[done:], start=done + 1):
             state = self._comm.bcast(
-                on_root(self._comm, self._state, step, value, solution, wants_surface)
+                run_on_root(self._comm, self._state, step, value, solution, wants_surface)
             )
             yield state
             if not state.converged:

@@ -11,7 +11,7 @@ import pytest
 
 from indent_sim.process import limits
 from indent_sim.process.errors import BackendError, IndentSimError, NotConverged
-from indent_sim.process.signals import Stopped, stoppable
+from indent_sim.process.signals import Interrupted, raise_on_signals
 
 
 @pytest.mark.parametrize(
@@ -38,7 +38,7 @@ from indent_sim.process.signals import Stopped, stoppable
     ],
 )
 def test_what_runs_out(error: Exception, kind: type[IndentSimError], said: str) -> None:
-    with pytest.raises(kind, match=said), limits.spent():
+    with pytest.raises(kind, match=said), limits.translate_resource_errors():
         raise error
 
 
@@ -46,7 +46,7 @@ def test_what_runs_out(error: Exception, kind: type[IndentSimError], said: str) 
     "error", [RuntimeError("error code 62"), FileNotFoundError(errno.ENOENT, "no such file", "x")]
 )
 def test_other_failures_pass(error: Exception) -> None:
-    with pytest.raises(type(error)) as found, limits.spent():
+    with pytest.raises(type(error)) as found, limits.translate_resource_errors():
         raise error
     assert found.value is error
 
@@ -75,13 +75,13 @@ def test_whose_an_option_is_that_petsc_refuses(
     monkeypatch.setenv("PETSC_OPTIONS", "-snes_type nosuch")
     with (
         pytest.raises(BackendError, match=r"PETSC_OPTIONS='-snes_type nosuch' .* type nosuch"),
-        limits.spent(),
+        limits.translate_resource_errors(),
     ):
         raise error
-    with pytest.raises(ValueError, match="no such key"), limits.spent():
+    with pytest.raises(ValueError, match="no such key"), limits.translate_resource_errors():
         raise ValueError("no such key")
     monkeypatch.delenv("PETSC_OPTIONS")
-    with pytest.raises(type(error)) as found, limits.spent():
+    with pytest.raises(type(error)) as found, limits.translate_resource_errors():
         raise error
     assert found.value is error
 
@@ -95,12 +95,12 @@ def test_too_little_to_begin(number: int, said: str, monkeypatch: pytest.MonkeyP
         resource, "getrlimit", lambda asked: (16, 16) if asked == number else unlimited
     )
     with pytest.raises(BackendError, match=said):
-        limits.require_room()
+        limits.require_resources()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_stop(number: signal.Signals) -> None:
-    with pytest.raises(Stopped) as stopped, stoppable():
+    with pytest.raises(Interrupted) as stopped, raise_on_signals():
         signal.raise_signal(number)
     assert stopped.value.exit_code == 128 + number
 
@@ -109,7 +109,7 @@ def test_nohup_is_honoured() -> None:
     """A SIGHUP that is ignored stays ignored, inside and after, while the other signals stop."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        with stoppable():
+        with raise_on_signals():
             signal.raise_signal(signal.SIGHUP)
             assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
             assert callable(signal.getsignal(signal.SIGTERM))

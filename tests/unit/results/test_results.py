@@ -27,7 +27,7 @@ from indent_sim.process.errors import (
     UsageError,
     VerificationError,
 )
-from indent_sim.process.signals import uninterrupted
+from indent_sim.process.signals import defer_signals
 from indent_sim.results import folder, tables, xdmf
 from indent_sim.results.compare import compare
 from indent_sim.results.folder import write_atomically
@@ -481,7 +481,7 @@ class TestKills:
             signal.signal(signal.SIGINT, signal.default_int_handler),
         )  # not another test's
         try:
-            with pytest.raises(KeyboardInterrupt), uninterrupted():
+            with pytest.raises(KeyboardInterrupt), defer_signals():
                 os.kill(os.getpid(), signal.SIGINT)
                 time.sleep(0.01)
                 done = True

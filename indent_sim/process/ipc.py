@@ -17,7 +17,7 @@ from multiprocessing.reduction import recv_handle, send_handle
 from tempfile import TemporaryFile, gettempdir
 from typing import Any
 
-ALIGNED = 64  # bytes from one array's begin to the next are a multiple of these
+BUFFER_ALIGNMENT = 64  # bytes from one array's begin to the next are a multiple of these
 
 
 def send(pipe: Connection, value: Any, mapped: bool = False) -> None:
@@ -25,22 +25,22 @@ def send(pipe: Connection, value: Any, mapped: bool = False) -> None:
     has no room.
     """
     buffers: list[pickle.PickleBuffer] = []
-    head = pickle.dumps(value, protocol=5, buffer_callback=buffers.append if mapped else None)
+    pickled = pickle.dumps(value, protocol=5, buffer_callback=buffers.append if mapped else None)
     sizes = [buffer.raw().nbytes for buffer in buffers]
     if not any(sizes):
         pipe.send(sizes)
-        pipe.send_bytes(head)
+        pipe.send_bytes(pickled)
         return
     with TemporaryFile() as file:
         try:
             for buffer, size in zip(buffers, sizes, strict=True):
                 file.write(buffer.raw())
-                file.write(bytes(-size % ALIGNED))
+                file.write(bytes(-size % BUFFER_ALIGNMENT))
             file.flush()
         except OSError as error:
             raise OSError(error.errno, error.strerror, gettempdir()) from error
         pipe.send(sizes)
-        pipe.send_bytes(head)
+        pipe.send_bytes(pickled)
         send_handle(pipe, file.fileno(), None)
 
 
@@ -50,17 +50,19 @@ def receive(pipe: Connection) -> Any:
     EOFError where the other end closed.
     """
     sizes = pipe.recv()
-    head = pipe.recv_bytes()
-    return pickle.loads(head, buffers=_mapped(recv_handle(pipe), sizes) if any(sizes) else sizes)
+    pickled = pipe.recv_bytes()
+    return pickle.loads(
+        pickled, buffers=_map_buffers(recv_handle(pipe), sizes) if any(sizes) else sizes
+    )
 
 
-def _mapped(file: int, sizes: list[int]) -> list[memoryview]:
+def _map_buffers(file: int, sizes: list[int]) -> list[memoryview]:
     try:
-        whole = memoryview(mmap(file, 0, access=ACCESS_READ))
+        file_view = memoryview(mmap(file, 0, access=ACCESS_READ))
     finally:
         os.close(file)
-    begins = accumulate((size + -size % ALIGNED for size in sizes), initial=0)
+    offsets = accumulate((size + -size % BUFFER_ALIGNMENT for size in sizes), initial=0)
     return [
-        whole[begin : begin + size]
-        for (begin, _), size in zip(pairwise(begins), sizes, strict=True)
+        file_view[begin : begin + size]
+        for (begin, _), size in zip(pairwise(offsets), sizes, strict=True)
     ]

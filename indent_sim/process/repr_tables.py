@@ -10,61 +10,67 @@ from typing import Any
 from indent_sim.process.errors import printable
 
 # of a table, and of one of its cells
-MOST_LINES = 20
-MOST_LETTERS = 60
-LEFT_OUT = "…"
+MAX_ROWS = 20
+MAX_CELL_CHARACTERS = 60
+ELLIPSIS = "…"
 
 
 @dataclass(frozen=True)
-class Shown:
+class ReprTable:
     """A heading, a table below it, of whose rows the first and the last are shown, and what stands
     below.
     """
 
     title: str
-    head: Sequence[str]
+    header: Sequence[str]
     rows: Sequence[Sequence[Any]]
-    below: str = ""
+    footer: str = ""
 
     @property
     def text(self) -> str:
         """As plain text, its columns aligned."""
-        cells = [list(self.head), *self._cells()]
+        cells = [list(self.header), *self._cells()]
         widths = [max(map(len, column)) for column in zip(*cells, strict=True)] if self.rows else []
         lines = [
             "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True))
             for row in cells
         ]
-        told = [self.title, *(lines if widths else []), self.below]
-        return "\n".join(line.rstrip() for line in told if line)
+        blocks = [self.title, *(lines if widths else []), self.footer]
+        return "\n".join(line.rstrip() for line in blocks if line)
 
     @property
     def html(self) -> str:
         """As an HTML table."""
-        head = "".join(f"<th>{escape(name)}</th>" for name in self.head)
+        header_cells = "".join(f"<th>{escape(name)}</th>" for name in self.header)
         rows = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self._cells()]
         body = "".join(f"<tr>{row}</tr>" for row in rows)
-        below = f"<p>{escape(self.below)}</p>" if self.below else ""
+        footer = f"<p>{escape(self.footer)}</p>" if self.footer else ""
         table = (
-            f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>" if rows else ""
+            f"<table><thead><tr>{header_cells}</tr></thead><tbody>{body}</tbody></table>"
+            if rows
+            else ""
         )
-        return f"<p><b>{escape(printable(self.title))}</b></p>{table}{below}"
+        return f"<p><b>{escape(printable(self.title))}</b></p>{table}{footer}"
 
     def _cells(self) -> list[list[str]]:
         """The rows that are shown, as words; a row of dots for those that are not."""
         count = len(self.rows)
-        if count <= MOST_LINES:
-            return [[cell(value) for value in row] for row in self.rows]
-        half = MOST_LINES // 2
-        shown = [[cell(value) for value in row] for row in (*self.rows[:half], *self.rows[-half:])]
-        return [*shown[:half], [LEFT_OUT] * len(self.head), *shown[half:]]
+        if count <= MAX_ROWS:
+            return [[cell_text(value) for value in row] for row in self.rows]
+        half = MAX_ROWS // 2
+        shown = [
+            [cell_text(value) for value in row] for row in (*self.rows[:half], *self.rows[-half:])
+        ]
+        return [*shown[:half], [ELLIPSIS] * len(self.header), *shown[half:]]
 
 
-def cell(value: Any) -> str:
+def cell_text(value: Any) -> str:
     """A value in a cell: numbers to six digits, nothing for what is not known, long words
     shortened.
     """
     if value is None or value != value:
         return ""
-    said = f"{value:.6g}" if isinstance(value, float) else printable(str(value))
-    return said if len(said) <= MOST_LETTERS else f"{said[: MOST_LETTERS - 1]}{LEFT_OUT}"
+    text = f"{value:.6g}" if isinstance(value, float) else printable(str(value))
+    return (
+        text if len(text) <= MAX_CELL_CHARACTERS else f"{text[: MAX_CELL_CHARACTERS - 1]}{ELLIPSIS}"
+    )
