@@ -19,14 +19,14 @@ sys.path.insert(0, str(ROOT))
 
 from indent_sim.config import key_types, schema  # noqa: E402
 from indent_sim.config.key_types import (
-    core,
-    describe,
+    allowed_words,
+    bare_type,
+    describe_type,
     field_names,
-    hints,
-    kinds_of,
-    members,
+    field_types,
     tag_of,
-    words_of,
+    types_by_tag,
+    union_members,
 )  # noqa: E402
 from indent_sim.config.schema import Config  # noqa: E402
 from indent_sim.model.symbols import GROUPS, lookup  # noqa: E402
@@ -44,7 +44,9 @@ def config_markdown() -> str:
         "numbers may carry units of their own, `2.5 um`, `1 kPa`, `3 nN`, `70 deg`, and are converted to those, times\n"
         "to seconds.\n"
         "Unknown and repeated keys are errors.\n",
-        _table(["section", "default", "meaning"], map(_section_row, schema.keys_at((), {}))),
+        _table(
+            ["section", "default", "meaning"], map(_section_row, schema.allowed_keys_at((), {}))
+        ),
     ]
     for section, kinds in schema.sections().items():
         parts.append(f"## {section}\n")
@@ -56,7 +58,7 @@ def _section_row(name: str) -> list[str]:
     field = Config.model_fields[name]
     if name not in schema.sections():
         return [f"`{name}`", _shown(field.default), _meaning(name)]
-    tag = schema.tags().get(name)
+    tag = schema.section_tags().get(name)
     chosen = f"`{tag}: {getattr(field.default, tag, '')}`" if tag else "as below"
     default = (
         "**required**" if field.is_required() else chosen if field.default is not None else "none"
@@ -65,7 +67,7 @@ def _section_row(name: str) -> list[str]:
 
 
 def _kind_markdown(section: str, kind: type) -> str:
-    tag = schema.tags().get(section)
+    tag = schema.section_tags().get(section)
     rows = [
         row
         for name in schema.file_order(kind)
@@ -74,23 +76,39 @@ def _kind_markdown(section: str, kind: type) -> str:
     ]
     if section == "indenter":
         rows.append(
-            ["`center`", describe(hints(Config)["center"]), "", "length", _meaning("center")]
+            [
+                "`center`",
+                describe_type(field_types(Config)["center"]),
+                "",
+                "length",
+                _meaning("center"),
+            ]
         )
     table = _table(["key", "value", "default", "unit", "meaning"], rows)
     text = f"{inspect.cleandoc(kind.__doc__ or '')}\n\n{table}"
-    values = {k: value for value, k in kinds_of(hints(Config)[section], tag).items()} if tag else {}
+    values = (
+        {k: value for value, k in types_by_tag(field_types(Config)[section], tag).items()}
+        if tag
+        else {}
+    )
     return f"### `{tag}: {values[kind]}`\n\n{text}" if tag else text
 
 
 def _key_rows(section: str, kind: type, name: str, outside: str = "") -> list[list[str]]:
     """The row of a key, and those of the keys inside where it is a section or a list of them."""
-    hint = hints(kind)[name]
-    is_list = get_origin(core(hint)) is tuple
-    item = get_args(core(hint))[0] if is_list else None if words_of(hint) or tag_of(hint) else hint
+    hint = field_types(kind)[name]
+    is_list = get_origin(bare_type(hint)) is tuple
+    item = (
+        get_args(bare_type(hint))[0]
+        if is_list
+        else None
+        if allowed_words(hint) or tag_of(hint)
+        else hint
+    )
     within = f"{outside}{name}[]." if is_list else f"{outside}{name}."
     symbol = lookup(name, section)
     shown = symbol.dimension if symbol and symbol.dimension not in ("word", "1") else ""
-    value = f"a section as [`{name}`](#{name})" if tag_of(hint) and outside else describe(hint)
+    value = f"a section as [`{name}`](#{name})" if tag_of(hint) and outside else describe_type(hint)
     own = [f"`{outside}{name}`", value, _default(kind, name), shown, _meaning(name, section)]
     return [own, *_rows_inside(name, item, within)]
 
@@ -99,12 +117,16 @@ def _rows_inside(name: str, item: Any, within: str) -> Iterator[list[str]]:
     """The rows of the keys of an item, each once: of all kinds that it may be, after the key that chooses."""
     tag, kinds = (
         tag_of(item),
-        [core(part) for part in members(item) if dataclasses.is_dataclass(core(part))],
+        [
+            bare_type(part)
+            for part in union_members(item)
+            if dataclasses.is_dataclass(bare_type(part))
+        ],
     )
     if tag:
         yield [
             f"`{within}{tag}`",
-            key_types.listed(list(kinds_of(item, tag))),
+            key_types.join_words(list(types_by_tag(item, tag))),
             "**required**",
             "",
             _meaning(tag),

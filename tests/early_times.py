@@ -29,7 +29,7 @@ from exact_time import confined_modulus, confined_ramp
 from scipy.optimize import brentq
 from scipy.special import j0, j1, jn_zeros
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.model.materials import Gel
 from indent_sim.model.state import State
@@ -429,7 +429,7 @@ def _rows(mapping: dict[str, Any]) -> list[State]:
     """The rows of an elastic scene."""
     kept = {key: value for key, value in mapping.items() if key != "drainage"}
     with tempfile.TemporaryDirectory() as folder:
-        return list(simulate(from_mapping(kept), directory=Path(folder) / "o").states)
+        return list(simulate(config_from_mapping(kept), directory=Path(folder) / "o").states)
 
 
 KINDS = ("disc", "column", "layer", "relaxing column", "relaxing contact", "contact", "gel")
@@ -481,7 +481,7 @@ def judged(
     """
     more: dict[str, Any] = {"accuracy": accuracy} if accuracy else {}
     more |= {"mesh": mesh} if mesh else {}
-    config = from_mapping(scene.mapping | more)
+    config = config_from_mapping(scene.mapping | more)
     has_bars = bool(scene.low) or finer  # what is not judged needs none
     with tempfile.TemporaryDirectory() as folder:
         try:

@@ -17,7 +17,7 @@ from typing import Any
 from scenes import placed
 from scipy.optimize import brentq
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import simulate
 from indent_sim.run.history_on_curve import evaluate_with_units
@@ -187,7 +187,7 @@ class Row:
 @cache
 def required(name: str) -> Requirements:
     """What `require` says of a scene."""
-    return require(from_mapping(placed(SCENES[name])), WITHIN)
+    return require(config_from_mapping(placed(SCENES[name])), WITHIN)
 
 
 def rows(name: str) -> Iterator[Row]:
@@ -401,9 +401,9 @@ class Reference:
         }
         t, depth = max(history, key=lambda point: (point[1], -point[0]))
         try:
-            base = resolve(from_mapping(placed(given | {"solver": {"method": "condensed"}})))
+            base = resolve(config_from_mapping(placed(given | {"solver": {"method": "condensed"}})))
         except ConfigError:  # a contact at pull-off that no mesh holds beside the deepest one
-            base = resolve(from_mapping(placed(given)))
+            base = resolve(config_from_mapping(placed(given)))
         body = simulate.condense(base).equilibrium if base.is_meshed else None
         deepest = next(row for row in evaluate_with_units(base, body).rows if row.t == t)
         return 100 * (
@@ -443,11 +443,11 @@ def _runnable(document: Document) -> Document:
 
 
 def _meshed(document: Document) -> Scene:
-    base = resolve(from_mapping(document))
+    base = resolve(config_from_mapping(document))
     return (
         base
         if base.is_meshed
-        else resolve(from_mapping(document | {"solver": {"method": "condensed"}}))
+        else resolve(config_from_mapping(document | {"solver": {"method": "condensed"}}))
     )
 
 

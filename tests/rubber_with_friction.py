@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
 from indent_sim.process.errors import IndentSimError
 from indent_sim.run import simulate
@@ -150,7 +150,7 @@ class Judged:
 
 def judged(mapping: dict[str, Any]) -> Judged:
     """Solve a scene and measure how rough the pressure of its rows is."""
-    scene = resolve(from_mapping(mapping, ()))
+    scene = resolve(config_from_mapping(mapping, ()))
     rows = [state for state in simulate.states(scene) if state.converged]
     return Judged(
         max(state.roughness for state in rows),

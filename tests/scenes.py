@@ -6,7 +6,7 @@ import copy
 import pickle
 from typing import Any
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.mesh import gmsh
 from indent_sim.mesh.grid import Grid
 from indent_sim.model.contact import Penalty
@@ -37,7 +37,7 @@ def scene(body: dict[str, Any], *overrides: str, **sections: Any) -> Scene:
         "indenter": PARABOLOID,
         "loading": ONE_STEP,
     } | sections
-    return resolve(from_mapping(given, overrides))
+    return resolve(config_from_mapping(given, overrides))
 
 
 def placed(sections: dict[str, Any]) -> dict[str, Any]:

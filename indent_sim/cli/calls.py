@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from indent_sim.config.scene_file import Given, is_study
+from indent_sim.config.scene_file import SceneInput, is_study
 from indent_sim.process.errors import UsageError
 from indent_sim.results import compare as comparisons
 from indent_sim.results import folder, reader
@@ -54,7 +54,7 @@ def read(path: str | Path) -> Results | Study:
     )
 
 
-def plan(given: Given, *, error_bars: bool = False) -> Report:
+def plan(given: SceneInput, *, error_bars: bool = False) -> Report:
     """What would be modelled, and why; of a study its runs and their cost: the object of
     `indent-sim plan --json`.
     """
@@ -65,7 +65,7 @@ def plan(given: Given, *, error_bars: bool = False) -> Report:
     return json_data(plan_with_cost(config_of(given), error_bars).plan.as_json())
 
 
-def require(given: Given, within: float = 0.01) -> Report:
+def require(given: SceneInput, within: float = 0.01) -> Report:
     """Which effects matter, in per cent, and the cheapest model within a relative tolerance of the
     force: the object of `indent-sim require --json`.
     """
@@ -191,7 +191,7 @@ def _words(given: str | Sequence[Any]) -> tuple[str, ...]:
     )
 
 
-def sensitivities(scene: Given, keys: str | Sequence[str]) -> derivatives.Derivatives:
+def sensitivities(scene: SceneInput, keys: str | Sequence[str]) -> derivatives.Derivatives:
     """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}}, see
     `run.companions.sensitivities`.
     """

@@ -413,10 +413,10 @@ def _worst(found: Comparison) -> str:
 
 def listed(section: str) -> str:
     """What may stand in a section of the scene file: names, first lines of docs, parameters, units."""
-    from indent_sim.config.json_schema import alternatives
+    from indent_sim.config.json_schema import section_alternatives
 
     lines = []
-    for choice, words, keys in alternatives(section):
+    for choice, words, keys in section_alternatives(section):
         rows = [[f"      {name}", *rest] for name, *rest in keys]
         lines += [f"  {choice}: {words}", *([_aligned(rows, "<")] if rows else [])]
     return "\n".join(lines)

@@ -12,7 +12,13 @@ from typing import Any, get_args
 from pydantic.json_schema import GenerateJsonSchema
 
 from indent_sim.config import key_types, schema
-from indent_sim.config.key_types import core, hints, kinds_of, members, words_of
+from indent_sim.config.key_types import (
+    allowed_words,
+    bare_type,
+    field_types,
+    types_by_tag,
+    union_members,
+)
 from indent_sim.config.schema import Config
 from indent_sim.model.loading import PATH_KEYS, STEPPED_KEYS
 from indent_sim.model.symbols import lookup
@@ -22,85 +28,87 @@ QUANTITY_SCHEMA = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9
 
 def json_schema() -> dict[str, Any]:
     """JSON Schema (draft 2020-12) of the scene file, for editors and other programs."""
-    found = Config.model_json_schema(schema_generator=_Generator)
-    center = found["properties"].pop("center")
+    document = Config.model_json_schema(schema_generator=_SchemaGenerator)
+    center = document["properties"].pop("center")
     for kind in schema.sections()["indenter"]:
-        found["$defs"][kind.__name__]["properties"]["center"] = center
-    lists = [
-        {"required": [way], "not": {"required": ["steps"]}}
-        for way in PATH_KEYS
-        if way not in STEPPED_KEYS
+        document["$defs"][kind.__name__]["properties"]["center"] = center
+    exclusive_lists = [
+        {"required": [path_key], "not": {"required": ["steps"]}}
+        for path_key in PATH_KEYS
+        if path_key not in STEPPED_KEYS
     ]
-    one_of = [{"required": ["delta"]}, {"required": ["force"]}, *lists]
-    found["$defs"]["Loading"]["oneOf"] = one_of
+    one_of = [{"required": ["delta"]}, {"required": ["force"]}, *exclusive_lists]
+    document["$defs"]["Loading"]["oneOf"] = one_of
     sections = {kind.__name__: section for section, kind in sections_and_kinds()}
-    for kind, definition in found["$defs"].items():
+    for kind, definition in document["$defs"].items():
         for name, value in definition.get("properties", {}).items():
             symbol = lookup(name, sections.get(kind, ""))
             if symbol and symbol.dimension not in ("1", "word"):
-                definition["properties"][name] = _with_units(value)
-    return {"$schema": GenerateJsonSchema.schema_dialect, **found, "title": "indent-sim scene"}
+                definition["properties"][name] = _allow_quantities(value)
+    return {"$schema": GenerateJsonSchema.schema_dialect, **document, "title": "indent-sim scene"}
 
 
-def _with_units(value: dict[str, Any]) -> dict[str, Any]:
+def _allow_quantities(value: dict[str, Any]) -> dict[str, Any]:
     """The schema of a number with a dimension, which may be a quantity with its unit, or of a list
     of such.
     """
     if "anyOf" in value:
-        return value | {"anyOf": [_with_units(part) for part in value["anyOf"]]}
+        return value | {"anyOf": [_allow_quantities(part) for part in value["anyOf"]]}
     if value.get("type") == "array":
-        return value | {key: _with_units(value[key]) for key in ("items",) if key in value}
+        return value | {key: _allow_quantities(value[key]) for key in ("items",) if key in value}
     if value.get("type") != "number":
         return value
-    about = {key: value.pop(key) for key in ("description", "default") if key in value}
-    return about | {"anyOf": [value, QUANTITY_SCHEMA]}
+    metadata = {key: value.pop(key) for key in ("description", "default") if key in value}
+    return metadata | {"anyOf": [value, QUANTITY_SCHEMA]}
 
 
-class _Generator(GenerateJsonSchema):
+class _SchemaGenerator(GenerateJsonSchema):
     """pydantic's schema with the glossary's descriptions, required tags and walls as one word."""
 
     def dataclass_schema(self, schema: Any) -> Any:
-        found = super().dataclass_schema(schema)
+        definition = super().dataclass_schema(schema)
         section = next(
             (section for section, kind in sections_and_kinds() if kind is schema["cls"]), ""
         )
-        return _described(found, schema["cls"], section)
+        return _add_descriptions(definition, schema["cls"], section)
 
     def model_schema(self, schema: Any) -> Any:
-        return _described(super().model_schema(schema), Config, "")
+        return _add_descriptions(super().model_schema(schema), Config, "")
 
 
-def _described(found: Any, kind: Any, section: str) -> Any:
-    for name, entry in found["properties"].items():
+def _add_descriptions(definition: Any, kind: Any, section: str) -> Any:
+    for name, entry in definition["properties"].items():
         entry.pop("title", None)
         if entry.get("default", "") is None:
             del entry["default"]
         if symbol := lookup(name, section):
             unit = "" if symbol.dimension in ("word", "1") else f" [{symbol.dimension}]"
             entry["description"] = symbol.meaning + unit
-        hint = core(hints(kind)[name])
-        if section and words_of(hint) and dataclasses.is_dataclass(hint):
-            words = list(get_args(key_types.common(hint)))
+        hint = bare_type(field_types(kind)[name])
+        if section and allowed_words(hint) and dataclasses.is_dataclass(hint):
+            words = list(get_args(key_types.shared_field_type(hint)))
             entry["anyOf"] = [{"enum": words, "type": "string"}, {"$ref": entry.pop("$ref")}]
             entry["default"] = next(iter(entry["default"].values()))
-    tag = schema.tags().get(section)
+    tag = schema.section_tags().get(section)
     if tag and kind is not type(Config.model_fields[section].default):
-        found["properties"][tag].pop("default")
-        found["required"] = [tag, *found.get("required", ())]
-    return found
+        definition["properties"][tag].pop("default")
+        definition["required"] = [tag, *definition.get("required", ())]
+    return definition
 
 
-def alternatives(section: str) -> Iterator[tuple[str, str, list[list[str]]]]:
+def section_alternatives(section: str) -> Iterator[tuple[str, str, list[list[str]]]]:
     """What may stand in a section: its names, the first lines of their docs, and of each the keys
     with what they may be, unit and meaning.
     """
-    tag = schema.tags()[section]
-    for choice, kind in kinds_of(hints(Config)[section], tag).items():
+    tag = schema.section_tags()[section]
+    for choice, kind in types_by_tag(field_types(Config)[section], tag).items():
         keys = []
         for name in schema.file_order(kind):
             if name != tag and (symbol := lookup(name, section)):
                 unit = f"[{symbol.dimension}]" if symbol.dimension not in ("word", "1") else ""
-                keys.append([name, key_types.describe(hints(kind)[name]), unit, symbol.meaning])
+                keys.append(
+                    [name, key_types.describe_type(field_types(kind)[name]), unit, symbol.meaning]
+                )
         yield choice, inspect.cleandoc(kind.__doc__ or "").split("\n")[0], keys
 
 
@@ -109,7 +117,9 @@ def sections_and_kinds() -> Iterator[tuple[str, type]]:
     outer = [(section, kind) for section, kinds in schema.sections().items() for kind in kinds]
     yield from outer
     for _, owner in outer:
-        for name, hint in hints(owner).items():
+        for name, hint in field_types(owner).items():
             yield from (
-                (name, core(part)) for part in members(hint) if dataclasses.is_dataclass(core(part))
+                (name, bare_type(part))
+                for part in union_members(hint)
+                if dataclasses.is_dataclass(bare_type(part))
             )

@@ -30,16 +30,16 @@ def field_names(kind: Any) -> tuple[str, ...]:
 
 
 @cache
-def hints(kind: type) -> dict[str, Any]:
+def field_types(kind: type) -> dict[str, Any]:
     """The annotated types of the fields of a dataclass or pydantic model."""
-    found = get_type_hints(kind, include_extras=True)
-    return {name: found[name] for name in field_names(kind)}
+    all_types = get_type_hints(kind, include_extras=True)
+    return {name: all_types[name] for name in field_names(kind)}
 
 
 @cache
-def kinds_of(union: Any, tag: str) -> dict[str, type]:
+def types_by_tag(union: Any, tag: str) -> dict[str, type]:
     """The dataclasses of a union by the value of their tag."""
-    return {get_args(hints(kind)[tag])[0]: kind for kind in members(union)}
+    return {get_args(field_types(kind)[tag])[0]: kind for kind in union_members(union)}
 
 
 @cache
@@ -49,13 +49,15 @@ def tag_of(hint: Any) -> str | None:
     return next((mark.key for mark in marks if isinstance(mark, TaggedBy)), None)
 
 
-def chosen(hint: Any, word: Any) -> type | None:
+def type_of_tag(hint: Any, word: Any) -> type | None:
     """The dataclass of a section, chosen by its tag's word where there is a choice; None for
     anything else.
     """
     if (tag := tag_of(hint)) is not None:
-        return kinds_of(hint, tag).get(word) if isinstance(word, str) else None
-    kinds = [core(part) for part in members(hint) if dataclasses.is_dataclass(core(part))]
+        return types_by_tag(hint, tag).get(word) if isinstance(word, str) else None
+    kinds = [
+        bare_type(part) for part in union_members(hint) if dataclasses.is_dataclass(bare_type(part))
+    ]
     return kinds[0] if len(kinds) == 1 else None
 
 
@@ -69,7 +71,7 @@ def default_of(kind: Any, name: str) -> Any:
 
 
 @cache
-def members(hint: Any) -> tuple[Any, ...]:
+def union_members(hint: Any) -> tuple[Any, ...]:
     """The alternatives of a union, None left out; of anything else itself."""
     if get_origin(hint) is Annotated and any(
         isinstance(mark, TaggedBy) for mark in hint.__metadata__
@@ -81,57 +83,65 @@ def members(hint: Any) -> tuple[Any, ...]:
 
 
 @cache
-def unnamed_sections(hint: Any) -> tuple[str, ...]:
+def untagged_sections(hint: Any) -> tuple[str, ...]:
     """Names of the classes of a section without a tag that may stand in place of a word, as a
     conductance in place of `drained`; none for any other type.
     """
     parts = (
-        [core(part) for part in members(hint)] if hint is not None and tag_of(hint) is None else []
+        [bare_type(part) for part in union_members(hint)]
+        if hint is not None and tag_of(hint) is None
+        else []
     )
     kinds = [part for part in parts if isinstance(part, type) and dataclasses.is_dataclass(part)]
     return tuple(kind.__name__ for kind in kinds) if len(parts) > 1 else ()
 
 
 @cache
-def core(hint: Any) -> Any:
+def bare_type(hint: Any) -> Any:
     """A type without its marks and without None."""
     if get_origin(hint) is Annotated:
-        return core(hint.__origin__)
-    parts = members(hint)
-    return hint if len(parts) > 1 or parts[0] is hint else core(parts[0])
+        return bare_type(hint.__origin__)
+    parts = union_members(hint)
+    return hint if len(parts) > 1 or parts[0] is hint else bare_type(parts[0])
 
 
 @cache
-def words_of(hint: Any) -> tuple[str, ...]:
+def allowed_words(hint: Any) -> tuple[str, ...]:
     """The words a value may be, also where one word stands for all fields of a dataclass."""
-    kinds = [common(core(part)) for part in members(hint)]
+    kinds = [shared_field_type(bare_type(part)) for part in union_members(hint)]
     return tuple(
         str(word) for kind in kinds if get_origin(kind) is Literal for word in get_args(kind)
     )
 
 
-def common(kind: Any) -> Any:
+def shared_field_type(kind: Any) -> Any:
     """The type that all fields of a dataclass share (the walls of a box), so that one value says
     them all.
     """
     if dataclasses.is_dataclass(kind):
-        first, *others = hints(kind).values()  # type: ignore[arg-type]
+        first, *further_types = field_types(kind).values()  # type: ignore[arg-type]
         are_alike = (
-            get_origin(first) is Literal and others and all(other == first for other in others)
+            get_origin(first) is Literal
+            and further_types
+            and all(further_type == first for further_type in further_types)
         )
         return first if are_alike else None  # one field is a tag
     return kind
 
 
-def describe(hint: Any) -> str:
+def describe_type(hint: Any) -> str:
     """A type and its range in words: "a number > 0 or auto"."""
-    parts = members(hint)
-    return listed(
-        list(dict.fromkeys(_phrase(part) for part in parts if not (part is int and float in parts)))
+    parts = union_members(hint)
+    return join_words(
+        list(
+            dict.fromkeys(
+                _describe_member(part) for part in parts if not (part is int and float in parts)
+            )
+        )
     )
 
 
-def listed(words: Sequence[str], last: str = "or") -> str:
+def join_words(words: Sequence[str], last: str = "or") -> str:
     """a, b or c."""
     return f"{', '.join(words[:-1])} {last} {words[-1]}" if len(words) > 1 else "".join(words)
 
@@ -140,26 +150,28 @@ _NOUNS = {float: "a number", int: "a whole number", str: "text", bool: "true or 
 _SIGNS = {Gt: ("> {:g}", "gt"), Ge: (">= {:g}", "ge"), Lt: ("< {:g}", "lt"), Le: ("<= {:g}", "le")}
 
 
-def _phrase(hint: Any) -> str:
+def _describe_member(hint: Any) -> str:
     marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
-    kind = core(hint)
+    kind = bare_type(hint)
     if get_origin(kind) is Literal:
-        return listed([str(word) for word in get_args(kind)])
+        return join_words([str(word) for word in get_args(kind)])
     if get_origin(kind) is tuple:
-        return _list_phrase(describe(get_args(kind)[0]), marks)
+        return _describe_list(describe_type(get_args(kind)[0]), marks)
     if get_origin(kind) is dict:
-        return f"a mapping of names to {describe(get_args(kind)[1])}"
+        return f"a mapping of names to {describe_type(get_args(kind)[1])}"
     if dataclasses.is_dataclass(kind):
-        one = common(kind)
+        shared_type = shared_field_type(kind)
         names = ", ".join(part.name for part in dataclasses.fields(kind))
-        return f"{describe(one)} (or one each: {names})" if one else "a section"
+        return (
+            f"{describe_type(shared_type)} (or one each: {names})" if shared_type else "a section"
+        )
     bounds = [_SIGNS[type(mark)] + (mark,) for mark in marks if type(mark) in _SIGNS]
     texts = [text.format(getattr(mark, name)) for text, name, mark in bounds]
-    filled = "non-empty " if any(isinstance(mark, MinLen) for mark in marks) else ""
-    return f"{filled}{_NOUNS[kind]} {' and '.join(texts)}".rstrip()
+    prefix = "non-empty " if any(isinstance(mark, MinLen) for mark in marks) else ""
+    return f"{prefix}{_NOUNS[kind]} {' and '.join(texts)}".rstrip()
 
 
-def _list_phrase(item: str, marks: Sequence[Any]) -> str:
+def _describe_list(item: str, marks: Sequence[Any]) -> str:
     items = item.removeprefix("a ")
     items = (
         items.replace("list", "lists", 1)

@@ -14,51 +14,62 @@ from indent_sim.process.errors import ConfigError
 LARGEST_QUANTITY = (
     1e30  # of a length, pressure or time, and one over the smallest: squares of energies are finite
 )
-QUANTITIES_IN = {"length": 1, "pressure": 1, "time": 1, "force": 3}  # a force is pressure length^2
-LARGEST_ASPECT = 1e5  # of a body: beyond it gmsh finds no mesh
-UNLIKE = (
+BASE_QUANTITY_COUNT = {
+    "length": 1,
+    "pressure": 1,
+    "time": 1,
+    "force": 3,
+}  # a force is pressure length^2
+MAX_ASPECT_RATIO = 1e5  # of a body: beyond it gmsh finds no mesh
+MAX_LENGTH_RATIO = (
     1e15  # between two lengths of a scene: beside the longer one, a shorter is lost in its rounding
 )
 
-Measure = tuple[str, float, Unit]  # key, size, dimension
+SceneNumber = tuple[str, float, Unit]  # key, size, dimension
 
 
-def beyond(sections: Mapping[str, Any]) -> list[ConfigError]:
+def limit_errors(sections: Mapping[str, Any]) -> list[ConfigError]:
     """What cannot be computed with in the dataclasses of a scene, by the name of their section."""
-    found = [measure for name, section in sections.items() for measure in _measures(name, section)]
-    if problems := [problem for measure in found for problem in _beyond(*measure)]:
+    numbers = [
+        measure for name, section in sections.items() for measure in _scene_numbers(name, section)
+    ]
+    if problems := [problem for measure in numbers for problem in _size_errors(*measure)]:
         return problems
     lengths = [
-        (size, key) for key, size, unit in found if unit == LENGTH and not key.startswith("mesh.")
+        (size, key) for key, size, unit in numbers if unit == LENGTH and not key.startswith("mesh.")
     ]
     body = [(size, key) for size, key in lengths if key.startswith("body.")]
     return [
-        *_unlike(lengths, UNLIKE, "lengths of one scene"),
-        *_unlike(body, LARGEST_ASPECT, "lengths of a body"),
+        *_ratio_errors(lengths, MAX_LENGTH_RATIO, "lengths of one scene"),
+        *_ratio_errors(body, MAX_ASPECT_RATIO, "lengths of a body"),
     ][:1]
 
 
-def _unlike(lengths: list[tuple[float, str]], most: float, whose: str) -> Iterator[ConfigError]:
-    (small, one) = min(lengths, default=(1.0, ""))
-    (large, other) = max(lengths, default=(1.0, ""))
-    if large > most * small:
-        problem = f"{small:g} is too small beside {other} = {large:g}"
-        yield ConfigError(one, problem, f"{whose} may differ by a factor of {most:g}")
+def _ratio_errors(
+    lengths: list[tuple[float, str]], max_ratio: float, description: str
+) -> Iterator[ConfigError]:
+    (small, small_key) = min(lengths, default=(1.0, ""))
+    (large, large_key) = max(lengths, default=(1.0, ""))
+    if large > max_ratio * small:
+        problem = f"{small:g} is too small beside {large_key} = {large:g}"
+        yield ConfigError(
+            small_key, problem, f"{description} may differ by a factor of {max_ratio:g}"
+        )
 
 
-def _measures(name: str, section: Any) -> Iterator[Measure]:
+def _scene_numbers(name: str, section: Any) -> Iterator[SceneNumber]:
     """The numbers of a section, and those in it, that have a dimension; of a list the largest, of a
     body both ends.
     """
     for field, unit in field_units(type(section)).items():  # type: ignore[arg-type]
         value = getattr(section, field)
         for key, inner in _inner_sections(f"{name}.{field}", value):
-            yield from _measures(key, inner)
+            yield from _scene_numbers(key, inner)
         if not isinstance(unit, Unit) or unit == ANGLE or value is None or isinstance(value, str):
             continue
         if sizes := [abs(number) for number in _numbers(value)]:
-            told = {max(sizes), min(sizes)} if name == "body" else {max(sizes)}
-            yield from ((f"{name}.{field}", size, unit) for size in told - {0.0})
+            checked_sizes = {max(sizes), min(sizes)} if name == "body" else {max(sizes)}
+            yield from ((f"{name}.{field}", size, unit) for size in checked_sizes - {0.0})
 
 
 def _inner_sections(key: str, value: Any) -> Iterator[tuple[str, Any]]:
@@ -84,10 +95,10 @@ def _numbers(value: Any) -> Iterator[float]:
         yield value
 
 
-def _beyond(key: str, size: float, unit: Unit) -> Iterator[ConfigError]:
-    most = LARGEST_QUANTITY ** sum(
-        QUANTITIES_IN[name] * abs(power) for name, power in unit.powers.items()
+def _size_errors(key: str, size: float, unit: Unit) -> Iterator[ConfigError]:
+    limit = LARGEST_QUANTITY ** sum(
+        BASE_QUANTITY_COUNT[name] * abs(power) for name, power in unit.powers.items()
     )
-    if not 1 / most <= size <= most:
-        remedy = f"choose units in which it lies between {1 / most:g} and {most:g}"
+    if not 1 / limit <= size <= limit:
+        remedy = f"choose units in which it lies between {1 / limit:g} and {limit:g}"
         yield ConfigError(key, f"{size:g} is beyond what can be computed with", remedy)

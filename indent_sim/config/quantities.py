@@ -17,7 +17,7 @@ from math import pi
 from typing import Any
 
 from indent_sim.config import key_types, schema
-from indent_sim.config.messages import closest
+from indent_sim.config.messages import closest_match
 from indent_sim.config.strict_yaml import KeyPath, key_text
 from indent_sim.model.units import (
     ANGLE,
@@ -38,8 +38,8 @@ NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 QUANTITY_PATTERN = re.compile(
     rf"\s*(?P<number>{NUMBER})\s*(?P<unit>[^\W\d_]\S*(?: [*/·] ?\S+| s\b\S*)*|[%°])\s*"
 )
-COMMA = re.compile(r"\s*[-+]?\d+,\d+\D*")
-EXAMPLES = {
+DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+\D*")
+QUANTITY_EXAMPLES = {
     LENGTH: "2.5 um",
     PRESSURE: "1 kPa",
     FORCE: "3 nN",
@@ -65,14 +65,16 @@ UNIT_EXAMPLES = {
     "length": "um",
     "force": "nN",
 }  # examples of a scene's own units; times are in seconds
-KNOWN = "pm nm um mm cm m pN nN uN mN N kN Pa kPa MPa GPa N/m mN/m deg rad s ms J/m^2 mJ/m^2"
-BASIS = {
+SUGGESTED_UNITS = (
+    "pm nm um mm cm m pN nN uN mN N kN Pa kPa MPa GPa N/m mN/m deg rad s ms J/m^2 mJ/m^2"
+)
+BASE_EXPONENTS = {
     "length": {"length": 1},
     "force": {"force": 1},
     "pressure": {"force": 1, "length": -2},
     "time": {"time": 1},
 }
-KIND_EXPONENTS = BASIS | {
+KIND_EXPONENTS = BASE_EXPONENTS | {
     "force per length": {"force": 1, "length": -1},
     "energy": {"force": 1, "length": 1},
     "angle": {"angle": 1},
@@ -80,28 +82,28 @@ KIND_EXPONENTS = BASIS | {
 }
 Exponents = dict[str, int]  # of length, force and time
 Factor = tuple[Decimal, Exponents]  # how many SI units, and of what
-Given = dict[KeyPath, tuple[str, float]]  # quantities as they were given, and as numbers
+Quantities = dict[KeyPath, tuple[str, float]]  # quantities as they were given, and as numbers
 
 
-def converted(document: Mapping[str, Any]) -> tuple[dict[str, Any], Given]:
+def convert_quantities(document: Mapping[str, Any]) -> tuple[dict[str, Any], Quantities]:
     """The document with every quantity as a number in the scene's units, and the quantities as they
     were given.
 
     ConfigErrors (one: ConfigError) for units that are unknown, of the wrong kind, or that the
     scene's own do not cover.
     """
-    convert = Conversion(document)
-    changed = convert.changed(schema.spot_at((), document))
-    if convert.errors:
-        raise ConfigErrors.combine(convert.errors)
-    return changed, convert.found
+    conversion = Conversion(document)
+    converted_document = conversion.convert_node(schema.node_at((), document))
+    if conversion.errors:
+        raise ConfigErrors.combine(conversion.errors)
+    return converted_document, conversion.quantities
 
 
-def size_of(unit: str, kind: str) -> float:
+def si_factor(unit: str, kind: str) -> float:
     """How many SI units a unit of length, force or time is; ConfigError when it is no such unit."""
-    factor, exponents = _factor(f"units.{kind}", unit)
+    factor, exponents = _unit_factor(f"units.{kind}", unit)
     if exponents != {kind: 1}:
-        problem = f"'{unit}' is {_in_words(exponents)}, no {kind}"
+        problem = f"'{unit}' is {_dimension_text(exponents)}, no {kind}"
         raise ConfigError(f"units.{kind}", problem, f"for example {UNIT_EXAMPLES.get(kind, 's')}")
     return float(factor)
 
@@ -112,7 +114,7 @@ class Conversion:
     """
 
     def __init__(self, document: Mapping[str, Any]):
-        self.found: Given = {}
+        self.quantities: Quantities = {}
         self.errors: list[ConfigError] = []
         units = document.get("units")
         self._units = units if isinstance(units, Mapping) else {}
@@ -122,35 +124,38 @@ class Conversion:
         )  # forces are per length
         self._force = KIND_EXPONENTS["force per length" if is_flat else "force"]
 
-    def changed(self, spot: schema.Spot, above: Unit | UnitRow | None = None) -> Any:
-        """The value of a place with its quantities converted; `above`: the unit of the list that it
+    def convert_node(self, spot: schema.SchemaNode, list_unit: Unit | UnitRow | None = None) -> Any:
+        """The value of a place with its quantities converted; `list_unit`: the unit of the list that it
         stands in.
         """
         if isinstance(spot.value, dict):
-            return {part.path[-1]: self.changed(part) for part in spot.parts()}
-        unit = unit_of(spot.type) or above
+            return {part.path[-1]: self.convert_node(part) for part in spot.children()}
+        unit = unit_of(spot.type) or list_unit
         if isinstance(spot.value, list):
             units = chain(unit.units, repeat(None)) if isinstance(unit, UnitRow) else repeat(unit)
-            return [self.changed(part, of) for part, of in zip(spot.parts(), units, strict=False)]
+            return [
+                self.convert_node(part, of)
+                for part, of in zip(spot.children(), units, strict=False)
+            ]
         if not isinstance(spot.value, str):
             return spot.value
-        kinds = {key_types.core(part) for part in key_types.members(spot.type)}
+        kinds = {key_types.bare_type(part) for part in key_types.union_members(spot.type)}
         if not kinds & {float, int}:
             return spot.value
         unit = unit.units[-1] if isinstance(unit, UnitRow) else unit  # a number instead of rows
         try:
-            value = self._number(key_text(spot.path), spot.value, unit)
+            value = self._convert_text(key_text(spot.path), spot.value, unit)
         except ConfigError as error:
             self.errors.append(error)
             return spot.value
         if value is None:
             return spot.value
-        self.found[spot.path] = (spot.value, value)
+        self.quantities[spot.path] = (spot.value, value)
         return value
 
-    def _number(self, key: str, text: str, unit: Unit | UnitRow | None) -> float | None:
+    def _convert_text(self, key: str, text: str, unit: Unit | UnitRow | None) -> float | None:
         """The number of a quantity; None for other text."""
-        if COMMA.fullmatch(text):
+        if DECIMAL_COMMA.fullmatch(text):
             point = text.strip().replace(",", ".")
             raise ConfigError(key, f"a comma is no decimal point: '{text}'", f"write {point}")
         match = QUANTITY_PATTERN.fullmatch(text)
@@ -164,17 +169,22 @@ class Conversion:
                     key, f"'{text}' is no angle", "give degrees, or for example 70 deg or 1.2 rad"
                 )
             return float(match["number"]) * ANGLES[match["unit"]]
-        (factor, exponents) = _factor(key, match["unit"])
-        wanted = _exponents(unit, self._force)
+        (factor, exponents) = _unit_factor(key, match["unit"])
+        wanted = _dimension_exponents(unit, self._force)
         if exponents != wanted:
             example = next(
-                (text for one, text in EXAMPLES.items() if _exponents(one) == wanted), "a number"
+                (
+                    text
+                    for dimension, text in QUANTITY_EXAMPLES.items()
+                    if _dimension_exponents(dimension) == wanted
+                ),
+                "a number",
             )
-            problem = f"'{text}' is {_in_words(exponents)}, not {_in_words(wanted)}"
+            problem = f"'{text}' is {_dimension_text(exponents)}, not {_dimension_text(wanted)}"
             raise ConfigError(key, problem, f"for example {example}")
-        return float(Decimal(match["number"]) * factor / self._own(key, wanted))
+        return float(Decimal(match["number"]) * factor / self._scene_unit_factor(key, wanted))
 
-    def _own(self, key: str, wanted: Exponents) -> Decimal:
+    def _scene_unit_factor(self, key: str, wanted: Exponents) -> Decimal:
         """How many SI units the scene's own unit of this dimension is."""
         total = Decimal(1)
         for kind, power in wanted.items():
@@ -186,26 +196,29 @@ class Conversion:
                     "plain numbers"
                 )
                 raise ConfigError(key, f"a quantity, and units say no {kind}", remedy)
-            factor, exponents = _factor(f"units.{kind}", label)
+            factor, exponents = _unit_factor(f"units.{kind}", label)
             if exponents != {kind: 1}:
-                problem = f"'{label}' is {_in_words(exponents)}, no {kind}"
+                problem = f"'{label}' is {_dimension_text(exponents)}, no {kind}"
                 raise ConfigError(f"units.{kind}", problem, f"for example {UNIT_EXAMPLES[kind]}")
             total *= factor**power
         return total
 
 
-def _exponents(unit: Unit, force: Exponents = BASIS["force"]) -> Exponents:
+def _dimension_exponents(unit: Unit, force: Exponents = BASE_EXPONENTS["force"]) -> Exponents:
     """Exponents of length, force and time of a dimension; `force`: those of what is called a force."""
     total: Counter[str] = Counter()
     for word, power in unit.powers.items():
         total.update(
-            {name: count * power for name, count in (BASIS | {"force": force})[word].items()}
+            {
+                name: count * power
+                for name, count in (BASE_EXPONENTS | {"force": force})[word].items()
+            }
         )
     return {name: power for name, power in total.items() if power}
 
 
 @cache
-def _factor(key: str, unit: str) -> Factor:
+def _unit_factor(key: str, unit: str) -> Factor:
     """How many SI units a unit is, and its exponents of length, force and time; ConfigError when
     there is none.
     """
@@ -216,24 +229,24 @@ def _factor(key: str, unit: str) -> Factor:
     try:
         names = parse_unit_factors(unit)
     except ValueError:
-        raise _unknown(key, unit) from None
+        raise _unknown_unit(key, unit) from None
     for part, power in names:
-        size, of = _known(key, part, unit)
+        size, base_exponents = _pint_factor(key, part, unit)
         total *= size**power
-        exponents.update({name: count * power for name, count in of.items()})
+        exponents.update({name: count * power for name, count in base_exponents.items()})
     force = exponents.pop("mass")
     exponents.update({"force": force, "length": -force, "time": 2 * force})
     return total, {name: count for name, count in exponents.items() if count}
 
 
-def _known(key: str, name: str, unit: str) -> tuple[Decimal, Exponents]:
+def _pint_factor(key: str, name: str, unit: str) -> tuple[Decimal, Exponents]:
     """One unit by name: how many of kg, m, s, and its exponents of these."""
     import pint
 
     try:
-        size = _registry().Quantity(Decimal(1), name.replace("°", "deg")).to_base_units()
+        size = _unit_registry().Quantity(Decimal(1), name.replace("°", "deg")).to_base_units()
     except (pint.errors.PintError, AttributeError, ValueError, TypeError):
-        raise _unknown(key, unit) from None
+        raise _unknown_unit(key, unit) from None
     words = {"[length]": "length", "[mass]": "mass", "[time]": "time"}
     return Decimal(size.magnitude), {
         words.get(str(d), str(d)): int(p) for d, p in size.dimensionality.items()
@@ -241,47 +254,57 @@ def _known(key: str, name: str, unit: str) -> tuple[Decimal, Exponents]:
 
 
 @cache
-def _registry() -> Any:
+def _unit_registry() -> Any:
     import pint
 
     return pint.UnitRegistry(non_int_type=Decimal, autoconvert_offset_to_baseunit=False)
 
 
-def _unknown(key: str, unit: str) -> ConfigError:
-    match = closest(unit, tuple(KNOWN.split()))
+def _unknown_unit(key: str, unit: str) -> ConfigError:
+    match = closest_match(unit, tuple(SUGGESTED_UNITS.split()))
     remedy = f"did you mean {match}?" if match else "for example um, nN, kPa"
     return ConfigError(key, f"there is no unit '{unit}'", remedy)
 
 
-def _in_words(exponents: Exponents) -> str:
+def _dimension_text(exponents: Exponents) -> str:
     """A dimension in words: a length, a pressure, force/length."""
-    name = next((name for name, those in KIND_EXPONENTS.items() if those == exponents), None)
+    name = next(
+        (name for name, kind_exponents in KIND_EXPONENTS.items() if kind_exponents == exponents),
+        None,
+    )
     if name is None:
         return " ".join(f"{part}^{power}" for part, power in exponents.items()) or "a pure number"
     return f"{'an' if name[0] in 'ae' else 'a'} {name}"
 
 
-def kind_at(path: KeyPath, document: Mapping[str, Any]) -> str | None:
+def dimension_of_key(path: KeyPath, document: Mapping[str, Any]) -> str | None:
     """Length, force or pressure, of a key of these dimensions."""
-    unit = unit_of(schema.spot_at(path, document).type)
+    unit = unit_of(schema.node_at(path, document).type)
     kinds = {LENGTH: "length", FORCE: "force", PRESSURE: "pressure"}
     return kinds.get(unit) if isinstance(unit, Unit) else None
 
 
-def pressures(config: schema.Config) -> list[str]:
+def pressure_keys(config: schema.Config) -> list[str]:
     """The keys of all numbers with a pressure in their unit: where there is one, the force is
     proportional to it.
     """
     parts: list[tuple[str, Any]] = [*config.materials(), ("contact", config.contact)]
     parts += [(f"{key}.flow", law.flow) for key, law in config.materials() if law.flow]
-    return [f"{name}.{key}" for name, part in parts if is_dataclass(part) for key in _moduli(part)]
+    return [
+        f"{name}.{key}"
+        for name, part in parts
+        if is_dataclass(part)
+        for key in _pressure_fields(part)
+    ]
 
 
-def _moduli(part: Any) -> list[str]:
+def _pressure_fields(part: Any) -> list[str]:
     kind: type = type(part)
     units = field_units(kind)
     named = [
-        (one.name, units[one.name]) for one in fields(part) if _is_number(getattr(part, one.name))
+        (part_field.name, units[part_field.name])
+        for part_field in fields(part)
+        if _is_number(getattr(part, part_field.name))
     ]
     return [
         name

@@ -21,14 +21,14 @@ from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim.config import number_limits
 from indent_sim.config.key_types import (
-    chosen,
-    core,
+    bare_type,
     default_of,
     field_names,
-    hints,
-    kinds_of,
-    members,
+    field_types,
     tag_of,
+    type_of_tag,
+    types_by_tag,
+    union_members,
 )
 from indent_sim.config.strict_yaml import KeyPath
 from indent_sim.model import body as bodies
@@ -54,26 +54,26 @@ from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt
 from indent_sim.process.errors import ConfigError, ConfigErrors, printable
 
 # of a folder [bytes]; room for the names beside it
-LONGEST_NAME = 200
-LONGEST_PATH = 1000
+MAX_NAME_BYTES = 200
+MAX_PATH_LENGTH = 1000
 
 # Every row's contact force must equal the reactions to 1e-8 (run/single_run.py). A looser residual
 # would save an iteration, and leave a row that fails that audit or an error of the force that
 # nobody could state.
-LOOSEST = 1e-9
-MOST_REFINEMENTS = 6  # of a mesh from a file: 4096 cells for one in two dimensions
-NO_LINEAR = (
+MAX_RTOL = 1e-9
+MAX_REFINEMENTS = 6  # of a mesh from a file: 4096 cells for one in two dimensions
+LINEAR_ELEMENTS_GONE = (
     "linear elements are gone: with as many unknowns quadratic ones give a force ten "
     "times as accurate"
 )
-When = Literal["none", "last", "all"]
-Preset = Literal["fast", "balanced", "accurate"]
+KeptStates = Literal["none", "last", "all"]
+AccuracyPreset = Literal["fast", "balanced", "accurate"]
 # base radius over height of a cap: beyond it digits of its place on its large ball are lost
-FLATTEST = 1e3
-STEEPEST_CAP = (
+MAX_CAP_FLATNESS = 1e3
+MAX_CAP_STEEPNESS = (
     20.0  # height over base radius of a cap: beyond it, 174 degrees, a ball stands on a point
 )
-MESH_SIZES = (
+MESH_SIZE_KEYS = (
     "h_contact",
     "h_axis",
     "h_edge",
@@ -86,22 +86,29 @@ MESH_SIZES = (
 )
 MIRROR_PLANE = "the mirror plane"
 PETSC_GONE = "is gone: a scene chooses by linear, method, rtol and max_iterations of solver"
-MOVED = {
+MOVED_KEYS = {
     "relaxation": "material",
     "history": "loading",
     "force_history": "loading",
 }  # from `experiment`
-GONE = {
+REMOVED_KEYS = {
     ("solver", "petsc"): (PETSC_GONE, "who must tune PETSc sets PETSC_OPTIONS in the environment")
 }
-GONE |= {
-    ("experiment", key): ("has moved", f"write {section}.{key}") for key, section in MOVED.items()
+REMOVED_KEYS |= {
+    ("experiment", key): ("has moved", f"write {section}.{key}")
+    for key, section in MOVED_KEYS.items()
 }
-LEAST_CORE = 0.02  # of the room for skins of a cap or ball, what must be left of it inside them
-THINNEST_SKIN = 1e-3  # of the radius of its ball: elements as small as its thickness go all around
-SAME_SOLVENT = 1e-6  # of kT over the volume of its molecule
-LEAST_ROOM = 0.01  # of half the thickness of an inclusion, between it and any other surface
-TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
+MIN_CORE_FRACTION = (
+    0.02  # of the room for skins of a cap or ball, what must be left of it inside them
+)
+MIN_COATING_RATIO = (
+    1e-3  # of the radius of its ball: elements as small as its thickness go all around
+)
+SOLVENT_RTOL = 1e-6  # of kT over the volume of its molecule
+MIN_CLEARANCE_FRACTION = (
+    0.01  # of half the thickness of an inclusion, between it and any other surface
+)
+TAG_KEYS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
 
 
 @dataclass(frozen=True)
@@ -127,8 +134,8 @@ class MeshSettings:
     h_layers: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(1, 50), LENGTH] | None = None
     h_far: Length | Auto = "auto"
     grading: Annotated[float, Gt(0), Le(1)] | Auto = "auto"
-    order: Annotated[Literal[2], NO_LINEAR] = 2
-    refinements: Annotated[int, Ge(0), Le(MOST_REFINEMENTS)] | None = None
+    order: Annotated[Literal[2], LINEAR_ELEMENTS_GONE] = 2
+    refinements: Annotated[int, Ge(0), Le(MAX_REFINEMENTS)] | None = None
     symmetry: Literal["auto", "axisymmetric", "plane_strain", "quarter", "half", "full"] = "auto"
 
 
@@ -140,7 +147,7 @@ class SolverSettings:
 
     method: Literal["auto", "theory", "condensed", "newton"] = "auto"
     linear: Literal["auto", "direct", "iterative"] = "auto"
-    rtol: Annotated[float, Gt(0), Le(LOOSEST)] = LOOSEST
+    rtol: Annotated[float, Gt(0), Le(MAX_RTOL)] = MAX_RTOL
     max_iterations: PositiveInt = 50
 
 
@@ -151,7 +158,7 @@ class OutputSettings:
     directory: Annotated[str, MinLen(1)] | None = None
     fields: Literal["auto", "none", "last", "all"] = "auto"
     nodal_stress: bool = False
-    surface: When = "last"
+    surface: KeptStates = "last"
     reactions: bool = False
     plot: bool = True
 
@@ -164,18 +171,18 @@ class Source:
     """
 
     name: str = field(default="", compare=False)
-    places: dict[KeyPath, tuple[str, int | None]] = field(
+    locations: dict[KeyPath, tuple[str, int | None]] = field(
         default_factory=dict, compare=False, repr=False
     )
     quantities: dict[KeyPath, tuple[str, float]] = field(
         default_factory=dict, compare=False, repr=False
     )  # as given
 
-    def place(self, path: KeyPath) -> tuple[str, int | None]:
+    def location(self, path: KeyPath) -> tuple[str, int | None]:
         """File and line of a key, or of the nearest section around it."""
         for end in range(len(path), -1, -1):
-            if path[:end] in self.places:
-                return self.places[path[:end]]
+            if path[:end] in self.locations:
+                return self.locations[path[:end]]
         return self.name, None
 
 
@@ -199,7 +206,7 @@ class Config(BaseModel):
     loading: Loading
     experiment: Experiment | None = None
     mesh: MeshSettings = MeshSettings()
-    accuracy: Annotated[float, Gt(0), Lt(1)] | Preset | None = None
+    accuracy: Annotated[float, Gt(0), Lt(1)] | AccuracyPreset | None = None
     solver: SolverSettings = SolverSettings()
     output: OutputSettings = OutputSettings()
 
@@ -211,7 +218,7 @@ class Config(BaseModel):
         return self._source
 
     @property
-    def first_bath(self) -> float:
+    def initial_bath(self) -> float:
         """The bath when the body is at rest."""
         in_time = self.loading.prescribed_history
         return (
@@ -235,40 +242,56 @@ class Config(BaseModel):
 
     def material_key(self, layer: int) -> str:
         """The key at which the material of a layer stands."""
-        own = self.body.layers is not None and self.body.layers[layer].material is not None
-        return f"body.layers[{layer}].material" if own else "material"
+        has_material = self.body.layers is not None and self.body.layers[layer].material is not None
+        return f"body.layers[{layer}].material" if has_material else "material"
 
     def materials(self) -> Iterator[tuple[str, Material]]:
         """Every material that is given, with its key."""
-        found = [("material", self.material)]
-        found += [
+        keyed_materials = [("material", self.material)]
+        keyed_materials += [
             (f"{key_of_layer(k)}.material", layer.material)
             for k, layer in enumerate(self.body.layers or ())
         ]
-        found += [
-            (f"body.regions.{name}", own)
-            for name, own in (getattr(self.body, "regions", None) or {}).items()
+        keyed_materials += [
+            (f"body.regions.{name}", region_material)
+            for name, region_material in (getattr(self.body, "regions", None) or {}).items()
         ]
         inclusions = enumerate(self.body.inclusions or ())
-        found += [
+        keyed_materials += [
             (f"{key_of_inclusion(k)}.material", inclusion.material) for k, inclusion in inclusions
         ]
-        yield from ((key, material) for key, material in found if material is not None)
+        yield from ((key, material) for key, material in keyed_materials if material is not None)
 
     @model_validator(mode="after")
-    def _consistent(self) -> Config:
-        of_body = _cap, _layers, _tension, _inclusions, _constants, _flow
-        of_tip = _contact, _path, _axis, _tip
-        checks = (*of_body, *of_tip, _history, _relaxation, _experiment, _sizes, _file, _directory)
+    def _check_consistency(self) -> Config:
+        body_checks = (
+            _cap_errors,
+            _layer_errors,
+            _surface_tension_errors,
+            _inclusion_errors,
+            _material_errors,
+            _flow_errors,
+        )
+        tip_checks = _contact_errors, _load_path_errors, _center_errors, _tip_errors
+        checks = (
+            *body_checks,
+            *tip_checks,
+            _history_errors,
+            _relaxation_errors,
+            _experiment_errors,
+            _accuracy_errors,
+            _mesh_file_errors,
+            _directory_errors,
+        )
         given = {name: part for name in sections() if (part := getattr(self, name)) is not None}
-        if problems := number_limits.beyond(given) or [
+        if problems := number_limits.limit_errors(given) or [
             problem for check in checks for problem in check(self)
         ]:
             raise ConfigErrors.combine(problems)
         return self
 
 
-def _cap(config: Config) -> Iterator[ConfigError]:
+def _cap_errors(config: Config) -> Iterator[ConfigError]:
     """What is wrong with the two ways to say how high a cap is."""
     body = config.body
     if not isinstance(body, Cap):
@@ -279,45 +302,45 @@ def _cap(config: Config) -> Iterator[ConfigError]:
         )
     elif not body.height and not body.contact_angle:
         yield ConfigError("body.height", "missing, and so is contact_angle", "give one of the two")
-    elif body.apex_height < body.base_radius / FLATTEST:
+    elif body.apex_height < body.base_radius / MAX_CAP_FLATNESS:
         problem = (
             f"a cap {body.apex_height:.4g} high on a base of radius {body.base_radius:g} is all "
             "but flat"
         )
         yield ConfigError(
-            "body", problem, f"height at least base_radius/{FLATTEST:g}, or a cylinder"
+            "body", problem, f"height at least base_radius/{MAX_CAP_FLATNESS:g}, or a cylinder"
         )
-    elif body.apex_height > body.base_radius * STEEPEST_CAP:
+    elif body.apex_height > body.base_radius * MAX_CAP_STEEPNESS:
         problem = (
             f"a cap {body.apex_height:.4g} high on a base of radius {body.base_radius:g} stands "
             "on a point"
         )
         yield ConfigError(
-            "body", problem, f"height at most {STEEPEST_CAP:g} base_radius, or a ball"
+            "body", problem, f"height at most {MAX_CAP_STEEPNESS:g} base_radius, or a ball"
         )
 
 
-def _layers(config: Config) -> Iterator[ConfigError]:
+def _layer_errors(config: Config) -> Iterator[ConfigError]:
     """What is wrong with the layers: a material that is missing, thicknesses that are not the
     body's.
     """
     layers = config.body.layers or ()
-    needed = [k for k, layer in enumerate(layers) if layer.material is None]
+    bare_layers = [k for k, layer in enumerate(layers) if layer.material is None]
     if not layers and not getattr(config.body, "regions", None):
-        needed = [0]
-    if needed and config.material is None:
-        said = (
-            f"this section is missing, and {key_of_layer(needed[0])} has no material of its own"
+        bare_layers = [0]
+    if bare_layers and config.material is None:
+        problem_text = (
+            f"this section is missing, and {key_of_layer(bare_layers[0])} has no material of its own"
             if layers
             else ""
         )
-        kinds = ", ".join(kinds_of(hints(Config)["material"], "model"))
+        kinds = ", ".join(types_by_tag(field_types(Config)["material"], "model"))
         yield ConfigError(
-            "material", said or "this section is missing", f"give model: one of {kinds}"
+            "material", problem_text or "this section is missing", f"give model: one of {kinds}"
         )
-    without = [k for k, layer in enumerate(layers) if layer.thickness is None]
+    without_thickness = [k for k, layer in enumerate(layers) if layer.thickness is None]
     if isinstance(config.body, HalfSpace | Cap | Ball):
-        without = [k for k in without if k < len(layers) - 1]
+        without_thickness = [k for k in without_thickness if k < len(layers) - 1]
         if layers and layers[-1].thickness is not None:
             last = "substrate" if isinstance(config.body, HalfSpace) else "core"
             problem = (
@@ -325,16 +348,17 @@ def _layers(config: Config) -> Iterator[ConfigError]:
             )
             key = f"{key_of_layer(len(layers) - 1)}.thickness"
             yield ConfigError(key, problem, "leave it out, or add a layer below")
-    if isinstance(config.body, Cap | Ball) and not without:
-        yield from _skins(config, config.body)
+    if isinstance(config.body, Cap | Ball) and not without_thickness:
+        yield from _coating_errors(config, config.body)
     elif config.mesh.h_layers is not None and not isinstance(config.body, Cap | Ball):
         yield ConfigError(
             "mesh.h_layers", "is for the layers around the core of a cap or ball", "leave it out"
         )
     yield from (
-        ConfigError(f"{key_of_layer(k)}.thickness", "missing", "give a number > 0") for k in without
+        ConfigError(f"{key_of_layer(k)}.thickness", "missing", "give a number > 0")
+        for k in without_thickness
     )
-    if layers and not without and isinstance(config.body, Cylinder | Strip | Box):
+    if layers and not without_thickness and isinstance(config.body, Cylinder | Strip | Box):
         thick = sum(layer.thickness or 0.0 for layer in layers)
         height = config.body.height
         if not isclose(thick, height, rel_tol=1e-9):
@@ -344,35 +368,35 @@ def _layers(config: Config) -> Iterator[ConfigError]:
             yield ConfigError("body.layers", problem, "make their thicknesses add up to the height")
 
 
-def _skins(config: Config, body: Cap | Ball) -> Iterator[ConfigError]:
+def _coating_errors(config: Config, body: Cap | Ball) -> Iterator[ConfigError]:
     """What is wrong with the thicknesses of a body's skins and the sizes of elements in them."""
-    skins = (body.layers or ())[:-1]
+    coatings = (body.layers or ())[:-1]
     sizes = config.mesh.h_layers
-    if sizes is not None and len(sizes) != len(skins):
-        problem = f"has {len(sizes)} sizes, and the body {len(skins)} layers around its core"
+    if sizes is not None and len(sizes) != len(coatings):
+        problem = f"has {len(sizes)} sizes, and the body {len(coatings)} layers around its core"
         yield ConfigError("mesh.h_layers", problem, "give one for each, or leave it out")
     if isinstance(body, Cap) and bool(body.height) == bool(body.contact_angle):
         return  # it has no shape yet
-    thick = sum(layer.thickness or 0.0 for layer in skins)
+    total_thickness = sum(layer.thickness or 0.0 for layer in coatings)
     dome = body.spherical_body
-    thinnest = min((layer.thickness or inf for layer in skins), default=inf)
-    if thick > (1 - LEAST_CORE) * dome.max_coating_thickness:
-        inside = "no core" if isinstance(body, Ball) else "a core that does not reach the base"
-        problem = (
-            f"the layers around the core are {thick:.6g} thick together, which leaves {inside}"
-        )
+    thinnest = min((layer.thickness or inf for layer in coatings), default=inf)
+    if total_thickness > (1 - MIN_CORE_FRACTION) * dome.max_coating_thickness:
+        core_text = "no core" if isinstance(body, Ball) else "a core that does not reach the base"
+        problem = f"the layers around the core are {total_thickness:.6g} thick together, which leaves {core_text}"
         yield ConfigError(
-            "body.layers", problem, f"at most {(1 - LEAST_CORE) * dome.max_coating_thickness:.6g}"
+            "body.layers",
+            problem,
+            f"at most {(1 - MIN_CORE_FRACTION) * dome.max_coating_thickness:.6g}",
         )
-    elif thinnest < THINNEST_SKIN * dome.radius:
+    elif thinnest < MIN_COATING_RATIO * dome.radius:
         problem = (
             f"a layer {thinnest:.4g} thick on a {body.shape} of radius {dome.radius:.4g} is "
             "too thin to mesh"
         )
-        yield ConfigError("body.layers", problem, f"at least {THINNEST_SKIN * dome.radius:.3g}")
+        yield ConfigError("body.layers", problem, f"at least {MIN_COATING_RATIO * dome.radius:.3g}")
 
 
-def _tension(config: Config) -> Iterator[ConfigError]:
+def _surface_tension_errors(config: Config) -> Iterator[ConfigError]:
     """What is not known together with a surface tension."""
     if not config.body.surface_tension:
         return
@@ -393,7 +417,7 @@ def _tension(config: Config) -> Iterator[ConfigError]:
         yield ConfigError(key, problem, remedy)
 
 
-def _inclusions(config: Config) -> Iterator[ConfigError]:
+def _inclusion_errors(config: Config) -> Iterator[ConfigError]:
     """What is wrong with inclusions: out of the body or of a layer, too near to a surface or to one
     another.
     """
@@ -403,30 +427,30 @@ def _inclusions(config: Config) -> Iterator[ConfigError]:
             f"has {len(config.mesh.h_inclusions)} sizes, and the body {len(inclusions)} inclusions"
         )
         yield ConfigError("mesh.h_inclusions", problem, "give one for each, or leave it out")
-    faces = _faces(config) if inclusions else []
+    faces = _level_faces(config) if inclusions else []
     for k, inclusion in enumerate(inclusions):
-        near = [
+        overlapping = [
             m
             for m in range(k)
-            if inclusion.overlaps(inclusions[m], _apart(inclusion, inclusions[m]))
+            if inclusion.overlaps(inclusions[m], _min_clearance(inclusion, inclusions[m]))
         ]
-        found = (
-            _beside(config.body, inclusion)
-            or _across(faces, inclusion)
-            or _through_skins(config.body, inclusion)
+        problem_found = (
+            _side_problem(config.body, inclusion)
+            or _level_face_problem(faces, inclusion)
+            or _coating_face_problem(config.body, inclusion)
         )
-        if foreign := _foreign(config.body, inclusion):
+        if foreign := _unsupported_inclusion(config.body, inclusion):
             yield ConfigError(key_of_inclusion(k), *foreign)
-        elif found or near:
-            problem = found or f"overlaps or touches {key_of_inclusion(near[0])}"
+        elif problem_found or overlapping:
+            problem = problem_found or f"overlaps or touches {key_of_inclusion(overlapping[0])}"
             remedy = (
-                f"move it, or make it smaller: {_apart(inclusion):.3g} must be left between it "
+                f"move it, or make it smaller: {_min_clearance(inclusion):.3g} must be left between it "
                 "and any surface"
             )
             yield ConfigError(key_of_inclusion(k), problem, remedy)
 
 
-def _foreign(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
+def _unsupported_inclusion(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
     """Why a body of this kind has no such inclusion, and what it may have."""
     if isinstance(body, Strip) and inclusion.center[1]:
         return (
@@ -434,7 +458,7 @@ def _foreign(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[str, str] | No
             "set y to 0",
         )
     if isinstance(body, Cap | Ball) and not inclusion.is_axisymmetric_about((0.0, 0.0)):
-        why = (
+        reason = (
             "a box is no body of revolution"
             if isinstance(inclusion, bodies.BoxInclusion)
             else "it is off the axis"
@@ -443,41 +467,41 @@ def _foreign(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[str, str] | No
             isinstance(inclusion, bodies.EllipsoidInclusion)
             and inclusion.semi_axes[0] != inclusion.semi_axes[1]
         ):
-            why = (
+            reason = (
                 f"semi-axes of {inclusion.semi_axes[0]:g} along x and {inclusion.semi_axes[1]:g} "
                 "along y differ"
             )
         remedy = "use a ball, a cylinder or an ellipsoid as long along x as along y, at x = y = 0"
-        return f"a {body.shape} is modelled about its axis: {why}", remedy
+        return f"a {body.shape} is modelled about its axis: {reason}", remedy
     return None
 
 
-def _beside(body: bodies.AnyBody, inclusion: Inclusion) -> str:
+def _side_problem(body: bodies.AnyBody, inclusion: Inclusion) -> str:
     """That an inclusion leaves the body through a side, or nearly does."""
-    room = (body.spherical_body if isinstance(body, Cap | Ball) else body).room_beside(inclusion)  # type: ignore[union-attr]
-    if room >= _apart(inclusion):
+    clearance = (body.spherical_body if isinstance(body, Cap | Ball) else body).room_beside(
+        inclusion
+    )  # type: ignore[union-attr]
+    if clearance >= _min_clearance(inclusion):
         return ""
     return (
-        f"leaves the body through its side, by {-room:.4g}"
-        if room < 0
-        else f"is {room:.3g} from the body's side"
+        f"leaves the body through its side, by {-clearance:.4g}"
+        if clearance < 0
+        else f"is {clearance:.3g} from the body's side"
     )
 
 
-def _across(faces: Sequence[tuple[str, float]], inclusion: Inclusion) -> str:
+def _level_face_problem(faces: Sequence[tuple[str, float]], inclusion: Inclusion) -> str:
     """That an inclusion crosses the top, the base, or an interface, or nearly does."""
     z = inclusion.center[2]
-    half = inclusion.half_width(2)
-    apart = _apart(inclusion)
+    half_height = inclusion.half_width(2)
+    min_clearance = _min_clearance(inclusion)
     for name, height in faces:
         if name == MIRROR_PLANE and isclose(z, height, rel_tol=bodies.POSITION_TOLERANCE):
             return ""
-        if abs(z - height) < half:
-            return (
-                f"crosses {name} at z = {height:.6g}: it spans z = {z - half:.6g} to {z + half:.6g}"
-            )
-        if abs(z - height) < half + apart:
-            return f"is {abs(z - height) - half:.3g} from {name} at z = {height:.6g}"
+        if abs(z - height) < half_height:
+            return f"crosses {name} at z = {height:.6g}: it spans z = {z - half_height:.6g} to {z + half_height:.6g}"
+        if abs(z - height) < half_height + min_clearance:
+            return f"is {abs(z - height) - half_height:.3g} from {name} at z = {height:.6g}"
     top = faces[0][1]
     bottom = faces[-1][1]
     return (
@@ -487,7 +511,7 @@ def _across(faces: Sequence[tuple[str, float]], inclusion: Inclusion) -> str:
     )
 
 
-def _through_skins(body: bodies.AnyBody, inclusion: Inclusion) -> str:
+def _coating_face_problem(body: bodies.AnyBody, inclusion: Inclusion) -> str:
     """That an inclusion crosses the inner face of a skin, or nearly does."""
     if not isinstance(body, Cap | Ball):
         return ""
@@ -500,16 +524,16 @@ def _through_skins(body: bodies.AnyBody, inclusion: Inclusion) -> str:
         accumulate(layer.thickness or 0.0 for layer in (body.layers or ())[:-1])
     ):
         face = f"the inner face of {key_of_layer(k)}"
-        away = max(near - (radius - depth), radius - depth - far)
-        if away < 0:
-            deep = min(far - (radius - depth), radius - depth - near)
-            return f"crosses {face}, {depth:.6g} below the surface, by {deep:.3g}"
-        if away < _apart(inclusion):
-            return f"is {away:.3g} from {face}, {depth:.6g} below the surface"
+        clearance = max(near - (radius - depth), radius - depth - far)
+        if clearance < 0:
+            overlap = min(far - (radius - depth), radius - depth - near)
+            return f"crosses {face}, {depth:.6g} below the surface, by {overlap:.3g}"
+        if clearance < _min_clearance(inclusion):
+            return f"is {clearance:.3g} from {face}, {depth:.6g} below the surface"
     return ""
 
 
-def _faces(config: Config) -> list[tuple[str, float]]:
+def _level_faces(config: Config) -> list[tuple[str, float]]:
     """Names and heights of the level faces from the top; a mirror plane is none for an inclusion
     centered on it.
     """
@@ -522,11 +546,11 @@ def _faces(config: Config) -> list[tuple[str, float]]:
     return [("the top", 0.0), *((name, -depth) for name, depth in zip(ends, depths, strict=True))]
 
 
-def _apart(*inclusions: Inclusion) -> float:
+def _min_clearance(*inclusions: Inclusion) -> float:
     """What must be left between inclusions, or one and any surface [length]: elements have to fit
     in.
     """
-    return LEAST_ROOM * min(inclusion.min_half_width for inclusion in inclusions)
+    return MIN_CLEARANCE_FRACTION * min(inclusion.min_half_width for inclusion in inclusions)
 
 
 def key_of_inclusion(number: int) -> str:
@@ -539,7 +563,7 @@ def key_of_layer(layer: int) -> str:
     return f"body.layers[{layer}]"
 
 
-def _constants(config: Config) -> Iterator[ConfigError]:
+def _material_errors(config: Config) -> Iterator[ConfigError]:
     for key, material in config.materials():
         try:
             material.canonical()
@@ -549,7 +573,7 @@ def _constants(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(key, str(error))
 
 
-def _flow(config: Config) -> Iterator[ConfigError]:
+def _flow_errors(config: Config) -> Iterator[ConfigError]:
     """What is wrong with fluid in the pores: what it needs, and what does not go with it."""
     flows = {f"{key}.flow": material for key, material in config.materials() if material.flow}
     if config.loading.per_doubling is not None and not any(
@@ -571,14 +595,16 @@ def _flow(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(
                 "drainage.bath", "changes in time, and no material has a flow", "give material.flow"
             )
-        yield from _gels(config)
+        yield from _gel_errors(config)
         return
     key = next(iter(flows))
     if config.loading.prescribed_history is None:
         remedy = "give loading.history, or leave it out: nu as given is drained, nu: 0.5 undrained"
         yield ConfigError(key, "needs a time", remedy)
-    yield from (error for key, material in flows.items() for error in _of_flow(key, material))
-    yield from _gels(config)
+    yield from (
+        error for key, material in flows.items() for error in _flow_law_errors(key, material)
+    )
+    yield from _gel_errors(config)
     if isinstance(config.contact, Nitsche):
         problem = "nitsche takes the body's own stress, and with fluid that is not the whole"
         yield ConfigError("contact.method", problem, "use augmented_lagrangian")
@@ -590,13 +616,13 @@ def _flow(config: Config) -> Iterator[ConfigError]:
         )
         yield ConfigError("drainage.sides", problem, "use sealed")
     times = [t for t, _ in drainage.bath] if isinstance(drainage.bath, tuple) else []
-    back = next(
-        (k for k, (one, other) in enumerate(pairwise(times), start=1) if other <= one), None
+    backward_index = next(
+        (k for k, (earlier, later) in enumerate(pairwise(times), start=1) if later <= earlier), None
     )
-    if back is not None:
+    if backward_index is not None:
         yield ConfigError(
-            f"drainage.bath[{back}]",
-            f"time does not go on from {times[back - 1]:g} to {times[back]:g}",
+            f"drainage.bath[{backward_index}]",
+            f"time does not go on from {times[backward_index - 1]:g} to {times[backward_index]:g}",
         )
 
 
@@ -608,12 +634,12 @@ def _has_own_bath(config: Config) -> bool:
     )
 
 
-def _gels(config: Config) -> Iterator[ConfigError]:
+def _gel_errors(config: Config) -> Iterator[ConfigError]:
     """What is wrong with gels, which share the scene's bath and its solvent."""
     gels = {key: material for key, material in config.materials() if isinstance(material, Gel)}
     for key, gel in gels.items():
         try:
-            gel.with_free_swelling(config.first_bath).canonical()
+            gel.with_free_swelling(config.initial_bath).canonical()
         except ValueError as error:
             yield ConfigError(f"{key}.stretch", str(error))
         if gel.relaxation:
@@ -627,7 +653,7 @@ def _gels(config: Config) -> Iterator[ConfigError]:
     ratios = {key: gel.G / gel.n_omega for key, gel in gels.items() if gel.flow}
     first = next(iter(ratios.values()), 0.0)
     for key, ratio in ratios.items():
-        if not isclose(ratio, first, rel_tol=SAME_SOLVENT):
+        if not isclose(ratio, first, rel_tol=SOLVENT_RTOL):
             problem = (
                 f"gives G/n_omega = {ratio:g}, and another gel {first:g}: kT over the solvent's "
                 "molecular volume"
@@ -635,7 +661,7 @@ def _gels(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(f"{key}.n_omega", problem, "one ratio for all gels of one solvent")
 
 
-def _of_flow(key: str, material: Material) -> Iterator[ConfigError]:
+def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:
     flow = material.flow
     assert flow
     if isinstance(material, Gel):
@@ -663,26 +689,26 @@ def _of_flow(key: str, material: Material) -> Iterator[ConfigError]:
         )
 
 
-def _contact(config: Config) -> Iterator[ConfigError]:
+def _contact_errors(config: Config) -> Iterator[ConfigError]:
     """That `epsilon_t` steers friction and nothing else, and that a tip that adheres has a range
     and slips freely.
     """
-    found = config.contact.adhesion
+    adhesion = config.contact.adhesion
     if config.contact.epsilon_t != "auto" and config.contact.is_conservative:
         yield ConfigError(
             "contact.epsilon_t", "there is no friction", "leave it out, or give contact.friction"
         )
-    if found and not config.contact.is_conservative:
+    if adhesion and not config.contact.is_conservative:
         yield ConfigError(
             "contact.adhesion", "together with friction is not verified", "leave one of the two out"
         )
-    if found and found.range == 0:
+    if adhesion and adhesion.range == 0:
         problem = "is 0, a limit that no mesh resolves"
         remedy = "give a range above 0, or experiment.adhesion: {work: ...} for that limit"
         yield ConfigError("contact.adhesion.range", problem, remedy)
 
 
-def _path(config: Config) -> Iterator[ConfigError]:
+def _load_path_errors(config: Config) -> Iterator[ConfigError]:
     loading = config.loading
     attraction = config.contact.adhesion
     if not loading.given_path_keys:
@@ -695,10 +721,10 @@ def _path(config: Config) -> Iterator[ConfigError]:
             f"loading.{second}", f"contradicts {first}", f"give one of {', '.join(PATH_KEYS)}"
         )
     elif (forces := loading.forces) and not attraction and min(forces) < 0:
-        pulls = next(k for k, force in enumerate(forces) if force < 0)
-        problem = f"a force of {forces[pulls]:g} pulls, and nothing holds on to the tip"
+        pull_index = next(k for k, force in enumerate(forces) if force < 0)
+        problem = f"a force of {forces[pull_index]:g} pulls, and nothing holds on to the tip"
         yield ConfigError(
-            f"loading.forces[{pulls}]", problem, "a force >= 0, or give contact.adhesion"
+            f"loading.forces[{pull_index}]", problem, "a force >= 0, or give contact.adhesion"
         )
     elif forces and not attraction and not any(forces):
         yield ConfigError(
@@ -706,20 +732,22 @@ def _path(config: Config) -> Iterator[ConfigError]:
         )
 
 
-def _axis(config: Config) -> Iterator[ConfigError]:
+def _center_errors(config: Config) -> Iterator[ConfigError]:
     center = config.center
     needed = len(config.body.center)
     if isinstance(config.body, UnboundedBody | Cap | Ball) and any(center or ()):
         is_dome = isinstance(config.body, Cap | Ball)
-        why = "over a {} the tip stands on the axis" if is_dome else "a {} is the same everywhere"
-        yield ConfigError("indenter.center", why.format(config.body.shape), "leave it out")
+        reason = (
+            "over a {} the tip stands on the axis" if is_dome else "a {} is the same everywhere"
+        )
+        yield ConfigError("indenter.center", reason.format(config.body.shape), "leave it out")
     elif center is not None and len(center) != needed:
         form = "[x]" if needed == 1 else "[x, y]"
         problem = f"over a {config.body.shape} a tip stands at {form}, got {len(center)} numbers"
         yield ConfigError("indenter.center", problem, f"give {needed}")
 
 
-def _tip(config: Config) -> list[ConfigError]:
+def _tip_errors(config: Config) -> list[ConfigError]:
     tip = config.indenter
     if getattr(config.body, "kinematics", "") == "axisymmetric" and not tip.is_axisymmetric:
         return [
@@ -771,103 +799,117 @@ def _tip(config: Config) -> list[ConfigError]:
     return []
 
 
-def _experiment(config: Config) -> Iterator[ConfigError]:
+def _experiment_errors(config: Config) -> Iterator[ConfigError]:
     """What of an experiment contradicts itself or the scene, as far as the file alone tells."""
-    found = config.experiment
-    if found is None:
+    experiment = config.experiment
+    if experiment is None:
         return
-    if found.adhesion:
-        yield from _jkr_adhesion(config, found.adhesion)
-    if found.calibration and found.calibration.stiffness and not found.cantilever:
+    if experiment.adhesion:
+        yield from _jkr_errors(config, experiment.adhesion)
+    if experiment.calibration and experiment.calibration.stiffness and not experiment.cantilever:
         problem = "is the uncertainty of a cantilever's stiffness, and there is none"
         yield ConfigError(
             "experiment.calibration.stiffness",
             problem,
             "give experiment.cantilever, or leave it out",
         )
-    if found.calibration and found.calibration.R and not hasattr(config.indenter, "R"):
+    if experiment.calibration and experiment.calibration.R and not hasattr(config.indenter, "R"):
         problem = f"is the uncertainty of a tip's radius R, and a {config.indenter.shape} has none"
         yield ConfigError("experiment.calibration.R", problem, "leave it out")
-    if not any(vars(found).values()):
+    if not any(vars(experiment).values()):
         yield ConfigError(
             "experiment", "says nothing", f"its keys are {', '.join(field_names(Experiment))}"
         )
 
 
-def _history(config: Config) -> Iterator[ConfigError]:
+def _history_errors(config: Config) -> Iterator[ConfigError]:
     """What is wrong with a path in time."""
-    found = config.loading.prescribed_history
+    path_in_time = config.loading.prescribed_history
     times = config.loading.times
-    if found is None:
+    if path_in_time is None:
         if not isinstance(times, str):
             yield ConfigError(
                 "loading.times", "is for a path in time", "give loading.history, or leave it out"
             )
         return
     key = "loading.history" if config.loading.history else "loading.force_history"
-    moments = [t for t, _ in found.points]
-    back = next(
-        (k for k, (one, other) in enumerate(pairwise(moments), start=1) if other < one), None
+    point_times = [t for t, _ in path_in_time.points]
+    backward_index = next(
+        (k for k, (earlier, later) in enumerate(pairwise(point_times), start=1) if later < earlier),
+        None,
     )
-    if back is not None:
+    if backward_index is not None:
         yield ConfigError(
-            f"{key}[{back}]", f"time goes back from {moments[back - 1]:g} to {moments[back]:g}"
+            f"{key}[{backward_index}]",
+            f"time goes back from {point_times[backward_index - 1]:g} to {point_times[backward_index]:g}",
         )
-    elif moments[0] == moments[-1]:
+    elif point_times[0] == point_times[-1]:
         yield ConfigError(key, "lasts no time", "let time go on")
-    for k, (before, t) in enumerate(pairwise((-inf, *found.times))):
-        if not max(before, moments[0]) <= t <= moments[-1] or t == before:
+    for k, (before, t) in enumerate(pairwise((-inf, *path_in_time.times))):
+        if not max(before, point_times[0]) <= t <= point_times[-1] or t == before:
             problem = (
                 f"{t:g} lies outside the history"
-                if not moments[0] <= t <= moments[-1]
+                if not point_times[0] <= t <= point_times[-1]
                 else "does not go on"
             )
             yield ConfigError(
-                f"loading.times[{k}]", problem, f"times from {moments[0]:g} up to {moments[-1]:g}"
+                f"loading.times[{k}]",
+                problem,
+                f"times from {point_times[0]:g} up to {point_times[-1]:g}",
             )
             break
     swells = any(isinstance(material, Gel) and material.flow for _, material in config.materials())
-    if found.largest_value <= 0 and not swells:
+    if path_in_time.largest_value <= 0 and not swells:
         yield ConfigError(key, "never presses the tip in", "give a largest value above 0")
-    low = min(value for _, value in found.points) if found.control == "force" else 0.0
-    if low < 0 and config.contact.may_snap_through:
-        problem = f"a force of {low:g} pulls, and pulls in time have depths of their own"
+    lowest_force = (
+        min(value for _, value in path_in_time.points) if path_in_time.control == "force" else 0.0
+    )
+    if lowest_force < 0 and config.contact.may_snap_through:
+        problem = f"a force of {lowest_force:g} pulls, and pulls in time have depths of their own"
         yield ConfigError(key, problem, "give loading.history, of depths, or forces of 0 and more")
-    elif low < 0 and not (config.experiment and config.experiment.adhesion):
+    elif lowest_force < 0 and not (config.experiment and config.experiment.adhesion):
         yield ConfigError(
             key,
-            f"a force of {low:g} pulls, and nothing holds on to the tip",
+            f"a force of {lowest_force:g} pulls, and nothing holds on to the tip",
             "give experiment.adhesion",
         )
 
 
-def _relaxation(config: Config) -> Iterator[ConfigError]:
+def _relaxation_errors(config: Config) -> Iterator[ConfigError]:
     """What is wrong with how the materials relax."""
     laws = dict(config.materials())
     frequencies = config.experiment and config.experiment.frequencies
     history = config.loading.prescribed_history
-    found = {f"{key}.relaxation": law.relaxation for key, law in laws.items() if law.relaxation}
-    if not found:
+    relaxations = {
+        f"{key}.relaxation": law.relaxation for key, law in laws.items() if law.relaxation
+    }
+    if not relaxations:
         if frequencies:
             yield ConfigError(
                 "experiment.frequencies", "needs a body that relaxes", "give material.relaxation"
             )
         return
     yield from (
-        error for key, given in found.items() for error in _of_relaxation(config, key, given)
+        error
+        for key, given in relaxations.items()
+        for error in _relaxation_law_errors(config, key, given)
     )
-    key, given = next(iter(found.items()))
+    key, given = next(iter(relaxations.items()))
     if any(law.has_shear_relaxation for law in laws.values()):
-        yield from _of_shear(config, laws)
-    elif other := next((other for other, law in laws.items() if law.relaxation != given), None):
-        problem = f"is not that of {other}: what relaxes as a whole must do so alike everywhere"
-        yield ConfigError(key, problem, f"the same {other}.relaxation, or of: shear")
+        yield from _shear_relaxation_errors(config, laws)
+    elif different_key := next(
+        (different_key for different_key, law in laws.items() if law.relaxation != given), None
+    ):
+        problem = (
+            f"is not that of {different_key}: what relaxes as a whole must do so alike everywhere"
+        )
+        yield ConfigError(key, problem, f"the same {different_key}.relaxation, or of: shear")
     if not history and not frequencies:
         remedy = "give loading.history, loading.force_history or experiment.frequencies"
         yield ConfigError(key, "needs a time", remedy)
 
 
-def _of_shear(config: Config, laws: Mapping[str, Material]) -> Iterator[ConfigError]:
+def _shear_relaxation_errors(config: Config, laws: Mapping[str, Material]) -> Iterator[ConfigError]:
     """What a body whose shear alone relaxes, in part of it at least, is not followed with."""
     for key, law in laws.items():
         if law.relaxation and law.relaxation.of == "all":
@@ -877,13 +919,13 @@ def _of_shear(config: Config, laws: Mapping[str, Material]) -> Iterator[ConfigEr
             )
             yield ConfigError(f"{key}.relaxation.of", problem, "of: shear")
         if law.relaxation and not isinstance(law, ShearRelaxingLaw | Gel):
-            like = (
+            alternative_law = (
                 "mooney_rivlin with C10 = mu/2" if isinstance(law, NeoHookean) else "linear_elastic"
             )
             yield ConfigError(
                 f"{key}.relaxation.of",
                 f"{law.model} has no shear apart from its volume",
-                f"use {like}",
+                f"use {alternative_law}",
             )
     if config.experiment and config.experiment.frequencies:
         problem = "is made of a curve, and none knows a bulk modulus that stays while shear relaxes"
@@ -896,7 +938,7 @@ def _of_shear(config: Config, laws: Mapping[str, Material]) -> Iterator[ConfigEr
         yield ConfigError("contact.adhesion", problem, "leave one of the two out")
 
 
-def _of_relaxation(config: Config, key: str, given: Relaxation) -> Iterator[ConfigError]:
+def _relaxation_law_errors(config: Config, key: str, given: Relaxation) -> Iterator[ConfigError]:
     """What is wrong with a law by itself, and with a history that it cannot bear."""
     if (given.prony is None) == (given.power_law is None):
         yield ConfigError(key, "must be one of two laws", "give prony or power_law")
@@ -920,7 +962,7 @@ def _of_relaxation(config: Config, key: str, given: Relaxation) -> Iterator[Conf
         yield ConfigError(f"loading.{config.loading.given_path_keys[0]}", problem, "use a ramp")
 
 
-def _jkr_adhesion(config: Config, found: JKRAdhesion) -> Iterator[ConfigError]:
+def _jkr_errors(config: Config, adhesion: JKRAdhesion) -> Iterator[ConfigError]:
     """That the contact is no disc that grows and shrinks, as Griffith's balance at its edge needs."""
     body = config.body
     tip = config.indenter
@@ -943,28 +985,30 @@ def _jkr_adhesion(config: Config, found: JKRAdhesion) -> Iterator[ConfigError]:
     if isinstance(tip, FlatPunch) and not tip.edge_radius and not isinstance(body, Cap | Ball):
         problem = "the contact of a sharp flat punch does not shrink before it comes off at once"
         yield ConfigError(key, problem, "give the punch an edge_radius")
-    if found.range and not hasattr(tip, "R"):
+    if adhesion.range and not hasattr(tip, "R"):
         problem = f"is for the Tabor number of a round tip, and a {tip.shape} has no R"
         yield ConfigError(f"{key}.range", problem, "leave it out")
 
 
-def _sizes(config: Config) -> list[ConfigError]:
+def _accuracy_errors(config: Config) -> list[ConfigError]:
     """`accuracy` chooses the sizes itself."""
-    given = _given(config.mesh, "refinements") if config.accuracy is not None else []
+    given = _given_mesh_keys(config.mesh, "refinements") if config.accuracy is not None else []
     return [
         ConfigError(key, "contradicts accuracy, which chooses it", "give one of the two")
         for key in given
     ]
 
 
-def _given(mesh: MeshSettings, other: str) -> list[str]:
+def _given_mesh_keys(mesh: MeshSettings, extra_key: str) -> list[str]:
     """The keys of sizes, and one other, that a scene gives."""
     return [
-        f"mesh.{name}" for name in (*MESH_SIZES, other) if getattr(mesh, name) not in (None, "auto")
+        f"mesh.{name}"
+        for name in (*MESH_SIZE_KEYS, extra_key)
+        if getattr(mesh, name) not in (None, "auto")
     ]
 
 
-def _file(config: Config) -> Iterator[ConfigError]:
+def _mesh_file_errors(config: Config) -> Iterator[ConfigError]:
     """A mesh from a file has its own sizes, and it alone has refinements; the file lies with the
     scene.
     """
@@ -977,28 +1021,28 @@ def _file(config: Config) -> Iterator[ConfigError]:
             )
         return
     why = "is for bodies that are meshed here, and this one has its mesh"
-    for key in _given(mesh, "symmetry"):
+    for key in _given_mesh_keys(mesh, "symmetry"):
         yield ConfigError(key, why, "leave it out, or refine it with mesh.refinements")
-    if problem := _misplaced(body.file, "the scene's folder"):
+    if problem := _path_problem(body.file, "the scene's folder"):
         yield ConfigError("body.file", problem, "put the mesh beside the scene file")
     if body.kinematics == "axisymmetric" and any(config.center or ()):
         problem = "the tip stands on the axis of an axisymmetric mesh"
         yield ConfigError("indenter.center", problem, "leave it out, or use kinematics: 3d")
 
 
-def _directory(config: Config) -> Iterator[ConfigError]:
-    if config.output.directory and (problem := outside(config.output.directory)):
+def _directory_errors(config: Config) -> Iterator[ConfigError]:
+    if config.output.directory and (problem := directory_problem(config.output.directory)):
         yield ConfigError("output.directory", problem, "choose any other folder with --output")
 
 
-def outside(directory: str) -> str:
+def directory_problem(directory: str) -> str:
     """What is wrong with a result folder that a file names: it must lie below the working
     directory; "" if nothing.
 
     Scene and study files come from other people; where else results may go is for the command line
     to say.
     """
-    if problem := _misplaced(directory, "the working directory"):
+    if problem := _path_problem(directory, "the working directory"):
         return problem
     try:
         here = os.path.realpath(".")
@@ -1008,35 +1052,42 @@ def outside(directory: str) -> str:
     return "leads out of the working directory through a link" if leads_out else ""
 
 
-def _misplaced(path: str, above: str) -> str:
+def _path_problem(path: str, root_name: str) -> str:
     """What is wrong with a path by its words alone: it must lie below a folder; "" if nothing."""
     parts = path.split("/")
     if path.startswith("/") or ".." in parts:
-        return f"must be below {above}, not absolute and without .."
+        return f"must be below {root_name}, not absolute and without .."
     if any(part.startswith((".", "~")) and part != "." for part in parts):
         return "may not begin with . or ~, nor any folder in it"
     if printable(path) != path or "\\" in path:
         return "holds a character that does not belong in the name of a folder"
-    if any(len(os.fsencode(part)) > LONGEST_NAME for part in parts) or len(path) > LONGEST_PATH:
+    if (
+        any(len(os.fsencode(part)) > MAX_NAME_BYTES for part in parts)
+        or len(path) > MAX_PATH_LENGTH
+    ):
         return "is too long"
     return ""
 
 
 @cache
-def tags() -> dict[str, str]:
+def section_tags() -> dict[str, str]:
     """The tag key of every section that has one: body -> shape."""
-    return {name: tag for name, hint in hints(Config).items() if (tag := tag_of(hint)) is not None}
+    return {
+        name: tag for name, hint in field_types(Config).items() if (tag := tag_of(hint)) is not None
+    }
 
 
 @cache
 def sections() -> dict[str, tuple[type, ...]]:
     """The sections of the file in order, with the dataclasses each may be."""
-    found = {name: members(hint) for name, hint in hints(Config).items()}
-    return {name: kinds for name, kinds in found.items() if dataclasses.is_dataclass(kinds[0])}
+    types_by_name = {name: union_members(hint) for name, hint in field_types(Config).items()}
+    return {
+        name: kinds for name, kinds in types_by_name.items() if dataclasses.is_dataclass(kinds[0])
+    }
 
 
 @dataclass(frozen=True)
-class Spot:
+class SchemaNode:
     """A place in a document, however deep: the type that belongs there, its default, and the value
     that stands there.
 
@@ -1054,7 +1105,7 @@ class Spot:
         return tag_of(self.type)
 
     @cached_property
-    def choice(self) -> Any:
+    def tag_value(self) -> Any:
         """What the section, or its default, chooses."""
         default = getattr(self.default, self.tag, None) if self.tag else None
         return (
@@ -1064,64 +1115,67 @@ class Spot:
         )
 
     @cached_property
-    def kind(self) -> Any:
+    def section_type(self) -> Any:
         """The dataclass of this section; None for a value, and where none is chosen."""
         return (
             Config
             if not self.path
-            else chosen(self.type, self.choice)
+            else type_of_tag(self.type, self.tag_value)
             if self.type is not None
             else None
         )
 
-    def inside(self, part: str | int) -> Spot:
+    def child(self, part: str | int) -> SchemaNode:
         """The place of a key or of a list's item."""
-        value = self.value[part] if holds(self.value, part) else None
+        value = self.value[part] if has_part(self.value, part) else None
         path = (*self.path, part)
-        kind = self.kind
+        kind = self.section_type
         if path == ("indenter", "center"):
-            return Spot(path, hints(Config)["center"], None, value)
+            return SchemaNode(path, field_types(Config)["center"], None, value)
         if kind is not None and part in field_names(kind):
-            return Spot(path, hints(kind)[str(part)], default_of(kind, str(part)), value)
+            return SchemaNode(
+                path, field_types(kind)[str(part)], default_of(kind, str(part)), value
+            )
         if kind is not None:
-            return Spot(path, None, None, value)
-        kinds = [core(part) for part in members(self.type)]
-        bare = next(
-            (found for found in kinds if get_origin(found) in (tuple, dict)), core(self.type)
+            return SchemaNode(path, None, None, value)
+        kinds = [bare_type(part) for part in union_members(self.type)]
+        container = next(
+            (member_type for member_type in kinds if get_origin(member_type) in (tuple, dict)),
+            bare_type(self.type),
         )  # or a word
-        item = {tuple: lambda: get_args(bare)[0], dict: lambda: get_args(bare)[1]}.get(
-            get_origin(bare)
+        item = {tuple: lambda: get_args(container)[0], dict: lambda: get_args(container)[1]}.get(
+            get_origin(container)
         )
-        return Spot(path, item() if item else None, None, value)
+        return SchemaNode(path, item() if item else None, None, value)
 
-    def parts(self) -> Iterator[Spot]:
+    def children(self) -> Iterator[SchemaNode]:
         """The places of what stands inside this one."""
         if isinstance(self.value, Mapping):
-            yield from (self.inside(key) for key in self.value)
+            yield from (self.child(key) for key in self.value)
         elif isinstance(self.value, (list, tuple)) and len(self.value):
-            item = self.inside(0)  # the others are of its type
+            item = self.child(0)  # the others are of its type
             for k, value in enumerate(self.value):
                 yield dataclasses.replace(item, path=(*self.path, k), value=value)
 
-    def keys(self) -> tuple[str, ...]:
+    def allowed_keys(self) -> tuple[str, ...]:
         """The keys that may stand in this section."""
         if not self.path:
             return tuple(name for name in field_names(Config) if name != "center")
-        names = file_order(self.kind) if dataclasses.is_dataclass(self.kind) else ()
+        names = file_order(self.section_type) if dataclasses.is_dataclass(self.section_type) else ()
         return (*names, "center") if self.path == ("indenter",) else names
 
 
-def spot_at(path: KeyPath, document: Any) -> Spot:
+def node_at(path: KeyPath, document: Any) -> SchemaNode:
     """The place of a key path in a document."""
-    spot = Spot((), Config, None, document)
+    spot = SchemaNode((), Config, None, document)
     for part in path:
-        spot = spot.inside(part)
+        spot = spot.child(part)
     return spot
 
 
-def keys_at(path: KeyPath, document: Mapping[str, Any]) -> tuple[str, ...]:
+def allowed_keys_at(path: KeyPath, document: Mapping[str, Any]) -> tuple[str, ...]:
     """The keys that may stand in a section of the document, the root's for ()."""
-    return spot_at(path, document).keys()
+    return node_at(path, document).allowed_keys()
 
 
 def file_order(kind: Any) -> tuple[str, ...]:
@@ -1131,11 +1185,15 @@ def file_order(kind: Any) -> tuple[str, ...]:
 
 @cache  # every run writes what its scene says, and what it became
 def _file_order(kind: Any) -> tuple[str, ...]:
-    tags = [name for name in TAGS & set(field_names(kind)) if len(get_args(hints(kind)[name])) == 1]
+    tags = [
+        name
+        for name in TAG_KEYS & set(field_names(kind))
+        if len(get_args(field_types(kind)[name])) == 1
+    ]
     return tuple(sorted(field_names(kind), key=lambda name: name not in tags))
 
 
-def holds(value: Any, part: str | int) -> bool:
+def has_part(value: Any, part: str | int) -> bool:
     """Whether a section has a key, or a list an item of this number."""
     if isinstance(value, (list, tuple)):
         return isinstance(part, int) and part < len(value)

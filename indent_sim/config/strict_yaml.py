@@ -34,8 +34,8 @@ _CONSTANTS = {"": None, "~": None, "null": None, "Null": None, "NULL": None} | {
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NON_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
-_WORDS = re.compile(r"[A-Za-z][A-Za-z0-9_./-]*( [A-Za-z0-9_./-]+)*")
-_TRAPS = re.compile(
+_PLAIN_WORDS = re.compile(r"[A-Za-z][A-Za-z0-9_./-]*( [A-Za-z0-9_./-]+)*")
+_AMBIGUOUS_WORDS = re.compile(
     "y|yes|n|no|on|off|true|false|null", re.IGNORECASE
 )  # a YAML 1.1 reader takes them for others
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -45,8 +45,8 @@ def parse(text: str, name: str = "") -> tuple[Any, Lines]:
     """The value of a YAML document and the line of every key path; ConfigError when it is not
     strict YAML.
     """
-    _refuse_bytes(text, name)
-    reader = _Reader(name)
+    _refuse_text(text, name)
+    reader = _EventReader(name)
     try:
         return reader.document(yaml.parse(text, Loader=_LOADER)), reader.lines
     except yaml.MarkedYAMLError as error:
@@ -67,14 +67,14 @@ def key_path(text: str) -> KeyPath:
     return tuple(int(index) if index else word for index, word in parts)
 
 
-def leaves(value: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
+def leaf_values(value: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
     """Dotted key and value of whatever is no section, nor a list of sections."""
     is_list = isinstance(value, list) and any(isinstance(part, Mapping) for part in value)
     if not isinstance(value, Mapping) and not is_list:
         yield key_text(path), value
         return
     for key, part in value.items() if isinstance(value, Mapping) else enumerate(value):
-        yield from leaves(part, (*path, key))
+        yield from leaf_values(part, (*path, key))
 
 
 def dump(data: Mapping[str, Any], indent: str = "") -> str:
@@ -82,13 +82,13 @@ def dump(data: Mapping[str, Any], indent: str = "") -> str:
     lines = []
     for key, value in data.items():
         if isinstance(value, Mapping) and value and not indent:
-            lines.append(f"{_scalar(key)}:\n{dump(value, '  ')}")
+            lines.append(f"{_scalar_yaml(key)}:\n{dump(value, '  ')}")
         else:
-            lines.append(f"{indent}{_scalar(key)}: {inline(value)}\n")
+            lines.append(f"{indent}{_scalar_yaml(key)}: {inline_yaml(value)}\n")
     return "".join(lines)
 
 
-class _Reader:
+class _EventReader:
     """Turns the parser's events into plain data; remembers where everything stood."""
 
     def __init__(self, name: str):
@@ -161,7 +161,7 @@ class _Reader:
         if _NON_FINITE.fullmatch(text):
             raise self.error(event, path, f"{text} is not a finite number")
         try:
-            return plain_scalar(text)
+            return parse_scalar(text)
         except OverflowError as error:
             raise self.error(event, path, str(error)) from None
 
@@ -169,28 +169,30 @@ class _Reader:
         return ConfigError(key_text(path), problem, remedy, self.name, event.start_mark.line + 1)
 
 
-def plain_scalar(text: str) -> Any:
+def parse_scalar(text: str) -> Any:
     """What an unquoted YAML 1.2 scalar stands for; OverflowError when it is too large a number."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
-    whole = _INTEGER.fullmatch(text)
-    if not (whole or _FLOAT.fullmatch(text)):
+    integer_match = _INTEGER.fullmatch(text)
+    if not (integer_match or _FLOAT.fullmatch(text)):
         return text
     if len(text) > MAX_DIGITS:
         raise OverflowError(f"a number of {len(text)} characters is too long")
-    if whole:
+    if integer_match:
         return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
     if math.isinf(float(text)):
         raise OverflowError(f"{text} is too large a number")
     return float(text)
 
 
-def _refuse_bytes(text: str, name: str) -> None:
+def _refuse_text(text: str, name: str) -> None:
     if len(text) > MAX_BYTES:
         raise ConfigError("", f"longer than {MAX_BYTES} characters", "this is no scene", name)
-    if bad := _UNPRINTABLE.search(text.removeprefix("\ufeff")):
-        line = text.count("\n", 0, bad.start()) + 1
-        raise ConfigError("", f"character U+{ord(bad.group()):04X} is not allowed", "", name, line)
+    if unprintable := _UNPRINTABLE.search(text.removeprefix("\ufeff")):
+        line = text.count("\n", 0, unprintable.start()) + 1
+        raise ConfigError(
+            "", f"character U+{ord(unprintable.group()):04X} is not allowed", "", name, line
+        )
 
 
 def _syntax_error(error: yaml.MarkedYAMLError, text: str, name: str) -> ConfigError:
@@ -204,21 +206,23 @@ def _syntax_error(error: yaml.MarkedYAMLError, text: str, name: str) -> ConfigEr
     return ConfigError("", problem, remedy, name, line)
 
 
-def inline(value: Any) -> str:
+def inline_yaml(value: Any) -> str:
     """YAML text of any value on one line."""
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_scalar(k)}: {inline(v)}" for k, v in value.items()) + "}"
+        return (
+            "{" + ", ".join(f"{_scalar_yaml(k)}: {inline_yaml(v)}" for k, v in value.items()) + "}"
+        )
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(inline, value)) + "]"
-    return _scalar(value)
+        return "[" + ", ".join(map(inline_yaml, value)) + "]"
+    return _scalar_yaml(value)
 
 
-def short(value: object) -> str:
+def short_yaml(value: object) -> str:
     """A value as it is read, not to its last digit."""
-    return f"{value:.4g}" if isinstance(value, float) else inline(value)
+    return f"{value:.4g}" if isinstance(value, float) else inline_yaml(value)
 
 
-def _scalar(value: Any) -> str:
+def _scalar_yaml(value: Any) -> str:
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, float):
@@ -226,11 +230,11 @@ def _scalar(value: Any) -> str:
         return re.sub(r"^(-?\d+)e", r"\1.0e", repr(value))
     if isinstance(value, int):
         return str(value)
-    is_plain = _WORDS.fullmatch(value) and not _TRAPS.fullmatch(value)
-    return str(value) if is_plain else "".join(chain('"', map(_escaped, value), '"'))
+    is_plain = _PLAIN_WORDS.fullmatch(value) and not _AMBIGUOUS_WORDS.fullmatch(value)
+    return str(value) if is_plain else "".join(chain('"', map(_escape, value), '"'))
 
 
-def _escaped(character: str) -> str:
+def _escape(character: str) -> str:
     if character in '"\\\n\t':
         return json.dumps(character)[1:-1]
     if character == " " or character.isprintable():

@@ -13,8 +13,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from indent_sim.config.quantities import kind_at, pressures, size_of
-from indent_sim.config.scene_file import from_mapping, to_mapping
+from indent_sim.config.quantities import dimension_of_key, pressure_keys, si_factor
+from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
 from indent_sim.fitting.forward_model.elastic_load_curve import (
@@ -182,8 +182,8 @@ def cantilever_stiffness_si(config: Config) -> float | None:
         return None
     return (
         cantilever.stiffness
-        * size_of(config.units.force, "force")
-        / size_of(config.units.length, "length")
+        * si_factor(config.units.force, "force")
+        / si_factor(config.units.length, "length")
     )
 
 
@@ -271,7 +271,7 @@ def _elastic_contact_point(
         return request.origin.contact_point
     elastic_model = _graded_forward_model(
         _elastic_config_with_spring(config, _max_contact_depth(approach, config)),
-        (pressures(config)[0],),
+        (pressure_keys(config)[0],),
         approach,
         tables,
     )
@@ -286,7 +286,7 @@ def _elastic_config_with_spring(config: Config, depth: float) -> Config:
     """The same scene of matter without a memory, behind the same spring, pressed to a depth."""
     experiment = to_mapping(config).get("experiment")
     document = to_mapping(elastic_config(config, depth))
-    return from_mapping(document | ({"experiment": experiment} if experiment else {}))
+    return config_from_mapping(document | ({"experiment": experiment} if experiment else {}))
 
 
 def _prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Samples, list[str]]:
@@ -603,7 +603,7 @@ def _significant_digits(interval: Interval) -> int:
 
 def quantity_kind(config: Config, key: str) -> str | None:
     """Length, force or pressure, of a key of these dimensions."""
-    return kind_at(key_path(key), to_mapping(config))
+    return dimension_of_key(key_path(key), to_mapping(config))
 
 
 def _summary(assessment: ModelAssessment, config: Config) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from indent_sim.config.quantities import pressures
+from indent_sim.config.quantities import pressure_keys
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import (
     FitRequest,
@@ -67,7 +67,7 @@ def require_for_curve(
     `read_curves` raises them.
     """
     reading = reading or ReadOptions()
-    key = next(iter(pressures(config)), None)
+    key = next(iter(pressure_keys(config)), None)
     if key is None:
         raise ConfigError(
             "material",

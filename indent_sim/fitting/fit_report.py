@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import dump
 from indent_sim.fitting import fit_picture
@@ -41,7 +41,7 @@ def fit_page(folder: Path) -> str:
         entries = record["curves"]
         keys = record["vary"]
         document = record["request"]["scene"]
-        config = from_mapping(document)
+        config = config_from_mapping(document)
         done_entries = [entry for entry in entries if entry["status"] == "done"]
         parts = _page_parts(folder, config, entries, done_entries, keys)
     except (KeyError, TypeError, ValueError, AttributeError, IndentSimError) as error:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from indent_sim.config.scene_file import from_mapping, load
+from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import INTERVAL_KEYS, CurveFit, FitRequest, ModelChoice, fit_curve
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
@@ -66,7 +66,7 @@ def fit(
     config = (
         scene
         if isinstance(scene, Config)
-        else from_mapping(scene)
+        else config_from_mapping(scene)
         if isinstance(scene, Mapping)
         else load(scene)
     )

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from indent_sim.config.scene_file import load_older, to_mapping
-from indent_sim.config.strict_yaml import inline, leaves, parse
+from indent_sim.config.scene_file import load_result_config, to_mapping
+from indent_sim.config.strict_yaml import inline_yaml, leaf_values, parse
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results.folder import (
     CONFIG,
@@ -103,8 +103,8 @@ def scene_differences(
     scene = _read_scene(folder)
     if not scene:
         return []
-    old_values = dict(leaves(scene))
-    new_values = dict(leaves(parse(config_yaml, "")[0]))
+    old_values = dict(leaf_values(scene))
+    new_values = dict(leaf_values(parse(config_yaml, "")[0]))
     automatic_keys = _automatic_keys(old_report) & _automatic_keys(new_report)
     old_options = _requested_options(old_report)
     new_options = _requested_options(new_report)
@@ -140,7 +140,7 @@ def _read_scene(folder: Path) -> Mapping[str, Any]:
     the scene again is what mends such a folder.
     """
     try:
-        return to_mapping(load_older(folder / CONFIG))
+        return to_mapping(load_result_config(folder / CONFIG))
     except (ConfigError, UsageError):
         pass
     try:
@@ -165,5 +165,5 @@ def _value_text(values: Mapping[str, Any], key: str) -> str:
     """The value of a key as YAML, cut where it is long."""
     if values.get(key) is None:
         return NOT_GIVEN
-    text = inline(values[key])
+    text = inline_yaml(values[key])
     return text if len(text) <= 60 else f"{text[:57]}..."

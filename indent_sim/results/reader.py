@@ -17,10 +17,10 @@ from annotated_types import Ge
 from pydantic import AllowInfNan, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
 
-from indent_sim.config.quantities import size_of
+from indent_sim.config.quantities import si_factor
 from indent_sim.config.scene_file import load, to_yaml
-from indent_sim.config.schema import GONE
-from indent_sim.config.strict_yaml import inline, key_text, leaves, parse
+from indent_sim.config.schema import REMOVED_KEYS
+from indent_sim.config.strict_yaml import inline_yaml, key_text, leaf_values, parse
 from indent_sim.model.state import (
     DERIVED_COLUMNS,
     ERROR_COLUMNS,
@@ -273,7 +273,9 @@ def _convert_units(run: Results, units: Mapping[str, str]) -> Results:
     table = dict(run.table)
     for column, kind in (("delta", "length"), ("force", "force")):
         if own_unit := run.report["units"][kind]:
-            table[column] = table[column] * (size_of(own_unit, kind) / size_of(units[kind], kind))
+            table[column] = table[column] * (
+                si_factor(own_unit, kind) / si_factor(units[kind], kind)
+            )
     return replace(run, table=table, report=run.report | {"units": dict(units)})
 
 
@@ -666,8 +668,8 @@ def _refuse_other_config(
     if old_yaml == new_yaml:
         return
     documents = [parse(text, str(folder / CONFIG))[0] for text in (old_yaml, new_yaml)]
-    old_values, new_values = (dict(leaves(document)) for document in documents)
-    for path, (problem, remedy) in GONE.items():
+    old_values, new_values = (dict(leaf_values(document)) for document in documents)
+    for path, (problem, remedy) in REMOVED_KEYS.items():
         if path[-1] in (documents[0].get(path[0]) or {}):
             remedy_text = f"leave --resume out to replace it; {remedy}"
             raise ConfigError(
@@ -684,7 +686,7 @@ def _refuse_other_config(
     name = key.rpartition(".")[2]
     sides = ((old_values, "there"), (new_values, "here"))
     difference_text = ", ".join(
-        f"'{name}: {inline(values[key])}' {where}" for values, where in sides if key in values
+        f"'{name}: {inline_yaml(values[key])}' {where}" for values, where in sides if key in values
     )
     problem = f"{folder} holds a run of another config ({difference_text or 'the same lines in another order'})"
     remedy = (

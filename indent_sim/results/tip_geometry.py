@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from indent_sim.config.scene_file import load_older
+from indent_sim.config.scene_file import load_result_config
 from indent_sim.config.schema import Config
 from indent_sim.model.body import AnyBody, Ball
 from indent_sim.model.tips import Indenter, RegularPyramid, Sphere, max_radius
@@ -63,7 +63,7 @@ def has_adhesion(folder: Path) -> bool | None:
 @lru_cache(16)  # every panel of a picture asks
 def _cached_scene(file: Path, written: int, inode: int) -> Config | None:
     with suppress(IndentSimError, OSError, ValueError):
-        return load_older(file)
+        return load_result_config(file)
     return None
 
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from indent_sim.config.scene_file import to_mapping
-from indent_sim.config.schema import Config, When, keys_at
-from indent_sim.config.strict_yaml import leaves
+from indent_sim.config.schema import Config, KeptStates, allowed_keys_at
+from indent_sim.config.strict_yaml import leaf_values
 from indent_sim.model.body import Drainage, MeshFromFile
 from indent_sim.results.folder import MESH_FILE
 from indent_sim.scene.problem_setup import remove_unused_material
@@ -39,22 +39,25 @@ def explicit_config(config: Config, scene: Scene) -> Config:
     return config.model_copy(update=decided)
 
 
-def written_fields(config: Config, scene: Scene) -> When:
+def written_fields(config: Config, scene: Scene) -> KeptStates:
     """The steps whose fields are written: where the config does not say, those of a mesh."""
-    scene_default: When = "last" if scene.is_meshed and scene.history_on_curve is None else "none"
+    scene_default: KeptStates = (
+        "last" if scene.is_meshed and scene.history_on_curve is None else "none"
+    )
     return scene_default if config.output.fields == "auto" else config.output.fields
 
 
 def automatic_keys(config: Config, decided: Config) -> list[str]:
     """The keys that the program decided, as in `mesh.h_contact`; `center` stands in the indenter."""
     is_other = {
-        name: getattr(config, name) is not getattr(decided, name) for name in keys_at((), {})
+        name: getattr(config, name) is not getattr(decided, name)
+        for name in allowed_keys_at((), {})
     }
     changed = [
         name for name, is_replaced in is_other.items() if is_replaced or name == "indenter"
     ]  # which has the center
     given_values, decided_values = (
-        dict(leaves(to_mapping(version, changed))) for version in (config, decided)
+        dict(leaf_values(to_mapping(version, changed))) for version in (config, decided)
     )
     return [key for key, value in decided_values.items() if given_values.get(key) != value]
 

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Self
 
-from indent_sim.config.scene_file import located, told_together
+from indent_sim.config.scene_file import collect_errors, locate_error
 from indent_sim.config.schema import Config
 from indent_sim.model.body import MeshFromFile
 from indent_sim.process.errors import ConfigError, IndentSimError
@@ -122,7 +122,7 @@ def collect_errors(first: ConfigError, config: Config) -> ConfigError:
     stands alone.
     """
     is_of_file = isinstance(config.body, MeshFromFile)
-    return located(config, first) if is_of_file else told_together(first, config, resolve)
+    return locate_error(config, first) if is_of_file else collect_errors(first, config, resolve)
 
 
 def start_mesher_if_needed(read: Callable[[], Config]) -> bool:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.config.scene_file import from_mapping, to_mapping
+from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import KeyPath, key_path
 from indent_sim.process.errors import ConfigError, NotConverged
@@ -145,4 +145,4 @@ def _replace_value(config: Config, path: KeyPath, value: float) -> Config:
     for part in path[:-1]:
         section = section[part]
     section[path[-1]] = value
-    return from_mapping(document)
+    return config_from_mapping(document)

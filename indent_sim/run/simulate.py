@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from indent_sim.config.scene_file import Given, load, to_yaml
+from indent_sim.config.scene_file import SceneInput, load, to_yaml
 from indent_sim.config.schema import Config, OutputSettings
 from indent_sim.model.body import MeshFromFile
 from indent_sim.model.loading import LoadPath
@@ -86,7 +86,7 @@ class Outcome:
 
 
 def simulate(
-    given: Given,
+    given: SceneInput,
     comm: Comm = None,
     *,
     scene: Scene | None = None,
@@ -411,7 +411,7 @@ class SimulationDriver:
 
 
 def states(
-    given: Scene | Given,
+    given: Scene | SceneInput,
     comm: Comm = None,
     *,
     with_surface: bool = True,
@@ -539,7 +539,7 @@ def warm_up() -> None:
     backend()
 
 
-def config_of(given: Given) -> Config:
+def config_of(given: SceneInput) -> Config:
     """The config of a scene, however it is given; TypeError for what `resolve` has made of one."""
     if isinstance(given, Scene):
         raise TypeError("give what `load` gives, not what `resolve` made of it")

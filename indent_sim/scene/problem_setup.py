@@ -1085,7 +1085,7 @@ def _instantaneous_law(config: Config, material: Material) -> Material:
     A gel has swollen in the scene's first bath where it does not say by how much.
     """
     if isinstance(material, Gel):
-        return material.with_free_swelling(config.first_bath).canonical()
+        return material.with_free_swelling(config.initial_bath).canonical()
     return replace(
         material.canonical(),
         relaxation=material.relaxation if material.has_shear_relaxation else None,

@@ -10,9 +10,14 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from indent_sim.config.scene_file import Quantities, located, quantities_of, varied
+from indent_sim.config.scene_file import (
+    Quantities,
+    config_with_settings,
+    locate_error,
+    quantities_of,
+)
 from indent_sim.config.schema import Config
-from indent_sim.config.strict_yaml import KeyPath, inline, key_path, short
+from indent_sim.config.strict_yaml import KeyPath, inline_yaml, key_path, short_yaml
 from indent_sim.process.errors import ConfigError, ConfigErrors
 from indent_sim.run.planned_run import PlannedRun
 from indent_sim.studies.parameter_points import ParameterPoint, Setting, StiffnessMultiple
@@ -42,7 +47,7 @@ class Case:
     @property
     def label(self) -> str:
         """The varied keys in words."""
-        return ", ".join(f"{key}={short(value)}" for key, value in self.values.items())
+        return ", ".join(f"{key}={short_yaml(value)}" for key, value in self.values.items())
 
     @cached_property
     def table_values(self) -> dict[str, Any]:
@@ -61,7 +66,7 @@ class Case:
         the id.
         """
         value_texts = {
-            key: re.sub(r"[^A-Za-z0-9=.+-]+", "_", short(value))
+            key: re.sub(r"[^A-Za-z0-9=.+-]+", "_", short_yaml(value))
             for key, value in self.values.items()
         }
         text = "_".join(
@@ -84,7 +89,7 @@ class Case:
             "friction": physics.contact.friction,
             "adhesion": str(physics.contact.adhesion),
         }
-        return inline(
+        return inline_yaml(
             varied_values
             | contact_values
             | {"depth": self.last_depth, "control": physics.path.control}
@@ -146,7 +151,7 @@ class RejectedCase:
     def located_error(self) -> ConfigError:
         """The error, and of which run it is where the place that it names does not say."""
         labels_text = ", ".join(
-            f"{key} {short(value)}" for key, value in (self.labels or self.values).items()
+            f"{key} {short_yaml(value)}" for key, value in (self.labels or self.values).items()
         )
         known_locations = [] if self.labels else [location for *_, location in self.point]
         errors = [
@@ -245,14 +250,14 @@ class _CaseBuilder:
         )
 
     def _config(self, request: RunRequest, point: ParameterPoint) -> Config:
-        return varied(request.base, request.source, (*self._common_settings, *point))
+        return config_with_settings(request.base, request.source, (*self._common_settings, *point))
 
     def _stiffness_unit(self, request: RunRequest) -> float:
         """E*/h_contact of the scene at a point, in the user's units."""
         other_settings = tuple(
             setting for setting in request.point if setting[0].split(".")[0] != "contact"
         )
-        name = inline([[key, value] for key, value, _ in other_settings])
+        name = inline_yaml([[key, value] for key, value, _ in other_settings])
         if name not in self._stiffness_units:
             auto: Setting = ("contact", {"method": "auto"}, ("", None))
             self._stiffness_units[name] = _plan_run(
@@ -271,9 +276,9 @@ def _plan_run(config: Config, point: ParameterPoint) -> PlannedRun:
         section = error.key.split(".")[0]
         for key, value, (file, line) in point:
             if key.split(".")[0] == section:
-                problem = f"{error.problem} (with {key}={short(value)})"
+                problem = f"{error.problem} (with {key}={short_yaml(value)})"
                 raise replace(error, problem=problem, file=file, line=line) from None
-        raise located(config, error) from None
+        raise locate_error(config, error) from None
 
 
 def unique_cases(cases: Iterable[Case]) -> list[Case]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.config.quantities import QUANTITY_PATTERN
-from indent_sim.config.strict_yaml import parse, short
+from indent_sim.config.strict_yaml import parse, short_yaml
 from indent_sim.process.errors import IndentSimError, UsageError
 from indent_sim.results.reader import Results, read_run
 from indent_sim.studies import study_table
@@ -102,12 +102,12 @@ def _value_label(name: str, value: object, common_entries: Collection[str]) -> s
     """
     section = _parse_section(value)
     if section is None:
-        return f"{name} {value if isinstance(value, str) else short(value)}"
+        return f"{name} {value if isinstance(value, str) else short_yaml(value)}"
     distinct_entries = {
         entry: entry_value for entry, entry_value in section.items() if entry not in common_entries
     } or section
     return ", ".join(
-        f"{entry} {entry_value if isinstance(entry_value, str) else short(entry_value)}"
+        f"{entry} {entry_value if isinstance(entry_value, str) else short_yaml(entry_value)}"
         for entry, entry_value in distinct_entries.items()
     )
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.config.scene_file import Place
+from indent_sim.config.scene_file import SourceLocation
 from indent_sim.config.schema import Source
 from indent_sim.config.strict_yaml import KeyPath, key_text
 from indent_sim.process.errors import ConfigError
@@ -28,7 +28,7 @@ class StiffnessMultiple:
     factor: float
 
 
-Setting = tuple[str, Any, Place]  # dotted key, value, where that is written
+Setting = tuple[str, Any, SourceLocation]  # dotted key, value, where that is written
 ParameterPoint = tuple[Setting, ...]
 
 
@@ -104,17 +104,19 @@ def _read_values(values_given: Any, keys: KeyPath, key: str, source: Source) -> 
     """
     if isinstance(values_given, dict) and "from" in values_given:
         return [
-            (key, value, source.place(keys)) for value in _range_values(values_given, keys, source)
+            (key, value, source.location(keys))
+            for value in _range_values(values_given, keys, source)
         ]
     if isinstance(values_given, list):
         if not values_given:
             raise _config_error(keys, source, "has no values")
         return [
-            (key, value, source.place((*keys, index))) for index, value in enumerate(values_given)
+            (key, value, source.location((*keys, index)))
+            for index, value in enumerate(values_given)
         ]
     if values_given is None or isinstance(values_given, dict):
         raise _config_error(keys, source, "must be a list of values, or a range {from, to, count}")
-    return [(key, values_given, source.place(keys))]
+    return [(key, values_given, source.location(keys))]
 
 
 def _range_values(range_given: Mapping[str, Any], keys: KeyPath, source: Source) -> list[Any]:
@@ -163,4 +165,4 @@ def _range_end(
 
 
 def _config_error(keys: KeyPath, source: Source, problem: str, remedy: str = "") -> ConfigError:
-    return ConfigError(key_text(keys), problem, remedy, *source.place(keys))
+    return ConfigError(key_text(keys), problem, remedy, *source.location(keys))

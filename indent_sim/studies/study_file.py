@@ -11,9 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from indent_sim.config.messages import closest
-from indent_sim.config.scene_file import OF_A_STUDY, Place, plain, read_document
-from indent_sim.config.schema import Source, keys_at, outside
+from indent_sim.config.messages import closest_match
+from indent_sim.config.scene_file import (
+    STUDY_SECTIONS,
+    SourceLocation,
+    plain_document,
+    read_document,
+)
+from indent_sim.config.schema import Source, allowed_keys_at, directory_problem
 from indent_sim.config.strict_yaml import MAX_DEPTH, KeyPath, key_path, key_text
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 from indent_sim.studies.parameter_points import (
@@ -65,7 +70,7 @@ class NamedCase:
     point: ParameterPoint
     published: PublishedValue | None
     exact: ExactValue | None
-    published_location: Place
+    published_location: SourceLocation
 
 
 @dataclass(frozen=True)
@@ -99,7 +104,7 @@ class StudyFile:
     common_settings: ParameterPoint
     blocks: tuple[ParameterBlock, ...]
     compare_to: str | float | Path
-    compare_to_location: Place
+    compare_to_location: SourceLocation
     tolerance: float | None
     directory: Path
     named_cases: tuple[NamedCase, ...] = ()  # instead of base and blocks
@@ -138,16 +143,18 @@ def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
     """
     path = Path(DEFAULT_NAME) if isinstance(study_input, Mapping) else Path(study_input)
     document, source = (
-        (plain(study_input), Source()) if isinstance(study_input, Mapping) else read_document(path)
+        (plain_document(study_input), Source())
+        if isinstance(study_input, Mapping)
+        else read_document(path)
     )
-    if not (OF_A_STUDY | {"cases"}) & document.keys() and set(document) & SCENE_KEYS:
+    if not (STUDY_SECTIONS | {"cases"}) & document.keys() and set(document) & SCENE_KEYS:
         problem = "this is a scene, not a study"
         remedy = f"indent-sim run {path}"
         raise ConfigError(
             "",
             problem,
             remedy,
-            *source.place((next(key for key in document if key in SCENE_KEYS),)),
+            *source.location((next(key for key in document if key in SCENE_KEYS),)),
         )
     if unknown := [key for key in document if key not in STUDY_KEYS]:
         raise ConfigErrors.combine([_unknown_key_error(key, source) for key in unknown])
@@ -173,14 +180,14 @@ def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
 
 
 def _unknown_key_error(key: str, source: Source) -> ConfigError:
-    match = closest(key, STUDY_KEYS)
+    match = closest_match(key, STUDY_KEYS)
     problem = f"unknown key, did you mean '{match}'?" if match else "unknown key"
     remedy = (
         "it belongs in the base scene, or in set"
-        if key in keys_at((), {})
+        if key in allowed_keys_at((), {})
         else f"valid here: {', '.join(STUDY_KEYS)}"
     )
-    file, line = source.place((key,))
+    file, line = source.location((key,))
     return ConfigError(key, problem, "" if match else remedy, file, line)
 
 
@@ -191,7 +198,7 @@ class _StudyReader:
         self.path = path
         self.document = document
         self.source = source
-        self.location = source.place
+        self.location = source.location
 
     def config_error(self, keys: KeyPath, problem: str, remedy: str = "") -> ConfigError:
         return ConfigError(key_text(keys), problem, remedy, *self.location(keys))
@@ -212,7 +219,7 @@ class _StudyReader:
         prefix_length = len(section_keys)
         inner_places = {
             keys[prefix_length:]: location
-            for keys, location in self.source.places.items()
+            for keys, location in self.source.locations.items()
             if keys[:prefix_length] == section_keys
         }
         return raw_scene, Source(self.source.name, inner_places)
@@ -285,7 +292,7 @@ class _StudyReader:
                 case_keys, "must be a section of keys", f"it has {', '.join(CASE_KEYS)}"
             )
         if unknown := [key for key in raw_case if key not in CASE_KEYS]:
-            match = closest(unknown[0], CASE_KEYS)
+            match = closest_match(unknown[0], CASE_KEYS)
             problem = f"unknown key, did you mean '{match}'?" if match else "unknown key"
             raise self.config_error(
                 (*case_keys, unknown[0]),
@@ -345,7 +352,7 @@ class _StudyReader:
                     "give each its own",
                 )
             if named_case.exact and named_case.exact.case and named_case.exact.case not in names:
-                closest_name = closest(named_case.exact.case, names)
+                closest_name = closest_match(named_case.exact.case, names)
                 hint = (
                     f"did you mean '{closest_name}'?" if closest_name else "give the name of a case"
                 )
@@ -486,7 +493,7 @@ class _StudyReader:
         directory = self.read_section("output").get("directory", f"results/{self.path.stem}")
         if not isinstance(directory, str) or not directory:
             raise self.config_error(("output", "directory"), "must be the path of a folder")
-        if problem := outside(directory):
+        if problem := directory_problem(directory):
             raise self.config_error(
                 ("output", "directory"), problem, "choose any other folder with --output"
             )

@@ -15,7 +15,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from indent_sim.config.strict_yaml import short
+from indent_sim.config.strict_yaml import short_yaml
 from indent_sim.results.folder import Report
 from indent_sim.results.pictures import figures
 from indent_sim.results.pictures.axes import axis_of_column, picture_text
@@ -575,7 +575,9 @@ def _draw_legend(
 def _point_label(row: Row, value_labels: dict[str, dict[str, str]]) -> str:
     """The telling keys of a row: words alone, numbers and lists of them with their key."""
     value_texts = {
-        key: labels[short(row[key])] for key, labels in value_labels.items() if row[key] is not None
+        key: labels[short_yaml(row[key])]
+        for key, labels in value_labels.items()
+        if row[key] is not None
     }
     has_key = {key: _is_number(row[key]) or value_texts[key].startswith("[") for key in value_texts}
     parts = [
@@ -588,7 +590,7 @@ def _point_label(row: Row, value_labels: dict[str, dict[str, str]]) -> str:
 def _value_labels(rows: Sequence[Row], key: str) -> dict[str, str]:
     """The values of a key in words, by the values in full."""
     values = [row[key] for row in rows]
-    return dict(zip(map(short, values), distinguishing_labels(values), strict=True))
+    return dict(zip(map(short_yaml, values), distinguishing_labels(values), strict=True))
 
 
 def _group_rows(
@@ -605,7 +607,7 @@ def _group_rows(
         if 1 < len(values) <= MAX_COLOURS:
             word = f"{key.split('.')[-1]} " if any(_is_number(row[key]) for row in rows) else ""
             return {
-                f"{word}{label}": [row for row in rows if short(row[key]) == value]
+                f"{word}{label}": [row for row in rows if short_yaml(row[key]) == value]
                 for value, label in values.items()
             }
     return {"": list(rows)}

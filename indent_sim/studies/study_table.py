@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.config.strict_yaml import inline, short
+from indent_sim.config.strict_yaml import inline_yaml, short_yaml
 from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
 from indent_sim.studies.cases import Case, RejectedCase
@@ -166,11 +166,11 @@ def independent_keys(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
     kept_keys: list[str] = []
     for key in keys:
         values = {
-            earlier_key: {short(row[earlier_key]) for row in table}
+            earlier_key: {short_yaml(row[earlier_key]) for row in table}
             for earlier_key in (*kept_keys, key)
         }
         pairs = {
-            earlier_key: {(short(row[earlier_key]), short(row[key])) for row in table}
+            earlier_key: {(short_yaml(row[earlier_key]), short_yaml(row[key])) for row in table}
             for earlier_key in kept_keys
         }
         if len(values[key]) > 1 and all(
@@ -314,7 +314,7 @@ def _format_cell(value: object) -> str:
         return f"{value.factor!r} {STIFFNESS_UNIT}"
     if isinstance(value, float):
         return repr(value)
-    return " ".join(value.split()) if isinstance(value, str) else inline(value)
+    return " ".join(value.split()) if isinstance(value, str) else inline_yaml(value)
 
 
 def rows_with_error(table: Iterable[Row]) -> list[Row]:
@@ -371,7 +371,9 @@ def recommendations(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
         choice = "none of these"
         row = recommended_run(table, keys, target)
         if row:
-            words = ", ".join(f"{key}={short(row[key])}" for key in keys if row[key] is not None)
+            words = ", ".join(
+                f"{key}={short_yaml(row[key])}" for key in keys if row[key] is not None
+            )
             choice = f"{words}: {row['cpu_s']:.2g} s, {row['force_error_vs']:+.2%}"
         lines.append(f"for {100 * target:g} %: {choice}")
     return lines

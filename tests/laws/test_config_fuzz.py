@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from indent_sim.config import schema
-from indent_sim.config.scene_file import from_mapping, load, loads, to_mapping, to_yaml
+from indent_sim.config.scene_file import config_from_mapping, load, loads, to_mapping, to_yaml
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import dump, parse
 from indent_sim.process.errors import ConfigError, UsageError, printable
@@ -95,7 +95,7 @@ def outcome(text: str, overrides: tuple[str, ...] = ()) -> None:
 def same(config: Config) -> None:
     """Writing and reading changes nothing."""
     assert loads(to_yaml(config)) == config
-    assert from_mapping(to_mapping(config)) == config
+    assert config_from_mapping(to_mapping(config)) == config
 
 
 @BRIEF
@@ -132,13 +132,13 @@ def test_a_scene_with_a_hole_filled(start, length, pieces):
 def test_a_scene_with_one_other_value(data, value):
     document = parse(SCENE)[0]
     section = data.draw(st.sampled_from(sorted(document)))
-    keys = schema.keys_at((section,), document)
+    keys = schema.allowed_keys_at((section,), document)
     if keys and data.draw(st.booleans()):
         document[section][data.draw(st.sampled_from(keys))] = value
     else:
         document[section] = value
     try:
-        same(from_mapping(document))
+        same(config_from_mapping(document))
     except ConfigError as error:
         assert error.problem
 
@@ -169,7 +169,7 @@ def test_numbers_come_back_to_the_last_digit(size, deltas, x, y):
     document: dict[str, Any] = parse(SCENE)[0]
     document["body"]["size"], document["indenter"]["center"] = list(size), [x, y]
     document["loading"] = {"deltas": deltas}
-    config = loads(to_yaml(from_mapping(document)))
+    config = loads(to_yaml(config_from_mapping(document)))
     assert (
         config.body.size == size
         and config.loading.deltas == tuple(deltas)

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 
 from indent_sim.cli import commands
 from indent_sim.config import schema
-from indent_sim.config.key_types import hints, kinds_of
+from indent_sim.config.key_types import field_types, types_by_tag
 from indent_sim.config.strict_yaml import dump, parse
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.studies import study_file as study_file
@@ -180,15 +180,15 @@ def key(draw: Any, document: dict[str, Any]) -> None:
     """Anything under a key that may stand there."""
     name = draw(st.sampled_from(sorted(schema.sections())))
     here = document.setdefault(name, {})
-    keys = schema.keys_at((name,), document)
+    keys = schema.allowed_keys_at((name,), document)
     if isinstance(here, dict) and keys:
         here[draw(st.sampled_from(keys))] = draw(VALUES)
 
 
 def kind(draw: Any, document: dict[str, Any]) -> None:
     """Another body, material, tip or method, with all it needs and some of what it may have."""
-    name, tag = draw(st.sampled_from(sorted(schema.tags().items())))
-    kinds = kinds_of(hints(schema.Config)[name], tag)
+    name, tag = draw(st.sampled_from(sorted(schema.section_tags().items())))
+    kinds = types_by_tag(field_types(schema.Config)[name], tag)
     chosen = draw(st.sampled_from(sorted(kinds)))
     document[name] = {}
     for field in dataclasses.fields(kinds[chosen]):

@@ -17,7 +17,7 @@ from benchmark_forces import CYLINDER_STEPS as FORCES
 from promised_bars import BAR_OVER_ERROR, ROWS_OF_A_CLASS, SMALL_ERROR, WIDEST
 from scipy.optimize import brentq, least_squares
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.run.simulate import simulate, states
 from indent_sim.scene.scene import resolve
@@ -124,7 +124,7 @@ def exact_forces(config: Config) -> np.ndarray:
 
 
 def judged(case: Case, target: float, folder: Path, **sections: Any) -> Judged:
-    config = from_mapping(case.mapping() | {"accuracy": target} | sections)
+    config = config_from_mapping(case.mapping() | {"accuracy": target} | sections)
     outcome = simulate(config, directory=folder)
     exact = exact_forces(config)
     force = np.array([state.force for state in outcome.states])
@@ -207,7 +207,7 @@ def test_the_force_converges_with_the_elements_in_the_contact(tip: str) -> None:
     converges as h^4 with quadratic elements; the contact edge, where the pressure ends like a root,
     leaves less of it.
     """
-    config = from_mapping(Case(tip, 0.1, 0.3).mapping() | {"accuracy": 0.01})
+    config = config_from_mapping(Case(tip, 0.1, 0.3).mapping() | {"accuracy": 0.01})
     divisions = np.array((5, 8, 13, 20))
     errors = [rms([n * jitter for jitter in (0.93, 1.0, 1.07)], config) for n in divisions]
     rate = -np.polyfit(np.log(divisions), np.log(errors), 1)[0]
@@ -274,7 +274,7 @@ def test_hyperelastic_bodies(nu: float, target: float, tmp_path: Path) -> None:
     elements of order 6; the references are good to 1e-5.
     """
     exact = np.array(list(SPHERE_ON_GEL[nu].values()))
-    config = from_mapping(
+    config = config_from_mapping(
         Case("sphere", 0.1, nu).mapping()
         | {
             "material": {"model": "neo_hookean", "E": 1.0, "nu": nu},
@@ -335,7 +335,7 @@ def test_the_forces_on_a_finite_body_are_those_of_independent_computations() -> 
 )  # 0.001 takes minutes
 def test_a_cube(target: float, tmp_path: Path) -> None:
     """Three dimensions, the quarter of a box: all ten steps keep the target and know their error."""
-    outcome = simulate(from_mapping(CUBE | {"accuracy": target}), directory=tmp_path)
+    outcome = simulate(config_from_mapping(CUBE | {"accuracy": target}), directory=tmp_path)
     true = np.abs([state.force for state in outcome.states] / cube_forces() - 1)
     bar = np.array([state.force_error for state in outcome.states]) / cube_forces()
     print(
@@ -355,7 +355,7 @@ def test_a_punch_on_a_box(radius: float, nu: float, tmp_path: Path) -> None:
     Theory's layer ends at a round wall, or nowhere: this wide a box differs by less than 1e-3. A
     bar may be half too narrow: few elements share the edge.
     """
-    config = from_mapping(
+    config = config_from_mapping(
         {
             "body": {"shape": "box", "size": [4.0, 4.0, 1.0], "base": "fixed", "sides": "roller"},
             "material": {"model": "linear_elastic", "E": 1.0, "nu": nu},
@@ -430,7 +430,7 @@ def test_corners_of_a_tip_and_edges(target: float, tmp_path: Path) -> None:
     runs = []
     for i, ((tip, depths, method), nu) in enumerate(itertools.product(SHARP, (0.3, 0.4999))):
         sections = {"indenter": tip, "loading": depths, "contact": {"method": method}}
-        config = from_mapping(
+        config = config_from_mapping(
             Case("paraboloid", 0.3, nu).mapping() | sections | {"accuracy": target}
         )
         outcome, exact = simulate(config, directory=tmp_path / str(i)), exact_forces(config)

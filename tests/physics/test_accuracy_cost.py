@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from test_accuracy import CUBE, FEW, Case, cube_forces, exact_forces
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.run.simulate import simulate
 from indent_sim.scene.scene import resolve
 
@@ -57,14 +57,14 @@ def run(
     mapping: dict[str, Any], exact: np.ndarray, folder: Path, near: float = 0.0, far: float = 0.0
 ) -> Run:
     """A scene beside its exact forces."""
-    outcome = simulate(from_mapping(mapping), directory=folder, overwrite=True)
+    outcome = simulate(config_from_mapping(mapping), directory=folder, overwrite=True)
     error = np.abs([state.force for state in outcome.states] / exact - 1).max()
     return Run(error, outcome.report["dofs"], near, far)
 
 
 def by_hand(case: Case, exact: np.ndarray, folder: Path) -> list[Run]:
     """All settings of the grid whose far size is not below the near one."""
-    scene = resolve(from_mapping(case.mapping()))
+    scene = resolve(config_from_mapping(case.mapping()))
     h_far, widest = (
         scene.sizes.h_far,
         min(scene.plan.prediction["a"], 2.0),
@@ -94,7 +94,7 @@ def fewest(runs: Sequence[Run], target: float) -> float:
 @pytest.mark.parametrize("case", FEW, ids=str)
 def test_no_settings_by_hand_have_far_fewer_unknowns(case: Case, tmp_path: Path) -> None:
     """Sizes are at most twice as fine as they need be."""
-    exact = exact_forces(from_mapping(case.mapping()))
+    exact = exact_forces(config_from_mapping(case.mapping()))
     runs = by_hand(case, exact, tmp_path / "by hand")
     for target in (0.01, 0.001):
         own = run(case.mapping() | {"accuracy": target}, exact, tmp_path / "accuracy")

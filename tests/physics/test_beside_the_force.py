@@ -13,7 +13,7 @@ import pytest
 from promised_bars import BAR_OVER_ERROR, ROWS_OF_A_CLASS, SMALL_ERROR, WIDEST
 from test_accuracy import Case, drawn
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
 from indent_sim.results.compare import compare
 from indent_sim.run.simulate import simulate, states
@@ -44,7 +44,7 @@ class Judged:
 
 def theory(case: Case, mapping: dict[str, Any]) -> dict[str, np.ndarray]:
     """delta, force, a and p_max of every step at prescribed depths, all of height and modulus 1."""
-    scene = resolve(from_mapping(mapping))
+    scene = resolve(config_from_mapping(mapping))
     assert scene.plan.theory is not None and scene.plan.theory.is_exact
     curve = scene.plan.theory.solutions_at_depths(scene.physics.deltas) or []
     L, P, F = scene.physics.scales.length, scene.physics.scales.pressure, scene.physics.scales.force
@@ -71,13 +71,15 @@ def judged(case: Case, folder: Path, **sections: Any) -> dict[str, Judged]:
     mapping = case.mapping()
     exact = theory(case, mapping)
     bars = {} if "accuracy" in sections else {"error_bars": True}
-    pushed = simulate(from_mapping(mapping | sections), directory=folder / "depths", **bars).states
+    pushed = simulate(
+        config_from_mapping(mapping | sections), directory=folder / "depths", **bars
+    ).states
     names = {"flat_punch": (), "cone": ("a",)}.get(
         case.tip, ("a", "p_max")
     )  # a punch's a is given, its edge sharp
     numbers = {name: found(pushed, name, exact[name]) for name in names}
     forces = {"forces": exact["force"].tolist()}
-    config = from_mapping(mapping | sections | {"loading": forces})
+    config = config_from_mapping(mapping | sections | {"loading": forces})
     pressed = simulate(config, directory=folder / "forces", **bars).states
     return numbers | {"delta": found(pressed, "delta", exact["delta"])}
 
@@ -155,7 +157,7 @@ def errors(case: Case, **sections: Any) -> tuple[np.ndarray, np.ndarray]:
     """Relative errors of a and p_max at every step."""
     mapping = case.mapping() | sections
     exact = theory(case, mapping)
-    pushed = list(states(resolve(from_mapping(mapping)), with_surface=False))
+    pushed = list(states(resolve(config_from_mapping(mapping)), with_surface=False))
     a, p_max = (
         np.array([getattr(state, name) for state in pushed]) / exact[name] - 1
         for name in ("a", "p_max")
@@ -171,7 +173,7 @@ def test_a_stiff_penalty_knows_its_pressure(multiple: float, solver: str) -> Non
     0.05 of the last.
     """
     case = Case("paraboloid", 0.1, 0.3, steps=2)
-    sizes = resolve(from_mapping(case.mapping())).sizes
+    sizes = resolve(config_from_mapping(case.mapping())).sizes
     stiffness = multiple / (1 - 0.3**2) / sizes.h_contact
     a, p_max = errors(
         case, contact={"method": "penalty", "epsilon_n": stiffness}, solver={"method": solver}
@@ -204,7 +206,7 @@ def test_there_is_no_pressure_outside_the_contact() -> None:
     mapping = Case("paraboloid", 0.1, 0.3, steps=1).mapping() | {
         "loading": {"delta": 0.01, "steps": 1}
     }
-    (state,) = states(resolve(from_mapping(mapping)))
+    (state,) = states(resolve(config_from_mapping(mapping)))
     outside = state.surface.x > state.a * 1.001
     assert (
         outside.any()
@@ -244,7 +246,7 @@ def test_a_pressure_without_bound_has_no_largest_value(
         "loading": {"delta": 0.02, "steps": 1},
     }
     scene = resolve(
-        from_mapping(mapping | {"body": {"shape": "cylinder", "radius": 2.0, "height": 1.0}})
+        config_from_mapping(mapping | {"body": {"shape": "cylinder", "radius": 2.0, "height": 1.0}})
     )
     assert scene.has_peak_pressure(0.3) is has_peak and scene.has_peak_pressure(0.0)
     assert [choice.value for choice in scene.plan.choices if choice.key == "p_max"] == (
@@ -258,7 +260,7 @@ def test_an_unbounded_pressure_is_an_empty_cell(tmp_path: Path) -> None:
         "loading": {"deltas": [-0.01, 0.01]},
         "accuracy": 0.05,
     }
-    simulate(from_mapping(mapping), directory=tmp_path / "cone")
+    simulate(config_from_mapping(mapping), directory=tmp_path / "cone")
     header, above, inside = [
         line.split(",")
         for line in (tmp_path / "cone" / "force_indentation.csv").read_text().splitlines()

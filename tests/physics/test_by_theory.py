@@ -14,7 +14,7 @@ from scenes import ELASTIC, STRIP, WALLED, force, scene
 from scipy.integrate import trapezoid
 
 from indent_sim.cli import terminal
-from indent_sim.config.scene_file import from_mapping, load
+from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.compare import compare
@@ -46,7 +46,7 @@ def given(body: dict[str, Any], **sections: Any) -> dict[str, Any]:
 def run(
     folder: Path, *overrides: str, resume: bool = False, bars: bool = False, **sections: Any
 ) -> simulate.Outcome:
-    config = from_mapping(given(**({"body": LAYER} | sections)), overrides)
+    config = config_from_mapping(given(**({"body": LAYER} | sections)), overrides)
     return simulate.simulate(config, directory=folder, resume=resume, error_bars=bars)
 
 

@@ -14,7 +14,7 @@ from promised_bars import ROWS_OF_A_CLASS, SMALL_ERROR, WIDEST
 from scipy.optimize import brentq
 from theory_bodies import indent
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.run.simulate import simulate, states
 from indent_sim.scene.scene import Scene, resolve
@@ -91,7 +91,7 @@ class Case:
         """Whether the tip comes down onto the top of a fixed side, which nothing moves."""
         if self.sides not in ("fixed", "one") or self.tip == "flat_punch":
             return False
-        config = from_mapping(self.mapping())
+        config = config_from_mapping(self.mapping())
         delta = config.loading.delta
         return (
             delta is not None
@@ -210,7 +210,7 @@ class Judged:
 def judged(
     mapping: dict[str, Any], target: float, folder: Path, exact: np.ndarray | None = None
 ) -> Judged:
-    config = from_mapping(mapping | {"accuracy": target})
+    config = config_from_mapping(mapping | {"accuracy": target})
     outcome = simulate(config, directory=folder)
     exact = true_forces(config) if exact is None else exact
     force = np.array([state.force for state in outcome.states])
@@ -268,7 +268,7 @@ def test_automatic_sizes_resolve_a_punch_beside_a_wall(
     radius, which is too small by a quarter of the elements at its edge. Automatic sizes cost at
     most 0.3 % of the force.
     """
-    config = from_mapping(Case("flat_punch", wide, reach, nu, "roller").mapping())
+    config = config_from_mapping(Case("flat_punch", wide, reach, nu, "roller").mapping())
     (state,) = states(resolve(config), with_surface=False)
     assert state.force == pytest.approx(true_forces(config)[0], rel=0.003)
 
@@ -287,7 +287,7 @@ def test_graded_meshes_agree_with_exact_theory(case: Case) -> None:
     """What judges the scenes without a theory, judged where there is one, to a twentieth of the
     finest target.
     """
-    config = from_mapping(case.mapping() | {"accuracy": 0.001})
+    config = config_from_mapping(case.mapping() | {"accuracy": 0.001})
     found = [state.force for state in states(graded(config), with_surface=False)]
     assert found == pytest.approx(true_forces(config), rel=5e-5)
 
@@ -296,7 +296,7 @@ def test_graded_meshes_agree_with_exact_theory(case: Case) -> None:
 def test_graded_meshes_converge_at_bonded_corners() -> None:
     """Half as much growth, half as large elements under the tip: as close as to exact theory."""
     for case in [case for case in drawn(60, SEED) if case.sides != "roller"][:3]:
-        config = from_mapping(case.mapping() | {"accuracy": 0.001})
+        config = config_from_mapping(case.mapping() | {"accuracy": 0.001})
         finer = [state.force for state in states(graded(config, 30.0, 0.1), with_surface=False)]
         assert finer == pytest.approx(true_forces(config), rel=5e-5), case
 

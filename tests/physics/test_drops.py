@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe.path.failure import failed_state
 from indent_sim.run import simulate
 from indent_sim.scene.scene import Scene, resolve
@@ -22,7 +22,7 @@ from indent_sim.scene.scene import Scene, resolve
 def drop(mu: float, loading: dict[str, Any]) -> Scene:
     """A ball of radius 1 and tension 1 between two plates."""
     return resolve(
-        from_mapping(
+        config_from_mapping(
             {
                 "body": {"shape": "ball", "radius": 1.0, "surface_tension": 1.0},
                 "material": {"model": "neo_hookean", "mu": mu, "nu": 0.5},

@@ -15,7 +15,7 @@ import pytest
 from early_times import KINDS, disc_ramp, early_scenes, judged
 from exact_time import confined_modulus, terzaghi_settlement, unconfined_force
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.simulate import simulate
 
@@ -70,7 +70,7 @@ def first_vertex_beside_a_film() -> float:
 
 
 def rows(mapping: dict[str, Any], folder: Path, **how: Any) -> Any:
-    return simulate(from_mapping(mapping), directory=folder / "run", **how)
+    return simulate(config_from_mapping(mapping), directory=folder / "run", **how)
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
 from theory_bodies import BONDED_PULL_OFF, one_layer
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import NotConverged
 from indent_sim.run import simulate
 from indent_sim.run.history_on_curve import HistoryResult, _HistoryEvaluation, evaluate_with_units
@@ -49,7 +49,7 @@ def scene_of(
         "indenter": PARABOLOID,
         "experiment": experiment,
     } | sections
-    return resolve(from_mapping(placed(given), overrides))
+    return resolve(config_from_mapping(placed(given), overrides))
 
 
 def found(*args: Any, **sections: Any) -> HistoryResult:
@@ -551,12 +551,14 @@ def test_a_spring_on_a_body_softer_than_a_half_space(
     spring = {"cantilever": {"stiffness": stiffness}}
     history = {"history": [[0, 0], [1, 0.05]], "times": [0.5, 1]}
     rows = simulate.simulate(
-        from_mapping(given | {"loading": history, "experiment": spring}), directory=tmp_path / "a"
+        config_from_mapping(given | {"loading": history, "experiment": spring}),
+        directory=tmp_path / "a",
     ).states
     depth, force = rows[-1].delta, rows[-1].force
     assert depth + force / stiffness == pytest.approx(0.05, rel=1e-9)
     pressed = simulate.simulate(
-        from_mapping(given | {"loading": {"delta": depth, "steps": 1}}), directory=tmp_path / "b"
+        config_from_mapping(given | {"loading": {"delta": depth, "steps": 1}}),
+        directory=tmp_path / "b",
     )
     assert force == pytest.approx(pressed.states[-1].force, rel=5e-4)
 
@@ -581,10 +583,11 @@ def test_a_punch_creeps_as_its_modulus(body: dict[str, Any], tmp_path: Path) -> 
     relaxing = punch | {"material": ELASTIC | {"relaxation": {"prony": [[g, 1.0]]}}}
     ramp = {"force_history": [[0, 0], [1, 0.003], [1.5, 0.003]], "times": [1, 1.5]}
     rows = simulate.simulate(
-        from_mapping(relaxing | {"loading": ramp}), directory=tmp_path / "a"
+        config_from_mapping(relaxing | {"loading": ramp}), directory=tmp_path / "a"
     ).states
     (pressed,) = simulate.simulate(
-        from_mapping(punch | {"loading": {"force": 0.003, "steps": 1}}), directory=tmp_path / "b"
+        config_from_mapping(punch | {"loading": {"force": 0.003, "steps": 1}}),
+        directory=tmp_path / "b",
     ).states
 
     def crept(t: float) -> float:  # of a force that grows by 1 in the time 1

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scenes import ELASTIC
 
-from indent_sim.config.scene_file import from_mapping, loads
+from indent_sim.config.scene_file import config_from_mapping, loads
 from indent_sim.results.reader import read
 from indent_sim.results.xdmf import read_fields
 from indent_sim.run.simulate import simulate
@@ -183,7 +183,9 @@ def test_files_for_paraview_name_units_and_regions_and_have_depths_as_times(tmp_
     }
     found = {}
     for name, deltas in {"in": [0.01, 0.03], "back": [0.03, 0.01]}.items():
-        simulate(from_mapping(given | {"loading": {"deltas": deltas}}), directory=tmp_path / name)
+        simulate(
+            config_from_mapping(given | {"loading": {"deltas": deltas}}), directory=tmp_path / name
+        )
         found[name] = ElementTree.parse(tmp_path / name / "fields.xdmf").getroot()
         tip = ElementTree.parse(tmp_path / name / "tip.xdmf").getroot()
         assert [one.get("Value") for one in tip.iter("Time")] == [

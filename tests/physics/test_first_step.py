@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 from scenes import E_STAR, ELASTIC, WALLED, force
 
-from indent_sim.config.scene_file import from_mapping, load
+from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
@@ -133,10 +133,10 @@ def _beside(body: dict[str, Any], pick: random.Random) -> list[float]:
 
 def coarse(config: dict[str, Any]) -> Scene:
     """The scene on a coarse mesh; in three dimensions one that is cheap."""
-    planned = resolve(from_mapping(config))
+    planned = resolve(config_from_mapping(config))
     h = planned.plan.prediction["a"] / PER_RADIUS[planned.physics.domain.dim]
     return resolve(
-        from_mapping(
+        config_from_mapping(
             config | {"mesh": {"h_contact": float(f"{h:.3g}")}, "solver": {"max_iterations": 25}}
         )
     )
@@ -287,7 +287,7 @@ def test_a_linear_body_that_turns_inside_out_is_refused(steps: int) -> None:
         "indenter": {"shape": "flat_punch", "radius": 551.0, "edge_radius": 165.0},
         "loading": {"delta": 900.0, "steps": steps},
     }
-    *rows, last = simulate.states(resolve(from_mapping(config)), with_surface=False)
+    *rows, last = simulate.states(resolve(config_from_mapping(config)), with_surface=False)
     assert all(before.force < after.force for before, after in pairwise(rows))
     assert not last.converged and "inside out" in last.reason and "hyperelastic" in last.reason
 
@@ -310,12 +310,12 @@ def test_a_tip_deep_beyond_its_end_is_a_punch(tip: dict[str, Any]) -> None:
         "indenter": tip,
         "loading": {"delta": 0.01, "steps": 1},
     }
-    scene = resolve(from_mapping(deep))
+    scene = resolve(config_from_mapping(deep))
     assert force(scene) == pytest.approx(2 * E_STAR * 1e-6 * 0.01, rel=3e-3)
     if tip["shape"] != "flat_punch":
         assert "one unit" in " ".join(scene.plan.warnings)
     with pytest.raises(ConfigError, match="unit of length"):
-        resolve(from_mapping(deep | {"contact": {"method": "auto", "gap": "current"}}))
+        resolve(config_from_mapping(deep | {"contact": {"method": "auto", "gap": "current"}}))
 
 
 def test_a_contact_is_no_wider_than_its_ball() -> None:

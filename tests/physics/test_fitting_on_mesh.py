@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.fitting.forward_model.forward_model import ForwardModel
 from indent_sim.fitting.notebook import fit
@@ -32,7 +32,9 @@ def scene(body: dict, **more) -> Config:  # type: ignore[no-untyped-def,type-arg
         "loading": {"delta": 0.1, "steps": 2},
     }
     tip = {"shape": "paraboloid", "R": 1.0}
-    return from_mapping({"body": body, "indenter": tip, **parts, "output": {"plot": False}, **more})
+    return config_from_mapping(
+        {"body": body, "indenter": tip, **parts, "output": {"plot": False}, **more}
+    )
 
 
 def curve(E: float, c: float, seed: int) -> np.ndarray:

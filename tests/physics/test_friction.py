@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from scenes import ELASTIC, PARABOLOID, scene, solve, solved
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe.condensed import equilibrium
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
@@ -248,7 +248,7 @@ def test_theory_beside_a_rough_run() -> None:
         ({"delta": A**2, "steps": 10}, "force"),
         ({"forces": [2e-4, 5e-4, 9e-4, 1.4e-3]}, "delta"),
     ):
-        base = resolve(from_mapping(sections | {"loading": loading}))
+        base = resolve(config_from_mapping(sections | {"loading": loading}))
         said = theory_comparison(base, solve(base))
         assert said and said["exact"] and said["name"] == "half-space theory with friction"
         assert abs(said[f"{asked}_deviation"]) < 1e-3
@@ -537,7 +537,7 @@ def test_error_bars_hold_what_shorter_steps_and_smaller_elements_find(
     """Those of ten steps and five elements; the truth beside them from forty steps and seventeen
     elements.
     """
-    config = from_mapping(
+    config = config_from_mapping(
         {
             "body": THICK,
             "material": ELASTIC | {"nu": 0.0},
@@ -601,7 +601,7 @@ def test_what_no_slip_would_change_is_solved_beside_a_run(method: str, tmp_path:
         "output": {"plot": False, "fields": "none"},
     }
     asked, alone = (
-        simulate(from_mapping(sections), directory=tmp_path / str(bars), error_bars=bars)
+        simulate(config_from_mapping(sections), directory=tmp_path / str(bars), error_bars=bars)
         for bars in (True, False)
     )
     said = asked.report["stick"]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scenes import scene
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.materials import Gel
 from indent_sim.model.state import State
 from indent_sim.run import simulate
@@ -257,9 +257,10 @@ def test_the_error_of_a_bath_that_takes_some_time_is_inside_its_part(tmp_path: P
     ramp = 1.0
     loading = {"history": [[0, 0.02], [10, 0.02]], "times": [1.5, 3.0, 10.0], "per_doubling": 2}
     base |= {"loading": loading, "drainage": {"bath": 0.0, "bath_ramp": ramp}, "output": QUIET}
-    found = simulate(from_mapping(base), directory=tmp_path / "run", error_bars=True)
+    found = simulate(config_from_mapping(base), directory=tmp_path / "run", error_bars=True)
     sooner = simulate.states(
-        from_mapping(base | {"drainage": {"bath": 0.0, "bath_ramp": ramp / 10}}), with_surface=False
+        config_from_mapping(base | {"drainage": {"bath": 0.0, "bath_ramp": ramp / 10}}),
+        with_surface=False,
     )
     for row, right, budget in zip(found.states, sooner, found.report["error_budget"], strict=True):
         error = abs(right.force - row.force)

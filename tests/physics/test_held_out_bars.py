@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from promised_bars import ROWS_OF_A_CLASS
 
-from indent_sim.config.scene_file import from_mapping, load
+from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.config.strict_yaml import dump
 from indent_sim.model.state import State
 from indent_sim.run.simulate import simulate, states
@@ -105,7 +105,7 @@ def round_scenes(count: int, seed: int = 3) -> list[dict[str, Any]]:
 
 def truth(mapping: dict[str, Any]) -> list[dict[str, float]]:
     """Force, peak pressure and radius of every row."""
-    config = from_mapping(mapping | {"accuracy": 0.001})
+    config = config_from_mapping(mapping | {"accuracy": 0.001})
     walks = [list(states(resolve(config, n), with_surface=False)) for n in (COARSE, FINE)]
     share = 1 / ((FINE / COARSE) ** RATE - 1)
     return [
@@ -134,7 +134,7 @@ def test_caps_and_balls_drawn_at_random(tmp_path: Path) -> None:
     for target in (None, 0.01, 0.001):
         tally = Tally()
         for k, (mapping, exact) in enumerate(zip(scenes, right, strict=True)):
-            config = from_mapping(mapping | ({"accuracy": target} if target else {}))
+            config = config_from_mapping(mapping | ({"accuracy": target} if target else {}))
             rows = simulate(
                 config, directory=tmp_path / f"{target}-{k}", error_bars=target is None
             ).states
@@ -247,7 +247,7 @@ def drawn_here(scene: dict[str, Any]) -> dict[str, Any]:
 
 def forces_of(scene: dict[str, Any]) -> list[float]:
     """By theory, or meshed here with elements that leave 1e-4 (5e-4 in three dimensions)."""
-    config = from_mapping(drawn_here(scene) | {"accuracy": 0.001})
+    config = config_from_mapping(drawn_here(scene) | {"accuracy": 0.001})
     found = resolve(config, 8.0 if scene["kinematics"] == "3d" else 30.0)
     if (theory := found.exact_theory) is not None:
         return [

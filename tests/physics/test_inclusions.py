@@ -14,7 +14,7 @@ from promised_bars import ROWS_OF_A_CLASS
 from scenes import CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, force, grid_of, scene
 from test_layers import state_on
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.run import simulate
 from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.resolution import coarsened_sizes
@@ -68,7 +68,7 @@ def given(body: dict[str, Any], *inclusions: dict[str, Any], **sections: Any) ->
 
 def included(body: dict[str, Any], *inclusions: dict[str, Any], **sections: Any) -> Scene:
     """The same, resolved."""
-    return resolve(from_mapping(given(body, *inclusions, **sections)))
+    return resolve(config_from_mapping(given(body, *inclusions, **sections)))
 
 
 def without(base: Scene) -> Scene:
@@ -86,7 +86,7 @@ def test_a_ball_inclusion_at_automatic_sizes() -> None:
 
 def test_a_ball_inclusion_to_a_given_accuracy(tmp_path: Path) -> None:
     """0.1 % asked for: the error is less, and so are the bars of all steps, which cover it."""
-    config = from_mapping(
+    config = config_from_mapping(
         given(
             WALLED,
             ball(),
@@ -324,7 +324,7 @@ def test_a_scene_in_other_units_is_the_same_scene() -> None:
 )
 def test_a_resolved_scene_is_meshed_the_same(body: dict[str, Any]) -> None:
     """Whatever chose the sizes: they stand in the resolved scene, one for each inclusion."""
-    config = from_mapping(given(body, ball(), upright((0.0, 0.0, -0.75)), accuracy=0.01))
+    config = config_from_mapping(given(body, ball(), upright((0.0, 0.0, -0.75)), accuracy=0.01))
     first = resolve(config)
     again = resolve(explicit_config(config, first))
     assert grid_of(again).hash == grid_of(first).hash
@@ -376,7 +376,9 @@ def test_error_bars_of_inclusions_drawn_at_random(tmp_path: Path) -> None:
     many rows in their bars as is promised of a class of scenes."""
     inside, rows, worst = 0, 0, 0.0
     for number, document in enumerate(drawn(4, seed=3)):
-        configs = [from_mapping(document | {"accuracy": accuracy}) for accuracy in (0.005, 0.0005)]
+        configs = [
+            config_from_mapping(document | {"accuracy": accuracy}) for accuracy in (0.005, 0.0005)
+        ]
         runs = [
             simulate.simulate(config, directory=tmp_path / f"{number}_{k}").states
             for k, config in enumerate(configs)

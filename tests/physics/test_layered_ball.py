@@ -15,7 +15,7 @@ from mpi4py import MPI
 from scenes import ELASTIC, force
 from scipy.integrate import quad
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.results.reader import read
 from indent_sim.results.xdmf import read_fields
 from indent_sim.run.simulate import simulate
@@ -113,7 +113,7 @@ def test_skins_at_automatic_sizes_inside_error_bars(
     of the radius.
     """
     expected = series([(1.0, (E, ELASTIC["nu"])), (1 - t, CORE)], tip)
-    config = from_mapping(skinned(t, E, tip, output={"plot": False, "fields": "none"}))
+    config = config_from_mapping(skinned(t, E, tip, output={"plot": False, "fields": "none"}))
     state = simulate(config, MPI.COMM_SELF, directory=tmp_path / "run", error_bars=True).states[-1]
     assert state.force == pytest.approx(expected, rel=3e-3)
     assert (
@@ -129,7 +129,7 @@ def test_skins_at_automatic_sizes_inside_error_bars(
 def test_skins_to_a_given_accuracy(tip: str, t: float, E: float, tmp_path: Path) -> None:
     """0.1 % asked for: the error is less, and inside the bar."""
     expected = series([(1.0, (E, ELASTIC["nu"])), (1 - t, CORE)], tip)
-    config = from_mapping(
+    config = config_from_mapping(
         skinned(t, E, tip, accuracy=0.001, output={"plot": False, "fields": "none"})
     )
     state = simulate(config, MPI.COMM_SELF, directory=tmp_path / "run").states[-1]
@@ -167,7 +167,7 @@ def test_a_nucleus_in_the_middle_is_a_core(shape: str, radius: float, E: float) 
     """A ball, or an ellipsoid of equal semi-axes, about the center, the rind around a soft one as a
     shell: 0.3 % asked for at automatic sizes, 0.16 % found.
     """
-    found = force(resolve(from_mapping(with_nucleus(shape, radius, E))))
+    found = force(resolve(config_from_mapping(with_nucleus(shape, radius, E))))
     assert found == pytest.approx(series([(1.0, CORE), (radius, (E, ELASTIC["nu"]))]), rel=3e-3)
 
 
@@ -177,7 +177,7 @@ def test_a_nucleus_to_a_given_accuracy(radius: float, E: float, tmp_path: Path) 
     """0.1 % asked for: the error is less, and inside the bar."""
     expected = series([(1.0, CORE), (radius, (E, ELASTIC["nu"]))])
     quiet = {"plot": False, "fields": "none"}
-    config = from_mapping(with_nucleus("ellipsoid", radius, E, accuracy=0.001, output=quiet))
+    config = config_from_mapping(with_nucleus("ellipsoid", radius, E, accuracy=0.001, output=quiet))
     state = simulate(config, MPI.COMM_SELF, directory=tmp_path / "run").states[-1]
     assert state.force_error is not None and state.force_error <= 1e-3 * state.force
     assert abs(state.force - expected) <= state.force_error + KNOWN * expected
@@ -248,7 +248,7 @@ def test_stress_inside_an_ellipsoid_is_eshelbys(
         "indenter": {"shape": "flat_punch", "radius": 1.0},
         "loading": DEEP,
     }
-    config = from_mapping(
+    config = config_from_mapping(
         given | {"mesh": {"h_inclusions": [h]}, "output": {"fields": "all", "plot": False}}
     )
     simulate(config, MPI.COMM_SELF, directory=tmp_path / "run")

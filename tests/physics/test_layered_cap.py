@@ -12,7 +12,7 @@ import layered_cap
 import numpy as np
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
 from indent_sim.run.simulate import simulate
 
@@ -59,9 +59,9 @@ class Round:
             "loading": {"delta": delta, "steps": 1},
         }
         given |= {"contact": {"gap": "reference"}, "output": {"plot": False, "fields": "none"}}
-        return simulate(from_mapping(given | sections), directory=folder, error_bars=True).states[
-            -1
-        ]
+        return simulate(
+            config_from_mapping(given | sections), directory=folder, error_bars=True
+        ).states[-1]
 
 
 def elastic(E: float, nu: float) -> dict[str, Any]:
@@ -170,7 +170,7 @@ def test_a_ball_with_an_ellipsoid_in_its_middle(
         "loading": {"delta": ways * exact.delta, "steps": 1},
         "output": {"plot": False, "fields": "none"},
     }
-    row = simulate(from_mapping(given), directory=tmp_path, error_bars=True).states[-1]
+    row = simulate(config_from_mapping(given), directory=tmp_path, error_bars=True).states[-1]
     assert row.force_error
     off = abs(row.force - exact.force)
     assert off <= AUTOMATIC * exact.force and off <= row.force_error + KNOWN * exact.force

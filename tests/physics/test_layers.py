@@ -14,7 +14,7 @@ import pytest
 from promised_bars import ROWS_OF_A_CLASS
 from scenes import ELASTIC, force, grid_of, scene, solve
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.run import simulate, single_run
 from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.scene.scene import Scene, resolve
@@ -44,7 +44,7 @@ def layered(layers: Layers, body: dict[str, Any] | None = None, **sections: Any)
         "indenter": {"shape": "paraboloid", "R": 1.0},
         "loading": DEEP,
     }
-    return resolve(from_mapping(given | sections))
+    return resolve(config_from_mapping(given | sections))
 
 
 @pytest.mark.parametrize("solver", ["condensed", "newton"])
@@ -215,7 +215,7 @@ def test_theory_asked_for_says_that_it_pulls(tmp_path: Any) -> None:
     }
     outcomes = {
         method: simulate.simulate(
-            from_mapping(given | {"solver": {"method": method}}),
+            config_from_mapping(given | {"solver": {"method": method}}),
             error_bars=True,
             directory=tmp_path / method,
         )
@@ -308,7 +308,7 @@ def judged(
         patch.setattr(ErrorBars, "_from_theory", lambda self, state: 0.0)
         patch.setattr(single_run, "contradiction", lambda *_: None)  # it asks theory too
         own = [{"thickness": h, "material": ELASTIC | {"E": E, "nu": nu}} for h, E, nu in layers]
-        config = from_mapping(
+        config = config_from_mapping(
             {
                 "body": WALLED | {"layers": own},
                 "indenter": tip,

@@ -16,7 +16,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import CYLINDER, scene
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.contact import CondensedContact
 from indent_sim.fe.path import step_size_control
@@ -48,7 +48,10 @@ SAME = 1e-8  # of the force, whoever solves the systems: Newton's residual is 1e
 def solved(folder: Path, **sections: Any) -> Outcome:
     """A run of the scene with other sections."""
     return simulate(
-        from_mapping(SCENE | sections), MPI.COMM_SELF, directory=folder / "out", overwrite=True
+        config_from_mapping(SCENE | sections),
+        MPI.COMM_SELF,
+        directory=folder / "out",
+        overwrite=True,
     )
 
 

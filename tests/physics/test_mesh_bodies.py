@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from mesh_files import block, section, write
 
-from indent_sim.config.scene_file import from_mapping, load
+from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.mesh.gmsh import build_mesh
 from indent_sim.run.simulate import simulate, states
 from indent_sim.scene.scene import resolve
@@ -51,7 +51,7 @@ def test_a_cylinder_read_back_gives_the_same_force(tmp_path: Path) -> None:
     """The mesh of a shipped body, written by gmsh with physical groups and 16 digits, at another
     height: 1e-9, the tolerance of a step, is what renumbered unknowns may change.
     """
-    config = from_mapping(scene(CYLINDER))
+    config = config_from_mapping(scene(CYLINDER))
     drawn = resolve(config)
     grid = build_mesh(drawn.physics.domain, drawn.sizes)
     facets = {
@@ -87,7 +87,7 @@ def test_a_cylinder_read_back_gives_the_same_force(tmp_path: Path) -> None:
     }  # h_contact is not the same, nor its multiples
     read_back = forces(in_folder(tmp_path, body, contact=contact))
     assert read_back == pytest.approx(
-        forces(from_mapping(scene(CYLINDER, contact=contact))), rel=1e-9
+        forces(config_from_mapping(scene(CYLINDER, contact=contact))), rel=1e-9
     )
 
 
@@ -105,7 +105,7 @@ def test_a_section_and_a_block_feel_their_theory(tmp_path: Path) -> None:
         "sides": "roller",
     }
     found = forces(in_folder(tmp_path, body, mesh={"refinements": 2}))
-    theory = resolve(from_mapping(scene(CYLINDER))).plan.theory
+    theory = resolve(config_from_mapping(scene(CYLINDER))).plan.theory
     assert theory is not None
     assert found == pytest.approx(
         [theory.solution_at_depth(delta).force for delta in (0.02, 0.05)], rel=3e-3
@@ -121,7 +121,9 @@ def test_a_block_is_a_box(tmp_path: Path) -> None:
     body = {"shape": "mesh", "file": "part.msh", "kinematics": "3d", "surfaces": NAMES}
     loading = {"delta": 0.1, "steps": 1}
     found = forces(in_folder(tmp_path, body, loading=loading))
-    box = forces(from_mapping(scene({"shape": "box", "size": [2.0, 2.0, 1.0]}, loading=loading)))
+    box = forces(
+        config_from_mapping(scene({"shape": "box", "size": [2.0, 2.0, 1.0]}, loading=loading))
+    )
     assert found == pytest.approx(box, rel=0.02)
 
 
@@ -152,7 +154,7 @@ def test_regions_of_a_file_are_layers(tmp_path: Path) -> None:
     layers = [{"thickness": 0.5, "material": LINEAR}, {"thickness": 0.5, "material": stiff}]
     config = scene(CYLINDER | {"layers": layers})
     del config["material"]
-    assert found == pytest.approx(forces(from_mapping(config)), rel=5e-3)
+    assert found == pytest.approx(forces(config_from_mapping(config)), rel=5e-3)
 
 
 @pytest.mark.parametrize("sides", ["free", "roller"])
@@ -209,7 +211,7 @@ def test_error_bars_of_a_given_mesh_hold_its_error(tmp_path: Path) -> None:
         "surfaces": NAMES,
         "sides": "roller",
     }
-    theory = resolve(from_mapping(scene(CYLINDER))).plan.theory
+    theory = resolve(config_from_mapping(scene(CYLINDER))).plan.theory
     assert theory is not None
     output = {"plot": False, "fields": "none"}
     given = simulate(
@@ -239,10 +241,12 @@ def test_error_bars_of_flat_facets_hold_the_curved_surface(
     """
     cap = {"shape": "cap", "base_radius": 1.0, "height": 0.5}
     sections = {"indenter": {"shape": "sphere", "R": 1.0}, "loading": {"delta": 0.03, "steps": 2}}
-    drawn = resolve(from_mapping(scene(cap, **sections, mesh={"h_contact": h, "h_far": 0.2})))
+    drawn = resolve(
+        config_from_mapping(scene(cap, **sections, mesh={"h_contact": h, "h_far": 0.2}))
+    )
     grid, exact = (
         build_mesh(drawn.physics.domain, drawn.sizes),
-        list(states(resolve(from_mapping(scene(cap, **sections))))),
+        list(states(resolve(config_from_mapping(scene(cap, **sections))))),
     )
     facets = {"top": grid.surfaces["top"], "bottom": grid.surfaces["base"]}
     write(

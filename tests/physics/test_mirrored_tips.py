@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mesh_files import block, write
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.derived_quantities import hertz_fit
 from indent_sim.run.simulate import states
@@ -38,7 +38,7 @@ def scene(seen: int, **sections: Any) -> Scene:
         "loading": {"delta": 0.02, "steps": 1},
         "mesh": {"h_contact": 0.08, "h_far": 0.5},
     }
-    return resolve(from_mapping(given | sections))
+    return resolve(config_from_mapping(given | sections))
 
 
 @pytest.mark.parametrize("loading", [{"delta": 0.02, "steps": 1}, {"force": 0.01, "steps": 1}])
@@ -102,7 +102,7 @@ def from_file(folder: Path, sides: str | None, shift: tuple[float, float]) -> Sc
         "indenter": {"shape": "paraboloid", "R": 2.0},
         "loading": {"delta": 0.02, "steps": 1},
     }
-    return resolve(from_mapping(given))
+    return resolve(config_from_mapping(given))
 
 
 def test_a_face_of_a_file_through_the_axis_is_asked_about(

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from scenes import CYLINDER, ELASTIC, PARABOLOID
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe.postprocessing.fields import Fields
 from indent_sim.model.kinematics import Axisymmetric
 from indent_sim.process.errors import MeshError, NotConverged
@@ -91,7 +91,7 @@ def break_(monkeypatch: pytest.MonkeyPatch, things: dict[str, tuple[Any, str]], 
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The run in which nothing fails."""
     folder = tmp_path_factory.mktemp("whole") / "run"
-    simulate.simulate(from_mapping(SCENE), directory=folder)
+    simulate.simulate(config_from_mapping(SCENE), directory=folder)
     assert "missing" not in json.loads((folder / "run.json").read_text(encoding="utf-8"))
     return folder
 
@@ -121,7 +121,7 @@ def test_what_fails_beside_the_rows_is_missing_and_the_rows_stay(
 ) -> None:
     break_(monkeypatch, things, len(whole))
     outcome = simulate.simulate(
-        from_mapping(SCENE), directory=tmp_path / "run", error_bars=things is OUTER
+        config_from_mapping(SCENE), directory=tmp_path / "run", error_bars=things is OUTER
     )
     assert rows(tmp_path / "run") == whole
     report = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
@@ -144,4 +144,4 @@ def test_a_signal_beside_the_rows_ends_the_run(
 
     monkeypatch.setattr(derived_quantities.DerivedQuantities, "_stiffness", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        simulate.simulate(from_mapping(SCENE), directory=tmp_path / "run")
+        simulate.simulate(config_from_mapping(SCENE), directory=tmp_path / "run")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.xdmf import read_fields
 from indent_sim.run.simulate import simulate
@@ -34,7 +34,7 @@ GIVEN: dict[str, Any] = {
 
 def written(given: dict[str, Any], folder: Path) -> dict[str, np.ndarray]:
     """The fields of the last row of a run."""
-    outcome = simulate(from_mapping(given), directory=folder)
+    outcome = simulate(config_from_mapping(given), directory=folder)
     return read_fields(folder, outcome.states[-1].step)
 
 
@@ -85,5 +85,5 @@ def test_without_fields_it_is_refused() -> None:
         },
     ):
         with pytest.raises(ConfigError, match="writes no fields") as raised:
-            resolve(from_mapping(given))
+            resolve(config_from_mapping(given))
         assert raised.value.key == "output.nodal_stress"

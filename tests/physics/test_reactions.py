@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from scenes import BOX, CYLINDER, ELASTIC, STRIP, WALLED, scene, solve
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.reader import read
@@ -177,8 +177,10 @@ GIVEN |= {"loading": {"delta": 0.01, "steps": 2}, "units": {"length": "mm", "for
 
 def test_columns_on_request_and_the_last_row_in_run_json(tmp_path: Path) -> None:
     quiet = GIVEN | {"output": {"plot": False, "fields": "none"}}
-    plain = simulate(from_mapping(quiet), directory=tmp_path / "plain")
-    asked = simulate(from_mapping(quiet, ("output.reactions=true",)), directory=tmp_path / "asked")
+    plain = simulate(config_from_mapping(quiet), directory=tmp_path / "plain")
+    asked = simulate(
+        config_from_mapping(quiet, ("output.reactions=true",)), directory=tmp_path / "asked"
+    )
     columns = ("reaction_base_z", "reaction_sides_z", "reaction_sides_r")
     found, without = read(tmp_path / "asked"), read(tmp_path / "plain")
     assert {*found.columns} == {*without.columns, *columns} and found.columns[-3:] == (
@@ -212,7 +214,9 @@ def test_reactions_are_forces_in_the_units_of_the_scene() -> None:
 
 
 def test_a_run_with_reactions_goes_on_with_them(tmp_path: Path) -> None:
-    config = from_mapping(GIVEN | {"output": {"plot": False, "fields": "none", "reactions": True}})
+    config = config_from_mapping(
+        GIVEN | {"output": {"plot": False, "fields": "none", "reactions": True}}
+    )
     simulate(config, directory=tmp_path / "run")
     wanted = read(tmp_path / "run")
     table = tmp_path / "run" / "force_indentation.csv"
@@ -242,5 +246,5 @@ def test_a_run_with_reactions_goes_on_with_them(tmp_path: Path) -> None:
 )
 def test_what_has_no_reactions_says_so(given: dict[str, Any], why: str) -> None:
     with pytest.raises(ConfigError, match=why) as raised:
-        resolve(from_mapping(GIVEN | given, ("output.reactions=true",)))
+        resolve(config_from_mapping(GIVEN | given, ("output.reactions=true",)))
     assert raised.value.key == "output.reactions"

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from scenes import ELASTIC, PARABOLOID, STRIP, WALLED, scene, solve
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
 from indent_sim.run import simulate
 from indent_sim.run.derived_quantities import DerivedQuantities, hertz_fit
@@ -73,7 +73,7 @@ def test_a_half_space_reads_its_own_modulus() -> None:
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_the_modulus_of_a_half_space_is_within_its_error_bar(nu: float, tmp_path: Path) -> None:
     """E_hertz is the force over an exact one: its relative error is the force's."""
-    config = from_mapping(
+    config = config_from_mapping(
         {
             "body": {"shape": "half_space"},
             "material": ELASTIC | {"nu": nu},

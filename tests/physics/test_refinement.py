@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import yaml
 
-from indent_sim.config.scene_file import from_mapping, load
+from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.process.errors import ConfigError, VerificationError
 from indent_sim.results.reader import read
 from indent_sim.run import simulate, single_run
@@ -33,7 +33,10 @@ def simulate(
     folder: Path, error_bars: bool = False, resume: bool = False, **sections: Any
 ) -> simulate.Outcome:
     return simulate.simulate(
-        from_mapping(SCENE | sections), directory=folder, error_bars=error_bars, resume=resume
+        config_from_mapping(SCENE | sections),
+        directory=folder,
+        error_bars=error_bars,
+        resume=resume,
     )
 
 
@@ -116,7 +119,7 @@ def test_a_resumed_run_has_the_same_rows_and_bars(tmp_path: Path, sections: dict
 
     bars = not sections
     whole = simulate(tmp_path / "whole", error_bars=bars, **sections)
-    config = from_mapping(SCENE | sections)
+    config = config_from_mapping(SCENE | sections)
     with pytest.raises(Stop):
         simulate.simulate(config, directory=tmp_path / "run", error_bars=bars, progress=stop)
     assert len(read(tmp_path / "run")) == 3
@@ -158,7 +161,9 @@ def test_a_later_attempt_that_is_resumed_has_the_same_bars(
     whole = simulate(tmp_path / "whole", **sections)
     assert len(whole.report["accuracy"]["tried"]) >= 2
     with pytest.raises(Stop):
-        simulate.simulate(from_mapping(SCENE | sections), directory=tmp_path / "run", progress=stop)
+        simulate.simulate(
+            config_from_mapping(SCENE | sections), directory=tmp_path / "run", progress=stop
+        )
     resumed = simulate(tmp_path / "run", resume=True, **sections)
     tried, same = (outcome.report["accuracy"]["tried"] for outcome in (resumed, whole))
     assert tried == pytest.approx(same, rel=1e-6)
@@ -208,7 +213,7 @@ def test_accuracy_of_a_hyperelastic_body(tmp_path: Path) -> None:
 def test_accuracy_under_prescribed_forces(tmp_path: Path) -> None:
     """The bar is that of the force at the row's depth, and layer theory knows it."""
     outcome = simulate(tmp_path / "run", accuracy=0.01, loading={"force": 1.6e-3, "steps": 4})
-    theory = resolve(from_mapping(SCENE)).plan.theory
+    theory = resolve(config_from_mapping(SCENE)).plan.theory
     assert theory is not None
     for state in outcome.states:
         solution = theory.solution_at_depth(state.delta)

@@ -15,7 +15,7 @@ from scenes import placed
 from scipy.optimize import brentq
 
 from indent_sim.cli import commands
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.run.model_selection.effect_table import EFFECT_ROWS
 from indent_sim.run.model_selection.effects import Effect
 from indent_sim.run.model_selection.recommended_model import Requirements, require
@@ -70,7 +70,7 @@ def of(scene: dict[str, Any], within: float = 0.01) -> Requirements:
 
 @cache
 def _kept(text: str, within: float) -> Requirements:
-    return require(from_mapping(placed(json.loads(text))), within)
+    return require(config_from_mapping(placed(json.loads(text))), within)
 
 
 def row(scene: dict[str, Any], name: str) -> Effect:
@@ -80,7 +80,7 @@ def row(scene: dict[str, Any], name: str) -> Effect:
 
 @cache
 def _row(text: str, name: str) -> Effect:
-    config = from_mapping(placed(json.loads(text)))
+    config = config_from_mapping(placed(json.loads(text)))
     (requirement,) = (one for one in EFFECT_ROWS if one.name == name)
     return requirement.effect(VariantSolver(config, resolve(config)), 0.01)
 
@@ -91,7 +91,7 @@ def threshold(effect: Effect) -> float:
 
 
 def force(scene: dict[str, Any]) -> float:
-    *_, last = states(resolve(from_mapping(scene)))
+    *_, last = states(resolve(config_from_mapping(scene)))
     assert last.converged
     return last.force
 
@@ -526,7 +526,7 @@ def test_the_command(scene_file):
         {"name", "percent", "low", "high", "source", "needs"}
     ] * len(NAMES)
     assert set(found["recommended"]) == {"config", "percent"}
-    resolve(from_mapping(found["recommended"]["config"]))
+    resolve(config_from_mapping(found["recommended"]["config"]))
     text = invoke(str(scene_file), "--within", "0.1").stdout
     assert (
         "above 10 % from work" in text
@@ -578,7 +578,7 @@ def test_a_gel_without_a_stretch_is_that_of_its_free_swelling() -> None:
     )
     swollen = HALF_SPACE | {"contact": {"gap": "reference"}}
     auto, given = (
-        require(from_mapping(swollen | {"material": law | own}))
+        require(config_from_mapping(swollen | {"material": law | own}))
         for own in ({}, {"stretch": stretch})
     )
     percent = [

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.model.materials import Gel
 from indent_sim.process.errors import ConfigError
@@ -46,7 +46,9 @@ def scene(material: dict[str, Any] = POROUS, way_in: float = CONTACT, **sections
     """
     history = [[0, 0], [way_in, DEPTH]] if way_in else [[0, DEPTH], [CONTACT, DEPTH]]
     base = {"body": WALLED, "material": material, "indenter": {"shape": "paraboloid", "R": 1.0}}
-    return from_mapping(base | {"loading": {"history": history, "per_doubling": 2}} | sections)
+    return config_from_mapping(
+        base | {"loading": {"history": history, "per_doubling": 2}} | sections
+    )
 
 
 def rows(config: Config) -> dict[str, Effect]:
@@ -167,7 +169,7 @@ def test_the_elastic_body_within_the_tolerance_is_recommended(
     way_in = share * CONTACT
     config = scene(way_in=way_in, mesh=COARSE)
     found = require(config, within=0.05)
-    chosen = from_mapping(found.config)
+    chosen = config_from_mapping(found.config)
     law: Any = chosen.material
     assert (
         law.flow is None
@@ -193,7 +195,7 @@ def test_where_no_elastic_body_is_near_the_scene_itself_is_recommended() -> None
     config = scene(mesh=COARSE)
     found = require(config)
     assert (
-        from_mapping(found.config).material == config.material
+        config_from_mapping(found.config).material == config.material
         and "flow" in found.config["material"]
     )
     assert found.words.startswith("Model the scene as it is, in time")
@@ -274,7 +276,7 @@ def test_a_gel_that_swells_is_judged_by_its_end() -> None:
         "flow": {"diffusivity": 1.0},
     }
     end = 31.05
-    config = from_mapping(
+    config = config_from_mapping(
         {
             "body": WALLED,
             "material": law,

@@ -15,7 +15,7 @@ from known_effects import SOLID, STEPS, TELLING, WITHIN, Document, Reference, Ro
 from scenes import placed
 from scipy.optimize import brentq
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.run.model_selection.recommended_model import require
 
 FINER = 0.8  # element sizes of references, of automatic ones
@@ -291,7 +291,7 @@ def test_every_effect_has_a_row(seed: int) -> None:
     said to be unknown.
     """
     drawn = Drawn(seed)
-    found = require(from_mapping(placed(drawn.document())), WITHIN)
+    found = require(config_from_mapping(placed(drawn.document())), WITHIN)
     effects = {effect.name: effect for effect in found.effects}
     unsolved = {name for name, effect in effects.items() if effect.source.startswith("not solved")}
     assert unsolved <= (set() if drawn.is_isotropic else {"side_walls", "surface_tension"})

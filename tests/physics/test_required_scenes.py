@@ -8,7 +8,7 @@ import known_effects
 import pytest
 from scenes import placed
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.scene.scene import resolve
 
 # One of each kind of effect; docs/requirements.md, which `make pages` makes, has all twenty
@@ -41,4 +41,6 @@ def test_signs_sizes_and_the_recommended_model(name: str) -> None:
 
 def test_they_are_twenty_scenes() -> None:
     assert len(known_effects.SCENES) == 20
-    assert all(resolve(from_mapping(placed(scene))) for scene in known_effects.SCENES.values())
+    assert all(
+        resolve(config_from_mapping(placed(scene))) for scene in known_effects.SCENES.values()
+    )

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from mpi4py import MPI
 
-from indent_sim.config.scene_file import from_mapping, load, to_mapping
+from indent_sim.config.scene_file import config_from_mapping, load, to_mapping
 from indent_sim.results.reader import read
 from indent_sim.run.simulate import simulate
 
@@ -72,7 +72,7 @@ def test_the_written_config_reproduces_the_run(tmp_path, name):
         "loading": LOADING,
         "output": {"plot": False},
     } | SCENES[name]
-    simulate(from_mapping(given), MPI.COMM_SELF, directory=tmp_path / "A")
+    simulate(config_from_mapping(given), MPI.COMM_SELF, directory=tmp_path / "A")
     config = load(tmp_path / "A" / "config.yaml")
     said = to_mapping(config)
     said["contact"].pop("epsilon_t", None)  # of friction, of which there is none
@@ -100,7 +100,7 @@ def test_what_was_auto_stays_visible(tmp_path: Path):
         "mesh": {"h_contact": 0.5},
         "output": {"plot": False},
     }
-    simulate(from_mapping(given | sections), MPI.COMM_SELF, directory=tmp_path / "A")
+    simulate(config_from_mapping(given | sections), MPI.COMM_SELF, directory=tmp_path / "A")
     auto = json.loads((tmp_path / "A" / "run.json").read_text())["plan"]["auto"]
     assert {"contact.method", "contact.gap", "mesh.h_far", "mesh.symmetry", "solver.method"} <= set(
         auto

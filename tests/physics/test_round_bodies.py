@@ -16,7 +16,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from scenes import ELASTIC, PARABOLOID, force, meshed, scene, solve
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe.discrete_body import Body
 from indent_sim.run.simulate import simulate
 
@@ -60,7 +60,7 @@ def test_independent_values_at_automatic_sizes(name: str, solver: str) -> None:
 @pytest.mark.parametrize("name", KNOWN)
 def test_independent_values_within_the_accuracy_asked_for(name: str, tmp_path: Path) -> None:
     """`accuracy: 0.001` is met, and the error bar holds the value."""
-    config = from_mapping(known(name, accuracy=0.001, output=QUIET))
+    config = config_from_mapping(known(name, accuracy=0.001, output=QUIET))
     (state,) = simulate(config, MPI.COMM_SELF, directory=tmp_path / "result").states
     assert state.force_error is not None and state.force_error <= 1e-3 * state.force
     assert abs(state.force - KNOWN[name][3]) <= state.force_error
@@ -295,7 +295,7 @@ def test_error_bars_hold(angle: float, base: str, tmp_path: Path) -> None:
         }
         runs = [
             simulate(
-                from_mapping(sections | {"accuracy": accuracy}),
+                config_from_mapping(sections | {"accuracy": accuracy}),
                 MPI.COMM_SELF,
                 directory=tmp_path / f"{nu}-{accuracy}",
             ).states

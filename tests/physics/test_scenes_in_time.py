@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from time_scenes import KINDS, time_scenes
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe.terms.flow import Flow
 from indent_sim.model.state import State
 from indent_sim.process.errors import NotConverged, VerificationError
@@ -37,7 +37,7 @@ def truth(base: Scene) -> list[State]:
 
 def over(mapping: dict[str, Any], folder: Path) -> dict[str, list[float]]:
     """Bar over error of every row, number by number; forces that are prescribed have none."""
-    config = from_mapping(mapping)
+    config = config_from_mapping(mapping)
     found = simulate(config, directory=folder, error_bars=True).states
     base = resolve(config)
     own = (
@@ -84,7 +84,7 @@ def test_steps_have_a_part_of_the_error(tmp_path: Path) -> None:
     for per_doubling in (2, 4):
         given = mapping | {"loading": loading | {"per_doubling": per_doubling}}
         report = simulate(
-            from_mapping(given), directory=tmp_path / str(per_doubling), error_bars=True
+            config_from_mapping(given), directory=tmp_path / str(per_doubling), error_bars=True
         ).report
         budget = report["error_budget"]
         assert all(part.path == 0 for part in budget)
@@ -120,7 +120,7 @@ def test_fluid_of_a_sealed_body_is_audited_beside_what_moves_in_it(tmp_path: Pat
     """Nothing leaves; what the rows of p sum up to is round-off beside what has moved from place to
     place.
     """
-    rows = simulate(from_mapping(sealed_rubber()), directory=tmp_path).states
+    rows = simulate(config_from_mapping(sealed_rubber()), directory=tmp_path).states
     assert all(row.outflow == 0 for row in rows)
     assert min(row.moved for row in rows) > 1e-3  # of the order of a^2 delta = 0.2^2 0.04
     assert max(row.unbalanced / row.moved for row in rows) < 1e-8  # as the audit asks
@@ -133,7 +133,7 @@ def test_fluid_that_comes_from_nowhere_ends_the_run(
     content = Flow.vertex_content_values
     monkeypatch.setattr(Flow, "content", lambda flow: content(flow) + 1e-6 * np.abs(content(flow)))
     with pytest.raises(VerificationError, match="of the fluid has neither left nor is there"):
-        simulate(from_mapping(sealed_rubber()), directory=tmp_path)
+        simulate(config_from_mapping(sealed_rubber()), directory=tmp_path)
 
 
 @pytest.mark.verify
@@ -168,8 +168,8 @@ def test_an_accuracy_is_met_in_time(mapping: dict[str, Any], tmp_path: Path) -> 
     """
     name = "delta" if "force_history" in mapping["loading"] else "force"
     given = {name: part for name, part in mapping.items() if name != "mesh"} | {"accuracy": 0.03}
-    rows = simulate(from_mapping(given), directory=tmp_path).states
-    exact = truth(resolve(from_mapping(given)))
+    rows = simulate(config_from_mapping(given), directory=tmp_path).states
+    exact = truth(resolve(config_from_mapping(given)))
     pairs = [(getattr(row, name), getattr(one, name)) for row, one in zip(rows, exact, strict=True)]
     worst = max(abs(row - one) / one for row, one in pairs if one > 0)
     print(f"{name} within {worst:.2g}")
@@ -182,7 +182,7 @@ def test_every_scene_drawn_at_random_ends(part: int, tmp_path: Path) -> None:
     """All rows, or an end that says why; a force falls in a hold, to what the solver leaves."""
     lost = []
     for k, mapping in enumerate(time_scenes(10 * len(KINDS), 2)[part::10]):
-        config = from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})
+        config = config_from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})
         try:
             rows = simulate(
                 config, directory=tmp_path / str(k)
@@ -204,7 +204,7 @@ def test_scenes_drawn_at_random_go_on_from_any_row(tmp_path: Path) -> None:
     """
     rng, worst = np.random.default_rng(41), 0.0
     for k, mapping in enumerate(time_scenes(len(KINDS), 41)):
-        config = from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})
+        config = config_from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})
         whole = simulate(config, directory=tmp_path / f"{k} whole").states
         last = int(rng.integers(1, len(whole))) if len(whole) > 1 else 1
 

@@ -13,7 +13,7 @@ import pytest
 from mpi4py import MPI
 from scenes import ELASTIC, PARABOLOID, force, grid_of, scene, solve
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.run.explicit_config import explicit_config
 from indent_sim.run.simulate import simulate
 from indent_sim.scene.resolution import coarsened_sizes
@@ -43,7 +43,7 @@ def with_skins(
 
 def skinned(*given: Any, **sections: Any) -> Scene:
     """The same, resolved."""
-    return resolve(from_mapping(with_skins(*given, **sections)))
+    return resolve(config_from_mapping(with_skins(*given, **sections)))
 
 
 def volumes(base: Scene) -> np.ndarray:
@@ -102,7 +102,7 @@ def test_a_skin_of_the_cores_matter_changes_nothing(
     scenes.append(scenes[0] | {"body": body})
     found = [
         simulate(
-            from_mapping(given), MPI.COMM_SELF, directory=tmp_path / str(k), error_bars=True
+            config_from_mapping(given), MPI.COMM_SELF, directory=tmp_path / str(k), error_bars=True
         ).states[-1]
         for k, given in enumerate(scenes)
     ]
@@ -122,7 +122,7 @@ def test_a_flat_cap_with_skins_is_a_stack() -> None:
     )
     layers = [{"thickness": t, "material": ELASTIC | {"E": E}} for t, E in skins]
     stack = cap | {"body": flat | {"layers": [*layers, {"thickness": 0.7}]}, "indenter": PARABOLOID}
-    found, expected = (force(resolve(from_mapping(given))) for given in (cap, stack))
+    found, expected = (force(resolve(config_from_mapping(given))) for given in (cap, stack))
     assert found == pytest.approx(expected, rel=5e-3)
 
 
@@ -175,7 +175,7 @@ def test_accuracy_is_met_inside_error_bars(case: int, tmp_path: Path) -> None:
     of it.
     """
     body, skins, nu = CASES[case]
-    config = from_mapping(with_skins(body, *skins, nu=nu, accuracy=0.001, output=QUIET))
+    config = config_from_mapping(with_skins(body, *skins, nu=nu, accuracy=0.001, output=QUIET))
     (state,) = simulate(config, MPI.COMM_SELF, directory=tmp_path / "run").states
     assert state.force_error is not None and state.force_error <= 1e-3 * state.force
     base = resolve(config)
@@ -194,7 +194,7 @@ def test_a_stiff_skin_is_felt_at_the_edge_of_its_bond(t: float, tmp_path: Path) 
     0.1 % where that is asked for, inside the bar, to 0.02 %, what that reference knows.
     """
     given = with_skins(BODIES["whole"], (t, 1000.0), output=QUIET)
-    base = resolve(from_mapping(given))
+    base = resolve(config_from_mapping(given))
     at = 1 / base.physics.scales.length
     fine = coarsened_sizes(base.sizes, 0.4, base.physics.domain.height)
     finest = force(
@@ -203,7 +203,7 @@ def test_a_stiff_skin_is_felt_at_the_edge_of_its_bond(t: float, tmp_path: Path) 
         )
     )
     assert force(base) == pytest.approx(finest, rel=3e-3)
-    config = from_mapping(given | {"accuracy": 0.001})
+    config = config_from_mapping(given | {"accuracy": 0.001})
     (state,) = simulate(config, MPI.COMM_SELF, directory=tmp_path / "run").states
     assert state.force_error is not None and state.force_error <= 1e-3 * state.force
     assert abs(state.force - finest) <= state.force_error + 2e-4 * finest
@@ -238,7 +238,7 @@ def test_both_solvers_and_finite_strain(body: dict[str, Any]) -> None:
         skin | {"material": skin["material"] | {"model": "neo_hookean"}},
         core,
     ]
-    assert force(resolve(from_mapping(given | {"material": neo}))) == pytest.approx(
+    assert force(resolve(config_from_mapping(given | {"material": neo}))) == pytest.approx(
         force(linear), rel=2e-3
     )
 
@@ -262,7 +262,7 @@ def test_a_nucleus_inside_a_skin() -> None:
 
 def test_the_resolved_config_has_the_same_mesh() -> None:
     """The sizes inside skins are written as all others, and given back."""
-    base = from_mapping(with_skins(BALL, (0.05, 10.0), (0.02, 1.0)))
+    base = config_from_mapping(with_skins(BALL, (0.05, 10.0), (0.02, 1.0)))
     first, again = resolve(base), resolve(explicit_config(base, resolve(base)))
     assert grid_of(first).hash == grid_of(again).hash
 

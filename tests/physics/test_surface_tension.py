@@ -16,7 +16,7 @@ from mpi4py import MPI
 from promised_bars import ROWS_OF_A_CLASS
 from scenes import ELASTIC, PARABOLOID, WALLED, meshed, scene, solve
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.terms.surface_tension import SurfaceTension
 from indent_sim.process.errors import ConfigError
@@ -85,7 +85,7 @@ def test_contact_radius_and_largest_pressure_beside_theory(gamma: float, tmp_pat
         "solver": {"method": "condensed"},
         "output": quiet,
     }
-    config = from_mapping(document)
+    config = config_from_mapping(document)
     (state,) = simulate(config, MPI.COMM_SELF, directory=tmp_path / "run", error_bars=True).states
     assert state.a_error is not None and state.a_error < 0.025 * state.a
     assert abs(state.a - exact.a * base.physics.scales.length) <= state.a_error
@@ -348,8 +348,10 @@ def test_error_bars_hold_theory(tmp_path: Path) -> None:
     inside = {"force": 0, "a": 0, "p_max": 0}
     rows = 0
     for number, document in enumerate(drawn(6, seed=7)):
-        exact = resolve(from_mapping(document))
-        meshed_ = from_mapping(document | {"accuracy": 0.003, "solver": {"method": "condensed"}})
+        exact = resolve(config_from_mapping(document))
+        meshed_ = config_from_mapping(
+            document | {"accuracy": 0.003, "solver": {"method": "condensed"}}
+        )
         scales = exact.physics.scales
         for state in simulate(meshed_, MPI.COMM_SELF, directory=tmp_path / str(number)).states:
             found = (

@@ -10,7 +10,7 @@ import pytest
 from mpi4py import MPI
 
 from indent_sim.cli import terminal
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.results.reader import read
 from indent_sim.run.simulate import Outcome, simulate
 
@@ -31,7 +31,7 @@ def outcome(tmp_path):
             "output": {"plot": False},
         }
         return simulate(
-            from_mapping(given | sections),
+            config_from_mapping(given | sections),
             MPI.COMM_SELF,
             directory=tmp_path / "out",
             overwrite=True,

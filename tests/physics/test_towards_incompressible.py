@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from scenes import solve
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import simulate
@@ -42,7 +42,9 @@ def relaxing(law: dict[str, Any], end: float, ramp: float = 0.0, **sections: Any
     """
     material = HOOKE | sections.pop("material", {}) | {"relaxation": law | {"of": "shear"}}
     loading = {"history": [[0, 0], [ramp, DELTA], [end, DELTA]], "per_doubling": 2}
-    return resolve(from_mapping(BASE | {"material": material, "loading": loading} | sections, ()))
+    return resolve(
+        config_from_mapping(BASE | {"material": material, "loading": loading} | sections, ())
+    )
 
 
 @cache
@@ -56,7 +58,7 @@ def at_rest(left: float, method: str) -> tuple[Scene, State]:
         "contact": {"method": method},
         "solver": {"method": "newton"},
     }
-    scene = resolve(from_mapping(BASE | sections, ()))
+    scene = resolve(config_from_mapping(BASE | sections, ()))
     return scene, solve(scene)[-1]
 
 
@@ -140,11 +142,11 @@ def test_rubber(left: float) -> None:
         "formulation": "mixed",
     }
     static = BASE | {"material": RUBBER | part, "loading": {"delta": DELTA, "steps": 1}}
-    like = resolve(from_mapping(static, ()))
+    like = resolve(config_from_mapping(static, ()))
     rest = solve(like)[-1]
     loading = {"history": [[0, 0], [0, DELTA], [20 / left, DELTA]], "per_doubling": 2}
     law = {"relaxation": {"prony": [[1 - left, 1.0]], "of": "shear"}}
-    scene = resolve(from_mapping(BASE | {"material": RUBBER | law, "loading": loading}, ()))
+    scene = resolve(config_from_mapping(BASE | {"material": RUBBER | law, "loading": loading}, ()))
     found = last(scene, like)
     assert (found.force, found.a, found.p_max) == pytest.approx(
         (rest.force, rest.a, rest.p_max), rel=1e-5
@@ -159,7 +161,7 @@ def test_short_steps_late() -> None:
     law, end = {"relaxation": {"prony": [[0.98, 1.0]], "of": "shear"}}, 0.999 * DELTA
     history = [[0, 0], [0, end], [200, end], [200, DELTA], [200.001, DELTA]]
     loading = {"history": history, "times": [199, 200.001]}
-    scene = resolve(from_mapping(BASE | {"material": HOOKE | law, "loading": loading}, ()))
+    scene = resolve(config_from_mapping(BASE | {"material": HOOKE | law, "loading": loading}, ()))
     before, after = simulate.states(scene)
     stiffer = (1 / (1 - NU**2)) / (3 * 0.02 * MU / (1 - nu_of(0.02) ** 2))
     assert after.force / before.force - 1 == pytest.approx(

@@ -12,7 +12,7 @@ from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, force, sce
 from test_material_laws import Numbers
 from test_patch import AREA, DELTA, EPSILON_N, EXACT, H, covered
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.materials import LinearElastic, TransverselyIsotropic
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import simulate
@@ -164,4 +164,4 @@ def test_theory_alone_says_why_it_cannot() -> None:
         "solver": {"method": "theory"},
     }
     with pytest.raises(ConfigError, match="theory's layers are isotropic"):
-        resolve(from_mapping(config))
+        resolve(config_from_mapping(config))

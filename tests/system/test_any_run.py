@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from test_plan_fuzz import BRIEF, FUZZ, ended, scenes
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 
@@ -27,7 +27,7 @@ def run(document: dict[str, Any]) -> bool:
         ):
             document["loading"]["steps"] = 2
         document.pop("output", None)
-        scene = resolve(from_mapping(document))
+        scene = resolve(config_from_mapping(document))
         if len(scene.physics.deltas) <= 5 and all(
             scene.plan.prediction[k] <= most for k, most in AFFORDABLE.items()
         ):

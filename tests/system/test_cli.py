@@ -19,7 +19,7 @@ from click.testing import CliRunner, Result
 from test_malformed import MALFORMED
 
 from indent_sim.cli import commands, doctor
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.strict_yaml import parse
 from indent_sim.process.errors import (
     BackendError,
@@ -649,7 +649,7 @@ class TestAnotherConfigFile:
             json.dumps({name: value for name, value in known.items() if name != "asked"})
         )
         assert again("b.yaml", "--output", "out") == 0
-        simulate(from_mapping(parse(THEORY)[0]), directory=theory_run / "out")
+        simulate(config_from_mapping(parse(THEORY)[0]), directory=theory_run / "out")
         assert again("scene.yaml", "--output", "out") == 0
         table = theory_run / "out" / "force_indentation.csv"
         table.write_text(table.read_text().splitlines()[0] + "\n")
@@ -765,8 +765,8 @@ class TestAnotherScene:
             assert content_of(theory_run) == before
 
     def test_in_a_notebook(self, theory_run):
-        scene = from_mapping(parse(THEORY)[0])
-        other = from_mapping(parse(THEORY.replace("E: 1.0", "E: 2.0"))[0])
+        scene = config_from_mapping(parse(THEORY)[0])
+        other = config_from_mapping(parse(THEORY.replace("E: 1.0", "E: 2.0"))[0])
         simulate(scene, directory=theory_run / "here")
         with pytest.raises(UsageError, match=r"another scene: material.E was 1.0 and is 2.0"):
             simulate(other, directory=theory_run / "here")

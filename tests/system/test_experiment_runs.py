@@ -18,7 +18,7 @@ import pytest
 from conftest import Mpirun
 from test_theory_runs import ran
 
-from indent_sim.config.scene_file import from_mapping, to_yaml
+from indent_sim.config.scene_file import config_from_mapping, to_yaml
 
 SCENE: dict[str, Any] = {
     "body": {"shape": "layer", "height": 1.0},
@@ -44,7 +44,7 @@ OF_A_MESH = ("dolfinx", "basix", "ffcx", "petsc4py", "gmsh", "h5py", "mpi4py")
 
 def written(folder: Path, **sections: Any) -> Path:
     path = folder / "scene.yaml"
-    path.write_text(to_yaml(from_mapping(SCENE | sections)))
+    path.write_text(to_yaml(config_from_mapping(SCENE | sections)))
     return path
 
 
@@ -95,7 +95,9 @@ assert not [name for name in sys.modules if name.startswith("indent_sim.run.hist
         "material": SOLID
     }
     config.write_text(
-        to_yaml(from_mapping(given | {"loading": {"delta": 0.01}, "output": {"plot": False}}))
+        to_yaml(
+            config_from_mapping(given | {"loading": {"delta": 0.01}, "output": {"plot": False}})
+        )
     )
     words = ["run", str(config), "--output", str(tmp_path / "out")]
     done = subprocess.run(
@@ -158,7 +160,7 @@ def test_a_history_of_a_body_that_remembers_is_resumed(tmp_path: Path, name: str
         "mesh": {"h_contact": 0.04},
         "output": {"plot": False},
     } | given
-    config.write_text(to_yaml(from_mapping(scene)))
+    config.write_text(to_yaml(config_from_mapping(scene)))
     ran("run", config, "--output", out)
     whole, report = rows(out), json.loads((out / "run.json").read_text())
     assert report["time"]["way"] == "steps"
@@ -250,7 +252,7 @@ def test_error_bars_are_those_of_the_elastic_curve(tmp_path: Path, method: str) 
     elastic = {"material": SOLID, "loading": {"delta": 0.01}, **more}
     config = tmp_path / "elastic.yaml"
     given = {name: part for name, part in SCENE.items() if name != "experiment"}
-    config.write_text(to_yaml(from_mapping(given | elastic)))
+    config.write_text(to_yaml(config_from_mapping(given | elastic)))
     ran("run", config, "--error-bars", "--output", tmp_path / "elastic")
     last, held = (
         rows(tmp_path / "elastic")[-1],
@@ -313,7 +315,7 @@ def test_two_ranks_write_what_one_does(tmp_path: Path, mpirun: Mpirun) -> None:
 
 def test_a_refused_experiment_leaves_nothing(tmp_path: Path) -> None:
     config = tmp_path / "scene.yaml"
-    text = to_yaml(from_mapping(SCENE)).replace(
+    text = to_yaml(config_from_mapping(SCENE)).replace(
         "prony:", "power_law: {exponent: 0.2, time: 1.0}\n    prony:"
     )
     config.write_text(text)

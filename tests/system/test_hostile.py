@@ -27,7 +27,7 @@ from click.testing import CliRunner, Result
 from test_plan_fuzz import within
 
 from indent_sim.cli import commands
-from indent_sim.config.scene_file import from_mapping, to_yaml
+from indent_sim.config.scene_file import config_from_mapping, to_yaml
 from indent_sim.config.strict_yaml import dump
 from indent_sim.process.errors import ConfigError, UsageError, printable
 from indent_sim.run.explicit_config import explicit_config
@@ -562,7 +562,7 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert CliRunner().invoke(commands.program, command).exit_code == 0
     drawn = ["plot", str(place / "out"), "--output", str(place / "picture.png")]
     assert CliRunner().invoke(commands.program, drawn).exit_code == 0
-    config = from_mapping(SCENE)
+    config = config_from_mapping(SCENE)
     assert (place / "out" / "config.yaml").read_text() == to_yaml(
         explicit_config(config, resolve(config))
     )

@@ -19,7 +19,7 @@ from conftest import MPI_ENVIRONMENT, ROOT, Mpirun
 from mesh_files import block, write
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP
 
-from indent_sim.config.scene_file import from_mapping, to_yaml
+from indent_sim.config.scene_file import config_from_mapping, to_yaml
 from indent_sim.results.xdmf import read_fields
 
 # Round-off: sums in another order and another elimination order, seen through a matrix whose
@@ -468,7 +468,7 @@ def test_what_relaxes_is_kept_in_an_order_that_does_not_know_the_ranks(mpirun: M
 def config(tmp_path: Path) -> Path:
     """A scene file, alone in its folder."""
     path = tmp_path / "scene.yaml"
-    path.write_text(to_yaml(from_mapping(mapping("axisymmetric"))))
+    path.write_text(to_yaml(config_from_mapping(mapping("axisymmetric"))))
     return path
 
 
@@ -542,7 +542,9 @@ def test_scene_that_cannot_exist_ends_every_rank(
     config: Path, mpirun: Mpirun, tmp_path: Path
 ) -> None:
     """Found only when the scene is resolved, on every rank at once."""
-    config.write_text(to_yaml(from_mapping(mapping("axisymmetric") | {"loading": {"delta": 2.0}})))
+    config.write_text(
+        to_yaml(config_from_mapping(mapping("axisymmetric") | {"loading": {"delta": 2.0}}))
+    )
     finished = mpirun(
         2, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "two"
     )

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from conftest import ROOT, Mpirun
 
-from indent_sim.config.scene_file import from_mapping, to_yaml
+from indent_sim.config.scene_file import config_from_mapping, to_yaml
 from indent_sim.results.reader import read
 
 COATING = {
@@ -37,7 +37,7 @@ OF_A_MESH = ("dolfinx", "basix", "ffcx", "petsc4py", "gmsh", "h5py", "matplotlib
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
     path = tmp_path / "scene.yaml"
-    path.write_text(to_yaml(from_mapping(SCENE)))
+    path.write_text(to_yaml(config_from_mapping(SCENE)))
     return path
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Chebyshev
 
-from indent_sim.config.scene_file import from_mapping, to_mapping
+from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
 from indent_sim.fitting.forward_model.parameter_grid import (
@@ -143,12 +143,12 @@ def plan_elastic_run(config: Config, max_depth: float) -> PlannedRun:
         )
     document = _elastic_document(config)
     planned_run = PlannedRun.resolve(
-        from_mapping(document | {"loading": {"delta": float(max_depth), "steps": 1}})
+        config_from_mapping(document | {"loading": {"delta": float(max_depth), "steps": 1}})
     )
     if planned_run.accepts_any_depth:
         return planned_run
     return PlannedRun.resolve(
-        from_mapping(
+        config_from_mapping(
             document | {"loading": {"deltas": [float(max_depth * s * s) for s in DEPTH_ROOTS]}}
         )
     )
@@ -174,7 +174,7 @@ def elastic_config(config: Config, max_depth: float) -> Config:
     """The scene without its experiment, of matter that is drained and does not relax, pressed to a
     depth.
     """
-    return from_mapping(_elastic_document(config) | {"loading": {"delta": float(max_depth)}})
+    return config_from_mapping(_elastic_document(config) | {"loading": {"delta": float(max_depth)}})
 
 
 def solve_load_curve(

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.config.scene_file import from_mapping, to_mapping
+from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.fitting.forward_model.parameter_grid import (
     NUMERICAL_ERRORS,
@@ -204,7 +204,9 @@ def _force_factors(
     if step_refinement > 1 or config.loading.per_doubling:
         document["loading"]["per_doubling"] = step_refinement * config.loading.steps_per_doubling
     try:
-        rows = list(states(PlannedRun.resolve(from_mapping(document)).scene, with_surface=False))
+        rows = list(
+            states(PlannedRun.resolve(config_from_mapping(document)).scene, with_surface=False)
+        )
     except NUMERICAL_ERRORS as error:
         raise ForwardModelUnavailable(str(error)) from error
     if not rows or not rows[-1].converged:

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from indent_sim.config.quantities import pressures
-from indent_sim.config.scene_file import to_mapping, varied
+from indent_sim.config.quantities import pressure_keys
+from indent_sim.config.scene_file import config_with_settings, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
 from indent_sim.process.errors import ConfigError
@@ -106,7 +106,7 @@ def _make_parameter(config: Config, key: str, max_depth: float) -> Parameter:
         return Parameter(key, initial_value, role, 0.0, MAX_FRACTION if is_fraction else math.inf)
     if key in SPRING_KEYS:
         return Parameter(key, initial_value, "spring", 0.0, math.inf)
-    if pressures(config) == [key]:
+    if pressure_keys(config) == [key]:
         return Parameter(key, initial_value, "scale", 0.0, math.inf)
     low = (
         MIN_HEIGHT_DEPTHS * max_depth
@@ -142,4 +142,4 @@ def number_at(config: Config, key: str) -> float:
 def replace_numbers(config: Config, values: Mapping[str, Any]) -> Config:
     """The scene with other values at some keys; ConfigError where there is no such scene."""
     settings = [(key, value, ("--vary", None)) for key, value in values.items()]
-    return varied(to_mapping(config), config.source, settings)
+    return config_with_settings(to_mapping(config), config.source, settings)

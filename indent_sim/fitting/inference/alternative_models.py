@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from indent_sim.config.scene_file import from_mapping, to_mapping, varied
+from indent_sim.config.scene_file import config_from_mapping, config_with_settings, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.fitting.forward_model.forward_model import ForwardModel, ForwardModelCache
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
@@ -273,7 +273,7 @@ def _thickness_candidates(
     base_config = config
     if body.shape != "layer":
         layer = {"shape": "layer", "height": max(4.0 * radius, 2.0 * min_height)}
-        base_config = from_mapping(to_mapping(config) | {"body": layer})
+        base_config = config_from_mapping(to_mapping(config) | {"body": layer})
     layer_model = tables.forward_model(
         base_config, (*forward_model.varied_keys, key), forward_model.max_depth
     )
@@ -290,7 +290,7 @@ def _add_relaxation(config: Config, max_depth: float) -> tuple[str, Config]:
     settings.append(
         ("loading", {"history": [[0.0, 0.0], [1.0, max_depth]]})
     )  # relaxation needs a time
-    return f"{keys[0]}.prony", varied(
+    return f"{keys[0]}.prony", config_with_settings(
         to_mapping(config), config.source, [(*setting, ("--models", None)) for setting in settings]
     )
 
@@ -299,4 +299,4 @@ def add_to_experiment(config: Config, **parts: Any) -> Config:
     """The scene with a part added to its experiment; ConfigError where that cannot be."""
     document = to_mapping(config)
     document["experiment"] = {**document.get("experiment", {}), **parts}
-    return from_mapping(document)
+    return config_from_mapping(document)

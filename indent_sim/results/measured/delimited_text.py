@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from indent_sim.config.quantities import size_of
+from indent_sim.config.quantities import si_factor
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import (
     DIMENSIONS,
@@ -232,7 +232,7 @@ def _is_unit(text: str) -> bool:
 
 def _is_unit_of(unit: str, kind: str) -> bool:
     try:
-        return size_of(unit, kind) > 0
+        return si_factor(unit, kind) > 0
     except ConfigError:
         return False
 

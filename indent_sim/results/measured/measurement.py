@@ -9,7 +9,7 @@ from typing import Literal, cast
 
 import numpy as np
 
-from indent_sim.config.quantities import size_of
+from indent_sim.config.quantities import si_factor
 from indent_sim.process.errors import ConfigError, UsageError, printable
 
 CurvePart = Literal["approach", "hold", "retract", "all"]
@@ -128,7 +128,7 @@ def _unit_ratio(kind: str, curve_unit: str, wanted_unit: str) -> float:
             f"the curve has the {kind} in {curve_unit}, and the scene says no unit",
             UNITS_REMEDY,
         )
-    return size_of(curve_unit, kind) / size_of(wanted_unit, kind)
+    return si_factor(curve_unit, kind) / si_factor(wanted_unit, kind)
 
 
 def curve_parts(x: np.ndarray) -> dict[str, slice]:

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 
-from indent_sim.config.quantities import size_of
+from indent_sim.config.quantities import si_factor
 from indent_sim.process.errors import UsageError
 from indent_sim.process.version import VERSION
 from indent_sim.results.reader import Results
@@ -32,7 +32,7 @@ def tab_text(results: Results) -> str:
     if not results["delta"].max(initial=0.0) > 0:
         raise UsageError(f"{results.path} has no row in contact", file=str(results.path))
     delta, force = (
-        results[name] * size_of(units[kind], kind)
+        results[name] * si_factor(units[kind], kind)
         for name, kind in (("delta", "length"), ("force", "force"))
     )
     turn = int(np.argmax(delta)) + 1

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from indent_sim.config import strict_yaml
-from indent_sim.config.strict_yaml import short
+from indent_sim.config.strict_yaml import short_yaml
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.folder import CONFIG, Report, read_regular_file
 from indent_sim.results.reader import Results
@@ -52,7 +52,7 @@ def _differing_settings(runs: Sequence[Results]) -> list[str]:
         [(key.rpartition(".")[2], config.get(key)) for key in differing_keys] for config in configs
     ]
     words = [
-        ", ".join(f"{name} {short(value)}" for name, value in pairs if value is not None)
+        ", ".join(f"{name} {short_yaml(value)}" for name, value in pairs if value is not None)
         for pairs in settings
     ]
     return [

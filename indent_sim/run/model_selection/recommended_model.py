@@ -11,7 +11,7 @@ from math import inf
 
 import numpy as np
 
-from indent_sim.config.scene_file import located
+from indent_sim.config.scene_file import locate_error
 from indent_sim.config.schema import Config, MeshSettings, SolverSettings
 from indent_sim.model.body import Box, Cylinder, HalfSpace, UnboundedBody
 from indent_sim.model.contact import AutoContact
@@ -83,7 +83,7 @@ def require(config: Config, within: float = 0.01) -> Requirements:
             return _transient_requirements(config, TimeDependentEffects(config, scene), within)
         return _elastic_requirements(config, _variant_solver(config, scene), within)
     except ConfigError as error:
-        raise located(config, error) from None
+        raise locate_error(config, error) from None
 
 
 def _variant_solver(config: Config, scene: Scene) -> VariantSolver:

@@ -8,7 +8,7 @@ from itertools import accumulate
 from math import inf
 from typing import Any
 
-from indent_sim.config.scene_file import from_mapping, to_mapping
+from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.config.schema import Config, SolverSettings, Source
 from indent_sim.model.body import (
     Ball,
@@ -96,7 +96,7 @@ def set_gel_stretch(config: Config) -> Config:
     """The config with the stretch of its gels as a number: that in the first bath, where it is
     auto.
     """
-    bath = config.first_bath
+    bath = config.initial_bath
     return change_materials(
         config, lambda law: law.with_free_swelling(bath) if isinstance(law, Gel) else law
     )
@@ -233,7 +233,7 @@ def _reset_gap(config: Config) -> Config:
 
 def minimal_document(config: Config) -> Document:
     """A scene as its file has it, without the sections in which all is as usual."""
-    defaults = to_mapping(from_mapping(MINIMAL_SCENE))
+    defaults = to_mapping(config_from_mapping(MINIMAL_SCENE))
     document = {
         name: section for name, section in to_mapping(config).items() if section not in ({}, "")
     }

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from indent_sim.config.messages import closest
+from indent_sim.config.messages import closest_match
 from indent_sim.config.strict_yaml import KeyPath, key_text
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.reader import RESULT_COLUMNS
@@ -57,7 +57,7 @@ def read_published(raw_section: Any, keys: KeyPath) -> PublishedValue:
     quantity = section["quantity"]
     claims = section["claims"]
     if quantity not in QUANTITIES:
-        closest_name = closest(str(quantity), QUANTITIES)
+        closest_name = closest_match(str(quantity), QUANTITIES)
         problem = (
             f"is no number of a result, did you mean '{closest_name}'?"
             if closest_name

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.config.scene_file import Place
+from indent_sim.config.scene_file import SourceLocation
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results import reader
 from indent_sim.results.measured.measurement import curve_parts
@@ -220,7 +220,7 @@ class ReferenceSolution:
         curve = self._file_curve or self._curves.get(case.problem_key)
         return _adapt_to_case(case, curve) if curve else None
 
-    def _use_theory(self, cases: Sequence[Case], location: Place) -> None:
+    def _use_theory(self, cases: Sequence[Case], location: SourceLocation) -> None:
         for case in cases:
             curve = self._curves.get(case.problem_key) or theory_curve(case)
             if curve is None:
@@ -344,5 +344,5 @@ def _penetration_text(results: Results) -> str:
     return f", penetration {_last_penetration(results):.2g} at its last row"
 
 
-def _config_error(location: Place, problem: str, remedy: str = "") -> ConfigError:
+def _config_error(location: SourceLocation, problem: str, remedy: str = "") -> ConfigError:
     return ConfigError("compare_to", problem, remedy, *location)

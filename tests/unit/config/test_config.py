@@ -10,10 +10,10 @@ import pytest
 import yaml
 
 from indent_sim.config.scene_file import (
-    from_mapping,
+    config_from_mapping,
     load,
     loads,
-    located,
+    locate_error,
     read_document,
     to_mapping,
     to_yaml,
@@ -105,7 +105,7 @@ loading: {delta: 0.1, steps: 2}
 def test_yaml_written_is_yaml_read(text):
     config = loads(text)
     assert loads(to_yaml(config)) == config
-    assert from_mapping(to_mapping(config)) == config
+    assert config_from_mapping(to_mapping(config)) == config
     assert to_yaml(loads(to_yaml(config))) == to_yaml(config)
 
 
@@ -217,7 +217,7 @@ def test_later_errors_find_their_line(tmp_path):
 
 def test_several_later_errors_stand_in_the_order_of_the_file():
     both = ConfigErrors([ConfigError("loading.delta", "b"), ConfigError("body.radius", "a")])
-    assert str(located(loads(SCENE, "f"), both)).splitlines() == [
+    assert str(locate_error(loads(SCENE, "f"), both)).splitlines() == [
         "f:6: body.radius: a",
         "f:19: loading.delta: b",
     ]
@@ -225,7 +225,7 @@ def test_several_later_errors_stand_in_the_order_of_the_file():
 
 def test_an_error_that_knows_its_file_keeps_it():
     error = ConfigError("indenter.R", "x", file="g", line=1)
-    assert located(loads(SCENE, "f"), error) is error
+    assert locate_error(loads(SCENE, "f"), error) is error
 
 
 def test_all_errors_of_a_file_come_together():
@@ -281,7 +281,7 @@ def test_mappings_of_a_notebook():
         "loading": Loading(deltas=(0.1,)),
         "solver": {"max_iterations": np.int64(7)},
     }
-    config = from_mapping(data, ["title=notebook"])
+    config = config_from_mapping(data, ["title=notebook"])
     assert config.material == LinearElastic(E=2.0, nu=0.25)
     assert config.center == (0.5, 0.25)
     assert (config.title, config.solver.max_iterations) == ("notebook", 7)
@@ -291,7 +291,7 @@ def test_mappings_of_a_notebook():
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), object(), {1: 2}, "\0", "\ud800"])
 def test_a_mapping_holds_only_what_a_file_could(value):
     with pytest.raises(ConfigError):
-        from_mapping({**parse(SCENE)[0], "title": value})
+        config_from_mapping({**parse(SCENE)[0], "title": value})
 
 
 @pytest.mark.parametrize(
@@ -299,7 +299,7 @@ def test_a_mapping_holds_only_what_a_file_could(value):
     [({"force": 3.0, "steps": 3}, (1.0, 2.0, 3.0)), ({"forces": [2.0, 0.0, 1]}, (2.0, 0.0, 1.0))],
 )
 def test_forces_instead_of_depths(loading, values):
-    config = from_mapping(parse(SCENE)[0] | {"loading": loading})
+    config = config_from_mapping(parse(SCENE)[0] | {"loading": loading})
     assert config.loading.path() == LoadPath("force", values)
     assert loads(to_yaml(config)) == config and to_mapping(config)["loading"] == loading
 
@@ -357,7 +357,7 @@ def test_scalars_are_those_of_yaml_1_2(text, value):
     [" lead", "on", "1e5", "a: b", "# no", "q\"'\\", "line\nline\t", "\x7f\x85\ufeffé😀", ""],
 )
 def test_any_title_survives(text):
-    config = from_mapping({**parse(SCENE)[0], "title": text})
+    config = config_from_mapping({**parse(SCENE)[0], "title": text})
     assert config.title == text
     assert loads(to_yaml(config)) == config
 
@@ -390,5 +390,5 @@ def test_a_pipe_is_not_waited_for(tmp_path):
 
 
 def _place(config: Config, key: str) -> tuple[str, int | None]:
-    error = located(config, ConfigError(key, "wrong"))
+    error = locate_error(config, ConfigError(key, "wrong"))
     return error.file, error.line

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config.scene_file import from_mapping, loads, to_yaml
+from indent_sim.config.scene_file import config_from_mapping, loads, to_yaml
 from indent_sim.model.body import Conductance
 from indent_sim.model.loading import doubling_times
 from indent_sim.process.errors import ConfigError
@@ -86,16 +86,16 @@ def test_what_does_not_go_with_fluid_is_refused(
     sections: dict[str, Any], key: str, words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words) as error:
-        resolve(from_mapping(SCENE | sections))
+        resolve(config_from_mapping(SCENE | sections))
     assert key.replace("\\", "") in str(error.value)
 
 
 def test_a_scene_comes_back_from_its_own_text() -> None:
     drainage = {"tip": {"conductance": 2.0}, "base": "drained", "bath": [[3, 0.0], [5, 0.1]]}
-    config = from_mapping(SCENE | {"drainage": drainage})
+    config = config_from_mapping(SCENE | {"drainage": drainage})
     assert loads(to_yaml(config)) == config
     assert config.drainage and config.drainage.tip == Conductance(2.0)
-    assert loads(to_yaml(from_mapping(SCENE))) == from_mapping(SCENE)
+    assert loads(to_yaml(config_from_mapping(SCENE))) == config_from_mapping(SCENE)
 
 
 def test_quantities_and_scales() -> None:
@@ -114,7 +114,7 @@ def test_quantities_and_scales() -> None:
         "loading": {"history": [[3, 0], [4, 0.2]]},
         "mesh": {"h_contact": 0.2},
     }
-    physics = resolve(from_mapping(sections)).physics
+    physics = resolve(config_from_mapping(sections)).physics
     law = physics.material
     assert law.flow and law.flow.diffusivity is None
     assert law.diffusivity == pytest.approx(0.4, rel=1e-12)
@@ -125,7 +125,9 @@ def test_quantities_and_scales() -> None:
     assert [physics.bath_pressure(region, t) for t in (0.0, 0.5, 9.0)] == pytest.approx(
         [0.0, 0.075, 0.05], rel=1e-12
     )
-    alone = resolve(from_mapping(sections | {"drainage": {"bath": "1 kPa"}})).physics.drainage
+    alone = resolve(
+        config_from_mapping(sections | {"drainage": {"bath": "1 kPa"}})
+    ).physics.drainage
     assert alone.bath_at(1.0) == pytest.approx(0.1, rel=1e-12)
 
 
@@ -134,7 +136,7 @@ def test_every_step_is_a_row() -> None:
     of its own.
     """
     path = resolve(
-        from_mapping(SCENE | {"loading": {"history": HISTORY, "per_doubling": 3}})
+        config_from_mapping(SCENE | {"loading": {"history": HISTORY, "per_doubling": 3}})
     ).physics.path
     steps = [after - before for before, after in zip(path.times, path.times[1:], strict=False)]
     ramp = [dt for dt, branch in zip(steps, path.branches[1:], strict=True) if branch == "approach"]
@@ -148,14 +150,14 @@ def test_every_step_is_a_row() -> None:
         1
     ] == pytest.approx(5.0, rel=1e-12)
     jump = resolve(
-        from_mapping(SCENE | {"loading": {"history": [[3, 0.02], [8, 0.02]]}})
+        config_from_mapping(SCENE | {"loading": {"history": [[3, 0.02], [8, 0.02]]}})
     ).physics.path
     assert jump.segment(1) == ((0.02, 0.0),) and jump.branches[:2] == ("approach", "hold")
 
 
 def test_rows_at_some_times_pass_the_other_steps() -> None:
     loading = {"history": HISTORY, "times": [3.5, 8.0]}
-    path = resolve(from_mapping(SCENE | {"loading": loading})).physics.path
+    path = resolve(config_from_mapping(SCENE | {"loading": loading})).physics.path
     assert path.times == (3.5, 8.0) and path.values == pytest.approx((0.01, 0.02), rel=1e-12)
     moments = [t for step in (1, 2) for _, t in path.segment(step)]
     assert moments == sorted(moments) and moments[-1] == 5.0 and len(moments) > 40
@@ -163,7 +165,7 @@ def test_rows_at_some_times_pass_the_other_steps() -> None:
 
 def test_half_steps_halve_the_time() -> None:
     path = resolve(
-        from_mapping(SCENE | {"loading": {"history": HISTORY, "times": [3.5, 8.0]}})
+        config_from_mapping(SCENE | {"loading": {"history": HISTORY, "times": [3.5, 8.0]}})
     ).physics.path
     fine = path.with_halved_increments()
     assert fine.values[1::2] == path.values and fine.times[1::2] == path.times
@@ -180,7 +182,10 @@ def test_a_ladder_ends_on_its_span() -> None:
 
 def test_what_is_doubtful_is_said() -> None:
     def keys(**sections: Any) -> set[str]:
-        return {doubt.key for doubt in resolve(from_mapping(SCENE | sections)).plan.model_warnings}
+        return {
+            doubt.key
+            for doubt in resolve(config_from_mapping(SCENE | sections)).plan.model_warnings
+        }
 
     jump = {"history": [[0, 0.02], [1, 0.02]], "times": [1e-6, 1.0]}
     assert not {"sealed", "early", "diffusion"} & keys()
@@ -204,7 +209,7 @@ def test_a_sudden_force_on_a_closed_column_comes_with_the_first_step() -> None:
     def first(**sections: Any) -> float:
         given = SCENE | {"indenter": punch, "loading": sudden, "mesh": {"h_contact": 0.2}}
         given |= {"drainage": {"tip": "drained"}} | sections
-        return resolve(from_mapping(given)).physics.path.times[0]
+        return resolve(config_from_mapping(given)).physics.path.times[0]
 
     assert first() > 0
     assert first(body=SCENE["body"] | {"sides": "free"}) == 0

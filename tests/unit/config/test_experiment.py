@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from scenes import placed
 
-from indent_sim.config.scene_file import from_mapping, loads, to_yaml
+from indent_sim.config.scene_file import config_from_mapping, loads, to_yaml
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 
@@ -197,21 +197,25 @@ def test_refusals(
     experiment: dict[str, Any], sections: dict[str, Any], key: str, words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words) as refused:
-        resolve(from_mapping(placed(SCENE | {"experiment": experiment} | sections)))
+        resolve(config_from_mapping(placed(SCENE | {"experiment": experiment} | sections)))
     errors = getattr(refused.value, "errors", [refused.value])
     assert any(error.key.replace("[", r"\[").replace("]", r"\]") == key for error in errors)
 
 
 def test_a_history_is_a_loading() -> None:
-    scene = resolve(from_mapping(SCENE | {"loading": {"history": [[0, 0], [1, 0.02], [2, 0]]}}))
+    scene = resolve(
+        config_from_mapping(SCENE | {"loading": {"history": [[0, 0], [1, 0.02], [2, 0]]}})
+    )
     assert scene.physics.path.control == "depth" and len(scene.physics.deltas) == 10
     assert max(scene.physics.deltas) == pytest.approx(0.02)
-    forces = resolve(from_mapping(SCENE | {"loading": {"force_history": [[0, 0], [1, 1e-3]]}}))
+    forces = resolve(
+        config_from_mapping(SCENE | {"loading": {"force_history": [[0, 0], [1, 1e-3]]}})
+    )
     assert forces.physics.path.control == "force"
     with pytest.raises(ConfigError, match="contradicts delta"):
-        from_mapping(SCENE | {"loading": {"delta": 0.01, "history": RAMP}})
+        config_from_mapping(SCENE | {"loading": {"delta": 0.01, "history": RAMP}})
     with pytest.raises(ConfigError, match="belongs to delta"):
-        from_mapping(SCENE | {"loading": {"history": RAMP, "steps": 3}})
+        config_from_mapping(SCENE | {"loading": {"history": RAMP, "steps": 3}})
 
 
 @pytest.mark.parametrize(
@@ -220,7 +224,7 @@ def test_a_history_is_a_loading() -> None:
 )
 def test_keys_that_have_moved(key: str, section: str) -> None:
     with pytest.raises(ConfigError) as refused:
-        from_mapping(SCENE | {"experiment": {key: SLOW if key == "relaxation" else RAMP}})
+        config_from_mapping(SCENE | {"experiment": {key: SLOW if key == "relaxation" else RAMP}})
     assert refused.value.key == f"experiment.{key}" and "has moved" in refused.value.problem
     assert refused.value.remedy == f"write {section}.{key}"
 
@@ -235,10 +239,10 @@ def test_what_relaxes_does_so_alike_everywhere() -> None:
     }
     given = {"body": body, "indenter": SCENE["indenter"], "loading": {"history": RAMP}}
     with pytest.raises(ConfigError, match=r"not that of body.layers\[1\].material") as refused:
-        from_mapping(given)
+        config_from_mapping(given)
     assert refused.value.key == "body.layers[0].material.relaxation"
     body["layers"][1]["material"] = unlike[0]  # type: ignore[index]
-    assert resolve(from_mapping(given)).relaxation is not None
+    assert resolve(config_from_mapping(given)).relaxation is not None
 
 
 @pytest.mark.parametrize(
@@ -247,9 +251,9 @@ def test_what_relaxes_does_so_alike_everywhere() -> None:
 )
 def test_times_are_those_of_the_history(times: list[float], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
-        from_mapping(SCENE | {"loading": {"history": RAMP, "times": times}})
+        config_from_mapping(SCENE | {"loading": {"history": RAMP, "times": times}})
     with pytest.raises(ConfigError, match="is for a path in time"):
-        from_mapping(SCENE | {"loading": {"delta": 0.01, "times": [1.0]}})
+        config_from_mapping(SCENE | {"loading": {"delta": 0.01, "times": [1.0]}})
 
 
 def test_times_of_forces_on_a_whole_body_pass_the_other_steps() -> None:
@@ -257,7 +261,7 @@ def test_times_of_forces_on_a_whole_body_pass_the_other_steps() -> None:
         "material": HYPERELASTIC,
         "loading": {"force_history": [[0, 0], [1, 1e-3]], "times": [0.5]},
     }
-    path = resolve(from_mapping(given)).physics.path
+    path = resolve(config_from_mapping(given)).physics.path
     assert path.control == "force" and path.times == (0.5,) and len(path.segment(1)) > 5
 
 
@@ -269,14 +273,14 @@ def test_a_soft_spring_keeps_the_tip_back() -> None:
         "experiment": {"cantilever": {"stiffness": 1e-3}},
         "loading": {"history": [[0, 0], [1, 1.0]]},
     }
-    depth = max(resolve(from_mapping(SCENE | given)).physics.deltas)
+    depth = max(resolve(config_from_mapping(SCENE | given)).physics.deltas)
     assert depth + 1e3 * 4 / 3 / 0.91 * depth**1.5 == pytest.approx(1.0, rel=1e-6)
 
 
 def test_a_deeper_history_sizes_the_mesh() -> None:
     shallow, deep = (
         resolve(
-            from_mapping(
+            config_from_mapping(
                 SCENE | {"loading": {"history": [[0, 0], [1, depth]]}}, ["solver.method=condensed"]
             )
         )
@@ -289,7 +293,7 @@ def test_the_section_is_written_and_read_back() -> None:
     given = placed(
         SCENE | {"experiment": {"relaxation": SLOW, "history": RAMP, "frequencies": [1.0, 2.0]}}
     )
-    config = from_mapping(given | {"loading": {"history": RAMP, "times": [0.5, 1.0]}})
+    config = config_from_mapping(given | {"loading": {"history": RAMP, "times": [0.5, 1.0]}})
     assert loads(to_yaml(config)) == config
     assert (
         loads(to_yaml(config), overrides=["material.relaxation.prony[0][0]=0.4"]).material
@@ -299,7 +303,9 @@ def test_the_section_is_written_and_read_back() -> None:
 
 def test_plan_says_what_is_exact() -> None:
     def said(experiment: dict[str, Any]) -> dict[str, str]:
-        choices = resolve(from_mapping(placed(SCENE | {"experiment": experiment}))).plan.choices
+        choices = resolve(
+            config_from_mapping(placed(SCENE | {"experiment": experiment}))
+        ).plan.choices
         return {
             choice.key: f"{choice.value}: {choice.why}" for choice in choices if choice.key in KEYS
         }
@@ -309,7 +315,9 @@ def test_plan_says_what_is_exact() -> None:
     back = [[0, 0], [1, 0.01], [2, 0.0], [3, 0.01]]
     assert "stepped" in said({"relaxation": SLOW, "history": back})["time"]
     assert "curve: every point an equilibrium" in said({"history": RAMP})["time"]
-    rubber = resolve(from_mapping(SCENE | {"material": HYPERELASTIC, "loading": {"history": RAMP}}))
+    rubber = resolve(
+        config_from_mapping(SCENE | {"material": HYPERELASTIC, "loading": {"history": RAMP}})
+    )
     (time,) = (choice for choice in rubber.plan.choices if choice.key == "time")
     assert time.value == "steps" and "not linear" in time.why and "t" in rubber.columns
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config.scene_file import from_mapping, loads, to_yaml
+from indent_sim.config.scene_file import config_from_mapping, loads, to_yaml
 from indent_sim.model.materials import Gel
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.explicit_config import automatic_keys, explicit_config
@@ -86,23 +86,23 @@ def test_what_does_not_go_with_a_gel_is_refused(
     sections: dict[str, Any], key: str, words: str
 ) -> None:
     with pytest.raises(ConfigError) as error:
-        resolve(from_mapping(SCENE | sections))
+        resolve(config_from_mapping(SCENE | sections))
     assert key in str(error.value) and words in str(error.value)
 
 
 def test_a_bath_of_a_gel_has_no_unit() -> None:
-    text = to_yaml(from_mapping(SCENE | {"units": {"length": "mm", "force": "mN"}}))
+    text = to_yaml(config_from_mapping(SCENE | {"units": {"length": "mm", "force": "mN"}}))
     with pytest.raises(ConfigError, match="over kT"):
         resolve(loads(text.replace("bath: 0.0", "bath: 5 kPa")))
 
 
 def test_a_scene_comes_back_from_its_own_text() -> None:
-    config = from_mapping(SCENE)
+    config = config_from_mapping(SCENE)
     assert loads(to_yaml(config)) == config
 
 
 def found(**sections: Any) -> Scene:
-    return resolve(from_mapping(SCENE | sections))
+    return resolve(config_from_mapping(SCENE | sections))
 
 
 def test_stretch_of_the_first_bath() -> None:
@@ -147,7 +147,7 @@ def test_how_soon_a_bath_comes_is_no_matter_of_the_mesh(h: float) -> None:
 
 
 def test_a_given_bath_ramp_is_kept_and_one_that_is_found_is_written_down() -> None:
-    config = from_mapping(SCENE)
+    config = config_from_mapping(SCENE)
     scene = resolve(config)
     own = explicit_config(config, scene)
     assert own.drainage is not None and own.drainage.bath_ramp == scene.physics.bath_ramp > 0
@@ -174,7 +174,7 @@ def test_a_gel_at_rest_in_its_own_bath_is_not_warned_of_it(chi: float, bath: flo
     alone.
     """
     scene = resolve(
-        from_mapping(
+        config_from_mapping(
             {
                 "body": {
                     "shape": "cylinder",
@@ -205,6 +205,6 @@ def test_contact_is_expected_where_the_gel_has_swollen() -> None:
     """Held sideways it rises by 0.3788 of its height: as a tip that deep."""
     swollen = found().plan.prediction["a"]
     rubber = {"model": "neo_hookean", "mu": 1 / 1.4, "nu": 0.49285}
-    pressed = resolve(from_mapping({k: v for k, v in SCENE.items() if k != "drainage"} | {
+    pressed = resolve(config_from_mapping({k: v for k, v in SCENE.items() if k != "drainage"} | {
         "material": rubber, "loading": {"delta": 0.3788}})).plan.prediction["a"]  # fmt: skip
     assert swollen == pytest.approx(pressed, rel=1e-3)

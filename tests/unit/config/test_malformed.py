@@ -8,9 +8,9 @@ import time
 
 import pytest
 
-from indent_sim.config.key_types import field_names, hints, kinds_of, listed
+from indent_sim.config.key_types import field_names, field_types, join_words, types_by_tag
 from indent_sim.config.scene_file import load
-from indent_sim.config.schema import Config, tags
+from indent_sim.config.schema import Config, section_tags
 from indent_sim.process.errors import ConfigError
 
 SCENE = """\
@@ -75,12 +75,12 @@ def round_body(lines: str, over: str = "shape: plate") -> str:
 
 def choices(section: str, parameter: str = "") -> list[str]:
     """What a section may choose, or those of them that have this parameter."""
-    kinds = kinds_of(hints(Config)[section], tags()[section])
+    kinds = types_by_tag(field_types(Config)[section], section_tags()[section])
     return [name for name, kind in kinds.items() if not parameter or parameter in field_names(kind)]
 
 
 BODIES, MATERIALS = (", ".join(choices(section)) for section in ("body", "material"))
-STIFF = listed(choices("contact", "epsilon_n"), "and")
+STIFF = join_words(choices("contact", "epsilon_n"), "and")
 
 # text, line, key, fragment of the message
 MALFORMED = [

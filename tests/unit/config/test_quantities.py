@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from indent_sim.config.json_schema import json_schema
-from indent_sim.config.key_types import hints
+from indent_sim.config.key_types import field_types
 from indent_sim.config.quantities import Conversion
-from indent_sim.config.scene_file import from_mapping, load, loads, to_mapping, to_yaml
-from indent_sim.config.schema import Spot
+from indent_sim.config.scene_file import config_from_mapping, load, loads, to_mapping, to_yaml
+from indent_sim.config.schema import SchemaNode
 from indent_sim.model.units import FORCE, TIME, Scales, Unit, UnitRow
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
@@ -92,8 +92,10 @@ def test_mixed_units_give_the_digits_of_one_system(seed):
     chance = random.Random(seed)
     plain = a_scene(chance)
     mixed = with_units(plain, "", plain["units"], chance)
-    assert mixed != plain and to_mapping(from_mapping(mixed)) == to_mapping(from_mapping(plain))
-    assert loads(to_yaml(from_mapping(mixed))) == from_mapping(plain)
+    assert mixed != plain and to_mapping(config_from_mapping(mixed)) == to_mapping(
+        config_from_mapping(plain)
+    )
+    assert loads(to_yaml(config_from_mapping(mixed))) == config_from_mapping(plain)
 
 
 @pytest.mark.parametrize(
@@ -313,21 +315,26 @@ def test_times_are_converted_as_lengths_and_forces_are(name, given, in_SI, power
     """Times to seconds, in which plain numbers are meant."""
     convert = Conversion({"units": {"length": "um", "force": "nN"}})
     length, force, _ = powers
-    hint = hints(Draining)[name]
+    hint = field_types(Draining)[name]
     expected = in_SI / (SI["length"] ** length * SI["force"] ** force)
-    assert convert.changed(Spot((name,), hint, None, given)) == pytest.approx(expected, rel=1e-14)
+    assert convert.convert_node(SchemaNode((name,), hint, None, given)) == pytest.approx(
+        expected, rel=1e-14
+    )
     assert not convert.errors
-    convert.changed(Spot((name,), hint, None, "1 um/s"))
+    convert.convert_node(SchemaNode((name,), hint, None, "1 um/s"))
     assert "length^1 time^-1" in convert.errors[0].problem
 
 
 def test_every_number_of_a_row_has_its_own_unit():
     convert = Conversion({"units": {"length": "um", "force": "nN"}})
-    spot = Spot(
-        ("history",), hints(Draining)["history"], None, [[0, "0 pN"], ["2 min", "5 pN"], ["1 h", 3]]
+    spot = SchemaNode(
+        ("history",),
+        field_types(Draining)["history"],
+        None,
+        [[0, "0 pN"], ["2 min", "5 pN"], ["1 h", 3]],
     )
-    assert convert.changed(spot) == [[0, 0.0], [120.0, 0.005], [3600.0, 3]]
-    convert.changed(Spot(("history",), spot.type, None, [["2 um", 1]]))
+    assert convert.convert_node(spot) == [[0, 0.0], [120.0, 0.005], [3600.0, 3]]
+    convert.convert_node(SchemaNode(("history",), spot.type, None, [["2 um", 1]]))
     assert [error.key for error in convert.errors] == ["history[0][0]"]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config.scene_file import from_mapping, loads, to_yaml
+from indent_sim.config.scene_file import config_from_mapping, loads, to_yaml
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 
@@ -56,18 +56,18 @@ def test_what_does_not_go_with_shear_that_relaxes_is_refused(
     sections: dict[str, Any], key: str, words: str
 ) -> None:
     with pytest.raises(ConfigError) as error:
-        resolve(from_mapping(SCENE | sections))
+        resolve(config_from_mapping(SCENE | sections))
     assert key in str(error.value) and words in str(error.value)
 
 
 def test_a_scene_comes_back_from_its_own_text() -> None:
-    config = from_mapping(SCENE)
+    config = config_from_mapping(SCENE)
     assert loads(to_yaml(config)) == config
 
 
 @pytest.mark.parametrize("material", [SOFT | {"relaxation": SHEAR}, RUBBER | {"relaxation": SHEAR}])
 def test_shear_is_followed_from_a_twentieth_of_its_shortest_time(material: dict[str, Any]) -> None:
-    found = resolve(from_mapping(SCENE | {"material": material}))
+    found = resolve(config_from_mapping(SCENE | {"material": material}))
     assert (
         found.solver.method == "newton"
         and found.history_on_curve is None
@@ -80,7 +80,7 @@ def test_shear_is_followed_from_a_twentieth_of_its_shortest_time(material: dict[
 
 
 def test_what_relaxes_as_a_whole_stays_on_its_curve() -> None:
-    found = resolve(from_mapping(SCENE | {"material": SOFT | {"relaxation": ALL}}))
+    found = resolve(config_from_mapping(SCENE | {"material": SOFT | {"relaxation": ALL}}))
     assert found.solver.method == "condensed" and found.history_on_curve is not None
     assert found.relaxation is not None and not found.physics.is_time_dependent
     assert all(region.relaxation_series is None for region in found.physics.domain.regions)
@@ -91,7 +91,7 @@ def test_a_layer_may_relax_alone_or_by_a_law_of_its_own() -> None:
     other = SOFT | {"relaxation": {"prony": [[0.5, 10.0]], "of": "shear"}}
     for layer, times in ((SOFT, ((), (0.1, 1.0))), (other, ((10.0,), (0.1, 1.0)))):
         layers[0]["material"] = layer
-        found = resolve(from_mapping(SCENE | {"body": SCENE["body"] | {"layers": layers}}))
+        found = resolve(config_from_mapping(SCENE | {"body": SCENE["body"] | {"layers": layers}}))
         assert (
             tuple(
                 one.relaxation_series.times if one.relaxation_series else ()

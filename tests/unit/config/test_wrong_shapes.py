@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from indent_sim.config import key_types, schema
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
 
 SCENE: dict[str, dict[str, Any]] = {
@@ -35,13 +35,13 @@ def test_a_value_of_another_shape_is_an_error_in_words(section: str) -> None:
         tags = {
             name: schema.default_of(kind, name)
             for name in key_types.field_names(kind)
-            if name in schema.TAGS
+            if name in schema.TAG_KEYS
         }
         for name in key_types.field_names(kind):
             for value in SHAPES:
                 said = SCENE.get(section, {}) | tags | {name: value}
                 with suppress(ConfigError):
-                    from_mapping(SCENE | {section: said})
+                    config_from_mapping(SCENE | {section: said})
 
 
 @pytest.mark.parametrize(
@@ -55,4 +55,4 @@ def test_a_value_of_another_shape_is_an_error_in_words(section: str) -> None:
 )
 def test_a_section_in_place_of_a_word_is_told_as_a_section(value: Any, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        from_mapping(SCENE | {"drainage": {"tip": value}})
+        config_from_mapping(SCENE | {"drainage": {"tip": value}})

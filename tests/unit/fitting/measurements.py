@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.fitting.forward_model.forward_model import ForwardModel
 from indent_sim.fitting.inference.noise import Noise
@@ -30,7 +30,7 @@ def scene(body=None, nu: float = 0.45, tip=None, depth: float = 0.1, **more) -> 
         "material": material,
         "indenter": tip or {"shape": "paraboloid", "R": 1.0},
     }
-    return from_mapping({**parts, "loading": {"delta": depth}, **more})
+    return config_from_mapping({**parts, "loading": {"delta": depth}, **more})
 
 
 def relaxing(terms, body=None, **more) -> Config:  # type: ignore[no-untyped-def]

@@ -12,7 +12,7 @@ import pytest
 from measurements import N, drawn, measured
 
 import indent_sim
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fitting.curve_fit import FitRequest
 from indent_sim.fitting.fit_folder import CurveFits, ReadOptions, fit_curves
 from indent_sim.fitting.forward_model.forward_model import ForwardModel
@@ -27,7 +27,7 @@ SCENE = {
     "loading": {"delta": "0.5 um"},
     "output": {"plot": False},
 }
-REQUEST = FitRequest(from_mapping(SCENE), ("material.E",))
+REQUEST = FitRequest(config_from_mapping(SCENE), ("material.E",))
 X = np.linspace(-1, 1, N)
 FORCES = ForwardModel(REQUEST.config, ["material.E"], 1.3)
 
@@ -129,7 +129,7 @@ def test_curves_of_one_name_have_rows_of_their_own(curves, tmp_path):
 
 
 def test_a_curve_deeper_than_the_body_is_its_reason(tmp_path):
-    body = from_mapping(
+    body = config_from_mapping(
         SCENE | {"body": {"shape": "layer", "height": "0.4 um"}, "loading": {"delta": "0.1 um"}}
     )
     fits = fitted([write(tmp_path / "c.csv")], tmp_path / "fit", replace(REQUEST, config=body))

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from measurements import HALF_SPACE, drawn, relaxing, scene
 
-from indent_sim.config.quantities import pressures
-from indent_sim.config.scene_file import from_mapping, to_mapping
+from indent_sim.config.quantities import pressure_keys
+from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.fitting.curve_fit import FitRequest, fit_curve
 from indent_sim.fitting.forward_model.forward_model import ForwardModel, ForwardModelCache
 from indent_sim.fitting.forward_model.measured_path_forces import MeasuredPath, simplify_path
@@ -51,7 +51,10 @@ def run(config, t: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
     document = to_mapping(config)
     document["loading"]["times"] = t.tolist()
     return np.array(
-        [state.force for state in states(resolve(from_mapping(document)), with_surface=False)]
+        [
+            state.force
+            for state in states(resolve(config_from_mapping(document)), with_surface=False)
+        ]
     )
 
 
@@ -133,7 +136,9 @@ def test_a_hold_behind_a_cantilever():
     z = X + force / k + 0.3
     force = force + 0.005 * force.max() * drawn(WHITE, len(T), np.random.default_rng(3))
     config = porous(2, E=2.0, flow={"diffusivity": 0.3})
-    held = from_mapping(to_mapping(config) | {"experiment": {"cantilever": {"stiffness": k}}})
+    held = config_from_mapping(
+        to_mapping(config) | {"experiment": {"cantilever": {"stiffness": k}}}
+    )
     entry = fit_curve(
         MeasuredCurve("made up", force, None, z, T, parts=curve_parts(X)),
         FitRequest(held, (E, D), curve_part="all"),
@@ -163,7 +168,7 @@ def test_shear_that_relaxes_at_constant_volume_is_lee_and_radok():
     own = ForwardModel(scene(HALF_SPACE, material=material, **more), [E], 1.3 * DEPTH, WAY)
     theory = relaxing(terms, HALF_SPACE)
     alike = to_mapping(theory) | {"material": material | {"relaxation": {"prony": terms}}}
-    exact = ForwardModel(from_mapping(alike), [E], 0.1)
+    exact = ForwardModel(config_from_mapping(alike), [E], 0.1)
     t = np.append(0.0, t)
     x, dense = np.minimum(DEPTH * t / RAMP, DEPTH), np.linspace(0, 1, 2001)
     wanted = np.interp(t, dense, exact(np.zeros(1), np.minimum(DEPTH * dense / RAMP, DEPTH), dense))
@@ -184,8 +189,8 @@ def test_corners_of_a_measured_way():
 
 def test_what_scales_the_force_and_what_a_fit_does_not_follow():
     """A permeability has a pressure in its unit: with it E is no factor of the force."""
-    assert pressures(porous()) == [E]
-    assert pressures(porous(flow={"permeability": 0.1})) == [E, "material.flow.permeability"]
+    assert pressure_keys(porous()) == [E]
+    assert pressure_keys(porous(flow={"permeability": 0.1})) == [E, "material.flow.permeability"]
     with pytest.raises(ConfigError, match="needs a way in time"):
         ForwardModel(porous(), [E], DEPTH)
     gel = {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.2}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from measurements import HALF_SPACE, LAYER, relaxing, scene
 
-from indent_sim.config.quantities import pressures
+from indent_sim.config.quantities import pressure_keys
 from indent_sim.fitting.forward_model.elastic_load_curve import (
     ForwardModelUnavailable,
     plan_elastic_run,
@@ -101,7 +101,7 @@ def test_roles_and_numbers_of_keys():
         "shape",
         "work",
     ]
-    assert pressures(scene()) == ["material.E"] and len(pressures(config)) == 2
+    assert pressure_keys(scene()) == ["material.E"] and len(pressure_keys(config)) == 2
     assert number_at(config, "body.layers[1].material.E") == 5.0
     for key, problem in [("material.Q", "is no number of the scene"), ("body.shape", "is 'layer', no number"),
                          ("body.layers[7].thickness", "is no number of the scene")]:  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.materials import Fung, Gent, MooneyRivlin, Ogden, TransverselyIsotropic, Yeoh
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
@@ -125,7 +125,7 @@ def test_what_is_wrong_is_said(case: str) -> None:
     material, words = WRONG[case]
     with pytest.raises(ConfigError) as refused:
         resolve(
-            from_mapping(
+            config_from_mapping(
                 {
                     "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0},
                     "material": material,

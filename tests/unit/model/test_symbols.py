@@ -14,8 +14,8 @@ from reference_pages import config_markdown
 
 from indent_sim.config import schema
 from indent_sim.config.json_schema import json_schema, sections_and_kinds
-from indent_sim.config.key_types import core, hints, members
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.key_types import bare_type, field_types, union_members
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.fitting import fit_table
 from indent_sim.model.state import DERIVED_COLUMNS, STATE_COLUMNS, State, Surface
@@ -33,25 +33,27 @@ def yaml_fields() -> list[tuple[str, type, str]]:
     found = [("", Config, name) for name in Config.model_fields]
     for section, kinds in schema.sections().items():
         for kind in kinds:
-            inside = {name: core(hint) for name, hint in hints(kind).items()}
+            inside = {name: bare_type(hint) for name, hint in field_types(kind).items()}
             owners = [
                 (section, kind),
                 *((section, hint) for hint in inside.values()),
                 *inside.items(),
             ]
             lists = {
-                name: core(hint)
-                for name, hint in hints(kind).items()
-                if get_origin(core(hint)) is tuple
+                name: bare_type(hint)
+                for name, hint in field_types(kind).items()
+                if get_origin(bare_type(hint)) is tuple
             }
             owners += [
-                (name, item) for name, hint in lists.items() for item in members(get_args(hint)[0])
+                (name, item)
+                for name, hint in lists.items()
+                for item in union_members(get_args(hint)[0])
             ]
             found += [
                 (where, owner, name)
                 for where, owner in owners
                 if dataclasses.is_dataclass(owner)
-                for name in hints(owner)
+                for name in field_types(owner)
             ]
     return list(dict.fromkeys(found))
 
@@ -60,7 +62,7 @@ def yaml_fields() -> list[tuple[str, type, str]]:
 def test_every_key_has_a_meaning(section, kind, name):
     symbol = lookup(name, section)
     assert symbol and symbol.meaning, f"add {name} to indent_sim/model/symbols.py"
-    unit = unit_of(hints(kind)[name])
+    unit = unit_of(field_types(kind)[name])
     if unit:
         assert symbol.dimension == unit.text
 
@@ -68,7 +70,7 @@ def test_every_key_has_a_meaning(section, kind, name):
 @pytest.mark.parametrize(("section", "kind"), [("", Config), *sections_and_kinds()])
 def test_what_has_a_dimension_is_marked_with_it(section, kind):
     """Quantities are converted, and numbers scaled, by the marks."""
-    for name, hint in hints(kind).items():
+    for name, hint in field_types(kind).items():
         assert unit_of(hint) or lookup(name, section).dimension in ("1", "word"), (
             f"mark {name} of {kind} with its unit"
         )
@@ -118,7 +120,7 @@ def test_an_entry_for_one_section_names_a_section_and_key():
 def test_the_json_schema_describes_the_file():
     found = json_schema()
     assert json.loads(json.dumps(found)) == found
-    assert list(found["properties"]) == list(schema.keys_at((), {}))
+    assert list(found["properties"]) == list(schema.allowed_keys_at((), {}))
     for section, kinds in schema.sections().items():
         for kind in kinds:
             properties = found["$defs"][kind.__name__]["properties"]
@@ -142,7 +144,9 @@ def test_the_page_of_the_scene_file_says_which_sections_another_may_replace():
     """As a scene of layers with their own materials has no section of its own for one."""
     layers = [{"material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3}}]
     body, loading = {"shape": "half_space", "layers": layers}, {"history": [[0, 0], [1, 0.01]]}
-    from_mapping({"body": body, "indenter": {"shape": "sphere", "R": 1.0}, "loading": loading})
+    config_from_mapping(
+        {"body": body, "indenter": {"shape": "sphere", "R": 1.0}, "loading": loading}
+    )
     rows = [
         row.split(" | ")
         for row in config_markdown().splitlines()

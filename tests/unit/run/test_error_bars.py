@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
@@ -50,7 +50,7 @@ ERROR = 1e-3  # of the finest curve, relative
 
 
 def scene(**sections: Any) -> Scene:
-    return resolve(from_mapping(SCENE | sections))
+    return resolve(config_from_mapping(SCENE | sections))
 
 
 def states(error: float, steps: range = range(1, 5), flip: int = 0) -> list[State]:
@@ -444,13 +444,13 @@ def test_a_penalty_left_open_is_stiff_enough() -> None:
 @pytest.mark.parametrize("key", ["h_contact", "h_far", "h_axis", "h_edge", "grading"])
 def test_accuracy_and_sizes_contradict_each_other(key: str) -> None:
     with pytest.raises(ConfigError, match=f"mesh.{key}: contradicts accuracy"):
-        from_mapping(SCENE | {"accuracy": 0.01, "mesh": {key: 0.01}})
+        config_from_mapping(SCENE | {"accuracy": 0.01, "mesh": {key: 0.01}})
 
 
 @pytest.mark.parametrize("accuracy", [0.0, 1.0, -0.01, "best", True])
 def test_accuracies_that_are_none(accuracy: Any) -> None:
     with pytest.raises(ConfigError) as caught:
-        from_mapping(SCENE | {"accuracy": accuracy})
+        config_from_mapping(SCENE | {"accuracy": accuracy})
     assert caught.value.key == "accuracy"
 
 

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from indent_sim.cli import commands
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.strict_yaml import dump
 from indent_sim.model.state import State
 from indent_sim.run import simulate
@@ -96,7 +96,7 @@ def reached(scene: Scene) -> list[State]:
 def test_the_companions_that_are_planned_are_those_that_are_run(
     monkeypatch, tmp_path, name, with_stick
 ):
-    config = from_mapping(PLAIN | SCENES[name])
+    config = config_from_mapping(PLAIN | SCENES[name])
     scene = resolve(config)
     solved: list[Said] = []
     monkeypatch.setattr(simulate, "backend", lambda: None)
@@ -114,7 +114,7 @@ def test_the_companions_that_are_planned_are_those_that_are_run(
 
 @pytest.mark.parametrize("name", SCENES)
 def test_a_whole_run_costs_more_than_its_own_mesh(name):
-    scene = resolve(from_mapping(PLAIN | SCENES[name]))
+    scene = resolve(config_from_mapping(PLAIN | SCENES[name]))
     alone, beside = (predict_total_cost(scene, bars).plan.prediction for bars in (False, True))
     assert beside["seconds"] > scene.plan.prediction["seconds"]
     assert beside["memory_MB"] >= scene.plan.prediction["memory_MB"]
@@ -125,7 +125,9 @@ def test_a_whole_run_costs_more_than_its_own_mesh(name):
 
 
 def test_theory_has_no_companions():
-    scene = resolve(from_mapping(PLAIN | {"body": {"shape": "half_space"}, "accuracy": 0.01}))
+    scene = resolve(
+        config_from_mapping(PLAIN | {"body": {"shape": "half_space"}, "accuracy": 0.01})
+    )
     assert predict_total_cost(scene, True) is scene
 
 

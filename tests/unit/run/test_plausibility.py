@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
 from indent_sim.run.sanity_checks import (
     CONTACT_RULES,
@@ -46,7 +46,7 @@ def scene(body: Any = "layer", tip: str = "sphere", **sections: Any) -> Scene:
         "material": ELASTIC,
         "loading": {"delta": 0.1, "steps": 2},
     } | sections
-    return resolve(from_mapping(given))
+    return resolve(config_from_mapping(given))
 
 
 def theorys(base: Scene, delta: float, step: int = 1) -> State:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError, ConfigErrors
 from indent_sim.run.planned_run import PlannedRun, plan_with_cost
 
@@ -19,7 +19,7 @@ SCENE: dict[str, Any] = {
 
 
 def of(**changes: Any) -> PlannedRun:
-    return PlannedRun.resolve(from_mapping(SCENE | changes))
+    return PlannedRun.resolve(config_from_mapping(SCENE | changes))
 
 
 def test_titles_have_no_part_in_an_identity_and_numbers_have() -> None:
@@ -49,7 +49,7 @@ def test_error_bars_cost_seconds() -> None:
 
 def test_a_plan_tells_all_mistakes_at_once() -> None:
     """A scene that cannot exist in two ways: both are said, where `Prospect.of` says the first."""
-    config = from_mapping(
+    config = config_from_mapping(
         SCENE | {"solver": {"method": "theory"}, "loading": {"delta": 3.0, "steps": 1}}
     )
     with pytest.raises(ConfigError) as first:
@@ -72,8 +72,8 @@ def test_what_was_left_out_is_not_asked_for() -> None:
     }
     away: dict[str, Any] = {"material": relaxing, "loading": {"history": [[0, 0], [1, -0.1]]}}
     with pytest.raises(ConfigError) as told:
-        plan_with_cost(from_mapping(SCENE | away))
+        plan_with_cost(config_from_mapping(SCENE | away))
     assert [one.key for one in told.value.errors] == ["loading.history"]
     with pytest.raises(ConfigError) as told:
-        plan_with_cost(from_mapping(SCENE | away | {"drainage": {"tip": "sealed"}}))
+        plan_with_cost(config_from_mapping(SCENE | away | {"drainage": {"tip": "sealed"}}))
     assert {one.key for one in told.value.errors} == {"loading.history", "drainage"}

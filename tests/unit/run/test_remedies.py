@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.model.state import State
 from indent_sim.run.remedies import has_remedies, remedies, try_remedies
@@ -27,7 +27,7 @@ PUNCH = {
 
 
 def configured(**sections: Any) -> tuple[Config, Scene]:
-    config = from_mapping(PUNCH | sections)
+    config = config_from_mapping(PUNCH | sections)
     return config, resolve(config)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from mesh_files import section, write
 
-from indent_sim.config.scene_file import from_mapping, to_mapping, to_yaml
+from indent_sim.config.scene_file import config_from_mapping, to_mapping, to_yaml
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.reader import previous_run
 from indent_sim.results.writer import to_json
@@ -41,7 +41,7 @@ def test_what_stays_auto_is_what_the_scene_has_no_use_for(
     write(tmp_path / "gel.msh", section())
     monkeypatch.chdir(tmp_path)
     sections, left = LEFT[name]
-    config = from_mapping(
+    config = config_from_mapping(
         {
             "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0},
             "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
@@ -102,7 +102,7 @@ def test_a_resume_blames_the_key_that_was_changed(contact: str, tmp_path: Path) 
     for data, change in scenes:
         own = {name: part for name, part in data.items() if part} | {"contact": {"method": contact}}
         told = []
-        for config in (from_mapping(own), from_mapping(own, [change])):
+        for config in (config_from_mapping(own), config_from_mapping(own, [change])):
             decided = explicit_config(config, resolve(config))
             told.append(
                 (

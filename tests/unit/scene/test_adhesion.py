@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from scenes import CYLINDER, E_STAR, STRIP, WALLED, scene
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.contact import Adhesion
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.explicit_config import explicit_config
@@ -176,7 +176,7 @@ def test_a_resolved_scene_is_the_same_scene() -> None:
         "loading": {"deltas": [-0.01, 0.01]},
         "contact": {"adhesion": {"work": WORK, "range": RANGE}},
     }
-    config = from_mapping(given)
+    config = config_from_mapping(given)
     found = resolve(config)
     again = resolve(explicit_config(config, found))
     assert again.physics.contact == found.physics.contact and again.sizes == found.sizes

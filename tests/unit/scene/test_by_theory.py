@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from scenes import CYLINDER, ELASTIC, STRIP, WALLED, scene
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.body import Cylinder
 from indent_sim.model.body import Layer as BodyLayer
 from indent_sim.model.materials import LinearElastic
@@ -113,7 +113,7 @@ def test_what_can_be_told_at_a_look() -> None:
 
     def config(*changes: str) -> Any:
         given = {"body": LAYER, "material": ELASTIC, "indenter": {"shape": "sphere", "R": 1.0}}
-        return from_mapping(given | {"loading": {"delta": 0.01}}, changes)
+        return config_from_mapping(given | {"loading": {"delta": 0.01}}, changes)
 
     assert not needs_mesh(config()) and not needs_mesh(config("body={shape: half_space}"))
     walled = "body={shape: cylinder, radius: 1, height: 1, sides: roller}"
@@ -233,7 +233,7 @@ def test_a_tip_without_theory_has_a_wall_too() -> None:
         pyramid.body.shape == "box"
         and pyramid.body.lateral_extent(pyramid.center) > 3 * pyramid.body.height
     )
-    config = from_mapping(
+    config = config_from_mapping(
         {
             "body": LAYER | {"height": 1e-3},
             "material": ELASTIC,

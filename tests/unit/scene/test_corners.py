@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scenes import BOX, CYLINDER, ELASTIC, STRIP, WALLED, scene
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.mesh.model_domain import Side
 from indent_sim.mesh.sizes import size_formula
 from indent_sim.process.errors import ConfigError
@@ -106,7 +106,7 @@ def test_what_refined_corners_still_cost_is_known() -> None:
 
 @pytest.mark.parametrize("sections", [{}, {"accuracy": 0.01}], ids=["automatic", "accuracy"])
 def test_the_resolved_config_has_the_same_sizes(sections: dict[str, Any]) -> None:
-    config = from_mapping(
+    config = config_from_mapping(
         {"body": CYLINDER, "material": SOFT, "indenter": PLATE, "loading": DEEP} | sections
     )
     first = resolve(config)

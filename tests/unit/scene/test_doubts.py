@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from mesh_files import section, write
 
-from indent_sim.config.scene_file import from_mapping, to_mapping
+from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.model.contact import Penalty
 from indent_sim.model.materials import LinearElastic
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid
@@ -60,7 +60,7 @@ def document(**sections: Any) -> dict[str, Any]:
 
 def scene(**sections: Any) -> Scene:
     """That scene, decided."""
-    return resolve(from_mapping(document(**sections)))
+    return resolve(config_from_mapping(document(**sections)))
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -181,7 +181,8 @@ def test_a_material_that_nothing_has_is_named_and_read_by_nothing(
     write(tmp_path / "gel.msh", section())
     monkeypatch.chdir(tmp_path)
     lacking, having = (
-        from_mapping(document(body=OWN[body], material=material)) for material in (None, UNLIKE)
+        config_from_mapping(document(body=OWN[body], material=material))
+        for material in (None, UNLIKE)
     )
     expected, found = resolve(lacking), resolve(having)
     said = f"nothing uses `material`: every {'region' if body == 'mesh' else 'layer'} has its own"

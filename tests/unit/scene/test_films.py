@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_banded
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.boundary_films import path_rows
@@ -29,7 +29,7 @@ BASE: dict[str, Any] = {
 
 
 def scene(**changes: Any) -> Scene:
-    return resolve(from_mapping(BASE | changes))
+    return resolve(config_from_mapping(BASE | changes))
 
 
 def drained_faces(found: Scene) -> list[str]:
@@ -128,7 +128,7 @@ def test_films_get_finer_with_the_accuracy_and_coarser_in_companions() -> None:
 
 
 def test_a_resolved_scene_has_the_same_films() -> None:
-    config = from_mapping(BASE)
+    config = config_from_mapping(BASE)
     first = resolve(config)
     again = resolve(explicit_config(config, first))
     assert again.sizes == first.sizes

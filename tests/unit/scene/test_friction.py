@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.tips import FlatPunch
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.explicit_config import explicit_config
@@ -21,7 +21,7 @@ SOFT = {"model": "linear_elastic", "E": 1.0, "nu": 0.3}
 
 def config(contact: dict[str, Any], **sections: Any) -> Any:
     tip = {"shape": "paraboloid", "R": 1.0}
-    return from_mapping(
+    return config_from_mapping(
         {
             "body": CYLINDER,
             "material": SOFT,

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.materials import (
     Flow,
     LinearElastic,
@@ -31,7 +31,7 @@ RAMP = [[0, 0], [0.5, DEPTH]]
 
 def scene(material: dict[str, Any] = POROUS, history: Any = RAMP, **sections: Any) -> Any:
     base = {"body": LAYER, "material": material, "indenter": {"shape": "paraboloid", "R": 1.0}}
-    return resolve(from_mapping(base | {"loading": {"history": history}} | sections))
+    return resolve(config_from_mapping(base | {"loading": {"history": history}} | sections))
 
 
 def of(*args: Any, **sections: Any) -> TimePrediction:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import Scene, resolve
 
@@ -29,7 +29,7 @@ def scene(kinematics: str = "axisymmetric", **sections: Any) -> Scene:
         "indenter": {"shape": "paraboloid", "R": 2.0},
         "loading": {"delta": 0.02, "steps": 1},
     }
-    return resolve(from_mapping(given | sections))
+    return resolve(config_from_mapping(given | sections))
 
 
 class TestNitsche:
@@ -211,7 +211,7 @@ def test_the_middle_is_found_whatever_the_digits_of_the_width(width):
     box = {"shape": "box", "size": [width, width / 3, 1.1]}
     for body, symmetry in ((strip, "half"), (box, "quarter")):
         found = resolve(
-            from_mapping(
+            config_from_mapping(
                 {
                     "body": body,
                     "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
@@ -270,5 +270,5 @@ def test_layers_on_a_half_space_end_where_its_finite_body_does():
         "indenter": {"shape": "paraboloid", "R": 1.0},
         "loading": {"delta": 0.01, "steps": 1},
     }
-    part = resolve(from_mapping(given | {"solver": {"method": "condensed"}})).physics.domain
+    part = resolve(config_from_mapping(given | {"solver": {"method": "condensed"}})).physics.domain
     assert part.regions[-1].bottom == pytest.approx(-part.height, rel=1e-9)

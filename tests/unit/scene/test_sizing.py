@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.scene.scene import resolve
 
@@ -16,7 +16,7 @@ ROD = {"shape": "flat_punch", "radius": 1.0, "edge_radius": 1.0}
 def sizes(depth: float, tip: dict[str, Any] = ROD, **sections: Any) -> Sizes:
     """Sizes [tip radii] beneath a tip so deep in a block of rubber 20 radii high."""
     scene = resolve(
-        from_mapping(
+        config_from_mapping(
             {
                 "body": {
                     "shape": "cylinder",

@@ -10,7 +10,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.body import Cylinder, Layer, SphericalBody, Strip, StripSides
 from indent_sim.model.materials import LinearElastic
 from indent_sim.model.tips import (
@@ -62,7 +62,7 @@ SCENE: dict[str, Any] = {
 
 def scene(**sections: Any) -> Scene:
     """A paraboloid on a layer between frictionless walls, three depths, the last not the deepest."""
-    return resolve(from_mapping(SCENE | sections))
+    return resolve(config_from_mapping(SCENE | sections))
 
 
 def test_every_tip_is_in_the_table() -> None:

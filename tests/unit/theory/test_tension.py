@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.scene.scene import resolve
 from indent_sim.theory.surface import surface_tension as tension_theory
 
@@ -20,7 +20,7 @@ def force_and_radius(surface_tension: float, delta: float = 0.01) -> tuple[float
         "indenter": {"shape": "paraboloid", "R": 1.0},
         "loading": {"delta": delta, "steps": 1},
     }
-    theory = resolve(from_mapping(given)).plan.theory
+    theory = resolve(config_from_mapping(given)).plan.theory
     assert theory is not None
     found = theory.solution_at_depth(delta)
     return found.force, found.a
