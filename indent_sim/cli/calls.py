@@ -59,7 +59,7 @@ def plan(given: SceneInput, *, error_bars: bool = False) -> Report:
     `indent-sim plan --json`.
     """
     if (isinstance(given, Mapping) and is_study(given)) or (
-        isinstance(given, str | Path) and _holds_study(given)
+        isinstance(given, str | Path) and _is_study_file(given)
     ):
         return json_data(plan_study(given, error_bars).as_json())
     return json_data(plan_with_cost(config_of(given), error_bars).plan.as_json())
@@ -83,7 +83,7 @@ def compare(
     """Two results or measured curves row by row: the object of `indent-sim compare --json`;
     `differences` is empty where they agree.
     """
-    A, B = (one.path if isinstance(one, Results) else one for one in (first, second))
+    A, B = (result.path if isinstance(result, Results) else result for result in (first, second))
     return json_data(comparisons.compare(A, B, rtol, columns).as_json())
 
 
@@ -107,18 +107,18 @@ def study(
         or not isinstance(given, Mapping)
         or (given.get("output") or {}).get("directory")
     ):
-        place = Path(directory) if directory else None
+        folder_path = Path(directory) if directory else None
         return run_study.execute_study(
-            given, output=place, jobs=jobs, resume=resume, overwrite=overwrite
+            given, output=folder_path, jobs=jobs, resume=resume, overwrite=overwrite
         )
-    place = Path(tempfile.mkdtemp(prefix="indent-sim-"))
+    folder_path = Path(tempfile.mkdtemp(prefix="indent-sim-"))
     try:
-        found = run_study.execute_study(given, output=place, jobs=jobs)
+        finished_study = run_study.execute_study(given, output=folder_path, jobs=jobs)
     except BaseException:
-        shutil.rmtree(place, ignore_errors=True)
+        shutil.rmtree(folder_path, ignore_errors=True)
         raise
-    weakref.finalize(found, shutil.rmtree, place, ignore_errors=True)
-    return found
+    weakref.finalize(finished_study, shutil.rmtree, folder_path, ignore_errors=True)
+    return finished_study
 
 
 def plot(
@@ -149,41 +149,43 @@ def plot(
 
     if isinstance(shown, Study):
         if wish or ax is not None or what not in ("", "curves", *small_multiples.PLOTTED_COLUMNS):
-            words = f"a study is drawn as curves, or as one of {', '.join(small_multiples.PLOTTED_COLUMNS)}"
-            raise UsageError(f"{words}: give one of its runs for other panels")
-        families = curve_table.group_folder_curves(
+            problem = f"a study is drawn as curves, or as one of {', '.join(small_multiples.PLOTTED_COLUMNS)}"
+            raise UsageError(f"{problem}: give one of its runs for other panels")
+        curve_groups = curve_table.group_folder_curves(
             shown.directory / folder.RUNS, shown.rows, shown.keys
         )
-        if not families.curves:
+        if not curve_groups.curves:
             raise UsageError(f"{shown.directory} has no run that is done")
-        pictured = curves_figure(families, shown.title)
+        figure_context = curves_figure(curve_groups, shown.title)
         if what in small_multiples.PLOTTED_COLUMNS:
-            pictured = small_multiples.column_figure(families, what, shown.title)
+            figure_context = small_multiples.column_figure(curve_groups, what, shown.title)
     else:
-        several = [shown] if isinstance(shown, Results | str | Path) else list(shown)
-        runs = [one if isinstance(one, Results) else reader.read(one) for one in several]
-        wished = panels.plot_request({"what": _words(what or "force")} | _listed(wish))
+        results = [shown] if isinstance(shown, Results | str | Path) else list(shown)
+        runs = [item if isinstance(item, Results) else reader.read(item) for item in results]
+        request = panels.plot_request(
+            {"what": _split_words(what or "force")} | _normalize_options(wish)
+        )
         if ax is not None:
-            panels.draw_into(ax, runs, wished)
+            panels.draw_into(ax, runs, request)
             return ax.figure
-        pictured = panels.requested_figure(runs, wished)
-    with pictured as figure:
+        figure_context = panels.requested_figure(runs, request)
+    with figure_context as figure:
         figures.apply_layout(figure)
         return figure
 
 
-def _listed(wish: Mapping[str, Any]) -> dict[str, Any]:
+def _normalize_options(wish: Mapping[str, Any]) -> dict[str, Any]:
     """Options of a picture as a command line gives them; UsageError for one that there is none of."""
     if unknown := [name for name in wish if name not in PLOT_OPTIONS]:
         raise UsageError(f"plot has no {unknown[0]}; it has {', '.join(PLOT_OPTIONS)}")
-    said = {name: (value,) if isinstance(value, int) else value for name, value in wish.items()}
+    options = {name: (value,) if isinstance(value, int) else value for name, value in wish.items()}
     return {
-        name: _words(value) if name in ("fields", "steps") else wish[name]
-        for name, value in said.items()
+        name: _split_words(value) if name in ("fields", "steps") else wish[name]
+        for name, value in options.items()
     }
 
 
-def _words(given: str | Sequence[Any]) -> tuple[str, ...]:
+def _split_words(given: str | Sequence[Any]) -> tuple[str, ...]:
     return (
         tuple(word.strip() for word in given.split(","))
         if isinstance(given, str)
@@ -198,7 +200,7 @@ def sensitivities(scene: SceneInput, keys: str | Sequence[str]) -> derivatives.D
     return derivatives.sensitivities(config_of(scene), [keys] if isinstance(keys, str) else keys)
 
 
-def _holds_study(path: str | Path) -> bool:
+def _is_study_file(path: str | Path) -> bool:
     from indent_sim.config.scene_file import read_document
 
     return is_study(read_document(path)[0])

@@ -34,20 +34,25 @@ if TYPE_CHECKING:
     from indent_sim.results.reader import Results
     from indent_sim.run.simulate import Outcome
 
-Form = Literal["text", "json"]  # of what stdout gets
-Told = Literal["all", "warnings"]  # on stderr
-LEVELS = {"all": logging.INFO, "warnings": logging.WARNING}  # of our own messages
-THREADS = (
+OutputFormat = Literal["text", "json"]  # of what stdout gets
+Verbosity = Literal["all", "warnings"]  # on stderr
+LOG_LEVELS = {"all": logging.INFO, "warnings": logging.WARNING}  # of our own messages
+THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
     "MKL_NUM_THREADS",
 )  # more only slow these sizes down
-LISTED = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
+LISTED_SECTIONS = {
+    "materials": "material",
+    "indenters": "indenter",
+    "contact": "contact",
+    "bodies": "body",
+}
 TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
-SCHEMA = "scene.schema.json"  # beside a scene of `init`, whose first line names it
-FEW = 50  # rows of a run, before there is garbage to speak of
+SCHEMA_FILE = "scene.schema.json"  # beside a scene of `init`, whose first line names it
+ROWS_WITHOUT_GC = 50  # rows of a run, before there is garbage to speak of
 # in click's context: json where --json was given, also where the command refuses it
-FORM = "indent_sim.form"
+FORMAT_KEY = "indent_sim.form"
 
 
 class Program(click.Group):
@@ -57,7 +62,7 @@ class Program(click.Group):
         """One BLAS thread and no plugins of pydantic, which it searches every package for, unless
         the user says otherwise; must be said before numpy and pydantic are loaded.
         """
-        for name in (*THREADS, "PYDANTIC_DISABLE_PLUGINS"):
+        for name in (*THREAD_VARIABLES, "PYDANTIC_DISABLE_PLUGINS"):
             os.environ.setdefault(name, "1")
         _open_closed_streams()
         return super().main(*args, **options)
@@ -66,14 +71,14 @@ class Program(click.Group):
         self, info_name: str | None, args: list[str], *rest: Any, **extra: Any
     ) -> click.Context:
         """Read the words before the command."""
-        form: Form = (
+        form: OutputFormat = (
             "json" if "--json" in (args[: args.index("--")] if "--" in args else args) else "text"
         )
         try:
             ctx = super().make_context(info_name, args, *rest, **extra)
         except click.ClickException as error:
-            refuse(error, form)
-        ctx.meta[FORM] = form
+            exit_with_usage_error(error, form)
+        ctx.meta[FORMAT_KEY] = form
         return ctx
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -84,11 +89,11 @@ class Program(click.Group):
             with translate_resource_errors():
                 return super().invoke(ctx)
         except click.ClickException as error:
-            refuse(error, ctx.meta[FORM])
+            exit_with_usage_error(error, ctx.meta[FORMAT_KEY])
         except (click.exceptions.Exit, click.Abort):
             raise
         except (Exception, KeyboardInterrupt) as error:
-            ctx.exit(explain(error))
+            ctx.exit(report_failure(error))
 
 
 def _open_closed_streams() -> None:
@@ -103,78 +108,80 @@ def _open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
 
 
-def refuse(error: click.ClickException, form: Form) -> NoReturn:
+def exit_with_usage_error(error: click.ClickException, form: OutputFormat) -> NoReturn:
     """End as click does after a word or option that is none, with a JSON object where one was asked
     for.
     """
     if form == "json":
-        say_failure(error, error.exit_code, UsageError.__name__)
+        print_failure(error, error.exit_code, UsageError.__name__)
     error.show()
     raise click.exceptions.Exit(error.exit_code) from error
 
 
-def explain(error: BaseException) -> int:
+def report_failure(error: BaseException) -> int:
     """Say why the program ends, on stderr and, with --json, in an object on stdout; returns the
     exit code.
     """
     code = getattr(error, "exit_code", 130 if isinstance(error, KeyboardInterrupt) else 1)
     if isinstance(error, KeyboardInterrupt):
-        tell(str(error) or "interrupted")
+        print_stderr(str(error) or "interrupted")
     elif isinstance(error, IndentSimError):
-        tell(str(error) if isinstance(error, ConfigError) else f"error: {error}")
+        print_stderr(str(error) if isinstance(error, ConfigError) else f"error: {error}")
     else:
         trace = "".join(traceback.format_exception(error))
-        tell(f"{trace}this is a bug in indent-sim; please report it with the traceback above")
+        print_stderr(
+            f"{trace}this is a bug in indent-sim; please report it with the traceback above"
+        )
     ctx = click.get_current_context(silent=True)
-    if ctx is not None and ctx.meta.get(FORM) == "json":
-        say_failure(error, code, type(error).__name__)
+    if ctx is not None and ctx.meta.get(FORMAT_KEY) == "json":
+        print_failure(error, code, type(error).__name__)
     return int(code)
 
 
-def say_json(found: Any) -> None:
+def print_json(value: Any) -> None:
     """Print as JSON to stdout."""
     from indent_sim.results.writer import to_json
 
-    say(to_json(found))
+    print_stdout(to_json(value))
 
 
-def say_done(found: dict[str, Any]) -> None:
+def print_done(entries: dict[str, Any]) -> None:
     """The JSON object of a command that is done."""
-    say_json({"status": "done", "exit_code": 0} | found)
+    print_json({"status": "done", "exit_code": 0} | entries)
 
 
-def say_failure(error: BaseException, code: int, kind: str) -> None:
+def print_failure(error: BaseException, code: int, kind: str) -> None:
     """The JSON object of a command that failed; what it found before (`beside`) stands in it too."""
     status = "interrupted" if code > 128 else "failed"
-    found = {
+    failure = {
         "status": status,
         "exit_code": code,
-        "error": described(error, kind),
+        "error": error_as_json(error, kind),
         **getattr(error, "beside", {}),
     }
     if isinstance(error, errors.ConfigErrors):
-        found["errors"] = [described(one, kind) for one in error.errors]
+        failure["errors"] = [error_as_json(part, kind) for part in error.errors]
     with suppress(errors.NotConverged):  # a full disk: the exit code tells
-        say_json(found)
+        print_json(failure)
 
 
-def described(error: BaseException, kind: str) -> dict[str, Any]:
+def error_as_json(error: BaseException, kind: str) -> dict[str, Any]:
     """An error as JSON: type, message, and for one of config or usage where it is and what would be
     right, if known.
     """
     message = error.format_message() if isinstance(error, click.ClickException) else str(error)
-    place: dict[str, Any] = dict.fromkeys(("file", "line", "key", "remedy"))
+    location: dict[str, Any] = dict.fromkeys(("file", "line", "key", "remedy"))
     if isinstance(error, ConfigError | UsageError):
         message = printable(error.problem)
-        place = {name: getattr(error, name, None) or None for name in place}
+        location = {name: getattr(error, name, None) or None for name in location}
     return {
         "type": kind.removesuffix("s") if kind == "ConfigErrors" else kind,
         "message": message,
-        **place,
+        **location,
     }
 
 
-def say(text: str) -> None:
+def print_stdout(text: str) -> None:
     """Print to stdout; that nobody listens any more is no error, that it is lost for lack of space
     is one.
     """
@@ -190,7 +197,7 @@ def say(text: str) -> None:
             ) from error
 
 
-def tell(text: str) -> None:
+def print_stderr(text: str) -> None:
     """Print to stderr; that nobody listens any more, or that it fills a disk, is no error.
 
     File names and titles are in it: what would control the terminal is shown, not sent.
@@ -201,7 +208,7 @@ def tell(text: str) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
-class Number(click.FloatRange):
+class NumberInRange(click.FloatRange):
     """A number in a range; NaN, which compares with nothing, is in none."""
 
     def convert(
@@ -213,14 +220,14 @@ class Number(click.FloatRange):
 
 
 PATH = click.Path(path_type=Path)
-BELOW_ONE = Number(0, 1, min_open=True, max_open=True)
+FRACTION = NumberInRange(0, 1, min_open=True, max_open=True)
 OVERWRITE_HELP = (
     "Replace what the folder holds: another CONFIG's run, or a finished run of another scene."
 )
 SET_HELP = "Replace one key, e.g. contact.method=penalty."
 
 
-def _keys(ctx: click.Context, option: click.Parameter, begun: str) -> list[str]:
+def _complete_keys(ctx: click.Context, option: click.Parameter, typed_text: str) -> list[str]:
     """Keys of a scene that begin so, as a shell completes them."""
     from indent_sim.config.schema import file_order, sections
 
@@ -231,37 +238,39 @@ def _keys(ctx: click.Context, option: click.Parameter, begun: str) -> list[str]:
         for kind in kinds[section]
         for name in file_order(kind)
     }
-    return sorted(key for key in keys if key.startswith(begun))
+    return sorted(key for key in keys if key.startswith(typed_text))
 
 
-def _fields(ctx: click.Context, option: click.Parameter, begun: str) -> list[str]:
+def _complete_fields(ctx: click.Context, option: click.Parameter, typed_text: str) -> list[str]:
     """Fields that go on with what is begun, behind its last comma."""
     from indent_sim.results.pictures.fields import FIELDS
 
-    before, comma, word = begun.rpartition(",")
+    before, comma, word = typed_text.rpartition(",")
     return [f"{before}{comma}{name}" for name in FIELDS if name.startswith(word)]
 
 
-SET: dict[str, Any] = {
+SET_ATTRIBUTES: dict[str, Any] = {
     "multiple": True,
     "metavar": "KEY=VALUE",
-    "shell_complete": _keys,
+    "shell_complete": _complete_keys,
     "help": SET_HELP,
 }
-set_option = click.option("--set", "overrides", **SET)
+set_option = click.option("--set", "overrides", **SET_ATTRIBUTES)
 
 
-def _shard(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[int, int] | None:
+def _parse_shard(
+    ctx: click.Context, option: click.Parameter, text: str | None
+) -> tuple[int, int] | None:
     """I/N as two numbers."""
     if text is None:
         return None
-    part, slash, parts = text.partition("/")
-    if not (slash and part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+    index, slash, count = text.partition("/")
+    if not (slash and index.isdecimal() and count.isdecimal() and 1 <= int(index) <= int(count)):
         raise click.BadParameter(f"'{text}' is not I/N with 1 <= I <= N, for example 2/8")
-    return int(part), int(parts)
+    return int(index), int(count)
 
 
-def _words(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[str, ...]:
+def _parse_words(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[str, ...]:
     """Words with commas between them."""
     words = tuple(word.strip() for word in (text or "").split(",")) if text is not None else ()
     if not all(words):
@@ -269,9 +278,9 @@ def _words(ctx: click.Context, option: click.Parameter, text: str | None) -> tup
     return words
 
 
-def _pairs(ctx: click.Context, option: click.Parameter, text: str | None) -> dict[str, str]:
+def _parse_pairs(ctx: click.Context, option: click.Parameter, text: str | None) -> dict[str, str]:
     """NAME=VALUE with commas between them."""
-    pairs = [word.partition("=") for word in _words(ctx, option, text)]
+    pairs = [word.partition("=") for word in _parse_words(ctx, option, text)]
     if wrong := next(
         (name for name, equals, value in pairs if not (name.strip() and equals and value.strip())),
         None,
@@ -280,7 +289,7 @@ def _pairs(ctx: click.Context, option: click.Parameter, text: str | None) -> dic
     return {name.strip(): value.strip() for name, _, value in pairs}
 
 
-def _layout(
+def _parse_layout(
     ctx: click.Context, option: click.Parameter, text: str | None
 ) -> tuple[int, int] | None:
     """ROWSxCOLUMNS as two numbers."""
@@ -292,7 +301,7 @@ def _layout(
     return int(rows), int(columns)
 
 
-def _limits(
+def _parse_limits(
     ctx: click.Context, option: click.Parameter, text: str | None
 ) -> tuple[float, float] | None:
     """A:B as two numbers."""
@@ -305,7 +314,7 @@ def _limits(
     return low, high
 
 
-def _zoom(ctx: click.Context, option: click.Parameter, text: str | None) -> float | None:
+def _parse_zoom(ctx: click.Context, option: click.Parameter, text: str | None) -> float | None:
     """Contact radii around the tip, infinitely many for `all`."""
     try:
         radii = None if text is None else float("inf") if text == "all" else float(text)
@@ -316,18 +325,18 @@ def _zoom(ctx: click.Context, option: click.Parameter, text: str | None) -> floa
     return radii
 
 
-def _tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[str, float]:
+def _parse_tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[str, float]:
     """X for all columns, under "", and COLUMN=X for one."""
-    found: dict[str, float] = {}
-    for word in _words(ctx, option, text):
+    tolerances: dict[str, float] = {}
+    for word in _parse_words(ctx, option, text):
         name, _, value = word.rpartition("=")
         try:
-            found[name.strip()] = tolerance = float(value)
+            tolerances[name.strip()] = tolerance = float(value)
         except ValueError:
             raise click.BadParameter(f"'{word}' is not a number, nor COLUMN=NUMBER") from None
         if not 0 <= tolerance <= 1:
             raise click.BadParameter(f"'{word}' is not in the range from 0 to 1")
-    return found
+    return tolerances
 
 
 WHAT_HELP = (
@@ -342,14 +351,14 @@ DESIGN_HELP = (
     "Before a measurement: what a curve of this scene would tell of the keys; needs --noise."
 )
 NOISE_HELP = "With --design: deviation of a sample's force over the largest force."
-DESIGNED_POINTS = 300
+DESIGN_POINTS = 300
 WITHIN_HELP = "Relative error of the force that is accepted."
 COLUMNS_HELP = "Columns, by title or number from 1."
 columns_option = click.option(
-    "--columns", callback=_words, metavar="DEPTH,FORCE[,TIME]", help=COLUMNS_HELP
+    "--columns", callback=_parse_words, metavar="DEPTH,FORCE[,TIME]", help=COLUMNS_HELP
 )
 UNITS_HELP = "Units where a file says none, e.g. length=m,force=N."
-units_option = click.option("--units", callback=_pairs, help=UNITS_HELP)
+units_option = click.option("--units", callback=_parse_pairs, help=UNITS_HELP)
 QUIET_HELP = "Warnings and errors alone on stderr, no progress."
 quiet_option = click.option(
     "--quiet", "told", flag_value="warnings", default="all", help=QUIET_HELP
@@ -386,25 +395,25 @@ def run(
     config: Path,
     overrides: tuple[str, ...],
     output: Path | None,
-    told: Told,
-    form: Form,
+    told: Verbosity,
+    form: OutputFormat,
     **how: bool,
 ) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
-    with _without_garbage():
+    with _pause_garbage_collector():
         with raise_on_signals():
             require_resources()
             from indent_sim.config.scene_file import load
             from indent_sim.process.ranks import run_on_root
 
             read = cache(partial(load, config, overrides))
-            comm = _world() if _starts_mesher(read) else SerialComm()
-        with together(comm), raise_on_signals(comm.rank):
+            comm = _world_communicator() if _start_mesher(read) else SerialComm()
+        with abort_all_ranks_together(comm), raise_on_signals(comm.rank):
             settings = comm.bcast(run_on_root(comm, read))
             directory = output or Path(settings.output.directory or Path("results") / config.stem)
             outcome = _simulate(settings, comm, directory, told, **how)
         if comm.rank == 0:
-            _conclude(outcome, form, told)
+            _print_conclusion(outcome, form, told)
 
 
 @program.command()
@@ -417,7 +426,7 @@ def run(
 )
 @click.option(
     "--shard",
-    callback=_shard,
+    callback=_parse_shard,
     metavar="I/N",
     help="Do only every N-th run, from the I-th on; no table.",
 )
@@ -431,22 +440,32 @@ def run(
 @click.option("--output", type=PATH, help="Folder of the study [results/<STUDY's stem>].")
 @quiet_option
 @json_option
-def study(file: Path, told: Told, form: Form, **how: Any) -> None:
+def study(file: Path, told: Verbosity, form: OutputFormat, **how: Any) -> None:
     """Vary one scene: many runs, one table of what accuracy costs. Prints the folder."""
-    _refuse_ranks()
+    _refuse_parallel_run()
     require_resources()
     from indent_sim import studies
 
-    with _quiet_libraries(LEVELS[told]), raise_on_signals():
-        done = studies.execute_study(
-            file, tell=tell if told == "all" else (lambda line: None), **how
+    with _quiet_libraries(LOG_LEVELS[told]), raise_on_signals():
+        finished_study = studies.execute_study(
+            file, tell=print_stderr if told == "all" else (lambda line: None), **how
         )
-    say_done(studies.as_json(done)) if form == "json" else say(str(done.directory))
-    board = [terminal.scoreboard(done.scoreboard)] if done.scoreboard else []
-    for line in (*board, *done.notes, *done.recommendations) if told == "all" else ():
-        tell(line)
-    if done.failures:
-        tell(f"{len(done.failures)} of {len(done.rows)} runs failed; their rows say why")
+    print_done(studies.as_json(finished_study)) if form == "json" else print_stdout(
+        str(finished_study.directory)
+    )
+    scoreboard_lines = (
+        [terminal.scoreboard_text(finished_study.scoreboard)] if finished_study.scoreboard else []
+    )
+    for line in (
+        (*scoreboard_lines, *finished_study.notes, *finished_study.recommendations)
+        if told == "all"
+        else ()
+    ):
+        print_stderr(line)
+    if finished_study.failures:
+        print_stderr(
+            f"{len(finished_study.failures)} of {len(finished_study.rows)} runs failed; their rows say why"
+        )
 
 
 @program.command()
@@ -456,7 +475,7 @@ def study(file: Path, told: Told, form: Form, **how: Any) -> None:
     "--error-bars", is_flag=True, help="Count what `run --error-bars` solves beside a scene."
 )
 @json_option
-def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Form) -> None:
+def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: OutputFormat) -> None:
     """Say what would be modelled, and why; of a study its runs and what they cost.
 
     Writes nothing.
@@ -468,18 +487,18 @@ def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Form)
 
     planned = plan_with_cost(load(config, overrides), error_bars)
     if form == "json":
-        return say_done(planned.plan.as_json())
-    say(terminal.plan(planned, _width()))
+        return print_done(planned.plan.as_json())
+    print_stdout(terminal.plan_text(planned, _terminal_width()))
     for line in planned.scene.notes:
-        say(line)
+        print_stdout(line)
     for warning in planned.plan.warnings:
-        tell(f"warning: {warning}")
+        print_stderr(f"warning: {warning}")
 
 
 @program.command()
 @click.argument("config", type=PATH)
 @set_option
-@click.option("--within", type=BELOW_ONE, default=0.01, show_default=True, help=WITHIN_HELP)
+@click.option("--within", type=FRACTION, default=0.01, show_default=True, help=WITHIN_HELP)
 @click.option(
     "--curve", metavar="FILE", type=PATH, help="Measured curve that says depth and modulus."
 )
@@ -491,7 +510,7 @@ def require(
     overrides: tuple[str, ...],
     within: float,
     curve: Path | None,
-    form: Form,
+    form: OutputFormat,
     **read: Any,
 ) -> None:
     """Say what a scene requires: every effect in per cent of the force. Writes nothing.
@@ -500,7 +519,7 @@ def require(
     at the depth of a measurement, with the other models of that curve: which is needed, which is
     not excluded and what it would give.
     """
-    _refuse_ranks()
+    _refuse_parallel_run()
     require_resources()
     from indent_sim.config.scene_file import load
     from indent_sim.run.model_selection import recommended_model
@@ -509,20 +528,22 @@ def require(
         raise UsageError("--columns and --units belong to --curve FILE")
     with _quiet_libraries(logging.ERROR), raise_on_signals():
         if curve is not None:
-            return _require_of_curve(load(config, overrides), curve, within, read, form)
-        found = recommended_model.require(load(config, overrides), within)
-    say_done(found.as_json()) if form == "json" else say(terminal.requirements(found, _width()))
+            return _print_curve_requirements(load(config, overrides), curve, within, read, form)
+        requirements = recommended_model.require(load(config, overrides), within)
+    print_done(requirements.as_json()) if form == "json" else print_stdout(
+        terminal.requirements_text(requirements, _terminal_width())
+    )
 
 
-def _require_of_curve(
-    config: Config, curve: Path, within: float, read: dict[str, Any], form: Form
+def _print_curve_requirements(
+    config: Config, curve: Path, within: float, read: dict[str, Any], form: OutputFormat
 ) -> None:
     """What a scene requires for a measured curve."""
     from indent_sim.fitting.curve_requirements import require_for_curve
 
-    found = require_for_curve(config, curve, within, _reading(**read))
-    say_done(found.as_json()) if form == "json" else say(
-        terminal.curve_requirements(found, _width())
+    requirements = require_for_curve(config, curve, within, _reading_options(**read))
+    print_done(requirements.as_json()) if form == "json" else print_stdout(
+        terminal.curve_requirements_text(requirements, _terminal_width())
     )
 
 
@@ -530,7 +551,7 @@ def _require_of_curve(
 @click.argument("curves", metavar="CURVE_OR_FOLDER...", nargs=-1, type=PATH)
 @click.option("--scene", type=PATH, help="Scene that is the model; its loading does not matter.")
 @click.option("--design", "designed", metavar="SCENE", type=PATH, help=DESIGN_HELP)
-@click.option("--noise", type=Number(0, 1, min_open=True), metavar="X", help=NOISE_HELP)
+@click.option("--noise", type=NumberInRange(0, 1, min_open=True), metavar="X", help=NOISE_HELP)
 @click.option(
     "--points",
     type=click.IntRange(30, 100_000),
@@ -556,7 +577,10 @@ def _require_of_curve(
     help=SEGMENT_HELP,
 )
 @click.option(
-    "--contact-point", type=Number(), metavar="X", help="Depth of first touch, where it is known."
+    "--contact-point",
+    type=NumberInRange(),
+    metavar="X",
+    help="Depth of first touch, where it is known.",
 )
 @click.option(
     "--no-slope", "baseline", flag_value="level", default="tilted", help="The baseline is level."
@@ -575,7 +599,11 @@ def _require_of_curve(
 @quiet_option
 @json_option
 def fit(
-    curves: tuple[Path, ...], told: Told, form: Form, overrides: tuple[str, ...], **how: Any
+    curves: tuple[Path, ...],
+    told: Verbosity,
+    form: OutputFormat,
+    overrides: tuple[str, ...],
+    **how: Any,
 ) -> None:
     """Fit keys of a scene to measured curves: text tables of any kind, AFM files.
 
@@ -585,32 +613,40 @@ def fit(
     curves that lack a row. With --design nothing is measured yet: the intervals that a curve of the
     scene would give, and what would help.
     """
-    _refuse_ranks()
+    _refuse_parallel_run()
     require_resources()
     from indent_sim.config.scene_file import load
 
     scene, designed, noise, points = (
         how.pop(name) for name in ("scene", "designed", "noise", "points")
     )
-    _refuse_mixed(curves, scene, designed, noise, points)
+    _refuse_mixed_options(curves, scene, designed, noise, points)
     if designed:
-        with _quiet_libraries(LEVELS[told]), raise_on_signals():
-            return _design(
-                load(designed, overrides), how["keys"], noise, points or DESIGNED_POINTS, form
+        with _quiet_libraries(LOG_LEVELS[told]), raise_on_signals():
+            return _print_design(
+                load(designed, overrides), how["keys"], noise, points or DESIGN_POINTS, form
             )
     output = how.pop("output") or Path("results") / f"fit-{curves[0].resolve().stem}"
-    with _quiet_libraries(LEVELS[told]), raise_on_signals():
-        fits = _fit(
-            curves, load(scene, overrides), output, tell if told == "all" else _silent, **how
+    with _quiet_libraries(LOG_LEVELS[told]), raise_on_signals():
+        fits = _fit_curves(
+            curves,
+            load(scene, overrides),
+            output,
+            print_stderr if told == "all" else _discard_line,
+            **how,
         )
     if fits.exit_code:
-        none = errors.NotConverged(f"no curve was fitted; the first: {fits.entries[0]['reason']}")
-        none.partial_result = fits.as_json()
-        raise none
-    say_done({"directory": output} | fits.as_json()) if form == "json" else say(str(output))
+        failure = errors.NotConverged(
+            f"no curve was fitted; the first: {fits.entries[0]['reason']}"
+        )
+        failure.partial_result = fits.as_json()
+        raise failure
+    print_done({"directory": output} | fits.as_json()) if form == "json" else print_stdout(
+        str(output)
+    )
 
 
-def _refuse_mixed(
+def _refuse_mixed_options(
     curves: tuple[Path, ...],
     scene: Path | None,
     designed: Path | None,
@@ -637,19 +673,23 @@ def _refuse_mixed(
         )
 
 
-def _design(config: Config, keys: tuple[str, ...], noise: float, points: int, form: Form) -> None:
+def _print_design(
+    config: Config, keys: tuple[str, ...], noise: float, points: int, form: OutputFormat
+) -> None:
     """What a measurement of a scene would tell."""
     from indent_sim.fitting import design
 
-    found = design.design_measurement(config, keys, noise, points)
-    say_done(found.as_json()) if form == "json" else say(terminal.design(found))
+    measurement_design = design.design_measurement(config, keys, noise, points)
+    print_done(measurement_design.as_json()) if form == "json" else print_stdout(
+        terminal.design_text(measurement_design)
+    )
 
 
-def _silent(line: str) -> None:
+def _discard_line(line: str) -> None:
     """Say nothing."""
 
 
-def _fit(
+def _fit_curves(
     curves: tuple[Path, ...],
     config: Config,
     output: Path,
@@ -661,13 +701,13 @@ def _fit(
     from indent_sim.fitting.curve_fit import FitRequest
     from indent_sim.fitting.inference.estimate import OriginOptions
 
-    reading = _reading(how["columns"], how["units"])
+    reading = _reading_options(how["columns"], how["units"])
     origin = OriginOptions(how["contact_point"], how["baseline"] == "tilted")
     request = FitRequest(config, how["keys"], how["segment"], origin, how["models"])
     return fit_folder.fit_curves(curves, request, output, reading, how["jobs"], say_line)
 
 
-def _reading(columns: tuple[str, ...], units: dict[str, str]) -> ReadOptions:
+def _reading_options(columns: tuple[str, ...], units: dict[str, str]) -> ReadOptions:
     """How files of curves are read, by the options of the command line."""
     from indent_sim.fitting.fit_folder import ReadOptions
 
@@ -685,18 +725,20 @@ def _reading(columns: tuple[str, ...], units: dict[str, str]) -> ReadOptions:
 @click.argument("second", metavar="B", type=PATH)
 @click.option(
     "--rtol",
-    callback=_tolerances,
+    callback=_parse_tolerances,
     metavar=TOLERANCE_FORM,
     default="1e-6",
     show_default=True,
     help=RTOL_HELP,
 )
 @click.option(
-    "--columns", callback=_words, help="Columns to compare [delta,force,a and those of --rtol]."
+    "--columns",
+    callback=_parse_words,
+    help="Columns to compare [delta,force,a and those of --rtol].",
 )
 @json_option
 def compare(
-    first: Path, second: Path, rtol: dict[str, float], columns: tuple[str, ...], form: Form
+    first: Path, second: Path, rtol: dict[str, float], columns: tuple[str, ...], form: OutputFormat
 ) -> None:
     """Compare two results row by row. Exit code 6 when they differ.
 
@@ -708,50 +750,59 @@ def compare(
 
     comparison = compare.compare(first, second, rtol, columns or None)
     if form == "text":
-        say(terminal.comparison(comparison))
+        print_stdout(terminal.comparison_text(comparison))
     try:
         comparison.check()
     except errors.VerificationError as different:
         different.partial_result = comparison.as_json()
         raise
     if form == "json":
-        say_done(comparison.as_json())
+        print_done(comparison.as_json())
 
 
 @program.command()
 @click.argument("paths", metavar="RESULT_OR_CURVE...|STUDY", nargs=-1, required=True, type=PATH)
-@click.option("--what", callback=_words, help=WHAT_HELP)
+@click.option("--what", callback=_parse_words, help=WHAT_HELP)
 @click.option(
     "--field",
     "fields",
-    callback=_words,
-    shell_complete=_fields,
+    callback=_parse_words,
+    shell_complete=_complete_fields,
     help="Fields, with commas [von_mises].",
 )
 @click.option(
-    "--steps", callback=_words, help="Steps with commas, last or all [that of the largest force]."
+    "--steps",
+    callback=_parse_words,
+    help="Steps with commas, last or all [that of the largest force].",
 )
-@click.option("--units", callback=_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa.")
-@click.option("--width", type=Number(30, 1000), metavar="MM", help="Width of the picture in mm.")
+@click.option(
+    "--units", callback=_parse_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa."
+)
+@click.option(
+    "--width", type=NumberInRange(30, 1000), metavar="MM", help="Width of the picture in mm."
+)
 @click.option(
     "--layout",
-    callback=_layout,
+    callback=_parse_layout,
     metavar="ROWSxCOLUMNS",
     help="All panels in rows and columns, e.g. 1x3.",
 )
 @click.option("--letters", flag_value="a", default="", help="Name the panels (a), (b), ...")
 @click.option(
-    "--dpi", type=Number(20, 2400), metavar="N", help="Points to the inch [160; of a PDF 300]."
+    "--dpi",
+    type=NumberInRange(20, 2400),
+    metavar="N",
+    help="Points to the inch [160; of a PDF 300].",
 )
-@click.option("--limits", callback=_limits, metavar="A:B", help=LIMITS_HELP)
+@click.option("--limits", callback=_parse_limits, metavar="A:B", help=LIMITS_HELP)
 @click.option(
     "--zoom",
-    callback=_zoom,
+    callback=_parse_zoom,
     metavar="X|all",
     help="Contact radii around the tip, or the whole body.",
 )
 @click.option(
-    "--font-size", "font", type=Number(4, 40), metavar="PT", help="Font size in points [10]."
+    "--font-size", "font", type=NumberInRange(4, 40), metavar="PT", help="Font size in points [10]."
 )
 @click.option(
     "--output", type=PATH, help="Picture to write: .png, .svg or .pdf; or the force curve: .tab."
@@ -774,30 +825,30 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
     from indent_sim.results.folder import folder_kind
     from indent_sim.results.pictures import figures, panels
 
-    given = {name: value for name, value in wish.items() if value}
+    options = {name: value for name, value in wish.items() if value}
     if any(path.is_dir() and folder_kind(path) == "study" for path in paths):
-        return _plot_study(paths, output, given)
-    wanted = panels.plot_request(given) if given else None
+        return _plot_study(paths, output, options)
+    request = panels.plot_request(options) if options else None
     runs = [reader.read(path) for path in paths]
     if output is not None and output.suffix.lower() == ".tab":
-        return _write_tab(runs, given, output)
+        return _write_tab(runs, options, output)
     if output is None:
         first = paths[0] if paths[0].is_dir() else paths[0].parent
         output = (first if len(paths) == 1 else Path()) / (
-            wanted.file_name if wanted else figures.FORCE_PICTURE
+            request.file_name if request else figures.FORCE_PICTURE
         )
         figures.refuse_foreign_picture(output)
     try:
-        panels.draw(runs, wanted, output) if wanted else panels.draw_results(runs, output)
+        panels.draw(runs, request, output) if request else panels.draw_results(runs, output)
     except OSError as error:
         raise write_error(output, error) from error
-    say(str(output))
+    print_stdout(str(output))
 
 
-OF_STUDY = ("what", "dpi")  # options of a picture that one of a study heeds
+STUDY_PLOT_OPTIONS = ("what", "dpi")  # options of a picture that one of a study heeds
 
 
-def _plot_study(paths: Sequence[Path], output: Path | None, given: dict[str, Any]) -> None:
+def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, Any]) -> None:
     """Draw the curves of a study, or a column of its table over what varies."""
     from indent_sim.results.folder import RUNS
     from indent_sim.results.pictures import figures
@@ -805,41 +856,42 @@ def _plot_study(paths: Sequence[Path], output: Path | None, given: dict[str, Any
 
     if len(paths) > 1:
         raise UsageError("a study is drawn by itself", "name one study, or folders of runs alone")
-    if unheeded := [name for name in given if name not in OF_STUDY]:
+    if unused_options := [name for name in options if name not in STUDY_PLOT_OPTIONS]:
         raise UsageError(
-            f"the picture of a study heeds no {unheeded[0]}", "there are --what, --dpi and --output"
+            f"the picture of a study heeds no {unused_options[0]}",
+            "there are --what, --dpi and --output",
         )
     folder = paths[0]
-    (word, *more) = given.get("what", ("curves",))
-    if more or word not in ("curves", *small_multiples.PLOTTED_COLUMNS):
+    (panel, *further_panels) = options.get("what", ("curves",))
+    if further_panels or panel not in ("curves", *small_multiples.PLOTTED_COLUMNS):
         raise UsageError(
             f"--what of a study is one of curves, {', '.join(small_multiples.PLOTTED_COLUMNS)}"
         )
     record, rows = study_report.read_study_folder(folder)
-    families = curve_table.group_folder_curves(folder / RUNS, rows, record["keys"])
-    if not families.curves:
+    curve_groups = curve_table.group_folder_curves(folder / RUNS, rows, record["keys"])
+    if not curve_groups.curves:
         raise UsageError(f"{folder} has no run that is done")
     title = str(record.get("title") or folder.resolve().name)
     if output is None:
-        output = folder / f"{word}.png"
+        output = folder / f"{panel}.png"
         figures.refuse_foreign_picture(output)
-    drawn = study_picture.curves_figure(families, title)
-    if word != "curves":
-        drawn = small_multiples.column_figure(families, word, title)
+    figure_context = study_picture.curves_figure(curve_groups, title)
+    if panel != "curves":
+        figure_context = small_multiples.column_figure(curve_groups, panel, title)
     try:
-        with drawn as figure:
-            figures.save(figure, output, given.get("dpi"))
+        with figure_context as figure:
+            figures.save(figure, output, options.get("dpi"))
     except OSError as error:
         raise write_error(output, error) from error
-    say(str(output))
+    print_stdout(str(output))
 
 
-def _write_tab(runs: list[Results], given: dict[str, Any], output: Path) -> None:
+def _write_tab(runs: list[Results], options: dict[str, Any], output: Path) -> None:
     """Write the force curve of a result as a .tab file."""
     from indent_sim.results.folder import write_atomically
     from indent_sim.results.measured.tab_file import tab_text
 
-    if given or len(runs) > 1:
+    if options or len(runs) > 1:
         raise UsageError(
             f"{output}: a .tab file holds the force curve of one result",
             "leave the other options out",
@@ -848,7 +900,7 @@ def _write_tab(runs: list[Results], given: dict[str, Any], output: Path) -> None
         write_atomically(output, tab_text(runs[0]))
     except OSError as error:
         raise write_error(output, error) from error
-    say(str(output))
+    print_stdout(str(output))
 
 
 @program.command()
@@ -881,13 +933,13 @@ def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> N
         raise UsageError(f"{output}: a report ends in {', '.join(reports.REPORT_FORMATS)}")
     if beside:
         reports.refuse_foreign_crate(folder)
-    reports.write(_page_of(folder), output)
+    reports.write(_report_page(folder), output)
     if beside:
-        reports.write_crate(folder, _own_names(folder))
-    say(str(output))
+        reports.write_crate(folder, _own_file_names(folder))
+    print_stdout(str(output))
 
 
-def _own_names(folder: Path) -> Sequence[str]:
+def _own_file_names(folder: Path) -> Sequence[str]:
     """Names of what this program writes into a folder of this kind."""
     from indent_sim.results.folder import FIELDS_FOLDER, RESULT_FILES, folder_kind
 
@@ -903,7 +955,7 @@ def _own_names(folder: Path) -> Sequence[str]:
     return (*RESULT_FILES, FIELDS_FOLDER)
 
 
-def _page_of(folder: Path) -> str:
+def _report_page(folder: Path) -> str:
     """The report of what a folder holds."""
     from indent_sim.results import html_report as reports
     from indent_sim.results.folder import folder_kind
@@ -946,20 +998,22 @@ def init(kind: str, output: Path | None) -> None:
         write_atomically(
             output, (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_bytes()
         )
-        described = output.parent / SCHEMA
-        if kind != "study" and not os.path.lexists(described):
-            write_atomically(described, to_json(json_schema()) + "\n")
+        schema_path = output.parent / SCHEMA_FILE
+        if kind != "study" and not os.path.lexists(schema_path):
+            write_atomically(schema_path, to_json(json_schema()) + "\n")
     except OSError as error:
         raise write_error(output, error) from error
-    say(str(output))
+    print_stdout(str(output))
 
 
 @program.command("list")
-@click.argument("kind", type=click.Choice(list(LISTED)), required=False)
+@click.argument("kind", type=click.Choice(list(LISTED_SECTIONS)), required=False)
 def list_(kind: str | None) -> None:
     """What a scene can be made of, with parameters and units."""
-    kinds = [kind] if kind else list(LISTED)
-    say("\n\n".join(f"{name}\n{terminal.listed(LISTED[name])}" for name in kinds))
+    kinds = [kind] if kind else list(LISTED_SECTIONS)
+    print_stdout(
+        "\n\n".join(f"{name}\n{terminal.section_text(LISTED_SECTIONS[name])}" for name in kinds)
+    )
 
 
 @program.command()
@@ -967,25 +1021,25 @@ def schema() -> None:
     """JSON Schema of the scene file, for editors."""
     from indent_sim.config.json_schema import json_schema
 
-    say_json(json_schema())
+    print_json(json_schema())
 
 
 @program.command()
 @json_option
-def doctor(form: Form) -> None:
+def doctor(form: OutputFormat) -> None:
     """Versions and health of the installation. Exit code 7 when something needed is broken."""
     from indent_sim.cli import doctor as health
 
-    checks = health.examine()
+    checks = health.check_installation()
     broken = [check.name for check in checks if check.verdict == "broken"]
     if form == "text":
-        say("\n".join(map(str, checks)))
+        print_stdout("\n".join(map(str, checks)))
     if broken:
         error = errors.BackendError(f"missing or broken: {', '.join(broken)}")
         error.partial_result = {"checks": checks}
         raise error
     if form == "json":
-        say_done({"checks": checks})
+        print_done({"checks": checks})
 
 
 def main() -> None:
@@ -997,7 +1051,7 @@ def main() -> None:
 # ---------------------------------------------------------------------------------
 
 
-def _starts_mesher(read: Callable[[], Config]) -> bool:
+def _start_mesher(read: Callable[[], Config]) -> bool:
     """Fork the process that meshes on rank 0, before MPI is up, unless theory solves; whether ranks
     are to be met.
     """
@@ -1008,7 +1062,7 @@ def _starts_mesher(read: Callable[[], Config]) -> bool:
 
 
 @contextmanager
-def _without_garbage() -> Iterator[None]:
+def _pause_garbage_collector() -> Iterator[None]:
     """No search for garbage: loading libraries makes a hundred thousand objects, of which none is;
     a twentieth of a small run. Who makes many ends it.
     """
@@ -1022,72 +1076,80 @@ def _without_garbage() -> Iterator[None]:
         gc.enable()
 
 
-def _world() -> Any:
+def _world_communicator() -> Any:
     from indent_sim.run.simulate import mpi
 
     return mpi().COMM_WORLD
 
 
-def _refuse_ranks() -> None:
+def _refuse_parallel_run() -> None:
     """A study forks its runs off, which a process that takes part in MPI must not do; so only
     mpirun is asked.
     """
     from indent_sim.process.ranks import is_parallel
 
     if is_parallel():
-        with together(_world()):
+        with abort_all_ranks_together(_world_communicator()):
             raise UsageError(
                 "a study runs on one rank; start it without mpirun, and split it with --shard"
             )
 
 
 @contextmanager
-def together(comm: Any) -> Iterator[None]:
+def abort_all_ranks_together(comm: Any) -> Iterator[None]:
     """All ranks leave the block with the same exit code, and one says why: rank 0, or who fails
     where it does not.
 
     A rank that fails where the others do not (a bug, a signal) takes them all down.
     """
-    meeting = FailureConsensus(comm)
+    consensus = FailureConsensus(comm)
     try:
         yield
     except BaseException as error:
         if comm.size == 1:
             raise
-        stopped = isinstance(error, KeyboardInterrupt)  # rank 0 closes its files and ends all
+        is_interrupted = isinstance(
+            error, KeyboardInterrupt
+        )  # rank 0 closes its files and ends all
         code = (
-            getattr(error, "exit_code", 1) if comm.rank else explain(error)
+            getattr(error, "exit_code", 1) if comm.rank else report_failure(error)
         )  # at once: mpirun kills
-        if (comm.rank or not stopped) and meeting.all_ranks_failed() and not stopped:
+        if (
+            (comm.rank or not is_interrupted)
+            and consensus.all_ranks_failed()
+            and not is_interrupted
+        ):
             raise click.exceptions.Exit(code) from error
-        comm.Abort(explain(error) if comm.rank else code)
+        comm.Abort(report_failure(error) if comm.rank else code)
 
 
-def _simulate(settings: Config, comm: Any, directory: Path, told: Told, **how: Any) -> Outcome:
+def _simulate(settings: Config, comm: Any, directory: Path, told: Verbosity, **how: Any) -> Outcome:
     from indent_sim.run.simulate import simulate as simulate
 
-    shown: AbstractContextManager[Any] = nullcontext()
+    progress_context: AbstractContextManager[Any] = nullcontext()
     if comm.rank == 0 and told == "all":
-        shown = terminal.progress(tell, settings)
+        progress_context = terminal.show_progress(print_stderr, settings)
     try:
         with (
-            shown as show,
-            _quiet_libraries(logging.ERROR if comm.rank else LEVELS[told]),
+            progress_context as show_progress,
+            _quiet_libraries(logging.ERROR if comm.rank else LOG_LEVELS[told]),
         ):  # rank 0 speaks for all
 
             def follow(*row: Any) -> None:
                 raise_pending_signal()
-                if row[1] >= FEW:  # the step: at once where a run goes on from a later row
+                if (
+                    row[1] >= ROWS_WITHOUT_GC
+                ):  # the step: at once where a run goes on from a later row
                     gc.enable()
-                if show is not None:
-                    show(*row)
+                if show_progress is not None:
+                    show_progress(*row)
 
             return simulate(settings, comm, directory=directory, progress=follow, **how)
     except (IndentSimError, KeyboardInterrupt) as end:
         if comm.rank == 0 and not isinstance(
             end, UsageError | ConfigError
         ):  # those refuse and compute nothing
-            _name_partial(directory, end)
+            _report_kept_rows(directory, end)
         raise
 
 
@@ -1096,58 +1158,68 @@ def _quiet_libraries(level: int) -> Iterator[None]:
     """Our own messages and the warnings of others go to stderr; what compilers and their like say
     of their work not.
     """
-    ours = logging.getLogger("indent_sim")
-    root = logging.getLogger()
-    told = Teller(logging.INFO)
-    warned = Teller(logging.WARNING)
-    before = ours.level, ours.propagate
-    ours.setLevel(level)
-    ours.propagate = False
-    ours.addHandler(told)
-    root.addHandler(
-        warned
+    own_logger = logging.getLogger("indent_sim")
+    root_logger = logging.getLogger()
+    own_handler = StderrHandler(logging.INFO)
+    library_handler = StderrHandler(logging.WARNING)
+    old_settings = own_logger.level, own_logger.propagate
+    own_logger.setLevel(level)
+    own_logger.propagate = False
+    own_logger.addHandler(own_handler)
+    root_logger.addHandler(
+        library_handler
     )  # without one, libraries that call `logging.info` would install theirs, which prints all
     try:
         yield
     finally:
-        root.removeHandler(warned)
-        ours.removeHandler(told)
-        ours.level, ours.propagate = before
+        root_logger.removeHandler(library_handler)
+        own_logger.removeHandler(own_handler)
+        own_logger.level, own_logger.propagate = old_settings
 
 
-class Teller(logging.Handler):
+class StderrHandler(logging.Handler):
     """A logger's messages on stderr, those of libraries with their name."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Tell one message."""
-        of = "" if record.name == "indent_sim" else f"{record.name}: "
-        tell(f"{of}{record.getMessage()}")
+        logger_name = "" if record.name == "indent_sim" else f"{record.name}: "
+        print_stderr(f"{logger_name}{record.getMessage()}")
 
 
-def _name_partial(directory: Path, end: BaseException) -> None:
+def _report_kept_rows(directory: Path, end: BaseException) -> None:
     """Where the rows of a run that failed are, and that a finished one is still there."""
     from indent_sim.results.folder import read_report
 
     report = read_report(directory)
     if report.get("status") == "done":
-        tell(f"the finished run in {directory} is as it was")
+        print_stderr(f"the finished run in {directory} is as it was")
     if report.get("status") in ("failed", "interrupted") and report.get("rows"):
-        again = "" if isinstance(end, errors.VerificationError) else "; --resume goes on from them"
-        tell(f"{report['rows']} rows computed before are kept in {directory}{again}")
+        resume_hint = (
+            "" if isinstance(end, errors.VerificationError) else "; --resume goes on from them"
+        )
+        print_stderr(f"{report['rows']} rows computed before are kept in {directory}{resume_hint}")
 
 
-def _conclude(outcome: Outcome, form: Form, told: Told) -> None:
+def _print_conclusion(outcome: Outcome, form: OutputFormat, told: Verbosity) -> None:
     from indent_sim.results.folder import read_report
     from indent_sim.results.reader import has_reactions, rows_of
 
     if form == "json":
-        written = read_report(outcome.directory)  # with the entries of the writer
+        report_entries = read_report(outcome.directory)  # with the entries of the writer
         rows = rows_of(outcome.states, has_reactions(outcome.directory))
-        say_done({"directory": outcome.directory, "rows": rows, "report": written | outcome.report})
+        print_done(
+            {
+                "directory": outcome.directory,
+                "rows": rows,
+                "report": report_entries | outcome.report,
+            }
+        )
     else:
-        say(str(outcome.directory))
-    for line in terminal.conclusion(outcome) if told == "all" else terminal.warnings(outcome):
-        tell(line)
+        print_stdout(str(outcome.directory))
+    for line in (
+        terminal.conclusion_lines(outcome) if told == "all" else terminal.warning_lines(outcome)
+    ):
+        print_stderr(line)
 
 
 def _is_study(path: Path) -> bool:
@@ -1161,18 +1233,22 @@ def _is_study(path: Path) -> bool:
     return False
 
 
-def _plan_study(path: Path, overrides: tuple[str, ...], error_bars: bool, form: Form) -> None:
+def _plan_study(
+    path: Path, overrides: tuple[str, ...], error_bars: bool, form: OutputFormat
+) -> None:
     if overrides:
         raise UsageError("--set belongs to a scene; a study has set: in its file")
     from indent_sim import studies
 
     planned = studies.plan_study(path, error_bars)
-    say_done(planned.as_json()) if form == "json" else say(terminal.study_plan(planned))
+    print_done(planned.as_json()) if form == "json" else print_stdout(
+        terminal.study_plan_text(planned)
+    )
     for line in planned.notes:
-        tell(line)
+        print_stderr(line)
 
 
-def _width() -> int:
+def _terminal_width() -> int:
     """Columns of the terminal; enough for whole lines when there is none."""
     import shutil
 

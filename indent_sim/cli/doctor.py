@@ -31,8 +31,12 @@ NEEDED_PACKAGES: tuple[str, ...] = (
     "petsc4py",
 )
 NEEDED_PACKAGES += ("ufl", "dolfinx", "gmsh")
-MISSED = {"matplotlib": "pictures", "pint": "quantities with units in scenes", "jinja2": "reports"}
-OPTIONAL = {name: f"no {lost} without it" for name, lost in MISSED.items()}
+LOST_FEATURES = {
+    "matplotlib": "pictures",
+    "pint": "quantities with units in scenes",
+    "jinja2": "reports",
+}
+OPTIONAL_PACKAGES = {name: f"no {lost} without it" for name, lost in LOST_FEATURES.items()}
 BLAS = {
     "openblas": "OpenBLAS",
     "mkl": "MKL",
@@ -43,7 +47,7 @@ BLAS = {
 
 
 @dataclass(frozen=True)
-class Check:
+class HealthCheck:
     """One finding: what was looked at, what was found, and a verdict: good | warning | broken."""
 
     name: str
@@ -56,51 +60,63 @@ class Check:
         return f"{self.verdict:8} {self.name:12} {self.found}{remedy}"
 
 
-def examine() -> list[Check]:
+def check_installation() -> list[HealthCheck]:
     """Look at everything a run needs, in the surroundings of a run."""
-    surroundings = [_working_directory(), _guarded("JIT cache", _cache)]
-    packages = [*map(_package, NEEDED_PACKAGES), *map(_package, OPTIONAL, OPTIONAL.values())]
-    others: dict[str, Callable[[], Check]] = {
-        "MPI": _mpi,
-        "MUMPS": _mumps,
-        "BLAS": _blas,
-        "C compiler": _compiler,
+    environment_checks = [_check_working_directory(), _run_check("JIT cache", _check_kernel_cache)]
+    packages = [
+        *map(_check_package, NEEDED_PACKAGES),
+        *map(_check_package, OPTIONAL_PACKAGES, OPTIONAL_PACKAGES.values()),
+    ]
+    library_checks: dict[str, Callable[[], HealthCheck]] = {
+        "MPI": _check_mpi,
+        "MUMPS": _check_mumps,
+        "BLAS": _check_blas,
+        "C compiler": _check_compiler,
     }
-    return [_python(), *packages, *map(_guarded, others, others.values()), *surroundings]
+    return [
+        _check_python(),
+        *packages,
+        *map(_run_check, library_checks, library_checks.values()),
+        *environment_checks,
+    ]
 
 
-def _working_directory() -> Check:
+def _check_working_directory() -> HealthCheck:
     """Where this process stands; libraries that cannot find it out would all look broken."""
     try:
-        return Check("directory", os.getcwd())
+        return HealthCheck("directory", os.getcwd())
     except OSError:
         os.chdir("/")
-        return Check("directory", "it is gone", "broken", "change to a folder that is there")
+        return HealthCheck("directory", "it is gone", "broken", "change to a folder that is there")
 
 
-def _python() -> Check:
-    found = f"{platform.python_version()} at {sys.executable}"
-    enough = sys.version_info >= (3, 11)
+def _check_python() -> HealthCheck:
+    version_text = f"{platform.python_version()} at {sys.executable}"
+    is_recent_enough = sys.version_info >= (3, 11)
     return (
-        Check("python", found)
-        if enough
-        else Check("python", found, "broken", "3.11 or later is needed")
+        HealthCheck("python", version_text)
+        if is_recent_enough
+        else HealthCheck("python", version_text, "broken", "3.11 or later is needed")
     )
 
 
-def _package(name: str, remedy: str | None = None) -> Check:
+def _check_package(name: str, remedy: str | None = None) -> HealthCheck:
     interrupt = signal.getsignal(signal.SIGINT)
     try:
         module: Any = importlib.import_module(name)
     except Exception as error:  # gmsh fails with OSError, petsc4py with its own
         verdict, remedy = ("broken", "run `make setup`") if remedy is None else ("warning", remedy)
-        return Check(name, f"{type(error).__name__}: {error}".splitlines()[0], verdict, remedy)
+        return HealthCheck(
+            name, f"{type(error).__name__}: {error}".splitlines()[0], verdict, remedy
+        )
     finally:
         signal.signal(signal.SIGINT, interrupt)  # importing gmsh takes it away
-    return Check(name, f"{_version(name, module)} at {Path(module.__file__ or '?').parent}")
+    return HealthCheck(
+        name, f"{_package_version(name, module)} at {Path(module.__file__ or '?').parent}"
+    )
 
 
-def _version(name: str, module: Any) -> str:
+def _package_version(name: str, module: Any) -> str:
     from importlib.metadata import PackageNotFoundError, version
 
     try:
@@ -109,27 +125,29 @@ def _version(name: str, module: Any) -> str:
         return getattr(module, "__version__", "unknown version")
 
 
-def _guarded(name: str, look: Callable[[], Check]) -> Check:
+def _run_check(name: str, check: Callable[[], HealthCheck]) -> HealthCheck:
     try:
-        return look()
+        return check()
     except Exception as error:
-        return Check(name, f"{type(error).__name__}: {error}".splitlines()[0], "broken")
+        return HealthCheck(name, f"{type(error).__name__}: {error}".splitlines()[0], "broken")
 
 
-def _mpi() -> Check:
+def _check_mpi() -> HealthCheck:
     MPI = importlib.import_module("mpi4py.MPI")
-    return Check("MPI", re.split(r"[,\n]", MPI.Get_library_version())[0].strip())
+    return HealthCheck("MPI", re.split(r"[,\n]", MPI.Get_library_version())[0].strip())
 
 
-def _mumps() -> Check:
+def _check_mumps() -> HealthCheck:
     PETSc = importlib.import_module("petsc4py.PETSc")
     version = ".".join(map(str, PETSc.Sys.getVersion()))
     if PETSc.Sys.hasExternalPackage("mumps"):
-        return Check("MUMPS", f"in PETSc {version}")
-    return Check("MUMPS", f"not in PETSc {version}", "broken", "install a PETSc built with MUMPS")
+        return HealthCheck("MUMPS", f"in PETSc {version}")
+    return HealthCheck(
+        "MUMPS", f"not in PETSc {version}", "broken", "install a PETSc built with MUMPS"
+    )
 
 
-def _blas() -> Check:
+def _check_blas() -> HealthCheck:
     """Which BLAS this process has loaded, read from its memory map."""
     importlib.import_module("numpy").dot([1.0], [1.0])
     maps = Path("/proc/self/maps")
@@ -143,37 +161,37 @@ def _blas() -> Check:
     names = {nice for word, nice in BLAS.items() if any(word in path for path in loaded)}
     threads = os.environ.get("OPENBLAS_NUM_THREADS") or os.environ.get("OMP_NUM_THREADS") or "all"
     if names:
-        return Check("BLAS", f"{', '.join(sorted(names))}, {threads} thread(s) per rank")
+        return HealthCheck("BLAS", f"{', '.join(sorted(names))}, {threads} thread(s) per rank")
     if loaded:
-        return Check(
+        return HealthCheck(
             "BLAS",
             "reference BLAS",
             "warning",
             "3 to 10 times slower: install libopenblas0-pthread",
         )
-    return Check("BLAS", "unknown", "warning")
+    return HealthCheck("BLAS", "unknown", "warning")
 
 
-def _compiler() -> Check:
+def _check_compiler() -> HealthCheck:
     command = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")[0]
-    found = shutil.which(command)
+    compiler_path = shutil.which(command)
     return (
-        Check("C compiler", found)
-        if found
-        else Check("C compiler", f"no {command}", "broken", "install gcc")
+        HealthCheck("C compiler", compiler_path)
+        if compiler_path
+        else HealthCheck("C compiler", f"no {command}", "broken", "install gcc")
     )
 
 
-def _cache() -> Check:
+def _check_kernel_cache() -> HealthCheck:
     from indent_sim.run.single_run import kernel_folder
 
     folder = kernel_folder()
     existing = next(place for place in (folder, *folder.parents) if place.exists())
     try:
         with tempfile.TemporaryFile(dir=existing):
-            return Check("JIT cache", str(folder))
+            return HealthCheck("JIT cache", str(folder))
     except OSError as error:
-        return Check(
+        return HealthCheck(
             "JIT cache",
             f"{folder}: {error.strerror}",
             "broken",

@@ -11,12 +11,12 @@ import os
 import signal
 
 # objects until the garbage collector looks for circles: loading makes many, and none to let go
-FEWEST_NEW = 50_000
+GC_THRESHOLD = 50_000
 
 
 def main() -> None:
     """The console script."""
-    gc.set_threshold(FEWEST_NEW)
+    gc.set_threshold(GC_THRESHOLD)
     os.environ.setdefault(
         "PYDANTIC_DISABLE_PLUGINS", "1"
     )  # for which it reads what is said of every installed package

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from indent_sim.run.summary import HysteresisLoop
     from indent_sim.studies import StudyPlan
 
-TIMES_IN_WORDS = {  # of a scene that is followed in time, in words
+TIME_LABELS = {  # of a scene that is followed in time, in words
     "way_in": "way in",
     "history": "history",
     "contact": "a^2/D",
@@ -34,22 +34,27 @@ TIMES_IN_WORDS = {  # of a scene that is followed in time, in words
     "element": "h_contact^2/D",
     "relaxation": "longest relaxation",
 }
-NOT_KNOWN = 100.0  # high over low, from which on an interval says nothing
-WHOLE = 99.5  # per cent, from which on they are said without powers of ten
-LINES = 200  # most progress lines in a log
+UNKNOWN_RATIO = 100.0  # high over low, from which on an interval says nothing
+WHOLE_PERCENT = 99.5  # per cent, from which on they are said without powers of ten
+MAX_LOG_LINES = 200  # most progress lines in a log
 
 Report = dict[str, Any]  # of a run, or a part of one
 
 
 @contextmanager
-def progress(tell: Callable[[str], None], config: Config) -> Iterator[Progress]:
+def show_progress(tell: Callable[[str], None], config: Config) -> Iterator[Progress]:
     """A function to call with every state: a bar on a terminal, plain lines in a log (stderr)."""
-    pace = ProgressEstimate()
+    estimate = ProgressEstimate()
     is_flat = "plane_strain" in (config.mesh.symmetry, getattr(config.body, "kinematics", ""))
-    units = _units_of_rows(vars(config.units), is_flat or config.body.shape == "strip")
+    units = _row_units(vars(config.units), is_flat or config.body.shape == "strip")
     if not sys.stderr.isatty():
-        yield lambda state, step, total: _log(
-            tell, state.summary(units), f"{state.newton_iterations} iterations", step, total, pace
+        yield lambda state, step, total: _log_progress(
+            tell,
+            state.summary(units),
+            f"{state.newton_iterations} iterations",
+            step,
+            total,
+            estimate,
         )
         return
     from rich import progress as bars
@@ -62,11 +67,11 @@ def progress(tell: Callable[[str], None], config: Config) -> Iterator[Progress]:
             task,
             completed=step,
             total=total,
-            description=f"{state.summary(units)}  {pace.record_step(total - step)[1]}",
+            description=f"{state.summary(units)}  {estimate.record_step(total - step)[1]}",
         )
 
 
-def _units_of_rows(units: Mapping[str, str], is_flat: bool) -> dict[str, str]:
+def _row_units(units: Mapping[str, str], is_flat: bool) -> dict[str, str]:
     """The units of time, depth, force and contact radius, as far as the scene has units; in plane
     strain forces are per length.
     """
@@ -76,52 +81,63 @@ def _units_of_rows(units: Mapping[str, str], is_flat: bool) -> dict[str, str]:
     return {"t": "s" if length else "", "delta": length, "a": length, "force": line}
 
 
-def conclusion(outcome: Outcome) -> list[str]:
+def conclusion_lines(outcome: Outcome) -> list[str]:
     """The last lines of a run: theory beside it, the picture, the warnings, and the row that it was
     made for.
     """
     report = outcome.report
-    theory = _part(outcome.report, "theory")
+    theory = _report_section(outcome.report, "theory")
     lines = []
     rows = len(outcome.states)
-    before = outcome.resumed_after
-    if before:
-        some = f"resumed: {before} of the {rows} rows were there"
+    resumed_rows = outcome.resumed_after
+    if resumed_rows:
+        resumed_text = f"resumed: {resumed_rows} of the {rows} rows were there"
         lines.append(
-            f"nothing left to compute: all {rows} rows were there" if before == rows else some
+            f"nothing left to compute: all {rows} rows were there"
+            if resumed_rows == rows
+            else resumed_text
         )
-    lines += _error(outcome)
+    lines += _error_estimate_lines(outcome)
     if theory:
-        told = _theory(theory, _asked_in_words(report, theory))
+        theory_line = _theory_line(theory, _computed_quantity_name(report, theory))
         lines.append(
-            told if report.get("method") != "theory" else f"solved by theory: {theory['why']}"
+            theory_line
+            if report.get("method") != "theory"
+            else f"solved by theory: {theory['why']}"
         )
-    if closed := theory.get("half_space"):
-        side = "below" if closed["deviation"] < 0 else "above"
-        given, asked = _given_and_asked(theory)
-        beside = f"{asked} {closed[asked]:.6g}, {abs(closed['deviation']):.2%} {side} this run"
-        lines.append(f"{closed['name']}, half-space, at {given} {theory[given]:.6g}: {beside}")
+    if half_space := theory.get("half_space"):
+        side = "below" if half_space["deviation"] < 0 else "above"
+        prescribed, computed = _prescribed_and_computed(theory)
+        deviation_text = f"{computed} {half_space[computed]:.6g}, {abs(half_space['deviation']):.2%} {side} this run"
+        lines.append(
+            f"{half_space['name']}, half-space, at {prescribed} {theory[prescribed]:.6g}: {deviation_text}"
+        )
     if theory.get("formulas"):
-        given, asked = _given_and_asked(theory)
-        said = (
-            f"{one['name']} {one[asked]:.6g} ({one['deviation']:+.3%})"
-            for one in theory["formulas"]
+        prescribed, computed = _prescribed_and_computed(theory)
+        formula_texts = (
+            f"{formula['name']} {formula[computed]:.6g} ({formula['deviation']:+.3%})"
+            for formula in theory["formulas"]
         )
         kind = "block" if theory["name"].endswith("compression") else "film"
-        lines.append(f"{kind} formulas at {given} {theory[given]:.6g}: {asked} {', '.join(said)}")
+        lines.append(
+            f"{kind} formulas at {prescribed} {theory[prescribed]:.6g}: {computed} {', '.join(formula_texts)}"
+        )
     if fit := report.get("hertz"):
-        read = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
-        lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({read})")
-    lines += _words(_part(report, "stick"))
-    lines += [*_largest_pull(_part(report, "adhesion")), *_experiment(_part(report, "experiment"))]
+        modulus_error = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
+        lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({modulus_error})")
+    lines += _section_sentence(_report_section(report, "stick"))
+    lines += [
+        *_largest_pull_lines(_report_section(report, "adhesion")),
+        *_experiment_lines(_report_section(report, "experiment")),
+    ]
     if "time" in report:
         lines.append(f"in time by {report['time']['method']}: {report['time']['why']}")
     pictures = (outcome.directory / name for name in ("force_indentation.png", "experiment.png"))
     lines += [f"picture: {picture}" for picture in pictures if picture.exists()]
-    return lines + warnings(outcome) + _answer(outcome)
+    return lines + warning_lines(outcome) + _final_row_lines(outcome)
 
 
-def _answer(outcome: Outcome) -> list[str]:
+def _final_row_lines(outcome: Outcome) -> list[str]:
     """What a run was made for: its last row, of a path that goes back or lasts also its loop and
     its largest force.
     """
@@ -131,57 +147,65 @@ def _answer(outcome: Outcome) -> list[str]:
     report = outcome.report
     if not states:
         return []
-    units = _units_of_rows(_entries(report.get("units") or {}), _is_flat(report))
-    last = f"step {states[-1].step}: {states[-1].summary(units)}"
-    top = row_of_interest(states, report.get("control") == "force")
-    if top is states[-1]:
-        return [last]
+    units = _row_units(_mapping_of(report.get("units") or {}), _is_plane_strain(report))
+    last_row_line = f"step {states[-1].step}: {states[-1].summary(units)}"
+    largest_force_row = row_of_interest(states, report.get("control") == "force")
+    if largest_force_row is states[-1]:
+        return [last_row_line]
     loses_work = (
         any(state.t is not None or state.dissipation for state in states) or "adhesion" in report
     )
     loop = (
         hysteresis_loop(states) if loses_work else None
     )  # an elastic body comes back along the way in
-    return [last, *_loop(loop, units), f"largest force, step {top.step}: {top.summary(units)}"]
+    return [
+        last_row_line,
+        *_hysteresis_lines(loop, units),
+        f"largest force, step {largest_force_row.step}: {largest_force_row.summary(units)}",
+    ]
 
 
-def _is_flat(report: Report) -> bool:
+def _is_plane_strain(report: Report) -> bool:
     """Whether forces are per length."""
-    choices = map(_entries, _part(report, "plan").get("choices") or [])
-    return any(one["key"] == "kinematics" and one["value"] == "plane_strain" for one in choices)
+    choices = map(_mapping_of, _report_section(report, "plan").get("choices") or [])
+    return any(
+        choice["key"] == "kinematics" and choice["value"] == "plane_strain" for choice in choices
+    )
 
 
-def _entries(part: Any) -> Mapping[str, Any]:
+def _mapping_of(part: Any) -> Mapping[str, Any]:
     """A part of a report as a mapping: of a run that was there before it was read from run.json."""
     return part if isinstance(part, Mapping) else vars(part)
 
 
-def _loop(found: HysteresisLoop | None, units: Mapping[str, str]) -> list[str]:
+def _hysteresis_lines(loop: HysteresisLoop | None, units: Mapping[str, str]) -> list[str]:
     """The loop of a path that comes back, in words."""
-    if found is None:
+    if loop is None:
         return []
     unit = f"{units['force']} {units['delta']}".strip()
-    said = f"loop of force over depth: area {found.area:.4g} ± {found.error:.1g} {unit}".rstrip()
-    open_end = "" if found.is_closed else ", not closed: the tip still pushes"
-    return [f"{said}, {100 * found.area / found.way_in:.3g} % of the work of the way in{open_end}"]
+    area_text = f"loop of force over depth: area {loop.area:.4g} ± {loop.error:.1g} {unit}".rstrip()
+    open_end = "" if loop.is_closed else ", not closed: the tip still pushes"
+    return [
+        f"{area_text}, {100 * loop.area / loop.way_in:.3g} % of the work of the way in{open_end}"
+    ]
 
 
-def warnings(outcome: Outcome) -> list[str]:
+def warning_lines(outcome: Outcome) -> list[str]:
     """What a run warns of, a line each."""
     return [f"warning: {warning}" for warning in outcome.report.get("warnings", [])]
 
 
-def _part(report: Report, name: str) -> Report:
+def _report_section(report: Report, name: str) -> Report:
     """A section of a report, empty where there is none."""
     return report.get(name) or {}
 
 
-def _words(part: Report) -> list[str]:
+def _section_sentence(part: Report) -> list[str]:
     """The sentence that a part of a report has of itself, if it has one."""
     return [words] if (words := part.get("words")) else []
 
 
-def _largest_pull(report: Report) -> list[str]:
+def _largest_pull_lines(report: Report) -> list[str]:
     """The pull-off, or where that is not known the largest pull of the rows; and what is known of
     it beforehand.
     """
@@ -194,27 +218,27 @@ def _largest_pull(report: Report) -> list[str]:
         f"largest pull: force {pulled['force']:.6g} at delta {pulled['delta']:.6g}, step "
         f"{pulled['step']}"
     )
-    if found := report.get("pull_off"):
-        force = f"force {found['force']:.6g} {_within(found['error'])}"
-        line = f"pull-off, searched between rows: {force} at delta {found['delta']:.6g}"
-    beside = [f"; {words} {force:.6g}" for words, force in expected_pull_offs(report)]
-    return ["".join([line, *beside])]
+    if pull_off := report.get("pull_off"):
+        force = f"force {pull_off['force']:.6g} {_error_text(pull_off['error'])}"
+        line = f"pull-off, searched between rows: {force} at delta {pull_off['delta']:.6g}"
+    known_pull_texts = [f"; {words} {force:.6g}" for words, force in expected_pull_offs(report)]
+    return ["".join([line, *known_pull_texts])]
 
 
-def _within(error: float | None) -> str:
+def _error_text(error: float | None) -> str:
     """An error behind a number, in words."""
     return "± an unknown error" if error is None else f"± {error:.2g}"
 
 
-def _experiment(report: Report) -> Iterator[str]:
+def _experiment_lines(report: Report) -> Iterator[str]:
     """What an experiment came to: where the tip comes off, and how the history was followed."""
-    for how, found in _part(_part(report, "adhesion"), "pull_off").items():
-        words = how.replace("_", " ")
-        yield f"pull-off under {words}: force {found['force']:.6g} at delta {found['delta']:.6g}"
-    for when, found in _part(report, "cantilever").items():
-        if found:
-            said = f"force {found['force']:.6g}, delta {found['delta']:.6g}"
-            yield f"{when.replace('_', ' ')} at z {found['z']:.6g}: {said}"
+    for control, point in _report_section(_report_section(report, "adhesion"), "pull_off").items():
+        words = control.replace("_", " ")
+        yield f"pull-off under {words}: force {point['force']:.6g} at delta {point['delta']:.6g}"
+    for event, point in _report_section(report, "cantilever").items():
+        if point:
+            place = f"force {point['force']:.6g}, delta {point['delta']:.6g}"
+            yield f"{event.replace('_', ' ')} at z {point['z']:.6g}: {place}"
     if "calibration" in report:
         force = report["calibration"]["force"]
         modulus = report["calibration"]["modulus"]
@@ -224,27 +248,27 @@ def _experiment(report: Report) -> Iterator[str]:
         )
 
 
-def plan(prospect: PlannedRun, width: int = 120) -> str:
+def plan_text(prospect: PlannedRun, width: int = 120) -> str:
     """The plan of a run: every choice with its reason, and what to expect."""
     from rich.table import Table
     from rich.text import Text  # rather than words, in which brackets are markup
 
-    planned = prospect.plan
-    title = Text(printable(planned.title)) if planned.title else None
+    plan = prospect.plan
+    title = Text(printable(plan.title)) if plan.title else None
     choices = Table("what", "choice", "why", title=title, title_justify="left", box=None)
-    for choice in planned.choices:
+    for choice in plan.choices:
         choices.add_row(
-            *(Text(printable(word)) for word in (choice.key, _shown(choice.value), choice.why))
+            *(Text(printable(word)) for word in (choice.key, _value_text(choice.value), choice.why))
         )
     expected = Table("expected", "", box=None)
-    for name, value in planned.prediction.items():
-        expected.add_row(*(Text(word) for word in (name.replace("_", " "), _shown(value))))
-    for name, value in (planned.time.times if planned.time else {}).items():
-        expected.add_row(*(Text(word) for word in (TIMES_IN_WORDS[name], _shown(value))))
-    return _rendered(width, choices, "", expected)
+    for name, value in plan.prediction.items():
+        expected.add_row(*(Text(word) for word in (name.replace("_", " "), _value_text(value))))
+    for name, value in (plan.time.times if plan.time else {}).items():
+        expected.add_row(*(Text(word) for word in (TIME_LABELS[name], _value_text(value))))
+    return _render(width, choices, "", expected)
 
 
-def requirements(found: Requirements, width: int = 120) -> str:
+def requirements_text(requirements: Requirements, width: int = 120) -> str:
     """What a scene requires: its effects by their size, what to model, and that model as a scene."""
     from rich.table import Table
     from rich.text import Text
@@ -253,98 +277,132 @@ def requirements(found: Requirements, width: int = 120) -> str:
 
     table = Table("effect", "of the force", "from", "matters", box=None)
     for effect in sorted(
-        found.effects, key=lambda effect: (effect.max_change == inf, -effect.max_change)
+        requirements.effects, key=lambda effect: (effect.max_change == inf, -effect.max_change)
     ):
         if effect.is_possible:
-            words = (effect.name.replace("_", " "), _change(effect), effect.source, effect.needs)
+            words = (
+                effect.name.replace("_", " "),
+                _effect_text(effect),
+                effect.source,
+                effect.needs,
+            )
             table.add_row(*(Text(printable(word)) for word in words))
-    rest = ", ".join(
-        effect.name.replace("_", " ") for effect in found.effects if not effect.is_possible
+    absent_names = ", ".join(
+        effect.name.replace("_", " ") for effect in requirements.effects if not effect.is_possible
     )
-    absent = f"\nnot in this scene: {rest}" if rest else ""
-    return f"{_rendered(width, table)}{absent}\n\n{found.words}\n\n{dump(found.config)}".rstrip()
+    absent = f"\nnot in this scene: {absent_names}" if absent_names else ""
+    return f"{_render(width, table)}{absent}\n\n{requirements.words}\n\n{dump(requirements.config)}".rstrip()
 
 
-def curve_requirements(found: CurveRequirements, width: int = 120) -> str:
+def curve_requirements_text(requirements: CurveRequirements, width: int = 120) -> str:
     """What a curve says of the scene and of other models beside it, and what the scene requires at
     its depth.
     """
     from indent_sim.fitting.curve_fit import INTERVAL_KEYS, format_value
     from indent_sim.fitting.inference.model_assessment import Interval
 
-    key = found.key
-    config = found.config
-    against = " and ".join(found.entry["cause"])
+    key = requirements.key
+    config = requirements.config
+    contradictions = " and ".join(requirements.entry["cause"])
 
     def row(
-        name: str, verdict: str, one: Mapping[str, Any], added: Mapping[str, float]
+        name: str, verdict: str, model: Mapping[str, Any], added: Mapping[str, float]
     ) -> list[str]:
-        stated = Interval(*(one[end] for end in INTERVAL_KEYS))
-        value, low, high = (format_value(key, config, one[end], stated) for end in INTERVAL_KEYS)
-        beside = ", ".join(
-            f"{other} = {format_value(other, config, number)}" for other, number in added.items()
+        interval = Interval(*(model[end] for end in INTERVAL_KEYS))
+        value, low, high = (
+            format_value(key, config, model[end], interval) for end in INTERVAL_KEYS
         )
-        return [name, value, f"{low} to {high}", verdict, beside]
+        parameter_text = ", ".join(
+            f"{parameter} = {format_value(parameter, config, number)}"
+            for parameter, number in added.items()
+        )
+        return [name, value, f"{low} to {high}", verdict, parameter_text]
 
-    verdict = f"contradicted by {against}" if against else "explains the curve"
-    rows = [["model", key, "95 %", "", ""], row("the scene's", verdict, vars(found.modulus), {})]
-    rows += [row(one["name"], one["verdict"], one, one["parameters"]) for one in found.models]
+    verdict = f"contradicted by {contradictions}" if contradictions else "explains the curve"
+    rows = [
+        ["model", key, "95 %", "", ""],
+        row("the scene's", verdict, vars(requirements.modulus), {}),
+    ]
+    rows += [
+        row(model["name"], model["verdict"], model, model["parameters"])
+        for model in requirements.models
+    ]
     return "\n\n".join(
-        [found.entry["words"], _aligned(rows, "<"), requirements(found.requirements, width)]
+        [
+            requirements.entry["words"],
+            _align_columns(rows, "<"),
+            requirements_text(requirements.requirements, width),
+        ]
     )
 
 
-def design(found: Design) -> str:
+def design_text(design: Design) -> str:
     """What a measurement would tell: its intervals as the scene stands and with every change, and
     what is tied.
     """
-    rows = [["", *found.parameters], ["as it stands", *_intervals(found.parameters, found.config)]]
-    for one in found.helps:
-        change = ", ".join(f"{key} = {_shown(value)}" for key, value in one.change.items())
-        told = _intervals(one.parameters, found.config) or [f"cannot be: {one.reason}"]
-        rows.append([change, *told, *[""] * (len(found.parameters) - len(told))])
-    noise = f"{found.points} points, noise {found.noise:.3g} of a force of {found.force:.4g}"
+    rows = [
+        ["", *design.parameters],
+        ["as it stands", *_interval_texts(design.parameters, design.config)],
+    ]
+    for improvement in design.helps:
+        change = ", ".join(
+            f"{key} = {_value_text(value)}" for key, value in improvement.change.items()
+        )
+        cells = _interval_texts(improvement.parameters, design.config) or [
+            f"cannot be: {improvement.reason}"
+        ]
+        rows.append([change, *cells, *[""] * (len(design.parameters) - len(cells))])
+    noise = f"{design.points} points, noise {design.noise:.3g} of a force of {design.force:.4g}"
     return "\n".join(
-        [_aligned(rows, "<"), "", f"{noise} at a depth of {found.depth:.4g}", found.words]
+        [_align_columns(rows, "<"), "", f"{noise} at a depth of {design.depth:.4g}", design.words]
     )
 
 
-def _intervals(parameters: Mapping[str, Interval], config: Config) -> list[str]:
+def _interval_texts(parameters: Mapping[str, Interval], config: Config) -> list[str]:
     """Intervals with their units, and half widths in per cent."""
     from indent_sim.fitting.curve_fit import format_value
 
-    def told(key: str, one: Interval) -> str:
-        if not one.high < NOT_KNOWN * max(one.low, 1e-300):
+    def told(key: str, interval: Interval) -> str:
+        if not interval.high < UNKNOWN_RATIO * max(interval.low, 1e-300):
             return "not known"
-        half = f" (±{50 * (one.high - one.low) / one.value:.2g} %)" if one.value else ""
-        return f"{format_value(key, config, one.low, one)} to {format_value(key, config, one.high, one)}{half}"
+        half_width_text = (
+            f" (±{50 * (interval.high - interval.low) / interval.value:.2g} %)"
+            if interval.value
+            else ""
+        )
+        return f"{format_value(key, config, interval.low, interval)} to {format_value(key, config, interval.high, interval)}{half_width_text}"
 
-    return [told(key, one) for key, one in parameters.items()]
+    return [told(key, interval) for key, interval in parameters.items()]
 
 
-def _change(effect: Effect) -> str:
+def _effect_text(effect: Effect) -> str:
     """What an effect does to the force, as a number or a range."""
     if effect.low is None or effect.high is None:
         return "" if effect.needs else "not known"
-    between = f"{_signed(effect.low)} to {_signed(effect.high)} %"
+    range_text = f"{_percent_text(effect.low)} to {_percent_text(effect.high)} %"
     if effect.percent is None:
-        return between
-    return f"{_signed(effect.percent)} %" + (f" ({between})" if effect.low < effect.high else "")
+        return range_text
+    return f"{_percent_text(effect.percent)} %" + (
+        f" ({range_text})" if effect.low < effect.high else ""
+    )
 
 
-def _signed(percent: float) -> str:
-    return f"{percent:+.2g}" if abs(percent) < WHOLE else f"{percent:+.0f}"
+def _percent_text(percent: float) -> str:
+    return f"{percent:+.2g}" if abs(percent) < WHOLE_PERCENT else f"{percent:+.0f}"
 
 
-def study_plan(planned: StudyPlan) -> str:
+def study_plan_text(planned: StudyPlan) -> str:
     """The runs of a study, a line each, and what they cost together."""
     names = ["index", *planned.keys, "method", "force", "dofs", "memory_MB", "seconds", "warnings"]
-    counted = [
+    counted_rows = [
         row | {"warnings": len(row["warnings"])} for row in planned.rows
     ]  # --json has their words
-    rows = [["" if row[name] is None else _shown(row[name]) for name in names] for row in counted]
+    rows = [
+        ["" if row[name] is None else _value_text(row[name]) for name in names]
+        for row in counted_rows
+    ]
     lines = [
-        _aligned([names, *rows]),
+        _align_columns([names, *rows]),
         "",
         f"{len(rows)} runs, compared with {planned.compared_with}",
     ]
@@ -359,7 +417,7 @@ def study_plan(planned: StudyPlan) -> str:
     )
 
 
-def scoreboard(rows: Sequence[Report]) -> str:
+def scoreboard_text(rows: Sequence[Report]) -> str:
     """Published values beside exact ones and ours, a line each, and who is off by more than is
     claimed.
     """
@@ -369,113 +427,132 @@ def scoreboard(rows: Sequence[Report]) -> str:
     head = ["case", "", *(name.replace("_", " ") for name in names), "difference", "who is wrong"]
     lines = [head]
     for row in rows:
-        numbers = ["" if row[name] is None else _shown(row[name]) for name in names]
-        apart = "" if row["difference"] is None else f"{round(row['difference'], 6):+.3g} %"
-        lines.append([row["case"], row["quantity"], *numbers, apart, verdict_text(row)])
-    return _aligned(lines, "<")
+        numbers = ["" if row[name] is None else _value_text(row[name]) for name in names]
+        difference_text = (
+            "" if row["difference"] is None else f"{round(row['difference'], 6):+.3g} %"
+        )
+        lines.append([row["case"], row["quantity"], *numbers, difference_text, verdict_text(row)])
+    return _align_columns(lines, "<")
 
 
-def comparison(found: Comparison) -> str:
+def comparison_text(comparison: Comparison) -> str:
     """Two results side by side, row by row, and the largest relative difference of every column."""
-    names = list(found.pairs)
-    head = [found.matched_by, *(f"{name} {side}" for name in names for side in "AB")]
+    names = list(comparison.pairs)
+    head = [comparison.matched_by, *(f"{name} {side}" for name in names for side in "AB")]
     rows = [
-        [f"{step:.10g}", *(f"{value:.10g}" for name in names for value in found.pairs[name][i])]
-        for i, step in enumerate(found.row_keys)
+        [
+            f"{step:.10g}",
+            *(f"{value:.10g}" for name in names for value in comparison.pairs[name][i]),
+        ]
+        for i, step in enumerate(comparison.row_keys)
     ]
-    beside = [
-        f"{name}, {len(table.row_keys)} rows: {_worst(table)}"
-        for name, table in found.other_tables.items()
+    other_table_lines = [
+        f"{name}, {len(table.row_keys)} rows: {_worst_difference_text(table)}"
+        for name, table in comparison.other_tables.items()
     ]
-    return "\n".join([_aligned([head, *rows]), _worst(found), *_interpolated(found), *beside])
+    return "\n".join(
+        [
+            _align_columns([head, *rows]),
+            _worst_difference_text(comparison),
+            *_interpolation_lines(comparison),
+            *other_table_lines,
+        ]
+    )
 
 
-def _interpolated(found: Comparison) -> list[str]:
+def _interpolation_lines(comparison: Comparison) -> list[str]:
     """Which of the two was interpolated, what that costs, and how far the forces lie apart."""
-    if found.interpolation is None:
+    if comparison.interpolation is None:
         return []
-    path, error = found.interpolation
-    along = "time" if found.matched_by == "t" else "depth"
-    said = [f"{path} interpolated in {along}, to {100 * error:.2g} % of the largest force"]
-    if apart := found.residual:
-        largest = apart["percent_largest"]
-        rms = apart["percent_rms"]
-        said.append(f"forces apart by {largest:.3g} % of the largest at most, {rms:.3g} % rms")
-    return said
+    path, error = comparison.interpolation
+    abscissa = "time" if comparison.matched_by == "t" else "depth"
+    lines = [f"{path} interpolated in {abscissa}, to {100 * error:.2g} % of the largest force"]
+    if residual := comparison.residual:
+        largest = residual["percent_largest"]
+        rms = residual["percent_rms"]
+        lines.append(f"forces apart by {largest:.3g} % of the largest at most, {rms:.3g} % rms")
+    return lines
 
 
-def _worst(found: Comparison) -> str:
+def _worst_difference_text(comparison: Comparison) -> str:
     columns = ", ".join(
-        f"{name} {value:.3g}" for name, value in found.max_relative_difference.items()
+        f"{name} {value:.3g}" for name, value in comparison.max_relative_difference.items()
     )
     return f"largest relative difference: {columns or 'no column compared'}"
 
 
-def listed(section: str) -> str:
+def section_text(section: str) -> str:
     """What may stand in a section of the scene file: names, first lines of docs, parameters, units."""
     from indent_sim.config.json_schema import section_alternatives
 
     lines = []
     for choice, words, keys in section_alternatives(section):
-        rows = [[f"      {name}", *rest] for name, *rest in keys]
-        lines += [f"  {choice}: {words}", *([_aligned(rows, "<")] if rows else [])]
+        rows = [[f"      {name}", *columns] for name, *columns in keys]
+        lines += [f"  {choice}: {words}", *([_align_columns(rows, "<")] if rows else [])]
     return "\n".join(lines)
 
 
-def _log(
+def _log_progress(
     tell: Callable[[str], None],
     row: str,
     effort: str,
     step: int,
     total: int,
-    pace: ProgressEstimate,
+    estimate: ProgressEstimate,
 ) -> None:
     """A line with the step's own time, and what is left."""
-    every = -(-total // LINES)
-    (own, left) = pace.record_step(total - step)
-    if step % every == 0 or step in (1, total):
-        tell(f"step {step}/{total}  {row}  {effort}  {own:.1f} s  {left}".rstrip())
+    interval = -(-total // MAX_LOG_LINES)
+    (step_seconds, remaining_text) = estimate.record_step(total - step)
+    if step % interval == 0 or step in (1, total):
+        tell(
+            f"step {step}/{total}  {row}  {effort}  {step_seconds:.1f} s  {remaining_text}".rstrip()
+        )
 
 
-def _error(outcome: Outcome) -> list[str]:
+def _error_estimate_lines(outcome: Outcome) -> list[str]:
     """The widest error bar, relative to its force."""
-    known = (state for state in outcome.states if state.force_error and state.force)
-    bars = [((state.force_error or 0.0) / abs(state.force), state.step) for state in known]
-    worst, step = max(bars, default=(0.0, 0))
+    states_with_error = (state for state in outcome.states if state.force_error and state.force)
+    relative_errors = [
+        ((state.force_error or 0.0) / abs(state.force), state.step) for state in states_with_error
+    ]
+    worst, step = max(relative_errors, default=(0.0, 0))
     return (
-        [f"estimated error of the force: at most {worst:.2g} of it (step {step})"] if bars else []
+        [f"estimated error of the force: at most {worst:.2g} of it (step {step})"]
+        if relative_errors
+        else []
     )
 
 
-def _asked_in_words(report: Report, theory: Report) -> str:
+def _computed_quantity_name(report: Report, theory: Report) -> str:
     """What theory was asked for, in words; of a strip the force is one per length."""
     from indent_sim.results.pictures.axes import plan_choice
     from indent_sim.results.writer import json_data
 
-    _, asked = _given_and_asked(theory)
+    _, computed = _prescribed_and_computed(theory)
     is_flat = (
-        plan_choice({"plan": json_data(_part(report, "plan"))}, "kinematics") == "plane_strain"
+        plan_choice({"plan": json_data(_report_section(report, "plan"))}, "kinematics")
+        == "plane_strain"
     )
-    return "force per length" if asked == "force" and is_flat else asked
+    return "force per length" if computed == "force" and is_flat else computed
 
 
-def _theory(theory: Report, words: str) -> str:
-    exact = "exact for this body" if theory.get("exact") else theory.get("why", "")
-    given, asked = _given_and_asked(theory)
-    beside = f"{words} {theory[asked]:.6g}; this run {theory[f'{asked}_deviation']:+.3%} ({exact})"
-    return f"{theory['name']} at {given} {theory[given]:.6g}: {beside}"
+def _theory_line(theory: Report, words: str) -> str:
+    exactness = "exact for this body" if theory.get("exact") else theory.get("why", "")
+    prescribed, computed = _prescribed_and_computed(theory)
+    run_text = f"{words} {theory[computed]:.6g}; this run {theory[f'{computed}_deviation']:+.3%} ({exactness})"
+    return f"{theory['name']} at {prescribed} {theory[prescribed]:.6g}: {run_text}"
 
 
-def _given_and_asked(theory: Report) -> tuple[str, str]:
+def _prescribed_and_computed(theory: Report) -> tuple[str, str]:
     """What the path prescribes, and what theory was asked for beside the run."""
     return ("force", "delta") if "delta_deviation" in theory else ("delta", "force")
 
 
-def _shown(value: Any) -> str:
+def _value_text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _aligned(rows: list[list[str]], side: str = ">") -> str:
+def _align_columns(rows: list[list[str]], side: str = ">") -> str:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = (
         "  ".join(f"{cell:{side}{width}}" for cell, width in zip(row, widths, strict=True))
@@ -484,7 +561,7 @@ def _aligned(rows: list[list[str]], side: str = ">") -> str:
     return "\n".join(line.rstrip() for line in lines)
 
 
-def _rendered(width: int, *parts: Any) -> str:
+def _render(width: int, *parts: Any) -> str:
     from rich.console import Console
 
     text = io.StringIO()

@@ -229,7 +229,7 @@ def test_the_end_says_what_film_formulas_would_have_said(tmp_path: Path) -> None
         )
         (line,) = (
             line
-            for line in terminal.conclusion(done)
+            for line in terminal.conclusion_lines(done)
             if line.startswith("film formulas at delta 0.02")
         )
         assert f"({said['Gao']['deviation']:+.3%})" in line and "Perriot-Barthel" in line

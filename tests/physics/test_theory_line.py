@@ -41,7 +41,7 @@ def outcome(tmp_path):
 
 
 def line(outcome: Outcome, word: str) -> str:
-    return next(line for line in terminal.conclusion(outcome) if line.startswith(word))
+    return next(line for line in terminal.conclusion_lines(outcome) if line.startswith(word))
 
 
 def test_after_unloading_the_depth_is_named(outcome):

@@ -285,7 +285,7 @@ class TestDamaged:
             open(1, "w", encoding="utf-8", errors="strict", closefd=False) as strict,
             redirect_stdout(strict),
         ):
-            commands.say(os.fsdecode(place))
+            commands.print_stdout(os.fsdecode(place))
         assert capfdbinary.readouterr().out == place + b"\n"
 
     @pytest.mark.parametrize(

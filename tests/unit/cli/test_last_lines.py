@@ -34,7 +34,9 @@ def states(delta: Any, force: Any, t: Any = None) -> list[State]:
 
 
 def last_lines(rows: list[State], **report: Any) -> list[str]:
-    return terminal.conclusion(Outcome(Path("results/none"), {"units": UNITS, **report}, rows))
+    return terminal.conclusion_lines(
+        Outcome(Path("results/none"), {"units": UNITS, **report}, rows)
+    )
 
 
 def test_the_last_row_of_a_path_that_goes_in_is_the_last_line() -> None:
