@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from indent_sim.config.scene_file import load
     from indent_sim.fitting.notebook import fit
     from indent_sim.process.version import VERSION as __version__
-    from indent_sim.run.simulate import condense, simulate, states
+    from indent_sim.run.pipeline import condense, simulate, states
     from indent_sim.scene.scene import resolve
 
 
@@ -59,9 +59,9 @@ def __getattr__(name: str) -> Any:
 
         return fit
     if name in ("simulate", "states", "condense"):
-        from indent_sim.run import simulate
+        from indent_sim.run import pipeline
 
-        return getattr(simulate, name)
+        return getattr(pipeline, name)
     if name in __all__:
         from indent_sim.cli import calls
 

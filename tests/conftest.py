@@ -204,7 +204,7 @@ def grids_are_made_once(request: pytest.FixtureRequest, grids: dict[bytes, Any])
         return grids[identity]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(gmsh, "build", build_once)
+        patch.setattr(gmsh, "build_mesh", build_once)
         yield
 
 
@@ -214,7 +214,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Pat
     from mpi4py import MPI  # only the tests that run something load it
 
     from indent_sim.config.scene_file import load
-    from indent_sim.run.simulate import simulate
+    from indent_sim.run.pipeline import simulate
 
     done: dict[str, Path] = {}
 

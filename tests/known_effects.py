@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.run.history_on_curve import evaluate_with_units
 from indent_sim.run.model_selection.effects import Effect
 from indent_sim.run.model_selection.recommended_model import Requirements, require
@@ -404,7 +404,7 @@ class Reference:
             base = resolve(config_from_mapping(placed(given | {"solver": {"method": "condensed"}})))
         except ConfigError:  # a contact at pull-off that no mesh holds beside the deepest one
             base = resolve(config_from_mapping(placed(given)))
-        body = simulate.condense(base).equilibrium if base.is_meshed else None
+        body = pipeline.condense(base).equilibrium if base.is_meshed else None
         deepest = next(row for row in evaluate_with_units(base, body).rows if row.t == t)
         return 100 * (
             deepest.force / force(self.plain | {"loading": {"delta": depth, "steps": 1}}) - 1
@@ -423,7 +423,7 @@ def _force(text: str, size: float) -> float:
     if size != 1.0 and "mesh" not in document:
         h = size * base.sizes.h_contact * base.physics.scales.length
         base = _meshed(document | {"mesh": {"h_contact": h}})
-    *_, last = simulate.states(base, with_surface=False)
+    *_, last = pipeline.states(base, with_surface=False)
     assert last.converged
     return last.force
 

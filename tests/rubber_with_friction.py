@@ -22,7 +22,7 @@ import numpy as np
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
 from indent_sim.process.errors import IndentSimError
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.run.sanity_checks import MAX_ROUGHNESS, oscillating_pressure_warnings
 from indent_sim.scene.scene import Scene, resolve
 
@@ -151,7 +151,7 @@ class Judged:
 def judged(mapping: dict[str, Any]) -> Judged:
     """Solve a scene and measure how rough the pressure of its rows is."""
     scene = resolve(config_from_mapping(mapping, ()))
-    rows = [state for state in simulate.states(scene) if state.converged]
+    rows = [state for state in pipeline.states(scene) if state.converged]
     return Judged(
         max(state.roughness for state in rows),
         max(alternation(scene, state) for state in rows),

@@ -11,7 +11,7 @@ from indent_sim.mesh import gmsh
 from indent_sim.mesh.grid import Grid
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.run.sanity_checks import PreviousRows, violated_bound
 from indent_sim.scene.scene import Scene, resolve
 
@@ -84,7 +84,7 @@ def meshed(base: Scene) -> Any:
 
 def solve(base: Scene) -> list[State]:
     """All states of a scene, every one converged, audited and possible, in the user's units."""
-    states = list(simulate.states(base))
+    states = list(pipeline.states(base))
     assert len(states) == len(base.physics.deltas)
     largest = max(abs(state.force) for state in states)
     attraction = base.physics.scales.to_user_units(base.physics.contact).adhesion

@@ -16,9 +16,9 @@ from indent_sim.results import folder, reader
 from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
 from indent_sim.results.writer import json_data
-from indent_sim.run.error_estimation import sensitivities as derivatives
+from indent_sim.run import sensitivities as derivatives
+from indent_sim.run.pipeline import config_of
 from indent_sim.run.planned_run import plan_with_cost
-from indent_sim.run.simulate import config_of
 from indent_sim.studies import curve_table, run_study, small_multiples
 from indent_sim.studies import plan_study as plan_study
 from indent_sim.studies.run_study import Study

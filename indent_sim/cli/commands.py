@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
     from indent_sim.fitting.fit_folder import CurveFits, ReadOptions
     from indent_sim.results.reader import Results
-    from indent_sim.run.simulate import Outcome
+    from indent_sim.run.pipeline import Outcome
 
 OutputFormat = Literal["text", "json"]  # of what stdout gets
 Verbosity = Literal["all", "warnings"]  # on stderr
@@ -157,7 +157,7 @@ def print_failure(error: BaseException, code: int, kind: str) -> None:
         "status": status,
         "exit_code": code,
         "error": error_as_json(error, kind),
-        **getattr(error, "beside", {}),
+        **getattr(error, "partial_result", {}),
     }
     if isinstance(error, errors.ConfigErrors):
         failure["errors"] = [error_as_json(part, kind) for part in error.errors]
@@ -1077,7 +1077,7 @@ def _pause_garbage_collector() -> Iterator[None]:
 
 
 def _world_communicator() -> Any:
-    from indent_sim.run.simulate import mpi
+    from indent_sim.run.pipeline import mpi
 
     return mpi().COMM_WORLD
 
@@ -1124,7 +1124,7 @@ def abort_all_ranks_together(comm: Any) -> Iterator[None]:
 
 
 def _simulate(settings: Config, comm: Any, directory: Path, told: Verbosity, **how: Any) -> Outcome:
-    from indent_sim.run.simulate import simulate as simulate
+    from indent_sim.run.pipeline import simulate as simulate
 
     progress_context: AbstractContextManager[Any] = nullcontext()
     if comm.rank == 0 and told == "all":

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from indent_sim.results.compare import Comparison
     from indent_sim.run.model_selection.effects import Effect
     from indent_sim.run.model_selection.recommended_model import Requirements
+    from indent_sim.run.pipeline import Outcome
     from indent_sim.run.planned_run import PlannedRun
-    from indent_sim.run.simulate import Outcome
     from indent_sim.run.single_run import Progress
     from indent_sim.run.summary import HysteresisLoop
     from indent_sim.studies import StudyPlan

@@ -478,9 +478,8 @@ def _unsupported_inclusion(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[
 
 def _side_problem(body: bodies.AnyBody, inclusion: Inclusion) -> str:
     """That an inclusion leaves the body through a side, or nearly does."""
-    clearance = (body.spherical_body if isinstance(body, Cap | Ball) else body).room_beside(
-        inclusion
-    )  # type: ignore[union-attr]
+    shape = body.spherical_body if isinstance(body, Cap | Ball) else body
+    clearance = shape.wall_clearance(inclusion)  # type: ignore[union-attr]
     if clearance >= _min_clearance(inclusion):
         return ""
     return (

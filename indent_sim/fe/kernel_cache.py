@@ -50,7 +50,7 @@ def lock_ffcx_cache() -> bool:
     often at will. Both take the place of functions that FFCx does not promise to keep: where one
     is missing, or has other parameters, that is said and everything is left to FFCx (False).
     """
-    global _found, _compiled
+    global _ffcx_lookup, _ffcx_compile
     if getattr(jit, "get_cached_module", None) is find_cached_module:
         return True
     if not all(

@@ -19,7 +19,15 @@ from indent_sim.fe.terms.scene_terms import additional_fields
 from indent_sim.fe.terms.strain_energy import pressure_fields
 from indent_sim.scene.scene import Scene
 
-__all__ = ["Fields", "Walk", "distribute", "equilibrium", "release", "versions", "walk"]
+__all__ = [
+    "Fields",
+    "LoadStepper",
+    "create_equilibrium",
+    "create_load_stepper",
+    "distribute",
+    "release",
+    "versions",
+]
 
 
 def create_equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:

@@ -346,7 +346,7 @@ class Penalty(_NormalStiffness):
         friction_reason = (
             "" if self.is_conservative else "a penalty with friction is solved on the whole body"
         )
-        return super().uncondensed or friction_reason
+        return super().reason_not_condensable or friction_reason
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from indent_sim.run.derived_quantities import Equilibrium, punches_of
 from indent_sim.scene.problem_setup import needs_time_stepping, remaining_modulus_fraction
 from indent_sim.scene.reference_theory import relative_tip, theory_tip_shape
 from indent_sim.scene.scene import Scene
+from indent_sim.theory import viscoelasticity
 from indent_sim.theory.adhesion import (
     AdhesiveContact,
     Jkr,
@@ -33,7 +34,6 @@ from indent_sim.theory.contact_curve import ContactCurve
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.punches import FittedPunches, Punches, contact_radius
 from indent_sim.theory.solution import SOLUTION_ERRORS
-from indent_sim.theory.surface import viscoelasticity
 from indent_sim.theory.viscoelastic_stepping import (
     RelaxingSurface,
     ViscoelasticTimeStepper,

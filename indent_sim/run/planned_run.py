@@ -114,10 +114,10 @@ def plan_with_cost(config: Config, error_bars: bool = False) -> PlannedRun:
     try:
         return PlannedRun.resolve(config).add_estimation_cost(error_bars)
     except ConfigError as error:
-        raise collect_errors(error, config) from None
+        raise collect_scene_errors(error, config) from None
 
 
-def collect_errors(first: ConfigError, config: Config) -> ConfigError:
+def collect_scene_errors(first: ConfigError, config: Config) -> ConfigError:
     """An error of a scene, and those that it has without; a mesh file is read once, so there it
     stands alone.
     """

@@ -21,7 +21,7 @@ from indent_sim.results.reader import PreviousRun
 from indent_sim.results.writer import ResultFolder, to_json
 
 T = TypeVar("T")
-Fallback = TypeVar("Other")
+Fallback = TypeVar("Fallback")
 log = logging.getLogger("indent_sim")
 
 Comm = Any  # a communicator of mpi4py, which is loaded where a mesh is solved alone, or `Alone`

@@ -19,7 +19,7 @@ from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import KeyPath, key_path
 from indent_sim.process.errors import ConfigError, NotConverged
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.scene import Scene, resolve
 
@@ -87,7 +87,7 @@ class _MeshedScene:
             if self._grid is None
             else partial(Scene.adapt_grid, other=self.scene, grid=self._grid)
         )
-        states = list(simulate.states(scene, with_surface=False, mesher=mesher))
+        states = list(pipeline.states(scene, with_surface=False, mesher=mesher))
         if not all(state.converged for state in states):
             raise NotConverged(f"a scene beside this one: {states[-1].reason}")
         return np.array([state.force for state in states])

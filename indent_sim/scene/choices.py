@@ -260,7 +260,7 @@ def contact(
     if value == "auto":
         value = round_length(_auto_stiffness(law, setup, sizes, fineness))
     multiple = value / unit
-    smallest = getattr(law, "smallest_multiple", 0.0)
+    smallest = getattr(law, "min_stiffness_factor", 0.0)
     if multiple < smallest * (1 - 1e-9):
         problem = (
             f"is {multiple:.2g} E*/h_contact; below {smallest:g} E*/h_contact {law.method} "

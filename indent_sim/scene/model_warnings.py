@@ -190,21 +190,21 @@ def fluid_warnings(
     if (
         setup.max_depth > 0
         and not physics.is_swelling
-        and (unresolved_film := unresolved_film(setup, physics, sizes, NEGLIGIBLE_ERROR))
+        and (film := unresolved_film(setup, physics, sizes, NEGLIGIBLE_ERROR))
     ):
         element_text = (
-            f"elements of {unresolved_film.h * physics.scales.length:.2g} at the drained {unresolved_film.face} are "
+            f"elements of {film.h * physics.scales.length:.2g} at the drained {film.face} are "
             "thicker than what"
         )
-        force_text = f"the force is up to {error_text(unresolved_film.max_error)} low"
+        force_text = f"the force is up to {error_text(film.max_error)} low"
         message = (
-            f"rows up to t = {physics.path.times[unresolved_film.last_row]:.3g}: {element_text} has drained there "
+            f"rows up to t = {physics.path.times[film.last_row]:.3g}: {element_text} has drained there "
             f"by then, and {force_text}"
         )
         yield ModelWarning(
             "early",
             f"{message}; {refinement_advice(sizes, 'give a smaller mesh.h_film')}",
-            unresolved_film.last_row_error,
+            film.last_row_error,
         )
     if physics.creasing_message:
         yield ModelWarning(

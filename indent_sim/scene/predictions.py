@@ -34,10 +34,10 @@ from indent_sim.scene.reference_theory import (
     relaxed_law,
     undrained_law,
 )
+from indent_sim.theory import no_slip
 from indent_sim.theory.no_slip import FrictionCorrection
 from indent_sim.theory.poroelasticity import paraboloid_fraction_remaining
 from indent_sim.theory.solution import SOLUTION_ERRORS
-from indent_sim.theory.surface import no_slip
 
 PROFILE_EXPONENTS: dict[type, float] = {
     Paraboloid: 2.0,
@@ -567,7 +567,7 @@ def friction_correction(
     )
     if power is None or not _is_homogeneous_isotropic(physics.domain) or turns_back:
         return None
-    from indent_sim.theory.surface import (
+    from indent_sim.theory import (
         friction as coulomb_friction,
     )  # with scipy's functions, which no other scene needs
 

@@ -469,7 +469,9 @@ def _film_formulas(layers: Sequence[BodyLayer], tip: Indenter) -> dict[str, Forc
         return {}
     film, substrate = map(_theory_layer, layers)
     moduli = {"Gao": gao_modulus, "Perriot-Barthel": perriot_barthel_modulus}
-    force = partial(film_force, film=film, substrate=substrate, alone=film_theory.solution_at_depth)
+    force = partial(
+        film_force, film=film, substrate=substrate, film_contact=film_theory.solution_at_depth
+    )
     return {name: partial(force, modulus=modulus) for name, modulus in moduli.items()}
 
 

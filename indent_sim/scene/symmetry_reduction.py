@@ -71,7 +71,7 @@ def _symmetry_error(requested_symmetry: str, why: str, remedy: str) -> ConfigErr
 
 def _is_tip_symmetric(tip: Indenter, axis: str) -> bool:
     """Whether the tip is its own mirror image about the plane normal to `axis` through its axis."""
-    return tip.is_axisymmetric or tip.is_mirrored({"x": 90.0, "y": 0.0}[axis])  # type: ignore[union-attr]
+    return tip.is_axisymmetric or tip.has_mirror_plane({"x": 90.0, "y": 0.0}[axis])  # type: ignore[union-attr]
 
 
 def _are_inclusions_symmetric(regions: Regions, axis: str, c: float) -> bool:

@@ -10,4 +10,4 @@ from indent_sim.studies.run_study import Study, as_json, execute_study
 from indent_sim.studies.study_file import StudyFile, read
 from indent_sim.studies.study_plan import StudyPlan, plan_study
 
-__all__ = ["Study", "StudyFile", "StudyPlan", "as_json", "carry_out", "plan", "read"]
+__all__ = ["Study", "StudyFile", "StudyPlan", "as_json", "execute_study", "plan_study", "read"]

@@ -15,7 +15,7 @@ from indent_sim.process.repr_tables import ReprTable
 from indent_sim.process.usage import duration_text, machine_memory
 from indent_sim.results.folder import Report, read_regular_file, read_report
 from indent_sim.results.reader import Results, data_frame
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import curve_table, study_file, study_folder, study_picture, study_table
 from indent_sim.studies.cases import Case
@@ -156,7 +156,7 @@ def execute_study(
         output or study.directory, study.title, study.keys, reference.name, [], reference.notes
     )
     load_libraries = (
-        simulate.warm_up
+        pipeline.warm_up
         if any(case.planned_run.scene.is_meshed for case in cases)
         else lambda: None
     )

@@ -19,7 +19,7 @@ from typing import Generic, TypeVar
 
 from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, UsageError
 from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.run.planned_run import PlannedRun
 
 # What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when
@@ -31,7 +31,7 @@ LAUNCHER_VARIABLES = ("SLURM_", "PMI_", "PMIX_", "PRTE_MCA_ess", *OPEN_MPI_VARIA
 
 ExitStatus = tuple[int, str]  # exit code and reason
 LoadLibraries = Callable[[], object]  # loads libraries
-JobName = TypeVar("Named", bound=Hashable)
+JobName = TypeVar("JobName", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Worker(ExitStack, Generic[JobName]):
     default for what solves meshes; a context manager.
     """
 
-    def __init__(self, jobs: Jobs[JobName], load: LoadLibraries = simulate.warm_up) -> None:
+    def __init__(self, jobs: Jobs[JobName], load: LoadLibraries = pipeline.warm_up) -> None:
         super().__init__()
         self._process = ForkedProcess(
             lambda name: _run_job(jobs[name]), partial(_prepare_process, load), uses_mpi=True
@@ -105,9 +105,9 @@ def _run_job(job: Job) -> ExitStatus:
     try:
         if directory.exists():
             with suppress(ConfigError, UsageError):
-                simulate.simulate(config, scene=scene, directory=directory, resume=job.resume)
+                pipeline.simulate(config, scene=scene, directory=directory, resume=job.resume)
                 return 0, ""
-        simulate.simulate(config, scene=scene, directory=directory, overwrite=True)
+        pipeline.simulate(config, scene=scene, directory=directory, overwrite=True)
     except (UsageError, BackendError):  # no fault of the run: the next one would end the same way
         raise
     except IndentSimError as error:

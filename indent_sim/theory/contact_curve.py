@@ -61,7 +61,7 @@ Sizes = TypeVar("Sizes", float, np.ndarray)
 
 
 def field_of_position(
-    value: Callable[..., np.ndarray], curve: LayerContact, *arguments: Any
+    value: Callable[..., np.ndarray], curve: ContactCurve, *arguments: Any
 ) -> Callable[[Any], np.ndarray]:
     """value(contact, *known, |x|/h) of places (n,), as a function of places x [L], a number or an
     array.
@@ -70,7 +70,7 @@ def field_of_position(
 
 
 def _evaluate_field(
-    value: Callable[..., np.ndarray], curve: LayerContact, arguments: tuple[Any, ...], x: Any
+    value: Callable[..., np.ndarray], curve: ContactCurve, arguments: tuple[Any, ...], x: Any
 ) -> np.ndarray:
     x = np.abs(np.asarray(x, dtype=float)) / curve.h
     return value(curve, *arguments, np.atleast_1d(x).ravel()).reshape(x.shape)[()]

@@ -29,8 +29,8 @@ from typing import Literal
 
 import numpy as np
 
+from indent_sim.theory import no_slip
 from indent_sim.theory.no_slip import FrictionCorrection
-from indent_sim.theory.surface import no_slip
 
 FRICTION_RINGS = 200  # forces to 2e-5; twice as many cost five times as much for half of it
 EDGE_GRADING = 4.0  # power of their widths towards the edge, where p and q are singular

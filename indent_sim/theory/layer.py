@@ -163,7 +163,7 @@ class Layer(ContactCurve):
         largest needs.
         """
         if self.tip.slope_discontinuities:
-            return super().several(sizes, largest)
+            return super().linear_solutions(sizes, largest)
         kernel = contact_kernel(largest, self.scaled_stack, self.wall)
         count = self._tip_point_count(largest)
         (x, w) = gauss_legendre(0.0, 1.0, count)
@@ -194,7 +194,7 @@ class Layer(ContactCurve):
     ) -> np.ndarray:
         """As `solution` says them, under a tip without breaks of all contacts at once."""
         if self.tip.slope_discontinuities:
-            return super().numbers(sizes, linear_solutions)
+            return super().load_values(sizes, linear_solutions)
         parts = (
             [getattr(lin, name) for lin in linear_solutions]
             for name in ("w", "g", "one", "shape", "touch")
@@ -215,7 +215,7 @@ class Layer(ContactCurve):
     ) -> np.ndarray:
         """As `_pressure` says them, under a tip without breaks and corners of all contacts at once."""
         if self.tip.slope_discontinuities or self.tip.apex_slope:
-            return super().middle_pressures(sizes, linear_solutions)
+            return super().center_pressures(sizes, linear_solutions)
         s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
         t = np.multiply.outer(sizes, s)
         tip_part = (

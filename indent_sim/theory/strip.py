@@ -67,7 +67,7 @@ class Strip(ContactCurve):
             raise ValueError(
                 "in plane strain a half-space has no depth to measure the indentation from"
             )
-        return super().on(tip, stack, wall)
+        return super().from_stack(tip, stack, wall)
 
     def profile(self, x: np.ndarray) -> np.ndarray:
         """f [h] of the tip; ValueError for one that plane strain does not know."""

@@ -18,7 +18,7 @@ import numpy as np
 from indent_sim.config.scene_file import load
 from indent_sim.model.tips import Paraboloid
 from indent_sim.results.reader import read
-from indent_sim.run.simulate import condense
+from indent_sim.run.pipeline import condense
 from indent_sim.scene.scene import resolve
 
 ROOT = Path(__file__).resolve().parents[2]

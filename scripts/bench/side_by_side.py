@@ -12,7 +12,7 @@ from markdown import number, percent, size, table
 from processes import Measured, measure
 from sweeps import IMAGES
 
-from indent_sim.results.pictures import canvas
+from indent_sim.results.pictures import figures
 
 PEERS = Path(__file__).with_name("peers.csv")
 PICTURE = IMAGES / "accuracy-programs.png"
@@ -141,8 +141,10 @@ def draw(rows: Sequence[Row]) -> None:
     """Error against CPU seconds of the whole process, a panel for each problem, this program's points joined."""
     programs = list(dict.fromkeys([OURS, *(row["program"] for row in rows)]))
     shown = "first panel: largest error of ten steps, hollow where only the last is known; others: last step"
-    with canvas.canvas((12.4, 7.6)) as figure:
-        canvas.head(figure, "Error of the force against the time of the whole process", shown)
+    with figures.new_figure((12.4, 7.6)) as figure:
+        figures.draw_title(
+            figure, "Error of the force against the time of the whole process", shown
+        )
         for axes, (case, title) in zip(figure.subplots(2, 2).ravel(), TITLES.items(), strict=True):
             mine = [row for row in rows if row["case"] == case]
             for row in mine:
@@ -151,7 +153,7 @@ def draw(rows: Sequence[Row]) -> None:
                 (row for row in mine if row["program"] == OURS), key=lambda row: row["h"]
             )
             x, y = [row["cpu_s"] for row in joined], [error(row) for row in joined]
-            axes.plot(x, y, color=canvas.INK, lw=1.2, zorder=2)
+            axes.plot(x, y, color=figures.INK, lw=1.2, zorder=2)
             front(axes, mine)
             finish(axes, title)
         handles, names = legend(programs)
@@ -159,7 +161,7 @@ def draw(rows: Sequence[Row]) -> None:
             rect=(0, 0.09, 1, 0.82)
         )  # the programs stand below the panels
         figure.legend(handles, names, loc="lower center", ncol=5, fontsize=9)
-        canvas.save(figure, PICTURE)
+        figures.save(figure, PICTURE)
 
 
 def error(row: Row) -> float:
@@ -169,10 +171,10 @@ def error(row: Row) -> float:
 
 def style(i: int) -> dict[str, Any]:
     """How the points of the i-th program look: this one black, the others coloured."""
-    colours = (canvas.INK, *canvas.COLOURS[:6], canvas.GREY, canvas.INK)
+    colours = (figures.INK, *figures.COLOURS[:6], figures.GREY, figures.INK)
     return {
         "color": colours[i % len(colours)],
-        "marker": ("*", *canvas.MARKERS, "<", ">")[i % 10],
+        "marker": ("*", *figures.MARKERS, "<", ">")[i % 10],
         "ls": "",
     }
 
@@ -195,7 +197,7 @@ def front(axes: Any, rows: Sequence[Row]) -> None:
         if not best or error(row) < error(best[-1]):
             best.append(row)
     x, y = [row["cpu_s"] for row in best], [error(row) for row in best]
-    axes.step(x, y, where="post", color=canvas.GREY, lw=1.2, ls=":", zorder=1)
+    axes.step(x, y, where="post", color=figures.GREY, lw=1.2, ls=":", zorder=1)
 
 
 def finish(axes: Any, title: str) -> None:
@@ -221,5 +223,5 @@ def legend(programs: Sequence[str]) -> tuple[list[Any], list[str]]:
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], ms=8, **style(i)) for i in range(len(programs))]
-    handles += [Line2D([], [], color=canvas.GREY, lw=1.0, ls=":")]
+    handles += [Line2D([], [], color=figures.GREY, lw=1.0, ls=":")]
     return handles, [*programs, "Pareto front"]

@@ -8,7 +8,7 @@ from typing import Any
 
 from markdown import number, size, table
 
-from indent_sim.config.strict_yaml import short
+from indent_sim.config.strict_yaml import short_yaml
 
 TARGET = 0.001
 WORST, LAST = "force_error_worst", "force_error_vs"
@@ -128,5 +128,5 @@ def spoken(key: str, value: Any) -> str:
     return (
         f"epsilon_n {number(value, 2)} E*/h"
         if key == "stiffness"
-        else f"{key.split('.')[-1]} {short(value)}"
+        else f"{key.split('.')[-1]} {short_yaml(value)}"
     )

@@ -22,7 +22,7 @@ Row = dict[str, Any]
 
 def carry_out(name: str, resume: bool) -> Study:
     """The study of a name."""
-    return studies.carry_out(
+    return studies.execute_study(
         STUDIES / f"{name}.yaml", output=RESULTS / name, resume=resume, tell=print
     )
 

@@ -19,7 +19,7 @@ from scipy.optimize import brentq, least_squares
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
-from indent_sim.run.simulate import simulate, states
+from indent_sim.run.pipeline import simulate, states
 from indent_sim.scene.scene import resolve
 
 TARGETS = (0.05, 0.01, 0.001)

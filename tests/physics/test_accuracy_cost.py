@@ -18,7 +18,7 @@ import pytest
 from test_accuracy import CUBE, FEW, Case, cube_forces, exact_forces
 
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 from indent_sim.scene.scene import resolve
 
 PER_RADIUS = (

@@ -18,7 +18,7 @@ from indent_sim.config.scene_file import load
 from indent_sim.fe import solver
 from indent_sim.model.contact import Adhesion
 from indent_sim.model.state import State
-from indent_sim.run.simulate import states
+from indent_sim.run.pipeline import states
 from indent_sim.scene.scene import resolve
 from indent_sim.studies.study_file import read as read_study
 from indent_sim.theory.adhesion import LAMBDA_PER_TABOR, maugis_pull_off

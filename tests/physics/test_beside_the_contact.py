@@ -13,7 +13,7 @@ from mesh_files import block, section, write
 
 from indent_sim.config.scene_file import load
 from indent_sim.config.strict_yaml import dump
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.run.sanity_checks import PreviousRows, violated_bound
 from indent_sim.scene.scene import resolve
 
@@ -45,7 +45,7 @@ def judged(
     }
     (folder / "scene.yaml").write_text(dump(scene), encoding="utf-8")
     resolved = resolve(load(folder / "scene.yaml", overrides))
-    (state,) = simulate.states(resolved, with_surface=False)
+    (state,) = pipeline.states(resolved, with_surface=False)
     assert state.converged
     return state.force, violated_bound(resolved, state, PreviousRows()) or ""
 

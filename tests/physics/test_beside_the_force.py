@@ -16,7 +16,7 @@ from test_accuracy import Case, drawn
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
 from indent_sim.results.compare import compare
-from indent_sim.run.simulate import simulate, states
+from indent_sim.run.pipeline import simulate, states
 from indent_sim.scene.scene import resolve
 
 RADII = np.append(

@@ -19,7 +19,7 @@ from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.compare import compare
 from indent_sim.results.reader import read
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.theory import half_space as hs
 
 THEORY, CONDENSED = "solver.method=theory", "solver.method=condensed"
@@ -45,13 +45,13 @@ def given(body: dict[str, Any], **sections: Any) -> dict[str, Any]:
 
 def run(
     folder: Path, *overrides: str, resume: bool = False, bars: bool = False, **sections: Any
-) -> simulate.Outcome:
+) -> pipeline.Outcome:
     config = config_from_mapping(given(**({"body": LAYER} | sections)), overrides)
-    return simulate.simulate(config, directory=folder, resume=resume, error_bars=bars)
+    return pipeline.simulate(config, directory=folder, resume=resume, error_bars=bars)
 
 
 def by_theory(*args: Any, **sections: Any) -> list[State]:
-    return list(simulate.states(scene(*args, **sections)))
+    return list(pipeline.states(scene(*args, **sections)))
 
 
 # ---- the numbers
@@ -204,7 +204,7 @@ def test_the_written_config_reproduces_the_run(tmp_path: Path) -> None:
         "none",
         "reference",
     )
-    simulate.simulate(config, directory=tmp_path / "B")
+    pipeline.simulate(config, directory=tmp_path / "B")
     assert (tmp_path / "B" / "config.yaml").read_text() == (
         tmp_path / "A" / "config.yaml"
     ).read_text()

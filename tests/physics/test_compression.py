@@ -13,8 +13,8 @@ from scenes import BOX, CYLINDER, ELASTIC, STRIP, scene, solve
 
 from indent_sim.model.tips import Plate
 from indent_sim.process.errors import ConfigError
+from indent_sim.run.pipeline import states
 from indent_sim.run.sanity_checks import PreviousRows, violated_bound
-from indent_sim.run.simulate import states
 from indent_sim.run.summary import theory_comparison
 from indent_sim.scene.scene import Scene
 

@@ -17,7 +17,7 @@ from indent_sim.config.scene_file import load
 from indent_sim.fe.condensed import compliance, equilibrium
 from indent_sim.model.tips import Paraboloid, Sphere
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.simulate import condense, states
+from indent_sim.run.pipeline import condense, states
 from indent_sim.scene import choices
 from indent_sim.scene.scene import Scene, resolve
 
@@ -187,7 +187,7 @@ def test_memory_does_not_grow_with_the_blocks_solved(monkeypatch: pytest.MonkeyP
     """Two matrices of one right-hand side, some 60 kB each, for each of 250 nodes: 30 MB if they
     stayed.
     """
-    monkeypatch.setattr(compliance, "BLOCK", 1)
+    monkeypatch.setattr(compliance, "BLOCK_SIZE", 1)
     condenser = condense(scene(WALLED, "mesh.h_contact=0.001")).equilibrium.condenser
     places = condenser._last.places
     kept = 16 * len(places) * condenser.body.unknowns.owned
@@ -258,7 +258,7 @@ def test_a_contact_too_large_to_condense_is_solved_by_newton_and_says_so() -> No
     fine = {"mesh": {"h_contact": 0.0015, "h_far": 0.5}}
     assert scene(WALLED, **fine).solver.method == "condensed"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(choices, "MOST_CANDIDATES", 100)
+        patch.setattr(choices, "MAX_CANDIDATES", 100)
         base = scene(WALLED, **fine)
         assert base.solver.method == "newton"
         (why,) = [choice.why for choice in base.plan.choices if choice.key == "solver.method"]
@@ -278,7 +278,7 @@ def test_a_contact_that_outgrows_what_can_be_condensed_is_no_number(
     """
     monkeypatch.setattr(equilibrium, "CANDIDATE_MARGIN", -7.0)
     base = scene(WALLED, loading=loading, mesh={"h_contact": 0.01})
-    monkeypatch.setattr(equilibrium, "MOST_CANDIDATES", 10)
+    monkeypatch.setattr(equilibrium, "MAX_CANDIDATES", 10)
     first, second = states(base)
     assert first.converged
     assert not second.converged and np.isnan(second.force)

@@ -16,7 +16,7 @@ from theory_bodies import indent
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
-from indent_sim.run.simulate import simulate, states
+from indent_sim.run.pipeline import simulate, states
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory import profiles
 from indent_sim.theory.layer import Layer

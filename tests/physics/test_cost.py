@@ -24,7 +24,7 @@ from indent_sim.run.error_estimation.refinement import (
     _expected_refinement_ratios as ratios_foreseen,
 )
 from indent_sim.run.error_estimation.refinement import predict_total_cost
-from indent_sim.run.simulate import states
+from indent_sim.run.pipeline import states
 from indent_sim.scene.cost import _mesh_counts as counts
 from indent_sim.scene.scene import resolve
 

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe.path.failure import failed_state
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.scene.scene import Scene, resolve
 
 
@@ -89,7 +89,7 @@ def test_a_drop_between_plates(steps: int) -> None:
     scene = drop(0.001, {"delta": 0.1 * steps, "steps": steps})
     chosen = {choice.key: choice.why for choice in scene.plan.choices}["surface"]
     assert "gamma/(mu R) = 1e+03" in chosen
-    for state in simulate.states(scene):
+    for state in pipeline.states(scene):
         assert state.converged, state.reason
         assert state.force == pytest.approx(young_laplace(state.delta), rel=2e-3)
 

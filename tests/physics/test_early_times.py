@@ -17,7 +17,7 @@ from exact_time import confined_modulus, terzaghi_settlement, unconfined_force
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 
 QUIET = {"fields": "none", "surface": "none", "plot": False}
 QUICK: dict[

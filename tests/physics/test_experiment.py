@@ -19,12 +19,11 @@ from theory_bodies import BONDED_PULL_OFF, one_layer
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import NotConverged
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.run.history_on_curve import HistoryResult, _HistoryEvaluation, evaluate_with_units
 from indent_sim.scene.scene import Scene, resolve
-from indent_sim.theory import profiles
+from indent_sim.theory import profiles, viscoelastic_stepping
 from indent_sim.theory.layer import Layer
-from indent_sim.theory.surface import viscoelastic_stepping
 from indent_sim.theory.viscoelastic_stepping import (
     RelaxingSurface,
     SurfaceContactLCP,
@@ -55,7 +54,7 @@ def scene_of(
 def found(*args: Any, **sections: Any) -> HistoryResult:
     base = scene_of(*args, **sections)
     return evaluate_with_units(
-        base, simulate.condense(base).equilibrium if base.is_meshed else None
+        base, pipeline.condense(base).equilibrium if base.is_meshed else None
     )
 
 
@@ -81,7 +80,7 @@ def test_rows_do_not_know_what_else_is_made_of_the_curve() -> None:
     scenes = [scene_of(LAYER, {"frequencies": [1.0]}, "solver.method=condensed", **relaxing)]
     scenes += [replace(scenes[0], experiment=None)]
     one, other = (
-        evaluate_with_units(scene, simulate.condense(scene).equilibrium).rows for scene in scenes
+        evaluate_with_units(scene, pipeline.condense(scene).equilibrium).rows for scene in scenes
     )
     assert one == other
 
@@ -230,7 +229,7 @@ def test_any_history_on_a_layer_against_stepping_with_all_of_the_past(compliance
     }
     experiment |= {"frame": {"compliance": compliance}} if compliance else {}
     base = scene_of(LAYER, experiment, "solver.method=condensed")
-    one = _HistoryEvaluation(base, simulate.condense(base).equilibrium)
+    one = _HistoryEvaluation(base, pipeline.condense(base).equilibrium)
     surface, asked = one.relaxing_surface(0.01), [t for t, _ in TWICE[1:]]
     forces = []
     for step in (0.01, 0.005):
@@ -253,7 +252,7 @@ def test_lee_and_radok_is_time_stepping_on_the_same_compliance(body: dict[str, A
     """
     history = {"relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": [[0, 0], [1, 0.01]]}
     base = scene_of(body, history, "solver.method=condensed", "mesh.h_contact=0.008")
-    one = _HistoryEvaluation(base, simulate.condense(base).equilibrium)
+    one = _HistoryEvaluation(base, pipeline.condense(base).equilibrium)
     surface, t = one.relaxing_surface(0.01), np.linspace(0, 1, 2001)
     elastic = SurfaceContactLCP(surface, surface.compliance)
     force = [
@@ -501,7 +500,7 @@ def test_what_no_row_reaches_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> No
     base = scene_of(
         LAYER, {"frame": {"compliance": 1.0}}, "solver.method=condensed", loading={"delta": 0.01}
     )
-    equilibrium = simulate.condense(base).equilibrium
+    equilibrium = pipeline.condense(base).equilibrium
     monkeypatch.setattr(type(equilibrium), "solve", lambda self, depth: False)
     with pytest.raises(NotConverged, match="was not reached"):
         evaluate_with_units(base, equilibrium)
@@ -510,8 +509,8 @@ def test_what_no_row_reaches_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> No
 def test_a_step_that_finds_no_contact_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """What has not settled is no number: it is said, and the run is not converged."""
     base = scene_of(STRIP, {"relaxation": SLOW, "history": TWICE}, "solver.method=condensed")
-    body = simulate.condense(base).equilibrium
-    monkeypatch.setattr(viscoelastic_stepping, "TOUCHES", 1)
+    body = pipeline.condense(base).equilibrium
+    monkeypatch.setattr(viscoelastic_stepping, "MAX_ACTIVE_SET_ITERATIONS", 1)
     with pytest.raises(NotConverged, match="did not settle"):
         evaluate_with_units(base, body)
 
@@ -522,7 +521,7 @@ def test_a_mesh_too_coarse_for_a_curve_is_said_so() -> None:
         BOX, given, "mesh.h_contact=0.2", indenter={"shape": "cone", "half_angle": 70.0}
     )
     with pytest.raises(NotConverged, match="give a smaller mesh"):
-        evaluate_with_units(base, simulate.condense(base).equilibrium)
+        evaluate_with_units(base, pipeline.condense(base).equilibrium)
 
 
 @pytest.mark.parametrize(
@@ -550,13 +549,13 @@ def test_a_spring_on_a_body_softer_than_a_half_space(
     }
     spring = {"cantilever": {"stiffness": stiffness}}
     history = {"history": [[0, 0], [1, 0.05]], "times": [0.5, 1]}
-    rows = simulate.simulate(
+    rows = pipeline.simulate(
         config_from_mapping(given | {"loading": history, "experiment": spring}),
         directory=tmp_path / "a",
     ).states
     depth, force = rows[-1].delta, rows[-1].force
     assert depth + force / stiffness == pytest.approx(0.05, rel=1e-9)
-    pressed = simulate.simulate(
+    pressed = pipeline.simulate(
         config_from_mapping(given | {"loading": {"delta": depth, "steps": 1}}),
         directory=tmp_path / "b",
     )
@@ -582,10 +581,10 @@ def test_a_punch_creeps_as_its_modulus(body: dict[str, Any], tmp_path: Path) -> 
     }
     relaxing = punch | {"material": ELASTIC | {"relaxation": {"prony": [[g, 1.0]]}}}
     ramp = {"force_history": [[0, 0], [1, 0.003], [1.5, 0.003]], "times": [1, 1.5]}
-    rows = simulate.simulate(
+    rows = pipeline.simulate(
         config_from_mapping(relaxing | {"loading": ramp}), directory=tmp_path / "a"
     ).states
-    (pressed,) = simulate.simulate(
+    (pressed,) = pipeline.simulate(
         config_from_mapping(punch | {"loading": {"force": 0.003, "steps": 1}}),
         directory=tmp_path / "b",
     ).states

@@ -16,7 +16,7 @@ from scenes import ELASTIC
 from indent_sim.config.scene_file import config_from_mapping, loads
 from indent_sim.results.reader import read
 from indent_sim.results.xdmf import read_fields
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 
 SCENES = {
     "axisymmetric": """

@@ -24,7 +24,7 @@ from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.run.sanity_checks import PreviousRows, violated_bound
 from indent_sim.scene.model_warnings import NEGLIGIBLE_ERROR
 from indent_sim.scene.scene import Scene, resolve
@@ -146,7 +146,7 @@ def along(scene: Scene, deltas: Sequence[float]) -> list[State]:
     """The states of the same scene and mesh along another path."""
     path = tuple(delta / scene.physics.scales.length for delta in deltas)
     return list(
-        simulate.states(
+        pipeline.states(
             scene.replace_physics(deltas=path, path=LoadPath("depth", path)), with_surface=False
         )
     )
@@ -267,7 +267,7 @@ def test_a_ball_beyond_its_diameter(gel: Scene, delta: float) -> None:
 def test_the_depth_of_a_deep_ball_is_found() -> None:
     """Under force control, in one step: and at that depth there is that force."""
     pressed = resolve(load(GEL, ["loading={force: 20.66, steps: 1}"]))
-    (state,) = simulate.states(pressed, with_surface=False)
+    (state,) = pipeline.states(pressed, with_surface=False)
     assert state.converged and state.delta == pytest.approx(1.85, rel=2e-3)  # two meshes again
     (again,) = along(pressed, [state.delta])
     assert again.force == pytest.approx(state.force, rel=AGREE)
@@ -287,7 +287,7 @@ def test_a_linear_body_that_turns_inside_out_is_refused(steps: int) -> None:
         "indenter": {"shape": "flat_punch", "radius": 551.0, "edge_radius": 165.0},
         "loading": {"delta": 900.0, "steps": steps},
     }
-    *rows, last = simulate.states(resolve(config_from_mapping(config)), with_surface=False)
+    *rows, last = pipeline.states(resolve(config_from_mapping(config)), with_surface=False)
     assert all(before.force < after.force for before, after in pairwise(rows))
     assert not last.converged and "inside out" in last.reason and "hyperelastic" in last.reason
 
@@ -325,7 +325,7 @@ def test_a_contact_is_no_wider_than_its_ball() -> None:
     A thousandth is for the facets' own roundness.
     """
     states = list(
-        simulate.states(
+        pipeline.states(
             resolve(load(GEL, ("loading={deltas: [0.9, 1.4, 1.85]}",))), with_surface=False
         )
     )

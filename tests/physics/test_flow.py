@@ -23,7 +23,7 @@ from indent_sim.model.body import Conductance, Drainage
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Flow, HolmesMow
 from indent_sim.model.state import State
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.poroelasticity import poroelastic_fraction_remaining
 
@@ -161,7 +161,7 @@ def by_theory(nu: float, E: float = 1.0, **sections: Any) -> float:
     """Theory's force on the elastic layer."""
     given = {"material": ELASTIC | {"E": E, "nu": nu}, "loading": {"delta": DELTA, "steps": 1}}
     return next(
-        iter(simulate.states(scene(WALLED, **given, **sections, solver={"method": "theory"})))
+        iter(pipeline.states(scene(WALLED, **given, **sections, solver={"method": "theory"})))
     ).force
 
 

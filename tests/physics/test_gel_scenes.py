@@ -16,11 +16,11 @@ from scenes import scene
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.materials import Gel
 from indent_sim.model.state import State
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.run.error_estimation.coarser_run import REFINEMENT_RATIO, CoarserRun
 from indent_sim.run.error_estimation.error_bars import ErrorBars
+from indent_sim.run.pipeline import simulate
 from indent_sim.run.sanity_checks import underresolved_rows
-from indent_sim.run.simulate import simulate
 from indent_sim.scene.model_warnings import UNDERRESOLVED_ERROR, swelling_force_error
 from indent_sim.scene.scene import Scene
 
@@ -44,7 +44,7 @@ def gel(body: dict[str, Any] = LAYER, **sections: Any) -> Scene:
 
 
 def rows(base: Scene) -> list[State]:
-    found = list(simulate.states(base, with_surface=False))
+    found = list(pipeline.states(base, with_surface=False))
     assert len(found) == len(base.physics.deltas) and all(row.converged for row in found), found[
         -1
     ].reason
@@ -258,7 +258,7 @@ def test_the_error_of_a_bath_that_takes_some_time_is_inside_its_part(tmp_path: P
     loading = {"history": [[0, 0.02], [10, 0.02]], "times": [1.5, 3.0, 10.0], "per_doubling": 2}
     base |= {"loading": loading, "drainage": {"bath": 0.0, "bath_ramp": ramp}, "output": QUIET}
     found = simulate(config_from_mapping(base), directory=tmp_path / "run", error_bars=True)
-    sooner = simulate.states(
+    sooner = pipeline.states(
         config_from_mapping(base | {"drainage": {"bath": 0.0, "bath_ramp": ramp / 10}}),
         with_surface=False,
     )

@@ -19,7 +19,7 @@ from promised_bars import ROWS_OF_A_CLASS
 from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.config.strict_yaml import dump
 from indent_sim.model.state import State
-from indent_sim.run.simulate import simulate, states
+from indent_sim.run.pipeline import simulate, states
 from indent_sim.scene.scene import resolve
 
 QUIET = {"fields": "none", "surface": "none", "plot": False}

@@ -12,7 +12,7 @@ from scenes import ELASTIC, WALLED, scene, solve
 
 from indent_sim.model.loading import Loading, LoadPath
 from indent_sim.model.state import State
-from indent_sim.run.simulate import states
+from indent_sim.run.pipeline import states
 
 RUBBER = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
 BACK = [[0, 0], [1, 0.02], [4, 0.02], [5, 0.005]]

@@ -11,7 +11,7 @@ import pytest
 from scenes import CYLINDER, PARABOLOID, STRIP, WALLED, meshed, scene, solve, solved
 
 from indent_sim.fe import solver
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.scene.scene import Scene
 
 NEO_HOOKEAN = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
@@ -317,7 +317,7 @@ def test_a_hopeless_depth_is_given_up() -> None:
         mesh={"h_contact": 0.1},
         solver={"max_iterations": 4},
     )
-    (state,) = simulate.states(base)
+    (state,) = pipeline.states(base)
     assert not state.converged
     assert (
         state.newton_iterations <= (1 + 10) * 4 * 5
@@ -477,7 +477,7 @@ def test_gent_names_its_limit() -> None:
         solver={"max_iterations": 15},
     )
     assert any("Gent's limit" in text for text in base.plan.warnings)
-    *_, last = simulate.states(base)
+    *_, last = pipeline.states(base)
     assert not last.converged
     assert "I1 - 3 = Jm = 0.02" in last.reason
 

@@ -13,7 +13,7 @@ from indent_sim.fe import solver
 from indent_sim.process.errors import VerificationError
 from indent_sim.results.reader import read
 from indent_sim.run import single_run
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 
 SCENE = """\
 body: {shape: cylinder, radius: 2.0, height: 3.0}
@@ -34,7 +34,7 @@ def scene(tmp_path: Path) -> Path:
 
 def test_the_rows_before_stay(scene, tmp_path, monkeypatch):
     monkeypatch.setattr(
-        single_run, "contradiction", lambda scene, state, earlier: "so to say" if earlier else None
+        single_run, "violated_bound", lambda scene, state, earlier: "so to say" if earlier else None
     )
     with pytest.raises(
         VerificationError, match=r"step 2, at delta = 0.2, is a row that cannot be true: so to say"

@@ -15,7 +15,7 @@ from scenes import CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, force, grid_of,
 from test_layers import state_on
 
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.resolution import coarsened_sizes
 from indent_sim.scene.scene import Scene, resolve
@@ -95,7 +95,7 @@ def test_a_ball_inclusion_to_a_given_accuracy(tmp_path: Path) -> None:
             loading={"delta": 0.05, "steps": 4},
         )
     )
-    states = simulate.simulate(config, directory=tmp_path / "run").states
+    states = pipeline.simulate(config, directory=tmp_path / "run").states
     bars = [state.force_error or np.nan for state in states]
     assert all(bar <= 1e-3 * state.force for bar, state in zip(bars, states, strict=True))
     print(f"accuracy 0.001: {states[-1].force / EXACT - 1:+.4%}, bar {bars[-1] / EXACT:.4%}")
@@ -380,7 +380,7 @@ def test_error_bars_of_inclusions_drawn_at_random(tmp_path: Path) -> None:
             config_from_mapping(document | {"accuracy": accuracy}) for accuracy in (0.005, 0.0005)
         ]
         runs = [
-            simulate.simulate(config, directory=tmp_path / f"{number}_{k}").states
+            pipeline.simulate(config, directory=tmp_path / f"{number}_{k}").states
             for k, config in enumerate(configs)
         ]
         for state, fine in zip(*runs, strict=True):

@@ -15,7 +15,7 @@ from scenes import BOX, ELASTIC, meshed, scene, solve
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.iterative import Iterative
 from indent_sim.model.state import State
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.run.derived_quantities import DerivedQuantities
 from indent_sim.run.error_estimation.coarser_run import CoarserRun, coarser_scene
 from indent_sim.run.error_estimation.error_bars import ErrorBars
@@ -184,7 +184,7 @@ def test_what_no_slip_would_change_is_solved_by_a_factorisation(monkeypatch: Any
 
     def found(base: Scene) -> NoSlipEffect | None:
         return solve_no_slip_effect(
-            CoarserRun(1.0, solve(base), base), lambda other: list(simulate.states(other))
+            CoarserRun(1.0, solve(base), base), lambda other: list(pipeline.states(other))
         )
 
     expected, stick = found(direct), found(iterative)
@@ -276,7 +276,7 @@ def test_a_worn_preconditioner_is_built_anew_before_a_step_fails(monkeypatch: An
     monkeypatch.setattr(
         Multigrid, "apply", lambda self, r, u: u.set(0.0) if worn[0] else apply(self, r, u)
     )
-    monkeypatch.setattr(Multigrid, "renew", lambda self: (worn.__setitem__(0, False), renew(self)))
+    monkeypatch.setattr(Multigrid, "rebuild", lambda self: (worn.__setitem__(0, False), renew(self)))
     found = []
     for state in walk.states(base.physics.path, lambda step: False):
         worn[0] = True
@@ -290,7 +290,7 @@ def test_multigrid_on_the_linear_elements(monkeypatch: Any) -> None:
     from indent_sim.fe.solve import multigrid
 
     factored = solve(on("iterative", {}))
-    monkeypatch.setattr(multigrid, "FACTORED", 0)
+    monkeypatch.setattr(multigrid, "LARGEST_FACTORED", 0)
     aggregated = solve(on("iterative", {}))
     assert aggregated[-1].force == pytest.approx(factored[-1].force, rel=SAME)
     assert krylov_per_newton(aggregated) <= 1.5 * krylov_per_newton(factored)
@@ -330,7 +330,7 @@ def test_a_system_that_is_not_solved_is_no_step(monkeypatch: Any) -> None:
     from indent_sim.fe.solve import iterative
 
     monkeypatch.setattr(iterative, "MOST_KRYLOV_ITERATIONS", 1)
-    state = list(simulate.states(on("iterative", {})))[-1]
+    state = list(pipeline.states(on("iterative", {})))[-1]
     assert not state.converged and "a linear system was not solved within" in state.reason
     assert "; solver.linear: direct or" in state.reason
 

@@ -14,7 +14,7 @@ import pytest
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 
 KNOWN = 3e-5  # of the force, what the reference knows: 1e-5 from the series of a layered ball
 AUTOMATIC = 0.001  # of the force at automatic sizes; 0.06 % was found

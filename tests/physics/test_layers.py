@@ -15,7 +15,7 @@ from promised_bars import ROWS_OF_A_CLASS
 from scenes import ELASTIC, force, grid_of, scene, solve
 
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.run import simulate, single_run
+from indent_sim.run import pipeline, single_run
 from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.scene.scene import Scene, resolve
 
@@ -214,7 +214,7 @@ def test_theory_asked_for_says_that_it_pulls(tmp_path: Any) -> None:
         "output": {"plot": False},
     }
     outcomes = {
-        method: simulate.simulate(
+        method: pipeline.simulate(
             config_from_mapping(given | {"solver": {"method": method}}),
             error_bars=True,
             directory=tmp_path / method,
@@ -305,8 +305,8 @@ def judged(
     them.
     """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ErrorBars, "_from_theory", lambda self, state: 0.0)
-        patch.setattr(single_run, "contradiction", lambda *_: None)  # it asks theory too
+        patch.setattr(ErrorBars, "_theory_distance", lambda self, state: 0.0)
+        patch.setattr(single_run, "violated_bound", lambda *_: None)  # it asks theory too
         own = [{"thickness": h, "material": ELASTIC | {"E": E, "nu": nu}} for h, E, nu in layers]
         config = config_from_mapping(
             {
@@ -317,5 +317,5 @@ def judged(
                 "output": {"plot": False, "fields": "none", "surface": "none"},
             }
         )
-        states = simulate.simulate(config, directory=place).states
+        states = pipeline.simulate(config, directory=place).states
     return np.array([s.force for s in states]), np.array([s.force_error / s.force for s in states])  # type: ignore[operator]

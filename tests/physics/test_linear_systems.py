@@ -24,7 +24,7 @@ from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve import uzawa
 from indent_sim.fe.solve.newton import Newton
 from indent_sim.process.errors import NotConverged
-from indent_sim.run.simulate import Outcome, simulate
+from indent_sim.run.pipeline import Outcome, simulate
 
 SCENE: dict[str, Any] = {
     "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0},
@@ -82,7 +82,7 @@ def test_the_environment_stands_over_the_programs_choice(tmp_path, options, monk
     found = []
     solve = Newton._run_snes
     monkeypatch.setattr(
-        Newton, "_runs", lambda self, x: found.append(self.snes.ksp.pc.getType()) or solve(self, x)
+        Newton, "_run_snes", lambda self, x: found.append(self.snes.ksp.pc.getType()) or solve(self, x)
     )
     usual = solved(tmp_path).states[-1].force
     with tuned(**options):
@@ -149,7 +149,7 @@ def test_a_symmetric_tangent_is_factored_as_such(tmp_path, monkeypatch, method, 
     create = Newton._create_snes
     monkeypatch.setattr(Problem, "assemble_tangent", watched)
     monkeypatch.setattr(
-        Newton, "_create", lambda self, **said: made.append(self) or create(self, **said)
+        Newton, "_create_snes", lambda self, **said: made.append(self) or create(self, **said)
     )
     coarse = {"h_contact": 0.1, "h_far": 0.5}  # symmetric or not on any mesh
     solved(
@@ -171,7 +171,7 @@ def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypa
         PETSc.Options().setValue("mat_mumps_icntl_14", -99 if symmetric else 60)
         return create(self, symmetric=symmetric)
 
-    monkeypatch.setattr(Newton, "_create", starved)
+    monkeypatch.setattr(Newton, "_create_snes", starved)
     with tuned(mat_mumps_icntl_14=60):
         assert solved(tmp_path).states[-1].force == pytest.approx(FORCE, rel=0.02)
     assert tried == [True, False]
@@ -196,8 +196,8 @@ def test_only_what_mumps_could_not_do_is_a_failed_step():
 
 @pytest.mark.parametrize("method", ["newton", "condensed"])
 def test_a_failed_uzawa_says_so(tmp_path, monkeypatch, method):
-    monkeypatch.setattr(uzawa, "LOOPS", 3)
-    monkeypatch.setattr(step_size_control, "SMALLEST_CUT", 0.5)
+    monkeypatch.setattr(uzawa, "MOST_ITERATIONS", 3)
+    monkeypatch.setattr(step_size_control, "SMALLEST_STEP_FRACTION", 0.5)
     contact = {"method": "uzawa", "epsilon_n": 0.01}
     with pytest.raises(
         NotConverged, match=r"contact method uzawa.*multiplier does not settle.*delta = 0"
@@ -261,7 +261,7 @@ def test_a_residual_that_is_no_number_is_no_equilibrium(
 
     monkeypatch.setattr(Problem, "begin_solve", begun)
     monkeypatch.setattr(Problem, "assemble_residual", not_a_number)
-    monkeypatch.setattr(step_size_control, "SMALLEST_CUT", 0.5)
+    monkeypatch.setattr(step_size_control, "SMALLEST_STEP_FRACTION", 0.5)
     bodies = {"direct": {}, "iterative": CUBE | {"mesh": {"h_contact": 0.3, "h_far": 0.5}}}
     sections = bodies[linear] | {
         "contact": contact,
@@ -287,9 +287,9 @@ def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monke
 
         return run
 
-    monkeypatch.setattr(step_size_control, "SMALLEST_CUT", 0.5)
+    monkeypatch.setattr(step_size_control, "SMALLEST_STEP_FRACTION", 0.5)
     monkeypatch.setattr(
-        Newton, "_create", lambda self, **said: made.append(create(self, **said)) or made[-1]
+        Newton, "_create_snes", lambda self, **said: made.append(create(self, **said)) or made[-1]
     )
     for reason in (
         reasons.CONVERGED_SNORM_RELATIVE,
@@ -297,7 +297,7 @@ def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monke
         reasons.CONVERGED_ITS,
     ):
         with monkeypatch.context() as patch:
-            patch.setattr(Newton, "_runs", says(reason))
+            patch.setattr(Newton, "_run_snes", says(reason))
             with pytest.raises(NotConverged, match=f"SNES reason {reason}"):
                 solved(tmp_path)
     assert solved(tmp_path).states[-1].force == pytest.approx(FORCE, rel=0.1)
@@ -323,10 +323,10 @@ def test_a_condensed_body_takes_no_number_that_is_none(tmp_path, monkeypatch, co
     """
     sections = {"contact": contact, "solver": {"method": "condensed"}}
     column, step = Condenser._solve_block, CondensedContact.newton_step
-    monkeypatch.setattr(step_size_control, "SMALLEST_CUT", 0.5)
+    monkeypatch.setattr(step_size_control, "SMALLEST_STEP_FRACTION", 0.5)
     with monkeypatch.context() as patch:
         patch.setattr(
-            Condenser, "_block", lambda *given: tuple(np.nan * part for part in column(*given))
+            Condenser, "_solve_block", lambda *given: tuple(np.nan * part for part in column(*given))
         )
         with pytest.raises(NotConverged, match="response to forces on its surface is not a number"):
             solved(tmp_path, **sections)

@@ -13,7 +13,7 @@ from scenes import BOX, CYLINDER, STRIP, WALLED, scene, solve
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.scene.scene import Scene
 
 COARSE = {"mesh": {"h_contact": 0.04}}
@@ -128,7 +128,7 @@ def test_up_and_down_is_one_curve(material: dict[str, Any] | None) -> None:
     given = {"material": material} if material else {}
     path = [0.001, 0.003, 0.0, 0.003, 0.002, 0.001, 0.0]
     states = list(
-        simulate.states(
+        pipeline.states(
             scene(CYLINDER, loading={"forces": path}, mesh={"h_contact": 0.02}, **given)
         )
     )
@@ -202,7 +202,7 @@ def test_too_large_a_force() -> None:
         scene(WALLED, loading={"force": 1e3, "steps": 2})
     assert caught.value.key == "loading" and caught.value.exit_code == 3
     gent = {"model": "gent", "mu": 1.0, "Jm": 0.5, "nu": 0.3}
-    *_, last = simulate.states(
+    *_, last = pipeline.states(
         scene(CYLINDER, material=gent, loading={"forces": [0.01, 1e4]}, mesh={"h_contact": 0.2})
     )
     assert (

@@ -14,7 +14,7 @@ from mesh_files import block, section, write
 
 from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.mesh.gmsh import build_mesh
-from indent_sim.run.simulate import simulate, states
+from indent_sim.run.pipeline import simulate, states
 from indent_sim.scene.scene import resolve
 
 LINEAR = {"model": "linear_elastic", "E": 1.0, "nu": 0.3}

@@ -23,7 +23,7 @@ from test_hertz import RADII
 from indent_sim.cli import commands
 from indent_sim.fe.solve import uzawa
 from indent_sim.model.state import State
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 
 METHODS = ("augmented_lagrangian", "uzawa", "active_set", "nitsche")
 SOLVERS = ("condensed", "newton")
@@ -242,8 +242,8 @@ def test_stiffness_far_beyond_what_is_sensible(name: str, decade: int, solver: s
 
 def test_a_multiplier_that_does_not_settle_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Uzawa far below E*/h creeps; where its loops end, there is no number, but a reason."""
-    monkeypatch.setattr(uzawa, "LOOPS", 15)
-    (state,) = simulate.states(
+    monkeypatch.setattr(uzawa, "MOST_ITERATIONS", 15)
+    (state,) = pipeline.states(
         scene(CYLINDER, contact=method("uzawa", 1e-5), mesh={"h_contact": 0.05})
     )
     assert not state.converged

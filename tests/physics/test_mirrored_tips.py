@@ -14,7 +14,7 @@ from mesh_files import block, write
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.derived_quantities import hertz_fit
-from indent_sim.run.simulate import states
+from indent_sim.run.pipeline import states
 from indent_sim.run.summary import theory_comparison
 from indent_sim.scene.scene import Scene, resolve
 

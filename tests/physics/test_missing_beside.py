@@ -22,7 +22,7 @@ from indent_sim.process.errors import MeshError, NotConverged
 from indent_sim.results.pictures import experiment as experiments
 from indent_sim.results.pictures import forces
 from indent_sim.results.reader import read
-from indent_sim.run import derived_quantities, simulate, single_run, summary
+from indent_sim.run import derived_quantities, pipeline, single_run, summary
 from indent_sim.run import history_on_curve as conducted
 
 # Every thing that stands beside the rows, by the words of its warning, and where it is found
@@ -31,12 +31,12 @@ OUTER: dict[str, tuple[Any, str]] = {
     "area": (Axisymmetric, "contact_area"),
     "E_hertz": (derived_quantities.DerivedQuantities, "_hertz"),
     "fields": (Fields, "gather"),
-    "check of its rows": (single_run, "contradiction"),
+    "check of its rows": (single_run, "violated_bound"),
     "theory": (summary, "theory_comparison"),
     "Hertz fit": (summary, "hertz_fit"),
     "experiment.csv": (conducted, "conduct"),
-    "a run beside this one": (simulate, "states"),
-    "what no slip would change": (simulate, "sticks"),
+    "a run beside this one": (pipeline, "states"),
+    "what no slip would change": (pipeline, "sticks"),
     "force_indentation.png": (forces, "force_indentation"),
 }
 INNER: dict[str, tuple[Any, str]] = {
@@ -91,7 +91,7 @@ def break_(monkeypatch: pytest.MonkeyPatch, things: dict[str, tuple[Any, str]], 
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The run in which nothing fails."""
     folder = tmp_path_factory.mktemp("whole") / "run"
-    simulate.simulate(config_from_mapping(SCENE), directory=folder)
+    pipeline.simulate(config_from_mapping(SCENE), directory=folder)
     assert "missing" not in json.loads((folder / "run.json").read_text(encoding="utf-8"))
     return folder
 
@@ -120,7 +120,7 @@ def test_what_fails_beside_the_rows_is_missing_and_the_rows_stay(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     break_(monkeypatch, things, len(whole))
-    outcome = simulate.simulate(
+    outcome = pipeline.simulate(
         config_from_mapping(SCENE), directory=tmp_path / "run", error_bars=things is OUTER
     )
     assert rows(tmp_path / "run") == whole
@@ -144,4 +144,4 @@ def test_a_signal_beside_the_rows_ends_the_run(
 
     monkeypatch.setattr(derived_quantities.DerivedQuantities, "_stiffness", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        simulate.simulate(config_from_mapping(SCENE), directory=tmp_path / "run")
+        pipeline.simulate(config_from_mapping(SCENE), directory=tmp_path / "run")

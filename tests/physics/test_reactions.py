@@ -17,7 +17,7 @@ from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.reader import read
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 from indent_sim.scene.scene import Scene, resolve
 
 # of the force: Newton's method leaves 1e-10 of the reactions, over some hundred held nodes

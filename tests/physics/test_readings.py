@@ -13,7 +13,7 @@ from scenes import ELASTIC, PARABOLOID, STRIP, WALLED, scene, solve
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.run.derived_quantities import DerivedQuantities, hertz_fit
 
 SHALLOW = {"delta": 0.01, "steps": 3}
@@ -64,7 +64,7 @@ def test_a_half_space_reads_its_own_modulus() -> None:
     rounding.
     """
     body = {"shape": "half_space"}
-    assert list(simulate.states(scene(body)))[-1].E_hertz == pytest.approx(1.0, rel=1e-12)
+    assert list(pipeline.states(scene(body)))[-1].E_hertz == pytest.approx(1.0, rel=1e-12)
     meshed = solve(scene(body, "solver.method=condensed"))[-1]
     assert meshed.E_hertz == pytest.approx(1.0, rel=3e-3)
     assert meshed.area == pytest.approx(math.pi * meshed.a**2)
@@ -83,7 +83,7 @@ def test_the_modulus_of_a_half_space_is_within_its_error_bar(nu: float, tmp_path
             "output": {"plot": False},
         }
     )
-    for state in simulate.simulate(config, directory=tmp_path / "out", error_bars=True).states:
+    for state in pipeline.simulate(config, directory=tmp_path / "out", error_bars=True).states:
         assert state.force_error and state.E_hertz
         assert abs(state.E_hertz - 1.0) <= state.force_error / state.force
 
@@ -104,7 +104,7 @@ def test_a_force_of_zero_reads_no_modulus(rounding: float) -> None:
 def test_a_fit_to_an_exact_curve_is_off_by_nothing() -> None:
     """Not by rounding: theory's half-space is the formula that is fitted."""
     whole = scene({"shape": "half_space"}, "loading.steps=3")
-    fit = hertz_fit(whole, list(simulate.states(whole)))
+    fit = hertz_fit(whole, list(pipeline.states(whole)))
     assert fit and fit["percent"] == 0.0 and fit["E"] == pytest.approx(1.0, rel=1e-12)
 
 

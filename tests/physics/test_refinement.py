@@ -16,7 +16,7 @@ import yaml
 from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.process.errors import ConfigError, VerificationError
 from indent_sim.results.reader import read
-from indent_sim.run import simulate, single_run
+from indent_sim.run import pipeline, single_run
 from indent_sim.scene import resolution
 from indent_sim.scene.scene import resolve
 
@@ -31,8 +31,8 @@ SCENE: dict[str, Any] = {
 
 def simulate(
     folder: Path, error_bars: bool = False, resume: bool = False, **sections: Any
-) -> simulate.Outcome:
-    return simulate.simulate(
+) -> pipeline.Outcome:
+    return pipeline.simulate(
         config_from_mapping(SCENE | sections),
         directory=folder,
         error_bars=error_bars,
@@ -69,7 +69,7 @@ def test_the_written_config_gives_the_same_run_without_accuracy(tmp_path: Path) 
         first = simulate(tmp_path / tip["shape"], indenter=tip, accuracy=0.01)
         written = load(tmp_path / tip["shape"] / "config.yaml")
         assert written.accuracy is None
-        again = simulate.simulate(written, directory=tmp_path / f"{tip['shape']} again")
+        again = pipeline.simulate(written, directory=tmp_path / f"{tip['shape']} again")
         assert [state.force for state in again.states] == [state.force for state in first.states]
 
 
@@ -121,7 +121,7 @@ def test_a_resumed_run_has_the_same_rows_and_bars(tmp_path: Path, sections: dict
     whole = simulate(tmp_path / "whole", error_bars=bars, **sections)
     config = config_from_mapping(SCENE | sections)
     with pytest.raises(Stop):
-        simulate.simulate(config, directory=tmp_path / "run", error_bars=bars, progress=stop)
+        pipeline.simulate(config, directory=tmp_path / "run", error_bars=bars, progress=stop)
     assert len(read(tmp_path / "run")) == 3
     resumed = simulate(tmp_path / "run", resume=True, error_bars=bars, **sections)
     assert resumed.resumed_after == 3
@@ -161,7 +161,7 @@ def test_a_later_attempt_that_is_resumed_has_the_same_bars(
     whole = simulate(tmp_path / "whole", **sections)
     assert len(whole.report["accuracy"]["tried"]) >= 2
     with pytest.raises(Stop):
-        simulate.simulate(
+        pipeline.simulate(
             config_from_mapping(SCENE | sections), directory=tmp_path / "run", progress=stop
         )
     resumed = simulate(tmp_path / "run", resume=True, **sections)
@@ -261,7 +261,7 @@ def test_loading_the_libraries_is_no_cost_of_the_companions(
             loaded.append(time.perf_counter())
         return load()
 
-    monkeypatch.setattr(simulate, "backend", slow)
+    monkeypatch.setattr(pipeline, "backend", slow)
     timings = simulate(tmp_path / "run", error_bars=True).report["timings"]
     assert timings["imports"] >= 0.5
 

@@ -25,7 +25,7 @@ from indent_sim.fe.terms.scene_terms import additional_fields, bulk_terms, conta
 from indent_sim.fe.terms.term import Term
 from indent_sim.model.materials import PowerLaw, PronySeries, Relaxation
 from indent_sim.model.state import State
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.scene.problem_setup import prony_series
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.viscoelasticity import ElasticCurve, LeeRadokTing, ShearRelaxation
@@ -463,7 +463,7 @@ def of_scene(law: dict[str, Any], of: str, **sections: Any) -> list[State]:
         "mesh": COARSE | {"h_contact": 0.02},
         "loading": CYCLE,
     }
-    return list(simulate.states(scene(LAYER, **given | sections), with_surface=False))
+    return list(pipeline.states(scene(LAYER, **given | sections), with_surface=False))
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from indent_sim.run.model_selection.effect_table import EFFECT_ROWS
 from indent_sim.run.model_selection.effects import Effect
 from indent_sim.run.model_selection.recommended_model import Requirements, require
 from indent_sim.run.model_selection.variant_solver import VariantSolver
-from indent_sim.run.simulate import states
+from indent_sim.run.pipeline import states
 from indent_sim.scene.scene import resolve
 from indent_sim.theory import half_space
 from indent_sim.theory.films import dimitriadis_force

@@ -19,7 +19,7 @@ from indent_sim.run.model_selection.effects import Effect
 from indent_sim.run.model_selection.recommended_model import require
 from indent_sim.run.model_selection.time_dependence import TimeDependentEffects, elastic_limits
 from indent_sim.run.model_selection.variant_solver import VariantSolver
-from indent_sim.run.simulate import simulate, states
+from indent_sim.run.pipeline import simulate, states
 from indent_sim.scene.scene import resolve
 
 DEPTH, CONTACT = 0.02, 0.0219  # a^2 at that depth: a = 0.148

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from indent_sim.config.scene_file import config_from_mapping, load, to_mapping
 from indent_sim.results.reader import read
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 
 ELASTIC = {"model": "linear_elastic", "E": 3.7, "nu": 0.3}
 SOFT = {"model": "linear_elastic", "mu": 0.013, "nu": 0.495}

@@ -18,7 +18,7 @@ from scenes import ELASTIC, PARABOLOID, force, meshed, scene, solve
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe.discrete_body import Body
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 
 BALL = {"shape": "ball", "radius": 1.0}
 BONDED = BALL | {"base": "fixed"}

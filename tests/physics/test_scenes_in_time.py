@@ -19,7 +19,7 @@ from indent_sim.fe.terms.flow import Flow
 from indent_sim.model.state import State
 from indent_sim.process.errors import NotConverged, VerificationError
 from indent_sim.run.error_estimation.coarser_run import coarsen_scene, halve_increments
-from indent_sim.run.simulate import simulate, states
+from indent_sim.run.pipeline import simulate, states
 from indent_sim.scene.scene import Scene, resolve
 
 NAMES = ("force", "delta", "a", "p_max")
@@ -131,7 +131,7 @@ def test_fluid_that_comes_from_nowhere_ends_the_run(
 ) -> None:
     """A millionth of what has moved."""
     content = Flow.vertex_content_values
-    monkeypatch.setattr(Flow, "content", lambda flow: content(flow) + 1e-6 * np.abs(content(flow)))
+    monkeypatch.setattr(Flow, "vertex_content_values", lambda flow: content(flow) + 1e-6 * np.abs(content(flow)))
     with pytest.raises(VerificationError, match="of the fluid has neither left nor is there"):
         simulate(config_from_mapping(sealed_rubber()), directory=tmp_path)
 

@@ -15,7 +15,7 @@ from scenes import ELASTIC, PARABOLOID, force, grid_of, scene, solve
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.run.explicit_config import explicit_config
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 from indent_sim.scene.resolution import coarsened_sizes
 from indent_sim.scene.scene import Scene, resolve
 

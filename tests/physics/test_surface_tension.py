@@ -20,10 +20,10 @@ from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.terms.surface_tension import SurfaceTension
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 from indent_sim.scene.scene import Scene, resolve
+from indent_sim.theory import surface_tension
 from indent_sim.theory.solution import Solution
-from indent_sim.theory.surface import surface_tension
 
 HALF_SPACE = {"shape": "half_space"}
 STIFF = {"thickness": 0.1, "material": ELASTIC | {"E": 10.0}}

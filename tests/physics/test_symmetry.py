@@ -43,7 +43,7 @@ def on_grid(base: Scene, grid: Grid, monkeypatch: pytest.MonkeyPatch) -> list[St
     with monkeypatch.context() as patch:
         patch.setattr(
             gmsh,
-            "build",
+            "build_mesh",
             lambda part, sizes: dataclasses.replace(grid, surfaces=named, regions=regions),
         )
         return solve(base)

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from indent_sim.cli import terminal
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.results.reader import read
-from indent_sim.run.simulate import Outcome, simulate
+from indent_sim.run.pipeline import Outcome, simulate
 
 WALLED = {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"}
 

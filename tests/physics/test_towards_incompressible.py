@@ -15,7 +15,7 @@ from scenes import solve
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.scene.scene import Scene, resolve
 
 E, NU = 1.0, 0.4
@@ -65,7 +65,7 @@ def at_rest(left: float, method: str) -> tuple[Scene, State]:
 def last(scene: Scene, like: Scene) -> State:
     """Its last row, on the mesh of another scene."""
     grid = like.grid()
-    *_, found = simulate.states(scene, mesher=lambda _: grid)
+    *_, found = pipeline.states(scene, mesher=lambda _: grid)
     assert found.converged, found.reason
     return found
 
@@ -88,7 +88,7 @@ def test_a_body_that_keeps_a_fiftieth_of_its_shear() -> None:
     Its mesh is another one: 5e-4 of the force.
     """
     scene = relaxing({"prony": [[0.98, 1.0]]}, 200.0)
-    *_, found = simulate.states(scene)
+    *_, found = pipeline.states(scene)
     assert found.force == pytest.approx(0.00124646, rel=1e-3)
     assert found.a == pytest.approx(0.3187, rel=4e-3)
     assert found.p_max == pytest.approx(0.00588, rel=8e-3)
@@ -162,7 +162,7 @@ def test_short_steps_late() -> None:
     history = [[0, 0], [0, end], [200, end], [200, DELTA], [200.001, DELTA]]
     loading = {"history": history, "times": [199, 200.001]}
     scene = resolve(config_from_mapping(BASE | {"material": HOOKE | law, "loading": loading}, ()))
-    before, after = simulate.states(scene)
+    before, after = pipeline.states(scene)
     stiffer = (1 / (1 - NU**2)) / (3 * 0.02 * MU / (1 - nu_of(0.02) ** 2))
     assert after.force / before.force - 1 == pytest.approx(
         1.5e-3 * stiffer, rel=0.3

@@ -15,7 +15,7 @@ from test_patch import AREA, DELTA, EPSILON_N, EXACT, H, covered
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.materials import LinearElastic, TransverselyIsotropic
 from indent_sim.process.errors import ConfigError
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.scene.scene import resolve
 
 E, E_Z, NU, NU_Z, G_Z = 1.0, 2.0, 0.3, 0.4, 0.3
@@ -101,7 +101,7 @@ def test_a_half_space(material: dict[str, Any]) -> None:
     """
     exact = scene({"shape": "half_space"}, material=material)
     assert not exact.is_meshed and exact.exact_theory is not None
-    (state,) = simulate.states(exact)
+    (state,) = pipeline.states(exact)
     meshed = scene({"shape": "half_space"}, material=material, solver={"method": "condensed"})
     found = force(meshed)
     print(f"half-space by a mesh: {found / state.force - 1:+.3%}")

@@ -18,7 +18,7 @@ import pytest
 from mpi4py import MPI
 
 from indent_sim.config.scene_file import load
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 EXPECTED = json.loads(Path(__file__).with_name("expected.json").read_text())["scenes"]

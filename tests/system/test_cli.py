@@ -31,7 +31,7 @@ from indent_sim.process.errors import (
 )
 from indent_sim.process.signals import Interrupted
 from indent_sim.results.reader import read
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 
 SCENE = """\
 title: A coarse one
@@ -446,7 +446,7 @@ class TestJson:
         def fails(*args, **options):
             raise error
 
-        monkeypatch.setattr("indent_sim.run.simulate.simulate", fails)
+        monkeypatch.setattr("indent_sim.run.pipeline.simulate", fails)
         ended = indent_sim("run", "scene.yaml", "--json")
         told = json.loads(ended.stdout)
         assert (ended.exit_code, told["exit_code"], told["status"]) == (code, code, status)
@@ -491,7 +491,7 @@ class TestEndings:
         def fail(*args, **options):
             raise error
 
-        monkeypatch.setattr("indent_sim.run.simulate.simulate", fail)
+        monkeypatch.setattr("indent_sim.run.pipeline.simulate", fail)
         done = indent_sim("run", "scene.yaml")
         assert done.exit_code == code and done.stdout == "" and done.stderr
         assert ("Traceback" in done.stderr) == (code == 1)
@@ -506,7 +506,7 @@ class TestEndings:
             except BaseException as error:
                 raise ImportError("initialization failed") from error
 
-        monkeypatch.setattr("indent_sim.run.simulate.simulate", swallow)
+        monkeypatch.setattr("indent_sim.run.pipeline.simulate", swallow)
         assert indent_sim("run", "scene.yaml").exit_code == 143
 
     @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])

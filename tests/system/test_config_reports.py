@@ -12,7 +12,7 @@ from test_configs import COARSER, CONFIGS, SCENES, Run
 
 from indent_sim.config.scene_file import load
 from indent_sim.results.html_report import run_page
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -182,7 +182,7 @@ class TestAnotherFFCx:
     @pytest.mark.parametrize("name", kernel_cache.EXPECTED_FFCX_FUNCTIONS)
     def test_is_left_alone(self, monkeypatch, caplog, name, other):
         caplog.set_level("INFO", "indent_sim")
-        monkeypatch.setattr(kernel_cache, "_told", set())
+        monkeypatch.setattr(kernel_cache, "_logged_messages", set())
         own = SimpleNamespace(get_cached_module=a_lookup, _compile_objects=a_compilation)
         if other == "missing":
             delattr(own, name)
@@ -235,7 +235,7 @@ class TestAnotherProgramsEntry:
             monkeypatch.setattr(
                 kernel_cache, name, getattr(kernel_cache, name)
             )  # as before, afterwards
-        monkeypatch.setattr(kernel_cache, "_told", set())
+        monkeypatch.setattr(kernel_cache, "_logged_messages", set())
         cheap(tmp_path, 0.0)
         kernel_cache.STALE_AFTER = 0.3
         caplog.set_level("INFO", "indent_sim")
@@ -290,7 +290,7 @@ def test_a_caller_without_logging_sees_no_compiler(
         logging.info("gcc -shared")
         return "done"
 
-    monkeypatch.setattr(kernel_cache, "_compiled", compiled, raising=False)
+    monkeypatch.setattr(kernel_cache, "_ffcx_compile", compiled, raising=False)
     assert kernel_cache.compile_kernels("", [], [], "module", {}, tmp_path) == "done"
     assert capfd.readouterr().err == ""
     assert (root.handlers, root.level) == ([], logging.WARNING)

@@ -27,7 +27,7 @@ from indent_sim.model.state import State
 from indent_sim.process.errors import UsageError
 from indent_sim.process.signals import Interrupted, raise_on_signals
 from indent_sim.results.reader import Results, read, read_run
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 
 RUN = (sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output", "out")
 SCENES = {"newton": HYPERELASTIC, "condensed": CONDENSED.replace("steps: 15", "steps: 60")}

@@ -25,7 +25,7 @@ from indent_sim.mesh.grid import Grid
 from indent_sim.process import usage
 from indent_sim.process.errors import ConfigError, MeshError
 from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.scene.scene import Scene, resolve
 
 SCENE = """\
@@ -154,7 +154,7 @@ def test_a_dropped_split_does_not_change_the_force():
     radius does.
     """
     (wide,), (narrow,) = (
-        simulate.states(near_a_corner("edge beside the wall", d, 1.0, 0.1)) for d in (2e-9, 5e-9)
+        pipeline.states(near_a_corner("edge beside the wall", d, 1.0, 0.1)) for d in (2e-9, 5e-9)
     )
     assert narrow.force == pytest.approx(wide.force, rel=1e-8)
 

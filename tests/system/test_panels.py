@@ -508,7 +508,7 @@ class TestFields:
             and found.areas == pytest.approx(2.0)
         )
         monkeypatch.setattr(
-            fields.Section, "slivers", lambda self, least: np.arange(len(self.triangles)) == 0
+            fields.Section, "is_sliver", lambda self, least: np.arange(len(self.triangles)) == 0
         )
         small, rest = drawn([result], what=("fields",), steps=("2",)).axes[0].collections[:2]
         assert list(small.get_array()) == pytest.approx([found.values[found.triangles[0]].mean()])

@@ -138,7 +138,7 @@ PROGRAM = f"""
 import json, sys
 from mpi4py import MPI
 from indent_sim.config.scene_file import from_mapping
-from indent_sim.run.simulate import states
+from indent_sim.run.pipeline import states
 from indent_sim.scene.scene import resolve
 
 comm = MPI.COMM_WORLD

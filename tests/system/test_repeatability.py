@@ -14,7 +14,7 @@ PROGRAM = """
 from dolfinx import fem, mesh
 from mpi4py import MPI
 from indent_sim.config.scene_file import from_mapping
-from indent_sim.run.simulate import states
+from indent_sim.run.pipeline import states
 from indent_sim.scene.scene import resolve
 
 scene = resolve(from_mapping({

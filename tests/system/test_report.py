@@ -19,7 +19,7 @@ from made_results import a_result
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import load
 from indent_sim.results import html_report
-from indent_sim.run.simulate import simulate
+from indent_sim.run.pipeline import simulate
 from indent_sim.studies.study_report import study_page
 
 CHROMIUM = (

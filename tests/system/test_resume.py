@@ -32,7 +32,7 @@ from indent_sim.results import folder
 from indent_sim.results.reader import read
 from indent_sim.results.tip_geometry import scene_of
 from indent_sim.results.xdmf import FieldWriter
-from indent_sim.run import simulate, single_run
+from indent_sim.run import pipeline, single_run
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = """\
@@ -101,7 +101,7 @@ def interrupt(
             raise error
 
     with pytest.raises(error):
-        simulate.simulate(
+        pipeline.simulate(
             load(place / "scene.yaml"), MPI.COMM_SELF, directory=place / "out", progress=stop
         )
     lines = (place / "out" / "force_indentation.csv").read_bytes().splitlines(keepends=True)
@@ -291,7 +291,7 @@ class TestKilled:
         with monkeypatch.context() as patch:
             patch.setattr(LoadStepper, "_equilibrium_between", stopped_at(2))
             with pytest.raises(KeyboardInterrupt):
-                simulate.simulate(
+                pipeline.simulate(
                     load(tmp_path / "scene.yaml"),
                     MPI.COMM_SELF,
                     directory=tmp_path / "out",
@@ -524,7 +524,7 @@ class TestTheDeepestAndTheLast:
         (tmp_path / "scene.yaml").write_text(
             self.scene.replace(UP_AND_DOWN, "delta: 0.08, steps: 3")
         )
-        simulate.simulate(load(tmp_path / "scene.yaml"), MPI.COMM_SELF, directory=tmp_path / "out")
+        pipeline.simulate(load(tmp_path / "scene.yaml"), MPI.COMM_SELF, directory=tmp_path / "out")
         assert (
             set(kept_fields(tmp_path / "out")) == set(read(tmp_path / "out").surface["step"]) == {3}
         )
@@ -588,7 +588,7 @@ class TestNothingToGoOnWith:
         (tmp_path / "scene.yaml").write_text(scene.replace(mesh, "") if "--set" in asked else scene)
         with monkeypatch.context() as patch:
             at = (
-                (simulate.SimulationDriver, "_bars")
+                (pipeline.SimulationDriver, "_bars")
                 if where == "outcome"
                 else (single_run.SingleRun, "follow")
             )

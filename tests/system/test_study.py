@@ -21,7 +21,8 @@ from indent_sim import studies
 from indent_sim.cli import commands
 from indent_sim.process.errors import ConfigError, NotConverged, UsageError
 from indent_sim.results.reader import Results, read
-from indent_sim.run.simulate import warm_up
+from indent_sim.run import pipeline
+from indent_sim.run.pipeline import warm_up
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import study_table
 from indent_sim.studies.parameter_points import StiffnessMultiple
@@ -478,7 +479,7 @@ class TestRuns:
                 exec(ending)
             return whole(config, **options)
 
-        monkeypatch.setattr(simulate, "simulate", run)
+        monkeypatch.setattr(pipeline, "simulate", run)
         text = METHODS.replace("[penalty, active_set]", "active_set")
         done = studies.execute_study(written(text), output=tmp_path / "out")
         assert [row["status"] for row in done.rows] == ["done", "failed", "done"]
@@ -498,7 +499,7 @@ class TestRuns:
             os.kill(os.getpid(), signal.SIGTERM)
             return whole(config, **options)
 
-        monkeypatch.setattr(simulate, "simulate", run)
+        monkeypatch.setattr(pipeline, "simulate", run)
         assert studies.execute_study(written(METHODS), output=tmp_path / "out").failures == []
 
     def test_a_run_that_was_cut_off_goes_on(self, written, tmp_path, monkeypatch):
@@ -545,7 +546,7 @@ class TestRuns:
         def run(*args, **options):
             raise NotConverged("never")
 
-        monkeypatch.setattr("indent_sim.run.simulate.simulate", run)
+        monkeypatch.setattr("indent_sim.run.pipeline.simulate", run)
         with pytest.raises(NotConverged, match="never"):
             studies.execute_study(written(METHODS), output=tmp_path / "out")
         assert {row["reason"] for row in rows_of(tmp_path / "out")} == {"never"}
@@ -590,7 +591,7 @@ class TestRuns:
             raise NotConverged("no memory left")
 
         before, table = content(), rows_of(tmp_path / "out")
-        monkeypatch.setattr("indent_sim.run.simulate.simulate", fails)
+        monkeypatch.setattr("indent_sim.run.pipeline.simulate", fails)
         studies.execute_study(path, output=tmp_path / "out")
         assert content() == before and rows_of(tmp_path / "out") == table
 

@@ -24,9 +24,9 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import SuperLU, splu
 
+from indent_sim.fe import surface
 from indent_sim.fe.condensed.compliance import Compliance
 from indent_sim.fe.condensed.friction import NODAL_FORCE_TOLERANCE, CondensedFriction
-from indent_sim.fe.postprocessing import surface
 from indent_sim.fe.solve import uzawa
 from indent_sim.fe.solve.newton import stiffness_continuation
 from indent_sim.fe.solve.slip_reference import solve_with_slip_reference

@@ -187,9 +187,9 @@ def solve_load_curve(
     """
     planned_run = plan_elastic_run(config, max_depth)
     try:
-        elastic_forces = elastic_forces(planned_run, max_depth * DEPTH_ROOTS**2)
+        solved_forces = elastic_forces(planned_run, max_depth * DEPTH_ROOTS**2)
         load_curve = (_curve_from_mesh if planned_run.scene.is_meshed else _curve_from_theory)(
-            elastic_forces, max_depth, exponent
+            solved_forces, max_depth, exponent
         )
         punches, max_radius = (
             _punch_coefficients(planned_run, max_depth) if wants_punches else (None, 0.0)

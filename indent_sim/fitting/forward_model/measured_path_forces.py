@@ -27,8 +27,8 @@ from indent_sim.fitting.forward_model.parameter_grid import (
 )
 from indent_sim.fitting.forward_model.parameters import Parameter
 from indent_sim.process.errors import ConfigError
+from indent_sim.run.pipeline import states
 from indent_sim.run.planned_run import PlannedRun
-from indent_sim.run.simulate import states
 
 CORNER_TOLERANCE = 0.003  # of the deepest: by as much a measured way may miss its corners
 MIN_DEPTH_FRACTION = (

@@ -107,7 +107,7 @@ FIELDS = {
         available_for=POROUS_BODIES,
     ),
     "fluid_content": FieldQuantity(
-        "fluid content ζ", "1", lambda f: f["fluid_content"], 0.0, only=POROUS_BODIES
+        "fluid content ζ", "1", lambda f: f["fluid_content"], 0.0, available_for=POROUS_BODIES
     ),
     "swelling": FieldQuantity(
         "swelling ratio J", "1", lambda f: f["swelling"], lowest_value=None, available_for=GELS

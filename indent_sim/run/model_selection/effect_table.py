@@ -277,11 +277,9 @@ def _layers(solver: VariantSolver, tolerance: float) -> EffectSource:
     if len(solver.config.layers) < 2 and not getattr(solver.config.body, "regions", None):
         return no_effect("the body is of one piece")
     is_meshed = isinstance(solver.config.body, MeshFromFile)
-    touched = (
-        solver.touched_material
-        if is_meshed
-        else variants.linear_law(solver.config.layers[0].material)
-    )  # type: ignore[arg-type]
+    touched: Any = solver.touched_material if is_meshed else None
+    if not is_meshed:
+        touched = variants.linear_law(solver.config.layers[0].material)  # type: ignore[arg-type]
     homogeneous = change_materials(solver.plain_scene, lambda material: touched)
     return VariantPair(
         solver.plain_scene,
@@ -381,8 +379,9 @@ def _surface_tension(solver: VariantSolver, tolerance: float) -> EffectSource:
         )
     if body.surface_tension:
         variant = replace_sections(
-            solver.plain_scene, body=replace(solver.plain_scene.body, surface_tension=0.0)
-        )  # type: ignore[arg-type]
+            solver.plain_scene,
+            body=replace(solver.plain_scene.body, surface_tension=0.0),  # type: ignore[arg-type]
+        )
         return VariantPair(
             solver.plain_scene,
             variant,
@@ -399,9 +398,11 @@ def _surface_tension(solver: VariantSolver, tolerance: float) -> EffectSource:
     )
 
     def tensed(gamma: float) -> Config:
-        return replace_sections(
-            theory_variant, body=replace(theory_variant.body, surface_tension=gamma)
-        )  # type: ignore[union-attr, arg-type]
+        body = replace(
+            theory_variant.body,  # type: ignore[union-attr]
+            surface_tension=gamma,  # type: ignore[arg-type]
+        )
+        return replace_sections(theory_variant, body=body)
 
     return ThresholdSearch(
         "body.surface_tension",

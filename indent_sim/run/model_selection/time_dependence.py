@@ -29,7 +29,7 @@ from indent_sim.run.model_selection.variants import (
     rounded_law,
     undrained_law,
 )
-from indent_sim.run.simulate import states
+from indent_sim.run.pipeline import states
 from indent_sim.scene.problem_setup import largest_diffusivity, remaining_modulus_fraction
 from indent_sim.scene.reference_theory import relaxed_law
 from indent_sim.scene.scene import Scene, resolve

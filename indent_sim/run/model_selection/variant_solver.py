@@ -34,7 +34,7 @@ from indent_sim.run.model_selection.variants import (
     half_space_variant,
     replace_sections,
 )
-from indent_sim.run.simulate import condense, states
+from indent_sim.run.pipeline import condense, states
 from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.solution import SOLUTION_ERRORS

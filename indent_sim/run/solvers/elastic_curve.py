@@ -14,8 +14,8 @@ from indent_sim.process.errors import NotConverged
 from indent_sim.run.derived_quantities import hertz_forces, punches_of
 from indent_sim.run.error_estimation.coarser_run import CoarserRun, coarser_scene, halve_penalty
 from indent_sim.run.error_estimation.error_bars import ErrorBars
+from indent_sim.run.pipeline import condense, states
 from indent_sim.run.planned_run import PlannedRun
-from indent_sim.run.simulate import condense, states
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.punches import contact_radius
 from indent_sim.theory.solution import SOLUTION_ERRORS

@@ -10,7 +10,7 @@ import pytest
 
 from indent_sim.cli import terminal
 from indent_sim.model.state import State
-from indent_sim.run.simulate import Outcome
+from indent_sim.run.pipeline import Outcome
 from indent_sim.run.summary import row_of_interest
 
 UNITS = {"length": "um", "force": "nN"}

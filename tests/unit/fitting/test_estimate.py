@@ -87,7 +87,7 @@ def test_a_profile_of_a_parabola_is_its_interval(monkeypatch):
     """One modulus: a parabola to a few per cent of the interval, of seven values a side joined by
     lines.
     """
-    monkeypatch.setattr(profile_likelihood, "WIDE", 0.0)
+    monkeypatch.setattr(profile_likelihood, "WIDE_HALF_WIDTH", 0.0)
     forces = ForwardModel(scene(), ["material.E"], DEEPEST)
     found = fit_model(
         forces,

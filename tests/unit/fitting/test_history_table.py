@@ -19,7 +19,7 @@ from indent_sim.fitting.inference.estimate import OriginOptions, Samples, fit_mo
 from indent_sim.fitting.inference.noise import WHITE
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import MeasuredCurve, curve_parts
-from indent_sim.run.simulate import states
+from indent_sim.run.pipeline import states
 from indent_sim.scene.scene import resolve
 
 E, D = "material.E", "material.flow.diffusivity"

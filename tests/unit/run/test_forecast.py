@@ -12,7 +12,7 @@ from indent_sim.cli import commands
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.strict_yaml import dump
 from indent_sim.model.state import State
-from indent_sim.run import simulate
+from indent_sim.run import pipeline
 from indent_sim.run.error_estimation.coarser_run import CoarserRun
 from indent_sim.run.error_estimation.refinement import (
     RefinementLevel,
@@ -99,13 +99,13 @@ def test_the_companions_that_are_planned_are_those_that_are_run(
     config = config_from_mapping(PLAIN | SCENES[name])
     scene = resolve(config)
     solved: list[Said] = []
-    monkeypatch.setattr(simulate, "backend", lambda: None)
+    monkeypatch.setattr(pipeline, "backend", lambda: None)
     monkeypatch.setattr(
-        simulate.SimulationDriver,
-        "_curve",
+        pipeline.SimulationDriver,
+        "_elastic_states",
         lambda self, other: solved.append(said(other)) or reached(other),
     )
-    run = simulate.SimulationDriver(config, None, None, tmp_path, None, False, with_stick, False)
+    run = pipeline.SimulationDriver(config, None, None, tmp_path, None, False, with_stick, False)
     bars = run._error_bars(RefinementLevel(scene))
     if with_stick:
         run._no_slip_effect(CoarserRun(1.0, reached(scene), scene), bars)

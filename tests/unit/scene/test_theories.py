@@ -172,7 +172,7 @@ def test_theory_is_asked_once_for_each_depth(
         asked.update((layer, float(delta)) for delta in deltas if delta > 0)
         return march(layer, deltas)
 
-    monkeypatch.setattr(ContactCurve, "curve", counted)
+    monkeypatch.setattr(ContactCurve, "solutions_at_depths", counted)
     found = scene(**sections)
     assert found.plan.theory and set(asked.values()) == {1}
     depths = {delta for layer, delta in asked if layer == found.plan.theory.contact}

@@ -9,9 +9,9 @@ import math
 import numpy as np
 import pytest
 
+from indent_sim.theory import friction as coulomb_friction
+from indent_sim.theory import no_slip
 from indent_sim.theory.friction import friction_correction
-from indent_sim.theory.surface import friction as coulomb_friction
-from indent_sim.theory.surface import no_slip
 
 # Force with friction over the frictionless one, by rings of constant pressure and linear shear on
 # the surface itself

@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 from theory_bodies import one_layer
 
-from indent_sim.theory import profiles
+from indent_sim.theory import poroelasticity, profiles
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.poroelasticity import (
     PoroelasticContact,
     PorousSolid,
     poroelastic_fraction_remaining,
 )
-from indent_sim.theory.surface import poroelasticity
 from indent_sim.theory.theory import Theory
 
 SURFACES = ("drained", "sealed")
@@ -85,7 +84,7 @@ def test_early_times_join_the_others(surface: Any, monkeypatch: pytest.MonkeyPat
     leaves out.
     """
     early = poroelastic_fraction_remaining(3e-4, 0.2, surface=surface)
-    monkeypatch.setattr(poroelasticity, "SHORT", 1e-5)
+    monkeypatch.setattr(poroelasticity, "SHORT_TIME", 1e-5)
     poroelastic_fraction_remaining.cache_clear()
     assert poroelastic_fraction_remaining(3e-4, 0.2, surface=surface) == pytest.approx(
         early, abs=3e-4

@@ -84,7 +84,7 @@ def test_a_contact_that_nearly_reaches_a_wall_is_solved_to_its_digits(tip, monke
 
     known, alone = numbers(), [layer.solution_at_size(a) for a in sizes]
     count = Layer._smooth_point_count
-    monkeypatch.setattr(Layer, "_smooth_count", lambda self, a: 2 * count(self, a))
+    monkeypatch.setattr(Layer, "_smooth_point_count", lambda self, a: 2 * count(self, a))
     finer = numbers()
     depth, force, stiffness, _ = known / finer - 1.0
     assert np.abs([depth, stiffness]).max() < 1e-7  # 6e-9 was seen; by modes 5e-5

@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 
+from indent_sim.theory import no_slip
 from indent_sim.theory.no_slip import (
     LAYER_FORCE_RATIOS,
     MAPPED_POISSON_RATIOS,
@@ -16,7 +17,6 @@ from indent_sim.theory.no_slip import (
     layer_force_range,
     radius_ratio,
 )
-from indent_sim.theory.surface import no_slip
 
 # Force without slip over the frictionless one: flat punch, cone, paraboloid, by superposed bonded
 # punches on rings

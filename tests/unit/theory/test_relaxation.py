@@ -9,10 +9,9 @@ import pytest
 from scipy.special import beta
 from theory_bodies import one_layer
 
-from indent_sim.theory import profiles
+from indent_sim.theory import profiles, viscoelastic_stepping
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Stack, StackLayer
-from indent_sim.theory.surface import viscoelastic_stepping
 from indent_sim.theory.viscoelastic_stepping import (
     RelaxingSurface,
     SearchNotConverged,
@@ -215,11 +214,11 @@ def test_what_does_not_settle_is_no_pressure(monkeypatch: pytest.MonkeyPatch) ->
         SurfaceContactLCP(disc, disc.compliance).solve_pressures(
             disc.heights[::-1] - 0.001 * disc.areas
         )
-    monkeypatch.setattr(viscoelastic_stepping, "TOUCHES", 1)
+    monkeypatch.setattr(viscoelastic_stepping, "MAX_ACTIVE_SET_ITERATIONS", 1)
     other = RelaxingSurface(disc.compliance, disc.heights, disc.areas)
     with pytest.raises(SearchNotConverged, match="1 corrections"):
         SurfaceContactLCP(other, other.compliance).solve_pressures(disc.heights - 0.01 * disc.areas)
-    monkeypatch.setattr(viscoelastic_stepping, "MOST_SEARCH_STEPS", 1)
+    monkeypatch.setattr(viscoelastic_stepping, "MAX_SEARCH_STEPS", 1)
     with pytest.raises(SearchNotConverged, match="was not found"):
         list(
             ViscoelasticTimeStepper(disc, SOLID, is_force_controlled=True).responses(

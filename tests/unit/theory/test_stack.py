@@ -88,8 +88,8 @@ def refined(monkeypatch):
             "SINGLE_MODES": 64,
         }.items():
             monkeypatch.setattr(hankel, name, value)
-        monkeypatch.setattr(Stack, "finest", property(lambda self: 0.1 * finest(self)))
-        monkeypatch.setattr(Layer, "_smooth_count", lambda self, a: 2 * smooth(self, a))
+        monkeypatch.setattr(Stack, "min_wavenumber", property(lambda self: 0.1 * finest(self)))
+        monkeypatch.setattr(Layer, "_smooth_point_count", lambda self, a: 2 * smooth(self, a))
         monkeypatch.setattr(Strip, "_node_count", lambda self, a: 2 * nodes(self, a))
         clear()
 

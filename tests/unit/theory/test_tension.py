@@ -9,7 +9,7 @@ import pytest
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.scene.scene import resolve
-from indent_sim.theory.surface import surface_tension as tension_theory
+from indent_sim.theory import surface_tension as tension_theory
 
 
 def force_and_radius(surface_tension: float, delta: float = 0.01) -> tuple[float, float]:
@@ -38,7 +38,7 @@ def test_a_tension_too_small_to_matter(
     ended. 40 functions, in place of 100 whose solution takes seconds, find the radius within 4e-4
     of it, and the force, which does not change with that to first order, within 1e-7.
     """
-    monkeypatch.setattr(tension_theory, "MOST", 40)
+    monkeypatch.setattr(tension_theory, "MAX_FUNCTIONS", 40)
     force, a = force_and_radius(surface_tension)
     plain, radius = force_and_radius(0.0)
     width = 2.0 * surface_tension * (1.0 - 0.3**2) / math.sqrt(0.01)

@@ -52,7 +52,7 @@ from indent_sim.run.error_estimation.refinement import (
     predict_total_cost,
 )
 from indent_sim.run.explicit_config import automatic_keys, explicit_config
-from indent_sim.run.planned_run import collect_errors
+from indent_sim.run.planned_run import collect_scene_errors
 from indent_sim.run.remedies import has_remedies, remedies, try_remedies
 from indent_sim.run.run_output import Comm, OptionalOutput, RunOutput, optional_output_after_run
 from indent_sim.run.sanity_checks import (
@@ -115,7 +115,7 @@ def simulate(
             config, scene, comm, target, progress, resume, error_bars, overwrite
         ).run()
     except ConfigError as error:
-        raise collect_errors(error, config) from None
+        raise collect_scene_errors(error, config) from None
     if config.output.plot:
         run_on_root(comm, _plot, target, outcome.report)
     return outcome
@@ -287,15 +287,15 @@ class SimulationDriver:
         if earlier.report.get("status") != "done" or len(earlier.states) != steps:
             return None
         surface = "none" if scene.history_on_curve else output.surface
-        missing_files = comm.bcast(run_on_root(comm, missing_files, target, surface, output.fields))
+        absent_files = comm.bcast(run_on_root(comm, missing_files, target, surface, output.fields))
         is_reported_missing = EXPERIMENT in (earlier.report.get("missing") or ())
         has_table = scene.experiment is not None and scene.history_on_curve is None
         if has_table and not (
             is_reported_missing or comm.bcast(run_on_root(comm, (target / EXPERIMENT).exists))
         ):
-            missing_files = [*missing_files, EXPERIMENT]
+            absent_files = [*absent_files, EXPERIMENT]
         advice = "missing or damaged since; leave --resume out to compute them again"
-        notes = [f"{', '.join(missing_files)}: {advice}"] if missing_files else []
+        notes = [f"{', '.join(absent_files)}: {advice}"] if absent_files else []
         report = earlier.report | {"warnings": [*earlier.report.get("warnings", []), *notes]}
         return Outcome(target, report, list(earlier.states), steps)
 

@@ -1,1 +1,0 @@
-"""What a surface does beyond carrying pressure: adhesion, rate, and no slip."""
