@@ -197,7 +197,7 @@ class Layer(ContactCurve):
             return super().load_values(sizes, linear_solutions)
         parts = (
             [getattr(lin, name) for lin in linear_solutions]
-            for name in ("w", "g", "one", "shape", "touch")
+            for name in ("weights", "g", "unit_depth", "tip_shape", "indentation_of_radius")
         )
         w, g, unit_depth, tip_shape, depths = map(np.array, parts)
         phi = depths[:, None] * unit_depth - tip_shape
