@@ -19,7 +19,8 @@ from indent_sim.fe.problem import Problem, Snapshot
 from indent_sim.fe.solve.contact_algorithms import contact_algorithm, dynamic_relaxation
 from indent_sim.fe.solve.dof_numbering import DofNumbering
 from indent_sim.fe.solve.extrapolation import lagrange_weights, predict_trial_pressure
-from indent_sim.fe.solve.newton import Newton, approach_factors, finest_tolerance
+from indent_sim.fe.solve.newton import Newton, finest_tolerance
+from indent_sim.fe.solve.stiffness_continuation import approach_factors
 from indent_sim.fe.terms.contact.multiplier import stiffness_scale
 from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.scene_terms import BulkTerms, ContactTerms, bulk_terms, contact_terms

@@ -1,10 +1,14 @@
-"""One equilibrium by PETSc's SNES: built once, reused for every step."""
+"""Newton's method for one equilibrium, by PETSc's SNES.
+
+The solver is created once per run and reused for every equilibrium. The tangent is that of a
+semismooth Newton method (Alart & Curnier 1991): the active points of the contact may change in each
+iteration.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import ceil, log10, nan
-from typing import Any
+from math import nan
 
 import numpy as np
 from mpi4py import MPI
@@ -15,69 +19,43 @@ from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.blocks import use_direct_solver
 from indent_sim.fe.solve.iterative import INEXACT_REDUCTION, MOST_KRYLOV_ITERATIONS, Iterative
 from indent_sim.fe.solve.petsc_options import default_options
+from indent_sim.fe.solve.stiffness_continuation import approach_factors, stiffness_continuation
 from indent_sim.fe.terms.contact.multiplier import stiffness_scale
-from indent_sim.model.contact import ContactLaw
-from indent_sim.scene.scene import Scene
 
 LINEAR_SOLVER_FAILED = "the linear solver failed"
-# The reason that Newton's own convergence test gives, and the only one that is accepted: SNES has
-# others, such as that a step was short, which say nothing of the residual
+# Reason that `Newton._test_convergence` returns, and the only one that is accepted: SNES has
+# others, such as a short step, which say nothing about the residual.
 CONVERGED = PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
-SOFT_CONTACT = 0.1  # E*/h_contact: from here every contact has been found
-STIFF_CONTACT = (
-    1e5  # E*/h_contact: from here the first step, not the depth, may turn cells inside out
-)
-FIRST_STIFFNESS = 3.0  # E*/h_contact: up to here a contact is found in a few iterations
-# iterations without half the residual: a shorter step costs less, though some would end well
-STAGNATION_ITERATIONS = 20
-# E times the square of the height of a body that swells, and has no reactions to measure against;
-# of the contact radius of one that only drains. 1e-12 of it will do
-FLUID_REACTION = 100.0
-REUSED_TANGENT_REDUCTION = (
-    0.05  # of the residual by an old factor: with less a new one is worth its time
-)
-REACTION_ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
-FINE_TOLERANCE = (
-    1e-11  # Newton's where small changes are to be seen: in Uzawa's loop, in the search for a force
-)
-# Newton's tolerance at most where systems are solved by iterations: no last step goes far below it
-INEXACT_TOLERANCE = 1e-10
-# of the depth, or of an attraction's range: over it a tangent is one, and a residual has ten digits
-# left
-DERIVATIVE_STEP = 1e-6
-# of a derivative by an old factor, and the share of the residual that ends them
-MOST_CORRECTIONS = 6
-DERIVATIVE_RESIDUAL = 1e-5
-SYMMETRIC_DERIVATIVE_RESIDUAL = (
-    1e-4  # the same of a symmetric tangent, where what is left counts twice over
-)
-DERIVATIVE_TOLERANCE = 1e-9  # of a derivative, where its systems are solved by iterations
-RESIDUAL_NOISE = (
-    1e-17  # relative residual per stiffness [thickness/E]: what round-off in the gaps makes of it
-)
+# Round-off in the residual, relative to the largest reaction of any accepted equilibrium
+REACTION_ROUNDOFF = 1e-14
+# Residual at which the iterative correction of dF/ddelta ends, relative to the first one, for a
+# symmetric tangent: the error of the stiffness is then of second order in the residual
+SYMMETRIC_DERIVATIVE_RESIDUAL = 1e-4
 
 
 class Newton:
-    """Semismooth Newton on a Problem; the residual is measured against the supports' reactions.
+    """Semismooth Newton method for a `Problem`.
 
-    Converged when |residual of free dofs| <= rtol * |reactions of the constrained dofs| + what is
-    round-off.
+    The residual is compared with the reactions of the supports:
+
+        |residual of the free dofs| <= rtol |reactions of the constrained dofs| + round-off .
     """
 
     def __init__(self, problem: Problem):
         self.problem = problem
         settings = problem.scene.solver
-        self.rtol = self._tolerance = min(
-            settings.rtol, INEXACT_TOLERANCE if settings.linear == "iterative" else 1.0
-        )
+        # With an iterative linear solver the last Newton step ends only just below the tolerance
+        largest_rtol = 1e-10 if settings.linear == "iterative" else 1.0
+        self.rtol = self._tolerance = min(settings.rtol, largest_rtol)
         self.max_iterations = settings.max_iterations
         self.iterations = 0
         self._reaction = 0.0
         self._largest_reaction = _reaction_floor(problem)
-        self._tangent_parameters: tuple[float, ...] = ()  # of the last tangent
-        self._last_solved_depth = 0.0  # depth of the last solution
-        self._residual = self._previous_residual = 0.0  # now, and before the last step
-        # residual of this solve, and its iteration
+        self._tangent_parameters: tuple[float, ...] = ()  # those of the last tangent
+        self._last_solved_depth = 0.0
+        self._residual = 0.0
+        self._previous_residual = 0.0  # one Newton step earlier
+        # Smallest residual of the present solve, and the iteration that reached it
         self._smallest_residual = 0.0
         self._smallest_residual_iteration = 0
         self.failure = ""  # why the last solve did not converge
@@ -87,28 +65,30 @@ class Newton:
 
     @property
     def krylov_iterations(self) -> int | None:
-        """Iterations of the linear solver so far; None where systems are factored."""
+        """Number of Krylov iterations so far; None with a direct solver."""
         return self._iterative.iterations if self._iterative else None
 
     def _create_snes(self, *, symmetric: bool) -> PETSc.SNES:
-        """SNES with the environment's options; what the scene says, and when it has converged, is
-        not theirs.
+        """Create the SNES solver with the options of PETSC_OPTIONS.
+
+        The tolerances and the convergence test are the scene's and cannot be changed by these
+        options.
         """
         self._has_tangent = False
         snes = PETSc.SNES().create(self.problem.comm)
         snes.setFunction(self._evaluate_residual, self.problem.b.duplicate())
         snes.setJacobian(self._evaluate_tangent, self._tangent)
         ksp = snes.getKSP()
-        if (
-            self._iterative
-        ):  # before options are read: PETSc would look for a preconditioner of this matrix
+        if self._iterative:
+            # Attached before the options are read, since PETSc would otherwise look for a
+            # preconditioner of this matrix
             self._iterative.attach(ksp)
         else:
             use_direct_solver(ksp, "cholesky" if symmetric else "lu")
         with default_options({"snes_linesearch_type": line_search(self.problem)}):
             snes.setFromOptions()
-        # stol = 0: a short step is no sign of an equilibrium, and PETSc accepts one after a line
-        # search that failed
+        # stol = 0: a short step is no sign of an equilibrium, and PETSc would accept one after a
+        # failed line search.
         snes.setTolerances(stol=0.0, max_it=self.max_iterations)
         snes.setConvergenceTest(self._test_convergence)
         self._uses_cholesky = symmetric and ksp.getPC().getType() == "cholesky"
@@ -120,7 +100,7 @@ class Newton:
         problem.assemble_residual(problem.b)
         values = problem.b.array
         self._reaction = _norm(problem.comm, values[problem.body.support_dofs])
-        values[problem.body.constrained_dofs] = 0.0  # the constrained dofs are zero and stay zero
+        values[problem.body.constrained_dofs] = 0.0  # their values are prescribed
         self._previous_residual = self._residual
         self._residual = _norm(problem.comm, values * problem.row_weights)
         problem.b.copy(f)
@@ -130,7 +110,7 @@ class Newton:
             self._assemble_tangent(P, self._forcing_term() if self._iterative else 0.0)
 
     def _can_reuse_tangent(self) -> bool:
-        """Whether the last tangent, with its factor, will do: as long as it leads on quickly."""
+        """Whether the last factored tangent still reduces the residual quickly enough."""
         if not (
             self._has_tangent
             and self.problem.can_reuse_tangent
@@ -139,13 +119,12 @@ class Newton:
             return False
         return (
             self.snes.getIterationNumber() == 0
-            or self._residual <= REUSED_TANGENT_REDUCTION * self._previous_residual
+            # A step that leaves more than this share of the residual costs more than a new factor
+            or self._residual <= 0.05 * self._previous_residual
         )
 
     def _assemble_tangent(self, tangent: PETSc.Mat, rtol: float) -> None:
-        """The tangent at the present solution; `rtol` of its systems where they are solved by
-        iterations.
-        """
+        """Assemble the tangent at the present solution; `rtol` is that of an iterative solver."""
         self._has_tangent = True
         self._tangent_parameters = self.problem.tangent_parameters
         if self._iterative:
@@ -154,8 +133,10 @@ class Newton:
             self.problem.assemble_tangent(tangent)
 
     def _forcing_term(self) -> float:
-        """The reduction asked of an inexact step: Newton's own, by the last (Eisenstat & Walker
-        1996, choice 2).
+        """Return the relative tolerance of the next linear system.
+
+        It follows Newton's own convergence: choice 2 of Eisenstat & Walker (1996, SIAM J. Sci.
+        Comput. 17).
         """
         sufficient = (
             0.3
@@ -174,66 +155,84 @@ class Newton:
         reasons = PETSc.SNES.ConvergedReason
         if not np.isfinite([residual, self._reaction]).all():
             return compat.SNES_RESIDUAL_NOT_FINITE
-        is_first_of_flow = (
-            self.problem.has_flow and iteration == 0
-        )  # what many steps leave of the fluid's balance would add up
+        # With fluid flow at least one iteration is made: the residuals of the fluid's balance
+        # that many steps left behind would add up
+        is_first_of_flow = self.problem.has_flow and iteration == 0
         if (
             not is_first_of_flow
             and residual
             <= self._tolerance * self._reaction + REACTION_ROUNDOFF * self._largest_reaction
         ):
             return CONVERGED
-        if iteration <= 1 or residual < self._smallest_residual / 2:  # the first step may go up
+        # The residual may rise in the first step
+        if iteration <= 1 or residual < self._smallest_residual / 2:
             self._smallest_residual = residual
             self._smallest_residual_iteration = iteration
-        return (
-            reasons.ITERATING
-            if iteration < self._smallest_residual_iteration + STAGNATION_ITERATIONS
-            else reasons.DIVERGED_MAX_IT
-        )
+        # After 20 iterations in which the residual was not halved a shorter load increment costs
+        # less than waiting, though some of these solves would converge in the end
+        if iteration < self._smallest_residual_iteration + 20:
+            return reasons.ITERATING
+        return reasons.DIVERGED_MAX_IT
 
     def solve(self, rtol: float = 0.0, max_iterations: int | None = None) -> bool:
-        """Find the equilibrium at the problem's delta from its current solution; True when done.
+        """Find the equilibrium at the problem's depth, starting from its present solution.
 
-        Full steps first: at the kinks of contact a line search stalls where they get through. If
-        they do not, through softer contact to the law's own. `rtol`: a relative residual that will
-        do, where its own is finer; `max_iterations`: fewer iterations than its own. On failure the solution
-        is left as it was before.
+        Full Newton steps are tried first: a line search stalls where the active points of the
+        contact change. If they do not converge, the stiffness of the contact is increased in steps
+        from a soft one. On failure the solution is left as it was.
+
+        Parameters
+        ----------
+        rtol
+            Relative residual that is sufficient, if it is larger than `self.rtol`.
+        max_iterations
+            Limit of the iterations, if it is smaller than `self.max_iterations`.
+
+        Returns
+        -------
+        bool
+            True if the method converged.
         """
         self.snes.setTolerances(
             max_it=min(max_iterations or self.max_iterations, self.max_iterations)
         )
         solved = self._solve(rtol) or self._solve_by_continuation()
-        PETSc.garbage_cleanup(
-            self.problem.x.comm
-        )  # or vectors that Python let go of stay, also on one rank
+        # PETSc keeps vectors that Python has released until this is called, on one rank, too
+        PETSc.garbage_cleanup(self.problem.x.comm)
         if solved:
             self._last_solved_depth = self.problem.depth
         return solved
 
     def approach_stiff_contact(self, after_each: Callable[[], object] = lambda: None) -> bool:
-        """Come near the equilibrium of a stiff contact through softer ones, each found roughly;
-        True when there. Fewer iterations than at once: a contact that is 100 E*/h_contact stiff
-        is sought point by point. `after_each` is called after each. On failure the solution is left
-        as it was before.
+        """Approach the equilibrium of a stiff contact through softer ones, each solved roughly.
+
+        This takes fewer iterations than the stiff contact at once: with 100 E*/h_contact Newton's
+        method finds the contact edge point by point. On failure the solution is left as it was.
+
+        Parameters
+        ----------
+        after_each
+            Called after each of the softer contacts.
+
+        Returns
+        -------
+        bool
+            True if all of them converged.
         """
         problem = self.problem
         start = self.problem.x.copy()
-        is_found = True
-        is_close = abs(problem.depth - self._last_solved_depth) <= 0.01 * abs(
-            problem.depth
-        )  # which leaves the contact as it is
+        has_converged = True
+        # After so small a change of depth the contact is nearly that of the last solution
+        is_close = abs(problem.depth - self._last_solved_depth) <= 0.01 * abs(problem.depth)
         for factor in [] if is_close else approach_factors(problem.law, problem.scene):
             problem.set_continuation_factor(factor)
-            is_found = self._solve(
-                0.1
-            )  # a rough residual will do before the contact becomes stiffer
-            if not is_found:
+            has_converged = self._solve(0.1)  # a rough solution is a sufficient initial guess
+            if not has_converged:
                 problem.body.set_solution(start)
                 break
             after_each()
         problem.set_continuation_factor(1.0)
-        return is_found
+        return has_converged
 
     def _solve(self, rtol: float = 0.0) -> bool:
         self._tolerance = max(self.rtol, rtol)
@@ -249,59 +248,52 @@ class Newton:
         reason = self.snes.getConvergedReason()
         if self._uses_cholesky and reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
             self.problem.body.set_solution(start)
-            self.snes = self._create_snes(
-                symmetric=False
-            )  # L U pivots more freely: from here on that
+            # LU chooses its pivots more freely than LDL^T; it is kept for the rest of the run
+            self.snes = self._create_snes(symmetric=False)
             return self._solve(rtol)
-        # the last residual that SNES asked for: where it is no number there is no equilibrium,
-        # whatever SNES says
+        # SNES may report convergence although the last residual was not finite
         converged = reason == CONVERGED and np.isfinite(self._residual)
         self.failure = "" if converged else self._failure_reason()
         self.problem.body.set_solution(trial_solution if converged else start)
         return converged
 
     def accept(self) -> None:
-        """Take the present equilibrium as one that the body went through: its reactions measure
-        round-off from now on.
+        """Accept the present equilibrium: its reactions set the level of round-off from now on.
 
-        One that was only tried may be of any size, as that of a closed body full of fluid before
-        the tip lets it out.
+        The reactions of a trial equilibrium do not count, since they may be of any size: those of a
+        closed body full of fluid before its surface drains, for example.
         """
         self._largest_reaction = max(self._largest_reaction, self._reaction)
 
     def _run_snes(self, trial_solution: PETSc.Vec) -> bool:
-        """Let SNES go to its end; False where the factorisation itself breaks down, as it may on a
-        wild iterate.
-        """
+        """Run SNES; return False if the factorisation fails, as it may far from equilibrium."""
         try:
             self.snes.solve(None, trial_solution)
         except PETSc.Error as error:
-            if error.ierr != 76:  # PETSC_ERR_LIB: what MUMPS could not do
+            if error.ierr != 76:  # PETSC_ERR_LIB: an error of MUMPS
                 raise
-            self.snes = self._create_snes(
-                symmetric=False
-            )  # the old one keeps what is left of the factors
+            # The old solver is dropped, since it keeps the unfinished factors
+            self.snes = self._create_snes(symmetric=False)
             return False
         return True
 
     def _solve_by_continuation(self) -> bool:
-        """A stiffness that is too much for Newton is within reach from the solution for a tenth of
-        it, and so on.
-        """
+        """Solve with a soft contact and increase its stiffness by decades to the law's own."""
         problem = self.problem
         failure = self.failure
         reason = self.snes.getConvergedReason()
         reasons = PETSc.SNES.ConvergedReason
         unit = problem.scene.physics.material.E_star / problem.scene.sizes.h_contact
-        is_thrown_out = (
+        # Beyond 1e5 E*/h_contact the first Newton step may invert elements at any depth
+        is_overshooting = (
             reason == compat.SNES_RESIDUAL_NOT_FINITE
-            and stiffness_scale(problem.scene) > STIFF_CONTACT * unit
+            and stiffness_scale(problem.scene) > 1e5 * unit
         )
         is_stuck = reason in (reasons.DIVERGED_MAX_IT, reasons.DIVERGED_LINE_SEARCH)
-        if problem.law.may_snap_through or not (is_stuck or is_thrown_out):
-            return (
-                False  # where a tip snaps in or lets go, no softer contact leads to the other state
-            )
+        # A snap of an adhesive tip leads to another branch of equilibria, which softer contacts
+        # do not reach
+        if problem.law.may_snap_through or not (is_stuck or is_overshooting):
+            return False
         start = problem.x.copy()
         factors = stiffness_continuation(problem.law, problem.scene)
         for factor in factors:
@@ -317,9 +309,11 @@ class Newton:
 
     @property
     def is_stable(self) -> bool:
-        """Whether the equilibrium just found is a minimum, by the last L D L^T; True where none was
-        made (collective). Then it has one negative pivot for each free dof of the fields beside
-        the displacement.
+        """Whether the equilibrium just found is a local minimum of the energy (collective).
+
+        The criterion is the inertia of the last LDL^T factor: at a minimum it has one negative
+        pivot for each free dof of the fields other than the displacement, and no more. True where
+        no such factor was made.
         """
         if not self._uses_cholesky or not self.snes.getIterationNumber():
             return True
@@ -334,27 +328,34 @@ class Newton:
         )
 
     def stiffness(self) -> float:
-        """dF/ddelta [force/length] of the equilibrium just found, NaN where its factor does not
-        tell (collective). The way w of the solution per depth, by the last tangent and what its
-        residual r then leaves; an assembly of the residual each, no new tangent. Where the
-        tangent is symmetric, r is worth w . r of force, up to its square.
+        """Return dF/ddelta [force/length] of the equilibrium just found (collective).
+
+        The derivative w of the solution with respect to the depth is found by iterative refinement
+        with the last tangent: each correction takes one residual at depth + step and no new
+        tangent. If the tangent is symmetric, the force is corrected by w . r, with the residual r
+        that is left, so that the error is of second order in r.
+
+        Returns
+        -------
+        float
+            NaN if the refinement does not converge, and for Uzawa's method, whose multiplier
+            changes outside Newton's method.
         """
         problem = self.problem
-        if problem.law.multiplier == "frozen":  # its multiplier moves in the loop outside
+        if problem.law.multiplier == "frozen":
             return nan
-        if not self._has_tangent:  # a state taken up again needed no iteration
+        if not self._has_tangent:  # a resumed state needed no iteration
             self._assemble_tangent(self._tangent, SYMMETRIC_DERIVATIVE_RESIDUAL)
         self.snes.getKSP().setOperators(self._tangent, self._tangent)
         start = problem.x.copy()
         depth = problem.depth
         force = problem.force()
-        step = DERIVATIVE_STEP * max(abs(depth), problem.law.adhesion_range)
+        # Over this change of depth the residual is linear, and ten of its digits are left
+        step = 1e-6 * max(abs(depth), problem.law.adhesion_range)
         is_converged = False
         first_residual = 0.0
         derivative = problem.x.duplicate()
-        tolerance = (
-            SYMMETRIC_DERIVATIVE_RESIDUAL if problem.has_symmetric_tangent else DERIVATIVE_RESIDUAL
-        )
+        tolerance = SYMMETRIC_DERIVATIVE_RESIDUAL if problem.has_symmetric_tangent else 1e-5
         symmetry_factor = (
             problem.scene.physics.domain.symmetry_factor if problem.has_symmetric_tangent else 0
         )
@@ -363,7 +364,7 @@ class Newton:
         try:
             self._evaluate_residual(self.snes, start, start_residual)
             problem.delta.value = depth + step
-            for _ in range(MOST_CORRECTIONS):
+            for _ in range(6):  # corrections; an old factor that needs more is of no use
                 self._evaluate_residual(self.snes, start + step * derivative, remaining)
                 remaining.axpy(-1.0, start_residual)
                 stiffness = (
@@ -380,14 +381,16 @@ class Newton:
                     break
                 self.snes.getKSP().solve(remaining, correction)
                 derivative.axpy(-1.0 / step, correction)
-        finally:  # also for who goes on without a stiffness
+        finally:  # the run goes on without a stiffness after an error
             problem.delta.value = depth
             problem.body.set_solution(start)
         return stiffness if is_converged else nan
 
     def _is_stiffness_converged(self, remaining: PETSc.Vec, step: float, stiffness: float) -> bool:
-        """Whether a residual leaves a stiffness as it is, by its energy: a stiff contact hides the
-        body in its norm.
+        """Whether the energy of the residual that is left is negligible against the stiffness.
+
+        The norm of the residual would be misleading: a stiff contact dominates it and hides the
+        body.
         """
         assert self._iterative
         stiffness_error = (
@@ -395,75 +398,64 @@ class Newton:
             * self._iterative.residual_energy(remaining)
             / step**2
         )
-        allowed_error = DERIVATIVE_TOLERANCE * abs(stiffness)
+        allowed_error = 1e-9 * abs(stiffness)
         if stiffness_error > allowed_error:
-            self._iterative.rtol = max(
-                0.3 * (allowed_error / stiffness_error) ** 0.5, 1e-8
-            )  # the next system begins where this ends
+            # The energy goes as the square of the residual, which the next system has to reduce
+            self._iterative.rtol = max(0.3 * (allowed_error / stiffness_error) ** 0.5, 1e-8)
         return stiffness_error <= allowed_error
 
     def _failure_reason(self) -> str:
         reasons = PETSc.SNES.ConvergedReason
         reason = self.snes.getConvergedReason()
         if self._iterative and self._iterative.has_failed:
-            return f"a linear system was not solved within {MOST_KRYLOV_ITERATIONS} iterations"
+            return (
+                f"a linear system was not solved within {MOST_KRYLOV_ITERATIONS} Krylov iterations"
+            )
         if not np.isfinite(self._residual):
             return "the residual is not a number"
         return {
             reasons.DIVERGED_LINEAR_SOLVE: LINEAR_SOLVER_FAILED,
-            reasons.DIVERGED_MAX_IT: f"no equilibrium within {self.snes.getIterationNumber()} "
-            "iterations",
+            reasons.DIVERGED_MAX_IT: "no equilibrium was found within "
+            f"{self.snes.getIterationNumber()} Newton iterations",
             compat.SNES_RESIDUAL_NOT_FINITE: "the residual is not a number",
-            reasons.DIVERGED_LINE_SEARCH: "no part of Newton's step comes nearer",
-        }.get(reason, f"SNES reason {reason}")
+            reasons.DIVERGED_LINE_SEARCH: "the line search found no smaller residual",
+        }.get(reason, f"PETSc's SNES stopped with reason {reason}")
 
 
 def _reaction_floor(problem: Problem) -> float:
-    """What counts as the largest reaction before there was one [force]; more than nothing only
-    where fluid flows.
+    """Return the reaction [force] that sets the level of round-off before any was computed.
+
+    It is zero without fluid flow. A body that swells freely has no reactions to compare with; 100 E
+    times the square of its height stands for them (of the contact radius, if the body only drains),
+    of which REACTION_ROUNDOFF allows 1e-12.
     """
     physics = problem.scene.physics
     E = max(region.material.constants.E for region in physics.domain.regions)
     a = problem.scene.plan.prediction["a"] / physics.scales.length
     length = physics.domain.height if physics.is_swelling else min(a, physics.domain.height)
-    return FLUID_REACTION * E * length ** (physics.body.dim - 1) if problem.has_flow else 0.0
+    return 100.0 * E * length ** (physics.body.dim - 1) if problem.has_flow else 0.0
 
 
 def finest_tolerance(problem: Problem) -> float:
-    """The smallest relative residual that is not noise."""
-    return max(FINE_TOLERANCE, RESIDUAL_NOISE * stiffness_scale(problem.scene))
+    """Return the smallest relative residual that is above round-off.
+
+    It is used where small changes of the state count: in Uzawa's iteration and in the search for
+    the depth of a force. The round-off in the gap enters the residual in proportion to the
+    stiffness of the contact.
+    """
+    return max(1e-11, 1e-17 * stiffness_scale(problem.scene))
 
 
 def line_search(problem: Problem) -> str:
-    """PETSc's line search: none, but for a penalty with Coulomb's law.
+    """Return the name of PETSc's line search: "bt" for a penalty with Coulomb's law, else "basic".
 
-    There t goes from one bound to the other over a slip of 2 friction p/epsilon_t. Where a point
-    turns back full steps leap over that and back again, for ever; a step that does not lessen the
-    residual is shortened.
+    With a penalty the traction goes from one slip limit to the opposite one over a slip of 2
+    friction p/epsilon_t. Where a point reverses its slip, full Newton steps jump back and forth
+    across this range without end; "bt" shortens a step that does not reduce the residual. "basic"
+    takes full steps.
     """
     may_oscillate = problem.law.multiplier == "none" and problem.law.may_slip
     return "bt" if may_oscillate else "basic"
-
-
-def approach_factors(law: Any, scene: Scene) -> list[float]:
-    """Factors for the stiffness of a contact law, by half decades from FIRST_STIFFNESS to below 1;
-    none if soft.
-    """
-    excess = law.stiffness * scene.sizes.h_contact / scene.physics.material.E_star / FIRST_STIFFNESS
-    step_count = max(1, round(2 * log10(excess))) if excess > 1 else 0
-    return [excess ** (k / step_count - 1) for k in range(step_count)]
-
-
-def stiffness_continuation(law: ContactLaw, scene: Scene) -> list[float]:
-    """Factors for the stiffness of a contact law, by decades from a soft contact to its own; none
-    if it has none.
-    """
-    stiffness = getattr(law, "stiffness", None)
-    if stiffness is None:
-        return []
-    soft = SOFT_CONTACT * scene.physics.material.E_star / scene.sizes.h_contact
-    decades = max(1, ceil(log10(stiffness / soft) - 1e-9))  # a rounding is no decade
-    return [10.0**-k for k in range(decades, -1, -1)]
 
 
 def _norm(comm: MPI.Comm, values: np.ndarray) -> float:
