@@ -28,8 +28,8 @@ from indent_sim.fe import surface
 from indent_sim.fe.condensed.compliance import Compliance
 from indent_sim.fe.condensed.friction import NODAL_FORCE_TOLERANCE, CondensedFriction
 from indent_sim.fe.solve import uzawa
-from indent_sim.fe.solve.stiffness_continuation import stiffness_continuation
 from indent_sim.fe.solve.slip_reference import solve_with_slip_reference
+from indent_sim.fe.solve.stiffness_continuation import stiffness_continuation
 from indent_sim.fe.surface import (
     Trace,
     contact_quadrature,

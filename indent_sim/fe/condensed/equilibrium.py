@@ -14,7 +14,8 @@ from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.contact import CondensedContact, CondensedState
 from indent_sim.fe.condensed.flat_punches import punches
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.path.equilibrium import Equilibrium, SolverStatistics, state_reactions
+from indent_sim.fe.path.equilibrium import Equilibrium, state_reactions
+from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.postprocessing import measurements
 from indent_sim.fe.postprocessing.fields import WholeBody
 from indent_sim.fe.solve.extrapolation import lagrange_weights, predict_trial_pressure

@@ -1,1 +1,1 @@
-"""The load path: steps, cutbacks, load control and its failures."""
+"""Load path: load stepping, step size control, load control, pull-off and failed rows."""

@@ -1,121 +1,127 @@
-"""Equilibrium: the interface of a body that finds its state at a depth and can be put back, for
-`Walk`.
+"""Interface of a body whose equilibrium at a depth can be solved and restored.
+
+`LoadStepper` uses it; `fe.solve` implements it for the whole mesh, `fe.condensed` for a body
+condensed to its contact surface.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
+from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.mesh.reactions import SurfaceComponent, reactions_of_whole_body
 from indent_sim.scene.scene import Scene
 
 
-@dataclass(frozen=True)
-class SolverStatistics:
-    """Linear solves, and iterations of these, None where none is iterative; equilibria that were
-    found, stages of steps in time among them, and changes of what a tip seals.
-    """
-
-    newton: int
-    krylov: int | None = None
-    stages: int = 0
-    seal_changes: int = 0
-
-    def __sub__(self, earlier: SolverStatistics) -> SolverStatistics:
-        krylov = (
-            None if self.krylov is None or earlier.krylov is None else self.krylov - earlier.krylov
-        )
-        stages = self.stages - earlier.stages
-        switches = self.seal_changes - earlier.seal_changes
-        return SolverStatistics(self.newton - earlier.newton, krylov, stages, switches)
-
-
 class Equilibrium(Protocol):
-    """A body under the tip: the whole mesh, or condensed to its contact surface. A step is `solve`,
-    after `predict` or not, and `accept`; `restore` takes back what was not accepted.
+    """A body under the tip, whose state is solved in increments.
+
+    An increment is `extrapolate` (optional), `solve` and `accept`; `restore` undoes what was not
+    accepted. The body is the whole mesh, or condensed to its contact surface.
     """
 
     scene: Scene
-    has_memory: bool  # whether an equilibrium depends on the path to it
+    has_memory: bool  # whether an equilibrium depends on the load path to it
 
     @property
     def observed_body(self) -> Any:
-        """The body at the present state, whose fields, surface table and numbers can be read off."""
+        """The body in its present state, for fields, the surface table and the values of a row."""
 
     @property
     def statistics(self) -> SolverStatistics:
-        """What was solved so far."""
+        """Solver statistics since the beginning."""
 
     @property
     def failure(self) -> str:
-        """Why the last solve did not succeed."""
+        """Reason why the last solve did not converge."""
 
     @property
     def force(self) -> float:
         """Force of the whole body on the tip [force]."""
 
     def tighten_tolerance(self) -> float:
-        """Converge as far as round-off lets, and say how well a force can be met then, relative.
-        What jumps with the depth stands still from here on, until `is_settled` is asked.
+        """Tighten the tolerance down to round-off; return the relative error that a force has then.
+
+        What changes discontinuously with the depth (the contact seal) is frozen from here on, until
+        `is_seal_consistent` is called.
         """
 
     def is_seal_consistent(self) -> bool:
-        """Whether what stood still while a force was searched for fits the state that was found;
-        else it does from here on, and the force is to be searched for again.
+        """Whether the frozen contact seal fits the contact that was found.
+
+        If not, it is updated, and the search for the force has to be repeated.
         """
         return True
 
     def extrapolate(self, depth: float, earlier: Sequence[Any]) -> None:
-        """Take the unknowns that earlier snapshots lead to expect at a depth as the present ones."""
+        """Set the unknowns to an extrapolation of earlier snapshots to a depth."""
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:
-        """Find the equilibrium at a depth, `dt` [time] after the last accepted one, from the
-        present unknowns; where it fails they are as they were.
+        """Solve for the equilibrium at a depth, starting from the present unknowns.
+
+        Parameters
+        ----------
+        depth
+            Indentation depth [length].
+        dt
+            Time since the last accepted equilibrium [time].
+
+        Returns
+        -------
+        bool
+            True if it converged; otherwise the unknowns are as they were.
         """
 
     def relax_to_stable_state(self, depth: float, dt: float = 0.0) -> bool:
-        """Find where a body that adheres comes to rest at a depth, let go of in the present state,
-        and what it is `dt` [time] later; else as `solve`.
+        """Find the stable state at a depth to which the present state relaxes.
+
+        It is found by dynamic relaxation, and followed by a time step of length `dt`. Otherwise
+        like `solve`.
         """
         return False
 
     def accept(self) -> float:
-        """Take the present equilibrium as the one that the next step sets out from; what was lost
-        in this [energy].
+        """Accept the present equilibrium as the start of the next increment.
+
+        Returns
+        -------
+        float
+            Energy dissipated in this increment [energy].
         """
 
     def snapshot(self) -> Any:
-        """A copy of the state that was accepted last, with its depth."""
+        """Return a copy of the last accepted state with its depth."""
 
     def restore(self, state: Any) -> None:
-        """Make a snapshot the present state, and the one that was accepted last."""
+        """Make a snapshot the present and the last accepted state."""
 
     def pack(self, state: Any) -> list[np.ndarray]:
-        """A snapshot as arrays, for a checkpoint; none where it is not worth keeping."""
+        """Return a snapshot as arrays for a checkpoint; none if it is cheaper to solve it again."""
         return []
 
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Any:
-        """The snapshot of packed arrays at a depth and a time; None where they are none of this
-        body.
-        """
+        """Return the snapshot of packed arrays; None if they do not belong to this body."""
         return None
 
     def state_values(self) -> dict[str, Any]:
-        """What a State says of the present equilibrium, by the names of its fields."""
+        """Return the values of the present equilibrium by the names of State's fields."""
 
 
 def state_reactions(
     part: ModelDomain, support_reactions: Mapping[SurfaceComponent, float]
 ) -> dict[str, Any]:
-    """What a State says of reactions [force]: the z-reaction of the whole body's supports, and that
-    of each support.
+    """Return the reactions [force] of a State: their sum in z and those of each support.
 
-    borne: what the supports of the modelled part bear.
+    Parameters
+    ----------
+    part
+        The model domain.
+    support_reactions
+        Reactions of its supports [force].
     """
     vertical = sum(
         force for (_, component), force in support_reactions.items() if component == part.dim - 1

@@ -1,4 +1,4 @@
-"""Failure of a load path: where it ended, why, and what may help."""
+"""Failed rows of a load path: where the path ended, why, and what may help."""
 
 from __future__ import annotations
 
@@ -22,8 +22,20 @@ def failed_state(
     inverted: InvertedElements | None,
     cost: tuple[int, float],
 ) -> State:
-    """The State that says that and why there is none at this depth or force. last: force and depth
-    of the last equilibrium; crushed: where its J is smallest; spent: iterations and seconds.
+    """Return the State of a depth or force at which no equilibrium was found.
+
+    Parameters
+    ----------
+    scene, step, value
+        The scene, the row and its prescribed depth or force.
+    last_equilibrium
+        Force and depth of the last equilibrium.
+    cause
+        Reason why the solution failed.
+    inverted
+        Element with the smallest J of the last equilibrium, if J < 0.
+    cost
+        Newton iterations, and seconds since the beginning of the run.
     """
     nan = float("nan")
     D = scene.physics.scales.depth
@@ -37,59 +49,42 @@ def failed_state(
         delta = last_equilibrium[1]
     law = scene.physics.material
     method = scene.physics.contact.method
-    limit = (
-        f"; Gent's law has no strain beyond I1 - 3 = Jm = {law.Jm:g}"
-        if isinstance(law, Gent)
-        else ""
-    )
-    discontinuities = (
-        f"; {scene.physics.creasing_message}: less swelling helps"
-        if scene.physics.creasing_message
-        else ""
-    )
     reason = (
         f"contact method {method} did not converge at {target}: {cause}; the last "
         f"equilibrium found is at {last_place}"
     )
-    reason += (
-        f"{inverted.message(scene) if inverted else ''}{limit}{discontinuities}{_advice(scene)}"
-    )
+    if inverted:
+        reason += inverted.message(scene)
+    if isinstance(law, Gent):
+        reason += f"; Gent's law allows no strain beyond I1 - 3 = Jm = {law.Jm:g}"
+    if scene.physics.creasing_message:
+        reason += f"; {scene.physics.creasing_message}: less swelling helps"
+    reason += _advice(scene)
     return State(step, delta, nan, nan, nan, nan, nan, *cost, converged=False, reason=reason)
 
 
 def _advice(scene: Scene) -> str:
+    """Return the changes of the scene that may help, as the end of the message."""
     rounding_key = next(
         (key for key in ("tip_radius", "edge_radius") if getattr(scene.physics.indenter, key, 0.0)),
         None,
     )
     law: Any = scene.physics.contact
     is_drop = scene.physics.is_drop
-    remedies = [
-        *(["solver.linear: direct"] if scene.solver.linear == "iterative" else []),
-        *law.remedies,
-        *(
-            ["a hyperelastic material"]
-            if scene.physics.small_strain and scene.physics.gap == "current"
-            else []
-        ),
-        *([f"a larger indenter.{rounding_key}"] if rounding_key else []),
-        *(
-            ["contact.method: augmented_lagrangian"]
-            if scene.physics.contact.method != "augmented_lagrangian"
-            else []
-        ),
-        *(
-            ["nu slightly below 0.5"]
-            if scene.physics.material.constants.nu == 0.5 and not is_drop
-            else []
-        ),
-        *(
-            [f"more shear modulus: gamma/(mu R) is {scene.physics.drop_number:.2g}"]
-            if is_drop
-            else []
-        ),
-        *(
-            ["another mesh.h_contact"] if not law.may_snap_through else []
-        ),  # where a tip snaps that never helped
-    ]
+    remedies: list[str] = []
+    if scene.solver.linear == "iterative":
+        remedies.append("solver.linear: direct")
+    remedies += law.remedies
+    if scene.physics.small_strain and scene.physics.gap == "current":
+        remedies.append("a hyperelastic material")
+    if rounding_key:
+        remedies.append(f"a larger indenter.{rounding_key}")
+    if scene.physics.contact.method != "augmented_lagrangian":
+        remedies.append("contact.method: augmented_lagrangian")
+    if scene.physics.material.constants.nu == 0.5 and not is_drop:
+        remedies.append("nu slightly below 0.5")
+    if is_drop:
+        remedies.append(f"a larger shear modulus: gamma/(mu R) is {scene.physics.drop_number:.2g}")
+    if not law.may_snap_through:  # another mesh has never helped where a tip snaps
+        remedies.append("another mesh.h_contact")
     return f"; {' or '.join(remedies)} may help" if remedies else ""

@@ -1,4 +1,8 @@
-"""Walking the load path: predict, solve, cut back, and say State after State."""
+"""Load stepping: increments with extrapolation, cutback and recovery along a load path.
+
+Each increment is started from an extrapolation of the previous equilibria, solved, and cut back if
+the solution fails (Belytschko et al. 2014, chapter 6.6).
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,7 @@ import numpy as np
 from indent_sim.fe.path.equilibrium import Equilibrium
 from indent_sim.fe.path.failure import failed_state
 from indent_sim.fe.path.load_control import ForceDepth, LoadControl
+from indent_sim.fe.path.load_segment import LoadPoint, LoadSegment
 from indent_sim.fe.path.pull_off import (
     FINEST_TOLERANCE,
     PullPoint,
@@ -20,132 +25,139 @@ from indent_sim.fe.path.pull_off import (
     find_largest_pull,
     force_ripple,
 )
-from indent_sim.fe.path.step_size_control import LoadPoint, LoadSegment, StepSizeControl
+from indent_sim.fe.path.step_size_control import StepSizeControl
 from indent_sim.fe.postprocessing import measurements
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import PullOff, State
 
-LARGEST_PARABOLA_STEP = (
-    0.13  # of the depth: up to this the contact edge moves smoothly enough for a parabola, measured
-)
-# Ranges of an attraction: how far away a tip that adheres sets out (6e-6 of what it feels at first
-# touch); its longest step; and the longest one over which it may snap in or let go. Over a longer
-# one Newton may end in the other of two stable states: measured at Maugis' lambda 2, it let go too
-# early in a step of five ranges.
-START_RANGES = 12.0
+# Longest increment that starts from a parabola through three equilibria, relative to the depth.
+# Over longer ones the contact edge moves past too many nodes for a parabola; measured.
+LARGEST_PARABOLA_STEP = 0.13
+# Longest increment of an adhesive tip, and the longest one in which it may snap in or off, in units
+# of the range of the attraction. In a longer one Newton's method may converge to the other of two
+# stable states: measured at Maugis' lambda = 2, the tip snapped off too early in an increment of
+# five ranges.
 LONGEST_STEP_RANGES = 4.0
 SNAP_STEP_RANGES = 0.25
-# Of the body's height, by which a tip is lifted, and twice as much, to see how far it is; and that
-# is left below one that just touches. It is clear of the body where that rises by less than a fifth
-# of it
-LIFT_STEP = 1e-3
-MOST_LIFTS = 12
-TOUCH_GAP = 1e-9
+# A tip that is lifted to measure its gap is far enough away if the body rises by less than one
+# fifth of the lift.
 CLEARANCE_FACTOR = 5.0
-SPEED_TOLERANCE = 1e-6  # relative: of the tip in two steps of one ramp, but for rounding
-MOST_FORCE_SEARCHES = (
-    6  # for a force, each with the surface sealed where the one before has found contact
-)
 
 
 @dataclass(frozen=True)
 class EquilibriumPoint:
-    """An equilibrium on the path."""
+    """An equilibrium at a point of the load path."""
 
     load_point: LoadPoint
     state: Any
-    dissipation: float = 0.0  # on the path to it [energy]
-    is_touching: bool = False  # asked for only where the tip adheres
+    dissipation: float = 0.0  # dissipated energy on the path to it [energy]
+    is_touching: bool = False  # known only for adhesive tips
 
     @property
     def delta(self) -> float:
-        """Depth [length]."""
+        """Indentation depth [length]."""
         return self.load_point.delta
 
 
-# Depth [length], time, and the arrays of a state, as a checkpoint has them
+# Depth [length], time and the arrays of a state, as in a checkpoint
 PackedState = tuple[float, float, Sequence[np.ndarray]]
 
 
 class LoadStepper:
-    """Equilibria along the requested depths or forces: predicted, solved, and cut back where a step
-    is too long.
+    """Equilibria along the prescribed depths or forces.
+
+    Each increment is started from an extrapolation, and cut back where its solution fails.
+
+    Parameters
+    ----------
+    equilibrium
+        The body under the tip, whole or condensed.
+    started
+        Time of `time.perf_counter` from which the column `wall_s` is counted; now, if None.
     """
 
     def __init__(self, equilibrium: Equilibrium, started: float | None = None):
         self.equilibrium = equilibrium
         physics = equilibrium.scene.physics
         self._has_memory = equilibrium.has_memory
-        self._adhesion_range = physics.contact.adhesion_range  # of the tip's attraction; 0 without
+        self._adhesion_range = physics.contact.adhesion_range  # 0 without adhesion
         self.started = time.perf_counter() if started is None else started
-        start = LoadPoint(0.0 - START_RANGES * self._adhesion_range)  # no -0.0
-        self._points = [
-            EquilibriumPoint(start, equilibrium.snapshot())
-        ]  # the untouched body at rest
+        # An adhesive tip starts at 12 ranges above the body, where the attraction is 6e-6 of that
+        # at first touch. `0.0 -` avoids -0.0.
+        start = LoadPoint(0.0 - 12.0 * self._adhesion_range)
+        # The last equilibria, beginning with the undeformed body
+        self._points = [EquilibriumPoint(start, equilibrium.snapshot())]
         self._start_point = self._points[0]
-        self._row_points = (
-            self._points
-        )  # up to the last row: what the first step after it is predicted from
-        self._search_points = self._points  # the search for a force
-        self._pending_point: EquilibriumPoint | None = None  # and not accepted yet
+        # Equilibria up to the last row, from which the next increment is extrapolated
+        self._row_points = self._points
+        # Equilibria from which the search for the depth of a force starts
+        self._search_points = self._points
+        # Equilibrium that was found but is not accepted yet
+        self._pending_point: EquilibriumPoint | None = None
         self._step_control = self._create_step_control()
-        self._substeps = self._cuts = 0  # so far
-        self._search_time = 0.0  # at which a force is searched for
-        self._last_rise = 0.0  # of a tip that just touches, in the step before
+        self._substeps = 0
+        self._cuts = 0
+        self._search_time = 0.0  # time at which the depth of a force is searched for
+        # Change of the depth of first touch in the last increment, for a body that changes in time
+        self._last_rise = 0.0
         self._unloading: UnloadingBranch | None = (
             UnloadingBranch() if physics.searches_pull_off else None
         )
         self._load_control = LoadControl(
-            self._step_to_depth, physics.body.height, from_row=self._has_memory
+            self._step_to_depth, physics.body.height, starts_from_row=self._has_memory
         )
 
     def _create_step_control(self, segment: LoadSegment | None = None) -> StepSizeControl:
-        """Of a path without failures yet; on a way that takes time depths are measured in it, and
-        nothing is free. What has evolved may touch at any depth.
+        """Create a step size control with no failures recorded.
+
+        On a segment with duration its limits are converted from depth to time. Increments before
+        first contact may be skipped only if the body does not change in time: a body that does may
+        touch the tip at any depth.
         """
-        # without limit where the gap is linear in u
         scene = self.equilibrium.scene
         longest_step = inf
-        finest_tried = inf
+        always_tried_step = inf
         if scene.physics.gap == "current":
-            # of the deepest contact's radius: a longer step into a gap at the deformed point may
-            # end elsewhere
+            # With the gap at the deformed point, which is nonlinear in u, a longer increment may
+            # end in another solution
             longest_step = 0.25 * scene.plan.prediction["a"] / scene.physics.scales.length
         if self._adhesion_range:
             longest_step = min(longest_step, LONGEST_STEP_RANGES * self._adhesion_range)
-            finest_tried = SNAP_STEP_RANGES / 4 * self._adhesion_range
+            always_tried_step = SNAP_STEP_RANGES / 4 * self._adhesion_range
         if segment and segment.has_duration:
             return StepSizeControl(
                 segment.coordinate_length(longest_step),
                 -inf,
-                segment.coordinate_length(finest_tried),
+                segment.coordinate_length(always_tried_step),
             )
         return StepSizeControl(
             longest_step,
             -inf if scene.physics.is_time_dependent else self._start_point.delta,
-            finest_tried,
+            always_tried_step,
         )
 
     @property
     def _last_point(self) -> EquilibriumPoint:
-        """The last accepted equilibrium: whoever asks for it has read off what the step to it has
-        left.
+        """The last accepted equilibrium; one that is pending is accepted first.
+
+        Read this property only after all numbers of the increment were evaluated.
         """
         self._accept_pending()
         return self._points[-1]
 
     def _accept_pending(self) -> None:
-        """Accept what was found last, if not done: what is remembered moves on, numbers of the step
-        are read before.
+        """Accept the equilibrium that was found last, which updates the internal variables.
+
+        Numbers of the increment, such as its dissipation, must be evaluated before.
         """
         if (pending := self._pending_point) is None:
             return
         self._pending_point = None
         last_point = self._points[-1]
         dissipation = self.equilibrium.accept()
-        earlier_points = (
-            [] if pending.is_touching != last_point.is_touching else self._points[-2:]
-        )  # no prediction leads over a snap
+        # Equilibria before a snap are no basis for an extrapolation beyond it
+        has_snapped = pending.is_touching != last_point.is_touching
+        earlier_points = [] if has_snapped else self._points[-2:]
         pending = replace(
             pending,
             state=self.equilibrium.snapshot(),
@@ -155,8 +167,9 @@ class LoadStepper:
 
     @property
     def points(self) -> list[tuple[float, float, list[np.ndarray]]]:
-        """The last equilibria, for `resume`: depth, time and arrays; with memory those up to the
-        last row, on its own path.
+        """Depth, time and arrays of the last equilibria, for `resume`.
+
+        For a path-dependent body these are the equilibria up to the last row.
         """
         points = self._row_points if self._has_memory else self._points
         packed = [
@@ -167,9 +180,7 @@ class LoadStepper:
 
     @property
     def pull_off_points(self) -> dict[int, PackedState]:
-        """The load points from which the largest pull is searched for, by their numbers, for
-        `resume`.
-        """
+        """Load points that bracket the largest pull, by their numbers on the path, for `resume`."""
         packed: dict[int, PackedState] = {}
         for point in self._unloading.search_points if self._unloading else ():
             packed[point.number] = point.delta, point.t, self.equilibrium.pack(point.state.state)
@@ -182,33 +193,40 @@ class LoadStepper:
         step: int = 0,
         pull_off_points: Mapping[int, PackedState] | None = None,
     ) -> bool:
-        """Stand where an earlier walk stood: at its `points` (or at rest), then at the last of the
-        depths and times passed since. An equilibrium without memory does not depend on the path, so
-        the way is straight to the last three, from which the next one is predicted; or that of the
-        earlier walk where it has to be. False when it is lost.
+        """Return to the state at which an earlier run stopped.
+
+        An equilibrium that does not depend on the path is solved directly at the last three load
+        points, from which the next one is extrapolated. Otherwise, or if that fails, all load
+        points since the checkpoint are solved again.
 
         Parameters
         ----------
         points, pull_off_points
-            Those of the earlier walk.
-        passed
-            Depth [length] and time of each place since then.
+            Values of these attributes in the checkpoint of the earlier run.
+        later_places
+            Depth [length] and time of each load point after the checkpoint.
         step
-            The row that the earlier walk stood at, from 1.
+            Row at which the earlier run stopped, counted from 1.
+
+        Returns
+        -------
+        bool
+            False if an equilibrium was not found again.
         """
         unpacked = [
             (LoadPoint(delta, t), self.equilibrium.unpack(delta, arrays, t))
             for delta, t, arrays in points
         ]
         resumed_points = [
-            EquilibriumPoint(place, state) for place, state in unpacked if state is not None
+            EquilibriumPoint(load_point, state)
+            for load_point, state in unpacked
+            if state is not None
         ]
-        load_points = [LoadPoint(*at) for at in later_places]
-        self._points = (
-            resumed_points
-            if resumed_points and self._adhesion_range
-            else [*self._points, *resumed_points][-3:]
-        )
+        load_points = [LoadPoint(*depth_and_time) for depth_and_time in later_places]
+        if resumed_points and self._adhesion_range:
+            self._points = resumed_points
+        else:
+            self._points = [*self._points, *resumed_points][-3:]
         self.restore_last()
         self._points[-1] = replace(self._last_point, is_touching=self._is_touching)
         self._load_control.add_curve_point(*self._force_and_depth)
@@ -216,18 +234,19 @@ class LoadStepper:
             return False
         start_points = self._points
         is_reached = not self._has_memory and all(
-            self._step_to(place) for place in load_points[-3:]
+            self._step_to(load_point) for load_point in load_points[-3:]
         )
         if not is_reached:
-            self._points, self._step_control = start_points, self._create_step_control()
+            self._points = start_points
+            self._step_control = self._create_step_control()
             self.restore_last()
-            is_reached = all(self._step_to_row(place) for place in load_points)
+            is_reached = all(self._step_to_row(load_point) for load_point in load_points)
         self._accept_pending()
         self._row_points = self._points
         return is_reached
 
     def _step_to_row(self, load_point: LoadPoint) -> int:
-        """Step to a row of the earlier walk as it did; the number of steps, 0 when lost."""
+        """Solve a load point of the earlier run; return the number of increments, 0 on failure."""
         earlier_points = self._points
         substeps = self._step_to(load_point)
         if self.equilibrium.scene.physics.path.control == "force":
@@ -237,19 +256,19 @@ class LoadStepper:
         return substeps
 
     def _resume_unloading(self, packed: Mapping[int, PackedState], step: int) -> bool:
-        """Restore what an earlier walk knew of the smallest force during unloading.
+        """Restore what the earlier run knew of the smallest force during unloading.
 
         Parameters
         ----------
         packed
-            `pull_off_points` of the earlier walk.
+            `pull_off_points` of the earlier run.
         step
-            The row that it stood at, from 1.
+            Row at which it stopped, counted from 1.
 
         Returns
         -------
         bool
-            False where the states are none of this body.
+            False if the arrays do not belong to this body.
         """
         pulls = []
         for number, (delta, t, arrays) in sorted(packed.items()):
@@ -267,27 +286,28 @@ class LoadStepper:
         return True
 
     def _pull_point(self, point: EquilibriumPoint, number: int = 0) -> PullPoint:
-        """Return the present equilibrium, which is that of a load point, for the search for the
-        largest pull.
+        """Return the present equilibrium as a point for the search for the largest pull.
+
+        `point` must be the present equilibrium.
         """
         a = float(self.equilibrium.state_values()["a"])
         return PullPoint(point.delta, point.load_point.t, self.equilibrium.force, a, point, number)
 
     def _record_unloading_point(self) -> None:
-        """Record the present load point where the largest pull is to be searched for."""
+        """Record the present load point if the largest pull is to be searched for."""
         if self._unloading is not None:
             self._unloading = self._unloading.with_point(self._pull_point(self._last_point))
 
     def find_pull_off(self) -> PullOff | None:
         """Search for the smallest force during unloading, between the rows around the lowest one.
 
-        The walk stands at its last load point again afterwards.
+        The body is in the equilibrium of the last row again afterwards.
 
         Returns
         -------
         PullOff or None
-            In the solver's units; None where no row that pulls has rows on both sides during
-            unloading.
+            In nondimensional units; None if no row with a pulling force has rows on both sides
+            during unloading.
 
         Raises
         ------
@@ -298,22 +318,22 @@ class LoadStepper:
         if bracket is None:
             return None
         body = self.equilibrium
-        effort_before = body.statistics
+        statistics_before = body.statistics
         try:
             largest = find_largest_pull(
                 *bracket, self._equilibrium_between, self._pull_off_tolerance
             )
             body.restore(largest.point.state.state)
-            effort = body.statistics - effort_before
-            numbers = body.state_values() | {"newton_iterations": effort.newton}
-            numbers["wall_s"] = time.perf_counter() - self.started
-            state = State(step=0, delta=largest.point.delta, **numbers)
+            effort = body.statistics - statistics_before
+            values = body.state_values() | {"newton_iterations": effort.newton}
+            values["wall_s"] = time.perf_counter() - self.started
+            state = State(step=0, delta=largest.point.delta, **values)
         finally:
             self._points = self._row_points
             self._pending_point = None
             self.restore_last()
-        from_crest_to_trough = 2 * self._force_ripple(largest.point) * abs(state.force)
-        return PullOff(state, largest.error + from_crest_to_trough, largest.equilibria)
+        ripple_height = 2 * self._force_ripple(largest.point) * abs(state.force)
+        return PullOff(state, largest.error + ripple_height, largest.equilibria)
 
     def _pull_off_tolerance(self, point: PullPoint) -> float:
         """Return the error at which a search for the largest pull ends, relative to the force."""
@@ -323,48 +343,63 @@ class LoadStepper:
         """Return the amplitude of the ripple of the force on this mesh, relative to the force."""
         scene = self.equilibrium.scene
         assert scene.plan.adhesion is not None
-        in_zone = scene.plan.adhesion.elements
-        in_contact = max(point.a / scene.sizes.h_contact, 1.0)
-        return force_ripple(min(in_zone, in_contact) if point.is_touching else in_zone)
+        elements_in_zone = scene.plan.adhesion.elements
+        elements_in_contact = max(point.a / scene.sizes.h_contact, 1.0)
+        return force_ripple(
+            min(elements_in_zone, elements_in_contact) if point.is_touching else elements_in_zone
+        )
 
     def _equilibrium_between(self, begin: PullPoint, end: PullPoint, delta: float) -> PullPoint:
         """Solve the equilibrium at a depth between two others, starting from the first of them."""
         fraction = (delta - begin.delta) / (end.delta - begin.delta)
-        place = LoadPoint(delta, begin.t + fraction * (end.t - begin.t))
+        load_point = LoadPoint(delta, begin.t + fraction * (end.t - begin.t))
         self._points = [begin.state]
         self._pending_point = None
         self.restore_last()
-        if not self._step_to(place):
-            return PullPoint(delta, place.t, inf, a=0.0)
+        if not self._step_to(load_point):
+            return PullPoint(delta, load_point.t, inf, a=0.0)
         return self._pull_point(self._last_point)
 
     def _drop_tried_points(self, earlier_points: list[EquilibriumPoint]) -> list[EquilibriumPoint]:
-        """The last equilibria at the force of a row, whose search set out from those `earlier_points`: its
-        tries are too close together to extrapolate from.
+        """Return the equilibria from which the increment after a prescribed force is extrapolated.
+
+        The depths that were tried for the force lie too close together for an extrapolation. So
+        these are the two before the search and the one at the force.
         """
         return [*earlier_points[-2:], self._last_point]
 
     @property
     def counts(self) -> dict[str, int]:
-        """Equilibria found, stages of steps in time among them, steps that failed and were cut, and
-        changes of what the tip seals, all those of searches for a force too.
-        """
+        """Numbers of stages in time, of cutbacks and of changes of the contact seal so far."""
         effort = self.equilibrium.statistics
         return {"stages": effort.stages, "cuts": self._cuts, "switches": effort.seal_changes}
 
     @property
     def failure(self) -> str:
-        """Why the last value was not reached."""
+        """Reason why the last prescribed value was not reached."""
         return (
             self._load_control.failure
-            or f"{self.equilibrium.failure}, in shorter and shorter substeps too"
+            or f"{self.equilibrium.failure}, in shorter and shorter increments too"
         )
 
     def states(
         self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0
     ) -> Iterator[State]:
-        """One State per requested value after the first `done`; after one that is not converged
-        there is no other.
+        """Solve the path and yield one State per prescribed value.
+
+        Parameters
+        ----------
+        path
+            Prescribed depths or forces.
+        wants_surface
+            Whether the surface table is wanted for a row, by its number.
+        done
+            Number of values that an earlier run has finished.
+
+        Yields
+        ------
+        State
+            Row by row; the last one if it did not converge.
         """
         body = self.equilibrium
         if path.control == "force":
@@ -373,10 +408,10 @@ class LoadStepper:
                 self._search_points = self._points
                 self._load_control.measure_touch_pull()
         for step, value in enumerate(path.values[done:], start=done + 1):
-            effort_before = body.statistics
+            statistics_before = body.statistics
             substeps = 0
             for depth, t in path.segment(step):
-                if substeps:  # at a place between rows
+                if substeps:  # the last equilibrium is a load point between two rows
                     self._record_unloading_point()
                 segment_substeps = (
                     self._step_to(LoadPoint(depth, t))
@@ -386,7 +421,7 @@ class LoadStepper:
                 substeps = segment_substeps and substeps + segment_substeps
                 if not segment_substeps:
                     break
-            effort = body.statistics - effort_before
+            effort = body.statistics - statistics_before
             if not substeps:
                 cost = (effort.newton, time.perf_counter() - self.started)
                 inverted = body.observed_body.find_inverted_elements()
@@ -418,8 +453,9 @@ class LoadStepper:
             yield State(step=step, delta=self._last_point.delta, surface=surface, **values)
 
     def _step_to_force(self, force: float, t: float, step: int) -> int:
-        """Stand at the depth of a force, at a time; the number of steps there, 0 where there is no
-        such depth.
+        """Find the equilibrium at a force and a time; return the number of increments.
+
+        It is 0 if there is no such equilibrium.
         """
         self._accept_pending()
         self._search_points = self._points
@@ -430,45 +466,49 @@ class LoadStepper:
         if force == 0 and physics.is_time_dependent and not self._adhesion_range:
             return self._substeps - substeps if self._step_to_touch() else 0
         if t == self._last_point.load_point.t and not (physics.is_time_dependent and t > 0):
-            return (
-                self._substeps - substeps if self._load_control.find_depth(force, expected) else 0
-            )
+            is_found = self._load_control.find_depth(force, expected)
+            return self._substeps - substeps if is_found else 0
         delta = self._last_point.delta or expected
         a = self.equilibrium.scene.plan.prediction["a"] / physics.scales.length
-        for _ in range(MOST_FORCE_SEARCHES):
+        # The contact seal is frozen during a search. Where it does not fit the contact that was
+        # found, the same increment, which is not accepted yet, is searched again with a new seal.
+        for _ in range(6):
             if not self._load_control.find_by_secant(force, delta, 2 * physics.material.E_star * a):
                 return 0
-            delta = self._force_and_depth[
-                1
-            ]  # not accepted: the same step is searched again where the tip seals another vertex
+            delta = self._force_and_depth[1]
             if self.equilibrium.is_seal_consistent():
                 break
         return self._substeps - substeps
 
     def _step_to_touch(self) -> bool:
-        """Stand where the tip just touches the body that has evolved; False where that is not
-        found. Time passes with the tip so far away that it does not touch on its way either.
+        """Find the depth at which the tip just touches a body that changes in time; True if found.
+
+        Time passes with the tip lifted so far that it does not touch the body; then its gap is
+        closed. The lift is doubled until it suffices.
         """
         height = self.equilibrium.scene.physics.body.height
         depth_before = self._search_points[-1].delta
-        lift = max(CLEARANCE_FACTOR * self._last_rise, LIFT_STEP * height)
-        for _ in range(MOST_LIFTS):
+        lift = max(CLEARANCE_FACTOR * self._last_rise, 1e-3 * height)
+        for _ in range(12):
             lifted_depth = depth_before - lift
             reached_depth = self._step_to_depth(depth_before - lift)[1]
             if reached_depth != lifted_depth:
                 return False
             gap = measurements.smallest_gap(self.equilibrium.observed_body)
             if gap > 0 and gap >= lift * (1 - 1 / CLEARANCE_FACTOR):
-                touch = LoadPoint(lifted_depth + gap - TOUCH_GAP * height, self._search_time)
-                self._last_rise, substeps = abs(touch.delta - depth_before), self._step_to(touch)
+                # The tip overlaps the body by 1e-9 of its height, so that there is a contact
+                touch = LoadPoint(lifted_depth + gap - 1e-9 * height, self._search_time)
+                self._last_rise = abs(touch.delta - depth_before)
+                substeps = self._step_to(touch)
                 self._substeps += substeps
                 return bool(substeps)
             lift *= 2
         return False
 
     def _step_to_depth(self, delta: float) -> ForceDepth:
-        """Stand at a depth, or as near to it as there is an equilibrium; with memory on the way
-        from the last row.
+        """Step to a depth, or as near as there is an equilibrium; return force and depth there.
+
+        For a path-dependent body the path to it starts at the last row.
         """
         if self._has_memory:
             self._points = self._search_points
@@ -479,7 +519,7 @@ class LoadStepper:
 
     @property
     def _row_point(self) -> EquilibriumPoint:
-        """The equilibrium of the last row."""
+        """Equilibrium of the last row."""
         return self._row_points[-1]
 
     @property
@@ -487,24 +527,24 @@ class LoadStepper:
         return self.equilibrium.force, (self._pending_point or self._points[-1]).delta
 
     def restore_last(self) -> None:
-        """Put the last equilibrium back, after a step that failed."""
+        """Restore the last accepted equilibrium after a failed increment."""
         self.equilibrium.restore(self._last_point.state)
 
     def restore_row(self) -> Any:
-        """Put the last row's equilibrium back, after a stop in mid-step; the body that is observed
-        then.
-        """
+        """Restore the equilibrium of the last row after an interruption; return its body."""
         self.equilibrium.restore(self._row_point.state)
         return self.equilibrium.observed_body
 
     def _step_to(self, target_point: LoadPoint) -> int:
-        """Step to the target, by way of where the tip begins or ends to be felt; the number of
-        steps, 0 when lost.
+        """Advance to a load point in as many increments as needed.
+
+        One increment ends exactly at first contact, or where the adhesion begins. Returns the
+        number of increments, 0 if the target was not reached.
         """
         segment = LoadSegment(self._last_point.load_point, target_point)
-        if (
-            self._has_memory or segment.has_duration
-        ):  # each row has steps of its own: a resumed path is the same path
+        if self._has_memory or segment.has_duration:
+            # The step size control is created anew for each target, so that a resumed path has
+            # the same increments
             self._step_control = self._create_step_control(segment)
             if (threshold := self._attraction_threshold(target_point)) is not None:
                 return (
@@ -520,7 +560,7 @@ class LoadStepper:
                 segment.coordinate(self._last_point.load_point), end
             )
         ) is not None:
-            effort_before = self.equilibrium.statistics
+            statistics_before = self.equilibrium.statistics
             if self._try_load_point(segment.load_point(next_coordinate)):
                 substeps += 1
                 self._step_control.record_success()
@@ -529,31 +569,31 @@ class LoadStepper:
             else:
                 self._cuts += 1
                 self._step_control.record_failure(
-                    (self.equilibrium.statistics - effort_before).newton
+                    (self.equilibrium.statistics - statistics_before).newton
                 )
         return 0
 
     def _attraction_threshold(self, target_point: LoadPoint) -> LoadPoint | None:
-        """The place on the way to a target, at which time stands still, where the tip begins to be
-        felt, or ends.
+        """Load point on the way to the target at which the tip begins to act on the body.
+
+        It is the depth of first contact, or for an adhesive tip the depth at which its attraction
+        ends. None if it is not passed, or if time passes on the way.
         """
-        # felt: from here on inwards
         attraction_depth = self._start_point.delta
         last_depth = self._last_point.delta
-        crosses = (
-            (target_point.delta < attraction_depth < last_depth)
-            if self._adhesion_range
-            else (last_depth < 0 < target_point.delta)
-        )
-        return (
-            LoadPoint(attraction_depth, target_point.t)
-            if crosses and target_point.t == self._last_point.load_point.t
-            else None
-        )
+        if self._adhesion_range:
+            crosses = target_point.delta < attraction_depth < last_depth
+        else:
+            crosses = last_depth < 0 < target_point.delta
+        if crosses and target_point.t == self._last_point.load_point.t:
+            return LoadPoint(attraction_depth, target_point.t)
+        return None
 
     def _try_load_point(self, load_point: LoadPoint) -> bool:
-        """Solve at a place; where an adhering tip snaps or that fails, by a short step to where the
-        body rests.
+        """Solve one increment; return whether it succeeded.
+
+        Where an adhesive tip snaps, or its increment fails, a short increment is solved by dynamic
+        relaxation instead.
         """
         is_found = self._solve_load_point(load_point)
         delta = load_point.delta
@@ -570,33 +610,29 @@ class LoadStepper:
         return True
 
     def _solve_load_point(self, load_point: LoadPoint) -> bool:
-        """Where time passes while the depth does not change as it did a step sets out from the last
-        state: what is extrapolated through a hold leads nowhere.
+        """Solve one increment from an extrapolation, then from the last equilibrium.
+
+        If the speed of the tip has changed, as at the beginning of a hold, the increment starts
+        from the last equilibrium at once: the extrapolation would be wrong.
         """
         delta = load_point.delta
         dt = load_point.t - self._last_point.load_point.t
-        earlier_points = (
-            []
-            if dt and not self._keeps_speed(load_point)
-            else _extrapolation_points(self._points, delta)
-        )
-        if (
-            is_extrapolated := len(earlier_points) > 1
-        ):  # by the line or parabola through the last states
+        earlier_points: list[EquilibriumPoint] = []
+        if not dt or self._keeps_speed(load_point):
+            earlier_points = _extrapolation_points(self._points, delta)
+        is_extrapolated = len(earlier_points) > 1
+        if is_extrapolated:
             self.equilibrium.extrapolate(delta, [point.state for point in earlier_points])
             if self.equilibrium.solve(delta, dt):
                 return True
         self.restore_last()
-        if (
-            is_extrapolated and self._adhesion_range and self._is_long_step(delta)
-        ):  # a shorter step costs less than another fifty iterations
+        if is_extrapolated and self._adhesion_range and self._is_long_step(delta):
+            # A shorter increment costs less than fifty more iterations of this one
             return False
         return self.equilibrium.solve(delta, dt)
 
     def _keeps_speed(self, load_point: LoadPoint) -> bool:
-        """Whether the depth changes as fast on the way to a place as on the way to where the walk
-        stands.
-        """
+        """Whether the tip has the same speed in this increment as in the last one."""
         point_before, last_load_point = (
             point.load_point for point in [self._points[0], *self._points][-2:]
         )
@@ -606,7 +642,7 @@ class LoadStepper:
             return False
         speed = (load_point.delta - last_load_point.delta) / dt
         speed_before = (last_load_point.delta - point_before.delta) / elapsed
-        return abs(speed - speed_before) <= SPEED_TOLERANCE * abs(speed)
+        return abs(speed - speed_before) <= 1e-6 * abs(speed)  # but for round-off
 
     @property
     def _is_touching(self) -> bool:
@@ -619,19 +655,19 @@ class LoadStepper:
 def _extrapolation_points(
     equilibria: list[EquilibriumPoint], delta: float
 ) -> list[EquilibriumPoint]:
-    """The last points from which the path leads straight on to delta; one alone where nothing is
-    predicted.
+    """Return the last equilibria through which the state at a depth is extrapolated.
+
+    These are two or three, or only the last one if the path does not lead straight on to the depth.
     """
-    step = (
-        delta - equilibria[-1].delta
-    )  # not a small one: the contact edge leaves kinks in the states
+    step = delta - equilibria[-1].delta
+    # States are not smooth in the depth where the contact edge passes a node: over long
+    # increments a line is better than a parabola
     most_points = 3 if abs(step) <= LARGEST_PARABOLA_STEP * abs(delta) else 2
     earlier_points = equilibria[-1:]
     for point_before, point_after in zip(equilibria[-2::-1], equilibria[:0:-1], strict=True):
         step_behind = point_after.delta - point_before.delta
-        is_near = (
-            step_behind != 0 and -1 < step / step_behind <= 2
-        )  # between the two, or not far out
+        # The depth lies between the two equilibria or not far beyond them
+        is_near = step_behind != 0 and -1 < step / step_behind <= 2
         is_repeated = any(point.delta == point_before.delta for point in earlier_points)
         if not is_near or is_repeated or len(earlier_points) == most_points:
             break

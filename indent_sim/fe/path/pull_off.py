@@ -29,10 +29,7 @@ LARGEST_RIPPLE = 0.008
 # The search need not be finer than this, relative to the largest pull: with 11 elements in the
 # cohesive zone the force is known to 2e-4 (docs/verification.md)
 FINEST_TOLERANCE = 1e-4
-MOST_EQUILIBRIA = 24  # of a search; a smooth minimum takes one to eight
-# Where the minimum of the parabola lies within this fraction of the bracket from the best point, an
-# equilibrium there tells nothing new, and the golden section is tried
-NEARBY_FRACTION = 0.05
+MOST_EQUILIBRIA = 24  # limit of a search; a smooth minimum takes one to eight
 GOLDEN_SECTION = (3 - sqrt(5)) / 2
 # Next to a fold the part of the bracket before the best point is divided only where it is so many
 # times as long as the part beyond. With 1 a search takes a third more equilibria, with 8 a
@@ -112,7 +109,7 @@ class UnloadingBranch:
 
     @property
     def bracket(self) -> tuple[PullPoint, PullPoint, PullPoint] | None:
-        """Three points in the order of the path that bracket the smallest force; None without any."""
+        """Three points in the order of the path around the smallest force; None without any."""
         before = self.before
         lowest = self.lowest
         after = self.after
@@ -168,7 +165,7 @@ class LargestPull:
     equilibria: int
 
 
-# Solves the equilibrium at a depth between two others, starting from the first of them
+# Solves the equilibrium at a depth [length] between two others, starting from the first of them
 SolveBetween = Callable[[PullPoint, PullPoint, float], PullPoint]
 
 
@@ -205,9 +202,8 @@ def find_largest_pull(
         widths = [widths[-1], search.width]
         delta = search.midpoint if parabola is None or is_slow else search.next_depth(parabola)
         if delta in (search.inner.delta, search.best.delta, search.outer.delta):
-            return LargestPull(
-                search.best, 0.0, equilibria
-            )  # no floating-point number lies between
+            # No floating-point number lies between these depths
+            return LargestPull(search.best, 0.0, equilibria)
         is_inside = delta > search.best.delta
         interval = (search.inner, search.best) if is_inside else (search.best, search.outer)
         point = solve_between(*interval, delta)
@@ -223,10 +219,9 @@ def find_largest_pull(
 
 @dataclass(frozen=True)
 class _Bracket:
-    """Three equilibria in the order of the path, `best` with the smallest force, between which the
-    minimum lies.
+    """Three equilibria in the order of the path that enclose the smallest force, that of `best`.
 
-    `earlier` is the equilibrium before `inner`; None where none was solved.
+    `earlier` is the equilibrium before `inner`; None if none was solved.
     """
 
     inner: PullPoint
@@ -241,7 +236,7 @@ class _Bracket:
 
     @property
     def has_fold(self) -> bool:
-        """Whether the tip snaps off between `best` and `outer`, so that the force may jump there."""
+        """Whether the tip snaps off between `best` and `outer`: the force may jump there."""
         snaps_off = self.best.is_touching and not self.outer.is_touching
         return snaps_off or not isfinite(self.outer.force)
 
@@ -270,7 +265,8 @@ class _Bracket:
 
     def next_depth(self, parabola: _Parabola) -> float:
         """Return the depth [length] of the next equilibrium of parabolic interpolation."""
-        if abs(parabola.delta - self.best.delta) < NEARBY_FRACTION * self.width:
+        # An equilibrium so near to the best one tells nothing new
+        if abs(parabola.delta - self.best.delta) < 0.05 * self.width:
             return self.best.delta + GOLDEN_SECTION * (self._end_of_longer_part - self.best.delta)
         return parabola.delta
 
@@ -324,8 +320,7 @@ class _Bracket:
 
 @dataclass(frozen=True)
 class _Parabola:
-    """A parabola of the force over the depth x, force + curvature (x - delta)^2, with a minimum at
-    x = delta.
+    """Force as a parabola of the depth x: force + curvature (x - delta)^2.
 
     Attributes
     ----------

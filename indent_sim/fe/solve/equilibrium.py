@@ -12,12 +12,14 @@ import numpy as np
 from mpi4py import MPI
 
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.path.equilibrium import SolverStatistics, state_reactions
+from indent_sim.fe.path.equilibrium import state_reactions
+from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.postprocessing import measurements
 from indent_sim.fe.postprocessing.fields import WholeBody
 from indent_sim.fe.problem import Problem, Snapshot
-from indent_sim.fe.solve.contact_algorithms import contact_algorithm, dynamic_relaxation
+from indent_sim.fe.solve.contact_algorithms import contact_algorithm
 from indent_sim.fe.solve.dof_numbering import DofNumbering
+from indent_sim.fe.solve.dynamic_relaxation import dynamic_relaxation
 from indent_sim.fe.solve.extrapolation import lagrange_weights, predict_trial_pressure
 from indent_sim.fe.solve.newton import Newton, finest_tolerance
 from indent_sim.fe.solve.stiffness_continuation import approach_factors

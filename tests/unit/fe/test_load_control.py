@@ -88,7 +88,7 @@ def test_where_equilibria_end_on_the_way_out() -> None:
     """
     body = Curve(lambda delta: max(delta, 0.3))
     control = LoadControl(
-        lambda delta: (body(delta)[0], max(delta, 0.3)), deepest=1.0, from_row=True
+        lambda delta: (body(delta)[0], max(delta, 0.3)), deepest=1.0, starts_from_row=True
     )
     assert control.find_depth(0.5, expected=0.4)
     before = body.asked

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from indent_sim.fe.path.equilibrium import SolverStatistics
+from indent_sim.fe.path.load_segment import LoadPoint
 from indent_sim.fe.path.load_stepping import LoadStepper
+from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.path.step_size_control import (
     MOST_FAILED_ITERATIONS,
     MOST_FAILURES,
-    LoadPoint,
     StepSizeControl,
 )
 from indent_sim.model.loading import LoadPath

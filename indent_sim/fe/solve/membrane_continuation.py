@@ -1,0 +1,52 @@
+"""Continuation in the stiffness of the membrane that regularizes a drop with surface tension."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from indent_sim.fe.solve.newton import Newton
+from indent_sim.fe.terms.surface_tension import MEMBRANE_STIFFNESS
+
+
+def membrane_continuation(newton: Newton, algorithm: Callable[[], bool]) -> Callable[[], bool]:
+    """Return an algorithm that solves a drop by way of stiffer ones where it fails at once.
+
+    The membrane stiffness (`terms.surface_tension`) begins at 1 and is reduced to the drop's own,
+    each equilibrium being the initial guess of the next one.
+
+    Measured on a ball between plates with gamma/(mu R) = 1000: 30 iterations for a row that took
+    170 to 450 in 9 to 33 shorter and shorter increments of the depth.
+    """
+    problem = newton.problem
+
+    def decrease_stiffness() -> bool:
+        stiffness = 1.0
+        ratio = 0.1  # a decade at once was enough but for one row in ten
+        problem.set_membrane_stiffness(stiffness)
+        if not (algorithm() and problem.is_admissible()):
+            return False
+        while stiffness > MEMBRANE_STIFFNESS:
+            last_state = problem.trial_state()
+            lower_stiffness = max(MEMBRANE_STIFFNESS, ratio * stiffness)
+            problem.set_membrane_stiffness(lower_stiffness)
+            if algorithm() and problem.is_admissible():
+                stiffness = lower_stiffness
+                continue
+            problem.set_trial_state(last_state)
+            ratio = ratio**0.5
+            if ratio > 0.8:
+                return False
+        return True
+
+    def solve() -> bool:
+        state_before = problem.trial_state()
+        if algorithm() and problem.is_admissible():
+            return True
+        problem.set_trial_state(state_before)
+        if decrease_stiffness():
+            return True
+        problem.set_membrane_stiffness(MEMBRANE_STIFFNESS)
+        problem.set_trial_state(state_before)
+        return False
+
+    return solve
