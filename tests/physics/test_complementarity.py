@@ -15,7 +15,7 @@ from scenes import CYLINDER, E_STAR, WALLED, meshed, scene, solve
 
 from indent_sim.fe import solver
 from indent_sim.fe.condensed import contact
-from indent_sim.fe.condensed.contact import solve_complementarity
+from indent_sim.fe.condensed.complementarity import solve_complementarity
 from indent_sim.fe.terms.contact import active_set
 from indent_sim.model.state import Surface
 from indent_sim.run.pipeline import condense

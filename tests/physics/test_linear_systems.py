@@ -200,7 +200,7 @@ def test_a_failed_uzawa_says_so(tmp_path, monkeypatch, method):
     monkeypatch.setattr(step_size_control, "SMALLEST_STEP_FRACTION", 0.5)
     contact = {"method": "uzawa", "epsilon_n": 0.01}
     with pytest.raises(
-        NotConverged, match=r"contact method uzawa.*multiplier does not settle.*delta = 0"
+        NotConverged, match=r"contact method uzawa.*multiplier does not converge.*delta = 0"
     ) as caught:
         solved(tmp_path, contact=contact, solver={"method": method})
     assert "Newton" not in str(caught.value)

@@ -1,1 +1,1 @@
-"""A linear body condensed to the compliance of its contact surface."""
+"""Static condensation: a linear body condensed to the compliance of its contact surface."""

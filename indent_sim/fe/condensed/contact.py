@@ -1,14 +1,14 @@
-"""Contact on a condensed body: the laws of `model.contact`, on a small dense compliance.
+"""Contact on a condensed body: the laws of `model.contact` on a small dense compliance matrix.
 
-With nodal forces F (pushing down) the gap at a quadrature point is g = f - delta + N C F, and every
-law with a stiffness is one equation in F alone,
+With nodal forces F (positive downwards) the gap at a quadrature point is g = f - delta + N C F, and
+every law with a stiffness is one equation in F alone,
 
-    F = int <p_hat> N,   p_hat = lam - epsilon_n g,   lam = L2 projection of <p_hat> = M^-1 F   (or
-    given, or zero):
+    F = int <p_hat> N,   p_hat = lam - epsilon_n g,   lam = L2 projection of <p_hat> = M^-1 F
+    (or frozen, or zero):
 
-the full problem's equations with displacement and multiplier eliminated, so both paths give the
-same numbers. Forces act on the candidates alone; M and lam are those of the whole contact surface,
-so no number knows the candidates.
+the equations of the full problem with displacement and multiplier eliminated, so that both give the
+same numbers. Forces act on the candidate nodes alone; M and lam are those of the whole contact
+surface, so that no result depends on the choice of the candidates.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import SuperLU, splu
 
 from indent_sim.fe import surface
+from indent_sim.fe.condensed.complementarity import solve_complementarity
 from indent_sim.fe.condensed.compliance import Compliance
 from indent_sim.fe.condensed.friction import NODAL_FORCE_TOLERANCE, CondensedFriction
 from indent_sim.fe.solve import uzawa
@@ -38,14 +38,21 @@ from indent_sim.fe.surface import (
 )
 from indent_sim.scene.scene import Scene
 
-# of the nodal forces of the states before: less is none, as under a punch back where it began
-ZERO_FORCE_FRACTION = 1e-20
 MOST_CONTACT_ITERATIONS = 100
-LARGEST_DENSE = 128  # unknowns of a Newton step up to which its matrix is full
 
 
 class CondensedContact:
-    """A tip on a condensed body: finds the nodal forces and pressures at any depth."""
+    """A tip on a condensed body: nodal forces and pressures at any depth.
+
+    Parameters
+    ----------
+    compliance
+        The compliance of the candidate nodes.
+    scene
+        The scene.
+    iterations
+        Number of linear solves before, from which the count goes on.
+    """
 
     def __init__(self, compliance: Compliance, scene: Scene, iterations: int = 0):
         self.compliance = compliance
@@ -56,28 +63,27 @@ class CondensedContact:
         self.candidates = compliance.candidates
         self.iterations = iterations
         self.failure = ""  # why the last solve did not converge
-        # nodal forces down and, with friction, along the horizontal axes
+        # Nodal forces (1 + horizontal axes, nodes): downwards and, with friction, along the axes
         self.forces: np.ndarray = np.zeros((1 + len(compliance.is_constrained), compliance.size))
-        # multiplier at the nodes of the whole surface (active set: nodal pressures)
+        # Multiplier at the nodes of the whole surface [pressure]; nodal pressures of the active set
+        # method
         self.lam: np.ndarray = np.zeros(1 + compliance.surface.nodes.max(initial=-1))
         self._mass_factor: SuperLU | None = None
         self._recent_forces = [self.F]  # nodal forces of the last equilibria
-        self._predicted_active_set: np.ndarray | None = (
-            None  # which points the next solve takes to be in contact at first
-        )
-        self._entries_key: tuple[bytes, int, bytes] | None = None  # of the last Newton step
+        # Points that are in contact in the first iteration of the next solve
+        self._predicted_active_set: np.ndarray | None = None
+        # Matrix entries of the last Newton step, and what they depend on
+        self._entries_key: tuple[bytes, int, bytes] | None = None
         self._entries: tuple[np.ndarray, ...] = ()
         self.friction = None if self.law.is_conservative else CondensedFriction(self)
 
     @property
     def F(self) -> np.ndarray:
-        """Nodal forces pushing down (nodes,)."""
+        """Nodal forces (nodes,), positive downwards [force]."""
         return self.forces[0]
 
     def solve(self, delta: float) -> bool:
-        """Find the equilibrium at a depth from the present forces; on failure they are as they
-        were.
-        """
+        """Solve at a depth from the present forces; on failure these are as they were."""
         state_before = (self.forces, self.lam, self.depth)
         self.depth = delta
         if CONDENSED_ALGORITHMS[self.law.multiplier](self):
@@ -87,18 +93,19 @@ class CondensedContact:
         return False
 
     def accept(self) -> None:
-        """Take the present equilibrium as the one that the next step sets out from."""
+        """Accept the present equilibrium as the start of the next increment."""
         if self.friction:
             self.friction.accept()
 
     def dissipation(self) -> float:
-        """What is lost in the step to the present state [energy], of the modelled part."""
+        """Return the energy dissipated in the present increment, of the model domain."""
         return self.friction.dissipation() if self.friction else 0.0
 
     def trial_pressure(self) -> np.ndarray:
-        """lam - epsilon_n g of the present forces, above zero in contact: at the points of the
-        contact quadrature, and of nodal pressures at the nodes that carry one, with E*/h_contact
-        [pressure].
+        """Return the trial pressure lam - epsilon_n g of the present forces, > 0 in contact.
+
+        It is evaluated at the points of the contact quadrature; for nodal pressures at the nodes
+        that carry one, with E*/h_contact in place of epsilon_n [pressure].
         """
         if self.law.multiplier == "nodal":
             return self._nodal_trial_pressure()
@@ -108,23 +115,26 @@ class CondensedContact:
         return np.asarray(nodal[self.nodes] @ N.T - epsilon_n * (height - self.depth))
 
     def predict_active_set(self, trial: np.ndarray) -> None:
-        """Set out from what would be in contact with this trial pressure, in the next solve."""
+        """Start the next solve with the points in contact that have a positive trial pressure."""
         self._predicted_active_set = trial > 0
 
     def _initial_active_set(self, active: np.ndarray) -> np.ndarray:
-        """What is in contact at first: what is expected, or else what is in contact now."""
+        """Return the predicted active set, or else the present one, and forget the prediction."""
         predicted = self._predicted_active_set
         self._predicted_active_set = None
         return active if predicted is None else predicted
 
     def zero_tolerance(self, norm: Callable[[np.ndarray], np.floating]) -> float:
-        """NOTHING of the largest size of the nodal forces in the last equilibria."""
-        return ZERO_FORCE_FRACTION * max(float(norm(F)) for F in self._recent_forces)
+        """Return the size of nodal forces that counts as zero, from the last equilibria.
+
+        It matters where a contact has opened completely, as under a punch back at its first depth.
+        """
+        return 1e-20 * max(float(norm(F)) for F in self._recent_forces)
 
     def quadrature_rule(
         self, points: np.ndarray, weights: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted areas (facets, points) and the tip's height over the undeformed surface there."""
+        """Weighted areas and heights of the tip above the undeformed surface, (facets, points) each."""
         trace = self.compliance.trace
         scene = self.scene
         x = np.moveaxis(trace.positions(points), -1, 0)
@@ -143,15 +153,16 @@ class CondensedContact:
 
     @cached_property
     def quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Shape functions (points, nodes), weighted areas and heights (facets, points) of the
-        contact quadrature.
+        """Contact quadrature: shape functions, weighted areas and heights of the tip.
+
+        Their shapes are (points, nodes), (facets, points) and (facets, points).
         """
         points, weights = contact_quadrature(self.compliance.trace.dim)
         return shape_functions(points), *self.quadrature_rule(points, weights)
 
     @cached_property
     def mass_matrix(self) -> csc_matrix:
-        """The mass matrix M [area] of the whole contact surface."""
+        """Mass matrix M [area] of the whole contact surface."""
         surface_trace = self.compliance.surface
         points, weights = contact_quadrature(surface_trace.dim)
         N = shape_functions(points)
@@ -162,7 +173,7 @@ class CondensedContact:
         return csc_matrix((values, (rows.ravel(), columns.ravel())), shape=(len(self.lam),) * 2)
 
     def project(self, F: np.ndarray) -> np.ndarray:
-        """M^-1 F on the whole surface for forces (n,) or (n, columns) on the candidates."""
+        """Return M^-1 F on the whole surface for forces (n,) or (n, columns) on the candidates."""
         self._mass_factor = self._mass_factor or splu(self.mass_matrix)
         nodal = np.zeros((len(self.lam), *F.shape[1:]))
         nodal[self.candidates] = F
@@ -170,25 +181,35 @@ class CondensedContact:
 
     @cached_property
     def inverse_mass(self) -> np.ndarray:
-        """M^-1 (n, n) [1/area] between the candidates: their lam = M^-1 F."""
+        """M^-1 (n, n) [1/area] between the candidates: their multiplier is lam = M^-1 F."""
         return self.project(np.eye(self.compliance.size))[self.candidates]
 
     def assemble_vector(self, local: np.ndarray) -> np.ndarray:
-        """Facet vectors (facets, nodes) summed over the nodes of the candidates."""
+        """Sum facet vectors (facets, nodes) at the candidate nodes."""
         return np.bincount(self.nodes.ravel(), local.ravel(), self.compliance.size)
 
     def solve_newton(self, inverse_mass: np.ndarray | float = 0.0) -> bool:
-        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, or held as it is
-        where M^-1 is none. From where it stands, with a multiplier through a stiffness of
-        E*/h_contact, whose solution is nearly the law's own; if that is too far, through softer
-        contact to the law's own.
+        """Solve F = int <lam - epsilon_n g> N by a semismooth Newton method.
+
+        A law with a multiplier is first solved with a stiffness of E*/h_contact, whose solution is
+        nearly the law's own. If that fails, a soft contact is solved first and its stiffness
+        increased.
+
+        Parameters
+        ----------
+        inverse_mass
+            M^-1 between the candidates, for lam = M^-1 F; 0 for a frozen multiplier.
+
+        Returns
+        -------
+        bool
+            True if the method converged.
         """
         start = self.forces
         epsilon_n = self.law.stiffness
         unit = self.scene.physics.material.E_star / self.scene.sizes.h_contact
-        has_other_stiffness = np.ndim(inverse_mass) and not isclose(
-            epsilon_n, unit, rel_tol=1e-9
-        )  # 1e-9: the same in all units
+        # The tolerance makes the choice independent of round-off in the units
+        has_other_stiffness = np.ndim(inverse_mass) and not isclose(epsilon_n, unit, rel_tol=1e-9)
         solve = (
             self.friction.solve_newton
             if self.friction
@@ -201,14 +222,14 @@ class CondensedContact:
             self.forces = start
             if all(map(solve, factors)):
                 return True
-        circle_reason = "or the points in contact go round in a circle"
         self.failure = (
-            f"no equilibrium within {MOST_CONTACT_ITERATIONS} iterations, {circle_reason}"
+            f"no equilibrium was found within {MOST_CONTACT_ITERATIONS} iterations, or the active "
+            "set of the contact repeats itself"
         )
         return False
 
     def update_multiplier(self, mixing: uzawa.Mixing) -> float:
-        """Change the multiplier; returns how far it was from its projection, relative to itself."""
+        """Update the multiplier; return its distance from its projection before, relative to it."""
         before = self.lam
         image = self.project(self.F)
         change = np.linalg.norm(image - before)
@@ -218,6 +239,7 @@ class CondensedContact:
         return 0.0 if change <= zero_change else float(change / magnitude)
 
     def _iterate_newton(self, epsilon_n: float, inverse_mass: np.ndarray | float) -> bool:
+        """Iterate with one stiffness; return whether the method converged."""
         N, _, height = self.quadrature
         D = inverse_mass - epsilon_n * self.compliance.C
         offset = -epsilon_n * (height - self.depth)
@@ -232,20 +254,18 @@ class CondensedContact:
             active = trial_pressure > 0
             load = self._nodal_load(trial_pressure, active)
             allowed = NODAL_FORCE_TOLERANCE * np.abs(load).max(initial=0.0) + zero_force
-            # between two Newton steps with the same active points the problem is linear: the first
-            # was exact
+            # Between two Newton steps with the same active points the problem is linear: the first
+            # of them was exact
             is_unchanged = last_active is not None and np.array_equal(active, last_active)
             residual = np.abs(F - load).max(initial=0.0)
-            if not np.isfinite(
-                residual
-            ):  # p_hat > 0 is False for NaN: it would pass for a body without contact
+            if not np.isfinite(residual):
+                # p_hat > 0 is False for NaN, which would look like a body without contact
                 return False
             if is_unchanged or residual <= allowed:
                 self.forces = load[None]
                 return True
-            if (
-                active.tobytes() in visited
-            ):  # the active points alone say where the next step leads: it is a circle
+            if active.tobytes() in visited:
+                # The active points determine the next step, so that the iteration would repeat
                 return False
             last_active = active = self._initial_active_set(active)
             visited.add(active.tobytes())
@@ -256,41 +276,53 @@ class CondensedContact:
         return False
 
     def _nodal_load(self, trial_pressure: np.ndarray, active: np.ndarray) -> np.ndarray:
+        """Return the nodal forces of the trial pressure at the active points."""
         N, W, _ = self.quadrature
         return self.assemble_vector((W * np.where(active, trial_pressure, 0.0)) @ N)
 
     def newton_step(
         self, residual: np.ndarray, slopes: np.ndarray, D: np.ndarray, is_constrained: Any = ()
     ) -> np.ndarray:
-        """-(I - A D)^-1 residual, A = int slopes N N with `slopes` (m, m, facets, points) of the m
-        tractions at points. Rows without a point in contact, and those that are `is_constrained` (m - 1,
-        nodes), are those of the identity.
+        """Return the Newton step -(I - A D)^-1 residual, with A = int slopes N N.
+
+        Rows without a point in contact, and those that are constrained, are those of the identity.
+
+        Parameters
+        ----------
+        residual
+            Residual (m nodes,) of the m components of the nodal forces.
+        slopes
+            Derivatives (m, m, facets, points) of the m tractions with respect to the trial
+            tractions.
+        D
+            Derivatives of the nodal trial tractions with respect to the nodal forces.
+        is_constrained
+            Whether a horizontal displacement is prescribed (m - 1, nodes).
         """
-        (N, W, _) = self.quadrature
+        N, W, _ = self.quadrature
         size = self.compliance.size
         m = len(slopes)
         touched_facets = np.flatnonzero(slopes[0, 0].any(axis=1))
         weights = (W * slopes)[:, :, touched_facets]
-        # of one traction by BLAS, which is faster and adds in another order
+        # For one traction the product is made by BLAS, which is faster and adds in another order
         local = (
             np.einsum("abfp,pij->abfij", weights, self._shape_products)
             if m > 1
             else weights @ self._shape_products.reshape(len(N), -1)
         )
         key = (touched_facets.tobytes(), m, np.asarray(is_constrained).tobytes())
-        if key != self._entries_key:  # of neighbouring rows they are the same
-            self._entries_key, self._entries = (
-                key,
-                _local_matrix_entries(self.nodes[touched_facets], size, m, is_constrained),
+        if key != self._entries_key:  # consecutive rows often have the same facets in contact
+            self._entries_key = key
+            self._entries = _local_matrix_entries(
+                self.nodes[touched_facets], size, m, is_constrained
             )
         rows, entries_kept, i, j = self._entries
         n = len(rows)
-        if n <= LARGEST_DENSE:  # scipy's checks of a sparse matrix cost more than its products save
+        # Up to 128 unknowns the checks of a sparse matrix cost more than its products save
+        if n <= 128:
             A: Any = np.bincount(i * n + j, local.ravel()[entries_kept], n * n).reshape(n, n)
         else:
-            A = csr_matrix(
-                (local.ravel()[entries_kept], (i, j)), shape=(n, n)
-            )  # a node has few neighbours
+            A = csr_matrix((local.ravel()[entries_kept], (i, j)), shape=(n, n))
         submatrix = D[np.ix_(rows, rows)]
         step = -residual
         step[rows] += A @ (D[rows] @ step - submatrix @ step[rows])
@@ -299,27 +331,24 @@ class CondensedContact:
 
     @cached_property
     def _shape_products(self) -> np.ndarray:
-        """Products of the shape functions at the points of the contact quadrature (points, nodes,
-        nodes).
-        """
+        """Products of shape functions at the quadrature points (points, nodes, nodes)."""
         N, _, _ = self.quadrature
         return N[:, :, None] * N[:, None, :]
 
     def stiffness(self) -> float:
-        """d/ddelta of the sum of the nodal forces, by the tangent of the present equilibrium
-        [pressure length].
+        """Return the derivative of the sum of the nodal forces with respect to the depth.
 
-        A multiplier moves with the depth, whether it is solved for or updated in a loop: F is the
-        law's own either way.
+        It is computed by the tangent of the present equilibrium [force/length], of the model
+        domain. A multiplier changes with the depth whether it is solved for or updated by Uzawa's
+        iteration: the law is the same.
         """
-        if self.law.multiplier == "nodal":  # the punch on the nodes that carry a pressure
+        if self.law.multiplier == "nodal":
+            # The nodes in contact move down together, as under a flat punch
             carriers, _, _, areas, A = self._weighted_gap_matrices
             loaded = np.flatnonzero(self.lam[self.candidates[carriers]] > 0)
-            return (
-                float(areas[loaded] @ np.linalg.solve(A[np.ix_(loaded, loaded)], areas[loaded]))
-                if len(loaded)
-                else 0.0
-            )
+            if not len(loaded):
+                return 0.0
+            return float(areas[loaded] @ np.linalg.solve(A[np.ix_(loaded, loaded)], areas[loaded]))
         N, W, height = self.quadrature
         epsilon_n = self.law.stiffness
         D = (
@@ -336,8 +365,10 @@ class CondensedContact:
 
     @cached_property
     def _weighted_gap_matrices(self) -> tuple[np.ndarray, ...]:
-        """Nodes with an area; forces per nodal pressure Q, weighted heights, areas, compliance of
-        weighted gaps.
+        """Matrices of the contact with nodal pressures.
+
+        They are the nodes with an area, the forces per nodal pressure Q, the weighted heights, the
+        areas, and the compliance of the weighted gaps Q' C Q.
         """
         points, weights = surface.split_quadrature(self.compliance.trace.dim)
         W, height = self.quadrature_rule(points, weights)
@@ -360,9 +391,11 @@ class CondensedContact:
 
     @property
     def weighted_gap_system(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Of the nodes that carry a pressure the places x (n, dim - 1) [length], weighted heights,
-        areas, and the compliance A: gaps heights - delta areas + A p >= 0, and areas . p is the
-        force of the modelled part.
+        """Places x (n, dim - 1) [length], weighted heights, areas and compliance A of the weighted
+        gaps.
+
+        They belong to the n nodes that carry a pressure p. The weighted gaps are heights - delta
+        areas + A p >= 0, and areas . p is the force of the model domain.
         """
         carriers, _, heights, areas, A = self._weighted_gap_matrices
         trace = self.compliance.trace
@@ -371,8 +404,9 @@ class CondensedContact:
         return x[carriers], heights, areas, A
 
     def solve_active_set(self) -> bool:
-        """Pressures p >= 0 with weighted gaps G = heights - delta areas + A p >= 0 and p G = 0,
-        exactly.
+        """Solve the complementarity problem of the nodal pressures exactly.
+
+        It is p >= 0, G = heights - delta areas + A p >= 0 and p G = 0, with the weighted gaps G.
         """
         carriers, Q, heights, areas, A = self._weighted_gap_matrices
         p, solves = solve_complementarity(
@@ -387,6 +421,7 @@ class CondensedContact:
         return True
 
     def _nodal_trial_pressure(self) -> np.ndarray:
+        """Return the trial pressure of nodal pressures, with E*/h_contact as stiffness [pressure]."""
         carriers, _, heights, areas, A = self._weighted_gap_matrices
         p = self.lam[self.candidates[carriers]]
         scale = self.scene.physics.material.E_star / self.scene.sizes.h_contact
@@ -394,13 +429,14 @@ class CondensedContact:
 
     @property
     def multiplier(self) -> np.ndarray:
-        """lam at the nodes of the whole surface [pressure]; of a law without one the projection of
-        its <p_hat>.
+        """Multiplier at the nodes of the whole surface [pressure].
+
+        For a law without a multiplier it is the projection of its <p_hat>.
         """
         return self.project(self.F) if self.law.multiplier == "none" else self.lam
 
     def energy(self) -> float:
-        """Strain plus contact energy of the modelled part."""
+        """Return strain energy plus contact energy of the model domain."""
         X = self.forces.ravel()
         compliance_matrix = self.compliance.matrix
         displacements = compliance_matrix @ X
@@ -416,8 +452,24 @@ class CondensedContact:
 def _local_matrix_entries(
     facet_nodes: np.ndarray, size: int, m: int, is_constrained: Any
 ) -> tuple[np.ndarray, ...]:
-    """Rows of m tractions at nodes (facets, n) of `size`, but for those `is_constrained`; which entries of
-    local matrices (m, m, facets, n, n) are between them, and in which row and column.
+    """Return where the entries of local matrices stand in the matrix of the touched nodes.
+
+    Parameters
+    ----------
+    facet_nodes
+        Nodes of the touched facets (facets, n).
+    size
+        Number of candidate nodes.
+    m
+        Number of tractions.
+    is_constrained
+        Whether a horizontal displacement is prescribed (m - 1, nodes).
+
+    Returns
+    -------
+    tuple of ndarray
+        Rows of the matrix; flat indices of the entries of the local matrices (m, m, facets, n, n)
+        that belong to it; their row and column in it.
     """
     block = size * np.arange(m)
     is_touched = np.zeros(size, dtype=bool)
@@ -434,46 +486,20 @@ def _local_matrix_entries(
     return rows, is_kept, i[is_kept], j[is_kept]
 
 
-def solve_complementarity(
-    A: np.ndarray, open_gap: np.ndarray, active: np.ndarray
-) -> tuple[np.ndarray, int]:
-    """p >= 0 with G = open_gap + A p >= 0 and p G = 0, A symmetric positive definite, and the
-    number of solves. Primal-dual active sets, beginning with `active`; when a set comes back
-    they go round in a circle, and the same problem is solved as one of non-negative least
-    squares, which cannot (Lawson & Hanson 1974).
-    """
-    visited: set[bytes] = set()
-    while active.tobytes() not in visited:
-        visited.add(active.tobytes())
-        p = np.zeros(len(A))
-        active_nodes = np.flatnonzero(active)
-        p[active_nodes] = np.linalg.solve(
-            A[np.ix_(active_nodes, active_nodes)], -open_gap[active_nodes]
-        )
-        if not np.isfinite(p).all():  # what is no number would pass for a node without pressure
-            break
-        next_active = np.where(active, p, -(open_gap + A @ p)) > 0
-        if np.array_equal(next_active, active):
-            return p, len(visited)
-        active = next_active
-    from scipy.optimize import nnls  # with all of scipy's searches, which few contacts need
-
-    L = cholesky(A, lower=True)
-    p, _ = nnls(L.T, -solve_triangular(L, open_gap, lower=True), maxiter=50 * len(A))
-    return p, len(visited) + 1
-
-
 def _augmented_lagrangian(contact: CondensedContact) -> bool:
-    def once() -> bool:
+    """Newton's method with lam = M^-1 F eliminated."""
+
+    def solve() -> bool:
         if not contact.solve_newton(contact.inverse_mass):
             return False
         contact.lam = contact.project(contact.F)
         return True
 
-    return solve_with_slip_reference(contact.friction, contact.scene.physics.slip_reference, once)
+    return solve_with_slip_reference(contact.friction, contact.scene.physics.slip_reference, solve)
 
 
 def _uzawa(contact: CondensedContact) -> bool:
+    """Uzawa's iteration, which every rank makes by itself."""
     return uzawa.iterate(
         contact,
         contact.scene,
@@ -489,71 +515,3 @@ CONDENSED_ALGORITHMS: dict[str, Callable[[CondensedContact], bool]] = {
     "frozen": _uzawa,
     "nodal": CondensedContact.solve_active_set,
 }
-
-
-class CondensedState:
-    """The present state of a condensed contact, as `observe` wants to see it; the same on every
-    rank.
-    """
-
-    def __init__(self, contact: CondensedContact):
-        self.contact = contact
-        self.scene = contact.scene
-        self.comm = MPI.COMM_SELF
-        self.trace = contact.compliance.trace
-        self.friction = contact.friction
-        self.fluid = None
-
-    @property
-    def depth(self) -> float:
-        """delta [length]."""
-        return self.contact.depth
-
-    @property
-    def E_star(self) -> float:
-        """Plane-strain modulus of what the tip touches [pressure]: nothing of a condensed body
-        takes time.
-        """
-        return float(self.scene.physics.material.E_star)
-
-    def nodal_displacement(self) -> np.ndarray:
-        """Displacement (facets, nodes, dim): u_z; the horizontal part has no say in a reference
-        gap.
-        """
-        u = np.zeros(self.trace.X.shape)
-        compliance = self.contact.compliance
-        forces = self.contact.forces
-        u[..., -1] = -(compliance.matrix @ forces.ravel())[: compliance.size][self.trace.nodes]
-        return u
-
-    def multiplier_at(self, points: np.ndarray) -> np.ndarray:
-        """lam (facets, points) [pressure]."""
-        return (
-            self.contact.multiplier[self.contact.candidates][self.trace.nodes]
-            @ self.basis(points).T
-        )
-
-    def basis(self, points: np.ndarray) -> np.ndarray:
-        """The multiplier's functions (points, nodes) on the reference facet."""
-        is_nodal = self.scene.physics.contact.multiplier == "nodal"
-        return pressure_shape_functions(points) if is_nodal else shape_functions(points)
-
-    def pressure_at(self, points: np.ndarray) -> np.ndarray:
-        """lam (facets, points) as a pressure to be looked at: without its ripples at the vertices
-        of triangles.
-        """
-        return (
-            self.nodal_pressure()[self.contact.candidates][self.trace.nodes] @ self.basis(points).T
-        )
-
-    def nodal_pressure(self) -> np.ndarray:
-        """Values at the nodes of the whole surface for `pressure_at` [pressure]."""
-        lam = self.contact.multiplier
-        nodes = self.contact.compliance.surface.nodes
-        if self.scene.physics.contact.multiplier == "nodal" or not self.trace.has_ripples:
-            return lam
-        pressure = lam.copy()
-        pressure[nodes] = surface.interpolate_from_midpoints(
-            lam[nodes], lambda v: np.bincount(nodes.ravel(), v.ravel())[nodes]
-        )
-        return pressure

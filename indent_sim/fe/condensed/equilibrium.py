@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from indent_sim.fe.condensed.compliance import Condenser
-from indent_sim.fe.condensed.contact import CondensedContact, CondensedState
+from indent_sim.fe.condensed.condensed_state import CondensedState
+from indent_sim.fe.condensed.contact import CondensedContact
 from indent_sim.fe.condensed.flat_punches import punches
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.path.equilibrium import Equilibrium, state_reactions

@@ -1,1 +1,1 @@
-"""How one equilibrium is found: Newton, Uzawa, the linear solver and its options."""
+"""Solution of one equilibrium: Newton's method, Uzawa's iteration, linear solvers."""

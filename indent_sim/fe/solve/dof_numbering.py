@@ -1,8 +1,8 @@
-"""Numbers of dofs that do not depend on how many ranks share a mesh, so that a state can go from
-one run to another.
+"""Numbering of dofs that does not depend on how many ranks share a mesh.
 
-A node of a Lagrange space is a point of the grid or the middle of two; sorted by these points all
-nodes have a place. Values at points inside cells have the place of their cell in the grid.
+A state can so be packed by one run and unpacked by another. A node of a Lagrange space is a vertex
+of the grid or the middle of two; all nodes are sorted by the numbers of these vertices. Values at
+points inside cells are sorted by the number of their cell in the grid.
 """
 
 from __future__ import annotations
@@ -16,10 +16,17 @@ from indent_sim.fe import compat
 
 
 class DofNumbering:
-    """Where the values of a field on this rank stand among those of all ranks (collective)."""
+    """Positions of the values of a field on this rank among those of all ranks (collective).
+
+    Parameters
+    ----------
+    space
+        The space of the field.
+    dofs
+        Positions of the dofs of the space in the local array of the vector that holds them.
+    """
 
     def __init__(self, space: fem.FunctionSpace, dofs: np.ndarray):
-        """places: of the space's dofs in the local array of the vector that holds them."""
         owned = space.dofmap.index_map.size_local
         width = space.dofmap.index_map_bs
         self._comm = space.mesh.comm
@@ -31,7 +38,10 @@ class DofNumbering:
         self.shape = len(all_keys), width
 
     def gather(self, local: np.ndarray) -> np.ndarray:
-        """Values (nodes of all ranks, components) on rank 0; nothing elsewhere (collective)."""
+        """Return the values of all ranks on rank 0, nothing elsewhere (collective).
+
+        Their shape is (nodes, components).
+        """
         parts = self._comm.gather((self._global_rows, local[self._owned_dofs]), root=0)
         whole = np.zeros(self.shape if parts else (0, self.shape[1]))
         for rows, values in parts or ():
@@ -39,12 +49,12 @@ class DofNumbering:
         return whole
 
     def scatter(self, whole: np.ndarray, local: np.ndarray) -> None:
-        """Put this rank's own share of values of all ranks into a local array."""
+        """Copy the part of this rank from the values of all ranks into a local array."""
         local[self._owned_dofs] = whole[self._global_rows]
 
 
 def _node_keys(space: fem.FunctionSpace) -> np.ndarray:
-    """A number for every local node: of its point in the grid, or of the two that it lies between."""
+    """Return a number for every local node, from the one or two grid vertices that define it."""
     mesh = space.mesh
     dofs = compat.cell_dofs(space.dofmap)
     corners = np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)[
@@ -63,7 +73,7 @@ def _node_keys(space: fem.FunctionSpace) -> np.ndarray:
 
 
 def _cell_point_keys(space: fem.FunctionSpace) -> np.ndarray:
-    """A number for every local point: of its cell in the grid, and its own in the cell."""
+    """Return a number for every local point, from its cell and its number in the cell."""
     dofs = compat.cell_dofs(space.dofmap)
     cells = np.asarray(space.mesh.topology.original_cell_index, dtype=np.int64)[: len(dofs)]
     keys = np.zeros(dofs.max(initial=-1) + 1, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""The equilibrium of a whole body at a depth, by the scene's contact method."""
+"""Equilibrium of a whole body at a depth, by the scene's contact method."""
 
 from __future__ import annotations
 
@@ -15,32 +15,24 @@ from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.path.equilibrium import state_reactions
 from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.postprocessing import measurements
-from indent_sim.fe.postprocessing.fields import WholeBody
 from indent_sim.fe.problem import Problem, Snapshot
 from indent_sim.fe.solve.contact_algorithms import contact_algorithm
 from indent_sim.fe.solve.dof_numbering import DofNumbering
 from indent_sim.fe.solve.dynamic_relaxation import dynamic_relaxation
 from indent_sim.fe.solve.extrapolation import lagrange_weights, predict_trial_pressure
 from indent_sim.fe.solve.newton import Newton, finest_tolerance
+from indent_sim.fe.solve.solved_body import SolvedBody
 from indent_sim.fe.solve.stiffness_continuation import approach_factors
 from indent_sim.fe.terms.contact.multiplier import stiffness_scale
 from indent_sim.fe.terms.contact.traction import Traction
-from indent_sim.fe.terms.scene_terms import BulkTerms, ContactTerms, bulk_terms, contact_terms
+from indent_sim.fe.terms.scene_terms import bulk_terms, contact_terms
 from indent_sim.fe.terms.term import Stage
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.tips import pass_through_depth
 
-MOST_SEAL_UPDATES = 6  # of vertices under a tip that seals, in one stage
-# Depths that are tried for the force of a stage between, and how near it is: rows do not tell then
-# where they set out
-MOST_STAGE_SOLVES = 8
-STAGE_FORCE_TOLERANCE = 1e-9
-# of the contact radius; the singular edge of a punch has J < 0 in 0.003 of it, which no force feels
-LARGEST_INVERTED_FRACTION = 0.2
-
 
 class BodyEquilibrium:
-    """A problem on the whole mesh and the algorithm that solves it; see `path.Equilibrium`."""
+    """A problem on the whole mesh with its solution algorithm; implements `path.Equilibrium`."""
 
     def __init__(self, body: Body):
         self.bulk_terms = bulk = bulk_terms(body)
@@ -50,28 +42,28 @@ class BodyEquilibrium:
         self.scene = scene = body.scene
         self.has_memory = problem.has_memory
         self.newton = Newton(problem)
-        self._stage_count = 0  # found so far
-        self._extrapolation_states: Sequence[
-            Snapshot
-        ] = ()  # states that lead on to what is solved next
+        self._stage_count = 0  # equilibria found, stages of time steps included
+        # Earlier states from which the next solution is extrapolated
+        self._extrapolation_states: Sequence[Snapshot] = ()
         self._prescribed_force = (
             None if problem.law.may_snap_through else _force_over_time(scene.physics.path)
         )
-        self._force_slope = 0.0  # of the force over depth, at the last stage between
+        self._force_slope = 0.0  # dF/ddelta at the last intermediate stage, 0 if unknown
         self._algorithm = self._sealing_algorithm(contact_algorithm(self.newton, contact))
         self.snapshot = problem.snapshot
         self.restore = problem.restore
         self._contact_radius = scene.plan.prediction["a"] / scene.physics.scales.length
-        self._largest_inverted_size = LARGEST_INVERTED_FRACTION * self._contact_radius
+        # At the singular edge of a punch J < 0 in 0.003 of the contact radius, without any effect
+        # on the force
+        self._largest_inverted_size = 0.2 * self._contact_radius
         self._deepest_penetration = pass_through_depth(scene.physics.indenter)
-        if (
-            problem.law.multiplier == "stress"
-        ):  # other zeros of Nitsche's residual lie about an element deep in the tip
+        if problem.law.multiplier == "stress":
+            # Nitsche's residual has other zeros with the surface about one element inside the tip
             self._deepest_penetration = min(self._deepest_penetration, scene.sizes.h_contact / 2)
 
     @property
     def statistics(self) -> SolverStatistics:
-        """What was solved so far; no iterations of linear solves where systems are factored."""
+        """Solver statistics since the beginning."""
         seal = self.bulk_terms.seal
         seal_changes = seal.tangent_version if seal else 0
         return SolverStatistics(
@@ -80,7 +72,7 @@ class BodyEquilibrium:
 
     @property
     def failure(self) -> str:
-        """Why the last solve did not converge."""
+        """Reason why the last solve did not converge."""
         return self.newton.failure
 
     @property
@@ -90,13 +82,14 @@ class BodyEquilibrium:
 
     @property
     def stiffness(self) -> float:
-        """dF/ddelta of the whole body at the present equilibrium, by its tangent (collective)."""
+        """dF/ddelta of the whole body at the present equilibrium [force/length] (collective)."""
         return self.newton.stiffness()
 
     def tighten_tolerance(self) -> float:
-        """Converge as far as round-off lets, and say how well a force can be met then, relative.
-        The vertices that the tip seals stand still from here on, until `is_settled` is asked:
-        with them the force would jump.
+        """Tighten the tolerance down to round-off; return the relative error of a force then.
+
+        The contact seal is frozen from here on, until `is_seal_consistent` is called: the force
+        would jump where it changes.
         """
         if self.bulk_terms.seal:
             self.bulk_terms.seal.freeze()
@@ -104,24 +97,27 @@ class BodyEquilibrium:
         return 10 * finest_tolerance(self.problem)
 
     def is_seal_consistent(self) -> bool:
-        """Whether the tip seals the surface where it touches it; else it does from here on."""
+        """Whether the fluid is sealed where the tip touches; if not, the seal is updated."""
         seal = self.bulk_terms.seal
         return seal is None or not seal.update_contact(
             measurements.touching_corners(self.observed_body)
         )
 
     def accept(self) -> float:
-        """Take the present equilibrium as the one that the next step sets out from; what was lost
-        in this [energy].
-        """
+        """Accept the present equilibrium; return the energy dissipated in the increment."""
         dissipation = self.problem.dissipation()
         self.problem.accept()
         self.newton.accept()
         return dissipation
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:
-        """True when converged to a state that a body can have, in every stage; else the unknowns
-        are as they were.
+        """Solve for the equilibrium at a depth `dt` later, stage by stage.
+
+        Returns
+        -------
+        bool
+            True if every stage converged to an admissible state; otherwise the unknowns are as they
+            were.
         """
         start_depth = self.problem.body.accepted_depth
         state_before = self.problem.trial_state()
@@ -134,11 +130,11 @@ class BodyEquilibrium:
                     start_depth + stage.end_fraction * (depth - start_depth), earlier_states
                 )
             self.problem.begin_stage(stage)
-            if not (
-                self._find_equilibrium(depth, self._algorithm)
-                if is_last
-                else self._solve_stage(start_depth, depth, stage.end_fraction)
-            ):
+            if is_last:
+                has_converged = self._find_equilibrium(depth, self._algorithm)
+            else:
+                has_converged = self._solve_stage(start_depth, depth, stage.end_fraction)
+            if not has_converged:
                 self.problem.set_trial_state(state_before)
                 return False
             self.problem.end_stage(stage)
@@ -146,9 +142,11 @@ class BodyEquilibrium:
         return True
 
     def _solve_stage(self, start_depth: float, depth: float, fraction: float) -> bool:
-        """True when found before the end of a step, at the share of it: where the depth is straight
-        in time, or where forces are prescribed, the force. A depth that goes with the root of
-        time, as after a sudden force, is not.
+        """Solve an intermediate stage of a time step, which ends at a fraction of the step.
+
+        The depth is linear in time within the step. Where forces are prescribed the stage is solved
+        for the force at its time instead, by the secant method: after a sudden force the depth
+        changes as the square root of time. If that fails, the linear depth is used.
         """
         delta = start_depth + fraction * (depth - start_depth)
         earlier_tries = list[tuple[float, float]]()
@@ -161,9 +159,10 @@ class BodyEquilibrium:
             return False
         if target_force <= 0:
             return True
-        for _ in range(MOST_STAGE_SOLVES):
+        # With this tolerance a row does not depend on the depth at which its increment started
+        for _ in range(8):
             missing_force = target_force - self.force
-            if abs(missing_force) <= STAGE_FORCE_TOLERANCE * target_force:
+            if abs(missing_force) <= 1e-9 * target_force:
                 return True
             earlier_tries = [*earlier_tries[-1:], (missing_force, delta)]
             if (
@@ -186,26 +185,29 @@ class BodyEquilibrium:
         )
 
     def _sealing_algorithm(self, algorithm: Callable[[], bool]) -> Callable[[], bool]:
-        """The algorithm with the surface sealed where that very equilibrium touches the tip: found,
-        looked at, found again, until nothing changes.
+        """Return the algorithm with the fluid sealed where the tip touches in that equilibrium.
+
+        Solution and update of the seal are repeated until the seal does not change.
         """
         seal = self.bulk_terms.seal
         if seal is None:
             return algorithm
 
-        def find() -> bool:
-            for _ in range(0 if seal.is_frozen else MOST_SEAL_UPDATES - 1):
+        def solve() -> bool:
+            # At most five updates, after which the seal stays as it is
+            for _ in range(0 if seal.is_frozen else 5):
                 if not algorithm():
                     return False
                 if self.is_seal_consistent():
                     return True
             return algorithm()
 
-        return find
+        return solve
 
     def relax_to_stable_state(self, depth: float, dt: float = 0.0) -> bool:
-        """True when found where the body comes to rest at a depth, let go of in the present state,
-        and then what `dt` makes of that; else as `solve`. A snap takes no time.
+        """Find the stable state at a depth by dynamic relaxation, then make a time step `dt`.
+
+        The snap itself takes no time. Otherwise like `solve`.
         """
         regularization = self.contact_terms.regularization
         instant = Stage(0.0)
@@ -219,6 +221,7 @@ class BodyEquilibrium:
         return dt == 0 or self.solve(depth, dt)
 
     def _find_equilibrium(self, depth: float, algorithm: Callable[[], bool]) -> bool:
+        """Solve at a depth; reject a solution that the body cannot have."""
         state_before = self.problem.trial_state()
         self.problem.delta.value = depth
         self._update_contact_stiffness(depth)
@@ -230,34 +233,36 @@ class BodyEquilibrium:
         return not impossibility
 
     def _update_contact_stiffness(self, depth: float) -> None:
-        """Let the contact be as stiff as what the tip touches is at a depth, at this moment."""
+        """Scale the stiffness of the contact with the present modulus of the touched material."""
         strain_energy = self.bulk_terms.strain_energies[0]
         strain_energy.predict_modulus(self.problem.body.accepted_depth, depth)
         self.problem.follow_modulus(strain_energy.E_star / self.scene.physics.material.E_star)
 
     def _impossibility(self) -> str:
+        """Return why a converged solution is rejected; "" if it is admissible."""
         if not self.problem.is_admissible():
-            return "Newton ends in a state with J <= 0, or beyond the law's limit"
+            return "Newton's method converged to J <= 0 or beyond the limit of the elastic law"
         if self.problem.law.may_snap_through and not self.newton.is_stable:
-            return "Newton ends in a state that is not stable"
+            return "Newton's method converged to an unstable equilibrium"
         if self.scene.physics.gap == "reference":
             return ""
         if measurements.penetration(self.observed_body) > self._deepest_penetration:
-            return "Newton ends where the tip has passed through the surface"
+            return "Newton's method converged with the tip inside the body"
         if (
             self.scene.physics.small_strain
             and self.observed_body.inverted_size() > self._largest_inverted_size
         ):
             return (
-                "the linear body turns inside out (J < 0), and only a hyperelastic one has a "
-                "deformed surface then"
+                "elements of the linear elastic body are inverted (J < 0): contact on its deformed "
+                "surface needs a hyperelastic material"
             )
         return ""
 
     @cached_property
     def _numberings(self) -> list[list[DofNumbering]]:
-        """For each array of a state the numbering of each of its fields: the unknowns, what is
-        frozen, the history.
+        """For each array of a state, the numberings of its fields.
+
+        The order is the unknowns, the frozen functions, the history.
         """
         unknowns = self.problem.unknowns
         problem = self.problem
@@ -273,21 +278,20 @@ class BodyEquilibrium:
 
     @property
     def _has_relaxation(self) -> bool:
-        """Whether the modulus of what the tip touches changes with time."""
+        """Whether the modulus of the touched material changes with time."""
         return self.scene.physics.domain.regions[0].relaxation_series is not None
 
     def pack(self, state: Snapshot) -> list[np.ndarray]:
-        """A state as arrays on rank 0, for a checkpoint, in an order that does not know the ranks
-        (collective).
-        """
+        """Return a state as arrays on rank 0, independent of the number of ranks (collective)."""
         arrays = [*(vector.array_r for vector in state.unknowns), *state.history]
         pairs = zip(arrays, self._numberings, strict=True)
         packed = [field.gather(values) for values, fields in pairs for field in fields]
         return [*packed, np.array([state.modulus_ratio])] if self._has_relaxation else packed
 
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Snapshot | None:
-        """The state of packed arrays, which all ranks have (collective); None when they are none of
-        this problem.
+        """Return the state of packed arrays, which all ranks must have (collective).
+
+        None if the shapes of the arrays do not belong to this problem.
         """
         state = replace(self.snapshot(), depth=depth, t=t)
         numbering = self._numberings
@@ -300,15 +304,16 @@ class BodyEquilibrium:
             state = replace(state, modulus_ratio=float(modulus_ratio[0]))
         remaining_arrays = iter(arrays)
         for values, fields in zip(
-            [*(v.array for v in state.unknowns), *state.history], numbering, strict=True
+            [*(vector.array for vector in state.unknowns), *state.history], numbering, strict=True
         ):
             for field in fields:
                 field.scatter(next(remaining_arrays), values)
         return state
 
     def extrapolate(self, depth: float, earlier: Sequence[Snapshot]) -> None:
-        """Take the unknowns that earlier states lead to expect at a depth as the present ones; in
-        the next `solve` at the depth of each of its stages.
+        """Set the unknowns to an extrapolation of earlier states to a depth.
+
+        The next `solve` of a time step extrapolates to the depth of each of its stages.
         """
         self._extrapolation_states = earlier
         self._set_extrapolated_state(depth, earlier)
@@ -326,11 +331,11 @@ class BodyEquilibrium:
             vector.maxpy(lagrange_weights(depths, depth), [state.unknowns[k] for state in earlier])
         self.problem.delta.value = depth
         self.problem.set_trial_state(trial_state)
-        if (
-            trial_pressure is not None
-        ):  # the multiplier changes where the guess is in contact and this is not, or the reverse
+        if trial_pressure is not None:
+            # The multiplier is corrected where extrapolated fields and extrapolated trial pressure
+            # disagree about contact
             assert isinstance(self.contact_terms.pressure, Traction)
-            (lam, gap) = self._nodal_contact()
+            lam, gap = self._nodal_contact()
             stiffness = stiffness_scale(self.scene)
             is_consistent = (lam > stiffness * gap) == (trial_pressure > 0)
             self.contact_terms.pressure.surface_multiplier.set_nodal_values(
@@ -339,8 +344,9 @@ class BodyEquilibrium:
 
     @cached_property
     def _can_predict_contact(self) -> bool:
-        """Whether lam can say what is in contact next: not by another stiffness, nor with
-        attraction in the gap.
+        """Whether the multiplier tells which points are in contact next.
+
+        It does not if the contact is approached through other stiffnesses, nor with adhesion.
         """
         law = self.scene.physics.contact
         return (
@@ -350,6 +356,7 @@ class BodyEquilibrium:
         )
 
     def _predicted_trial_pressure(self, earlier: Sequence[Snapshot], depth: float) -> np.ndarray:
+        """Extrapolate the trial pressure lam - epsilon_n g [pressure] of two states to a depth."""
         trials = []
         for state in earlier:
             self.problem.delta.value = state.depth
@@ -362,8 +369,9 @@ class BodyEquilibrium:
         return predict_trial_pressure(trials, [state.depth for state in earlier], depth, largest)
 
     def _nodal_contact(self) -> tuple[np.ndarray, np.ndarray]:
-        """lam [pressure] and gap [length] at the nodes of the contact surface's facets (facets,
-        nodes).
+        """Multiplier [pressure] and gap [length] at the nodes of the contact facets.
+
+        Both have the shape (facets, nodes).
         """
         points = self.observed_body.trace.node_points()
         return self.contact_terms.pressure.multiplier_at(points), measurements.gap(
@@ -371,10 +379,9 @@ class BodyEquilibrium:
         )
 
     def state_values(self) -> dict[str, Any]:
-        """Force, contact, energy and reactions of the present equilibrium."""
-        energy = (
-            nan if self.scene.physics.relaxing_regions else self.problem.energy()
-        )  # what relaxes has stored none
+        """Return force, contact, energy and reactions of the present equilibrium."""
+        # A relaxing material dissipates, so that no stored energy belongs to its state
+        energy = nan if self.scene.physics.relaxing_regions else self.problem.energy()
         values: dict[str, Any] = {"force": self.force, "energy": energy}
         support_reactions, values["stray_reaction"] = self.problem.reactions()
         values |= state_reactions(self.scene.physics.domain, support_reactions)
@@ -388,8 +395,11 @@ class BodyEquilibrium:
         return values | measurements.contact_values(self.observed_body)
 
     def _fluid_values(self) -> dict[str, Any]:
-        """What has left the whole body or moved in it, what is neither there nor gone, and the
-        largest pressure; of a sudden step what its drained faces are about to lose.
+        """Return the values of a row about the fluid: {} without flow.
+
+        These are the volume that has left the whole body, the volume that has moved in it, the
+        error of the balance and the largest pressure; for a sudden step also the table of the
+        drained surface.
         """
         flow = self.bulk_terms.flow
         seal = self.bulk_terms.seal
@@ -399,7 +409,7 @@ class BodyEquilibrium:
         content = flow.vertex_content_values()
         local_sums = (seal.total_outflow(), content.sum(), np.abs(content).sum())
         outflow, content_change, moved = (
-            self.problem.sum_over_body(float(mine)) for mine in local_sums
+            self.problem.sum_over_body(float(local_sum)) for local_sum in local_sums
         )
         largest = comm.allreduce(flow.largest_pressure(), op=MPI.MAX)
         values = {
@@ -412,33 +422,12 @@ class BodyEquilibrium:
         return values | ({"drained": seal.drained_surface_table()} if is_sudden else {})
 
 
-class SolvedBody(WholeBody):
-    """The whole body at the present solution, for measurements, the surface table and the fields."""
-
-    def __init__(self, body: Body, bulk: BulkTerms, contact: ContactTerms):
-        super().__init__(body, bulk.strain_energies, contact.friction, bulk.flow)
-        self.multiplier_at = contact.pressure.multiplier_at
-        self.pressure_at = contact.pressure.pressure_at
-        self._delta = body.now.delta
-
-    @property
-    def depth(self) -> float:
-        """delta [length]."""
-        return float(self._delta.value)
-
-    def inverted_size(self) -> float:
-        """Size [length] of the region in which J < 0 (collective)."""
-        return max(strain.inverted_size() for strain in self.strain_energies)
-
-
 def _force_over_time(path: LoadPath) -> Callable[[float], float] | None:
-    """The force that is asked for [force] at a time since the path's begin; None of a path that
-    asks for none.
-    """
+    """Return the prescribed force [force] as a function of time; None for prescribed depths."""
     if path.control == "depth" or path.start_time is None:
         return None
     forces, times = zip(
-        *(place for step in range(1, len(path.values) + 1) for place in path.segment(step)),
+        *(point for step in range(1, len(path.values) + 1) for point in path.segment(step)),
         strict=True,
     )
     return lambda t: float(np.interp(t, times, forces))

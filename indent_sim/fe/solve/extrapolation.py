@@ -1,9 +1,9 @@
-"""What the equilibria at some depths lead to expect at another one.
+"""Extrapolation of earlier equilibria to another depth, as the initial guess of the next solution.
 
-Where a smooth contact ends, the pressure inside grows as the root of the distance s from its edge
-and the gap outside as s^(3/2). As the edge passes over a point, pressure^2 and gap^(2/3) are
-therefore linear in the depth there, and the gap itself is not: its line finds the edge two thirds
-of its way too far out, these to a sixth of it or better.
+Near the edge of a smooth contact the pressure inside goes as the square root of the distance s from
+the edge, the gap outside as s^(3/2). As the edge passes over a point, pressure^2 and gap^(2/3) are
+therefore linear in the depth there, and the gap itself is not: a line through gaps finds the edge
+two thirds of its way too far out, a line through these powers to a sixth of it or better.
 """
 
 from __future__ import annotations
@@ -13,24 +13,39 @@ from math import prod
 
 import numpy as np
 
-CUT_ELEMENT_PRESSURE = (
-    0.01  # of the largest: a trial below it is of elements cut by the edge, linear in depth
-)
+# Trial pressure, relative to the largest one, below which it is taken as linear in the depth: such
+# points lie in elements that the contact edge cuts
+CUT_ELEMENT_PRESSURE = 0.01
 
 
 def lagrange_weights(depths: Sequence[float], depth: float) -> list[float]:
-    """Weights of values at some depths in the polynomial through them at another depth (Lagrange)."""
+    """Return the weights of values at some depths in their interpolation polynomial at a depth."""
     return [
-        prod((depth - other) / (own - other) for other in depths if other != own) for own in depths
+        prod((depth - depth_j) / (depth_k - depth_j) for depth_j in depths if depth_j != depth_k)
+        for depth_k in depths
     ]
 
 
 def predict_trial_pressure(
     trials: Sequence[np.ndarray], depths: Sequence[float], depth: float, largest: float
 ) -> np.ndarray:
-    """The trial pressure [pressure] at a depth from those at two others, by the line of what is
-    linear in the depth. trials: lam - epsilon_n g at the same points, above zero in contact;
-    largest: of all of them on all ranks.
+    """Extrapolate the trial pressure lam - epsilon_n g to a depth.
+
+    Parameters
+    ----------
+    trials
+        Trial pressures at the same points at two depths, > 0 in contact [pressure].
+    depths
+        These depths [length].
+    depth
+        The depth to which they are extrapolated [length].
+    largest
+        Largest value of `trials` on all ranks [pressure].
+
+    Returns
+    -------
+    ndarray
+        Trial pressure at these points [pressure].
     """
     if largest <= 0:
         return np.asarray(trials[-1])
@@ -40,7 +55,7 @@ def predict_trial_pressure(
 
 
 def _edge_distance(trial: np.ndarray) -> np.ndarray:
-    """The distance from the edge, in some unit, of what is above zero inside."""
+    """Return the distance from the contact edge, in some unit, > 0 inside the contact."""
     inside = np.maximum(trial, 0.0)
     outside = np.maximum(-trial, 0.0)
     return np.asarray(
@@ -49,6 +64,7 @@ def _edge_distance(trial: np.ndarray) -> np.ndarray:
 
 
 def _trial_pressure(distance: np.ndarray) -> np.ndarray:
+    """Return the trial pressure at a distance from the edge: the inverse of `_edge_distance`."""
     inside = np.maximum(distance, 0.0)
     outside = np.maximum(-distance, 0.0)
     shifted = outside + CUT_ELEMENT_PRESSURE ** (2 / 3)

@@ -1,4 +1,4 @@
-"""PETSc's options of a run: those of the environment, PETSC_OPTIONS, stand over the program's own."""
+"""PETSc options of a run: those of PETSC_OPTIONS take precedence over the program's own."""
 
 from __future__ import annotations
 
@@ -11,8 +11,14 @@ from petsc4py import PETSc
 
 @contextmanager
 def default_options(options: Mapping[str, Any], prefix: str = "") -> Iterator[None]:
-    """Options that PETSc finds inside the block, where the environment says nothing of them;
-    prefix: before each.
+    """Set PETSc options inside the block, unless the environment has set them.
+
+    Parameters
+    ----------
+    options
+        Values by their names.
+    prefix
+        Prefix of every name.
     """
     database = PETSc.Options(prefix)
     added_names = [name for name in options if not database.hasName(name)]

@@ -1,4 +1,4 @@
-"""Where the points that come into contact during a step are taken to have touched the tip."""
+"""Slip reference: the place on the tip from which the slip of a new contact point is counted."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ from indent_sim.model.contact import SlipReference
 
 
 class FrictionalSurface(Protocol):
-    """A surface with friction, whose new points of contact stick where they are told to."""
+    """A surface with friction, whose new contact points stick where its slip reference says."""
 
     def set_slip_reference(self, slip_reference: SlipReference) -> None:
-        """At their places at the step's beginning (`implicit`), nowhere (`glue`), or on the way
-        from there to the present state, the farther the later they touched (`mid`).
+        """Set the slip reference of points that come into contact during the increment.
+
+        With `implicit` they stick at their place at the beginning of the increment, with `glue`
+        they do not stick at all. With `mid` they stick at a place between the beginning and the
+        present state, which is the nearer to the present state the later they touched.
         """
 
 
@@ -23,9 +26,21 @@ def solve_with_slip_reference(
     solve: Callable[[], bool],
     first_solve: Callable[[], bool] | None = None,
 ) -> bool:
-    """Solve a step with the anchor `implicit` or `glue`, or both ways of it: with `mid` new points
-    stick on the way through the step that the first of two solves, `first_solve` if there is one, has
-    found without friction for them. Without such a surface just solve.
+    """Solve one increment with a slip reference; return whether it converged.
+
+    With `mid` it is solved twice: first frictionless for points that newly come into contact, then
+    with their slip counted from the place at which the first pass found that they touched.
+
+    Parameters
+    ----------
+    surface
+        The frictional surface; None for a contact without one, which is just solved.
+    slip_reference
+        The slip reference.
+    solve
+        Solves the increment.
+    first_solve
+        Solves the first of two passes; `solve` if None.
     """
     if surface is None:
         return solve()

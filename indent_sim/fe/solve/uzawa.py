@@ -1,9 +1,8 @@
-"""Uzawa's loop: solve with the multiplier held, lam <- projection of <lam - epsilon_n g>, until it
-stands still.
+"""Uzawa iteration: solve with a frozen multiplier, update it, until it converges.
 
-The updates are mixed with earlier ones (`Mixing`), which changes their number and not where they
-end: at the fixed point lam is the augmented Lagrangian's own, so both methods give the same answer
-at equal epsilon_n.
+The update is lam <- projection of <lam - epsilon_n g>. It is accelerated by Anderson mixing
+(`Mixing`), which changes the number of iterations and not the result: at the fixed point lam is the
+augmented Lagrangian's own, so both methods give the same answer at equal epsilon_n.
 """
 
 from __future__ import annotations
@@ -16,21 +15,19 @@ from mpi4py import MPI
 
 from indent_sim.scene.scene import Scene
 
-UZAWA_TOLERANCE = (
-    1e-8  # last change of the multiplier at E*/h_contact, relative; the force is then good to 1e-7
-)
-FIRST_TOLERANCE = 0.1  # relative residual that will do for the first solve
-INNER_TOLERANCE = (
-    1e-2  # of the multiplier's last change: how well the next solve must know the state
-)
+# Relative change of the multiplier at which the iteration ends, with a stiffness of E*/h_contact;
+# the force then has a relative error of 1e-7
+UZAWA_TOLERANCE = 1e-8
+FIRST_TOLERANCE = 0.1  # relative residual of the first solve, and of all others at most
 MOST_ITERATIONS = 500
-MIXING_DEPTH = 15  # earlier steps that are remembered
+MIXING_DEPTH = 15  # number of earlier iterates that are used
 
 
 class Mixing:
-    """Anderson mixing (Walker & Ni 2011): the next x is where a line through the last steps would
-    have no change. Vectors are this rank's part; the few numbers that combine them are summed
-    over `comm`, so all ranks agree.
+    """Anderson mixing: acceleration of a fixed-point iteration x <- G(x) (Walker & Ni 2011).
+
+    The next x is where a line through the last iterates would have no change. Vectors are the part
+    of this rank; the few numbers that combine them are summed over `comm`, so that all ranks agree.
     """
 
     def __init__(self, comm: MPI.Comm):
@@ -40,9 +37,10 @@ class Mixing:
         self._smallest_change = float("inf")
 
     def __call__(self, x: np.ndarray, g: np.ndarray) -> np.ndarray:
-        """The next x, from the present one and its image g = G(x)."""
+        """Return the next x from the present one and its image g = G(x)."""
         change = float(np.sqrt(self._comm.allreduce(float((g - x) @ (g - x)))))
-        if change > 1.5 * self._smallest_change:  # the steps remembered are of another contact
+        if change > 1.5 * self._smallest_change:
+            # The contact has changed, and the earlier iterates are no longer of use
             self._images = []
             self._changes = []
             self._smallest_change = change
@@ -64,13 +62,27 @@ def iterate(
     solve: Callable[[float], bool],
     update: Callable[[Mixing], float],
 ) -> bool:
-    """Solve and update in turn until the multiplier settles; False, and the solver's `failure`,
-    where it does not. solve: to a relative residual, or as well as it can where that is finer;
-    update: how much it changes, relative.
+    """Solve and update in turn until the multiplier converges.
+
+    Parameters
+    ----------
+    solver
+        Its attribute `failure` is set where the iteration fails.
+    scene, comm
+        The scene, and the ranks that share the multiplier.
+    solve
+        Solves to a relative residual, or to the solver's own tolerance if that is larger.
+    update
+        Updates the multiplier and returns its relative change.
+
+    Returns
+    -------
+    bool
+        True if it converged.
     """
     law = scene.physics.contact
     unit = scene.physics.material.E_star / scene.sizes.h_contact
-    # with a soft stiffness small changes do not mean a small gap
+    # With a small stiffness a small change of the multiplier does not mean a small gap
     tolerance = UZAWA_TOLERANCE * min(1.0, law.stiffness / unit)  # type: ignore[union-attr]
     smallest_change = float("inf")
     stagnant_iterations = 0
@@ -86,14 +98,15 @@ def iterate(
         if change <= tolerance:
             return solve(0.0)
         solver.failure = (
-            f"the multiplier does not settle, it still changes by {change:.1e} of itself"
+            f"the multiplier does not converge, its last relative change is {change:.1e}"
         )
-        rtol = min(FIRST_TOLERANCE, INNER_TOLERANCE * change)
-        smallest_change, stagnant_iterations = (
-            (change, 0)
-            if change < smallest_change / 2
-            else (smallest_change, stagnant_iterations + 1)
-        )
-        if stagnant_iterations > 60:  # loops in which the change must have halved at least once
+        # The next solve must know the state much better than the multiplier changes
+        rtol = min(FIRST_TOLERANCE, 1e-2 * change)
+        if change < smallest_change / 2:
+            smallest_change = change
+            stagnant_iterations = 0
+        else:
+            stagnant_iterations += 1
+        if stagnant_iterations > 60:  # in so many iterations the change must have halved once
             return False
     return False

@@ -1,0 +1,79 @@
+"""Present state of a condensed contact, as `fe.postprocessing` reads it."""
+
+from __future__ import annotations
+
+import numpy as np
+from mpi4py import MPI
+
+from indent_sim.fe import surface
+from indent_sim.fe.condensed.contact import CondensedContact
+from indent_sim.fe.surface import pressure_shape_functions, shape_functions
+
+
+class CondensedState:
+    """Gap, pressure and traction of a condensed contact; the same on every rank."""
+
+    def __init__(self, contact: CondensedContact):
+        self.contact = contact
+        self.scene = contact.scene
+        self.comm = MPI.COMM_SELF
+        self.trace = contact.compliance.trace
+        self.friction = contact.friction
+        self.fluid = None
+
+    @property
+    def depth(self) -> float:
+        """Indentation depth delta [length]."""
+        return self.contact.depth
+
+    @property
+    def E_star(self) -> float:
+        """Plane-strain modulus of the touched material [pressure], constant in time."""
+        return float(self.scene.physics.material.E_star)
+
+    def nodal_displacement(self) -> np.ndarray:
+        """Return the displacement (facets, nodes, dim) [length], of which only u_z is filled.
+
+        The horizontal part does not enter a gap at the undeformed place.
+        """
+        u = np.zeros(self.trace.X.shape)
+        compliance = self.contact.compliance
+        forces = self.contact.forces
+        u[..., -1] = -(compliance.matrix @ forces.ravel())[: compliance.size][self.trace.nodes]
+        return u
+
+    def multiplier_at(self, points: np.ndarray) -> np.ndarray:
+        """Return the multiplier lam (facets, points) [pressure]."""
+        return (
+            self.contact.multiplier[self.contact.candidates][self.trace.nodes]
+            @ self.basis(points).T
+        )
+
+    def basis(self, points: np.ndarray) -> np.ndarray:
+        """Return the multiplier's shape functions (points, nodes) on the reference facet."""
+        is_nodal = self.scene.physics.contact.multiplier == "nodal"
+        return pressure_shape_functions(points) if is_nodal else shape_functions(points)
+
+    def pressure_at(self, points: np.ndarray) -> np.ndarray:
+        """Return the contact pressure for output (facets, points) [pressure].
+
+        On triangles the multiplier oscillates at the vertices, see `nodal_pressure`.
+        """
+        return (
+            self.nodal_pressure()[self.contact.candidates][self.trace.nodes] @ self.basis(points).T
+        )
+
+    def nodal_pressure(self) -> np.ndarray:
+        """Return the contact pressure for output at the nodes of the whole surface [pressure].
+
+        Values at the vertices of triangles are interpolated from the midpoints of their edges.
+        """
+        lam = self.contact.multiplier
+        nodes = self.contact.compliance.surface.nodes
+        if self.scene.physics.contact.multiplier == "nodal" or not self.trace.has_ripples:
+            return lam
+        pressure = lam.copy()
+        pressure[nodes] = surface.interpolate_from_midpoints(
+            lam[nodes], lambda values: np.bincount(nodes.ravel(), values.ravel())[nodes]
+        )
+        return pressure

@@ -1,0 +1,26 @@
+"""The whole body at the present solution, for measurements, the surface table and the fields."""
+
+from __future__ import annotations
+
+from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.postprocessing.fields import WholeBody
+from indent_sim.fe.terms.scene_terms import BulkTerms, ContactTerms
+
+
+class SolvedBody(WholeBody):
+    """The whole body at the present solution of its problem."""
+
+    def __init__(self, body: Body, bulk: BulkTerms, contact: ContactTerms):
+        super().__init__(body, bulk.strain_energies, contact.friction, bulk.flow)
+        self.multiplier_at = contact.pressure.multiplier_at
+        self.pressure_at = contact.pressure.pressure_at
+        self._delta = body.now.delta
+
+    @property
+    def depth(self) -> float:
+        """Indentation depth delta [length]."""
+        return float(self._delta.value)
+
+    def inverted_size(self) -> float:
+        """Return the size [length] of the region in which J < 0 (collective)."""
+        return max(strain.inverted_size() for strain in self.strain_energies)
