@@ -14,7 +14,7 @@ import pytest
 from scenes import CYLINDER, E_STAR, WALLED, meshed, scene, solve
 
 from indent_sim.fe import solver
-from indent_sim.fe.condensed import contact
+from indent_sim.fe.condensed import complementarity, contact
 from indent_sim.fe.condensed.complementarity import solve_complementarity
 from indent_sim.fe.terms.contact import active_set
 from indent_sim.model.state import Surface
@@ -203,7 +203,7 @@ def test_least_squares_finds_the_same_contact(monkeypatch: pytest.MonkeyPatch) -
                 return True
 
         with monkeypatch.context() as patch:
-            patch.setattr(contact, "set", Full, raising=False)
+            patch.setattr(complementarity, "set", Full, raising=False)
             return real(A, gap, active)
 
     monkeypatch.setattr(contact, "solve_complementarity", tired)

@@ -1,10 +1,10 @@
-"""A linear body condensed to its contact surface: u_z = -C F, from one factorisation and one block
-solve.
+"""A linear body condensed to its contact surface: u_z = -C F.
 
-F are nodal forces pushing down (int p N_j), u_z the nodal displacements there. Everything a
-frictionless tip does to a linear body with a reference gap passes through C; every depth, tip and
-contact method after that is small and dense. With friction C has rows and columns for the
-horizontal axes too, after those of the downward one.
+F are nodal forces, positive downwards (int p N_j), u_z the nodal displacements there. Everything
+that a frictionless tip does to a linear body with a gap at the undeformed place passes through C;
+after one factorisation and one block of solutions every depth, tip and contact method is small and
+dense. With friction C has rows and columns for the horizontal axes, too, after those of the
+vertical one.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from indent_sim.mesh.reactions import SurfaceComponent
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.usage import machine_memory
 
-LARGEST_RESPONSE = 4_000_000  # displacements beside the contact, for all unit forces, that are kept
-BLOCK_SIZE = 128  # right-hand sides solved at once; MUMPS takes 32, a seventh slower, unless told
+# Right-hand sides that are solved at once; MUMPS's default of 32 takes a seventh longer
+BLOCK_SIZE = 128
 
 ComplianceColumns = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 OwnedDofs = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -39,16 +39,31 @@ OwnedDofs = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Compliance:
-    """C (n, n) [1/(pressure length)] between the candidates, nodes of the contact surface; the same
-    on all ranks.
+    """Compliance of the candidate nodes of the contact surface; the same on all ranks.
 
-    whole (m n, m n): C, and with friction m - 1 horizontal axes after it; held (m - 1, nodes of the
-    surface): where their displacements are held. trace: the facets between the candidates, with
-    `nodes` numbering rows of C; surface: all facets of the contact surface, whose node places[i] is
-    candidate i; support (surfaces, m n) and stray (m n,): the reactions of the condenser's
-    `bearing` surfaces to a unit force at a candidate, and the largest of the rigid-mode pins; seen
-    (k, m n): the displacements that it makes at the condenser's `seen` dofs, k = 0 where these are
-    not kept.
+    Attributes
+    ----------
+    matrix
+        Compliance (m n, m n) [length/force] between the n candidates: the vertical axis first and,
+        with friction, m - 1 horizontal axes after it.
+    support_reactions
+        Reactions (surfaces, m n) of the condenser's `support_surfaces` to a unit force at a
+        candidate.
+    pin_reactions
+        Largest reaction (m n,) of the pins that prevent rigid motion to a unit force.
+    observed_displacements
+        Displacements (k, m n), per unit force, at the k surface dofs outside the candidates. They
+        are needed to check that the tip does not penetrate there; k = 0 if the table would be too
+        large or several ranks share the body.
+    is_constrained
+        Whether the displacement along each horizontal axis is prescribed (m - 1, nodes of the
+        surface).
+    trace
+        Facets between the candidates; its `nodes` are rows of C.
+    surface
+        All facets of the contact surface.
+    candidates
+        Numbers of the candidates (n,) among the nodes of the surface.
     """
 
     matrix: np.ndarray
@@ -62,21 +77,25 @@ class Compliance:
 
     @property
     def size(self) -> int:
-        """Number of nodes."""
+        """Number of candidate nodes."""
         return len(self.candidates)
 
     @property
     def C(self) -> np.ndarray:
-        """Downward displacements for downward forces."""
+        """Downward displacements for unit downward forces (n, n) [length/force]."""
         return self.matrix[: self.size, : self.size]
 
 
 class Condenser:
-    """Factors a linear body once and condenses it to as much of its surface as is asked for.
+    """Factors a linear body once and condenses it to as much of its surface as is needed.
 
-    Of several ranks each factors the whole body and solves for its share of the unit forces; where
-    there is no memory for that, all ranks factor it together and solve for every one. rows (facets,
-    nodes): of this rank's facets, in the surface's nodes.
+    Each of several ranks factors the whole body and solves for its share of the unit forces; if the
+    memory does not suffice for that, all ranks factor it together and solve for all of them.
+
+    Attributes
+    ----------
+    facet_rows
+        Nodes (facets, nodes) of this rank's facets, by their numbers in the whole surface.
     """
 
     def __init__(self, body: Body):
@@ -84,9 +103,8 @@ class Condenser:
         bulk = bulk_terms(body)
         self.strain_energies = bulk.strain_energies
         self._solves_whole_body = body.comm.size > 1 and _fits_every_rank(body)
-        self._comm = (
-            MPI.COMM_SELF if self._solves_whole_body else body.comm
-        )  # of the ranks that solve together
+        # Ranks that solve one system together
+        self._comm = MPI.COMM_SELF if self._solves_whole_body else body.comm
         tangents = [term.tangent(body.now, body.now, body.dt) for term in bulk]
         matrix = fem_petsc.assemble_matrix(fem.form(reduce(add, tangents)))
         matrix.assemble()
@@ -101,34 +119,34 @@ class Condenser:
             all_rows = PETSc.IS().createStride(matrix.getSize()[0], 0, 1, MPI.COMM_SELF)
             matrix = matrix.createSubMatrices([all_rows], [all_rows])[0]
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        # Surface tension on a curved surface has a compressive part, and pressures or multipliers
+        # make the matrix indefinite
         if body.unknowns.names == ("u",) and not (
             bulk.surface_tension and body.scene.physics.domain.top_radius
-        ):  # it pushes there
+        ):
             matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._pc = PETSc.PC().create(self._comm)
         self._pc.setOperators(matrix)
-        self._pc.setType(
-            "cholesky"
-        )  # LDL^T when the matrix is symmetric but not positive definite (mixed)
+        # With a mixed formulation, whose matrix is indefinite, this is LDL^T
+        self._pc.setType("cholesky")
         self._pc.setFactorSolverType("mumps")
         self._pc.setFactorSetUpSolverType()
-        # layers far apart in stiffness have many pivots that wait: 200 per cent more room than
-        # foreseen
+        # Layers of very different stiffness have many delayed pivots: MUMPS gets 200 per cent more
+        # memory than it estimates (ICNTL 14). ICNTL 27 is the number of right-hand sides at once.
         for option, value in ((14, 200), (27, BLOCK_SIZE)):
             self._pc.getFactorMatrix().setMumpsIcntl(option, value)
         self._pc.setUp()
-        if failure := self._pc.getFactorMatrix().getMumpsInfog(
-            1
-        ):  # MUMPS keeps it, and crashes at the first solve
-            reason = (
-                "is singular to working precision"
-                if failure == -10
-                else f"was not factored (MUMPS: {failure})"
-            )
+        # MUMPS only stores its error, and would crash at the first solve
+        if failure := self._pc.getFactorMatrix().getMumpsInfog(1):
+            reason = f"could not be factored (MUMPS error {failure})"
+            if failure == -10:
+                reason = "is singular to working precision"
             raise NotConverged(
-                f"the body's matrix {reason}; with larger elements where they are smallest it may be"
+                f"the stiffness matrix of the body {reason}; a larger size of the smallest "
+                "elements may help"
             )
-        # where it is looked whether the tip lies inside a surface; several ranks ask the whole body
+        # Dofs at which penetration outside the contact surface is checked; several ranks recover
+        # the whole body instead
         surface_dofs = np.unique(
             np.concatenate([body.noncontact_trace.dofs.ravel(), body.trace.dofs.ravel()])
         )
@@ -139,7 +157,7 @@ class Condenser:
         self._force_dofs: tuple[Compliance, OwnedDofs] | None = None
 
     def _pins_of_all_ranks(self) -> list[int]:
-        """One entry a pin on every rank: the local dof on its owner, -1 elsewhere."""
+        """Return one entry per pin on every rank: the local dof on its owner, -1 elsewhere."""
         counts = self.body.comm.allgather(len(self.body.pin_dofs))
         local_pins = iter(self.body.pin_dofs)
         ranks = np.repeat(np.arange(len(counts)), counts)
@@ -148,24 +166,28 @@ class Condenser:
     def _support_reaction_rows(
         self, matrix: PETSc.Mat, walls: Sequence[WeakRollerBC]
     ) -> tuple[tuple[SurfaceComponent, ...], list[np.ndarray]]:
-        """The surfaces that supports bear on, and for each what unit displacements add to its
-        reaction.
+        """Return the surfaces of the supports, and for each a row of its reaction.
+
+        The row times the displacements is the reaction.
         """
         rows = {
-            of: self._sum_rows(matrix, dofs, shares)
-            for of, (dofs, shares) in self.body.support_shares.items()
+            surface: self._sum_rows(matrix, dofs, shares)
+            for surface, (dofs, shares) in self.body.support_shares.items()
         }
         for wall in walls:
-            rows |= {of: self._values_for_solver(row) for of, row in wall.reaction_rows().items()}
+            rows |= {
+                surface: self._values_for_solver(row)
+                for surface, row in wall.reaction_rows().items()
+            }
         return tuple(rows), list(rows.values())
 
     def _sum_rows(
         self, matrix: PETSc.Mat, rows: np.ndarray, row_weights: np.ndarray | float = 1.0
     ) -> np.ndarray:
-        """Sum rows of the symmetric stiffness matrix, each weighted by its share: the reaction to
-        unit displacements.
+        """Return the weighted sum of rows of the symmetric stiffness matrix.
 
-        The entries of the sum are those of the degrees of freedom that this rank solves for.
+        Its product with the displacements is the reaction. The entries are those of the degrees of
+        freedom that this rank solves for.
         """
         weights, total = matrix.createVecs()
         weights.array[rows[rows >= 0]] = row_weights
@@ -173,14 +195,18 @@ class Condenser:
         return self._values_for_solver(total.array.copy())
 
     def _values_for_solver(self, row: np.ndarray) -> np.ndarray:
-        """Values at this rank's own degrees of freedom; at those of all ranks where each rank
-        solves the whole body.
+        """Return values at the degrees of freedom that this rank solves for.
+
+        Their argument has those of this rank; the result has those of all ranks if each solves the
+        whole body.
         """
         return np.concatenate(self.body.comm.allgather(row)) if self._solves_whole_body else row
 
     def _number_surface_nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """This rank's own surface nodes, their rows among all by their places, and the rows of its
-        facets' nodes.
+        """Number the nodes of the surface by their places, independent of the ranks.
+
+        Returns the surface nodes that this rank owns, their numbers, and the numbers of the nodes
+        of this rank's facets.
         """
         body = self.body
         trace = self.body.trace
@@ -190,13 +216,14 @@ class Condenser:
         numbers = np.asarray(index_map.local_to_global(local.astype(np.int32)), dtype=np.int64)
         coordinates = space.tabulate_dof_coordinates()[local, : trace.dim]
         parts = body.comm.allgather((numbers, coordinates))
-        all_numbers, first = np.unique(np.concatenate([p[0] for p in parts]), return_index=True)
-        X = np.concatenate([p[1] for p in parts])[first]
+        all_numbers, first = np.unique(
+            np.concatenate([part[0] for part in parts]), return_index=True
+        )
+        X = np.concatenate([part[1] for part in parts])[first]
         row = np.argsort(np.lexsort(np.round(X[:, ::-1].T, 10)))
         begin, end = index_map.local_range
-        is_owned = (begin <= all_numbers) & (
-            all_numbers < end
-        )  # of these some may lie on facets of other ranks alone
+        # Some of them may belong only to facets of other ranks
+        is_owned = (begin <= all_numbers) & (all_numbers < end)
         rows = row[np.searchsorted(all_numbers, numbers)]
         return (
             all_numbers[is_owned] - begin,
@@ -205,21 +232,20 @@ class Condenser:
         )
 
     def _gather_surface(self) -> Trace:
-        """The contact surface of all ranks, its facets sorted by place and its nodes numbered by
-        row.
-        """
+        """Return the contact surface of all ranks, with facets and nodes sorted by their places."""
         trace = self.body.trace
         parts = self.body.comm.allgather((self.facet_rows, trace.X))
-        rows = np.concatenate([p[0] for p in parts])
-        X = np.concatenate([p[1] for p in parts])
+        rows = np.concatenate([part[0] for part in parts])
+        X = np.concatenate([part[1] for part in parts])
         order = np.lexsort(np.round(X.mean(axis=1), 10)[:, ::-1].T)
         return Trace(rows[order], X[order], rows[order])
 
     def count_candidates(self, radius: float, center: tuple[float, ...]) -> int:
-        """How many nodes the facets have that come within `radius` [length] of the tip's axis."""
+        """Return the number of nodes of the facets within a radius [length] of the tip's axis."""
         return len(np.unique(self._surface.nodes[self._is_near_axis(radius, center)]))
 
     def _is_near_axis(self, radius: float, center: tuple[float, ...]) -> np.ndarray:
+        """Whether a node of each facet is within a radius [length] of the tip's axis."""
         surface = self._surface
         distance = np.linalg.norm(
             surface.X[..., :-1] - np.asarray(center)[: surface.dim - 1], axis=-1
@@ -227,8 +253,16 @@ class Condenser:
         return np.asarray(distance <= radius)
 
     def condense(self, radius: float, center: tuple[float, ...], axes: Sequence[int]) -> Compliance:
-        """The compliance, along these axes, of the facets within `radius` [length] of the tip's
-        axis, or of more.
+        """Condense the body to the facets near the tip's axis.
+
+        If the last compliance has all these nodes and more, it is returned.
+
+        Parameters
+        ----------
+        radius, center
+            Radius [length] around the tip's axis, and the place of the axis.
+        axes
+            Axes of the displacement: the vertical one, and with friction the horizontal ones.
         """
         surface = self._surface
         is_near = self._is_near_axis(radius, center)
@@ -255,26 +289,27 @@ class Condenser:
         return self._last_compliance
 
     def _find_constrained_nodes(self, axes: Sequence[int]) -> np.ndarray:
-        """Whether the displacement along each axis is held (axes, nodes of the whole surface)."""
+        """Whether the displacement along each axis is prescribed (axes, nodes of the surface)."""
         dofs = self.body.unknowns.displacement_dofs(self._owned_nodes)[..., list(axes)]
         is_constrained = np.zeros((len(axes), 1 + self._surface.nodes.max(initial=-1)))
         is_constrained[:, self._owned_rows] = np.isin(dofs, self.body.constrained_dofs).T
         return _sum_over_ranks(self.body.comm, is_constrained) > 0
 
     def _compliance_columns(self, candidates: np.ndarray, axes: Sequence[int]) -> ComplianceColumns:
-        """C, what unit forces make supports and pins feel, and the displacements that are `displacements`;
-        nodes condensed to before are not solved for again.
+        """Solve for unit forces at the candidates that were not solved for before.
+
+        Returns C, the reactions of supports and pins, and the displacements at the observed dofs.
         """
         n = len(candidates) * len(axes)
         cached = self._last_compliance
         owned, dofs, is_free = self._locate_dofs(candidates, axes)
-        signs = np.where(
-            np.arange(n) < len(candidates), -1.0, 1.0
-        )  # a force down is solved for as one that pulls up
+        # A downward force, positive here, points in the negative z direction
+        signs = np.where(np.arange(n) < len(candidates), -1.0, 1.0)
         C = np.zeros((n, n))
         pin_reactions = np.zeros(n)
         support_reactions = self._constrained_node_reactions(owned, signs, n)
-        if len(self.observed_dofs) * n > LARGEST_RESPONSE:
+        # At most 4 million displacements (32 MB) are kept
+        if len(self.observed_dofs) * n > 4_000_000:
             self.observed_dofs = self.observed_dofs[:0]
         displacements = np.zeros((len(self.observed_dofs), n))
         is_cached = np.tile(
@@ -283,10 +318,8 @@ class Condenser:
         if cached is not None:
             is_wanted = np.tile(np.isin(cached.candidates, candidates), len(axes))
             C[np.ix_(is_cached, is_cached)] = cached.matrix[np.ix_(is_wanted, is_wanted)]
-            support_reactions[:, is_cached], pin_reactions[is_cached] = (
-                cached.support_reactions[:, is_wanted],
-                cached.pin_reactions[is_wanted],
-            )
+            support_reactions[:, is_cached] = cached.support_reactions[:, is_wanted]
+            pin_reactions[is_cached] = cached.pin_reactions[is_wanted]
             displacements[:, is_cached] = cached.observed_displacements[
                 : len(displacements), is_wanted
             ]
@@ -294,14 +327,12 @@ class Condenser:
         columns = np.flatnonzero(~is_cached)
         if self._solves_whole_body:
             columns = np.array_split(columns, self.body.comm.size)[self.body.comm.rank]
-        for block in (columns[some] for some in row_slices(len(columns), BLOCK_SIZE)):
+        for block in (columns[rows] for rows in row_slices(len(columns), BLOCK_SIZE)):
             compliance, reactions, pin_reactions[block], block_displacements = self._solve_block(
                 owned, dofs[block], is_free[block], n
             )
-            C[:, block], displacements[:, block] = (
-                signs[:, None] * compliance * signs[block],
-                block_displacements * signs[block],
-            )
+            C[:, block] = signs[:, None] * compliance * signs[block]
+            displacements[:, block] = block_displacements * signs[block]
             solved_reactions[:, block] = reactions * signs[block]
         if self._solves_whole_body:
             parts = C[:, ~is_cached], solved_reactions[:, ~is_cached], pin_reactions[~is_cached]
@@ -310,20 +341,21 @@ class Condenser:
             )
         support_reactions[:, ~is_cached] += solved_reactions[:, ~is_cached]
         C[np.ix_(~is_cached, is_cached)] = C[np.ix_(is_cached, ~is_cached)].T
-        if not np.isfinite(C).all():  # the same on all ranks
+        if not np.isfinite(C).all():  # C is the same on all ranks, so all of them raise
             raise NotConverged("the body's response to forces on its surface is not a number")
         return (C + C.T) / 2, support_reactions, pin_reactions, displacements
 
     def _constrained_node_reactions(
         self, owned: OwnedDofs, signs: np.ndarray, n: int
     ) -> np.ndarray:
-        """What forces at nodes that are held put on their supports right away (surfaces, n): minus
-        the force.
+        """Return the reactions (surfaces, n) to unit forces at nodes with a prescribed displacement.
+
+        Such a force is taken by its support at once, and the reaction is minus the force.
         """
         dof_positions, columns, _ = owned
         reactions = np.zeros((len(self.support_surfaces), n))
         for row, surface in enumerate(self.support_surfaces):
-            if surface not in self.body.support_shares:  # a wall that holds no node
+            if surface not in self.body.support_shares:  # weak rollers prescribe no nodal values
                 continue
             dofs, shares = self.body.support_shares[surface]
             share = np.zeros(self.body.unknowns.owned_count)
@@ -336,8 +368,10 @@ class Condenser:
     def _locate_dofs(
         self, candidates: np.ndarray, axes: Sequence[int]
     ) -> tuple[OwnedDofs, np.ndarray, np.ndarray]:
-        """This rank's local dofs, columns and which are free, axis by axis; numbers among all
-        unknowns, which free.
+        """Return the dofs of the candidates, axis by axis.
+
+        Returns the dofs that this rank solves for (positions, columns of C, which are free), the
+        numbers of all of them among all unknowns, and which of these are free.
         """
         is_candidate = np.isin(self._owned_rows, candidates)
         n = len(candidates) * len(axes)
@@ -361,11 +395,13 @@ class Condenser:
     def _solve_block(
         self, owned: OwnedDofs, dofs: np.ndarray, is_free: np.ndarray, n: int
     ) -> ComplianceColumns:
-        """Displacements at n columns, reactions of the supports, largest one of the pins, for unit
-        forces at dofs; and the displacements that are `displacements`.
+        """Solve for unit forces at dofs.
+
+        Returns the displacements at the n columns of C, the reactions of the supports, the largest
+        reaction of the pins, and the displacements at the observed dofs.
         """
         comm = self._comm
-        (local, columns, _) = owned
+        local, columns, _ = owned
         rows = self._pc.getOperators()[0].getLocalSize()[0]
         X = PETSc.Mat().createDense(((rows, PETSc.DETERMINE), (PETSc.DECIDE, len(dofs))), comm=comm)
         X.setUp()
@@ -380,7 +416,8 @@ class Condenser:
         reactions = _sum_over_ranks(
             comm, np.array([row @ solutions for row in (*self._support_rows, *self._pin_rows)])
         )
-        X.destroy()  # left to Python they stay until the end: all blocks at once
+        # Left to Python, the matrices of all blocks would stay until the end
+        X.destroy()
         supports, pins = np.split(reactions, [len(self.support_surfaces)])
         return (
             _sum_over_ranks(comm, C),
@@ -390,9 +427,7 @@ class Condenser:
         )
 
     def _find_force_dofs(self, compliance: Compliance) -> OwnedDofs:
-        """Where this rank's share of the nodal forces goes; every row asks for it, a compliance
-        alone decides it.
-        """
+        """Return the dofs of this rank at which nodal forces act; they are kept per compliance."""
         if self._force_dofs is None or self._force_dofs[0] is not compliance:
             axes = [compliance.surface.dim - 1, *range(len(compliance.is_constrained))]
             self._force_dofs = compliance, self._locate_dofs(compliance.candidates, axes)[0]
@@ -401,8 +436,17 @@ class Condenser:
     def local_displacements(
         self, compliance: Compliance, nodal_forces: np.ndarray
     ) -> np.ndarray | None:
-        """The body's local array under forces at the nodes of a compliance, where it is `seen` and
-        zero elsewhere; None where that is not kept.
+        """Return the local array of displacements under nodal forces, without recovering the body.
+
+        It is filled at the observed dofs and zero elsewhere; None if their displacements are not
+        kept.
+
+        Parameters
+        ----------
+        compliance
+            The compliance on whose candidates the forces act.
+        nodal_forces
+            Nodal forces (m n,) [force].
         """
         if not len(self.observed_dofs):
             return None
@@ -411,8 +455,14 @@ class Condenser:
         return displacements
 
     def recover(self, compliance: Compliance, nodal_forces: np.ndarray) -> None:
-        """Put the whole body's response to forces at the nodes of a compliance into the body's
-        solution.
+        """Set the solution of the body to its response to nodal forces.
+
+        Parameters
+        ----------
+        compliance
+            The compliance on whose candidates the forces act.
+        nodal_forces
+            Nodal forces (m n,) [force].
         """
         dofs, columns, free = self._find_force_dofs(compliance)
         load, response = self._pc.getOperators()[0].createVecs()
@@ -427,14 +477,17 @@ class Condenser:
 
 
 def _fits_every_rank(body: Body) -> bool:
+    """Whether the memory suffices for one factorisation of the body per rank."""
     predicted_memory = body.scene.plan.prediction.get("memory_MB", math.inf)
-    smallest_memory = body.comm.allreduce(machine_memory(), MPI.MIN)  # on several nodes
+    # Ranks on several machines may have different memories
+    smallest_memory = body.comm.allreduce(machine_memory(), MPI.MIN)
     return bool(predicted_memory * 1e6 * body.comm.size <= smallest_memory)
 
 
 def _unit_forces(comm: MPI.Comm, dofs: np.ndarray, is_free: np.ndarray, total: int) -> PETSc.Mat:
-    """Unit forces at some dofs, a column each; sparse, so that MUMPS leaves out the factors that
-    they do not reach.
+    """Return unit forces at some dofs, one column each.
+
+    The matrix is sparse, so that MUMPS can skip the parts of the factor that they do not reach.
     """
     is_root = comm.rank == 0
     sizes = (
@@ -450,4 +503,5 @@ def _unit_forces(comm: MPI.Comm, dofs: np.ndarray, is_free: np.ndarray, total: i
 
 
 def _sum_over_ranks(comm: MPI.Comm, values: np.ndarray) -> np.ndarray:
+    """Return the sum of values over the ranks, the same on all of them."""
     return values if comm.size == 1 else comm.allreduce(values)

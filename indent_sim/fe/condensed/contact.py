@@ -134,7 +134,18 @@ class CondensedContact:
     def quadrature_rule(
         self, points: np.ndarray, weights: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted areas and heights of the tip above the undeformed surface, (facets, points) each."""
+        """Weighted areas and heights of the tip above the undeformed surface.
+
+        Parameters
+        ----------
+        points, weights
+            Quadrature rule of the reference facet: (points, dim - 1) and (points,).
+
+        Returns
+        -------
+        tuple of ndarray
+            Areas with the weight of the kinematics and heights [length], both (facets, points).
+        """
         trace = self.compliance.trace
         scene = self.scene
         x = np.moveaxis(trace.positions(points), -1, 0)
@@ -391,8 +402,7 @@ class CondensedContact:
 
     @property
     def weighted_gap_system(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Places x (n, dim - 1) [length], weighted heights, areas and compliance A of the weighted
-        gaps.
+        """Places (n, dim - 1) [length], weighted heights, areas, compliance A of the weighted gaps.
 
         They belong to the n nodes that carry a pressure p. The weighted gaps are heights - delta
         areas + A p >= 0, and areas . p is the force of the model domain.
@@ -421,7 +431,7 @@ class CondensedContact:
         return True
 
     def _nodal_trial_pressure(self) -> np.ndarray:
-        """Return the trial pressure of nodal pressures, with E*/h_contact as stiffness [pressure]."""
+        """Return the trial pressure of nodal pressures, with the stiffness E*/h_contact."""
         carriers, _, heights, areas, A = self._weighted_gap_matrices
         p = self.lam[self.candidates[carriers]]
         scale = self.scene.physics.material.E_star / self.scene.sizes.h_contact

@@ -1,5 +1,6 @@
-"""The equilibrium of a condensed body at a depth, on candidates that grow when the contact comes to
-their rim.
+"""Equilibrium of a condensed body at a depth.
+
+The set of candidate nodes is enlarged when the contact comes near its rim.
 """
 
 from __future__ import annotations
@@ -23,18 +24,17 @@ from indent_sim.fe.solve.extrapolation import lagrange_weights, predict_trial_pr
 from indent_sim.scene.cost import MAX_CANDIDATES
 from indent_sim.scene.scene import Scene
 
-CANDIDATE_MARGIN = (
-    1.0  # elements between the fine patch and the candidates' rim, which the contact must not reach
-)
-# elements between the expected contact and that rim at first: a node costs a solution, now or later
-INITIAL_RIM_DISTANCE = 3.5
-RIM_GROWTH = 1.3  # and this much further when the contact comes to their rim
+# Elements between the finely meshed part and the rim of the candidates, which the contact must not
+# reach
+CANDIDATE_MARGIN = 1.0
 
 
 @dataclass(frozen=True)
 class ContactForces:
-    """A state: nodal forces (axes, nodes) and multiplier (nodes,) at the nodes of the whole contact
-    surface, which do not know the candidates, and the depth [length].
+    """A state of the contact: nodal forces, multiplier and depth.
+
+    Nodal forces (axes, nodes) and multiplier (nodes,) are those at the nodes of the whole contact
+    surface, so that they do not depend on the candidates.
     """
 
     nodal: np.ndarray
@@ -43,9 +43,17 @@ class ContactForces:
 
 
 class CondensedEquilibrium(Equilibrium):
-    """Contact on the compliance of the candidate surface. No rest is looked for: a tip that
-    adheres, which may snap, is solved on the whole body. Nothing is kept in a checkpoint: a
-    depth costs milliseconds.
+    """Contact on the compliance of the candidate nodes; implements `path.Equilibrium`.
+
+    There is no dynamic relaxation: adhesive tips, which may snap, are solved on the whole body.
+    Nothing is kept in a checkpoint, since a depth costs milliseconds.
+
+    Parameters
+    ----------
+    scene, body
+        The scene and its discrete body.
+    condenser
+        The factored body, if there is one already.
     """
 
     def __init__(self, scene: Scene, body: Body, condenser: Condenser | None = None):
@@ -54,28 +62,30 @@ class CondensedEquilibrium(Equilibrium):
         self.has_memory = scene.physics.contact.is_path_dependent
         self.condenser = condenser or Condenser(body)
         sides = zip(scene.physics.domain.extent[:-1], scene.physics.center, strict=False)
+        # 1.5 > sqrt(2) includes the corners of a box
         self._largest_radius = 1.5 * max(
-            abs(end - c) for ends, c in sides for end in ends
-        )  # the corners of a box
+            abs(end - coordinate) for ends, coordinate in sides for end in ends
+        )
         self._iterations = 0
         self._candidate_set_failure = ""
         self._recovered_body = RecoveredBody(self)
-        self._accepted_forces: ContactForces | None = (
-            None  # the equilibrium that the present step set out from
-        )
+        # Last accepted equilibrium
+        self._accepted_forces: ContactForces | None = None
         self._condense(min(self._initial_radius(), self._largest_radius))
 
     def _initial_radius(self) -> float:
+        """Return the radius of the first set of candidates [length]."""
         scene = self.scene
         patch = scene.sizes.fine_radius + CANDIDATE_MARGIN * scene.sizes.h_contact
         a = scene.plan.prediction["a"] / scene.physics.scales.length
-        if (
-            scene.uses_elastic_curve or a == 0
-        ):  # what is made of the curve may ask for contacts beyond the deepest one
+        if scene.uses_elastic_curve or a == 0:
+            # A history on the elastic curve may need larger contacts than the deepest one
             return patch
-        return min(patch, a + INITIAL_RIM_DISTANCE * scene.sizes.h_contact)
+        # 3.5 elements beyond the expected contact: each node costs a solution, now or later
+        return min(patch, a + 3.5 * scene.sizes.h_contact)
 
     def _condense(self, radius: float) -> None:
+        """Make the nodes within a radius [length] of the tip's axis the candidates."""
         self._candidate_radius = radius
         dim = self.scene.physics.domain.dim
         law = self.scene.physics.contact
@@ -84,9 +94,8 @@ class CondensedEquilibrium(Equilibrium):
         self.contact = CondensedContact(compliance, self.scene, self._iterations)
         self.contact_state = CondensedState(self.contact)
         self._recent_trials: list[tuple[ContactForces, np.ndarray]] = []
-        is_outside = ~np.all(
-            np.isin(self.condenser.facet_rows, compliance.candidates), axis=1
-        )  # the candidates
+        # Facets with a node that is no candidate
+        is_outside = ~np.all(np.isin(self.condenser.facet_rows, compliance.candidates), axis=1)
         self._noncontact_trace = self.body.noncontact_trace.join(
             self.body.trace.select_facets(is_outside)
         )
@@ -97,25 +106,26 @@ class CondensedEquilibrium(Equilibrium):
         is_rim = (distance >= radius - 2 * self.scene.sizes.h_contact) & (
             radius < self._largest_radius
         )
-        self._rim_nodes = np.unique(trace.nodes[is_rim])  # none where there is no surface beyond
+        # There are none if no contact surface lies beyond the candidates
+        self._rim_nodes = np.unique(trace.nodes[is_rim])
 
     @property
     def depth(self) -> float:
-        """The present depth delta [length]."""
+        """Present indentation depth delta [length]."""
         return self.contact.depth
 
     def reuse_body(self, scene: Scene) -> CondensedEquilibrium:
-        """The same body under another tip, path or method: nothing is factored again."""
+        """Return the same body under another tip, path or method, without factoring it again."""
         return CondensedEquilibrium(scene, self.body, self.condenser)
 
     @property
     def statistics(self) -> SolverStatistics:
-        """Dense linear solves so far."""
+        """Number of dense linear solves since the beginning."""
         return SolverStatistics(self.contact.iterations)
 
     @property
     def failure(self) -> str:
-        """Why the last solve did not converge."""
+        """Reason why the last solve did not converge."""
         return self._candidate_set_failure or self.contact.failure
 
     @property
@@ -124,24 +134,24 @@ class CondensedEquilibrium(Equilibrium):
         return self.scene.physics.domain.symmetry_factor * float(self.contact.F.sum())
 
     def tighten_tolerance(self) -> float:
-        """A dense solve leaves nothing to sharpen."""
+        """Return the relative error of a force: a dense solve is as exact as round-off allows."""
         return 1e-10
 
     def accept(self) -> float:
-        """Take the present equilibrium as the one that the next step sets out from; what was lost
-        in this [energy].
-        """
+        """Accept the present equilibrium; return the energy dissipated in the increment."""
         dissipation = self.scene.physics.domain.symmetry_factor * self.contact.dissipation()
         self._accept_state()
         return dissipation
 
     def _accept_state(self) -> None:
+        """Make the present state the start of the next increment."""
         self.contact.accept()
         self._accepted_forces = self.snapshot()
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:
-        """Find the equilibrium at a depth from the present state; where it fails the state is as it
-        was.
+        """Solve at a depth from the present state; on failure the state is as it was.
+
+        The candidates are enlarged until the contact does not reach their rim.
         """
         assert dt == 0.0  # nothing of a condensed body takes time
         contact = self.contact
@@ -153,24 +163,23 @@ class CondensedEquilibrium(Equilibrium):
                 return True
             forces_before = _forces_on_surface(contact, forces, lam, last_depth)
             is_enlarged = self._enlarge_candidate_set()
-            self._set_trial_state(forces_before)  # so that no number knows the candidates
+            # Starting anew makes the result independent of the candidates before
+            self._set_trial_state(forces_before)
             if not is_enlarged:
                 break
         return False
 
     def _enlarge_candidate_set(self) -> bool:
-        """Condense to more of the surface; False where that is too much of it."""
-        wider_radius = min(RIM_GROWTH * self._candidate_radius, self._largest_radius)
+        """Condense to more of the surface; return False if that is too much of it."""
+        wider_radius = min(1.3 * self._candidate_radius, self._largest_radius)
         nodes = self.condenser.count_candidates(wider_radius, self.scene.physics.center) * len(
             self.contact.forces
         )
         if nodes > MAX_CANDIDATES:
-            reason = (
-                f"the contact outgrows the {self.contact.compliance.size} nodes that the body is "
-                "condensed to"
-            )
             self._candidate_set_failure = (
-                f"{reason}, and {nodes} are too many: use solver.method: newton"
+                f"the contact outgrows the {self.contact.compliance.size} surface nodes to which "
+                f"the body is condensed, and {nodes} are more than the limit of {MAX_CANDIDATES}: "
+                "use solver.method: newton"
             )
             return False
         self._iterations = self.contact.iterations
@@ -180,38 +189,36 @@ class CondensedEquilibrium(Equilibrium):
         return True
 
     def _is_contact_inside(self) -> bool:
-        """Whether the forces end before the rim of the candidates (or there is no surface beyond
-        it).
-        """
+        """Whether the nodal forces end before the rim of the candidates."""
         return not bool((np.abs(self.contact.F[self._rim_nodes]) > 0).any())
 
     @property
     def stiffness(self) -> float:
-        """dF/ddelta of the whole body at the present equilibrium, by its tangent."""
+        """dF/ddelta of the whole body at the present equilibrium [force/length]."""
         return self.scene.physics.domain.symmetry_factor * self.contact.stiffness()
 
     def punches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The flat punches of an axisymmetric body; see `condensed.flat_punches`."""
+        """Return the flat punches of an axisymmetric body; see `condensed.flat_punches`."""
         return punches(self.contact)
 
     def snapshot(self) -> ContactForces:
-        """A copy of the present state."""
+        """Return a copy of the present state."""
         contact = self.contact
         return _forces_on_surface(contact, contact.forces, contact.lam, contact.depth)
 
     def restore(self, state: ContactForces) -> None:
-        """Make a snapshot the present state, and the one that was accepted last."""
+        """Make a snapshot the present and the last accepted state."""
         self._set_trial_state(state)
         self._accept_state()
 
     def _set_trial_state(self, state: ContactForces) -> None:
-        """Take forces as the present ones; what was accepted last stays."""
+        """Make a state the present one, but not the last accepted one."""
         self.contact.forces = state.nodal[:, self.contact.candidates]
         self.contact.lam = state.lam
         self.contact.depth = state.depth
 
     def extrapolate(self, depth: float, earlier: Sequence[ContactForces]) -> None:
-        """Take the forces that earlier states lead to expect at a depth as the present ones."""
+        """Set the forces to an extrapolation of earlier states to a depth."""
         if self.contact.law.is_conservative:
             self.contact.predict_active_set(self._predicted_trial_pressure(earlier[-2:], depth))
         weights = lagrange_weights([state.depth for state in earlier], depth)
@@ -222,16 +229,17 @@ class CondensedEquilibrium(Equilibrium):
     def _predicted_trial_pressure(
         self, earlier: Sequence[ContactForces], depth: float
     ) -> np.ndarray:
+        """Extrapolate the trial pressure [pressure] of two states to a depth."""
         trials = [self._trial_pressure(state) for state in earlier]
         return predict_trial_pressure(
             trials,
             [state.depth for state in earlier],
             depth,
-            max(t.max(initial=0.0) for t in trials),
+            max(trial.max(initial=0.0) for trial in trials),
         )
 
     def _trial_pressure(self, state: ContactForces) -> np.ndarray:
-        """The trial pressure of an earlier state; those of the last ones are kept."""
+        """Return the trial pressure of an earlier state; those of the last two are kept."""
         for cached_state, trial in self._recent_trials:
             if cached_state is state:
                 return trial
@@ -240,7 +248,7 @@ class CondensedEquilibrium(Equilibrium):
         return self._recent_trials[-1][1]
 
     def state_values(self) -> dict[str, Any]:
-        """Force, contact, energy and reactions of the present equilibrium."""
+        """Return force, contact, energy and reactions of the present equilibrium."""
         contact = self.contact
         symmetry_factor = self.scene.physics.domain.symmetry_factor
         compliance = self.contact.compliance
@@ -256,9 +264,10 @@ class CondensedEquilibrium(Equilibrium):
         values |= state_reactions(self.scene.physics.domain, support_reactions)
         values["stray_reaction"] = symmetry_factor * float(compliance.pin_reactions @ np.abs(X))
         for name, k in self.scene.physics.side_force_axes.items():
+            # `0.0 -` avoids -0.0
             values[f"side_force_{name}"] = 0.0 - symmetry_factor * float(
                 contact.forces[1 + k].sum()
-            )  # no -0.0
+            )
         solution = self.condenser.local_displacements(compliance, X)
         if solution is None:
             solution = self.observed_body.local_array()
@@ -269,7 +278,7 @@ class CondensedEquilibrium(Equilibrium):
 
     @property
     def observed_body(self) -> RecoveredBody:
-        """The whole body, with the displacement of the present state (collective)."""
+        """The whole body with the displacement of the present state (collective)."""
         self.condenser.recover(self.contact.compliance, self.contact.forces.ravel())
         return self._recovered_body
 
@@ -277,20 +286,18 @@ class CondensedEquilibrium(Equilibrium):
 def _forces_on_surface(
     contact: CondensedContact, forces: np.ndarray, lam: np.ndarray, depth: float
 ) -> ContactForces:
-    """Forces on the candidates of a contact, of all nodes of the surface."""
+    """Return forces on the candidate nodes as a state of the whole surface."""
     nodal = np.zeros((len(forces), len(lam)))
     nodal[:, contact.candidates] = forces
     return ContactForces(nodal, lam, depth)
 
 
 class RecoveredBody(WholeBody):
-    """The whole body at the state that was recovered last, for the surface table and the fields."""
+    """The whole body at the last recovered state, for the surface table and the fields."""
 
     def __init__(self, equilibrium: CondensedEquilibrium):
         self._equilibrium = equilibrium
-        is_conservative = (
-            equilibrium.scene.physics.contact.is_conservative
-        )  # see `CondensedState` for the stick radius
+        is_conservative = equilibrium.scene.physics.contact.is_conservative
         super().__init__(
             equilibrium.body,
             equilibrium.condenser.strain_energies,
@@ -299,19 +306,22 @@ class RecoveredBody(WholeBody):
 
     @property
     def depth(self) -> float:
-        """delta [length]."""
+        """Indentation depth delta [length]."""
         return self._equilibrium.depth
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
-        """lam (facets, points) on this rank's facets [pressure]."""
+        """Return the multiplier lam (facets, points) on this rank's facets [pressure]."""
         return self._interpolate(self._equilibrium.contact.multiplier, points)
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
-        """The same without its ripples at the vertices of triangles [pressure]."""
+        """Return the contact pressure for output (facets, points) [pressure].
+
+        On triangles it lacks the oscillation of the multiplier at the vertices.
+        """
         return self._interpolate(self._equilibrium.contact_state.nodal_pressure(), points)
 
     def shear_at(self, points: np.ndarray) -> np.ndarray:
-        """tau (facets, points, axes) on this rank's facets [pressure]."""
+        """Return the tangential traction (facets, points, axes) on this rank's facets [pressure]."""
         assert self._equilibrium.contact.friction
         return np.stack(
             [
@@ -322,6 +332,7 @@ class RecoveredBody(WholeBody):
         )
 
     def _interpolate(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Interpolate values at the nodes of the whole surface to points of this rank's facets."""
         return np.asarray(
             nodal[self._equilibrium.condenser.facet_rows]
             @ self._equilibrium.contact_state.basis(points).T

@@ -1,11 +1,15 @@
-"""Bonded flat punches of every radius on a condensed axisymmetric body, from one Cholesky of its
-compliance.
+"""Bonded flat punches of every radius on a condensed axisymmetric body.
 
-With the nodes in the order of their radius and C = L L^T, the leading block of every size has the factor's leading
-block, so that L one = 1, L h = heights give at once, for the punch on the first n nodes and the tip's shape there,
-    K_n = 1.C_n^-1.1 = sum one^2,   P_n = 1.C_n^-1.heights = sum one h,   F = K delta - P.
-They end before the first node that does not yield beside those inside it: one that is held, or the last ones of a
-sealed incompressible body, where no punch can move.
+One Cholesky factorisation C = L L^T of the compliance, with the nodes in the order of their radius,
+gives all of them, since the leading block of C of every size has the leading block of L as its
+factor. With L y = 1 and L h = heights of the tip, the punch on the first n nodes that has the tip's
+shape there has
+
+    K_n = 1.C_n^-1.1 = sum y^2,   P_n = 1.C_n^-1.heights = sum y h,   F = K delta - P.
+
+The punches end before the first node that cannot move relative to those inside it: one whose
+displacement is prescribed, or the last ones of a sealed incompressible body, where no punch can
+move.
 """
 
 from __future__ import annotations
@@ -16,20 +20,26 @@ from scipy.linalg.lapack import dpotrf
 
 from indent_sim.fe.condensed.contact import CondensedContact
 
-# Of the element inside the edge: so much larger than the last vertex's is the radius of the punch
-# that a mesh finds, by formulation, with nu = 0 and what it loses with nu. Measured against theory
-# on half-spaces and layers: 0.111 at nu = 0 and 0.092 at 0.3 (displacement), 0.059 at 0.45 and
-# 0.050 at 0.5 (mixed), to 0.004 each.
+# The punch that a mesh represents is larger than the radius of its last vertex, by this part of the
+# element inside the edge: (value at nu = 0, decrease per nu), by formulation. Measured against
+# theory on half-spaces and layers: 0.111 at nu = 0 and 0.092 at 0.3 (displacement), 0.059 at 0.45
+# and 0.050 at 0.5 (mixed), to 0.004 each.
 RADIUS_SHIFT = {"displacement": (0.111, 0.063), "mixed": (0.140, 0.180)}
-COMPLIANCE_TOLERANCE = (
-    1e-8  # of a node's compliance, what is left of it when those inside are held; less is rounding
-)
+# Compliance of a node with those inside it fixed, relative to its own, below which it is round-off
+COMPLIANCE_TOLERANCE = 1e-8
 
 
 def punches(contact: CondensedContact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Radii a [length], stiffness K [pressure length] and P [pressure length^2] of the punches that
-    end at a vertex. The body's own, from the first vertex off the axis to the last that is
-    condensed to and yields.
+    """Return the flat punches that end at a vertex.
+
+    They are those from the first vertex off the axis to the last one in the condensed surface that
+    can move.
+
+    Returns
+    -------
+    a, K, P
+        Radii [length], stiffnesses [force/length] and forces at delta = 0, reversed [force], of the
+        model domain.
     """
     compliance = contact.compliance
     physics = contact.scene.physics
@@ -51,9 +61,8 @@ def punches(contact: CondensedContact) -> tuple[np.ndarray, np.ndarray, np.ndarr
     unit_solution, height_solution = (
         solve_triangular(L[:n, :n], right_hand_sides, lower=True).T if n else right_hand_sides.T
     )
-    vertex_ends = np.searchsorted(r[order], np.sort(r[np.unique(trace.nodes[:, :2])]))[
-        1:
-    ]  # of the vertices but the axis
+    # Positions of the vertices in this order, without the one on the axis
+    vertex_ends = np.searchsorted(r[order], np.sort(r[np.unique(trace.nodes[:, :2])]))[1:]
     vertex_ends = vertex_ends[vertex_ends < n]
     K = np.cumsum(unit_solution**2)[vertex_ends]
     P = np.cumsum(unit_solution * height_solution)[vertex_ends]

@@ -1,14 +1,13 @@
-"""Friction on a condensed body: the equations of `fe.terms.contact.friction` in the nodal forces
-alone.
+"""Friction on a condensed body: the equations of `fe.terms.contact.friction` in nodal forces.
 
-X = [F, T_1, ..] are the nodal forces pushing down and those along the horizontal axes, u = C X
-their displacements:
+X = [F, T_1, ..] are the nodal forces, downwards and along the horizontal axes, u = C X their
+displacements:
 
     F = int p N,   T_k = int t_k N,   p_hat = lam - epsilon_n g,   t_hat_k = tau_k - epsilon_t s_k,
     lam = M^-1 F,   tau_k = M_k^-1 T_k,
 
-with M the mass matrix of the whole contact surface, M_k that of its nodes whose displacement along
-axis k is free.
+with the mass matrix M of the whole contact surface, and M_k that of its nodes whose displacement
+along axis k is free.
 """
 
 from __future__ import annotations
@@ -34,17 +33,24 @@ from indent_sim.model.contact import (
 
 QuadratureRule = tuple[np.ndarray, np.ndarray, np.ndarray]  # see `CondensedContact.quadrature`
 
-NODAL_FORCE_TOLERANCE = (
-    1e-12  # of the residual, relative to the nodal forces; a dense solve leaves less
-)
-STAGNATION_TOLERANCE = 1e-10  # and where round-off leaves no more
-MOST_FRICTION_ITERATIONS = 50
+# Residual relative to the nodal forces at which Newton's method ends; a dense solve leaves less
+NODAL_FORCE_TOLERANCE = 1e-12
+# The same where round-off does not let the residual fall any further
+STAGNATION_TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True)
 class AcceptedState:
-    """An equilibrium to set out from: u (1 + axes, nodes) down and along [length], lam (nodes,)
-    [pressure], depth.
+    """The last accepted equilibrium.
+
+    Attributes
+    ----------
+    u
+        Displacements (1 + axes, nodes), downwards and along the axes [length].
+    lam
+        Multiplier (nodes,) [pressure].
+    depth
+        Indentation depth [length].
     """
 
     u: np.ndarray
@@ -54,10 +60,20 @@ class AcceptedState:
 
 @dataclass(frozen=True)
 class TrialTraction(CoulombPoint):
-    """p and t_hat (axes, facets, points) at points of the surface, and p_hat (facets, points)
-    [pressure]; where something `holds` the surface; the gap [length] at the step's beginning,
-    below zero where the surface was in contact; `passed`: the gap that closed or opened during
-    the step, 0 where none did.
+    """Pressure and trial tractions at points of the surface, for Coulomb's law.
+
+    Attributes
+    ----------
+    trial_traction
+        Trial traction t_hat (axes, facets, points) [pressure].
+    trial_pressure
+        Trial pressure p_hat (facets, points) [pressure].
+    carries_traction
+        Whether a point can carry a tangential traction.
+    initial_gap
+        Gap at the beginning of the increment, < 0 where the surface was in contact [length].
+    passed_gap
+        Gap that closed or opened during the increment, 0 where none did [length].
     """
 
     trial_traction: np.ndarray
@@ -68,20 +84,19 @@ class TrialTraction(CoulombPoint):
 
     @property
     def is_slipping(self) -> np.ndarray:
-        """Where the traction is beyond the bound."""
+        """Whether the trial traction exceeds the slip limit."""
         return np.asarray(self.stick_margin < 0)
 
     @property
     def traction(self) -> np.ndarray:
-        """The traction (axes, facets, points) [pressure]."""
+        """Tangential traction (axes, facets, points) [pressure]."""
         return np.asarray(self.carries_traction * self.traction_ratio * self.trial_traction)
 
 
 class CondensedFriction:
-    """What the tangential forces add to a `CondensedContact`: its Newton, its history and its work."""
+    """Tangential forces of a `CondensedContact`: their solution, history and dissipation."""
 
     def __init__(self, contact: Any):
-        """contact: the `CondensedContact` that these are the tangential forces of."""
         self._law = contact.law
         self._contact = contact
         self._compliance = contact.compliance
@@ -94,7 +109,7 @@ class CondensedFriction:
         self.set_slip_reference("implicit")
 
     def accept(self) -> None:
-        """Take the present equilibrium as the one that the next step sets out from."""
+        """Accept the present equilibrium as the start of the next increment."""
         self._accepted_state = AcceptedState(
             self._nodal_displacements(),
             self._contact.lam[self._contact.candidates],
@@ -102,7 +117,7 @@ class CondensedFriction:
         )
 
     def set_slip_reference(self, slip_reference: SlipReference) -> None:
-        """Say where what comes into contact sticks; see `solve.anchor`."""
+        """Set where new contact points stick; see `solve.slip_reference`."""
         self._new_contact_sticks = slip_reference != "glue"
         self._slip_start = self._accepted_state.u[1:]
         self._largest_passed_gap = 1.0
@@ -121,8 +136,10 @@ class CondensedFriction:
         )
 
     def solve_newton(self, stiffness_factor: float) -> bool:
-        """Semismooth Newton on X = [int p N, int t N] from the present forces, `stiffness_factor` times both
-        stiffnesses.
+        """Solve X = [int p N, int t N] by a semismooth Newton method from the present forces.
+
+        Both stiffnesses of the law are multiplied by `stiffness_factor`. Returns True if it
+        converged.
         """
         contact = self._contact
         stiffnesses = np.repeat(
@@ -134,7 +151,7 @@ class CondensedFriction:
         zero_force = contact.zero_tolerance(lambda F: np.abs(F).max(initial=0.0))
         residuals = list[float]()
         visited = list[bytes]()
-        for _ in range(MOST_FRICTION_ITERATIONS):
+        for _ in range(50):
             trial = self._evaluate_trial(D @ X, contact.quadrature, stiffness_factor)
             load = self._nodal_loads(trial)
             residual = np.abs(X - load).max(initial=0.0)
@@ -148,10 +165,11 @@ class CondensedFriction:
                 contact.forces = load.reshape(-1, self._node_count)
                 return True
             is_repeated = (pattern := self._stick_slip_pattern(trial)) in visited[:-1]
+            # The iteration repeats itself, or has not reduced the residual in three iterations
             if residual >= smallest_residual and (
                 is_repeated or residuals.index(smallest_residual) < len(residuals) - 3
             ):
-                return False  # it goes round in a circle, or has come no nearer in three iterations
+                return False
             residuals = [*residuals, residual]
             visited = [*visited, pattern]
             X = X + contact.newton_step(
@@ -162,7 +180,7 @@ class CondensedFriction:
 
     @cached_property
     def _inverse_masses(self) -> np.ndarray:
-        """M^-1 and every M_k^-1 between the candidates, block by block [1/area]."""
+        """M^-1 and every M_k^-1 between the candidates, as diagonal blocks [1/area]."""
         candidates = self._contact.candidates
         inverse_masses = np.zeros_like(self._compliance.matrix)
         unit = np.eye(self._node_count)
@@ -173,10 +191,11 @@ class CondensedFriction:
 
     @cached_property
     def _projections(self) -> list[Callable[[np.ndarray], np.ndarray]]:
-        """tau_k = M_k^-1 T_k on the whole surface for forces on the candidates, for each axis."""
+        """For each axis a function that returns tau_k = M_k^-1 T_k on the whole surface."""
         return list(map(self._create_projection, self._compliance.is_constrained))
 
     def _create_projection(self, is_constrained: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        """Factor M_k and return the projection of forces on the candidates."""
         free = diags(1.0 - is_constrained)
         factor = splu(
             (free @ self._contact.mass_matrix @ free + diags(1.0 * is_constrained)).tocsc()
@@ -193,7 +212,19 @@ class CondensedFriction:
     def _evaluate_trial(
         self, nodal: np.ndarray, rule: QuadratureRule, stiffness_factor: float = 1.0
     ) -> TrialTraction:
-        (N, _, height) = rule
+        """Evaluate the trial tractions at the points of a quadrature rule.
+
+        Parameters
+        ----------
+        nodal
+            The part of the trial tractions (m nodes,) that is interpolated from the nodes: without
+            height, depth and slip reference [pressure].
+        rule
+            Shape functions, weighted areas and heights at the points.
+        stiffness_factor
+            Factor of both stiffnesses of the law.
+        """
+        N, _, height = rule
         depth = self._contact.depth
         epsilon_n = stiffness_factor * self._law.stiffness
         epsilon_t = stiffness_factor * self._law.epsilon_t
@@ -210,7 +241,8 @@ class CondensedFriction:
         fraction = step_fraction_at_contact(passed_gap_values, self._largest_passed_gap)
         start_pairs = zip(self._slip_start, accepted.u[1:], strict=True)
         slip_starts = [
-            was[nodes] @ N.T + fraction * ((at - was)[nodes] @ N.T) for at, was in start_pairs
+            accepted_u[nodes] @ N.T + fraction * ((start_u - accepted_u)[nodes] @ N.T)
+            for start_u, accepted_u in start_pairs
         ]
         carries_traction = (trial_pressure > 0) & (self._new_contact_sticks | (is_new == 0))
         t_hat = np.array(t_hat) + epsilon_t * np.array(slip_starts)
@@ -225,14 +257,13 @@ class CondensedFriction:
         )
 
     def _stick_slip_pattern(self, trial: TrialTraction) -> bytes:
+        """Return which points are in contact, and which slip in which direction."""
         return (trial.trial_pressure > 0).tobytes() + (
             trial.is_slipping * np.sign(trial.trial_traction)
         ).tobytes()
 
     def _nodal_loads(self, trial: TrialTraction) -> np.ndarray:
-        """The nodal forces of the tractions; none where a displacement is held, which they could
-        not change.
-        """
+        """Return the nodal forces of the tractions, zero where a displacement is prescribed."""
         N, W, _ = self._contact.quadrature
         loads = np.array(
             [self._contact.assemble_vector((W * q) @ N) for q in (trial.p, *trial.traction)]
@@ -241,7 +272,7 @@ class CondensedFriction:
         return loads.ravel()
 
     def _traction_derivatives(self, trial: TrialTraction) -> np.ndarray:
-        """d(p, t)/d(p_hat, t_hat) (1 + axes, 1 + axes, facets, points)."""
+        """Return d(p, t)/d(p_hat, t_hat) with shape (1 + axes, 1 + axes, facets, points)."""
         m = 1 + len(trial.trial_traction)
         slopes = np.zeros((m, m, *trial.trial_pressure.shape))
         slopes[0, 0] = trial.trial_pressure > 0
@@ -259,12 +290,12 @@ class CondensedFriction:
         return slopes
 
     def nodal_shear(self) -> np.ndarray:
-        """tau (axes, nodes of the whole surface) [pressure]."""
+        """Return the tangential traction (axes, nodes of the whole surface) [pressure]."""
         forces = self._contact.forces[1:]
         return np.array([project(T) for project, T in zip(self._projections, forces, strict=True)])
 
     def stick_margin_at(self, points: np.ndarray) -> np.ndarray:
-        """friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks."""
+        """Return friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks."""
         return np.asarray(
             self._present_trial(
                 (
@@ -275,16 +306,14 @@ class CondensedFriction:
         )
 
     def shear_at(self, points: np.ndarray) -> np.ndarray:
-        """tau (facets, points, axes) [pressure]."""
+        """Return the tangential traction (facets, points, axes) [pressure]."""
         nodal = self.nodal_shear()[:, self._contact.candidates].T
         return self._compliance.trace.interpolate(nodal[self._contact.nodes], points)
 
     def dissipation(self) -> float:
-        """What slip turns into heat in the step to the present state [energy], of the modelled
-        part.
-        """
+        """Return the energy dissipated by slip in the present increment, of the model domain."""
         law = self._law
-        (N, W, _) = self._contact.quadrature
+        N, W, _ = self._contact.quadrature
         if law.is_bonded:
             return 0.0
         if is_implicit := self._contact.scene.physics.slip_reference == "implicit":
@@ -307,6 +336,7 @@ class CondensedFriction:
         return float((W * (heat + is_implicit * (trial.trial_pressure <= 0) * leaving_heat)).sum())
 
     def _present_trial(self, rule: QuadratureRule) -> TrialTraction:
+        """Evaluate the trial tractions of the present forces at the points of a rule."""
         u = self._nodal_displacements()
         lam = self._contact.lam[self._contact.candidates]
         trial_pressure = lam - self._law.stiffness * u[0]
