@@ -119,8 +119,8 @@ class Condenser:
             all_rows = PETSc.IS().createStride(matrix.getSize()[0], 0, 1, MPI.COMM_SELF)
             matrix = matrix.createSubMatrices([all_rows], [all_rows])[0]
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        # Surface tension on a curved surface has a compressive part, and pressures or multipliers
-        # make the matrix indefinite
+        # Surface tension on a curved surface may make the matrix indefinite, as a pressure field
+        # does
         if body.unknowns.names == ("u",) and not (
             bulk.surface_tension and body.scene.physics.domain.top_radius
         ):
@@ -348,7 +348,7 @@ class Condenser:
     def _constrained_node_reactions(
         self, owned: OwnedDofs, signs: np.ndarray, n: int
     ) -> np.ndarray:
-        """Return the reactions (surfaces, n) to unit forces at nodes with a prescribed displacement.
+        """Return the reactions (surfaces, n) to unit forces at constrained nodes.
 
         Such a force is taken by its support at once, and the reaction is minus the force.
         """

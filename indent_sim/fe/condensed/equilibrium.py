@@ -321,7 +321,7 @@ class RecoveredBody(WholeBody):
         return self._interpolate(self._equilibrium.contact_state.nodal_pressure(), points)
 
     def shear_at(self, points: np.ndarray) -> np.ndarray:
-        """Return the tangential traction (facets, points, axes) on this rank's facets [pressure]."""
+        """Return the tangential traction (facets, points, axes) on this rank's facets."""
         assert self._equilibrium.contact.friction
         return np.stack(
             [

@@ -295,7 +295,7 @@ class CondensedFriction:
         return np.array([project(T) for project, T in zip(self._projections, forces, strict=True)])
 
     def stick_margin_at(self, points: np.ndarray) -> np.ndarray:
-        """Return friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks."""
+        """Return friction p - |t_hat| (facets, points) [pressure], >= 0 where it sticks."""
         return np.asarray(
             self._present_trial(
                 (

@@ -1,12 +1,11 @@
-"""The tangent of a problem in blocks of its fields, each over a space of its own: what a Krylov
-method multiplies by.
+"""Block structure of the tangent, which a Krylov method multiplies by.
 
-    | A    B_1  B_2 |     A over the displacement, in point blocks; B_k between it and a field beside it (a pressure q,
-    | B_1' C_1      |     the multiplier lam), C_k of that field alone. Symmetric, and the fields beside the
-    | B_2'      C_2 |     displacement do not meet.
+    | A    B_1  B_2 |     A of the displacement, in point blocks; B_k its coupling with another
+    | B_1' C_1      |     field (a pressure q, the multiplier lam), C_k of that field alone.
+    | B_2'      C_2 |     Symmetric; the other fields are not coupled with each other.
 
-Rows and columns of the fields are scaled so that every residual is a force: lam by the contact's
-stiffness, q by E.
+Every field has a function space of its own. Rows and columns are scaled so that every residual is a
+force: those of lam by the stiffness of the contact, those of q by E.
 """
 
 from __future__ import annotations
@@ -29,20 +28,28 @@ from indent_sim.fe.discrete_body import support_and_pin_dofs, zero_bc
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.terms.term import Term
 
-SURFACE_STIFFNESS = (
-    10.0  # E*/h_contact: of the body to its surface's shortest waves; 6 and 30 are worse, measured
-)
+# Stiffness of the body to the shortest waves of its surface, in units of E*/h_contact, in the
+# preconditioner of the multiplier; 6 and 30 take more iterations
+SURFACE_STIFFNESS = 10.0
 
 
 class DisplacementStiffness:
-    """The tangent over the displacements of a space: of matter once where it is linear, of contact
-    every time.
+    """Tangent of the displacements in a function space.
+
+    The bulk part is assembled once if it is linear, the contact part every time.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    space
+        Space of the displacements, quadratic or linear.
+    kind
+        PETSc's matrix type. "sbaij" stores the upper half, which halves the time of a product: it
+        is that of reading the matrix.
     """
 
     def __init__(self, problem: Problem, space: fem.FunctionSpace, kind: str):
-        """kind: PETSc's type of matrix; of `sbaij` the upper half is kept: multiplying takes as
-        long as reading it.
-        """
         self._bcs = _dirichlet_bcs(problem, space)
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         dofs = np.concatenate([bc.dof_indices()[0] for bc in self._bcs])
@@ -60,18 +67,15 @@ class DisplacementStiffness:
         if kind == "sbaij":
             full_matrix = self.matrix
             self.matrix = self.matrix.convert("sbaij", PETSc.Mat())
-            self.matrix.setOption(
-                PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True
-            )  # of what is assembled from now on
+            # From now on the lower half is ignored in the assembly
+            self.matrix.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)
             _destroy_matrices(full_matrix)
         self._constant_bulk = (
             self.matrix.copy() if all(term.has_constant_tangent for term in bulk) else None
         )
 
     def assemble(self) -> None:
-        """Fill `matrix` at the present solution; rows and columns of what is held are those of the
-        identity.
-        """
+        """Assemble `matrix` at the present solution, with identity rows for constrained dofs."""
         if self._constant_bulk is None:
             self._assemble_bulk()
         else:
@@ -86,20 +90,27 @@ class DisplacementStiffness:
 
 
 class FieldBlocks:
-    """A field beside the displacement: its free dofs, its blocks B and C, and S that stands for C -
-    B' A^-1 B.
+    """Blocks of one field other than the displacement, and its Schur complement.
 
-    With the mass M of the field, a pressure has S = C - M/(2 mu).
+    The blocks are B and C between the free dofs; S approximates the Schur complement C - B' A^-1 B.
+    With the mass matrix M of the field, a pressure has S = C - M/(2 mu).
 
-    The multiplier, whose C is -(M - M_A)/eps with the mass M_A of the surface in contact, has S = C
-    - M_A (K + eps M_A)^-1 M_A with the stiffness K = E* |k|/2 that a half-space shows to waves k of
-    its surface. In place of 1/(eps + E* |k|/2) there is
+    The multiplier, whose C is -(M - M_A)/eps with the mass matrix M_A of the surface in contact,
+    has S = C - M_A (K + eps M_A)^-1 M_A with the stiffness K = E* |k|/2 of a half-space to waves k
+    of its surface (Johnson 1985, chapter 13). In place of 1/(eps + E* |k|/2) stands
 
-        (alpha + (1 - alpha)/(1 + gamma k^2))/eps,   alpha = eps/(eps + s),   s = SURFACE_STIFFNESS
-        E*/h_contact,
+        (alpha + (1 - alpha)/(1 + gamma k^2))/eps,   alpha = eps/(eps + s),
+        s = SURFACE_STIFFNESS E*/h_contact,
 
-    right for long waves and half way to those with K = s. A constant instead takes half as many
-    iterations again.
+    which is exact for long waves and half way to the waves with K = s. A constant in its place
+    takes half as many iterations again.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    name
+        Name of the field: "lam" or a pressure.
     """
 
     def __init__(self, problem: Problem, name: str):
@@ -125,7 +136,10 @@ class FieldBlocks:
         trial = ufl.TrialFunction(space)
         self._bcs = _dirichlet_bcs(problem, displacements)
         arguments = (("u", u), (name, trial)), ((name, test), (name, trial))
-        self._forms = [_tangent_form(problem, [self._term], *way) for way in arguments]
+        self._forms = [
+            _tangent_form(problem, [self._term], *arguments_of_block)
+            for arguments_of_block in arguments
+        ]
         self._full_matrices = [fem_petsc.create_matrix(form) for form in self._forms]
         self._mass = self._assemble_product(test * trial)
         self._laplacian = (
@@ -147,19 +161,20 @@ class FieldBlocks:
         self._rhs.set(0.0)
 
     def _surface_gradient(self, field: Expr) -> Expr:
+        """Return the tangential part of the gradient of a field on the surface."""
         gradient = ufl.grad(field)
         n = ufl.FacetNormal(self.problem.mesh)
         return gradient - ufl.dot(gradient, n) * n
 
     def _assemble_product(self, density: Expr) -> PETSc.Mat:
-        """The integral of a density, in units of the scaled rows, between the free dofs."""
+        """Assemble the integral of a product between the free dofs, in the units of their rows."""
         matrix = fem_petsc.assemble_matrix(fem.form(self._domain_integral(density)))
         matrix.assemble()
         matrix.scale(self.weight**2)
         return matrix.createSubMatrix(self._free_set, self._free_set)
 
     def assemble(self) -> None:
-        """Fill B and C at the present solution."""
+        """Assemble B and C at the present solution."""
         for matrix, form in zip(self._full_matrices, self._forms, strict=True):
             matrix.zeroEntries()
             fem_petsc.assemble_matrix(matrix, form, self._bcs)
@@ -171,22 +186,22 @@ class FieldBlocks:
         self.C.scale(self.weight**2)
 
     def factor(self) -> None:
-        """Factor S at the present solution."""
+        """Factor the approximate Schur complement S at the present solution."""
         schur_complement = self._schur_complement()
-        schur_complement.copy(
-            self._S, PETSc.Mat.Structure.SAME_NONZERO_PATTERN
-        )  # a new matrix would be analysed anew
+        # Copied into the same matrix, for which MUMPS keeps its symbolic analysis
+        schur_complement.copy(self._S, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         self._ksp.setOperators(self._S)
         self._ksp.setUp()
         _destroy_matrices(schur_complement)
 
     def solve(self, rhs: PETSc.Vec, solution: PETSc.Vec) -> None:
-        """S^-1 known; what stands in S after the field is its own affair."""
+        """Solve S solution = rhs; S may have more rows than the field, whose values are dropped."""
         self._rhs.array[: len(self.free_dofs)] = rhs.array_r
         self._ksp.solve(self._rhs, self._solution)
         solution.array[:] = self._solution.array_r[: len(self.free_dofs)]
 
     def _schur_complement(self) -> PETSc.Mat:
+        """Return the approximate Schur complement at the present solution."""
         if self._laplacian:
             S = self._multiplier_schur_complement()
         else:
@@ -198,8 +213,10 @@ class FieldBlocks:
         return S
 
     def _multiplier_schur_complement(self) -> PETSc.Mat:
-        """S as the Schur complement in [[C - alpha M_A/eps, M_A], [M_A, eps/(1 - alpha) (M + gamma
-        L)]].
+        """Return S of the multiplier as a block matrix, whose own Schur complement it is.
+
+        The matrix is [[C - alpha M_A/eps, M_A], [M_A, eps/(1 - alpha) (M + gamma L)]], with the
+        Laplacian L of the surface.
         """
         eps = self._term.stiffness
         scene = self.problem.scene
@@ -224,14 +241,15 @@ class FieldBlocks:
 
 
 def _destroy_matrices(*matrices: PETSc.Mat) -> None:
-    """Free matrices now: left to Python, those of several ranks stay until the end."""
+    """Free matrices now: PETSc keeps those of several ranks until the end otherwise."""
     for matrix in matrices:
         matrix.destroy()
 
 
 def use_direct_solver(ksp: PETSc.KSP, kind: str = "cholesky") -> None:
-    """Factor a solver's systems by MUMPS: `cholesky` (L D L^T) is half the work of `lu`, for
-    symmetric ones.
+    """Make a solver factor its systems by MUMPS.
+
+    "cholesky" (L D L^T), for symmetric matrices, takes half the work of "lu".
     """
     ksp.setType("preonly")
     ksp.getPC().setType(kind)
@@ -239,6 +257,7 @@ def use_direct_solver(ksp: PETSc.KSP, kind: str = "cholesky") -> None:
 
 
 def _dirichlet_bcs(problem: Problem, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
+    """Return the boundary conditions of supports and pins in a space."""
     supports, pins = support_and_pin_dofs(space, problem.body.body_mesh)
     return [zero_bc(space.sub(c), dofs) for c, dofs in supports + pins]
 
@@ -246,6 +265,7 @@ def _dirichlet_bcs(problem: Problem, space: fem.FunctionSpace) -> list[fem.Diric
 def _tangent_form(
     problem: Problem, terms: Sequence[Term], test: tuple[str, Expr], trial: tuple[str, Expr]
 ) -> fem.Form:
+    """Return the compiled tangent of some terms for a test and a trial function of given fields."""
     unknowns = problem.unknowns
     body = problem.body
     now = replace(body.now, test=unknowns.variation(*test), trial=unknowns.variation(*trial))

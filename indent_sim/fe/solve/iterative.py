@@ -1,8 +1,9 @@
-"""The linear systems of Newton's method by FGMRES, as exactly as each is worth.
+"""Krylov solver of the linear systems of Newton's method: flexible GMRES.
 
-The preconditioner is the upper block factor of the tangent's Schur complement: S for each field
-beside the displacement, one cycle of multigrid for the displacement. It is kept until it has cost
-as many iterations more as a new one is worth.
+The preconditioner is the upper block-triangular factor of the tangent: an approximate Schur
+complement for each field other than the displacement, one multigrid cycle for the displacement. The
+multigrid hierarchy is kept until the iterations that a new one would have saved cost more than
+building it. Each system is solved only as accurately as Newton's method needs.
 """
 
 from __future__ import annotations
@@ -18,16 +19,13 @@ from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.blocks import DisplacementStiffness, FieldBlocks
 from indent_sim.fe.solve.multigrid import Multigrid
 
-MOST_KRYLOV_ITERATIONS = 200  # iterations of one system
-INEXACT_REDUCTION = (
-    1e-2  # what an inexact step leaves of a residual: asked for more, Newton needs no fewer steps
-)
+MOST_KRYLOV_ITERATIONS = 200  # limit for one system
+# Largest relative tolerance of a system; with a smaller one Newton's method takes no fewer steps
+INEXACT_REDUCTION = 1e-2
 
 
 class Iterative:
-    """Solves one system after another: `assemble`, then `apply` as the preconditioner of PETSc's
-    SNES.
-    """
+    """Solves one system after another: `assemble`, then `apply` as a preconditioner of PETSc's SNES."""
 
     def __init__(self, problem: Problem):
         self.iterations = 0
@@ -52,8 +50,9 @@ class Iterative:
         self.tangent = PETSc.Mat().createPython((problem.x.getSizes(),) * 2, comm=problem.comm)
 
     def attach(self, ksp: PETSc.KSP) -> None:
-        """Solve the systems of Newton's method; options of the environment without a prefix are the
-        solver's own.
+        """Make the linear solver of SNES use this one.
+
+        Options of the environment without a prefix are those of this solver.
         """
         ksp.setOptionsPrefix("newton_")
         ksp.setType("preonly")
@@ -61,9 +60,12 @@ class Iterative:
         ksp.getPC().setPythonContext(_WeakPreconditioner(self.apply))
 
     def _create_krylov_solver(self) -> PETSc.KSP:
+        """Create the Krylov solver with its nested matrix and vectors."""
         rows = [[self._A.matrix, *(field.B for field in self._field_blocks)]]
         for k, field in enumerate(self._field_blocks):
-            diagonal = [field.C if k == other else None for other in range(len(self._field_blocks))]
+            diagonal = [
+                field.C if k == column else None for column in range(len(self._field_blocks))
+            ]
             rows.append([PETSc.Mat().createTranspose(field.B), *diagonal])
         tangent = PETSc.Mat().createNest(rows, comm=self._A.matrix.comm)
         blocks = [self._A.matrix, *(field.C for field in self._field_blocks)]
@@ -80,8 +82,9 @@ class Iterative:
         return ksp
 
     def assemble(self, rtol: float) -> None:
-        """The tangent at the present solution, which will be solved to `rtol`; the preconditioner
-        where it is worn.
+        """Assemble the tangent at the present solution, to be solved to a relative tolerance.
+
+        The multigrid hierarchy is rebuilt if the present one takes too many iterations.
         """
         self.rtol = rtol
         self._A.assemble()
@@ -89,16 +92,18 @@ class Iterative:
             field.assemble()
             field.factor()
         self._ksp.getOperators()[0].assemble()
-        if self._excess_iterations >= 20:  # iterations: what a new one costs
+        # Building a new hierarchy takes as long as 20 iterations
+        if self._excess_iterations >= 20:
             self._rebuild_preconditioner()
 
     def _rebuild_preconditioner(self) -> None:
+        """Build the multigrid hierarchy for the present solution."""
         self._multigrid.rebuild()
         self._excess_iterations = 0.0
         self._solve_count = 0
 
     def apply(self, residual: PETSc.Vec, step: PETSc.Vec) -> None:
-        """Solve for a step to the tolerance; what is held and idle stays."""
+        """Solve for a Newton step; constrained and unused dofs are zero in it."""
         self._load_residual(residual)
         self._ksp.setTolerances(rtol=self.rtol, atol=0.0, max_it=MOST_KRYLOV_ITERATIONS)
         self._solve()
@@ -114,28 +119,31 @@ class Iterative:
             step.set(np.nan)  # a system that was not solved makes the step no number
 
     def residual_energy(self, residual: PETSc.Vec) -> float:
-        """The energy r .
+        """Return the energy r . A^-1 r of a residual r, with the preconditioner in place of A^-1.
 
-        A^-1 r of a residual r, by the preconditioner; fields added up, whatever their sign.
+        The contributions of the fields are added by their absolute values.
         """
         self._load_residual(residual)
         self.apply_preconditioner(self._b, self._x)
         pairs = zip(self._b.getNestSubVecs(), self._x.getNestSubVecs(), strict=True)
-        return float(sum(abs(known.dot(found)) for known, found in pairs))
+        return float(sum(abs(rhs.dot(solution)) for rhs, solution in pairs))
 
     def _load_residual(self, residual: PETSc.Vec) -> None:
+        """Copy a residual, scaled, into the blocks of the right-hand side."""
         for block, dofs, weight in zip(
             self._b.getNestSubVecs(), self._block_dofs, self._weights, strict=True
         ):
             block.array[:] = weight * residual.array_r[dofs]
 
     def _solve(self) -> None:
-        """Solve for the blocks; count the iterations, and those beyond the fewest that a digit has
-        ever cost.
+        """Solve for the blocks and count the iterations.
+
+        Excess iterations are those beyond the fewest per decimal digit of any system so far.
         """
         self._ksp.solve(self._b, self._x)
         iterations = self._ksp.getIterationNumber()
-        digits = -log10(min(self.rtol, INEXACT_REDUCTION))  # of few digits the first costs most
+        # The first digits take the most iterations, so no system counts as one of fewer digits
+        digits = -log10(min(self.rtol, INEXACT_REDUCTION))
         self.iterations += iterations
         self._solve_count += 1
         is_solved = self._ksp.getConvergedReason() > 0 and np.isfinite(self._x.norm())
@@ -147,7 +155,7 @@ class Iterative:
         self._excess_iterations += iterations - self._fewest_per_digit * digits
 
     def apply_preconditioner(self, residual: PETSc.Vec, step: PETSc.Vec) -> None:
-        """The upper factor of the block preconditioner, applied."""
+        """Apply the upper block-triangular preconditioner to a residual."""
         r, *field_residuals = residual.getNestSubVecs()
         u, *field_steps = step.getNestSubVecs()
         load, coupling_load = self._work
@@ -162,14 +170,15 @@ class Iterative:
 
 
 class _WeakPreconditioner:
-    """A method as PETSc calls a preconditioner; held weakly, for Python finds no circle that goes
-    through PETSc.
+    """A method as a preconditioner of PETSc, held by a weak reference.
+
+    Python's garbage collector does not find reference cycles through PETSc.
     """
 
     def __init__(self, method: Callable[[PETSc.Vec, PETSc.Vec], None]):
         self._method = WeakMethod(method)
 
     def apply(self, pc: PETSc.PC, residual: PETSc.Vec, step: PETSc.Vec) -> None:
-        """Apply it to a residual."""
+        """Apply the preconditioner to a residual."""
         if method := self._method():
             method(residual, step)

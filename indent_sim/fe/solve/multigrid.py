@@ -1,8 +1,8 @@
-"""Two-level p-multigrid of a displacement block: quadratic elements, corrected by linear ones on
-the same mesh.
+"""Two-level p-multigrid of the displacement: quadratic elements, corrected by linear ones.
 
-Smoothing by Chebyshev polynomials and the diagonal; on linear elements a factorisation while it is
-cheap, and algebraic multigrid by smoothed aggregation with the rigid-body modes (W-cycles) beyond.
+Both are on the same mesh. The smoother is a Chebyshev polynomial with the diagonal. Linear elements
+are factored while that is cheap; beyond they are solved by a W-cycle of algebraic multigrid,
+smoothed aggregation with the rigid-body modes.
 """
 
 from __future__ import annotations
@@ -19,27 +19,31 @@ from indent_sim.fe.solve.blocks import DisplacementStiffness
 from indent_sim.fe.solve.petsc_options import default_options
 
 PREFIX = "pmultigrid_"
-# unknowns of the linear elements, up to which they are factored: on several ranks that gains little
+# Number of unknowns of the linear elements up to which they are factored; on several ranks larger
+# factors gain little
 LARGEST_FACTORED = 20_000
-# by the diagonal alone: PETSc 3.22 keeps inverses of the nodes' blocks from matrix to matrix
+# The smoother uses the diagonal and not the blocks of the nodes, whose inverses PETSc 3.22 keeps
+# when the matrix changes
 SMOOTHER: dict[str, Any] = {
     "ksp_type": "chebyshev",
     "ksp_max_it": 3,
     "pc_type": "jacobi",
     "esteig_ksp_type": "cg",
+    "ksp_chebyshev_esteig": "0,0.1,0,1.1",
+    "ksp_chebyshev_esteig_steps": 12,
 }
-SMOOTHER |= {"ksp_chebyshev_esteig": "0,0.1,0,1.1", "ksp_chebyshev_esteig_steps": 12}
 FACTORISATION = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
-# aggressive on the finest level alone; aggregates of one node leave zero rows, which only jacobi
-# takes
-AGGREGATION: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "gamg", "pc_mg_cycle_type": "w"}
-AGGREGATION |= {
+# Coarsening is aggressive on the finest level only. Aggregates of one node leave zero rows, which
+# only "jacobi" accepts.
+AGGREGATION: dict[str, Any] = {
+    "ksp_type": "preonly",
+    "pc_type": "gamg",
+    "pc_mg_cycle_type": "w",
     "pc_gamg_agg_nsmooths": 1,
     "pc_gamg_threshold": 0,
     "pc_gamg_aggressive_coarsening": 1,
-}
-AGGREGATION |= {"pc_gamg_coarse_eq_limit": 1000, "pc_gamg_esteig_ksp_type": "cg"}
-AGGREGATION |= {
+    "pc_gamg_coarse_eq_limit": 1000,
+    "pc_gamg_esteig_ksp_type": "cg",
     "mg_levels_ksp_type": "chebyshev",
     "mg_levels_ksp_max_it": 2,
     "mg_levels_pc_type": "jacobi",
@@ -47,8 +51,9 @@ AGGREGATION |= {
 
 
 class Multigrid:
-    """One cycle for the stiffness over a problem's displacements; built for one solution, and good
-    near it.
+    """One multigrid cycle as a preconditioner of the displacement block of the tangent.
+
+    It is built for one solution, and good near it.
     """
 
     def __init__(self, problem: Problem, fine: DisplacementStiffness):
@@ -66,9 +71,8 @@ class Multigrid:
         interpolation = compat.interpolation_matrix(linear, space)
         is_free = self._coarse.matrix.createVecRight()
         is_free.set(1.0)
-        is_free.array[self._coarse.constrained_dofs] = (
-            0.0  # a held dof would move those beside it by a force over 1
-        )
+        # The unit diagonal entry of a constrained dof would give it a correction without meaning
+        is_free.array[self._coarse.constrained_dofs] = 0.0
         interpolation.diagonalScale(R=is_free)
         self._pc.setMGInterpolation(1, interpolation)
         self._pc.getMGCoarseSolve().setOperators(self._coarse.matrix)
@@ -86,13 +90,12 @@ class Multigrid:
             self._pc.setFromOptions()
 
     def rebuild(self) -> None:
-        """Build the levels for the present solution."""
+        """Build the hierarchy for the present solution."""
         self._coarse.assemble()
-        self._pc.getMGCoarseSolve().setOperators(self._coarse.matrix)  # or it is not factored again
-        levels = (
-            self._pc,
-            self._pc.getMGCoarseSolve().getPC(),
-        )  # kept with their factors; the diagonal is the matrix's
+        # Without setting the operators again PETSc would not factor them again
+        self._pc.getMGCoarseSolve().setOperators(self._coarse.matrix)
+        # Their factors are kept until the next call; the smoother follows the matrix
+        levels = (self._pc, self._pc.getMGCoarseSolve().getPC())
         for pc in levels:
             pc.setReusePreconditioner(False)
         with default_options(self._options, PREFIX):
@@ -101,11 +104,12 @@ class Multigrid:
             pc.setReusePreconditioner(True)
 
     def apply(self, residual: PETSc.Vec, correction: PETSc.Vec) -> None:
-        """One cycle from zero."""
+        """Apply one cycle, starting from zero."""
         self._pc.apply(residual, correction)
 
 
 def _rigid_modes(space: fem.FunctionSpace) -> PETSc.NullSpace:
+    """Return the orthonormal rigid-body modes of a space of displacements."""
     X = space.tabulate_dof_coordinates()
     dim = space.dofmap.index_map_bs
     owned = space.dofmap.index_map.size_local
