@@ -25,7 +25,7 @@ INEXACT_REDUCTION = 1e-2
 
 
 class Iterative:
-    """Solves one system after another: `assemble`, then `apply` as a preconditioner of PETSc's SNES."""
+    """Krylov solver of the tangent: `assemble`, then `apply` as a preconditioner of SNES."""
 
     def __init__(self, problem: Problem):
         self.iterations = 0
