@@ -38,19 +38,20 @@ ROOMS: dict[str, set[str]] = {
     "cli": {"studies", "fitting", "run", "config", "results", "process"},
 }
 
-# The same inside fe; `environment` and `kernels` are the process's side of dolfinx.
+# The same inside fe; `dolfinx_loading` and `kernel_cache` are the process's side of dolfinx.
 FE: dict[str, set[str]] = {
     "compat": set(),
-    "environment": {"compat"},
-    "kernels": set(),
+    "dolfinx_loading": {"compat"},
+    "kernel_cache": set(),
     "mesh": {"compat"},
-    "observe": {"compat"},
-    "discrete_body": {"compat", "mesh", "observe"},
-    "terms": {"compat", "discrete_body", "observe"},
+    "surface": {"compat"},
+    "postprocessing": {"compat", "surface"},
+    "discrete_body": {"compat", "mesh", "surface"},
+    "terms": {"compat", "discrete_body", "surface"},
     "problem": {"compat", "discrete_body", "terms"},
-    "path": {"observe", "terms"},
-    "solve": {"compat", "discrete_body", "observe", "terms", "problem", "path"},
-    "condensed": {"discrete_body", "observe", "terms", "path", "solve"},
+    "path": {"postprocessing", "surface", "terms"},
+    "solve": {"compat", "discrete_body", "postprocessing", "surface", "terms", "problem", "path"},
+    "condensed": {"discrete_body", "postprocessing", "surface", "terms", "path", "solve"},
 }
 FE["solver"] = set(FE)  # the door
 
@@ -331,9 +332,9 @@ def test_what_make_check_runs_starts_no_process_and_solves_nothing() -> None:
 
 def test_imports_are_found_wherever_they_stand() -> None:
     assert "indent_sim.fe.solver" in set(
-        imports(PACKAGE / "run" / "simulation.py")
+        imports(PACKAGE / "run" / "single_run.py")
     )  # inside a function
-    assert "mpi4py" in set(imports(PACKAGE / "run" / "chain.py"))
+    assert "mpi4py" in set(imports(PACKAGE / "run" / "pipeline.py"))
     assert "indent_sim.theory.solution" in set(imports(PACKAGE / "theory" / "layer.py"))  # relative
 
 
