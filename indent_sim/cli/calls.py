@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 from indent_sim.config.scene_file import SceneInput, is_study
 from indent_sim.process.errors import UsageError
 from indent_sim.results import compare as comparisons
-from indent_sim.results import folder, reader
-from indent_sim.results.folder import Report
+from indent_sim.results import output_folder as folder
+from indent_sim.results import reader
+from indent_sim.results.output_folder import Report
 from indent_sim.results.reader import Results
 from indent_sim.results.writer import json_data
 from indent_sim.run import sensitivities as derivatives

@@ -822,7 +822,7 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
     one side by side, spread over the path.
     """
     from indent_sim.results import reader
-    from indent_sim.results.folder import folder_kind
+    from indent_sim.results.output_folder import folder_kind
     from indent_sim.results.pictures import figures, panels
 
     options = {name: value for name, value in wish.items() if value}
@@ -850,7 +850,7 @@ STUDY_PLOT_OPTIONS = ("what", "dpi")  # options of a picture that one of a study
 
 def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, Any]) -> None:
     """Draw the curves of a study, or a column of its table over what varies."""
-    from indent_sim.results.folder import RUNS
+    from indent_sim.results.output_folder import RUNS
     from indent_sim.results.pictures import figures
     from indent_sim.studies import curve_table, small_multiples, study_picture, study_report
 
@@ -888,8 +888,8 @@ def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, A
 
 def _write_tab(runs: list[Results], options: dict[str, Any], output: Path) -> None:
     """Write the force curve of a result as a .tab file."""
-    from indent_sim.results.folder import write_atomically
     from indent_sim.results.measured.tab_file import tab_text
+    from indent_sim.results.output_folder import write_atomically
 
     if options or len(runs) > 1:
         raise UsageError(
@@ -918,7 +918,7 @@ def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> N
     Prints its path.
     """
     from indent_sim.results import html_report as reports
-    from indent_sim.results.folder import is_own_file
+    from indent_sim.results.output_folder import is_own_file
 
     if not folder.is_dir():
         raise UsageError(f"{folder} is no folder of a result, a study or a fit")
@@ -941,7 +941,7 @@ def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> N
 
 def _own_file_names(folder: Path) -> Sequence[str]:
     """Names of what this program writes into a folder of this kind."""
-    from indent_sim.results.folder import FIELDS_FOLDER, RESULT_FILES, folder_kind
+    from indent_sim.results.output_folder import FIELDS_FOLDER, RESULT_FILES, folder_kind
 
     match folder_kind(folder):
         case "study":
@@ -958,7 +958,7 @@ def _own_file_names(folder: Path) -> Sequence[str]:
 def _report_page(folder: Path) -> str:
     """The report of what a folder holds."""
     from indent_sim.results import html_report as reports
-    from indent_sim.results.folder import folder_kind
+    from indent_sim.results.output_folder import folder_kind
 
     match folder_kind(folder):
         case "study":
@@ -986,7 +986,7 @@ def init(kind: str, output: Path | None) -> None:
     from importlib.resources import files
 
     from indent_sim.config.json_schema import json_schema
-    from indent_sim.results.folder import write_atomically
+    from indent_sim.results.output_folder import write_atomically
     from indent_sim.results.writer import to_json
 
     output = output or Path(f"{kind}.yaml")
@@ -1188,7 +1188,7 @@ class StderrHandler(logging.Handler):
 
 def _report_kept_rows(directory: Path, end: BaseException) -> None:
     """Where the rows of a run that failed are, and that a finished one is still there."""
-    from indent_sim.results.folder import read_report
+    from indent_sim.results.output_folder import read_report
 
     report = read_report(directory)
     if report.get("status") == "done":
@@ -1201,7 +1201,7 @@ def _report_kept_rows(directory: Path, end: BaseException) -> None:
 
 
 def _print_conclusion(outcome: Outcome, form: OutputFormat, told: Verbosity) -> None:
-    from indent_sim.results.folder import read_report
+    from indent_sim.results.output_folder import read_report
     from indent_sim.results.reader import has_reactions, rows_of
 
     if form == "json":

@@ -32,10 +32,10 @@ from indent_sim.process.errors import BackendError, ConfigError, NotConverged, U
 from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
 from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
-from indent_sim.results import folder as results
-from indent_sim.results.folder import FIT, PROGRAM, read_report, write_atomically
+from indent_sim.results import output_folder as results
 from indent_sim.results.measured.curve_file import curve_files, read_curves
 from indent_sim.results.measured.measurement import MeasuredCurve, NoCurve
+from indent_sim.results.output_folder import FIT, PROGRAM, read_report, write_atomically
 from indent_sim.results.writer import to_json
 from indent_sim.run.planned_run import PlannedRun
 

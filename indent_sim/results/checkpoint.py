@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from indent_sim.results.folder import Report, read_regular_file, write_atomically
+from indent_sim.results.output_folder import Report, read_regular_file, write_atomically
 
 CHECKPOINT = "checkpoint.h5"
 SavedEquilibrium = tuple[

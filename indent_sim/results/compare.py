@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.process.errors import UsageError, VerificationError
-from indent_sim.results.folder import TABLE, Report
 from indent_sim.results.measured.measurement import curve_parts
+from indent_sim.results.output_folder import TABLE, Report
 from indent_sim.results.reader import (
     COMPARED_COLUMNS,
     MEASURED,

@@ -18,7 +18,7 @@ from indent_sim.model.symbols import ADHESION_SYMBOLS
 from indent_sim.process.errors import UsageError
 from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
-from indent_sim.results.folder import (
+from indent_sim.results.output_folder import (
     CONFIG,
     CRATE,
     CRATE_SIGNATURE,

@@ -11,7 +11,7 @@ from typing import Any
 from indent_sim.config.scene_file import load_result_config, to_mapping
 from indent_sim.config.strict_yaml import inline_yaml, leaf_values, parse
 from indent_sim.process.errors import ConfigError, UsageError
-from indent_sim.results.folder import (
+from indent_sim.results.output_folder import (
     CONFIG,
     Report,
     has_rows,

@@ -34,9 +34,9 @@ from indent_sim.model.state import (
 )
 from indent_sim.process.errors import BackendError, ConfigError, UsageError
 from indent_sim.process.repr_tables import ReprTable
-from indent_sim.results import folder as result_folder
+from indent_sim.results import output_folder as result_folder
 from indent_sim.results import tables
-from indent_sim.results.folder import (
+from indent_sim.results.output_folder import (
     CONFIG,
     PROGRAM,
     REPORT,

@@ -15,7 +15,7 @@ from indent_sim.config.schema import Config
 from indent_sim.model.body import AnyBody, Ball
 from indent_sim.model.tips import Indenter, RegularPyramid, Sphere, max_radius
 from indent_sim.process.errors import IndentSimError
-from indent_sim.results.folder import CONFIG, read_regular_file
+from indent_sim.results.output_folder import CONFIG, read_regular_file
 
 SectionCurve = tuple[np.ndarray, np.ndarray]  # (s, z)
 # of a surface: sections of a whole turn, and points of each

@@ -21,9 +21,10 @@ from indent_sim.model.state import DERIVED_COLUMNS, STATE_COLUMNS, State, Surfac
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.signals import defer_signals
 from indent_sim.process.version import VERSION
-from indent_sim.results import checkpoint, folder, tables
+from indent_sim.results import checkpoint, tables
+from indent_sim.results import output_folder as folder
 from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
-from indent_sim.results.folder import (
+from indent_sim.results.output_folder import (
     CONFIG,
     PROGRAM,
     REPORT,

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import (
+from indent_sim.results.output_folder import (
     FIELDS_FOLDER,
     KeptStates,
     append_atomically,

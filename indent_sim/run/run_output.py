@@ -16,7 +16,7 @@ from indent_sim.process.errors import IndentSimError, printable
 from indent_sim.process.ranks import FailureConsensus, SerialComm, run_on_root
 from indent_sim.process.signals import raise_pending_signal
 from indent_sim.results.checkpoint import Checkpoint
-from indent_sim.results.folder import REPORT, read_report, write_atomically
+from indent_sim.results.output_folder import REPORT, read_report, write_atomically
 from indent_sim.results.reader import PreviousRun
 from indent_sim.results.writer import ResultFolder, to_json
 

@@ -20,8 +20,8 @@ from typing import Any
 from indent_sim.process.errors import UsageError
 from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
-from indent_sim.results import folder as results
-from indent_sim.results.folder import PROGRAM, REPORT, RUNS, read_report, write_atomically
+from indent_sim.results import output_folder as results
+from indent_sim.results.output_folder import PROGRAM, REPORT, RUNS, read_report, write_atomically
 from indent_sim.results.overwrite_protection import MAX_DIFFERENCES, free_folder_name, is_finished
 from indent_sim.results.reader import Results, read_run
 from indent_sim.results.writer import to_json

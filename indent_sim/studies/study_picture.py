@@ -16,7 +16,7 @@ from textwrap import wrap
 import numpy as np
 
 from indent_sim.config.strict_yaml import short_yaml
-from indent_sim.results.folder import Report
+from indent_sim.results.output_folder import Report
 from indent_sim.results.pictures import figures
 from indent_sim.results.pictures.axes import axis_of_column, picture_text
 from indent_sim.results.pictures.curves import smooth_curve

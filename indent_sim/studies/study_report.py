@@ -9,8 +9,8 @@ from functools import partial
 from pathlib import Path
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import RUNS, Report, read_regular_file, read_report
 from indent_sim.results.html_report import Picture, render_page, thinned_table
+from indent_sim.results.output_folder import RUNS, Report, read_regular_file, read_report
 from indent_sim.results.pictures import figures
 from indent_sim.studies import curve_table, study_picture, study_table
 from indent_sim.studies.reference import scoreboard

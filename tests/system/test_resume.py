@@ -28,7 +28,7 @@ from indent_sim.config.scene_file import load
 from indent_sim.fe.path.load_stepping import LoadStepper
 from indent_sim.fe.path.pull_off import PullPoint
 from indent_sim.model.loading import LoadPath
-from indent_sim.results import folder
+from indent_sim.results import output_folder as folder
 from indent_sim.results.reader import read
 from indent_sim.results.tip_geometry import scene_of
 from indent_sim.results.xdmf import FieldWriter

@@ -10,7 +10,7 @@ import numpy as np
 
 from indent_sim.model.symbols import lookup
 from indent_sim.process.errors import UsageError, printable
-from indent_sim.results.folder import Report
+from indent_sim.results.output_folder import Report
 from indent_sim.results.reader import Results
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from indent_sim.results.folder import Report, read_report
+from indent_sim.results.output_folder import Report, read_report
 from indent_sim.results.pictures.axes import Axis, axis_of_column, time_axis
 from indent_sim.results.pictures.curves import Interpolator, smooth_curve
 from indent_sim.results.pictures.figures import (

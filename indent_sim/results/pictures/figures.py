@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import is_own_file, write_atomically
+from indent_sim.results.output_folder import is_own_file, write_atomically
 from indent_sim.results.pictures.axes import picture_text
 
 if TYPE_CHECKING:

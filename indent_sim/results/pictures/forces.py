@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import Report
+from indent_sim.results.output_folder import Report
 from indent_sim.results.pictures import curves, figures
 from indent_sim.results.pictures.axes import (
     Axis,

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import Report
+from indent_sim.results.output_folder import Report
 from indent_sim.results.pictures import curves
 from indent_sim.results.pictures.axes import axis_of_column, plan_choice, time_axis
 from indent_sim.results.pictures.curves import Points, smooth_curve

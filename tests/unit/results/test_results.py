@@ -28,9 +28,10 @@ from indent_sim.process.errors import (
     VerificationError,
 )
 from indent_sim.process.signals import defer_signals
-from indent_sim.results import folder, tables, xdmf
+from indent_sim.results import output_folder as folder
+from indent_sim.results import tables, xdmf
 from indent_sim.results.compare import compare
-from indent_sim.results.folder import write_atomically
+from indent_sim.results.output_folder import write_atomically
 from indent_sim.results.reader import previous_run, read, rows_of
 from indent_sim.results.tip_geometry import tip_mesh
 from indent_sim.results.writer import ResultFolder, to_json
