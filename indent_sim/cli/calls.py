@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from indent_sim.config.scene_file import SceneInput, is_study
 from indent_sim.process.errors import UsageError
-from indent_sim.results import compare as comparisons
-from indent_sim.results import output_folder as folder
-from indent_sim.results import reader
-from indent_sim.results.output_folder import Report
+from indent_sim.results import compare, reader, result_files
+from indent_sim.results.json_text import json_data
 from indent_sim.results.reader import Results
-from indent_sim.results.writer import json_data
+from indent_sim.results.result_files import Report
 from indent_sim.run import sensitivities as derivatives
 from indent_sim.run.pipeline import config_of
 from indent_sim.run.planned_run import plan_with_cost
@@ -50,7 +48,7 @@ def read(path: str | Path) -> Results | Study:
     """
     return (
         run_study.read_study(Path(path))
-        if folder.folder_kind(Path(path)) == "study"
+        if result_files.folder_kind(Path(path)) == "study"
         else reader.read(path)
     )
 
@@ -78,14 +76,14 @@ def require(given: SceneInput, within: float = 0.01) -> Report:
 def compare(
     first: Result,
     second: Result,
-    rtol: comparisons.Tolerances = comparisons.DEFAULT_RTOL,
+    rtol: compare.Tolerances = compare.DEFAULT_RTOL,
     columns: Sequence[str] | None = None,
 ) -> Report:
     """Two results or measured curves row by row: the object of `indent-sim compare --json`;
     `differences` is empty where they agree.
     """
     A, B = (result.path if isinstance(result, Results) else result for result in (first, second))
-    return json_data(comparisons.compare(A, B, rtol, columns).as_json())
+    return json_data(compare.compare(A, B, rtol, columns).as_json())
 
 
 def study(
@@ -153,7 +151,7 @@ def plot(
             problem = f"a study is drawn as curves, or as one of {', '.join(small_multiples.PLOTTED_COLUMNS)}"
             raise UsageError(f"{problem}: give one of its runs for other panels")
         curve_groups = curve_table.group_folder_curves(
-            shown.directory / folder.RUNS, shown.rows, shown.keys
+            shown.directory / result_files.RUNS, shown.rows, shown.keys
         )
         if not curve_groups.curves:
             raise UsageError(f"{shown.directory} has no run that is done")

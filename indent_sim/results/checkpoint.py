@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from indent_sim.results.output_folder import Report, read_regular_file, write_atomically
+from indent_sim.results.atomic_files import read_regular_file, write_atomically
+from indent_sim.results.result_files import Report
 
 CHECKPOINT = "checkpoint.h5"
 SavedEquilibrium = tuple[

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,29 +9,32 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.process.errors import UsageError, VerificationError
-from indent_sim.results.measured.measurement import curve_parts
-from indent_sim.results.output_folder import TABLE, Report
+from indent_sim.results.common_units import convert_to_common_units, refuse_different_units
+from indent_sim.results.csv_table import header_of, read_table
 from indent_sim.results.reader import (
     COMPARED_COLUMNS,
     MEASURED,
     Results,
-    convert_to_common_units,
     force_table_path,
-    header_of,
     read,
-    read_table,
-    refuse_different_units,
     report_of,
+)
+from indent_sim.results.result_files import TABLE, Report
+from indent_sim.results.table_interpolation import (
+    MIN_ROWS,
+    Table,
+    history_chord_error,
+    interpolate_table,
+    rows_by_occurrence,
+    values_at_times,
 )
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, WORD_COLUMNS
 
 MAX_DIFFERENCES = 10  # differences told one by one
 DEFAULT_RTOL = 1e-6
-MIN_ROWS = 3  # rows of a table that is interpolated
 # relative: depths that are one; share of the rows that must have one to be matched by name
 SAME_PLACE_RTOL = 1e-9
 MIN_MATCHED_FRACTION = 0.5
-Table = dict[str, np.ndarray]
 Tolerances = float | Mapping[str, float]  # of all columns, or by column
 
 
@@ -172,8 +174,8 @@ def _compare_tables(
         for name, r in _column_tolerances(rtol, columns, default_columns).items()
         if name in A and name in B
     }
-    rows_of_A = _rows_by_occurrence(A[key])
-    rows_of_B = _rows_by_occurrence(B[key])
+    rows_of_A = rows_by_occurrence(A[key])
+    rows_of_B = rows_by_occurrence(B[key])
     common = [name for name in rows_of_A if name in rows_of_B]
     matched_A, matched_B = (
         np.array([places[name] for name in common], dtype=int) for places in (rows_of_A, rows_of_B)
@@ -266,7 +268,7 @@ def _compare_by_time(
     number_tolerances = {
         name: rtol for name, rtol in tolerances.items() if name not in WORD_COLUMNS
     }
-    values, is_chord = _values_at_times(dense, t, tuple(number_tolerances))
+    values, is_chord = values_at_times(dense, t, tuple(number_tolerances))
     sides = {name: (values[name][inside], sparse[name][inside]) for name in number_tolerances}
     pairs = {
         name: np.column_stack(pair if is_first_denser else pair[::-1])
@@ -274,7 +276,7 @@ def _compare_by_time(
     }
     differences = [f"t {value:.10g} is in {sparse_path} alone" for value in t[~inside]]
     worst, value_differences = _find_differences("t", t[inside], pairs, number_tolerances)
-    interpolated = (dense_path, _history_chord_error(dense)) if is_chord[inside].any() else None
+    interpolated = (dense_path, history_chord_error(dense)) if is_chord[inside].any() else None
     fields = (
         tuple(t[inside]),
         "t",
@@ -284,39 +286,6 @@ def _compare_by_time(
         (*differences, *value_differences),
     )
     return Comparison(*fields, interpolation=interpolated)
-
-
-def _values_at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[Table, np.ndarray]:
-    """The columns of a history at times, and where they are of no row but of a chord."""
-    reverse = slice(
-        None, None, -1
-    )  # at a jump the last row of a time is the one after it, whether that before is there
-    rows = _rows_by_occurrence(dense["t"][reverse])
-    wanted = _rows_by_occurrence(t[reverse])
-    matched_rows = {
-        len(t) - 1 - k: len(dense["t"]) - 1 - rows[time]
-        for time, k in wanted.items()
-        if time in rows
-    }
-    columns = {name: np.interp(t, dense["t"], dense[name]) for name in names}
-    for name, column in columns.items():
-        column[list(matched_rows)] = dense[name][list(matched_rows.values())]
-    return columns, ~np.isin(np.arange(len(t)), list(matched_rows))
-
-
-def _history_chord_error(history: Table) -> float:
-    """What chords of a history miss of its force, relative to the largest one: between its jumps
-    and corners.
-    """
-    t = history["t"]
-    force = history["force"]
-    corners = history["branch"][1:] != history["branch"][:-1] if "branch" in history else False
-    pieces = np.split(np.arange(len(t)), np.flatnonzero((np.diff(t) == 0) | corners) + 1)
-    largest = float(np.nanmax(np.abs(force), initial=0.0)) or 1.0
-    return (
-        max(_interpolation_error(t[piece], force[piece], is_smooth=False) for piece in pieces)
-        / largest
-    )
 
 
 def _compare_by_depth(
@@ -330,7 +299,7 @@ def _compare_by_depth(
         ((A, B), paths) if is_first_denser else ((B, A), paths[::-1])
     )
     names = [name for name in tolerances if name not in (*WORD_COLUMNS, "delta")]
-    rows, values, error = _interpolate_table(dense, sparse, names)
+    rows, values, error = interpolate_table(dense, sparse, names)
     if not len(rows):
         return None
     sides = {name: (values[name], sparse[name][rows]) for name in names}
@@ -351,74 +320,6 @@ def _compare_by_depth(
         (*differences, *value_differences),
     )
     return Comparison(*fields, interpolation=(dense_path, error))
-
-
-def _interpolate_table(
-    dense: Table, sparse: Table, names: Sequence[str]
-) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
-    """The rows of the sparse table inside the dense one's range, the dense one's columns there, and
-    what that misses of its force at most, relative to the largest one; approach and retraction
-    apart.
-    """
-    parts = [curve_parts(table["delta"]) for table in (dense, sparse)]
-    rows: list[np.ndarray] = []
-    values: dict[str, list[np.ndarray]] = {name: [] for name in names}
-    is_smooth = "step" in dense  # a measured curve has none, and noise
-    error = 0.0
-    largest = float(np.nanmax(np.abs(dense["force"]), initial=0.0)) or 1.0
-    for part in ("approach", "retract"):
-        if not all(part in pieces for pieces in parts):
-            continue
-        dense_rows, sparse_rows = (
-            np.arange(len(t["delta"]))[pieces[part]]
-            for t, pieces in zip((dense, sparse), parts, strict=True)
-        )
-        order = dense_rows[np.argsort(dense["delta"][dense_rows], kind="stable")]
-        x = dense["delta"][order]
-        sparse_x = sparse["delta"][sparse_rows]
-        inside = (sparse_x >= x[0]) & (sparse_x <= x[-1])
-        rows.append(sparse_rows[inside])
-        for name in names:
-            values[name].append(_interpolate(sparse_x[inside], x, dense[name][order], is_smooth))
-        error = max(error, _interpolation_error(x, dense["force"][order], is_smooth) / largest)
-    joined = {name: np.concatenate([np.empty(0), *pieces]) for name, pieces in values.items()}
-    return np.concatenate([np.empty(0, dtype=int), *rows]), joined, error
-
-
-def _interpolate(x_new: np.ndarray, x: np.ndarray, y: np.ndarray, is_smooth: bool) -> np.ndarray:
-    """Values between points in order of x: of a smooth curve by power laws through neighbours, else
-    by chords.
-    """
-    values = np.interp(x_new, x, y)
-    k = np.clip(np.searchsorted(x, x_new), 1, max(len(x) - 1, 1))
-    if not is_smooth or len(x) < 2:
-        return values
-    low = k - 1
-    high = k
-    is_power_law = (x[low] > 0) & (y[low] > 0) & (y[high] > 0) & (x[high] > x[low])
-    with np.errstate(all="ignore"):
-        power = np.log(y[high] / y[low]) / np.log(x[high] / x[low])
-        power_values = y[low] * (x_new / x[low]) ** power
-    return np.where(is_power_law, power_values, values)
-
-
-def _interpolation_error(x: np.ndarray, y: np.ndarray, is_smooth: bool) -> float:
-    """What interpolation misses at most: a quarter of what it misses at a point that is left out,
-    between neighbours twice as far apart.
-    """
-    if len(x) < MIN_ROWS:
-        return 0.0
-    largest_error = 0.0
-    for first in (0, 1):
-        kept_x = x[first::2]
-        left_out_x = x[1 - first :: 2]
-        inside = (left_out_x > kept_x[0]) & (left_out_x < kept_x[-1])
-        interpolated = _interpolate(left_out_x[inside], kept_x, y[first::2], is_smooth)
-        largest_error = max(
-            largest_error,
-            float(np.nanmax(np.abs(interpolated - y[1 - first :: 2][inside]), initial=0.0)),
-        )
-    return 0.25 * largest_error
 
 
 def _force_tables(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, Table]:
@@ -497,16 +398,6 @@ def _refuse_missing(name: str, tables: Mapping[str, Table]) -> None:
     for path, table in tables.items():
         if name not in table:
             raise UsageError(f"{path} has no column '{name}'; it has {', '.join(table)}")
-
-
-def _rows_by_occurrence(column: np.ndarray) -> dict[tuple[str, int], int]:
-    """The place of the k-th occurrence of every value; values are the same to 10 digits."""
-    counts: Counter[str] = Counter()
-    rows = {}
-    for i, name in enumerate(f"{value:.9e}" for value in column):
-        rows[name, counts[name]] = i
-        counts[name] += 1
-    return rows
 
 
 def _relative_difference(pair: np.ndarray) -> np.ndarray:

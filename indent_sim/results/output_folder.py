@@ -13,291 +13,40 @@ from __future__ import annotations
 
 import errno
 import fcntl
-import json
 import os
-import re
 import shutil
 import stat
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Literal
 
 from indent_sim.process.errors import IndentSimError, UsageError
 from indent_sim.process.limits import write_error
-
-PROGRAM = "indent-sim"
-LOCK = ".lock"
-HIDDEN_NAMES = {LOCK, ".staging", ".old"}
-REPORT = "run.json"
-TABLE = "force_indentation.csv"
-CONFIG = "config.yaml"
-# in the folder of a study
-STUDY = "study.json"
-RUNS = "runs"
-FIT = "fit.json"  # in the folder of a fit
-CRATE = "ro-crate-metadata.json"  # what an archive of research data reads
-MESH_FILE = "body.msh"  # the mesh of a body that came from a file
-RESULT_FILES = {
+from indent_sim.results.atomic_files import temporary_path
+from indent_sim.results.result_files import (
+    FIELDS_FOLDER,
+    HIDDEN_NAMES,
+    LOCK,
+    LOCK_SIGNATURE,
+    PROGRAM,
     REPORT,
-    TABLE,
-    CONFIG,
-    MESH_FILE,
-    "surface.csv",
-    "fields.xdmf",
-    "tip.xdmf",
-    "checkpoint.h5",
-}
-RESULT_FILES |= {
-    "experiment.csv",
-    "dynamic.csv",
-    "force_indentation.png",
-    "experiment.png",
-    "report.html",
-    CRATE,
-}
-RESULT_FILES |= {"fields.h5"}  # of version 0.1.0
-# What begins a file of ours that anybody might have under that name; nobody else writes the rest of
-# RESULT_FILES there
-PICTURE_SIGNATURE = b"Software\0indent-sim"
-# Written by runs, in place of what has that name
-RUN_FILE_SIGNATURES = {
-    "force_indentation.png": PICTURE_SIGNATURE,
-    "experiment.png": PICTURE_SIGNATURE,
-    "experiment.csv": b",branch",
-}
-CRATE_SIGNATURE = "RO-Crate of indent-sim"
-FILE_SIGNATURES = RUN_FILE_SIGNATURES | {
-    "report.html": b'content="indent-sim ',
-    CRATE: CRATE_SIGNATURE.encode(),
-}
-FIELDS_FOLDER = "fields"  # a folder inside, and what in it is ours, finished or not
-FIELD_FILE = re.compile(r"(mesh|step-\d+)\.h5|\.(mesh|step-\d+)\.h5\.new")
-LOCK_SIGNATURE = b"indent-sim\n"  # how a lock begins that this program made
-MAX_RESULT_BYTES = 10**9  # of a file that is read back
+    RESULT_FILES,
+    delete_own_fields,
+    delete_own_files,
+    entry_names,
+    field_files,
+    folder_kind,
+    foreign_files,
+    has_rows,
+    is_own_folder,
+    is_own_lock,
+    refuse_foreign,
+    refuse_links,
+)
+
 RESERVED_BYTES = (
     64 * 1024
 )  # bytes in the lock file, given back on a full disk so that run.json can say so
-KeptStates = Literal["none", "last", "all"]  # states of which a file keeps something
-Report = dict[
-    str, Any
-]  # what run.json or study.json says: numbers, words, lists and mappings of them
-
-
-def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: bool = True) -> None:
-    """Replace a file by new content, which may come in parts, at once: a reader or a kill sees the
-    old file or the new one.
-    """
-    parts: Iterable[str | bytes] = [content] if isinstance(content, str | bytes) else content
-    temporary = _temporary_path(path)
-    try:
-        with open(_open_new(temporary), "wb") as file:
-            for part in parts:
-                file.write(part.encode() if isinstance(part, str) else part)
-            file.flush()
-            if sync:
-                os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError:
-        with suppress(OSError):
-            temporary.unlink()
-        raise
-
-
-def _open_new(path: Path) -> int:
-    """A new file opened for writing, in place of one of a write that was killed, or of a link to
-    somewhere else.
-    """
-    for _ in range(2):
-        with suppress(FileExistsError):
-            return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
-        path.unlink(missing_ok=True)
-    raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
-
-
-def _temporary_path(path: Path) -> Path:
-    return path.with_name(f".{path.name}.new")
-
-
-def sync_to_disk(path: Path) -> None:
-    """Wait until the disk has a file."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def append_atomically(path: Path, data: bytes, sync: bool = True, tail: bytes = b"") -> None:
-    """Append in one write, or not at all: what a full disk cut off is taken back.
-
-    The file ends in `tail`, still.
-    """
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666)
-    try:
-        size = os.fstat(descriptor).st_size
-        try:
-            if os.pwrite(descriptor, data + tail, size - len(tail)) != len(data + tail):
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
-        except OSError:
-            os.pwrite(descriptor, tail, size - len(tail))
-            os.ftruncate(descriptor, size)
-            raise
-        if sync:
-            os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def read_regular_file(path: Path) -> bytes:
-    """The bytes of a regular file; OSError when it is something else, which might never end, or
-    longer than 1 GB.
-    """
-    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise OSError(errno.EINVAL, "not a regular file", str(path))
-        data = file.read(MAX_RESULT_BYTES + 1)
-    if len(data) > MAX_RESULT_BYTES:
-        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
-    return data
-
-
-def read_report(folder: Path, name: str = REPORT) -> Report:
-    """The run.json of a folder as it stands; empty when there is none or it is not this program's,
-    UsageError when it may not be read.
-    """
-    try:
-        report = json.loads(read_regular_file(folder / name))
-    except PermissionError as error:
-        raise UsageError(
-            f"cannot read {folder / name}: {error.strerror}", file=str(folder / name)
-        ) from error
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return report if isinstance(report, dict) and report.get("program") == PROGRAM else {}
-
-
-def folder_kind(folder: Path) -> Literal["nothing", "run", "study", "fit", "other"]:
-    """What a folder holds; nothing where there is none, or only what a run or a study that was
-    killed at once left.
-
-    UsageError when it is no folder, or cannot be read.
-    """
-    if _is_absent(folder):
-        return "nothing"
-    names = entry_names(
-        folder,
-        (
-            name
-            for name in HIDDEN_NAMES
-            if is_own_folder(folder / name) or _is_own_lock(folder / name)
-        ),
-    )
-    if read_report(folder):
-        return "run"
-    if read_report(folder, STUDY):
-        return "study"
-    if read_report(folder, FIT):
-        return "fit"
-    is_begun = (
-        names <= {LOCK, RUNS}
-        and not entry_names(folder / RUNS, ())
-        and not (folder / RUNS).is_symlink()
-    )
-    lock = folder / LOCK  # in which a run killed right then has written nothing; a study never does
-    is_empty = not os.path.lexists(lock) or (lock.is_file() and lock.stat().st_size == 0)
-    return "nothing" if not names or (is_begun and is_empty) else "other"
-
-
-def _is_absent(path: Path) -> bool:
-    """Whether nothing stands at this path."""
-    try:
-        os.lstat(path)
-    except FileNotFoundError:
-        return True
-    except OSError:  # somebody may know
-        return False
-    return False
-
-
-def is_own_file(path: Path) -> bool:
-    """Whether a file with the name of one of ours is ours."""
-    with suppress(OSError):
-        sign = FILE_SIGNATURES.get(path.name, PICTURE_SIGNATURE if path.suffix == ".png" else b"")
-        return not path.is_symlink() and sign in read_regular_file(path)[:1000]
-    return False
-
-
-def is_own_folder(folder: Path) -> bool:
-    """Whether this program made a folder: its lock or its run.json says so."""
-    return (
-        folder.is_dir()
-        and not folder.is_symlink()
-        and (_is_own_lock(folder / LOCK) or bool(read_report(folder)))
-    )
-
-
-def delete_own_files(folder: Path) -> None:
-    """Delete this program's files in a folder of its own, what says so last; the folder too when
-    nothing is left.
-    """
-    for name in (".staging", ".old"):
-        if is_own_folder(folder / name):
-            delete_own_files(folder / name)
-    _delete_own_fields(folder / FIELDS_FOLDER)
-    names = sorted(RESULT_FILES, key=lambda name: name == REPORT)
-    for path in (
-        [folder / name for name in names]
-        + [_temporary_path(folder / name) for name in names]
-        + [folder / LOCK]
-    ):
-        if path.name not in FILE_SIGNATURES or is_own_file(path):
-            _unlink_file(path)
-    with suppress(OSError):
-        folder.rmdir()
-
-
-def _unlink_file(path: Path) -> None:
-    if path.is_symlink() or path.is_file():
-        path.unlink()
-
-
-def field_files(fields: Path) -> list[Path]:
-    """This program's files in a folder of fields, none where that is a link or no folder."""
-    if fields.is_symlink() or not fields.is_dir():
-        return []
-    return [path for path in fields.iterdir() if FIELD_FILE.fullmatch(path.name)]
-
-
-def _delete_own_fields(fields: Path) -> None:
-    """Delete this program's files in a folder of fields, and the folder when nothing else is in it;
-    a link alone.
-    """
-    for path in [*field_files(fields), *([fields] if fields.is_symlink() else [])]:
-        _unlink_file(path)
-    with suppress(OSError):
-        fields.rmdir()
-
-
-def refuse_links(folder: Path) -> None:
-    """UsageError when one of the files that a run would go on writing is a link, or no file: it may
-    be anything.
-    """
-    fields = folder / FIELDS_FOLDER
-    if os.path.lexists(fields) and (fields.is_symlink() or not fields.is_dir()):
-        raise UsageError(f"{fields} is a link, or no folder: nothing is written through it")
-    for path in [*(folder / name for name in sorted(RESULT_FILES | {LOCK})), *field_files(fields)]:
-        with suppress(FileNotFoundError):
-            file_status = path.lstat()
-            if not stat.S_ISREG(file_status.st_mode) or file_status.st_nlink > 1:
-                raise UsageError(f"{path} is a link, or no file: nothing is written through it")
-
-
-def has_rows(folder: Path) -> bool:
-    """Whether the folder's force table holds at least one complete row."""
-    with suppress(OSError):
-        return read_regular_file(folder / TABLE).count(b"\n") > 1
-    return False
 
 
 class OutputFolder:
@@ -342,7 +91,7 @@ class OutputFolder:
             descriptor = _open_locked(self.target / LOCK, self.target)
             _sign_lock(descriptor)
             for name in RESULT_FILES:  # of a write that was killed
-                _temporary_path(self.target / name).unlink(missing_ok=True)
+                temporary_path(self.target / name).unlink(missing_ok=True)
             for path in field_files(self.target / FIELDS_FOLDER):
                 if path.name.startswith("."):
                     path.unlink()
@@ -470,7 +219,7 @@ class OutputFolder:
             return
         if (self.target / REPORT).exists():
             self._delete_old()
-        elif not self.target.exists() or not _is_own_lock(
+        elif not self.target.exists() or not is_own_lock(
             self._old_folder / LOCK
         ):  # it was renamed whole
             if self.target.exists():  # what stands there now came later
@@ -481,9 +230,9 @@ class OutputFolder:
             if not (self._old_folder / REPORT).exists():  # the target was empty before
                 for name in RESULT_FILES:
                     (self.target / name).unlink(missing_ok=True)
-                _delete_own_fields(self.target / FIELDS_FOLDER)
+                delete_own_fields(self.target / FIELDS_FOLDER)
             if (self._old_folder / FIELDS_FOLDER).is_dir():
-                _delete_own_fields(self.target / FIELDS_FOLDER)
+                delete_own_fields(self.target / FIELDS_FOLDER)
             for entry in self._old_folder.iterdir():
                 if entry.name != LOCK:
                     os.replace(entry, self.target / entry.name)
@@ -504,7 +253,7 @@ class OutputFolder:
     def _delete_old(self) -> None:
         if not self._old_folder.is_dir():
             return
-        _delete_own_fields(self._old_folder / FIELDS_FOLDER)  # what is left of it is not ours
+        delete_own_fields(self._old_folder / FIELDS_FOLDER)  # what is left of it is not ours
         _move_missing(self._old_folder, self.target, foreign_files(self._old_folder))
         if (self._old_folder / FIELDS_FOLDER).is_dir():
             _move_missing(
@@ -515,16 +264,6 @@ class OutputFolder:
         delete_own_files(self._old_folder)
 
 
-def foreign_files(folder: Path) -> set[str]:
-    """The names of what stands in a result folder and is not ours."""
-    names = entry_names(folder, HIDDEN_NAMES)
-    return {
-        name
-        for name in names
-        if name not in RESULT_FILES or (name in FILE_SIGNATURES and not is_own_file(folder / name))
-    }
-
-
 def _move_missing(source: Path, target: Path, names: Iterable[str]) -> None:
     """Move entries of a folder into another, but for those whose names it has."""
     for name in names:
@@ -532,88 +271,9 @@ def _move_missing(source: Path, target: Path, names: Iterable[str]) -> None:
             shutil.move(source / name, target / name)
 
 
-def refuse_foreign(
-    target: Path, kind: str = "run", written: Iterable[str] = RUN_FILE_SIGNATURES
-) -> None:
-    """UsageError where a run (a study) would take the place of what is not ours."""
-    if _is_absent(target):
-        return
-    kind_found = folder_kind(target)
-    if kind_found not in ("nothing", kind):
-        problem_text = (
-            "is not empty and was not made by"
-            if kind_found == "other"
-            else f"holds a {kind_found} of"
-        )
-        raise UsageError(f"{target} {problem_text} {PROGRAM}", "choose another --output")
-    for path in (target / name for name in written):
-        if os.path.lexists(path) and not is_own_file(path):
-            problem = f"{path} was not made by {PROGRAM}, and would be replaced"
-            raise UsageError(problem, "move it, or choose another --output", str(path))
-
-
-def config_file_entries(file: str, folder: Path) -> dict[str, str]:
-    """How run.json names the config file of a run: by its path, and as seen from the folder; both
-    may move together.
-    """
-    path = os.path.realpath(file)
-    return (
-        {"config": path, "config_from_here": os.path.relpath(path, os.path.realpath(folder))}
-        if file
-        else {}
-    )
-
-
-def is_same_config_file(theirs: Report, ours: Report, folder: Path) -> bool:
-    """Whether two runs are of one config file, by what their run.json say; a run that names no file
-    is of any.
-    """
-    their_request = theirs.get("asked")
-    our_request = ours.get("asked")
-    if not (
-        isinstance(their_request, dict)
-        and isinstance(our_request, dict)
-        and "config" in their_request
-        and "config" in our_request
-    ):
-        return True
-    return any(
-        their_request.get(name) == path
-        for name, path in config_file_entries(our_request["config"], folder).items()
-    )
-
-
-def _is_own_lock(lock: Path) -> bool:
-    with (
-        suppress(OSError),
-        open(os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file,
-    ):
-        return (
-            stat.S_ISREG(os.fstat(file.fileno()).st_mode)
-            and file.read(len(LOCK_SIGNATURE)) == LOCK_SIGNATURE
-        )
-    return False
-
-
 def _sign_lock(descriptor: int) -> None:
     """Say in a lock that it is this program's, with its ballast behind."""
     os.pwrite(descriptor, LOCK_SIGNATURE.ljust(RESERVED_BYTES, b"\0"), 0)
-
-
-def entry_names(path: Path, excluded: Iterable[str]) -> set[str]:
-    """Names in a folder, none when there is no folder; UsageError when it is something else or
-    cannot be read.
-    """
-    try:
-        if not path.exists():
-            return set()
-        if not path.is_dir():
-            raise UsageError(f"{path} is not a folder")
-        return {entry.name for entry in path.iterdir()} - set(excluded)
-    except OSError as error:
-        raise UsageError(
-            f"cannot read {path}: {error.strerror or error}", file=str(path)
-        ) from error
 
 
 def _open_locked(path: Path, target: Path, flags: int = os.O_CREAT) -> int:

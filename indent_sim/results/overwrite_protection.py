@@ -11,12 +11,12 @@ from typing import Any
 from indent_sim.config.scene_file import load_result_config, to_mapping
 from indent_sim.config.strict_yaml import inline_yaml, leaf_values, parse
 from indent_sim.process.errors import ConfigError, UsageError
-from indent_sim.results.output_folder import (
+from indent_sim.results.atomic_files import read_regular_file
+from indent_sim.results.result_files import (
     CONFIG,
     Report,
     has_rows,
     is_same_config_file,
-    read_regular_file,
     read_report,
 )
 

@@ -30,7 +30,7 @@ from indent_sim.model.state import (
     Surface,
 )
 from indent_sim.process.errors import UsageError
-from indent_sim.results.output_folder import write_atomically
+from indent_sim.results.atomic_files import write_atomically
 
 SURFACE = "surface.csv"
 EXPERIMENT = "experiment.csv"

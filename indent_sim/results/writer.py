@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import math
 import os
-import re
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from json.encoder import encode_basestring
 from pathlib import Path
-from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -21,26 +16,25 @@ from indent_sim.model.state import DERIVED_COLUMNS, STATE_COLUMNS, State, Surfac
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.signals import defer_signals
 from indent_sim.process.version import VERSION
-from indent_sim.results import checkpoint, tables
-from indent_sim.results import output_folder as folder
+from indent_sim.results import atomic_files, checkpoint, output_folder, result_files, tables
+from indent_sim.results.atomic_files import append_atomically, write_atomically
 from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
-from indent_sim.results.output_folder import (
+from indent_sim.results.field_arrays import ARRAYS, OPTIONAL_ARRAYS
+from indent_sim.results.field_writer import FieldWriter
+from indent_sim.results.json_text import to_json
+from indent_sim.results.overwrite_protection import refuse_overwrite
+from indent_sim.results.previous_run import PreviousRun, previous_run
+from indent_sim.results.result_files import (
     CONFIG,
     PROGRAM,
     REPORT,
     TABLE,
     KeptStates,
     Report,
-    append_atomically,
     read_report,
-    write_atomically,
 )
-from indent_sim.results.overwrite_protection import refuse_overwrite
-from indent_sim.results.reader import PreviousRun, previous_run
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, SURFACE
-from indent_sim.results.xdmf import ARRAYS, OPTIONAL_ARRAYS, FieldWriter
 
-ENCODER = json.JSONEncoder(allow_nan=False, ensure_ascii=False)
 WRITER_ENTRIES = {
     "program",
     "version",
@@ -108,7 +102,7 @@ class ResultFolder:
 
     def __enter__(self) -> ResultFolder:
         with defer_signals():
-            self._output = folder.OutputFolder(self._target, self._refuse_overwrite)
+            self._output = output_folder.OutputFolder(self._target, self._refuse_overwrite)
             self._appears_at_end = (
                 self._guard and read_report(self._output.target).get("status") == "done"
             )
@@ -137,7 +131,7 @@ class ResultFolder:
     def _write_first_files(self) -> None:
         """Write what was given, and the head of the table."""
         first_files: dict[str, str | Iterable[str]] = {CONFIG: self._config_yaml}
-        first_files |= {folder.MESH_FILE: self._mesh} if self._mesh else {}
+        first_files |= {result_files.MESH_FILE: self._mesh} if self._mesh else {}
         self._unsynced_files = tuple(first_files)
         for name, content in (first_files | {TABLE: ",".join(self._columns) + "\n"}).items():
             write_atomically(self.path / name, content, self._next_write_syncs)
@@ -298,7 +292,7 @@ class ResultFolder:
     def _sync_files(self, *names: str) -> None:
         """Wait until the disk has these files, and what was given."""
         for name in (*self._unsynced_files, *names):
-            folder.sync_to_disk(self.path / name)
+            atomic_files.sync_to_disk(self.path / name)
         self._unsynced_files = ()
 
     def _rename_into_place(self) -> None:
@@ -345,65 +339,6 @@ class ResultFolder:
             raise NotConverged(
                 f"cannot write results: {error.strerror or error}; {kept}"
             ) from error
-
-
-def to_json(value: Any, indent: int | None = 2) -> str:
-    """Strict JSON: what is not finite becomes null; dataclasses, paths and numpy numbers become
-    plain.
-    """
-    data = json_data(value)
-    text = ENCODER.encode(data) if indent is None else _indented_json(data, "\n", " " * indent)
-    return re.sub(
-        "[\ud800-\udfff]", lambda lone: f"\\u{ord(lone.group()):04x}", text
-    )  # of a file name in no encoding
-
-
-def _indented_json(value: Any, line: str, step: str) -> str:
-    """JSON with a line for each entry of a mapping and of a list of such, which json itself writes
-    slowly.
-    """
-    kind = type(value)
-    if kind is str:
-        return encode_basestring(value)
-    if kind is float or kind is int:
-        return repr(value)
-    inner = line + step
-    if kind is dict and value:
-        parts = [
-            f"{encode_basestring(key)}: {_indented_json(part, inner, step)}"
-            for key, part in value.items()
-        ]
-        return f"{{{inner}{f',{inner}'.join(parts)}{line}}}"
-    if kind is list and any(type(part) in (dict, list) for part in value):
-        return f"[{inner}{f',{inner}'.join(_indented_json(part, inner, step) for part in value)}{line}]"
-    return ENCODER.encode(value)
-
-
-def json_data(value: Any) -> Any:
-    """The same as numbers, words, lists and dictionaries; None for a number that is not finite."""
-    kind = type(value)
-    if kind in (str, int, bool, NoneType):
-        return value
-    if kind is float:
-        return value if math.isfinite(value) else None
-    if kind is tuple or kind is list:
-        return [json_data(part) for part in value]
-    match value:  # what is rarer
-        case Mapping():
-            return {str(key): json_data(part) for key, part in value.items()}
-        case str() | int():
-            return value
-        case np.generic() | np.ndarray():
-            return json_data(value.tolist())
-        case float():
-            return json_data(float(value))
-        case list() | tuple() | set() | frozenset():
-            return [json_data(part) for part in value]
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {
-            part.name: json_data(getattr(value, part.name)) for part in dataclasses.fields(value)
-        }
-    return str(value)
 
 
 def _final_status(error: BaseException | None) -> tuple[str, int, str]:

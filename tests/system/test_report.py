@@ -290,7 +290,7 @@ def test_in_a_browser_nothing_stands_out_of_the_page(tmp_path, make, width):
 
 def test_numbers_in_the_page_are_those_of_the_table():
     """The deepest row, not the last: after unloading that is empty."""
-    from indent_sim.results.html_report import _key_numbers
+    from indent_sim.results.run_report import _key_numbers
 
     result = a_result(units={"length": "m", "force": "N"})
     result.table["force"][-1], result.table["delta"][-1] = 0.0, 0.0

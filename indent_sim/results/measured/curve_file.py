@@ -12,10 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from indent_sim.process.errors import UsageError
+from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.measured import afm_file, nanoscope_file
 from indent_sim.results.measured.delimited_text import read_text_curve
 from indent_sim.results.measured.measurement import SI, MeasuredCurve
-from indent_sim.results.output_folder import read_regular_file
 
 TAB_METADATA = re.compile(r"# BEGIN METADATA\n(.*?)# END METADATA", re.DOTALL)  # of a .tab file
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")

@@ -10,8 +10,8 @@ import numpy as np
 
 from indent_sim.model.symbols import lookup
 from indent_sim.process.errors import UsageError, printable
-from indent_sim.results.output_folder import Report
 from indent_sim.results.reader import Results
+from indent_sim.results.result_files import Report
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

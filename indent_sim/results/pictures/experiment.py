@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from indent_sim.results.output_folder import Report, read_report
 from indent_sim.results.pictures.axes import Axis, axis_of_column, time_axis
 from indent_sim.results.pictures.curves import Interpolator, smooth_curve
 from indent_sim.results.pictures.figures import (
@@ -26,6 +25,7 @@ from indent_sim.results.pictures.figures import (
 )
 from indent_sim.results.pictures.run_names import config_by_key
 from indent_sim.results.reader import read, read_history
+from indent_sim.results.result_files import Report, read_report
 from indent_sim.results.tables import EXPERIMENT
 
 EXPERIMENT_PICTURE = "experiment.png"

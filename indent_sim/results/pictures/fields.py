@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from indent_sim.process.errors import UsageError
+from indent_sim.results.field_reader import read_fields
 from indent_sim.results.pictures.axes import (
     Axis,
     horizontal_axis_name,
@@ -29,8 +30,7 @@ from indent_sim.results.pictures.figures import (
 from indent_sim.results.pictures.pressure import panel_title
 from indent_sim.results.pictures.profile import draw_tip
 from indent_sim.results.reader import Results
-from indent_sim.results.tip_geometry import scene_of
-from indent_sim.results.xdmf import read_fields
+from indent_sim.results.result_scene import scene_of
 
 # Contact radii or depths around the tip that are shown, and of a thin body at least
 FIELD_VIEW = 3.0

@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.output_folder import is_own_file, write_atomically
+from indent_sim.results.atomic_files import write_atomically
 from indent_sim.results.pictures.axes import picture_text
+from indent_sim.results.result_files import is_own_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.output_folder import Report
+from indent_sim.results.common_units import convert_to_common_units, refuse_different_units
 from indent_sim.results.pictures import curves, figures
 from indent_sim.results.pictures.axes import (
     Axis,
@@ -29,13 +29,9 @@ from indent_sim.results.pictures.figures import (
 )
 from indent_sim.results.pictures.pressure import draw_pressure, largest_force_step
 from indent_sim.results.pictures.run_names import natural_sort_key, run_names
-from indent_sim.results.reader import (
-    MEASURED,
-    Results,
-    convert_to_common_units,
-    refuse_different_units,
-)
-from indent_sim.results.tip_geometry import has_adhesion
+from indent_sim.results.reader import MEASURED, Results
+from indent_sim.results.result_files import Report
+from indent_sim.results.result_scene import has_adhesion
 
 ACCURACY_NOTE = "the accuracy asked for is that of the force"  # beside a pressure
 ERROR_LABEL = "estimated error"

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.output_folder import Report
 from indent_sim.results.pictures import curves
 from indent_sim.results.pictures.axes import axis_of_column, plan_choice, time_axis
 from indent_sim.results.pictures.curves import Points, smooth_curve
@@ -25,6 +24,7 @@ from indent_sim.results.pictures.figures import (
 )
 from indent_sim.results.pictures.forces import subtitle
 from indent_sim.results.reader import Results
+from indent_sim.results.result_files import Report
 
 # inches of a panel, and the width of one that is alone
 PANEL_SIZE = (4.6, 3.5)

@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from indent_sim.process.errors import UsageError
+from indent_sim.results.field_reader import steps_with_fields
 from indent_sim.results.pictures import curves, figures, history
 from indent_sim.results.pictures.axes import BASE_UNITS, SHOWN_UNITS
 from indent_sim.results.pictures.fields import FieldRow, find_field
@@ -27,7 +28,6 @@ from indent_sim.results.pictures.pressure import (
 )
 from indent_sim.results.pictures.profile import draw_profiles
 from indent_sim.results.reader import Results
-from indent_sim.results.xdmf import steps_with_fields
 
 PANEL_KINDS = ("force", "time", "pressure", "pressure_x", "pressure_y", "profile", "fields", "film")
 STEP_PANELS = ("pressure", "pressure_x", "pressure_y", "profile", "fields", "film")

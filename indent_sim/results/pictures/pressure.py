@@ -31,7 +31,7 @@ from indent_sim.results.pictures.figures import (
 )
 from indent_sim.results.pictures.profile import values_on_line
 from indent_sim.results.reader import Results
-from indent_sim.results.tip_geometry import scene_of
+from indent_sim.results.result_scene import scene_of
 
 # Medians inside the contact up to which a peak is shown: beside a singular edge nothing else would
 # be seen

@@ -11,7 +11,8 @@ from indent_sim.config.schema import Config
 from indent_sim.results.pictures.axes import Axis, plan_choice, scaled_axis, tip_axis_position
 from indent_sim.results.pictures.figures import GREY, Axes
 from indent_sim.results.reader import Results
-from indent_sim.results.tip_geometry import contacts_per_body, scene_of, section
+from indent_sim.results.result_scene import contacts_per_body, scene_of
+from indent_sim.results.tip_geometry import section
 
 PROFILE_VIEW = 3.0  # contact radii around the tip that are shown
 TRUE_SCALE_RATIO = 0.12  # height of the frame over its width below which heights are magnified

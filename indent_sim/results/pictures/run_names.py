@@ -9,8 +9,9 @@ from pathlib import Path
 from indent_sim.config import strict_yaml
 from indent_sim.config.strict_yaml import short_yaml
 from indent_sim.process.errors import ConfigError
-from indent_sim.results.output_folder import CONFIG, Report, read_regular_file
+from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.reader import Results
+from indent_sim.results.result_files import CONFIG, Report
 
 MOST_NAME_LETTERS = 48  # of a name
 

@@ -72,7 +72,7 @@ def test_units_of_titles_stand_over_those_given(titles, units):
         return
     curve = read(titles + "\n" + rows(","), given={"length": "m", "force": "N"})
     assert (curve.units["length"], curve.units["force"]) == units
-    in_scene = curve.in_units({"length": "um", "force": "nN"})
+    in_scene = curve.convert_units({"length": "um", "force": "nN"})
     factors = {"um": 1, "nN": 1, "nm": 1e-3, "µN": 1e3, "mm": 1e3, "mN": 1e6, "m": 1e6, "N": 1e9}
     np.testing.assert_allclose(
         in_scene.x(in_scene.along("delta")), DEPTHS * factors[units[0]], **DIGITS
@@ -86,7 +86,7 @@ def test_a_unit_needs_one_in_the_scene():
     with pytest.raises(
         ConfigError, match="the curve has the length in um, and the scene says no unit"
     ):
-        read("depth [um],force\n" + rows(",")).in_units({"length": "", "force": ""})
+        read("depth [um],force\n" + rows(",")).convert_units({"length": "", "force": ""})
 
 
 def test_titles_in_another_language_are_told_by_their_units():

@@ -11,57 +11,38 @@ from __future__ import annotations
 
 import html
 import io
-import re
-from collections.abc import Collection, Mapping
-from contextlib import suppress
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from indent_sim.process.errors import UsageError
-from indent_sim.results.output_folder import (
-    FIELDS_FOLDER,
-    KeptStates,
-    append_atomically,
-    field_files,
-    read_regular_file,
-    write_atomically,
+from indent_sim.results.atomic_files import append_atomically, read_regular_file, write_atomically
+from indent_sim.results.field_arrays import (
+    ARRAYS,
+    FIELDS_MESH_FILE,
+    GRID_PATTERN,
+    MESH_ARRAYS,
+    TIP_ARRAYS,
+    XDMF_FILE,
+    XDMF_TAIL,
+    ArrayLayout,
+    ArrayLayouts,
+    read_arrays,
+    step_file,
+    vectors_in_3d,
 )
+from indent_sim.results.result_files import FIELDS_FOLDER, KeptStates, field_files
 
 TOPOLOGY_TYPES = {2: "Polyline", 3: "Triangle", 4: "Tetrahedron"}
-ArrayLayout = tuple[
-    str, str, tuple[int, ...]
-]  # where the values of an array are, what each is, and its shape
-ArrayLayouts = dict[str, ArrayLayout]
-TIP_ARRAYS: ArrayLayouts = {"displacement": ("Node", "Vector", (3,))}
-ARRAYS = TIP_ARRAYS | {"pressure": ("Node", "Scalar", ()), "stress": ("Cell", "Tensor", (9,))}
-ARRAYS |= {"von_mises": ("Cell", "Scalar", ()), "principal_stresses": ("Cell", "Vector", (3,))}
-ARRAYS |= dict.fromkeys(("J", "energy_density"), ("Cell", "Scalar", ()))
-# Where the tip drags on the surface; where there is fluid in the pores; of gels
-OPTIONAL_ARRAYS: ArrayLayouts = dict.fromkeys(("shear", "pore_pressure"), ("Node", "Scalar", ()))
-OPTIONAL_ARRAYS |= dict.fromkeys(("fluid_content", "swelling"), ("Cell", "Scalar", ()))
-OPTIONAL_ARRAYS |= {
-    "nodal_stress": ("Node", "Tensor", (9,)),
-    "nodal_von_mises": ("Node", "Scalar", ()),
-}  # on request
-MESH_ARRAYS: ArrayLayouts = {"region": ("Cell", "Scalar", ())}  # beside the mesh
-XDMF_FILE = "fields.xdmf"
 TIP_XDMF_FILE = "tip.xdmf"
-FIELDS_MESH_FILE = "mesh.h5"
 OLD_FIELDS_FILE = "fields.h5"
-GRID_PATTERN = re.compile(
-    r'<Grid Name="step (?P<step>\d{1,9})".*?<Time Value="(?P<time>[^"]*)".*?'
-    r'Name="delta" Value="(?P<delta>[^"]*)".*?</Grid>\n',
-    re.DOTALL,
-)
 XDMF_HEAD = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n<Domain>\n'
 XDMF_COLLECTION = '<Grid Name="indent-sim" GridType="Collection" CollectionType="Temporal">\n'
 BLANK_ESCAPES = str.maketrans(
     {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
 )  # which an attribute would not keep
-XDMF_TAIL = "</Grid>\n</Domain>\n</Xdmf>\n"
 
 
 @dataclass(frozen=True)
@@ -137,7 +118,7 @@ class FieldWriter:
             for name in self._arrays
         }
         arrays["tip_displacement"] = self._tip.displacement(delta).astype("<f8")
-        write_atomically(self._fields_folder / _step_file(step), _hdf5_bytes(arrays), sync=False)
+        write_atomically(self._fields_folder / step_file(step), _hdf5_bytes(arrays), sync=False)
         self._last_time = (
             float(step) if t is None else max(t, np.nextafter(self._last_time, np.inf))
         )
@@ -161,7 +142,7 @@ class FieldWriter:
         use.
         """
         try:
-            mesh = _read_arrays(self._fields_folder / FIELDS_MESH_FILE)
+            mesh = read_arrays(self._fields_folder / FIELDS_MESH_FILE)
             if not all(np.array_equal(mesh[name], values) for name, values in self._mesh.items()):
                 return None
             grids = GRID_PATTERN.finditer(
@@ -176,8 +157,7 @@ class FieldWriter:
                 if state_values[0] <= done
             ]
             files = (
-                _read_arrays(self._fields_folder / _step_file(state.step))
-                for state in stored_states
+                read_arrays(self._fields_folder / step_file(state.step)) for state in stored_states
             )  # one in memory at a time
             are_whole = all(
                 file[name].shape == self._array_shape(name)
@@ -217,7 +197,7 @@ class FieldWriter:
         points, cells = (self._mesh[f"{prefix}{name}"] for name in ("points", "cells"))
         counts = {"Node": len(points), "Cell": len(cells)}
         items = [
-            _attribute_xml(name, kind, counts, _step_file(step), prefix)
+            _attribute_xml(name, kind, counts, step_file(step), prefix)
             for name, kind in arrays.items()
         ]
         items += [
@@ -250,73 +230,10 @@ class FieldWriter:
                 + XDMF_TAIL
             )
             write_atomically(self.directory / name, text, sync=False)
-        named = {FIELDS_MESH_FILE, *(_step_file(state.step) for state in self._stored_states)}
+        named = {FIELDS_MESH_FILE, *(step_file(state.step) for state in self._stored_states)}
         for path in field_files(self._fields_folder):
             if path.name not in named:
                 path.unlink()
-
-
-def missing_field_files(folder: Path) -> list[str]:
-    """The files of fields that a finished run left in its folder and that are missing or damaged
-    now, by name.
-    """
-    text = _read_index(folder)
-    steps = _indexed_steps(text)
-    if not (steps and text.endswith(XDMF_TAIL)):
-        return [XDMF_FILE]
-    wanted = {FIELDS_MESH_FILE: {"points", "cells"}} | {
-        _step_file(step): set(ARRAYS) for step in steps
-    }
-    fields = folder / FIELDS_FOLDER
-    return [
-        f"{FIELDS_FOLDER}/{name}"
-        for name, arrays in wanted.items()
-        if not arrays <= _array_names(fields / name)
-    ]
-
-
-def steps_with_fields(folder: Path, rows: Collection[float]) -> list[int]:
-    """The steps whose fields are in a result folder, of those that have rows: fields are written
-    before their row.
-    """
-    return [step for step in _indexed_steps(_read_index(folder)) if step in rows]
-
-
-def _read_index(folder: Path) -> str:
-    """The text of fields.xdmf; "" where it cannot be read."""
-    with suppress(OSError, ValueError):
-        return read_regular_file(folder / XDMF_FILE).decode("utf-8")
-    return ""
-
-
-def _indexed_steps(index: str) -> list[int]:
-    return [int(grid["step"]) for grid in GRID_PATTERN.finditer(index)]
-
-
-def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
-    """The mesh (points (n, 3) [length], cells, region) and the fields of a kept step; UsageError
-    when damaged.
-    """
-    try:
-        arrays = _read_arrays(folder / FIELDS_FOLDER / FIELDS_MESH_FILE) | _read_arrays(
-            folder / FIELDS_FOLDER / _step_file(step)
-        )
-        counts = {"Node": len(arrays["points"]), "Cell": len(arrays["cells"])}
-        optional_layouts = {name: kind for name, kind in OPTIONAL_ARRAYS.items() if name in arrays}
-        kinds = ARRAYS | MESH_ARRAYS | optional_layouts
-        if all(arrays[name].shape == (counts[kinds[name][0]], *kinds[name][2]) for name in kinds):
-            return arrays
-        raise ValueError("its arrays do not belong together")
-    except Exception as error:  # HDF5 has an error for every way of being damaged
-        raise UsageError(f"the fields of step {step} in {folder} cannot be read: {error}") from None
-
-
-def vectors_in_3d(vectors: np.ndarray) -> np.ndarray:
-    """(n, 2) vectors of the (x, z) plane as (n, 3); (n, 3) as they are."""
-    vectors = np.asarray(vectors, dtype=float)
-    if vectors.shape[1] == 3:
-        return vectors
-    return np.column_stack([vectors[:, 0], np.zeros(len(vectors)), vectors[:, 1]])
 
 
 def _information_xml(name: str, value: str) -> str:
@@ -326,10 +243,6 @@ def _information_xml(name: str, value: str) -> str:
 def _quote_attribute(text: str) -> str:
     """A value of an attribute. xml.sax would do, but loads what fetches pages from the internet."""
     return f'"{html.escape(text).translate(BLANK_ESCAPES)}"'
-
-
-def _step_file(step: int) -> str:
-    return f"step-{step}.h5"
 
 
 def _attribute_xml(
@@ -360,18 +273,3 @@ def _hdf5_bytes(arrays: dict[str, np.ndarray]) -> bytes:
         for name, values in arrays.items():
             file[name] = values
     return buffer.getvalue()
-
-
-def _array_names(path: Path) -> set[str]:
-    """The names of what an HDF5 file holds, none when it is damaged."""
-    with suppress(Exception):  # HDF5 has an error for every way of being damaged
-        return set(_read_arrays(path))
-    return set()
-
-
-def _read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """What an HDF5 file holds; any exception when it is damaged."""
-    import h5py
-
-    with h5py.File(io.BytesIO(read_regular_file(path)), "r") as file:
-        return {name: values[()] for name, values in file.items()}

@@ -1,0 +1,90 @@
+"""TODO."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
+MAX_RESULT_BYTES = 10**9  # of a file that is read back
+
+
+def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: bool = True) -> None:
+    """Replace a file by new content, which may come in parts, at once: a reader or a kill sees the
+    old file or the new one.
+    """
+    parts: Iterable[str | bytes] = [content] if isinstance(content, str | bytes) else content
+    temporary = temporary_path(path)
+    try:
+        with open(_open_new(temporary), "wb") as file:
+            for part in parts:
+                file.write(part.encode() if isinstance(part, str) else part)
+            file.flush()
+            if sync:
+                os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except OSError:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+
+
+def _open_new(path: Path) -> int:
+    """A new file opened for writing, in place of one of a write that was killed, or of a link to
+    somewhere else.
+    """
+    for _ in range(2):
+        with suppress(FileExistsError):
+            return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        path.unlink(missing_ok=True)
+    raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+
+
+def temporary_path(path: Path) -> Path:
+    return path.with_name(f".{path.name}.new")
+
+
+def sync_to_disk(path: Path) -> None:
+    """Wait until the disk has a file."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def append_atomically(path: Path, data: bytes, sync: bool = True, tail: bytes = b"") -> None:
+    """Append in one write, or not at all: what a full disk cut off is taken back.
+
+    The file ends in `tail`, still.
+    """
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+    try:
+        size = os.fstat(descriptor).st_size
+        try:
+            if os.pwrite(descriptor, data + tail, size - len(tail)) != len(data + tail):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        except OSError:
+            os.pwrite(descriptor, tail, size - len(tail))
+            os.ftruncate(descriptor, size)
+            raise
+        if sync:
+            os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def read_regular_file(path: Path) -> bytes:
+    """The bytes of a regular file; OSError when it is something else, which might never end, or
+    longer than 1 GB.
+    """
+    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "not a regular file", str(path))
+        data = file.read(MAX_RESULT_BYTES + 1)
+    if len(data) > MAX_RESULT_BYTES:
+        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+    return data

@@ -1,0 +1,106 @@
+"""TODO."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from indent_sim.process.errors import UsageError
+from indent_sim.results import tables
+from indent_sim.results.atomic_files import read_regular_file
+from indent_sim.results.tables import EXPERIMENT
+
+MAX_HEADER_BYTES = 10_000  # bytes
+
+
+def header_of(path: Path) -> list[str]:
+    """The titles in the first line of a table with commas; none where nothing can be read."""
+    try:
+        with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
+            line = file.read(MAX_HEADER_BYTES).split(b"\n")[0]
+    except OSError:
+        return []
+    return [name.strip() for name in line.decode("latin-1").split(",")]
+
+
+LARGEST_NUMBER = 1e150  # a number whose square and cube are numbers too
+
+
+def read_table(
+    path: Path, needed: Sequence[str], unknown: Sequence[str] = (), words: Sequence[str] = ()
+) -> dict[str, np.ndarray]:
+    """The columns of a CSV file with a header; a last line without its newline was torn and is
+    dropped.
+
+    UsageError when it is no such file. Numbers of the `needed` columns are finite, but in those
+    that may be `unknown`; there, and in other columns, an empty cell is NaN. Columns of `words` are
+    text as it stands.
+    """
+    if path.name == EXPERIMENT and not words:
+        problem = (
+            f"{path} is the table of an experiment: its picture is experiment.png in the "
+            "result folder"
+        )
+        raise UsageError(problem, file=str(path))
+    try:
+        text = read_regular_file(path).decode("utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot read {path}: {error.strerror or error}", file=str(path)) from None
+    except ValueError:
+        raise UsageError(
+            f"{path} is not a table of numbers with a header: not UTF-8 text", file=str(path)
+        ) from None
+    lines = [line for line in text[: text.rfind("\n") + 1].split("\n") if line.strip()]
+    if not lines:
+        raise UsageError(f"{path} is empty", file=str(path))
+    header = [name.strip() for name in lines[0].split(",")]
+    for name in (*needed, *unknown):
+        if name not in header:
+            raise UsageError(
+                f"{path} has no column '{name}': not a table of results", file=str(path)
+            )
+    if len(set(header)) < len(header):
+        raise UsageError(f"{path} has two columns of one name", file=str(path))
+    rows = [
+        _parse_row(line, header, words, f"{path}: line {number}")
+        for number, line in enumerate(lines[1:], start=2)
+    ]
+    cells = list(zip(*rows, strict=True)) or [()] * len(header)
+    columns = {
+        name: np.array(cells[i], dtype=str if name in words else float)
+        for i, name in enumerate(header)
+    }
+    for name in needed:
+        if name not in unknown and not np.isfinite(columns[name]).all():
+            raise UsageError(
+                f"{path}: column '{name}' holds a cell that is no number", file=str(path)
+            )
+    return columns
+
+
+def _parse_row(
+    line: str, header: Sequence[str], words: Sequence[str], place: str
+) -> list[float | str]:
+    cells = line.split(",")
+    if len(cells) != len(header):
+        raise UsageError(
+            f"{place} has {len(cells)} cells, the header {len(header)}: no table of numbers"
+        )
+    named = enumerate(zip(header, cells, strict=True), start=1)
+    return [
+        cell if name in words else _parse_number(cell, f"{place}, column {n}")
+        for n, (name, cell) in named
+    ]
+
+
+def _parse_number(cell: str, place: str) -> float:
+    try:
+        value = tables.parse_number(cell)
+    except ValueError:
+        raise UsageError(f"{place} is not a number: no table of numbers with a header") from None
+    if abs(value) > LARGEST_NUMBER:
+        raise UsageError(f"{place} is no number that a result can hold")
+    return value

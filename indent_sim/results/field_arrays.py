@@ -1,0 +1,56 @@
+"""TODO."""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+
+from indent_sim.results.atomic_files import read_regular_file
+
+ArrayLayout = tuple[
+    str, str, tuple[int, ...]
+]  # where the values of an array are, what each is, and its shape
+ArrayLayouts = dict[str, ArrayLayout]
+TIP_ARRAYS: ArrayLayouts = {"displacement": ("Node", "Vector", (3,))}
+ARRAYS = TIP_ARRAYS | {"pressure": ("Node", "Scalar", ()), "stress": ("Cell", "Tensor", (9,))}
+ARRAYS |= {"von_mises": ("Cell", "Scalar", ()), "principal_stresses": ("Cell", "Vector", (3,))}
+ARRAYS |= dict.fromkeys(("J", "energy_density"), ("Cell", "Scalar", ()))
+# Where the tip drags on the surface; where there is fluid in the pores; of gels
+OPTIONAL_ARRAYS: ArrayLayouts = dict.fromkeys(("shear", "pore_pressure"), ("Node", "Scalar", ()))
+OPTIONAL_ARRAYS |= dict.fromkeys(("fluid_content", "swelling"), ("Cell", "Scalar", ()))
+OPTIONAL_ARRAYS |= {
+    "nodal_stress": ("Node", "Tensor", (9,)),
+    "nodal_von_mises": ("Node", "Scalar", ()),
+}  # on request
+MESH_ARRAYS: ArrayLayouts = {"region": ("Cell", "Scalar", ())}  # beside the mesh
+XDMF_FILE = "fields.xdmf"
+FIELDS_MESH_FILE = "mesh.h5"
+GRID_PATTERN = re.compile(
+    r'<Grid Name="step (?P<step>\d{1,9})".*?<Time Value="(?P<time>[^"]*)".*?'
+    r'Name="delta" Value="(?P<delta>[^"]*)".*?</Grid>\n',
+    re.DOTALL,
+)
+XDMF_TAIL = "</Grid>\n</Domain>\n</Xdmf>\n"
+
+
+def vectors_in_3d(vectors: np.ndarray) -> np.ndarray:
+    """(n, 2) vectors of the (x, z) plane as (n, 3); (n, 3) as they are."""
+    vectors = np.asarray(vectors, dtype=float)
+    if vectors.shape[1] == 3:
+        return vectors
+    return np.column_stack([vectors[:, 0], np.zeros(len(vectors)), vectors[:, 1]])
+
+
+def step_file(step: int) -> str:
+    return f"step-{step}.h5"
+
+
+def read_arrays(path: Path) -> dict[str, np.ndarray]:
+    """What an HDF5 file holds; any exception when it is damaged."""
+    import h5py
+
+    with h5py.File(io.BytesIO(read_regular_file(path)), "r") as file:
+        return {name: values[()] for name, values in file.items()}

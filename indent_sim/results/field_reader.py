@@ -1,0 +1,86 @@
+"""TODO."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from indent_sim.process.errors import UsageError
+from indent_sim.results.atomic_files import read_regular_file
+from indent_sim.results.field_arrays import (
+    ARRAYS,
+    FIELDS_MESH_FILE,
+    GRID_PATTERN,
+    MESH_ARRAYS,
+    OPTIONAL_ARRAYS,
+    XDMF_FILE,
+    XDMF_TAIL,
+    read_arrays,
+    step_file,
+)
+from indent_sim.results.result_files import FIELDS_FOLDER
+
+
+def missing_field_files(folder: Path) -> list[str]:
+    """The files of fields that a finished run left in its folder and that are missing or damaged
+    now, by name.
+    """
+    text = _read_index(folder)
+    steps = _indexed_steps(text)
+    if not (steps and text.endswith(XDMF_TAIL)):
+        return [XDMF_FILE]
+    wanted = {FIELDS_MESH_FILE: {"points", "cells"}} | {
+        step_file(step): set(ARRAYS) for step in steps
+    }
+    fields = folder / FIELDS_FOLDER
+    return [
+        f"{FIELDS_FOLDER}/{name}"
+        for name, arrays in wanted.items()
+        if not arrays <= _array_names(fields / name)
+    ]
+
+
+def steps_with_fields(folder: Path, rows: Collection[float]) -> list[int]:
+    """The steps whose fields are in a result folder, of those that have rows: fields are written
+    before their row.
+    """
+    return [step for step in _indexed_steps(_read_index(folder)) if step in rows]
+
+
+def _read_index(folder: Path) -> str:
+    """The text of fields.xdmf; "" where it cannot be read."""
+    with suppress(OSError, ValueError):
+        return read_regular_file(folder / XDMF_FILE).decode("utf-8")
+    return ""
+
+
+def _indexed_steps(index: str) -> list[int]:
+    return [int(grid["step"]) for grid in GRID_PATTERN.finditer(index)]
+
+
+def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
+    """The mesh (points (n, 3) [length], cells, region) and the fields of a kept step; UsageError
+    when damaged.
+    """
+    try:
+        arrays = read_arrays(folder / FIELDS_FOLDER / FIELDS_MESH_FILE) | read_arrays(
+            folder / FIELDS_FOLDER / step_file(step)
+        )
+        counts = {"Node": len(arrays["points"]), "Cell": len(arrays["cells"])}
+        optional_layouts = {name: kind for name, kind in OPTIONAL_ARRAYS.items() if name in arrays}
+        kinds = ARRAYS | MESH_ARRAYS | optional_layouts
+        if all(arrays[name].shape == (counts[kinds[name][0]], *kinds[name][2]) for name in kinds):
+            return arrays
+        raise ValueError("its arrays do not belong together")
+    except Exception as error:  # HDF5 has an error for every way of being damaged
+        raise UsageError(f"the fields of step {step} in {folder} cannot be read: {error}") from None
+
+
+def _array_names(path: Path) -> set[str]:
+    """The names of what an HDF5 file holds, none when it is damaged."""
+    with suppress(Exception):  # HDF5 has an error for every way of being damaged
+        return set(read_arrays(path))
+    return set()

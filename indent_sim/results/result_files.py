@@ -1,0 +1,295 @@
+"""TODO."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import stat
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Literal
+
+from indent_sim.process.errors import UsageError
+from indent_sim.results.atomic_files import read_regular_file, temporary_path
+
+PROGRAM = "indent-sim"
+LOCK = ".lock"
+HIDDEN_NAMES = {LOCK, ".staging", ".old"}
+REPORT = "run.json"
+TABLE = "force_indentation.csv"
+CONFIG = "config.yaml"
+# in the folder of a study
+STUDY = "study.json"
+RUNS = "runs"
+FIT = "fit.json"  # in the folder of a fit
+CRATE = "ro-crate-metadata.json"  # what an archive of research data reads
+MESH_FILE = "body.msh"  # the mesh of a body that came from a file
+RESULT_FILES = {
+    REPORT,
+    TABLE,
+    CONFIG,
+    MESH_FILE,
+    "surface.csv",
+    "fields.xdmf",
+    "tip.xdmf",
+    "checkpoint.h5",
+}
+RESULT_FILES |= {
+    "experiment.csv",
+    "dynamic.csv",
+    "force_indentation.png",
+    "experiment.png",
+    "report.html",
+    CRATE,
+}
+RESULT_FILES |= {"fields.h5"}  # of version 0.1.0
+# What begins a file of ours that anybody might have under that name; nobody else writes the rest of
+# RESULT_FILES there
+PICTURE_SIGNATURE = b"Software\0indent-sim"
+# Written by runs, in place of what has that name
+RUN_FILE_SIGNATURES = {
+    "force_indentation.png": PICTURE_SIGNATURE,
+    "experiment.png": PICTURE_SIGNATURE,
+    "experiment.csv": b",branch",
+}
+CRATE_SIGNATURE = "RO-Crate of indent-sim"
+FILE_SIGNATURES = RUN_FILE_SIGNATURES | {
+    "report.html": b'content="indent-sim ',
+    CRATE: CRATE_SIGNATURE.encode(),
+}
+FIELDS_FOLDER = "fields"  # a folder inside, and what in it is ours, finished or not
+FIELD_FILE = re.compile(r"(mesh|step-\d+)\.h5|\.(mesh|step-\d+)\.h5\.new")
+LOCK_SIGNATURE = b"indent-sim\n"  # how a lock begins that this program made
+KeptStates = Literal["none", "last", "all"]  # states of which a file keeps something
+Report = dict[
+    str, Any
+]  # what run.json or study.json says: numbers, words, lists and mappings of them
+
+
+def read_report(folder: Path, name: str = REPORT) -> Report:
+    """The run.json of a folder as it stands; empty when there is none or it is not this program's,
+    UsageError when it may not be read.
+    """
+    try:
+        report = json.loads(read_regular_file(folder / name))
+    except PermissionError as error:
+        raise UsageError(
+            f"cannot read {folder / name}: {error.strerror}", file=str(folder / name)
+        ) from error
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return report if isinstance(report, dict) and report.get("program") == PROGRAM else {}
+
+
+def folder_kind(folder: Path) -> Literal["nothing", "run", "study", "fit", "other"]:
+    """What a folder holds; nothing where there is none, or only what a run or a study that was
+    killed at once left.
+
+    UsageError when it is no folder, or cannot be read.
+    """
+    if _is_absent(folder):
+        return "nothing"
+    names = entry_names(
+        folder,
+        (
+            name
+            for name in HIDDEN_NAMES
+            if is_own_folder(folder / name) or is_own_lock(folder / name)
+        ),
+    )
+    if read_report(folder):
+        return "run"
+    if read_report(folder, STUDY):
+        return "study"
+    if read_report(folder, FIT):
+        return "fit"
+    is_begun = (
+        names <= {LOCK, RUNS}
+        and not entry_names(folder / RUNS, ())
+        and not (folder / RUNS).is_symlink()
+    )
+    lock = folder / LOCK  # in which a run killed right then has written nothing; a study never does
+    is_empty = not os.path.lexists(lock) or (lock.is_file() and lock.stat().st_size == 0)
+    return "nothing" if not names or (is_begun and is_empty) else "other"
+
+
+def _is_absent(path: Path) -> bool:
+    """Whether nothing stands at this path."""
+    try:
+        os.lstat(path)
+    except FileNotFoundError:
+        return True
+    except OSError:  # somebody may know
+        return False
+    return False
+
+
+def is_own_file(path: Path) -> bool:
+    """Whether a file with the name of one of ours is ours."""
+    with suppress(OSError):
+        sign = FILE_SIGNATURES.get(path.name, PICTURE_SIGNATURE if path.suffix == ".png" else b"")
+        return not path.is_symlink() and sign in read_regular_file(path)[:1000]
+    return False
+
+
+def is_own_folder(folder: Path) -> bool:
+    """Whether this program made a folder: its lock or its run.json says so."""
+    return (
+        folder.is_dir()
+        and not folder.is_symlink()
+        and (is_own_lock(folder / LOCK) or bool(read_report(folder)))
+    )
+
+
+def delete_own_files(folder: Path) -> None:
+    """Delete this program's files in a folder of its own, what says so last; the folder too when
+    nothing is left.
+    """
+    for name in (".staging", ".old"):
+        if is_own_folder(folder / name):
+            delete_own_files(folder / name)
+    delete_own_fields(folder / FIELDS_FOLDER)
+    names = sorted(RESULT_FILES, key=lambda name: name == REPORT)
+    for path in (
+        [folder / name for name in names]
+        + [temporary_path(folder / name) for name in names]
+        + [folder / LOCK]
+    ):
+        if path.name not in FILE_SIGNATURES or is_own_file(path):
+            _unlink_file(path)
+    with suppress(OSError):
+        folder.rmdir()
+
+
+def _unlink_file(path: Path) -> None:
+    if path.is_symlink() or path.is_file():
+        path.unlink()
+
+
+def field_files(fields: Path) -> list[Path]:
+    """This program's files in a folder of fields, none where that is a link or no folder."""
+    if fields.is_symlink() or not fields.is_dir():
+        return []
+    return [path for path in fields.iterdir() if FIELD_FILE.fullmatch(path.name)]
+
+
+def delete_own_fields(fields: Path) -> None:
+    """Delete this program's files in a folder of fields, and the folder when nothing else is in it;
+    a link alone.
+    """
+    for path in [*field_files(fields), *([fields] if fields.is_symlink() else [])]:
+        _unlink_file(path)
+    with suppress(OSError):
+        fields.rmdir()
+
+
+def refuse_links(folder: Path) -> None:
+    """UsageError when one of the files that a run would go on writing is a link, or no file: it may
+    be anything.
+    """
+    fields = folder / FIELDS_FOLDER
+    if os.path.lexists(fields) and (fields.is_symlink() or not fields.is_dir()):
+        raise UsageError(f"{fields} is a link, or no folder: nothing is written through it")
+    for path in [*(folder / name for name in sorted(RESULT_FILES | {LOCK})), *field_files(fields)]:
+        with suppress(FileNotFoundError):
+            file_status = path.lstat()
+            if not stat.S_ISREG(file_status.st_mode) or file_status.st_nlink > 1:
+                raise UsageError(f"{path} is a link, or no file: nothing is written through it")
+
+
+def has_rows(folder: Path) -> bool:
+    """Whether the folder's force table holds at least one complete row."""
+    with suppress(OSError):
+        return read_regular_file(folder / TABLE).count(b"\n") > 1
+    return False
+
+
+def foreign_files(folder: Path) -> set[str]:
+    """The names of what stands in a result folder and is not ours."""
+    names = entry_names(folder, HIDDEN_NAMES)
+    return {
+        name
+        for name in names
+        if name not in RESULT_FILES or (name in FILE_SIGNATURES and not is_own_file(folder / name))
+    }
+
+
+def refuse_foreign(
+    target: Path, kind: str = "run", written: Iterable[str] = RUN_FILE_SIGNATURES
+) -> None:
+    """UsageError where a run (a study) would take the place of what is not ours."""
+    if _is_absent(target):
+        return
+    kind_found = folder_kind(target)
+    if kind_found not in ("nothing", kind):
+        problem_text = (
+            "is not empty and was not made by"
+            if kind_found == "other"
+            else f"holds a {kind_found} of"
+        )
+        raise UsageError(f"{target} {problem_text} {PROGRAM}", "choose another --output")
+    for path in (target / name for name in written):
+        if os.path.lexists(path) and not is_own_file(path):
+            problem = f"{path} was not made by {PROGRAM}, and would be replaced"
+            raise UsageError(problem, "move it, or choose another --output", str(path))
+
+
+def config_file_entries(file: str, folder: Path) -> dict[str, str]:
+    """How run.json names the config file of a run: by its path, and as seen from the folder; both
+    may move together.
+    """
+    path = os.path.realpath(file)
+    return (
+        {"config": path, "config_from_here": os.path.relpath(path, os.path.realpath(folder))}
+        if file
+        else {}
+    )
+
+
+def is_same_config_file(theirs: Report, ours: Report, folder: Path) -> bool:
+    """Whether two runs are of one config file, by what their run.json say; a run that names no file
+    is of any.
+    """
+    their_request = theirs.get("asked")
+    our_request = ours.get("asked")
+    if not (
+        isinstance(their_request, dict)
+        and isinstance(our_request, dict)
+        and "config" in their_request
+        and "config" in our_request
+    ):
+        return True
+    return any(
+        their_request.get(name) == path
+        for name, path in config_file_entries(our_request["config"], folder).items()
+    )
+
+
+def is_own_lock(lock: Path) -> bool:
+    with (
+        suppress(OSError),
+        open(os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file,
+    ):
+        return (
+            stat.S_ISREG(os.fstat(file.fileno()).st_mode)
+            and file.read(len(LOCK_SIGNATURE)) == LOCK_SIGNATURE
+        )
+    return False
+
+
+def entry_names(path: Path, excluded: Iterable[str]) -> set[str]:
+    """Names in a folder, none when there is no folder; UsageError when it is something else or
+    cannot be read.
+    """
+    try:
+        if not path.exists():
+            return set()
+        if not path.is_dir():
+            raise UsageError(f"{path} is not a folder")
+        return {entry.name for entry in path.iterdir()} - set(excluded)
+    except OSError as error:
+        raise UsageError(
+            f"cannot read {path}: {error.strerror or error}", file=str(path)
+        ) from error

@@ -1,0 +1,46 @@
+"""TODO."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+
+from indent_sim.config.scene_file import load_result_config
+from indent_sim.config.schema import Config
+from indent_sim.model.body import AnyBody, Ball
+from indent_sim.process.errors import IndentSimError
+from indent_sim.results.atomic_files import read_regular_file
+from indent_sim.results.result_files import CONFIG
+
+
+def scene_of(folder: Path) -> Config | None:
+    """The scene of a result folder, in the user's units; None where there is none to read."""
+    with suppress(OSError):
+        written = os.stat(folder / CONFIG)
+        return _cached_scene(folder / CONFIG, written.st_mtime_ns, written.st_ino)
+    return None
+
+
+def has_adhesion(folder: Path) -> bool | None:
+    """Whether the contact of a result adheres; None where its scene cannot be read."""
+    with suppress(OSError):
+        if b"adhesion" not in read_regular_file(
+            folder / CONFIG
+        ):  # as of most, which need not be checked key by key
+            return False
+    scene = scene_of(folder)
+    return getattr(scene.contact, "adhesion", None) is not None if scene else None
+
+
+@lru_cache(16)  # every panel of a picture asks
+def _cached_scene(file: Path, written: int, inode: int) -> Config | None:
+    with suppress(IndentSimError, OSError, ValueError):
+        return load_result_config(file)
+    return None
+
+
+def contacts_per_body(body: AnyBody) -> int:
+    """Equal pieces of a body on top of each other, of which one is modelled."""
+    return body.spherical_body.contacts_per_body if isinstance(body, Ball) else 1

@@ -1,0 +1,372 @@
+"""TODO."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from indent_sim.model.symbols import ADHESION_SYMBOLS
+from indent_sim.process.errors import UsageError
+from indent_sim.results.atomic_files import read_regular_file
+from indent_sim.results.field_reader import read_fields, steps_with_fields
+from indent_sim.results.html_report import Picture, Table, render_page, thinned_table, value_text
+from indent_sim.results.pictures import experiment, figures, history, panels
+from indent_sim.results.pictures.axes import (
+    axis_of_column,
+    plan_choice,
+    printed_unit,
+    scaled_axis,
+    time_text,
+    unit_label,
+)
+from indent_sim.results.pictures.history import is_time_stepped
+from indent_sim.results.pictures.panels import PlotRequest
+from indent_sim.results.pictures.pressure import largest_force_step
+from indent_sim.results.reader import Results, read_history, read_run
+from indent_sim.results.result_files import CONFIG, PROGRAM, Report
+from indent_sim.results.tables import EXPERIMENT
+
+AUDIT_NOTE = (
+    "The contact force against the supports' reactions, relative, at its worst; from "
+    "1e-8 on a row is refused."
+)
+CAPTIONS = {"force": "Force over depth", "pressure": "Pressure on the surface at the largest force"}
+CAPTIONS |= {
+    "profile": "Deformed surface and tip",
+    "fields": "Von Mises stress in the deformed body",
+}
+CAPTIONS |= {
+    "pore_pressure": "Pressure of the fluid in the pores, above the bath's",
+    "film": "Von Mises stress",
+}
+CAPTIONS |= {"swelling": "Volume over that of the dry gel"}
+EXPERIMENT_CAPTION = (
+    "In time, or over the branches of an equilibrium curve: force, depth and the way of the base"
+)
+EXPERIMENT_CAPTION += "; over contact radius, or what follows in time"
+HISTORY_CAPTION = "What changes over the time, and the force over a depth that does"
+
+
+def run_page(folder: Path) -> str:
+    """The page of one result."""
+    results = read_run(folder)
+    report = results.report
+    if not report:
+        raise UsageError(f"{folder} holds no result of {PROGRAM}: there is no run.json")
+    failed = report.get("status") not in ("done", "running")
+    failure = (
+        f"{report.get('status', 'unknown')}: {report.get('reason') or 'no reason given'}"
+        if failed
+        else ""
+    )
+    audit_rows = [
+        [name.replace("_", " "), value_text(value)]
+        for name, value in _report_section(report, "audit").items()
+    ]
+    audit = Table("Audit", ["what", "value"], audit_rows, AUDIT_NOTE)
+    plan_choices = report.get("plan", {}).get("choices", [])
+    reasons = [
+        [
+            str(decision.get("key", "")),
+            value_text(decision.get("value", "")),
+            str(decision.get("why", "")),
+        ]
+        for decision in plan_choices
+    ]
+    choices = Table("Choices and their reasons", ["what", "choice", "why"], reasons)
+    tables = [
+        _force_row_table(results),
+        *_experiment_tables(results),
+        choices,
+        *_error_budget_tables(report),
+        audit,
+        _provenance_table(report),
+    ]
+    words = _report_section(report, "stick").get("words")
+    stick_sentences = [f"{words[:1].upper()}{words[1:]}."] if words else []
+    sentences = [
+        *_theory_sentences(results),
+        *_hertz_sentences(results),
+        *_tension_sentences(results),
+        *stick_sentences,
+        *_largest_pull_sentences(results),
+        *_pull_off_sentences(results),
+    ]
+    automatic_keys = ", ".join(report.get("plan", {}).get("auto", [])) or "nothing"
+    scene = ""
+    with suppress(OSError, ValueError):
+        scene = read_regular_file(folder / CONFIG).decode("utf-8")
+    text_parts = {
+        "numbers": _key_numbers(results),
+        "said": sentences,
+        "scene": scene,
+        "chosen": automatic_keys,
+    }
+    picture_parts = {"pictures": _run_pictures(results), "warnings": report.get("warnings", [])}
+    title = report.get("title") or folder.resolve().name
+    shown_tables = [table for table in tables if table.rows]
+    parts = [
+        plan_choice(report, "kinematics"),
+        report.get("method"),
+        f"{report.get('rows', 0)} rows",
+    ]
+    parts += [
+        f"{PROGRAM} {report.get('version', '')}",
+        report.get("finished", report.get("started", "")),
+    ]
+    subtitle = "  ·  ".join(str(part).replace("_", " ") for part in parts if part)
+    return render_page(
+        title=title,
+        subtitle=subtitle,
+        failure=failure,
+        tables=shown_tables,
+        **picture_parts,
+        **text_parts,
+    )
+
+
+def _key_numbers(results: Results) -> list[tuple[str, str]]:
+    """The deepest row in words, where time passes that of the largest force, or the last one
+    without any.
+    """
+    if not len(results):
+        return []
+    deepest = int(np.nanargmax(results["delta"]))
+    numbers = []
+    unknown = np.full(len(results), np.nan)
+    if "t" in results.table:
+        force = np.nan_to_num(results["force"])
+        deepest = int(np.argmax(force)) if force.any() else len(force) - 1
+        numbers.append(("time t", time_text(results, float(results["t"][deepest]))))
+    for name in ("delta", "force", "a"):
+        column = axis_of_column(name, [results])
+        error = results.table.get(f"{name}_error", unknown)[deepest]
+        error_text = f" ± {float(column(error)):.2g}" if np.isfinite(error) else ""
+        numbers.append(
+            (
+                column.name,
+                f"{float(column(results[name][deepest])):.4g}{error_text} {printed_unit(column.unit)}".strip(),
+            )
+        )
+    peak = results.table.get("p_max", unknown)[deepest]
+    if np.isfinite(peak):
+        numbers.append(
+            ("largest pressure", scaled_axis("pressure", [results], peak, "p").value_text(peak))
+        )
+    return numbers
+
+
+def _theory_sentences(results: Results) -> list[str]:
+    """What theory and the usual formulas say beside the run."""
+    theory = _report_section(results.report, "theory")
+    time = _report_section(results.report, "time")
+    if time:
+        words = time.get("words") or ""
+        method_sentence = (
+            f"In time by {time.get('method', 'its elastic curve')}: {time.get('why', '')}."
+        )
+        return [method_sentence, *([f"{words[:1].upper()}{words[1:]}."] if words else [])]
+    if not theory:
+        return ["No theory is known for this scene."]
+    computed = "delta" if "delta_deviation" in theory else "force"
+    unit = _unit_text(results, {"delta": "length", "force": "force"}[computed])
+    lines = []
+    if f"{computed}_deviation" in theory and results.report.get("method") != "theory":
+        exact = "exact for this body" if theory.get("exact") else theory.get("why", "")
+        deviation_text = (
+            f"this run {theory[f'{computed}_deviation']:+.2%}{f' ({exact})' if exact else ''}"
+        )
+        lines.append(
+            f"{theory['name']}: {computed} {theory[computed]:.5g} {unit}; {deviation_text}."
+        )
+    for formula in filter(None, [theory.get("half_space"), *theory.get("formulas", [])]):
+        deviation_text = (
+            f"{abs(formula['deviation']):.1%} "
+            f"{'below' if formula['deviation'] < 0 else 'above'} this run"
+        )
+        lines.append(
+            f"{formula['name']}: {computed} {formula[computed]:.5g} {unit}, {deviation_text}."
+        )
+    return lines
+
+
+def _hertz_sentences(results: Results) -> list[str]:
+    """What a fit of the half-space formula to the curve reads."""
+    fit = results.report.get("hertz")
+    if not fit:
+        return []
+    modulus = scaled_axis("pressure", [results], fit["E"], "E").value_text(fit["E"])
+    return [
+        f"A Hertz fit of this curve reads E = {modulus} ({fit['percent']:+.3g} "
+        f"%{fit.get('against', '')})."
+    ]
+
+
+def _tension_sentences(results: Results) -> list[str]:
+    """The length below which surface tension holds more of the force than the body does, beside the
+    contact.
+    """
+    expected = _report_section(results.report, "plan", "prediction")
+    length = expected.get("elastocapillary_length")
+    a = expected.get("a")
+    if not length:
+        return []
+    ratio_text = f", {length / a:.2g} of the contact radius to expect" if a else ""
+    return [
+        f"Elastocapillary length gamma/E*: {length:.4g} {_unit_text(results, 'length')}".rstrip()
+        + f"{ratio_text}."
+    ]
+
+
+def _largest_pull_sentences(results: Results) -> list[str]:
+    """The pull-off of a tip that adheres with a range, or the largest pull of its rows; what is
+    known beforehand.
+    """
+    adhesion = _report_section(results.report, "adhesion")
+    largest_pull = adhesion.get("largest_pull")
+    if not largest_pull:
+        return []
+    labels = {"1": ""} | {
+        kind: f" {_unit_text(results, kind)}".rstrip() for kind in ("force", "length")
+    }
+    symbols = [symbol for symbol in ADHESION_SYMBOLS if adhesion.get(symbol.name) is not None]
+    numbers = [
+        f"{symbol.meaning} {adhesion[symbol.name]:.4g}{labels[symbol.dimension]}"
+        for symbol in symbols
+    ]
+    beforehand = f"Beforehand: {', '.join(numbers)}."
+    pull_off = adhesion.get("pull_off")
+    strongest = pull_off or largest_pull
+    place = f"force {strongest['force']:.5g}{labels['force']}"
+    place += f" at delta {strongest['delta']:.5g}{labels['length']}"
+    if not pull_off:
+        return [f"Largest pull: {place}.", beforehand]
+    error_text = "with an unknown error"
+    if (error := pull_off.get("error")) is not None:
+        error_text = f"within {error:.2g}{labels['force']} on this mesh"
+    return [f"Pull-off: {place}, searched between rows, {error_text}.", beforehand]
+
+
+def _pull_off_sentences(results: Results) -> list[str]:
+    """Where a tip that adheres comes off."""
+    force = _unit_text(results, "force")
+    length = _unit_text(results, "length")
+    sentences = []
+    for control, point in _report_section(
+        results.report, "experiment", "adhesion", "pull_off"
+    ).items():
+        place = f"force {point['force']:.5g} {force} at delta {point['delta']:.5g} {length}"
+        sentences.append(f"Pull-off under {control.replace('_', ' ')}: {place}.")
+    return sentences
+
+
+def _report_section(report: Report, *names: str) -> Report:
+    """A mapping in run.json, by the names of those that it is in; empty where there is none."""
+    for name in names:
+        report = report.get(name) or {}
+    return report
+
+
+def _unit_text(results: Results, kind: str) -> str:
+    return printed_unit(unit_label(kind, _report_section(results.report, "units")))
+
+
+def _experiment_tables(results: Results) -> list[Table]:
+    if not (results.path / EXPERIMENT).exists():
+        return []
+    columns = read_history(results.path)
+    return [
+        thinned_table(
+            f"Rows of {EXPERIMENT}", list(columns), list(zip(*columns.values(), strict=True))
+        )
+    ]
+
+
+def _run_pictures(results: Results) -> list[Picture]:
+    kept = steps_with_fields(results.path, results["step"])
+    in_time = is_time_stepped(results.report) and len(results) > 0
+    pictures = [_history_picture(results)] if in_time else []
+    panel_kinds = ["force"] if len(results) and not in_time else []
+    panel_kinds += ["pressure", "profile"] if largest_force_step(results) is not None else []
+    panel_kinds += ["fields"] if kept else []
+    for panel_kind in panel_kinds:
+        drawing = partial(
+            panels.draw, [results], PlotRequest((panel_kind,), width=110.0)
+        )  # mm: readable on a small screen
+        pictures.append(Picture(figures.svg_element(drawing), CAPTIONS[panel_kind]))
+    if in_time and len(kept) == len(results):
+        pictures += [_film_picture(results, name) for name in _film_fields(results, kept[-1])]
+    if experiment.has_elastic_curve(results.path, results.report):
+        pictures.append(
+            Picture(
+                figures.svg_element(partial(experiment.draw, results.path)),
+                EXPERIMENT_CAPTION,
+                broad=True,
+            )
+        )
+    return pictures
+
+
+def _history_picture(results: Results) -> Picture:
+    is_broad = len(history.panel_names(results)) > 1
+    return Picture(figures.svg_element(partial(history.draw, results)), HISTORY_CAPTION, is_broad)
+
+
+def _film_fields(results: Results, step: int) -> list[str]:
+    """The fields that tell most of a body in time: of its fluid and its swelling, else the stress."""
+    fields = read_fields(results.path, step)
+    return [name for name in ("pore_pressure", "swelling") if name in fields] or ["von_mises"]
+
+
+def _film_picture(results: Results, name: str) -> Picture:
+    drawing = partial(panels.draw, [results], PlotRequest(("film",), (name,), width=240.0))  # mm
+    words = f"{CAPTIONS.get(name, CAPTIONS['film'])}, at times of the history"
+    return Picture(figures.svg_element(drawing), words, broad=True)
+
+
+def _force_row_table(results: Results) -> Table:
+    columns = {name: column for name, column in results.table.items() if name != "wall_s"}
+    rows = list(zip(*columns.values(), strict=True))
+    kinds = [_unit_text(results, kind) for kind in ("length", "force", "pressure")]
+    units = (
+        f"Lengths in {kinds[0]}, forces in {kinds[1]}, pressures in {kinds[2]}."
+        if all(kinds)
+        else ""
+    )
+    return thinned_table("Rows of force_indentation.csv", list(columns), rows, units)
+
+
+def _error_budget_tables(report: Report) -> list[Table]:
+    budget = report.get("error_budget")
+    rows = (
+        [entry for entry in budget if isinstance(entry, Mapping)]
+        if isinstance(budget, list)
+        else []
+    )
+    if not rows:
+        return []
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    cells = [[row.get(name, "") for name in names] for row in rows]
+    return [thinned_table("Where the error bars come from", names, cells)]
+
+
+def _provenance_table(report: Report) -> Table:
+    """Which program, libraries and mesh made this, and what it took."""
+    facts: Report = {"program": f"{PROGRAM} {report.get('version', '')}"}
+    facts |= {name: report.get(name) for name in ("started", "finished", "ranks")} | {
+        "unknowns": report.get("dofs")
+    }
+    facts |= {
+        f"mesh {name}": value for name, value in _report_section(report, "mesh").items()
+    } | _report_section(report, "versions")
+    facts |= {
+        "PETSC_OPTIONS": report.get("PETSC_OPTIONS"),
+        "seconds": sum(_report_section(report, "timings").values()) or None,
+    }
+    facts |= {"peak memory [MB]": report.get("peak_memory_MB")}
+    rows = [[name, value_text(value)] for name, value in facts.items() if value is not None]
+    return Table("Provenance", ["what", "value"], rows)

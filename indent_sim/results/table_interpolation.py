@@ -1,0 +1,124 @@
+"""TODO."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from indent_sim.results.measured.measurement import curve_parts
+
+MIN_ROWS = 3  # rows of a table that is interpolated
+Table = dict[str, np.ndarray]
+
+
+def values_at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[Table, np.ndarray]:
+    """The columns of a history at times, and where they are of no row but of a chord."""
+    reverse = slice(
+        None, None, -1
+    )  # at a jump the last row of a time is the one after it, whether that before is there
+    rows = rows_by_occurrence(dense["t"][reverse])
+    wanted = rows_by_occurrence(t[reverse])
+    matched_rows = {
+        len(t) - 1 - k: len(dense["t"]) - 1 - rows[time]
+        for time, k in wanted.items()
+        if time in rows
+    }
+    columns = {name: np.interp(t, dense["t"], dense[name]) for name in names}
+    for name, column in columns.items():
+        column[list(matched_rows)] = dense[name][list(matched_rows.values())]
+    return columns, ~np.isin(np.arange(len(t)), list(matched_rows))
+
+
+def history_chord_error(history: Table) -> float:
+    """What chords of a history miss of its force, relative to the largest one: between its jumps
+    and corners.
+    """
+    t = history["t"]
+    force = history["force"]
+    corners = history["branch"][1:] != history["branch"][:-1] if "branch" in history else False
+    pieces = np.split(np.arange(len(t)), np.flatnonzero((np.diff(t) == 0) | corners) + 1)
+    largest = float(np.nanmax(np.abs(force), initial=0.0)) or 1.0
+    return (
+        max(_interpolation_error(t[piece], force[piece], is_smooth=False) for piece in pieces)
+        / largest
+    )
+
+
+def interpolate_table(
+    dense: Table, sparse: Table, names: Sequence[str]
+) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
+    """The rows of the sparse table inside the dense one's range, the dense one's columns there, and
+    what that misses of its force at most, relative to the largest one; approach and retraction
+    apart.
+    """
+    parts = [curve_parts(table["delta"]) for table in (dense, sparse)]
+    rows: list[np.ndarray] = []
+    values: dict[str, list[np.ndarray]] = {name: [] for name in names}
+    is_smooth = "step" in dense  # a measured curve has none, and noise
+    error = 0.0
+    largest = float(np.nanmax(np.abs(dense["force"]), initial=0.0)) or 1.0
+    for part in ("approach", "retract"):
+        if not all(part in pieces for pieces in parts):
+            continue
+        dense_rows, sparse_rows = (
+            np.arange(len(t["delta"]))[pieces[part]]
+            for t, pieces in zip((dense, sparse), parts, strict=True)
+        )
+        order = dense_rows[np.argsort(dense["delta"][dense_rows], kind="stable")]
+        x = dense["delta"][order]
+        sparse_x = sparse["delta"][sparse_rows]
+        inside = (sparse_x >= x[0]) & (sparse_x <= x[-1])
+        rows.append(sparse_rows[inside])
+        for name in names:
+            values[name].append(_interpolate(sparse_x[inside], x, dense[name][order], is_smooth))
+        error = max(error, _interpolation_error(x, dense["force"][order], is_smooth) / largest)
+    joined = {name: np.concatenate([np.empty(0), *pieces]) for name, pieces in values.items()}
+    return np.concatenate([np.empty(0, dtype=int), *rows]), joined, error
+
+
+def _interpolate(x_new: np.ndarray, x: np.ndarray, y: np.ndarray, is_smooth: bool) -> np.ndarray:
+    """Values between points in order of x: of a smooth curve by power laws through neighbours, else
+    by chords.
+    """
+    values = np.interp(x_new, x, y)
+    k = np.clip(np.searchsorted(x, x_new), 1, max(len(x) - 1, 1))
+    if not is_smooth or len(x) < 2:
+        return values
+    low = k - 1
+    high = k
+    is_power_law = (x[low] > 0) & (y[low] > 0) & (y[high] > 0) & (x[high] > x[low])
+    with np.errstate(all="ignore"):
+        power = np.log(y[high] / y[low]) / np.log(x[high] / x[low])
+        power_values = y[low] * (x_new / x[low]) ** power
+    return np.where(is_power_law, power_values, values)
+
+
+def _interpolation_error(x: np.ndarray, y: np.ndarray, is_smooth: bool) -> float:
+    """What interpolation misses at most: a quarter of what it misses at a point that is left out,
+    between neighbours twice as far apart.
+    """
+    if len(x) < MIN_ROWS:
+        return 0.0
+    largest_error = 0.0
+    for first in (0, 1):
+        kept_x = x[first::2]
+        left_out_x = x[1 - first :: 2]
+        inside = (left_out_x > kept_x[0]) & (left_out_x < kept_x[-1])
+        interpolated = _interpolate(left_out_x[inside], kept_x, y[first::2], is_smooth)
+        largest_error = max(
+            largest_error,
+            float(np.nanmax(np.abs(interpolated - y[1 - first :: 2][inside]), initial=0.0)),
+        )
+    return 0.25 * largest_error
+
+
+def rows_by_occurrence(column: np.ndarray) -> dict[tuple[str, int], int]:
+    """The place of the k-th occurrence of every value; values are the same to 10 digits."""
+    counts: Counter[str] = Counter()
+    rows = {}
+    for i, name in enumerate(f"{value:.9e}" for value in column):
+        rows[name, counts[name]] = i
+        counts[name] += 1
+    return rows
