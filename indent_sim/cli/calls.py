@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from indent_sim.config.scene_file import SceneInput, is_study
 from indent_sim.process.errors import UsageError
-from indent_sim.results import compare, reader, result_files
+from indent_sim.results import compare as comparisons
+from indent_sim.results import reader, result_files
 from indent_sim.results.json_text import json_data
 from indent_sim.results.reader import Results
 from indent_sim.results.result_files import Report
@@ -76,14 +77,14 @@ def require(given: SceneInput, within: float = 0.01) -> Report:
 def compare(
     first: Result,
     second: Result,
-    rtol: compare.Tolerances = compare.DEFAULT_RTOL,
+    rtol: comparisons.Tolerances = comparisons.DEFAULT_RTOL,
     columns: Sequence[str] | None = None,
 ) -> Report:
     """Two results or measured curves row by row: the object of `indent-sim compare --json`;
     `differences` is empty where they agree.
     """
     A, B = (result.path if isinstance(result, Results) else result for result in (first, second))
-    return json_data(compare.compare(A, B, rtol, columns).as_json())
+    return json_data(comparisons.compare(A, B, rtol, columns).as_json())
 
 
 def study(

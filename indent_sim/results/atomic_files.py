@@ -1,4 +1,4 @@
-"""TODO."""
+"""Writing of files so that a reader or a kill never meets half of a change."""
 
 from __future__ import annotations
 
@@ -13,8 +13,16 @@ MAX_RESULT_BYTES = 10**9  # of a file that is read back
 
 
 def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: bool = True) -> None:
-    """Replace a file by new content, which may come in parts, at once: a reader or a kill sees the
-    old file or the new one.
+    """Replace a file at once: a reader or a kill finds the old content or the new one.
+
+    Parameters
+    ----------
+    path
+        The file.
+    content
+        Bytes, text, or parts of a text.
+    sync
+        Wait until the content is on the disk.
     """
     parts: Iterable[str | bytes] = [content] if isinstance(content, str | bytes) else content
     temporary = temporary_path(path)
@@ -33,9 +41,7 @@ def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: boo
 
 
 def _open_new(path: Path) -> int:
-    """A new file opened for writing, in place of one of a write that was killed, or of a link to
-    somewhere else.
-    """
+    """Open a new file for writing, in place of a file left by a killed write, or of a link."""
     for _ in range(2):
         with suppress(FileExistsError):
             return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
@@ -44,11 +50,12 @@ def _open_new(path: Path) -> int:
 
 
 def temporary_path(path: Path) -> Path:
+    """Return the path beside a file under which its new content is written first."""
     return path.with_name(f".{path.name}.new")
 
 
 def sync_to_disk(path: Path) -> None:
-    """Wait until the disk has a file."""
+    """Wait until a file is on the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -57,9 +64,18 @@ def sync_to_disk(path: Path) -> None:
 
 
 def append_atomically(path: Path, data: bytes, sync: bool = True, tail: bytes = b"") -> None:
-    """Append in one write, or not at all: what a full disk cut off is taken back.
+    """Append to a file in one write; a write that a full disk cuts off is undone.
 
-    The file ends in `tail`, still.
+    Parameters
+    ----------
+    path
+        The file; it is created if there is none.
+    data
+        Bytes to add.
+    sync
+        Wait until they are on the disk.
+    tail
+        Bytes with which the file ends before and after; `data` is inserted before them.
     """
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     try:
@@ -78,8 +94,9 @@ def append_atomically(path: Path, data: bytes, sync: bool = True, tail: bytes = 
 
 
 def read_regular_file(path: Path) -> bytes:
-    """The bytes of a regular file; OSError when it is something else, which might never end, or
-    longer than 1 GB.
+    """Return the bytes of a regular file; OSError for any other kind, or if it is longer than 1 GB.
+
+    A pipe or a device might never end.
     """
     with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.process.errors import UsageError, VerificationError
-from indent_sim.results.common_units import convert_to_common_units, refuse_different_units
 from indent_sim.results.csv_table import header_of, read_table
 from indent_sim.results.reader import (
     COMPARED_COLUMNS,
@@ -29,6 +28,7 @@ from indent_sim.results.table_interpolation import (
     values_at_times,
 )
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, WORD_COLUMNS
+from indent_sim.results.unit_conversion import convert_to_common_units, refuse_different_units
 
 MAX_DIFFERENCES = 10  # differences told one by one
 DEFAULT_RTOL = 1e-6

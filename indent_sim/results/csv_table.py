@@ -1,4 +1,4 @@
-"""TODO."""
+"""Reader of CSV files with a header and columns of numbers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAX_HEADER_BYTES = 10_000  # bytes
 
 
 def header_of(path: Path) -> list[str]:
-    """The titles in the first line of a table with commas; none where nothing can be read."""
+    """Return the titles in the first line of a comma-separated file; empty if it cannot be read."""
     try:
         with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
             line = file.read(MAX_HEADER_BYTES).split(b"\n")[0]
@@ -32,12 +32,30 @@ LARGEST_NUMBER = 1e150  # a number whose square and cube are numbers too
 def read_table(
     path: Path, needed: Sequence[str], unknown: Sequence[str] = (), words: Sequence[str] = ()
 ) -> dict[str, np.ndarray]:
-    """The columns of a CSV file with a header; a last line without its newline was torn and is
-    dropped.
+    """Read the columns of a CSV file with a header.
 
-    UsageError when it is no such file. Numbers of the `needed` columns are finite, but in those
-    that may be `unknown`; there, and in other columns, an empty cell is NaN. Columns of `words` are
-    text as it stands.
+    A last line without a newline was torn by a kill and is dropped. An empty cell is NaN.
+
+    Parameters
+    ----------
+    path
+        The file.
+    needed
+        Columns that must exist, with finite numbers except in the columns of `unknown`.
+    unknown
+        Columns that must exist, but whose cells may be empty.
+    words
+        Columns of text.
+
+    Returns
+    -------
+    dict
+        Columns by name, each (rows,), floats or strings.
+
+    Raises
+    ------
+    UsageError
+        The file cannot be read, or is not such a table; the message names the line and the column.
     """
     if path.name == EXPERIMENT and not words:
         problem = (
@@ -84,6 +102,7 @@ def read_table(
 def _parse_row(
     line: str, header: Sequence[str], words: Sequence[str], place: str
 ) -> list[float | str]:
+    """Parse one line into numbers and words; UsageError names its `place` in the file."""
     cells = line.split(",")
     if len(cells) != len(header):
         raise UsageError(
@@ -97,6 +116,7 @@ def _parse_row(
 
 
 def _parse_number(cell: str, place: str) -> float:
+    """Parse a number; UsageError if it is none or larger than LARGEST_NUMBER."""
     try:
         value = tables.parse_number(cell)
     except ValueError:

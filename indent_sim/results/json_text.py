@@ -1,4 +1,4 @@
-"""TODO."""
+"""Strict JSON of numbers, dataclasses and arrays, indented so that people can read it."""
 
 from __future__ import annotations
 
@@ -17,8 +17,15 @@ ENCODER = json.JSONEncoder(allow_nan=False, ensure_ascii=False)
 
 
 def to_json(value: Any, indent: int | None = 2) -> str:
-    """Strict JSON: what is not finite becomes null; dataclasses, paths and numpy numbers become
-    plain.
+    """Return strict JSON; dataclasses, paths and numpy values become plain data.
+
+    Parameters
+    ----------
+    value
+        Any nesting of mappings, sequences, dataclasses, arrays, paths and numbers. A number that is
+        not finite becomes null.
+    indent
+        Spaces per level; None for one line.
     """
     data = json_data(value)
     text = ENCODER.encode(data) if indent is None else _indented_json(data, "\n", " " * indent)
@@ -28,8 +35,9 @@ def to_json(value: Any, indent: int | None = 2) -> str:
 
 
 def _indented_json(value: Any, line: str, step: str) -> str:
-    """JSON with a line for each entry of a mapping and of a list of such, which json itself writes
-    slowly.
+    """Return JSON with a line per entry of a mapping, and per item of a list of those.
+
+    The standard library's encoder of indented text is slow, because it is written in Python.
     """
     kind = type(value)
     if kind is str:
@@ -49,7 +57,7 @@ def _indented_json(value: Any, line: str, step: str) -> str:
 
 
 def json_data(value: Any) -> Any:
-    """The same as numbers, words, lists and dictionaries; None for a number that is not finite."""
+    """Return the value as plain numbers, texts, lists and dictionaries; None if not finite."""
     kind = type(value)
     if kind in (str, int, bool, NoneType):
         return value

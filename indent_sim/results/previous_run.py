@@ -1,4 +1,4 @@
-"""TODO."""
+"""Rows of a previous run in a result folder, from which `--resume` continues."""
 
 from __future__ import annotations
 
@@ -26,8 +26,18 @@ SAME_DEPTH_RTOL = 1e-9  # relative
 
 @dataclass(frozen=True)
 class PreviousRun:
-    """The rows of an earlier run, its table's columns, the length that holds them [bytes], and its
-    run.json.
+    """Rows of a previous run, and the part of its table that they fill.
+
+    Attributes
+    ----------
+    states
+        One state per complete row, in order.
+    columns
+        Columns of its force table.
+    table_bytes
+        Length of the table up to the last complete row [bytes].
+    report
+        Its run.json.
     """
 
     states: tuple[State, ...]
@@ -36,8 +46,21 @@ class PreviousRun:
     report: Report
 
     def check(self, deltas: Sequence[float] | None, steps: int, folder: Path) -> None:
-        """UsageError when these are not rows of a path of so many steps, to these depths where they
-        are prescribed.
+        """Check that the rows belong to a load path.
+
+        Parameters
+        ----------
+        deltas
+            Prescribed depths [length], or None where they are not prescribed.
+        steps
+            Number of steps of the load path.
+        folder
+            The result folder, for the message.
+
+        Raises
+        ------
+        UsageError
+            There are more rows than steps, or a row is at another depth.
         """
         table = str(folder / TABLE)
         problems = (
@@ -53,9 +76,7 @@ class PreviousRun:
 
 
 def resumable_report(folder: Path) -> Report:
-    """The run.json of a run that `--resume` can go on with; empty where there are no rows, and so
-    nothing to keep.
-    """
+    """Return the run.json of a run that `--resume` can continue; empty if it has no rows."""
     report = checked_report(folder)
     return report if report and (has_rows(folder) or report.get("rows")) else {}
 
@@ -63,10 +84,28 @@ def resumable_report(folder: Path) -> Report:
 def previous_run(
     folder: Path, config_yaml: str, report: Report | None = None
 ) -> PreviousRun | None:
-    """The run of this config in a folder; None when the folder holds no row of any.
+    """Read the previous run of a config in a folder.
 
-    report: what this run says of itself. Raises ConfigError when the folder holds a run of another
-    config, UsageError when its rows cannot be understood.
+    Parameters
+    ----------
+    folder
+        The result folder.
+    config_yaml
+        The resolved scene of the new run.
+    report
+        The run.json of the new run: `plan.auto` lists the keys that were left to the program.
+
+    Returns
+    -------
+    PreviousRun or None
+        None if the folder holds no rows.
+
+    Raises
+    ------
+    ConfigError
+        The folder holds a run of another config.
+    UsageError
+        Its rows cannot be read.
     """
     old_report = resumable_report(folder)
     if not old_report:
@@ -101,8 +140,14 @@ def previous_run(
 
 
 def missing_files(folder: Path, surface: KeptStates, fields: KeptStates) -> list[str]:
-    """The files of a finished run that are missing or damaged now; surface, fields: of which states
-    it kept these.
+    """Return the names of the files of a finished run that are missing or damaged.
+
+    Parameters
+    ----------
+    folder
+        The result folder.
+    surface, fields
+        Which states the run kept in surface.csv and in the fields.
     """
     missing = missing_field_files(folder) if fields != "none" else []
     with suppress(UsageError):
@@ -114,11 +159,10 @@ def missing_files(folder: Path, surface: KeptStates, fields: KeptStates) -> list
 
 
 def _current_config_yaml(path: Path) -> str:
-    """Return the config of a result with all keys of the present version, new ones at their
-    defaults.
+    """Return the config of a result with all keys of this version, new ones at their defaults.
 
-    A config that the present version cannot read is returned as it stands. Raises
-    UnicodeDecodeError where the file is no text.
+    A config that the present version cannot read is returned as it stands. UnicodeDecodeError if
+    the file is not text.
     """
     text = read_regular_file(path).decode("utf-8")
     try:
@@ -130,8 +174,10 @@ def _current_config_yaml(path: Path) -> str:
 def _refuse_other_config(
     folder: Path, old_yaml: str, new_yaml: str, automatic_keys: Collection[str]
 ) -> None:
-    """ConfigError with the first key that differs, one that both left to the program (`automatic_keys`)
-    last.
+    """Raise ConfigError if two configs differ, with the first key that differs.
+
+    A key that both runs left to the program (`automatic_keys`) is named only if no other key
+    differs.
     """
     if old_yaml == new_yaml:
         return
@@ -167,6 +213,7 @@ def _refuse_other_config(
 def _read_rows(
     path: Path, unknown: Sequence[str]
 ) -> tuple[tuple[State, ...], tuple[str, ...], int]:
+    """Read the complete rows of a force table; return states, columns and their length [bytes]."""
     lines = read_regular_file(path).split(b"\n")[:-1]  # what has no newline was torn
     if not lines:
         return (), STATE_COLUMNS, 0

@@ -1,4 +1,9 @@
-"""Files of a result folder read back and checked; what an earlier run left for `--resume`."""
+"""Reader of result folders, force tables and measured curves.
+
+A result folder is read as `Results`: its force table by column, its run.json and its surface table.
+Tables are read by `csv_table`, run.json is checked by `report_schema`, and what `--resume` needs of
+an earlier run is read by `previous_run`.
+"""
 
 from __future__ import annotations
 
@@ -65,11 +70,18 @@ RESULT_COLUMNS = tuple(
 
 @dataclass(frozen=True)
 class Results:
-    """A finished (or partial) run read back: the force table by column, its run.json and its
-    surface table.
+    """A finished or partial run read back from its files.
 
-    table: columns of force_indentation.csv; surface: columns of surface.csv, empty when there is
-    none.
+    Attributes
+    ----------
+    path
+        The result folder, or the file of a force table or measured curve.
+    table
+        Columns of force_indentation.csv by name, each (rows,).
+    report
+        The content of run.json; empty where there is none.
+    surface
+        Columns of surface.csv by name; empty where there is none.
     """
 
     path: Path
@@ -85,7 +97,7 @@ class Results:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the columns of its table."""
+        """Names of the columns of the force table."""
         return tuple(self.table)
 
     def __repr__(self) -> str:
@@ -95,7 +107,7 @@ class Results:
         return self._repr_table().html
 
     def _repr_table(self) -> ReprTable:
-        """What a notebook shows: the columns that tell most, and how the run ended."""
+        """Table that a notebook shows: the most important columns, and how the run ended."""
         names = [
             name for name in REPR_COLUMNS if name in self.table and np.any(self[name] == self[name])
         ]
@@ -114,12 +126,12 @@ class Results:
         )
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Its force table as a DataFrame; BackendError without pandas."""
+        """Return the force table as a DataFrame; BackendError without pandas."""
         return data_frame(self.table)
 
 
 def data_frame(table: Mapping[str, np.ndarray]) -> pandas.DataFrame:
-    """Columns as a DataFrame; BackendError without pandas, which nothing else here needs."""
+    """Return columns as a DataFrame; BackendError without pandas, which is an optional package."""
     try:
         import pandas
     except ImportError as error:
@@ -130,12 +142,23 @@ def data_frame(table: Mapping[str, np.ndarray]) -> pandas.DataFrame:
 
 
 def read(path: Path | str, report: Report | None = None) -> Results:
-    """Read a result folder, a force table or a measured curve; UsageError when there is none or it
-    is damaged.
+    """Read a result folder, a force table or a measured curve.
 
-    report: what its run.json says, where this process has just written it [read and checked]. Of a
-    table that is no result's, a measured curve, the rows are numbered, its units are those that it
-    says, and the contact radius is unknown.
+    The rows of a measured curve are numbered from 1, its units are those that its file gives, and
+    its contact radius is NaN.
+
+    Parameters
+    ----------
+    path
+        A result folder, a file of force_indentation.csv's format, or a file of a measured curve.
+    report
+        The content of run.json, if this process has just written it; by default it is read and
+        checked.
+
+    Raises
+    ------
+    UsageError
+        There is no table, or a file is damaged.
     """
     path = Path(path)
     file = force_table_path(path)
@@ -162,8 +185,9 @@ def read(path: Path | str, report: Report | None = None) -> Results:
 
 
 def report_of(path: Path) -> Report:
-    """The run.json of a result folder; of a force table by itself the units that the run.json
-    beside it says.
+    """Return the run.json of a result folder, or the units that belong to a force table alone.
+
+    The units of a force table that is named by its own path are those of the run.json beside it.
     """
     if path.is_dir():
         return checked_report(path)
@@ -173,13 +197,14 @@ def report_of(path: Path) -> Report:
 
 
 def _is_result_table(path: Path) -> bool:
-    """Whether a file has the columns of a force table, or is none that could be read."""
+    """Return whether a file has the columns of a force table, or cannot be read at all."""
     return "step" in header_of(path) or not path.is_file()
 
 
 def _read_curve_file(path: Path) -> Results:
-    """The first curve of a file of measured ones, as a table; its way stands for a depth that it
-    does not have.
+    """Read the first curve of a file of measured curves as a table.
+
+    Where the file has no depth, the displacement z of the base takes its place.
     """
     from indent_sim.results.measured.curve_file import (
         read_curves,
@@ -207,9 +232,7 @@ def _read_curve_file(path: Path) -> Results:
 
 
 def force_table_path(path: Path) -> Path:
-    """The force table of a result folder, and of a file itself; UsageError for a folder without
-    one.
-    """
+    """Return the path of a folder's force table, or a file itself; UsageError if there is none."""
     if not path.is_dir():
         return path
     if os.path.lexists(file := path / TABLE):
@@ -224,8 +247,12 @@ def force_table_path(path: Path) -> Path:
 
 
 def read_run(path: Path) -> Results:
-    """Read a result folder, with an empty table where the run failed before its first row; errors
-    as of `read`.
+    """Read a result folder; the table is empty if the run failed before its first row.
+
+    Raises
+    ------
+    UsageError
+        As `read` raises it.
     """
     report = checked_report(path)
     if report.get("rows"):
@@ -238,13 +265,19 @@ def read_run(path: Path) -> Results:
 
 
 def has_reactions(folder: Path) -> bool:
-    """Whether the force table of a result folder has the reactions of supports."""
+    """Return whether the force table of a result folder has columns of support reactions."""
     return not {*header_of(folder / TABLE)}.isdisjoint(REACTION_COLUMNS)
 
 
 def rows_of(states: Iterable[State], with_reactions: bool = False) -> list[dict[str, float]]:
-    """The rows of the force table as mappings from column to number; with reactions where they were
-    asked for.
+    """Return the rows of the force table as mappings from column to number.
+
+    Parameters
+    ----------
+    states
+        Converged states, one per row.
+    with_reactions
+        Include the reactions of the supports.
     """
     names = [
         name
@@ -259,8 +292,14 @@ LARGEST_STEP_NUMBER = 1e15  # a step is a whole number below this
 
 
 def read_history(folder: Path) -> dict[str, np.ndarray]:
-    """The rows of a history, else those of a result's experiment.csv, with t and z; UsageError when
-    the table is damaged, or without rows.
+    """Read the rows of a history with their times t and displacements z of the base.
+
+    They are in the force table, or else in experiment.csv.
+
+    Raises
+    ------
+    UsageError
+        The table is damaged or has no rows.
     """
     columns = read(folder).table
     if "t" in columns:

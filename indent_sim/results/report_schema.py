@@ -1,4 +1,4 @@
-"""TODO."""
+"""Schema of run.json: a report is validated before its numbers are used."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ Count = Annotated[int, Ge(0)]
 
 
 def _mapping_type(name: str = "mapping", /, *, needed: Collection[str] = (), **entries: Any) -> Any:
-    """A mapping of entries, those that are `needed` and others that may be missing."""
+    """Return a TypedDict type of the entries; those that are not `needed` may be missing."""
     kinds = {key: kind if key in needed else NotRequired[kind] for key, kind in entries.items()}
     return cast(Any, TypedDict)(name, kinds)
 
 
 @cache
 def _report_schema() -> TypeAdapter[Report]:
-    """What a run.json looks like; a run that reads none need not work it out."""
+    """Return the validator of run.json; made on first use, since most runs read no report."""
     answer: Any = {"name": str, "delta": Number, "force": Number}
     curve: Any = {"delta": list[Number], "force": list[Number]}
     force_point = _mapping_type(
@@ -106,8 +106,12 @@ def _report_schema() -> TypeAdapter[Report]:
 
 
 def checked_report(folder: Path) -> Report:
-    """The run.json of a folder, empty when there is none; UsageError when it is not what the
-    program writes.
+    """Return the validated run.json of a folder, empty if there is none.
+
+    Raises
+    ------
+    UsageError
+        The file is not what this program writes; the message names the entry.
     """
     report = read_report(folder)
     if not report and os.path.lexists(folder / REPORT):
@@ -129,12 +133,14 @@ def checked_report(folder: Path) -> Report:
 
 
 def _damaged_report(folder: Path, why: str) -> UsageError:
+    """Return the error for a damaged run.json, with its reason and remedy."""
     return UsageError(
         f"{folder / REPORT} is damaged: {why}", NEW_FOLDER_REMEDY, str(folder / REPORT)
     )
 
 
 def _check_theory(theory: Report) -> None:
+    """Check relations between entries of `theory` that the schema cannot express; ValueError."""
     if theory and theory.get("delta_deviation", theory.get("force_deviation")) is None:
         raise ValueError("says no deviation")
     half_space = theory.get("half_space")

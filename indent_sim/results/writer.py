@@ -1,4 +1,4 @@
-"""States -> the files of a result folder."""
+"""Writer of a result folder: each converged state is added to its files as it comes."""
 
 from __future__ import annotations
 
@@ -48,17 +48,32 @@ WRITER_ENTRIES = {
 
 
 class ResultFolder:
-    """The files of one run, written as its states come; a context manager, used on rank 0 alone.
+    """The files of one run, written while it goes on; a context manager, used on rank 0 alone.
 
-    columns: those of the force table beyond `STATE_COLUMNS` that this run has. mesh: the config's
-    mesh file, as text in parts. The folder appears under its name with the first row. `report`
-    becomes run.json. Leaving the block ends the run: status done, failed or interrupted after the
-    exception that passes through. A run that fails before its first row replaces no earlier
-    results; one that ends with exit code 2 or 3 leaves nothing. With `resume` the rows of this
-    config that are there stay (`earlier`), and the run goes on behind them. With `guard` rows of
-    another config file and a finished run of another scene are not replaced (UsageError), and a
-    finished run of the same scene is replaced when this one is done: one that is not leaves it as
-    it was.
+    The folder appears under its name with the first row. When the block is left, run.json gets the
+    status done, failed or interrupted, after the exception that passes through. A run that fails
+    before its first row replaces no earlier results; a run that ends with exit code 2 or 3 leaves
+    nothing.
+
+    Parameters
+    ----------
+    target
+        Path of the result folder.
+    config_yaml
+        The resolved scene, written to config.yaml.
+    surface
+        The states whose surface is kept in surface.csv.
+    columns
+        Columns of the force table that this run has beyond STATE_COLUMNS and DERIVED_COLUMNS.
+    report
+        Entries of run.json; `ResultFolder.report` can be changed until the end of the run.
+    resume
+        Keep the rows of a previous run of this config (`previous_run`) and append to them.
+    guard
+        Do not replace rows of another config file, nor a finished run of another scene
+        (UsageError). A finished run of the same scene is replaced only when this run is done.
+    mesh
+        The mesh file of the config, as text in parts.
     """
 
     def __init__(
@@ -97,7 +112,7 @@ class ResultFolder:
 
     @property
     def path(self) -> Path:
-        """Where the files are now; changes once, with the first row."""
+        """Folder in which the files are now; it changes once, with the first row."""
         return self._output.path
 
     def __enter__(self) -> ResultFolder:
@@ -124,12 +139,12 @@ class ResultFolder:
         return self
 
     def _refuse_overwrite(self, target: Path) -> None:
-        """UsageError where this run would replace what is to be kept."""
+        """Raise UsageError if this run would replace results that are to be kept."""
         if self._guard:
             refuse_overwrite(self._target, self._config_yaml, self.report)
 
     def _write_first_files(self) -> None:
-        """Write what was given, and the head of the table."""
+        """Write config.yaml, the mesh file and the header of the force table."""
         first_files: dict[str, str | Iterable[str]] = {CONFIG: self._config_yaml}
         first_files |= {result_files.MESH_FILE: self._mesh} if self._mesh else {}
         self._unsynced_files = tuple(first_files)
@@ -137,6 +152,7 @@ class ResultFolder:
             write_atomically(self.path / name, content, self._next_write_syncs)
 
     def _resume_previous_run(self, earlier: PreviousRun) -> None:
+        """Continue in the folder of a previous run, behind its last complete row."""
         self._output.resume_in_place()
         self._columns = earlier.columns  # those of an older version of this program may be fewer
         os.truncate(self.path / TABLE, earlier.table_bytes)
@@ -159,7 +175,10 @@ class ResultFolder:
     def append(self, state: State) -> None:
         """Add the row of a converged state, with its surface; the first row publishes the folder.
 
-        Raises NotConverged when the disk is full; the rows before are kept.
+        Raises
+        ------
+        NotConverged
+            The disk is full; the rows before are kept.
         """
         if not state.converged:
             raise ValueError(
@@ -192,10 +211,18 @@ class ResultFolder:
         more: Sequence[str] = (),
         told: Mapping[str, str] | None = None,
     ) -> None:
-        """Prepare fields.xdmf, tip.xdmf and fields/ for states of a mesh and a tip (see
-        `xdmf.FieldWriter`).
+        """Prepare fields.xdmf, tip.xdmf and fields/ for states on one mesh.
 
-        more: names of fields beyond those of every body. told: what the files say beside the units.
+        Parameters
+        ----------
+        mesh
+            Mesh and tip, as `field_writer.FieldWriter` takes them.
+        keep
+            The states whose fields are kept.
+        more
+            Names of fields beyond those that every body has.
+        told
+            Information that the files contain besides the units.
         """
         if keep == "none":
             return
@@ -222,9 +249,10 @@ class ResultFolder:
     def write_fields(
         self, state: State, fields: Mapping[str, np.ndarray], time: float | None = None
     ) -> None:
-        """Write the fields of a state at a time [its step]; call before its `append`.
+        """Write the fields of a state; to be called before its `append`.
 
-        Nothing happens without `open_fields`.
+        Nothing is written without `open_fields`. The time is that of the state; None stands for its
+        step.
         """
         if self._fields is None:
             return
@@ -232,9 +260,7 @@ class ResultFolder:
             self._fields.write(state.step, state.delta, fields, time)
 
     def write_experiment(self, rows: Sequence[Any], dynamic: Sequence[Any]) -> None:
-        """Write experiment.csv, and dynamic.csv where there is one; of a run before what is not
-        written now goes.
-        """
+        """Write experiment.csv and dynamic.csv, or delete a file that gets no rows."""
         with defer_signals(), self._convert_write_errors():
             for name, items in ((EXPERIMENT, rows), (DYNAMIC, dynamic)):
                 if items:
@@ -243,18 +269,16 @@ class ResultFolder:
                     (self.path / name).unlink(missing_ok=True)
 
     def save_checkpoint(self, saved: Checkpoint, identity: Report) -> None:
-        """Keep the last equilibria for `--resume`, which can do without: a full disk is no failure
-        here.
-        """
+        """Keep the last equilibria for `--resume`; they are optional: a full disk is ignored."""
         with defer_signals(), suppress(OSError):
             checkpoint.write(self.path / CHECKPOINT, saved, identity)
 
     def read_checkpoint(self, identity: Report) -> Checkpoint:
-        """The last equilibria of the run that is continued; an empty one when they are of no use."""
+        """Return the last equilibria of the run that is continued; empty if they cannot be used."""
         return checkpoint.read(self.path / CHECKPOINT, identity)
 
     def finish(self, error: BaseException | None) -> None:
-        """Say how the run ended; the first word counts."""
+        """Record how the run ended; only the first call counts."""
         if self._status["status"] == "running":
             self._status = dict(
                 zip(("status", "exit_code", "reason"), _final_status(error), strict=True)
@@ -290,12 +314,13 @@ class ResultFolder:
                 self._output.release_lock()
 
     def _sync_files(self, *names: str) -> None:
-        """Wait until the disk has these files, and what was given."""
+        """Wait until these files and the first files of the run are on the disk."""
         for name in (*self._unsynced_files, *names):
             atomic_files.sync_to_disk(self.path / name)
         self._unsynced_files = ()
 
     def _rename_into_place(self) -> None:
+        """Publish the folder under its name, once there is something to publish."""
         if self._output.is_in_place or self._appears_at_end:
             return
         self._output.rename_into_place()
@@ -303,13 +328,14 @@ class ResultFolder:
             self._fields.directory = self.path
 
     def _write_report(self) -> None:
+        """Write run.json."""
         ended = {} if self._status["status"] == "running" else {"finished": _utc_time()}
         identity = {"program": PROGRAM, "version": VERSION, **self._status, "rows": self.rows}
         report = {**identity, "started": self._started, **ended, **self.report}
         write_atomically(self.path / REPORT, to_json(report) + "\n", self._next_write_syncs)
 
     def _write_surface(self, state: State, surface: Surface) -> None:
-        """Every state's surface, or those of the deepest and of the last."""
+        """Write the surface of every state, or of the deepest and the last one."""
         path = self.path / SURFACE
         block = tables.surface_block(state.step, surface)
         if self._surface == "all" and path.exists():
@@ -325,7 +351,7 @@ class ResultFolder:
 
     @contextmanager
     def _convert_write_errors(self) -> Iterator[None]:
-        """A write that fails ends the run with what it has."""
+        """Raise NotConverged for a failed write: the run ends with the rows that it has."""
         try:
             yield
         except OSError as error:
@@ -342,7 +368,7 @@ class ResultFolder:
 
 
 def _final_status(error: BaseException | None) -> tuple[str, int, str]:
-    """Status, exit code and reason after the exception that ends a run."""
+    """Return status, exit code and reason of a run that ended with an exception, or with None."""
     if error is None:
         return "done", 0, ""
     if isinstance(error, KeyboardInterrupt):
@@ -352,4 +378,5 @@ def _final_status(error: BaseException | None) -> tuple[str, int, str]:
 
 
 def _utc_time() -> str:
+    """Return the present time as ISO 8601 text in UTC."""
     return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.common_units import convert_to_common_units, refuse_different_units
 from indent_sim.results.pictures import curves, figures
 from indent_sim.results.pictures.axes import (
     Axis,
@@ -32,6 +31,7 @@ from indent_sim.results.pictures.run_names import natural_sort_key, run_names
 from indent_sim.results.reader import MEASURED, Results
 from indent_sim.results.result_files import Report
 from indent_sim.results.result_scene import has_adhesion
+from indent_sim.results.unit_conversion import convert_to_common_units, refuse_different_units
 
 ACCURACY_NOTE = "the accuracy asked for is that of the force"  # beside a pressure
 ERROR_LABEL = "estimated error"

@@ -1,4 +1,4 @@
-"""TODO."""
+"""Units of several results: measured curves converted to those of a simulation."""
 
 from __future__ import annotations
 
@@ -11,10 +11,14 @@ from indent_sim.results.reader import MEASURED, Results
 
 
 def convert_to_common_units(runs: Sequence[Results]) -> list[Results]:
-    """The results, measured curves in the units of the first that is none; ConfigError for units
-    that are none.
+    """Convert measured curves to the units of the first simulated result that gives its units.
 
-    A curve that says no units has those of the others.
+    A curve without units is taken to have these units already.
+
+    Raises
+    ------
+    ConfigError
+        A unit of a curve is unknown.
     """
     simulated_first = sorted(runs, key=lambda run: run.report.get(MEASURED, False))
     unit_mappings = (run.report.get("units") or {} for run in simulated_first)
@@ -27,7 +31,15 @@ def convert_to_common_units(runs: Sequence[Results]) -> list[Results]:
 
 
 def refuse_different_units(runs: Sequence[Results], remedy: str) -> None:
-    """UsageError when two runs measure in different units; one that does not say is taken as it is."""
+    """Raise UsageError if two runs have different units; a run without units is accepted as it is.
+
+    Parameters
+    ----------
+    runs
+        Results whose `units` are compared, for lengths and forces.
+    remedy
+        The end of the message: what the user can do.
+    """
     for kind in ("length", "force"):
         paths_by_unit = {
             unit: run.path for run in runs if (unit := (run.report.get("units") or {}).get(kind))
@@ -40,6 +52,7 @@ def refuse_different_units(runs: Sequence[Results], remedy: str) -> None:
 
 
 def _convert_units(run: Results, units: Mapping[str, str]) -> Results:
+    """Return a measured curve with its depths and forces in other units."""
     table = dict(run.table)
     for column, kind in (("delta", "length"), ("force", "force")):
         if own_unit := run.report["units"][kind]:
