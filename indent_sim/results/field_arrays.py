@@ -1,4 +1,4 @@
-"""TODO."""
+"""Names, places and shapes of the arrays in fields/, and the files that hold them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ XDMF_TAIL = "</Grid>\n</Domain>\n</Xdmf>\n"
 
 
 def vectors_in_3d(vectors: np.ndarray) -> np.ndarray:
-    """(n, 2) vectors of the (x, z) plane as (n, 3); (n, 3) as they are."""
+    """Return (n, 2) vectors of the (x, z) plane as (n, 3); (n, 3) vectors are returned as they are."""
     vectors = np.asarray(vectors, dtype=float)
     if vectors.shape[1] == 3:
         return vectors
@@ -45,11 +45,12 @@ def vectors_in_3d(vectors: np.ndarray) -> np.ndarray:
 
 
 def step_file(step: int) -> str:
+    """Return the name of the HDF5 file of a step."""
     return f"step-{step}.h5"
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """What an HDF5 file holds; any exception when it is damaged."""
+    """Return the arrays of an HDF5 file by name; a damaged file may raise any exception."""
     import h5py
 
     with h5py.File(io.BytesIO(read_regular_file(path)), "r") as file:

@@ -1,4 +1,4 @@
-"""TODO."""
+"""Reader of the fields of a result folder."""
 
 from __future__ import annotations
 
@@ -25,9 +25,7 @@ from indent_sim.results.result_files import FIELDS_FOLDER
 
 
 def missing_field_files(folder: Path) -> list[str]:
-    """The files of fields that a finished run left in its folder and that are missing or damaged
-    now, by name.
-    """
+    """Return the names of the field files of a finished run that are missing or damaged."""
     text = _read_index(folder)
     steps = _indexed_steps(text)
     if not (steps and text.endswith(XDMF_TAIL)):
@@ -44,26 +42,45 @@ def missing_field_files(folder: Path) -> list[str]:
 
 
 def steps_with_fields(folder: Path, rows: Collection[float]) -> list[int]:
-    """The steps whose fields are in a result folder, of those that have rows: fields are written
-    before their row.
+    """Return the steps in `rows` whose fields are in a result folder.
+
+    Fields are written before their row: fields without a row do not count.
     """
     return [step for step in _indexed_steps(_read_index(folder)) if step in rows]
 
 
 def _read_index(folder: Path) -> str:
-    """The text of fields.xdmf; "" where it cannot be read."""
+    """Return the text of fields.xdmf; "" if it cannot be read."""
     with suppress(OSError, ValueError):
         return read_regular_file(folder / XDMF_FILE).decode("utf-8")
     return ""
 
 
 def _indexed_steps(index: str) -> list[int]:
+    """Return the steps that are named in the text of fields.xdmf."""
     return [int(grid["step"]) for grid in GRID_PATTERN.finditer(index)]
 
 
 def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
-    """The mesh (points (n, 3) [length], cells, region) and the fields of a kept step; UsageError
-    when damaged.
+    """Read the mesh and the fields of a step.
+
+    Parameters
+    ----------
+    folder
+        The result folder.
+    step
+        A step of `steps_with_fields`.
+
+    Returns
+    -------
+    dict
+        points (n, 3) [length], cells (m, corners), region (m,), and the fields by name: one row per
+        point or per cell, as `field_arrays` says.
+
+    Raises
+    ------
+    UsageError
+        The files are missing or damaged.
     """
     try:
         arrays = read_arrays(folder / FIELDS_FOLDER / FIELDS_MESH_FILE) | read_arrays(
@@ -80,7 +97,7 @@ def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
 
 
 def _array_names(path: Path) -> set[str]:
-    """The names of what an HDF5 file holds, none when it is damaged."""
+    """Return the names of the arrays in an HDF5 file; empty if it is damaged."""
     with suppress(Exception):  # HDF5 has an error for every way of being damaged
         return set(read_arrays(path))
     return set()

@@ -1,10 +1,11 @@
-"""fields.xdmf and fields/ for ParaView, readable after a kill at any moment.
+"""Writer of fields.xdmf, tip.xdmf and fields/ for ParaView, readable after a kill at any moment.
 
-fields/ holds the mesh and every kept state in an HDF5 file each, made in memory and written aside
-and renamed: the HDF5 library itself takes a full disk very badly. fields.xdmf names a state once
-its file is there. Where all states are kept each is added to it in one write before the tags that
-close it, so that the bytes written grow with their number. tip.xdmf is the same for the rigid tip,
-a mesh of its own: its points at first touch, and how far it has come down.
+fields/ holds the mesh and every kept state in one HDF5 file each. A file is made in memory, written
+under a temporary name and renamed, because the HDF5 library does not recover from a full disk.
+fields.xdmf names a state once its file exists. If all states are kept, each is inserted before the
+closing tags in one write, so that the bytes written grow with the number of states and not with its
+square. tip.xdmf is the same for the rigid tip, which has a mesh of its own: its points at first
+touch, and its displacement.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ BLANK_ESCAPES = str.maketrans(
 
 @dataclass(frozen=True)
 class _StoredState:
-    """A state in the files: its step, depth, and XDMF of body and tip."""
+    """A state in the files: its step, depth, time, and its XDMF text by file name."""
 
     step: int
     delta: float
@@ -56,15 +57,28 @@ class _StoredState:
 
 
 class FieldWriter:
-    """A growing time series of the fields of `ARRAYS` on one mesh, and of the tip above it.
+    """Writer of a time series of fields on one mesh, and of the tip above it.
 
-    body: points (n, 2) or (n, 3) [length], two columns being (x, z), cells (m, 3) or (m, 4) of
-    their numbers, regions (m,), and the tip. All states are kept, or the deepest and the last. The
-    time of a state is its own where time passes, a last digit later where two have one, its depth
-    where depths only grow, else its step. With `done` the states of the first so many steps that
-    are there stay (`continued`), unless the files are missing, damaged or of another mesh: then
-    they begin anew. arrays: what each state has; told: what the files say of all of them, units and
-    regions.
+    The time of a state in the series is its own if the scene has times, otherwise its step. Of two
+    states with the same time the later one is written as the next larger floating-point number.
+
+    Parameters
+    ----------
+    directory
+        The result folder.
+    body
+        points (n, 2) or (n, 3) [length], where two columns are (x, z); cells (m, 3) or (m, 4),
+        numbers of points; regions (m,); and the tip as a `TipGeometry`.
+    keep
+        "all" states, or the deepest and the "last" one.
+    done
+        Number of steps of a previous run whose states are kept (`is_continued`), unless their files
+        are missing, damaged or of another mesh; then the series begins anew. None begins a new
+        series.
+    arrays
+        The arrays of each state.
+    told
+        Information that the files contain: units and names of regions.
     """
 
     def __init__(
@@ -109,8 +123,23 @@ class FieldWriter:
     def write(
         self, step: int, delta: float, fields: Mapping[str, np.ndarray], t: float | None = None
     ) -> None:
-        """Add one state: its fields by name, displacement (n, 2 or 3), and its time. OSError on a
-        full disk.
+        """Add one state.
+
+        Parameters
+        ----------
+        step
+            Number of its row.
+        delta
+            Indentation depth [length].
+        fields
+            Values by name; the displacement is (n, 2) or (n, 3).
+        t
+            Time of the state; None stands for its step.
+
+        Raises
+        ------
+        OSError
+            The disk is full.
         """
         values = {**fields, "displacement": vectors_in_3d(fields["displacement"])}
         arrays = {
@@ -138,9 +167,7 @@ class FieldWriter:
         return self.directory / FIELDS_FOLDER
 
     def _find_stored_states(self, done: int) -> list[_StoredState] | None:
-        """The states up to step `done` in the files of an earlier run; None where they are of no
-        use.
-        """
+        """Return the states up to step `done` in the files of a previous run; None if they cannot be used."""
         try:
             mesh = read_arrays(self._fields_folder / FIELDS_MESH_FILE)
             if not all(np.array_equal(mesh[name], values) for name, values in self._mesh.items()):
@@ -169,10 +196,12 @@ class FieldWriter:
             return None
 
     def _array_shape(self, name: str) -> tuple[int, ...]:
+        """Return the shape of an array of a state."""
         center, _, components = self._arrays[name]
         return (len(self._mesh["points" if center == "Node" else "cells"]), *components)
 
     def _stored_state(self, step: int, delta: float, time: float) -> _StoredState:
+        """Return a state with its XDMF texts of body and tip."""
         body = self._grid_xml(step, delta, time, "", self._arrays, MESH_ARRAYS)
         return _StoredState(
             step,
@@ -193,7 +222,7 @@ class FieldWriter:
         arrays: ArrayLayouts,
         mesh_arrays: ArrayLayouts,
     ) -> str:
-        """A state of the mesh whose arrays begin with a prefix."""
+        """Return the XDMF grid of a state on the mesh whose arrays have a prefix: "" or "tip_"."""
         points, cells = (self._mesh[f"{prefix}{name}"] for name in ("points", "cells"))
         counts = {"Node": len(points), "Cell": len(cells)}
         items = [
@@ -222,7 +251,7 @@ class FieldWriter:
         return "".join([head, topology, geometry, *items, "</Grid>\n"])
 
     def _write_index(self) -> None:
-        """Name the states that are kept, and no others; then theirs may go."""
+        """Write the XDMF files of the kept states, then delete the files of all others."""
         for name in (XDMF_FILE, TIP_XDMF_FILE):
             text = (
                 self._index_head
@@ -237,11 +266,12 @@ class FieldWriter:
 
 
 def _information_xml(name: str, value: str) -> str:
+    """Return an XDMF element with a name and a value."""
     return f"<Information Name={_quote_attribute(name)} Value={_quote_attribute(value)}/>\n"
 
 
 def _quote_attribute(text: str) -> str:
-    """A value of an attribute. xml.sax would do, but loads what fetches pages from the internet."""
+    """Quote a value of an XML attribute, without xml.sax, which loads modules for internet access."""
     return f'"{html.escape(text).translate(BLANK_ESCAPES)}"'
 
 
@@ -253,19 +283,21 @@ def _attribute_xml(
     prefix: str,
     number: str = "Float",
 ) -> str:
-    """An array of a file, in which its name has a prefix, as the values of a grid."""
+    """Return the XDMF element of an array, whose name in its HDF5 file has a prefix."""
     center, rank, components = kind
     head = f'<Attribute Name="{name}" Center="{center}" AttributeType="{rank}">'
     return f"{head}{_data_item_xml(file, prefix + name, (counts[center], *components), number)}</Attribute>\n"
 
 
 def _data_item_xml(file: str, path: str, shape: tuple[int, ...], kind: str = "Float") -> str:
+    """Return the XDMF element that refers to the data of an array in an HDF5 file."""
     dimensions = " ".join(str(n) for n in shape)
     form = f'DataType="{kind}" Precision="8" Format="HDF" Dimensions="{dimensions}"'
     return f"<DataItem {form}>{FIELDS_FOLDER}/{file}:/{path}</DataItem>"
 
 
 def _hdf5_bytes(arrays: dict[str, np.ndarray]) -> bytes:
+    """Return the bytes of an HDF5 file with these arrays."""
     import h5py
 
     buffer = io.BytesIO()

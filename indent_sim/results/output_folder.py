@@ -1,12 +1,9 @@
-"""Result folder: the claim to write it, its lock, and how a new one takes the place of an old one.
+"""Output folder of a run: its lock, and how it replaces an older result folder.
 
 A run writes into a hidden staging folder beside its target and becomes the target by renaming, so
 that readers see the old folder or the new one, never half of one. `.lock` inside the folder is held
-while the run lives (the kernel lets go of it when the run is killed) and moves with the rename.
-
-A folder is this program's when its run.json or its `.lock` says so; whatever says nothing of the
-kind is never moved, written or deleted, wherever it stands and whatever it is called. Links are not
-followed when writing. What a folder holds is asked of `held` alone.
+while the run lives (the kernel releases it when the run is killed) and moves with the rename. The
+ownership of files is decided in `result_files`.
 """
 
 from __future__ import annotations
@@ -50,11 +47,21 @@ RESERVED_BYTES = (
 
 
 class OutputFolder:
-    """The right to write one result folder: a locked staging folder that becomes the target.
+    """Exclusive right to write one result folder: a locked staging folder that becomes the target.
 
-    may_replace: raises UsageError when the run in a folder is not to be replaced; by default each
-    is. Raises UsageError, and leaves nothing behind, when the target is foreign, unwritable, in
-    use, or not to be replaced.
+    Parameters
+    ----------
+    target
+        The result folder.
+    may_replace
+        Called with an existing folder; it raises UsageError if the folder is not to be replaced. By
+        default every folder of this program may be replaced.
+
+    Raises
+    ------
+    UsageError
+        The target was not made by this program, cannot be written, is in use, or is not to be
+        replaced. Nothing is left behind.
     """
 
     def __init__(self, target: Path, may_replace: Callable[[Path], None] = lambda folder: None):
@@ -85,7 +92,7 @@ class OutputFolder:
         self.replaces_results = has_rows(self.target)
 
     def resume_in_place(self) -> None:
-        """Go on in the target itself, with the run that is there, in place of a staging folder."""
+        """Continue the run in the target folder itself, without a staging folder."""
         refuse_links(self.target)
         try:
             descriptor = _open_locked(self.target / LOCK, self.target)
@@ -106,9 +113,7 @@ class OutputFolder:
         os.close(old_lock)
 
     def rename_into_place(self) -> None:
-        """Give the staging folder its target's name; an old folder goes, but files that are not
-        ours stay.
-        """
+        """Give the staging folder its target's name; files of others in an old folder are moved into it."""
         self._refuse_target()
         # renaming a folder under somebody's feet would leave them in a deleted one
         if self._old_folder.parent != self.target and self.target not in (
@@ -132,7 +137,7 @@ class OutputFolder:
         self._delete_old()
 
     def abandon(self) -> None:
-        """Give the claim up and leave everything as it was found."""
+        """Release the folder and leave everything as it was found."""
         if not self.is_in_place and self._lock_descriptor >= 0:
             shutil.rmtree(self.path, ignore_errors=True)
         self.release_lock()
@@ -142,7 +147,7 @@ class OutputFolder:
         self._created_parents.clear()
 
     def release_lock(self) -> None:
-        """Let go of the lock; what is written stays."""
+        """Release the lock; the written files stay."""
         if self._lock_descriptor >= 0:
             if _is_same_file(self._lock_descriptor, self.path / LOCK):
                 with suppress(OSError):
@@ -151,12 +156,13 @@ class OutputFolder:
             self._lock_descriptor = -1
 
     def free_reserved_space(self) -> None:
-        """Free the lock file's bytes on a full disk."""
+        """Free the bytes reserved in the lock file, so that run.json still fits on a full disk."""
         if self._lock_descriptor >= 0:
             with suppress(OSError):
                 os.ftruncate(self._lock_descriptor, len(LOCK_SIGNATURE))
 
     def _make_parents(self, folder: Path) -> None:
+        """Create the missing parents of the target, and check that its folder can be written."""
         missing = []
         while not folder.exists():
             missing.append(folder)
@@ -173,6 +179,7 @@ class OutputFolder:
             self._created_parents.append(folder)
 
     def _create_staging_folder(self) -> None:
+        """Create and lock the staging folder, and empty one that a killed run left."""
         for _ in range(20):  # another run may publish or clean up between two of these lines
             with suppress(FileExistsError):
                 self.path.mkdir()
@@ -194,7 +201,7 @@ class OutputFolder:
         _sign_lock(descriptor)
 
     def _refuse_occupied_names(self) -> None:
-        """Nobody else's folder is used, whatever it is called."""
+        """Raise UsageError if a foreign file or folder has the name of the staging or of the old folder."""
         for path in (self.path, self._old_folder):
             unused = path == self.path and not path.is_symlink() and folder_kind(path) == "nothing"
             if os.path.lexists(path) and not (is_own_folder(path) or unused):
@@ -203,6 +210,7 @@ class OutputFolder:
                 )
 
     def _refuse_target(self) -> None:
+        """Raise UsageError if the target is foreign, not to be replaced, or in use by another run."""
         if (
             not self._old_folder.is_dir()
         ):  # else a run was killed while it took the place of an old one
@@ -212,8 +220,10 @@ class OutputFolder:
             os.close(_open_locked(self.target / LOCK, self.target, 0))
 
     def _recover_interrupted_rename(self) -> None:
-        """Finish or undo what a run killed amid `publish` left; run.json leaves first and comes
-        last.
+        """Finish or undo a replacement during which a run was killed.
+
+        run.json is moved out of the target first and into it last: it tells how far the replacement
+        came.
         """
         if not self._old_folder.is_dir():
             return
@@ -239,6 +249,7 @@ class OutputFolder:
             delete_own_files(self._old_folder)
 
     def _rename_entries(self) -> None:
+        """Replace the target's entries one by one, where the folder itself cannot be renamed."""
         new_old_folder = self.path / ".old"  # that it is ours must be said before it has its name
         new_old_folder.mkdir()
         (new_old_folder / LOCK).write_bytes(LOCK_SIGNATURE)
@@ -251,6 +262,7 @@ class OutputFolder:
         shutil.rmtree(self.path, ignore_errors=True)
 
     def _delete_old(self) -> None:
+        """Delete the replaced folder; entries that this program did not write are moved to the target."""
         if not self._old_folder.is_dir():
             return
         delete_own_fields(self._old_folder / FIELDS_FOLDER)  # what is left of it is not ours
@@ -265,19 +277,19 @@ class OutputFolder:
 
 
 def _move_missing(source: Path, target: Path, names: Iterable[str]) -> None:
-    """Move entries of a folder into another, but for those whose names it has."""
+    """Move entries of a folder into another one, except those whose names exist there."""
     for name in names:
         if not os.path.lexists(target / name):
             shutil.move(source / name, target / name)
 
 
 def _sign_lock(descriptor: int) -> None:
-    """Say in a lock that it is this program's, with its ballast behind."""
+    """Write the signature into a lock file, followed by the reserved bytes."""
     os.pwrite(descriptor, LOCK_SIGNATURE.ljust(RESERVED_BYTES, b"\0"), 0)
 
 
 def _open_locked(path: Path, target: Path, flags: int = os.O_CREAT) -> int:
-    """An open, locked file; UsageError when another process, which writes the target, holds it."""
+    """Open and lock a file; UsageError if another process, which writes the target, holds the lock."""
     descriptor = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | flags, 0o644)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
@@ -293,6 +305,7 @@ def _open_locked(path: Path, target: Path, flags: int = os.O_CREAT) -> int:
 
 
 def _is_same_file(descriptor: int, path: Path) -> bool:
+    """Return whether an open file is the one that has this path now."""
     with suppress(FileNotFoundError):
         return os.path.samestat(os.fstat(descriptor), os.stat(path))
     return False

@@ -1,4 +1,8 @@
-"""TODO."""
+"""Names and ownership of the files of result folders, studies and fits.
+
+A folder belongs to this program if its run.json or its `.lock` says so. Files and folders of others
+are never moved, written or deleted, whatever their name, and links are not followed when writing.
+"""
 
 from __future__ import annotations
 
@@ -69,8 +73,24 @@ Report = dict[
 
 
 def read_report(folder: Path, name: str = REPORT) -> Report:
-    """The run.json of a folder as it stands; empty when there is none or it is not this program's,
-    UsageError when it may not be read.
+    """Read the run.json of a folder without checking its entries.
+
+    Parameters
+    ----------
+    folder
+        A folder of results.
+    name
+        The file: run.json, study.json or fit.json.
+
+    Returns
+    -------
+    dict
+        Empty if there is no such file, or if it is not this program's.
+
+    Raises
+    ------
+    UsageError
+        The file exists, but reading it is not permitted.
     """
     try:
         report = json.loads(read_regular_file(folder / name))
@@ -84,10 +104,15 @@ def read_report(folder: Path, name: str = REPORT) -> Report:
 
 
 def folder_kind(folder: Path) -> Literal["nothing", "run", "study", "fit", "other"]:
-    """What a folder holds; nothing where there is none, or only what a run or a study that was
-    killed at once left.
+    """Return what a folder holds: the results of a run, a study or a fit, nothing, or something else.
 
-    UsageError when it is no folder, or cannot be read.
+    "nothing" stands for an absent or empty folder, and for one with only the lock or the empty
+    runs/ of a run or a study that was killed as it began.
+
+    Raises
+    ------
+    UsageError
+        The path is not a folder, or cannot be read.
     """
     if _is_absent(folder):
         return "nothing"
@@ -116,7 +141,7 @@ def folder_kind(folder: Path) -> Literal["nothing", "run", "study", "fit", "othe
 
 
 def _is_absent(path: Path) -> bool:
-    """Whether nothing stands at this path."""
+    """Return whether nothing exists at this path."""
     try:
         os.lstat(path)
     except FileNotFoundError:
@@ -127,7 +152,7 @@ def _is_absent(path: Path) -> bool:
 
 
 def is_own_file(path: Path) -> bool:
-    """Whether a file with the name of one of ours is ours."""
+    """Return whether this program wrote a file, by the signature in its first 1000 bytes."""
     with suppress(OSError):
         sign = FILE_SIGNATURES.get(path.name, PICTURE_SIGNATURE if path.suffix == ".png" else b"")
         return not path.is_symlink() and sign in read_regular_file(path)[:1000]
@@ -135,7 +160,7 @@ def is_own_file(path: Path) -> bool:
 
 
 def is_own_folder(folder: Path) -> bool:
-    """Whether this program made a folder: its lock or its run.json says so."""
+    """Return whether this program made a folder: its lock or its run.json says so."""
     return (
         folder.is_dir()
         and not folder.is_symlink()
@@ -144,9 +169,7 @@ def is_own_folder(folder: Path) -> bool:
 
 
 def delete_own_files(folder: Path) -> None:
-    """Delete this program's files in a folder of its own, what says so last; the folder too when
-    nothing is left.
-    """
+    """Delete this program's files in a folder, run.json and the lock last; the folder if it is empty."""
     for name in (".staging", ".old"):
         if is_own_folder(folder / name):
             delete_own_files(folder / name)
@@ -164,20 +187,22 @@ def delete_own_files(folder: Path) -> None:
 
 
 def _unlink_file(path: Path) -> None:
+    """Delete a file or a link, but not a folder."""
     if path.is_symlink() or path.is_file():
         path.unlink()
 
 
 def field_files(fields: Path) -> list[Path]:
-    """This program's files in a folder of fields, none where that is a link or no folder."""
+    """Return this program's files in a folder of fields; empty if it is a link or not a folder."""
     if fields.is_symlink() or not fields.is_dir():
         return []
     return [path for path in fields.iterdir() if FIELD_FILE.fullmatch(path.name)]
 
 
 def delete_own_fields(fields: Path) -> None:
-    """Delete this program's files in a folder of fields, and the folder when nothing else is in it;
-    a link alone.
+    """Delete this program's files in a folder of fields, and the folder if nothing else is in it.
+
+    A link in place of the folder is deleted, but not what it points to.
     """
     for path in [*field_files(fields), *([fields] if fields.is_symlink() else [])]:
         _unlink_file(path)
@@ -186,8 +211,9 @@ def delete_own_fields(fields: Path) -> None:
 
 
 def refuse_links(folder: Path) -> None:
-    """UsageError when one of the files that a run would go on writing is a link, or no file: it may
-    be anything.
+    """Raise UsageError if a file to which a run would append is a link, or not a regular file.
+
+    A link may point to any file outside of the result folder.
     """
     fields = folder / FIELDS_FOLDER
     if os.path.lexists(fields) and (fields.is_symlink() or not fields.is_dir()):
@@ -200,14 +226,14 @@ def refuse_links(folder: Path) -> None:
 
 
 def has_rows(folder: Path) -> bool:
-    """Whether the folder's force table holds at least one complete row."""
+    """Return whether the force table of a folder has at least one complete row."""
     with suppress(OSError):
         return read_regular_file(folder / TABLE).count(b"\n") > 1
     return False
 
 
 def foreign_files(folder: Path) -> set[str]:
-    """The names of what stands in a result folder and is not ours."""
+    """Return the names of the entries of a result folder that this program did not write."""
     names = entry_names(folder, HIDDEN_NAMES)
     return {
         name
@@ -219,7 +245,17 @@ def foreign_files(folder: Path) -> set[str]:
 def refuse_foreign(
     target: Path, kind: str = "run", written: Iterable[str] = RUN_FILE_SIGNATURES
 ) -> None:
-    """UsageError where a run (a study) would take the place of what is not ours."""
+    """Raise UsageError if a run, study or fit would replace files that it did not write.
+
+    Parameters
+    ----------
+    target
+        The folder that the results are to have.
+    kind
+        Kind of results that may be replaced: "run", "study" or "fit".
+    written
+        Names of files that will be written under names which other programs might use, too.
+    """
     if _is_absent(target):
         return
     kind_found = folder_kind(target)
@@ -237,8 +273,10 @@ def refuse_foreign(
 
 
 def config_file_entries(file: str, folder: Path) -> dict[str, str]:
-    """How run.json names the config file of a run: by its path, and as seen from the folder; both
-    may move together.
+    """Return the entries of run.json that name the config file of a run.
+
+    They are its absolute path, and its path relative to the result folder, which still holds if
+    both are moved together. Empty for a run without a config file.
     """
     path = os.path.realpath(file)
     return (
@@ -249,8 +287,14 @@ def config_file_entries(file: str, folder: Path) -> dict[str, str]:
 
 
 def is_same_config_file(theirs: Report, ours: Report, folder: Path) -> bool:
-    """Whether two runs are of one config file, by what their run.json say; a run that names no file
-    is of any.
+    """Return whether two runs belong to one config file; a run that names none belongs to any.
+
+    Parameters
+    ----------
+    theirs, ours
+        The run.json of the previous and of the new run.
+    folder
+        The result folder.
     """
     their_request = theirs.get("asked")
     our_request = ours.get("asked")
@@ -268,6 +312,7 @@ def is_same_config_file(theirs: Report, ours: Report, folder: Path) -> bool:
 
 
 def is_own_lock(lock: Path) -> bool:
+    """Return whether a lock file begins with this program's signature."""
     with (
         suppress(OSError),
         open(os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file,
@@ -280,8 +325,12 @@ def is_own_lock(lock: Path) -> bool:
 
 
 def entry_names(path: Path, excluded: Iterable[str]) -> set[str]:
-    """Names in a folder, none when there is no folder; UsageError when it is something else or
-    cannot be read.
+    """Return the names in a folder except the excluded ones; empty if there is no folder.
+
+    Raises
+    ------
+    UsageError
+        The path is not a folder, or cannot be read.
     """
     try:
         if not path.exists():

@@ -1,4 +1,4 @@
-"""TODO."""
+"""Scene of a result folder, as its config.yaml gives it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from indent_sim.results.result_files import CONFIG
 
 
 def scene_of(folder: Path) -> Config | None:
-    """The scene of a result folder, in the user's units; None where there is none to read."""
+    """Return the scene of a result folder, in the user's units; None if it cannot be read."""
     with suppress(OSError):
         written = os.stat(folder / CONFIG)
         return _cached_scene(folder / CONFIG, written.st_mtime_ns, written.st_ino)
@@ -24,7 +24,7 @@ def scene_of(folder: Path) -> Config | None:
 
 
 def has_adhesion(folder: Path) -> bool | None:
-    """Whether the contact of a result adheres; None where its scene cannot be read."""
+    """Return whether the contact of a result has adhesion; None if its scene cannot be read."""
     with suppress(OSError):
         if b"adhesion" not in read_regular_file(
             folder / CONFIG
@@ -36,11 +36,12 @@ def has_adhesion(folder: Path) -> bool | None:
 
 @lru_cache(16)  # every panel of a picture asks
 def _cached_scene(file: Path, written: int, inode: int) -> Config | None:
+    """Read a scene file; the time of its last change and its inode make up the key of the cache."""
     with suppress(IndentSimError, OSError, ValueError):
         return load_result_config(file)
     return None
 
 
 def contacts_per_body(body: AnyBody) -> int:
-    """Equal pieces of a body on top of each other, of which one is modelled."""
+    """Return the number of equal contacts of a body: two of a ball between two tips."""
     return body.spherical_body.contacts_per_body if isinstance(body, Ball) else 1

@@ -1,4 +1,4 @@
-"""Outline of a rigid tip, for pictures and ParaView: its section as a line, its surface as a mesh."""
+"""Geometry of a rigid tip for pictures and ParaView: its section as a line, its surface as a mesh."""
 
 from __future__ import annotations
 
@@ -16,11 +16,17 @@ SURFACE_RINGS = 40
 
 @dataclass(frozen=True)
 class TipGeometry:
-    """A tip as a mesh: points (n, 3) with the apex at first touch, z = 0; cells (m, 2) or (m, 3) of
-    points [length].
+    """A tip as a mesh at first touch, with its apex at z = 0.
 
-    A tip at the depth delta stands delta/pieces lower: of a ball between two tips one half is
-    modelled.
+    Attributes
+    ----------
+    points
+        Points (n, 3) [length].
+    cells
+        Numbers of the points of each line (m, 2) or triangle (m, 3).
+    contacts_per_body
+        Number of equal contacts of the body: of a ball between two tips one half is modelled, and
+        each tip moves by half of the depth.
     """
 
     points: np.ndarray
@@ -28,17 +34,27 @@ class TipGeometry:
     contacts_per_body: int = 1
 
     def displacement(self, delta: float) -> np.ndarray:
-        """Its displacement (n, 3) at a depth [length]."""
+        """Return the displacement (n, 3) [length] of the tip at a depth."""
         return np.tile([0.0, 0.0, -delta / self.contacts_per_body], (len(self.points), 1))
 
 
 def half_section(
     tip: Indenter, width: float, degrees: float = 0.0, points: int = 160
 ) -> SectionCurve:
-    """(s, z) [length] of the tip in the half plane at this angle from x, from the apex out to
-    `width`.
+    """Return the section (s, z) of the tip in the half-plane at an angle from x, apex first.
 
-    A sphere is drawn whole where it fits, a tip that ends has a vertical side.
+    A sphere is drawn as a whole if it fits into the width; a tip that ends has a vertical side.
+
+    Parameters
+    ----------
+    tip
+        The tip.
+    width
+        Largest distance s from the axis [length].
+    degrees
+        Angle of the half-plane from the x axis.
+    points
+        Number of points of the smooth part.
     """
     if isinstance(tip, Sphere):
         angles = np.linspace(0, np.pi if width >= tip.R else np.arcsin(width / tip.R), points)
@@ -57,7 +73,10 @@ def half_section(
 
 
 def section(tip: Indenter, width: float, degrees: float = 0.0) -> SectionCurve:
-    """(s, z) [length] of the tip in the vertical plane at this angle from x, from left to right."""
+    """Return the section (s, z) [length] of the tip in a vertical plane, from left to right.
+
+    `degrees` is the angle of the plane from the x axis, `width` the largest distance from the axis.
+    """
     (left, below) = half_section(tip, width, degrees + 180)
     (right, above) = half_section(tip, width, degrees)
     return np.concatenate([-left[:0:-1], right]), np.concatenate([below[:0:-1], above])
@@ -66,8 +85,22 @@ def section(tip: Indenter, width: float, degrees: float = 0.0) -> SectionCurve:
 def tip_mesh(
     tip: Indenter, center: tuple[float, ...], width: float, kinematics: str, pieces: int
 ) -> TipGeometry:
-    """The tip out to `width` [length]: the half (axisymmetric) or whole section, a surface in three
-    dimensions.
+    """Return the mesh of a tip out to a distance from its axis.
+
+    It is the half section (axisymmetric), the whole section (plane strain), or the surface (3D).
+
+    Parameters
+    ----------
+    tip
+        The tip.
+    center
+        Position of the apex, (x,) or (x, y) [length].
+    width
+        Largest distance from the axis [length].
+    kinematics
+        "axisymmetric", "plane_strain" or "three_dimensional".
+    pieces
+        Number of equal contacts of the body.
     """
     if kinematics == "three_dimensional":
         points, cells = _tip_surface(tip, width)
@@ -79,7 +112,10 @@ def tip_mesh(
 
 
 def _tip_surface(tip: Indenter, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """The tip's surface as triangles: sections about its axis, among them the edges of a pyramid."""
+    """Return the tip's surface as triangles between sections about its axis.
+
+    The edges of a pyramid are among the sections.
+    """
     edges, begin = (2 * tip.faces, tip.rotation) if isinstance(tip, RegularPyramid) else (1, 0.0)
     section_count = -(-SECTIONS_PER_TURN // edges) * edges
     angles = begin + 360 * np.arange(section_count) / section_count
@@ -99,8 +135,10 @@ def _tip_surface(tip: Indenter, width: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def plot_width(tip: Indenter, a: float, delta: float) -> float:
-    """How far out a tip is drawn around a contact of radius a at a depth [length]: beyond both, a
-    small tip whole.
+    """Return the distance from the axis to which a tip is drawn [length].
+
+    It is larger than the contact radius a and the depth; a tip that is not much wider is drawn
+    whole.
     """
     contact_width = 2.5 * max(a, abs(delta))
     return (
