@@ -1,4 +1,4 @@
-"""Rows of two results side by side."""
+"""Comparison of two results, row by row."""
 
 from __future__ import annotations
 
@@ -40,14 +40,27 @@ Tolerances = float | Mapping[str, float]  # of all columns, or by column
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two tables side by side: one (a, b) pair per row and column, rows matched by step, by row, or
-    else by depth.
+    """Two tables side by side: one pair of values per row and column.
 
-    steps: what is said of each row, step 3 or delta 0.1; rtol of every column; worst: its largest
-    relative difference; differences: what differs, in words; empty when equal; beside: of two
-    results the tables beside the force table; interpolated: the one of two paths whose numbers were
-    interpolated, and the largest error that this may make of the force, relative to the largest
-    one.
+    Attributes
+    ----------
+    row_keys
+        Step, row number, depth or time of each compared row.
+    matched_by
+        The quantity that matches the rows: "step", "row", "delta" or "t".
+    pairs
+        Values (rows, 2) of both tables by column.
+    rtol
+        Relative tolerance of each column.
+    max_relative_difference
+        Largest relative difference of each column.
+    differences
+        One sentence per difference; empty if the two are equal within the tolerances.
+    other_tables
+        Comparisons of the tables besides the force table, for two results that both have them.
+    interpolation
+        The path whose values were interpolated, and the estimated error of its force, relative to
+        the largest force.
     """
 
     row_keys: tuple[float, ...]
@@ -61,9 +74,7 @@ class Comparison:
 
     @property
     def residual(self) -> dict[str, float]:
-        """Difference of the forces in per cent of the largest one: the largest, and the root of the
-        mean square.
-        """
+        """Differences of the forces in per cent of the largest: maximum and root mean square."""
         pair = self.pairs.get("force", np.empty((0, 2)))
         pair = pair[np.isfinite(pair).all(axis=1)]
         largest = float(np.abs(pair).max(initial=0.0))
@@ -76,7 +87,7 @@ class Comparison:
         }
 
     def check(self) -> None:
-        """Raise VerificationError when the two differ."""
+        """Raise VerificationError if the two differ."""
         if self.differences:
             more = len(self.differences) - MAX_DIFFERENCES
             lines = [
@@ -86,7 +97,7 @@ class Comparison:
             raise VerificationError("the two differ\n" + "\n".join(lines))
 
     def as_json(self) -> Report:
-        """The comparison as one JSON object."""
+        """Return the comparison as one JSON object."""
         numbers = [
             {name: pair[i] for name, pair in self.pairs.items()} for i in range(len(self.row_keys))
         ]
@@ -113,21 +124,38 @@ def compare(
     rtol: Tolerances = DEFAULT_RTOL,
     columns: Sequence[str] | None = None,
 ) -> Comparison:
-    """Compare columns [delta, force, a and those that rtol names] of two results row by row.
+    """Compare two results row by row.
 
-    Two numbers agree when |x - y| <= rtol max(|x|, |y|, 1e-6 largest of the column): a force of
-    1e-18 out of contact is a zero. An empty cell agrees with an empty cell alone. Where rtol says
-    nothing of a column it is 1e-6. Rows belong together by step; where a file has no steps by
-    depth, the k-th of a depth with the k-th. Where depths differ the curve with more rows is
-    interpolated in depth, approach and retraction apart: a result by power laws through two
-    neighbours, a measured curve by chords. Of two histories whose times differ the one with more
-    rows is taken at the times of the other: its row of that time, at a jump the one on the same
-    side, else by chords. All miss something of the order h^2: a quarter of what they miss at rows
-    that are left out. Measured curves are taken in the units of the other; UsageError for two
-    results in different ones. A history that an earlier version wrote to experiment.csv is compared
-    with one of today. Rows of two experiment.csv or dynamic.csv belong together by their number,
-    and all their columns are compared, words too. Of two results these tables, where both have
-    them, are compared as well. UsageError for a column that no two tables have.
+    Two numbers agree if |x - y| <= rtol max(|x|, |y|, 1e-6 max|column|): the last term makes a
+    force of 1e-18 out of contact a zero. An empty cell agrees only with an empty cell.
+
+    Rows are matched by step; in tables without steps by depth, the k-th row of a depth with the
+    k-th. If the depths differ, the curve with more rows is interpolated in depth, approach and
+    retraction separately: a result by power laws between neighbouring rows, a measured curve
+    linearly. If the times of two histories differ, the one with more rows is taken at the times of
+    the other: its row of that time, at a jump the row on the same side, otherwise by linear
+    interpolation. The interpolation error is of order h^2; it is estimated as a quarter of the
+    error at rows that are left out.
+
+    Measured curves are converted to the units of the other. A history that an earlier version wrote
+    to experiment.csv can be compared with one in the force table. Rows of two files experiment.csv
+    or dynamic.csv are matched by their number, and all their columns are compared, words as well.
+    If two results both have these files, they are compared, too.
+
+    Parameters
+    ----------
+    first, second
+        Result folders, force tables or measured curves.
+    rtol
+        Relative tolerance of all columns, or by column; "" stands for all columns that are not
+        named, whose default is 1e-6.
+    columns
+        The compared columns; by default delta, force, a and those that rtol names.
+
+    Raises
+    ------
+    UsageError
+        A table cannot be read, the two have different units, or a column is in no pair of tables.
     """
     paths = (Path(first), Path(second))
     common_tables = [
@@ -165,7 +193,7 @@ def compare(
 def _compare_tables(
     paths: tuple[Path, Path], A: Table, B: Table, rtol: Tolerances, columns: Sequence[str] | None
 ) -> Comparison:
-    """Two tables, in the columns asked for that both have."""
+    """Compare two tables in the requested columns that both have."""
     key = next((name for name in ("step", "row") if name in A and name in B), "delta")
     _refuse_missing(key, dict(zip(map(str, paths), (A, B), strict=True)))
     default_columns = [name for name in (A if key == "row" else COMPARED_COLUMNS) if name != "row"]
@@ -215,7 +243,7 @@ def _compare_tables(
 def _find_differences(
     key: str, keys: np.ndarray, pairs: dict[str, np.ndarray], tolerances: dict[str, float]
 ) -> tuple[dict[str, float], list[str]]:
-    """The largest relative difference of every column, and what differs in words."""
+    """Return the largest relative difference of every column, and a sentence per difference."""
     worst = {}
     differences = []
     for name, pair in pairs.items():
@@ -230,11 +258,10 @@ def _find_differences(
 def _is_matched(
     A: Table, B: Table, matched_A: np.ndarray, matched_B: np.ndarray, abscissa: str, rtol: float
 ) -> bool:
-    """Whether rows that belong together by name are at the same depths, or times, or too few for
-    anything else.
+    """Return whether rows matched by name are at the same depths, or times.
 
-    Where forces are prescribed depths are found, and differ a little: then, too, steps belong
-    together.
+    Where forces are prescribed, depths are results and differ a little: rows of equal steps then
+    still belong together. Tables with too few rows for interpolation count as matched.
     """
     if (
         min(len(A[abscissa]), len(B[abscissa])) < 1
@@ -254,9 +281,7 @@ def _is_matched(
 def _compare_by_time(
     paths: tuple[Path, Path], A: Table, B: Table, tolerances: dict[str, float]
 ) -> Comparison | None:
-    """The history with more rows at the times of the other; None where the two have no time in
-    common.
-    """
+    """Compare the denser history at the times of the other; None if no times are in common."""
     is_first_denser = len(A["t"]) >= len(B["t"])
     (dense, sparse), (dense_path, sparse_path) = (
         ((A, B), paths) if is_first_denser else ((B, A), paths[::-1])
@@ -291,9 +316,7 @@ def _compare_by_time(
 def _compare_by_depth(
     paths: tuple[Path, Path], A: Table, B: Table, tolerances: dict[str, float]
 ) -> Comparison | None:
-    """The table with more rows at the depths of the other; None where the two have no depth in
-    common.
-    """
+    """Compare the denser table at the depths of the other; None if no depths are in common."""
     is_first_denser = len(A["delta"]) >= len(B["delta"])
     (dense, sparse), (dense_path, sparse_path) = (
         ((A, B), paths) if is_first_denser else ((B, A), paths[::-1])
@@ -323,8 +346,10 @@ def _compare_by_depth(
 
 
 def _force_tables(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, Table]:
-    """The two force tables; where one alone has times, the other's history from experiment.csv, if
-    it is there.
+    """Return the two force tables.
+
+    If only one of them has times, the history in experiment.csv takes the place of the other, if it
+    exists.
     """
     if ("t" in A) == ("t" in B):
         return A, B
@@ -344,9 +369,7 @@ def _force_tables(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, 
 
 
 def _read_table_pair(first: Path, second: Path) -> tuple[Table, Table]:
-    """The two tables, measured curves in the units of the other; UsageError for two results in
-    different units.
-    """
+    """Read two tables in the same units; UsageError if two results have different ones."""
     first_results, second_results = convert_to_common_units(
         [_read_any_table(path) for path in (first, second)]
     )
@@ -357,16 +380,14 @@ def _read_table_pair(first: Path, second: Path) -> tuple[Table, Table]:
 
 
 def _comparable_columns(results: Results) -> Table:
-    """The table of a result; a measured curve has neither steps nor radii."""
+    """Return the columns of a result; a measured curve has no steps or radii."""
     if not results.report.get(MEASURED):
         return results.table
     return {name: column for name, column in results.table.items() if name not in ("step", "a")}
 
 
 def _read_any_table(path: Path) -> Results:
-    """A result or a measured curve, or the columns of a table of an experiment, under whatever
-    name.
-    """
+    """Read a result, a measured curve, or a table of an experiment under any file name."""
     file = force_table_path(path)
     names = set(header_of(file))
     is_of_branches = "branch" in names and ("step" in names or {"z", "a"} <= names)
@@ -380,8 +401,10 @@ def _read_any_table(path: Path) -> Results:
 def _column_tolerances(
     rtol: Tolerances, columns: Sequence[str] | None, default_columns: Sequence[str]
 ) -> dict[str, float]:
-    """The tolerance of each column that is compared: those asked for, else the usual ones and what
-    rtol names.
+    """Return the tolerance of each compared column.
+
+    The compared columns are those of `columns`, or else `default_columns` and those that rtol
+    names.
     """
     wanted = columns or default_columns
     if not isinstance(rtol, Mapping):
@@ -395,14 +418,16 @@ def _column_tolerances(
 
 
 def _refuse_missing(name: str, tables: Mapping[str, Table]) -> None:
+    """Raise UsageError if a table lacks a column."""
     for path, table in tables.items():
         if name not in table:
             raise UsageError(f"{path} has no column '{name}'; it has {', '.join(table)}")
 
 
 def _relative_difference(pair: np.ndarray) -> np.ndarray:
-    """|x - y| over the larger of the two or 1e-6 of the largest in the column; infinite when one is
-    NaN.
+    """Return |x - y| / max(|x|, |y|, 1e-6 max|column|) of pairs (rows, 2).
+
+    It is 0 for two NaN, and infinite if only one of them is NaN.
     """
     finite = np.abs(pair[np.isfinite(pair)])
     floor = 1e-6 * finite.max(initial=0.0)

@@ -37,7 +37,7 @@ XDMF_TAIL = "</Grid>\n</Domain>\n</Xdmf>\n"
 
 
 def vectors_in_3d(vectors: np.ndarray) -> np.ndarray:
-    """Return (n, 2) vectors of the (x, z) plane as (n, 3); (n, 3) vectors are returned as they are."""
+    """Return (n, 2) vectors of the (x, z) plane as (n, 3), and (n, 3) vectors as they are."""
     vectors = np.asarray(vectors, dtype=float)
     if vectors.shape[1] == 3:
         return vectors

@@ -167,7 +167,7 @@ class FieldWriter:
         return self.directory / FIELDS_FOLDER
 
     def _find_stored_states(self, done: int) -> list[_StoredState] | None:
-        """Return the states up to step `done` in the files of a previous run; None if they cannot be used."""
+        """Return the states of a previous run up to step `done`; None if they are unusable."""
         try:
             mesh = read_arrays(self._fields_folder / FIELDS_MESH_FILE)
             if not all(np.array_equal(mesh[name], values) for name, values in self._mesh.items()):
@@ -271,7 +271,7 @@ def _information_xml(name: str, value: str) -> str:
 
 
 def _quote_attribute(text: str) -> str:
-    """Quote a value of an XML attribute, without xml.sax, which loads modules for internet access."""
+    """Quote a value of an XML attribute; xml.sax would load modules for internet access."""
     return f'"{html.escape(text).translate(BLANK_ESCAPES)}"'
 
 

@@ -1,4 +1,4 @@
-"""Report of a result: one HTML file that needs nothing beside it, neither network nor other files."""
+"""HTML report: one page without any other files, from its texts, tables and pictures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,17 @@ REPORT_FORMATS = (".html", ".htm")
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture as it stands in the page, and what it shows in words."""
+    """A picture of the page.
+
+    Attributes
+    ----------
+    svg
+        The picture as SVG; a picture with an empty one is left out.
+    words
+        Its caption.
+    broad
+        Let the picture take the whole width of the page.
+    """
 
     svg: str
     words: str
@@ -33,7 +43,19 @@ class Picture:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the page; figures: its columns are numbers."""
+    """A table of the page.
+
+    Attributes
+    ----------
+    title
+        Title above the table.
+    head, rows
+        Column titles, and cells.
+    words
+        A sentence about the table.
+    figures
+        The columns are numbers, and aligned as such.
+    """
 
     title: str
     head: Sequence[str]
@@ -43,7 +65,7 @@ class Table:
 
 
 def write(text: str, path: Path) -> None:
-    """Write a page into a file; UsageError when that cannot be, NotConverged on a full disk."""
+    """Write a page to a file; UsageError if that is impossible, NotConverged on a full disk."""
     try:
         write_atomically(path, text)
     except OSError as error:
@@ -51,9 +73,9 @@ def write(text: str, path: Path) -> None:
 
 
 def render_page(**parts: Any) -> str:
-    """The page of its parts; whatever is text stays text.
+    """Render the page from its parts; texts are escaped.
 
-    What only a run has may be missing, and a picture of nothing is left out.
+    Parts that only a run has may be missing: numbers, said, scene, chosen, pictures and warnings.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -71,9 +93,7 @@ def render_page(**parts: Any) -> str:
 
 
 def merge_similar_warnings(warnings: Sequence[str]) -> list[str]:
-    """Warnings that differ in nothing but their numbers as one line each, with the range of every
-    number.
-    """
+    """Merge warnings that differ only in numbers into one with the range of each number."""
     similar_lines: dict[str, list[str]] = {}
     for line in dict.fromkeys(warnings):
         similar_lines.setdefault(NUMBER.sub("#", line), []).append(line)
@@ -83,7 +103,7 @@ def merge_similar_warnings(warnings: Sequence[str]) -> list[str]:
 
 
 def _merge_lines(lines: Sequence[str]) -> str:
-    """Lines that are alike as one."""
+    """Merge lines that differ only in their numbers into one."""
     numbers = [
         sorted(set(column), key=float) for column in zip(*map(NUMBER.findall, lines), strict=True)
     ]
@@ -96,7 +116,17 @@ def _merge_lines(lines: Sequence[str]) -> str:
 def thinned_table(
     title: str, head: Sequence[str], rows: Sequence[Sequence[object]], words: str = ""
 ) -> Table:
-    """A table of numbers with at most MOST_ROWS of its rows, the first and the last among them."""
+    """Return a table of numbers with at most MAX_TABLE_ROWS evenly spaced rows.
+
+    Parameters
+    ----------
+    title, head
+        Title of the table, and of its columns.
+    rows
+        All rows; the first and the last are kept.
+    words
+        A sentence about the table.
+    """
     kept_rows = np.linspace(0, len(rows) - 1, min(MAX_TABLE_ROWS, len(rows))).round().astype(int)
     kept = f"{len(kept_rows)} of {len(rows)} rows. " if len(kept_rows) < len(rows) else ""
     return Table(
@@ -105,7 +135,7 @@ def thinned_table(
 
 
 def value_text(value: Any) -> str:
-    """A value as it is read, not to its last digit; nothing for what there is none of."""
+    """Return a value as text, numbers with 6 digits; empty for None, NaN and booleans."""
     try:
         number = float(value)
     except (TypeError, ValueError):

@@ -113,7 +113,7 @@ class OutputFolder:
         os.close(old_lock)
 
     def rename_into_place(self) -> None:
-        """Give the staging folder its target's name; files of others in an old folder are moved into it."""
+        """Give the staging folder its target's name, with the foreign files of an old folder."""
         self._refuse_target()
         # renaming a folder under somebody's feet would leave them in a deleted one
         if self._old_folder.parent != self.target and self.target not in (
@@ -201,7 +201,7 @@ class OutputFolder:
         _sign_lock(descriptor)
 
     def _refuse_occupied_names(self) -> None:
-        """Raise UsageError if a foreign file or folder has the name of the staging or of the old folder."""
+        """Raise UsageError if a foreign entry has the name of the staging or old folder."""
         for path in (self.path, self._old_folder):
             unused = path == self.path and not path.is_symlink() and folder_kind(path) == "nothing"
             if os.path.lexists(path) and not (is_own_folder(path) or unused):
@@ -210,7 +210,7 @@ class OutputFolder:
                 )
 
     def _refuse_target(self) -> None:
-        """Raise UsageError if the target is foreign, not to be replaced, or in use by another run."""
+        """Raise UsageError if the target is foreign, in use, or not to be replaced."""
         if (
             not self._old_folder.is_dir()
         ):  # else a run was killed while it took the place of an old one
@@ -262,7 +262,7 @@ class OutputFolder:
         shutil.rmtree(self.path, ignore_errors=True)
 
     def _delete_old(self) -> None:
-        """Delete the replaced folder; entries that this program did not write are moved to the target."""
+        """Delete the replaced folder, after moving its foreign entries to the target."""
         if not self._old_folder.is_dir():
             return
         delete_own_fields(self._old_folder / FIELDS_FOLDER)  # what is left of it is not ours
@@ -289,7 +289,7 @@ def _sign_lock(descriptor: int) -> None:
 
 
 def _open_locked(path: Path, target: Path, flags: int = os.O_CREAT) -> int:
-    """Open and lock a file; UsageError if another process, which writes the target, holds the lock."""
+    """Open and lock a file; UsageError if another process that writes the target holds it."""
     descriptor = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | flags, 0o644)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)

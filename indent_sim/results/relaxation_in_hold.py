@@ -30,7 +30,7 @@ class HoldRelaxation:
 
     @property
     def remaining_fraction(self) -> np.ndarray:
-        """Remaining fraction of the fall of the force (rows,): 1 at the begin, 0 at the end of the hold."""
+        """Fraction of the force's fall that remains (rows,): 1 at first, 0 at the end."""
         return np.asarray((self.force - self.force[-1]) / (self.force[0] - self.force[-1]))
 
     @property
@@ -53,7 +53,7 @@ class HoldRelaxation:
 
 
 def first_hold(results: Results) -> HoldRelaxation | None:
-    """Return the first hold of a result with a history; None if it has none of at least four rows."""
+    """Return the first hold of a result; None without a history, or if it has too few rows."""
     if not {"t", "branch"} <= set(results.table):
         return None
     hold_rows = np.flatnonzero(results["branch"] == "hold")

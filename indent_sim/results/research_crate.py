@@ -1,4 +1,4 @@
-"""TODO."""
+"""RO-Crate: metadata of a result, a study or a fit for archives of research data."""
 
 from __future__ import annotations
 
@@ -40,17 +40,29 @@ MEDIA_TYPES |= {
 
 
 def refuse_foreign_crate(folder: Path) -> None:
-    """UsageError where a crate would replace the metadata of somebody else."""
+    """Raise UsageError if the folder has metadata that this program did not write."""
     if os.path.lexists(folder / CRATE) and not is_own_file(folder / CRATE):
         raise UsageError(f"{folder / CRATE} is there already and not of indent-sim", "move it away")
 
 
 def write_crate(folder: Path, parts: Sequence[str]) -> None:
-    """Write what an archive of research data reads of a result, a study or a fit: RO-Crate 1.1
-    metadata as JSON-LD.
+    """Write RO-Crate 1.1 metadata of a result, a study or a fit as JSON-LD.
 
-    parts: names of the files and folders in it that are the program's own; those that are there are
-    listed. UsageError where a file with its name is somebody else's.
+    Parameters
+    ----------
+    folder
+        The folder.
+    parts
+        Names of the program's own files and folders in it; those that exist are listed.
+
+    Raises
+    ------
+    UsageError
+        The folder has metadata that this program did not write, or cannot be written.
+
+    References
+    ----------
+    https://www.researchobject.org/ro-crate/specification/1.1
     """
     refuse_foreign_crate(folder)
     report = read_report(folder) or read_report(folder, STUDY) or read_report(folder, FIT)
@@ -100,7 +112,7 @@ def write_crate(folder: Path, parts: Sequence[str]) -> None:
 
 
 def _crate_entity(path: Path) -> CrateEntity:
-    """A file or a folder of a crate."""
+    """Return the JSON-LD entity of a file or a folder."""
     if path.is_dir():
         return {"@id": f"{path.name}/", "@type": "Dataset", "name": path.name}
     kind = MEDIA_TYPES.get(path.suffix, "application/octet-stream")

@@ -104,7 +104,7 @@ def read_report(folder: Path, name: str = REPORT) -> Report:
 
 
 def folder_kind(folder: Path) -> Literal["nothing", "run", "study", "fit", "other"]:
-    """Return what a folder holds: the results of a run, a study or a fit, nothing, or something else.
+    """Return what a folder holds: results of a run, a study or a fit, nothing, or other files.
 
     "nothing" stands for an absent or empty folder, and for one with only the lock or the empty
     runs/ of a run or a study that was killed as it began.
@@ -169,7 +169,10 @@ def is_own_folder(folder: Path) -> bool:
 
 
 def delete_own_files(folder: Path) -> None:
-    """Delete this program's files in a folder, run.json and the lock last; the folder if it is empty."""
+    """Delete this program's files in a folder, its marks last, and the folder if it is empty.
+
+    The marks, run.json and the lock, say that the folder belongs to this program.
+    """
     for name in (".staging", ".old"):
         if is_own_folder(folder / name):
             delete_own_files(folder / name)

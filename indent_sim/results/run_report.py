@@ -1,4 +1,4 @@
-"""TODO."""
+"""Report of a run: sentences, tables and pictures of its result folder."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ HISTORY_CAPTION = "What changes over the time, and the force over a depth that d
 
 
 def run_page(folder: Path) -> str:
-    """The page of one result."""
+    """Return the HTML page of a result; UsageError if the folder holds none."""
     results = read_run(folder)
     report = results.report
     if not report:
@@ -130,8 +130,10 @@ def run_page(folder: Path) -> str:
 
 
 def _key_numbers(results: Results) -> list[tuple[str, str]]:
-    """The deepest row in words, where time passes that of the largest force, or the last one
-    without any.
+    """Return names and values of the most important row.
+
+    It is the deepest row, or in a history the row of the largest force (the last one without
+    forces).
     """
     if not len(results):
         return []
@@ -161,7 +163,7 @@ def _key_numbers(results: Results) -> list[tuple[str, str]]:
 
 
 def _theory_sentences(results: Results) -> list[str]:
-    """What theory and the usual formulas say beside the run."""
+    """Return sentences that compare the run with the reference theory and with usual formulas."""
     theory = _report_section(results.report, "theory")
     time = _report_section(results.report, "time")
     if time:
@@ -195,7 +197,7 @@ def _theory_sentences(results: Results) -> list[str]:
 
 
 def _hertz_sentences(results: Results) -> list[str]:
-    """What a fit of the half-space formula to the curve reads."""
+    """Return the modulus that a Hertz fit of the curve would give."""
     fit = results.report.get("hertz")
     if not fit:
         return []
@@ -207,9 +209,7 @@ def _hertz_sentences(results: Results) -> list[str]:
 
 
 def _tension_sentences(results: Results) -> list[str]:
-    """The length below which surface tension holds more of the force than the body does, beside the
-    contact.
-    """
+    """Return the length gamma/E* below which surface tension dominates elasticity."""
     expected = _report_section(results.report, "plan", "prediction")
     length = expected.get("elastocapillary_length")
     a = expected.get("a")
@@ -223,8 +223,9 @@ def _tension_sentences(results: Results) -> list[str]:
 
 
 def _largest_pull_sentences(results: Results) -> list[str]:
-    """The pull-off of a tip that adheres with a range, or the largest pull of its rows; what is
-    known beforehand.
+    """Return the pull-off of an adhesive contact with a range, or its largest pull.
+
+    A second sentence gives the numbers that are known before the run.
     """
     adhesion = _report_section(results.report, "adhesion")
     largest_pull = adhesion.get("largest_pull")
@@ -252,7 +253,7 @@ def _largest_pull_sentences(results: Results) -> list[str]:
 
 
 def _pull_off_sentences(results: Results) -> list[str]:
-    """Where a tip that adheres comes off."""
+    """Return the points at which an adhesive tip comes off under each control."""
     force = _unit_text(results, "force")
     length = _unit_text(results, "length")
     sentences = []
@@ -265,17 +266,19 @@ def _pull_off_sentences(results: Results) -> list[str]:
 
 
 def _report_section(report: Report, *names: str) -> Report:
-    """A mapping in run.json, by the names of those that it is in; empty where there is none."""
+    """Return a nested section of run.json by the names on the way to it; empty if there is none."""
     for name in names:
         report = report.get(name) or {}
     return report
 
 
 def _unit_text(results: Results, kind: str) -> str:
+    """Return the printed unit of a kind of quantity."""
     return printed_unit(unit_label(kind, _report_section(results.report, "units")))
 
 
 def _experiment_tables(results: Results) -> list[Table]:
+    """Return the table of experiment.csv, if there is one."""
     if not (results.path / EXPERIMENT).exists():
         return []
     columns = read_history(results.path)
@@ -287,6 +290,7 @@ def _experiment_tables(results: Results) -> list[Table]:
 
 
 def _run_pictures(results: Results) -> list[Picture]:
+    """Return the pictures that the rows and fields of a result allow."""
     kept = steps_with_fields(results.path, results["step"])
     in_time = is_time_stepped(results.report) and len(results) > 0
     pictures = [_history_picture(results)] if in_time else []
@@ -312,23 +316,26 @@ def _run_pictures(results: Results) -> list[Picture]:
 
 
 def _history_picture(results: Results) -> Picture:
+    """Return the picture of a history in time."""
     is_broad = len(history.panel_names(results)) > 1
     return Picture(figures.svg_element(partial(history.draw, results)), HISTORY_CAPTION, is_broad)
 
 
 def _film_fields(results: Results, step: int) -> list[str]:
-    """The fields that tell most of a body in time: of its fluid and its swelling, else the stress."""
+    """Return the fields drawn over time: pore pressure and swelling, or von Mises stress."""
     fields = read_fields(results.path, step)
     return [name for name in ("pore_pressure", "swelling") if name in fields] or ["von_mises"]
 
 
 def _film_picture(results: Results, name: str) -> Picture:
+    """Return a picture of one field at several times."""
     drawing = partial(panels.draw, [results], PlotRequest(("film",), (name,), width=240.0))  # mm
     words = f"{CAPTIONS.get(name, CAPTIONS['film'])}, at times of the history"
     return Picture(figures.svg_element(drawing), words, broad=True)
 
 
 def _force_row_table(results: Results) -> Table:
+    """Return the table of the rows of force_indentation.csv."""
     columns = {name: column for name, column in results.table.items() if name != "wall_s"}
     rows = list(zip(*columns.values(), strict=True))
     kinds = [_unit_text(results, kind) for kind in ("length", "force", "pressure")]
@@ -341,6 +348,7 @@ def _force_row_table(results: Results) -> Table:
 
 
 def _error_budget_tables(report: Report) -> list[Table]:
+    """Return the table of the parts of the error bars, if there is one."""
     budget = report.get("error_budget")
     rows = (
         [entry for entry in budget if isinstance(entry, Mapping)]
@@ -355,7 +363,7 @@ def _error_budget_tables(report: Report) -> list[Table]:
 
 
 def _provenance_table(report: Report) -> Table:
-    """Which program, libraries and mesh made this, and what it took."""
+    """Return the table of program, libraries, mesh, time and memory."""
     facts: Report = {"program": f"{PROGRAM} {report.get('version', '')}"}
     facts |= {name: report.get(name) for name in ("started", "finished", "ranks")} | {
         "unknowns": report.get("dofs")

@@ -1,4 +1,4 @@
-"""TODO."""
+"""Interpolation of tables in depth and in time, with an estimate of its error."""
 
 from __future__ import annotations
 
@@ -14,7 +14,23 @@ Table = dict[str, np.ndarray]
 
 
 def values_at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[Table, np.ndarray]:
-    """The columns of a history at times, and where they are of no row but of a chord."""
+    """Return the columns of a history at other times, and where they are interpolated.
+
+    Parameters
+    ----------
+    dense
+        The history, with columns by name (rows,).
+    t
+        Times (n,), not decreasing; at a jump a time occurs twice.
+    names
+        The columns to return.
+
+    Returns
+    -------
+    tuple
+        Columns by name (n,), and (n,) bool: True where no row has this time and the value is linear
+        between two rows.
+    """
     reverse = slice(
         None, None, -1
     )  # at a jump the last row of a time is the one after it, whether that before is there
@@ -32,8 +48,11 @@ def values_at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[
 
 
 def history_chord_error(history: Table) -> float:
-    """What chords of a history miss of its force, relative to the largest one: between its jumps
-    and corners.
+    """Estimate the relative error of linear interpolation of a history's force.
+
+    It is relative to the largest force.
+
+    The history is cut at its jumps and at the ends of its branches, where the force has corners.
     """
     t = history["t"]
     force = history["force"]
@@ -49,9 +68,20 @@ def history_chord_error(history: Table) -> float:
 def interpolate_table(
     dense: Table, sparse: Table, names: Sequence[str]
 ) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
-    """The rows of the sparse table inside the dense one's range, the dense one's columns there, and
-    what that misses of its force at most, relative to the largest one; approach and retraction
-    apart.
+    """Interpolate a table at the depths of another one, approach and retraction separately.
+
+    Parameters
+    ----------
+    dense, sparse
+        The table to be interpolated, and the one whose depths are used; columns by name.
+    names
+        The columns to interpolate.
+
+    Returns
+    -------
+    tuple
+        Rows of `sparse` within the depths of `dense` (k,), interpolated columns by name (k,), and
+        the estimated error of the force, relative to the largest force.
     """
     parts = [curve_parts(table["delta"]) for table in (dense, sparse)]
     rows: list[np.ndarray] = []
@@ -79,8 +109,10 @@ def interpolate_table(
 
 
 def _interpolate(x_new: np.ndarray, x: np.ndarray, y: np.ndarray, is_smooth: bool) -> np.ndarray:
-    """Values between points in order of x: of a smooth curve by power laws through neighbours, else
-    by chords.
+    """Interpolate y(x) at new points, with x in ascending order.
+
+    A smooth curve is a power law between two neighbours, y = y_1 (x/x_1)^m, where both are
+    positive; other curves, and other places, are linear.
     """
     values = np.interp(x_new, x, y)
     k = np.clip(np.searchsorted(x, x_new), 1, max(len(x) - 1, 1))
@@ -96,8 +128,10 @@ def _interpolate(x_new: np.ndarray, x: np.ndarray, y: np.ndarray, is_smooth: boo
 
 
 def _interpolation_error(x: np.ndarray, y: np.ndarray, is_smooth: bool) -> float:
-    """What interpolation misses at most: a quarter of what it misses at a point that is left out,
-    between neighbours twice as far apart.
+    """Estimate the largest interpolation error between the points of a curve.
+
+    Every second point is left out and interpolated from the others: the error of that is O((2h)^2),
+    so a quarter of it estimates the error O(h^2) between all points.
     """
     if len(x) < MIN_ROWS:
         return 0.0
@@ -115,7 +149,7 @@ def _interpolation_error(x: np.ndarray, y: np.ndarray, is_smooth: bool) -> float
 
 
 def rows_by_occurrence(column: np.ndarray) -> dict[tuple[str, int], int]:
-    """The place of the k-th occurrence of every value; values are the same to 10 digits."""
+    """Return the row of the k-th occurrence of each value, rounded to 10 digits."""
     counts: Counter[str] = Counter()
     rows = {}
     for i, name in enumerate(f"{value:.9e}" for value in column):

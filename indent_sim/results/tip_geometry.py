@@ -1,4 +1,4 @@
-"""Geometry of a rigid tip for pictures and ParaView: its section as a line, its surface as a mesh."""
+"""Geometry of a rigid tip for pictures and ParaView: section lines and surface meshes."""
 
 from __future__ import annotations
 

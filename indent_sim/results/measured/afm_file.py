@@ -1,5 +1,6 @@
-"""AFM file -> measured curves, by the optional package afmformats: JPK, Asylum, NT-MDT, Optics11,
-AFM workshop.
+"""Reader of AFM files by the optional package afmformats.
+
+It knows files of JPK, Asylum, NT-MDT, Optics11 and AFM workshop.
 """
 
 from __future__ import annotations
@@ -28,10 +29,26 @@ RELAXATION_SEGMENTS = {1: "approach", 2: "hold", 3: "retract"}  # 0: a pause bef
 
 
 def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCurve] | None:
-    """The curves of an AFM file in SI units; None for text that is no AFM's.
+    """Read the curves of an AFM file, in SI units.
 
-    stiffness [N/m] of the cantilever, for a file that says none. NoCurve with the reason for a file
-    that cannot be read, or that lacks what forces need; BackendError where the package is missing.
+    Parameters
+    ----------
+    path
+        The file.
+    stiffness
+        Spring constant of the cantilever [N/m], for a file that contains none.
+
+    Returns
+    -------
+    list of MeasuredCurve, or None
+        None for a text file that is not an AFM file.
+
+    Raises
+    ------
+    NoCurve
+        The file cannot be read, or lacks data needed for forces; the message gives the reason.
+    BackendError
+        The package is missing.
     """
     try:
         from afmformats import errors, formats
@@ -66,7 +83,7 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCu
 
 
 def _load_data_sets(formats: Any, errors: Any, path: Path, stiffness: float | None) -> list[Any]:
-    """The data sets of a file, with the stiffness given where the file lacks it."""
+    """Return the data sets of a file, with the given stiffness if the file has none."""
     try:
         data_sets = formats.load_data(path)
         for data in data_sets:
@@ -79,6 +96,7 @@ def _load_data_sets(formats: Any, errors: Any, path: Path, stiffness: float | No
 
 
 def _measured_curve(path: Path, data: Any, index: int) -> MeasuredCurve:
+    """Return a data set as a curve: its rows ordered approach, hold, retract."""
     columns = set(data.columns)
     height = next((name for name in HEIGHT_COLUMNS if name in columns), None)
     if "force" not in columns or height is None:
@@ -103,8 +121,10 @@ def _measured_curve(path: Path, data: Any, index: int) -> MeasuredCurve:
 
 
 def _segment_rows(data: Any) -> dict[str, np.ndarray]:
-    """The rows of each part: force-distance files have approach and retract, others number what
-    they did.
+    """Return a mask of the rows of each part.
+
+    Files of force-distance curves number approach and retract 0 and 1; other files number their
+    segments from 1.
     """
     segment = np.asarray(data["segment"]).astype(int)
     segment_names = (
@@ -115,4 +135,5 @@ def _segment_rows(data: Any) -> dict[str, np.ndarray]:
 
 
 def _error_text(error: BaseException) -> str:
+    """Return an error of another package in one line of at most 200 characters."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:200]

@@ -1,6 +1,4 @@
-"""Delimited text -> a measured curve: any separator, decimal comma, header or none, units in
-titles.
-"""
+"""Reader of delimited text: any separator, decimal point or comma, with or without a header."""
 
 from __future__ import annotations
 
@@ -39,11 +37,26 @@ def read_text_curve(
     columns: Sequence[str] | None = None,
     given: Mapping[str, str] | None = None,
 ) -> MeasuredCurve:
-    """The curve of a text table, in its own units; `columns` [depth, force, time] by title or
-    number from 1.
+    """Read the curve of a text table, in its own units.
 
-    NoCurve for what is no table of numbers, with the reason and the line; ConfigError for columns
-    that are not there.
+    Parameters
+    ----------
+    path
+        The file, after which the curve is named.
+    data
+        Its content.
+    columns
+        Titles or numbers (from 1) of the columns of depth, force and time; by default they are
+        found by their titles or units.
+    given
+        Units by kind, "length", "force" and "time", for columns whose titles have none.
+
+    Raises
+    ------
+    NoCurve
+        The file is not a table of numbers; the message gives the reason and the line.
+    ConfigError
+        A column of `columns` does not exist.
     """
     text = _decode(data)
     layout = detect_layout(text)
@@ -75,6 +88,7 @@ def read_text_curve(
 
 
 def _decode(data: bytes) -> str:
+    """Decode a text file in UTF-16, UTF-8 or Latin-1; NoCurve for a binary file."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         try:
             return _normalize_text(data.decode("utf-16"))
@@ -90,13 +104,13 @@ def _decode(data: bytes) -> str:
 
 
 def _normalize_text(text: str) -> str:
-    """The text with lines that end in one way, and with the minus that a computer reads."""
+    """Return the text with newlines as line ends, and with ASCII minus signs."""
     text = text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
     return text.replace("\N{MINUS SIGN}", "-")
 
 
 def _read_numbers(text: str, layout: TextLayout, places: Sequence[int]) -> np.ndarray:
-    """The numbers (n, columns) of some columns; NoCurve names the first line that has none."""
+    """Return the numbers (rows, columns) of some columns; NoCurve names a wrong line."""
     blocks = (
         _parse_block(number, block, layout, places) for number, block in _line_blocks(text, layout)
     )
@@ -104,7 +118,7 @@ def _read_numbers(text: str, layout: TextLayout, places: Sequence[int]) -> np.nd
 
 
 def _line_blocks(text: str, layout: TextLayout) -> Iterator[tuple[int, str]]:
-    """Pieces of whole lines below the titles, each with the number of its first line."""
+    """Yield blocks of whole lines below the titles, each with the number of its first line."""
     begin = 0
     number = layout.first_row + 1
     for _ in range(layout.first_row):
@@ -117,7 +131,7 @@ def _line_blocks(text: str, layout: TextLayout) -> Iterator[tuple[int, str]]:
 
 
 def _parse_block(number: int, block: str, layout: TextLayout, places: Sequence[int]) -> np.ndarray:
-    """The numbers of a block that begins at line `number`."""
+    """Return the numbers (rows, columns) of a block that begins at line `number`."""
     rows = block.replace(",", ".") if layout.decimal == "," else block
     comments = ["#", "%"] if "%" in block else "#"
     try:
@@ -133,9 +147,7 @@ def _parse_block(number: int, block: str, layout: TextLayout, places: Sequence[i
 def _parse_block_lines(
     number: int, block: str, layout: TextLayout, places: Sequence[int]
 ) -> np.ndarray:
-    """The same line by line, where cells are empty or in quotes; NoCurve with the line that is
-    wrong.
-    """
+    """Parse a block with empty or quoted cells line by line; NoCurve names a wrong line."""
     rows = []
     for line_number, cells in _cell_rows(number, block, layout):
         if len(cells) <= max(places):
@@ -151,14 +163,14 @@ def _parse_block_lines(
 
 
 def _cell_rows(number: int, block: str, layout: TextLayout) -> Iterator[tuple[int, Cells]]:
-    """Line numbers and cells of the lines of a block that are neither blank nor comments."""
+    """Yield line numbers and cells of the lines of a block that are neither blank nor comments."""
     for line_number, line in enumerate(block.split("\n"), start=number):
         if line.strip() and line.lstrip()[0] not in "#%":
             yield line_number, layout.cells(line.strip(" ") if layout.separator else line.strip())
 
 
 def _read_words(text: str, layout: TextLayout, place: int) -> np.ndarray:
-    """The cells of a column of words, one a row: few words of many rows, each kept once."""
+    """Return a column of words (rows,); equal words share one string to save memory."""
     word_codes: dict[str, int] = {}
     rows = (
         cells
@@ -175,7 +187,10 @@ def _read_words(text: str, layout: TextLayout, place: int) -> np.ndarray:
 def _complete_rows(
     values: dict[str, np.ndarray], words: np.ndarray | None
 ) -> tuple[dict[str, np.ndarray], np.ndarray | None, tuple[str, ...]]:
-    """The rows that have every number; NoCurve where more than half of them have not."""
+    """Return the rows that have every number, and notes about those left out.
+
+    NoCurve if more than MAX_INVALID_FRACTION of the rows are incomplete.
+    """
     columns = np.column_stack(list(values.values()))
     if not len(columns):
         raise NoCurve("no line of numbers")
@@ -195,8 +210,9 @@ def _complete_rows(
 def _orient_base_path(
     values: dict[str, np.ndarray],
 ) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """A way of the base that grows towards the body: turned round where the largest force stands at
-    its low end.
+    """Return z increasing towards the body, and a note if its sign was reversed.
+
+    The sign is reversed if the largest force is measured at the small values of z.
     """
     if "z" not in values or "delta" in values or len(values["z"]) < 2:
         return values, ()

@@ -1,4 +1,4 @@
-"""NanoScope file (Bruker .spm, .pfc) -> measured curves, by the optional package pyfmreader."""
+"""Reader of NanoScope files (Bruker .spm, .pfc) by the optional package pyfmreader."""
 
 from __future__ import annotations
 
@@ -23,10 +23,21 @@ MAX_DEFLECTION_RATIO = 1.5  # ways of the base that a deflection may span, with 
 
 
 def read_nanoscope_file(path: Path, stiffness: float | None = None) -> list[MeasuredCurve]:
-    """The curves of a NanoScope file in SI units, of a force volume all of them.
+    """Read all curves of a NanoScope file, in SI units.
 
-    stiffness [N/m] of the cantilever, for a file that says none. NoCurve with the reason for a file
-    that cannot be read, or whose deflections are none; BackendError where the package is missing.
+    Parameters
+    ----------
+    path
+        The file.
+    stiffness
+        Spring constant of the cantilever [N/m], for a file that contains none.
+
+    Raises
+    ------
+    NoCurve
+        The file cannot be read, or its deflections are impossible; the message gives the reason.
+    BackendError
+        The package is missing.
     """
     try:
         from pyfmreader.nanosc.loadnanosccurve import loadNANOSCcurve
@@ -56,7 +67,7 @@ def read_nanoscope_file(path: Path, stiffness: float | None = None) -> list[Meas
 def _measured_curve(
     path: Path, data: Any, index: int, header: Mapping[str, Any], k: float
 ) -> MeasuredCurve:
-    """One curve: the way of the base grows towards the body, the approach first."""
+    """Return one curve, approach first, with z increasing towards the body."""
     segments = [segment.segment_formated_data for _, segment in data.get_segments()]
     base_paths = [np.asarray(segment_data["height"], dtype=float) for segment_data in segments]
     volts = [np.asarray(segment_data["vDeflection"], dtype=float) for segment_data in segments]

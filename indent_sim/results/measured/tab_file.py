@@ -1,4 +1,4 @@
-"""A force curve -> .tab: tab-separated text with metadata, in SI units, that AFM programs open."""
+"""Writer of .tab files: tab-separated text with metadata, in SI units, which AFM programs open."""
 
 from __future__ import annotations
 
@@ -18,11 +18,15 @@ DEPTHS_PER_SECOND = 1.0
 
 
 def tab_text(results: Results) -> str:
-    """The text of a .tab file: approach, after a way without force, and retract, of a result.
+    """Return the text of a .tab file of a result: a free approach, approach and retract.
 
-    height (measured) [m] is that of the base, -(delta + force/k), tip position [m] -delta, k the
-    spring constant of the metadata. UsageError for a result without units, which no other program
-    could read.
+    With the spring constant k of the metadata, height (measured) [m] is the height of the base,
+    -(delta + force/k), and tip position [m] is -delta.
+
+    Raises
+    ------
+    UsageError
+        The result has no units, which other programs need, or no row in contact.
     """
     units = results.report.get("units") or {}
     if not (units.get("length") and units.get("force")):
@@ -57,6 +61,7 @@ def tab_text(results: Results) -> str:
 
 
 def _tab_header(stiffness: float, points: int) -> list[str]:
+    """Return the lines of metadata and column titles."""
     entries = {
         "imaging mode": "force-distance",
         "spring constant": stiffness,

@@ -1,4 +1,4 @@
-"""TODO."""
+"""Layout of a text table: separator, decimal sign, titles with their units, and its columns."""
 
 from __future__ import annotations
 
@@ -41,8 +41,20 @@ Cells = list[str]
 
 @dataclass(frozen=True)
 class TextLayout:
-    """How a text is written: separator (None: blanks), decimal sign, titles (none without a
-    header), first row.
+    """Layout of a text table.
+
+    Attributes
+    ----------
+    separator
+        Character between cells; None stands for blanks.
+    decimal
+        Decimal sign, "." or ",".
+    titles
+        Column titles; empty without a header.
+    first_row
+        Index of the first line of numbers.
+    width
+        Number of columns.
     """
 
     separator: str | None
@@ -52,17 +64,17 @@ class TextLayout:
     width: int
 
     def cells(self, line: str) -> Cells:
-        """The cells of a line."""
+        """Split a line into cells, without blanks and quotes."""
         return [cell.strip().strip("\"'") for cell in line.split(self.separator)]
 
     def number(self, cell: str) -> float:
-        """The number in a cell; ValueError where it is none."""
+        """Return the number in a cell; ValueError if there is none."""
         if "_" in cell:
             raise ValueError(cell)
         return float(cell.replace(self.decimal, ".") if self.decimal == "," else cell)
 
     def is_number(self, cell: str) -> bool:
-        """Whether a cell is a number."""
+        """Return whether a cell is a number."""
         try:
             self.number(cell)
         except ValueError:
@@ -71,8 +83,10 @@ class TextLayout:
 
 
 def detect_layout(text: str) -> TextLayout:
-    """Separator and decimal sign by the line in the middle; the header ends before the first line
-    of numbers.
+    """Detect the layout of a text table; NoCurve if it has no line of numbers.
+
+    Separator and decimal sign are those of the line in the middle, which is likely to hold numbers;
+    the header ends before the first line of numbers.
     """
     if not text.strip():
         raise NoCurve("the file is empty")
@@ -91,7 +105,7 @@ def detect_layout(text: str) -> TextLayout:
 
 
 def _middle_line(text: str) -> str:
-    """The line in the middle of the text that is not blank nor a comment."""
+    """Return the first line from the middle on that is neither blank nor a comment."""
     begin = text.rfind("\n", 0, len(text) // 2) + 1
     for start in (begin, 0):
         for line in text[start : start + 10 * MAX_LINE_CHARACTERS].split("\n"):
@@ -103,7 +117,7 @@ def _middle_line(text: str) -> str:
 
 
 def _has_decimal_commas(line: str) -> bool:
-    """Whether the commas of a line stand in numbers between blanks: 0,1 2,5."""
+    """Return whether the commas of a line are decimal signs of numbers between blanks: 0,1 2,5."""
     cells = line.split()
     return len(cells) > 1 and all(
         re.fullmatch(r"[-+]?\d*,?\d+(?:[eE][-+]?\d+)?", cell) for cell in cells
@@ -111,7 +125,7 @@ def _has_decimal_commas(line: str) -> bool:
 
 
 def _is_number_row(shape: TextLayout, line: str, width: int) -> bool:
-    """Whether most cells of a line are numbers, and it has the width of the others."""
+    """Return whether a line has the table's width, and numbers in half of its cells."""
     cells = shape.cells(line.strip())
     if len(cells) != width or line.lstrip()[:1] in ("#", "%", ""):
         return False
@@ -119,7 +133,10 @@ def _is_number_row(shape: TextLayout, line: str, width: int) -> bool:
 
 
 def _read_titles(shape: TextLayout, head: Sequence[str], width: int) -> tuple[str, ...]:
-    """Titles of the last line before the numbers; a line of units below them is joined to them."""
+    """Return the titles in the last line before the numbers.
+
+    If that is a line of units, it is joined with the titles above it.
+    """
     lines = [line.strip().lstrip("#% ").strip() for line in head]
     rows = [cells for line in lines if line and len(cells := shape.cells(line)) == width]
     if not rows or not lines or shape.cells(lines[-1]) != rows[-1]:
@@ -140,7 +157,7 @@ def _read_titles(shape: TextLayout, head: Sequence[str], width: int) -> tuple[st
 
 
 def _is_column_title(cell: str) -> bool:
-    """Whether a cell names a column of a curve, or has a unit of one."""
+    """Return whether a cell names a quantity of a curve, or contains a unit of one."""
     names = {split_title(cell, kind) for kind in ("length", "force", "time")}
     return any(unit for _, unit in names) or any(
         name in titles for name, _ in names for titles in COLUMN_TITLES.values()
@@ -148,10 +165,12 @@ def _is_column_title(cell: str) -> bool:
 
 
 def _is_unit(text: str) -> bool:
+    """Return whether a text is a unit of length, force or time."""
     return any(_is_unit_of(text, kind) for kind in ("length", "force", "time"))
 
 
 def _is_unit_of(unit: str, kind: str) -> bool:
+    """Return whether a text is a unit of this kind."""
     try:
         return si_factor(unit, kind) > 0
     except ConfigError:
@@ -159,8 +178,9 @@ def _is_unit_of(unit: str, kind: str) -> bool:
 
 
 def split_title(title: str, kind: str) -> tuple[str, str]:
-    """Name in small letters and unit of a title such as Force [nN], force (nN), Force nN; ""
-    without one.
+    """Split a title into its name in small letters and its unit: Force [nN], force (nN), Force nN.
+
+    The unit is "" if the title has none of this kind.
     """
     match = UNIT_AT_END.match(title.strip())
     unit = match and (match["unit"] or match["bare"])
@@ -170,7 +190,24 @@ def split_title(title: str, kind: str) -> tuple[str, str]:
 
 
 def find_columns(layout: TextLayout, requested: Sequence[str] | None, file: str) -> dict[str, int]:
-    """The places of delta, z, force, t and part."""
+    """Return the column indices of delta, z, force, t and part, as far as the table has them.
+
+    Parameters
+    ----------
+    layout
+        Layout of the table.
+    requested
+        Titles or numbers (from 1) of depth, force and time, as the user gives them.
+    file
+        Name of the file, for messages.
+
+    Raises
+    ------
+    NoCurve
+        There is no column of force, or none of depth.
+    ConfigError
+        A requested column does not exist.
+    """
     if requested:
         return {
             name: _column_index(layout, word, file)
@@ -204,8 +241,9 @@ def find_columns(layout: TextLayout, requested: Sequence[str] | None, file: str)
 
 
 def _columns_by_unit(layout: TextLayout) -> dict[str, int]:
-    """The only column of a length as depth and the only one of a force, whatever their titles are
-    in.
+    """Return the columns of depth, force and time that are the only ones with a unit of their kind.
+
+    Titles in any language are understood in this way.
     """
     columns = {}
     for name in ("delta", "force", "t"):
@@ -218,7 +256,7 @@ def _columns_by_unit(layout: TextLayout) -> dict[str, int]:
 
 
 def _column_index(layout: TextLayout, word: str, file: str) -> int:
-    """The place of a column by its title, with or without its unit, or by its number from 1."""
+    """Return the index of a column by its title, with or without unit, or by its number from 1."""
     titles = [title.strip().lower() for title in layout.titles]
     unitless_titles = [
         split_title(title, kind)[0]
