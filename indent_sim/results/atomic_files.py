@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-MAX_RESULT_BYTES = 10**9  # of a file that is read back
+MAX_RESULT_BYTES = 10**9  # A longer file is not read: it would fill the memory.
 
 
 def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: bool = True) -> None:

@@ -20,9 +20,8 @@ from indent_sim.results.atomic_files import read_regular_file, write_atomically
 from indent_sim.results.result_files import Report
 
 CHECKPOINT = "checkpoint.h5"
-SavedEquilibrium = tuple[
-    float, float, Sequence[np.ndarray]
-]  # depth, time, and the vectors that make the state there
+# Depth, time, and the vectors of unknowns and internal variables of an equilibrium.
+SavedEquilibrium = tuple[float, float, Sequence[np.ndarray]]
 SavedEquilibria = Sequence[SavedEquilibrium]
 
 
@@ -120,5 +119,5 @@ def read(path: Path, identity: Report) -> Checkpoint:
             )
             is_finite = all(np.isfinite(values).all() for values in saved.arrays())
             return saved if is_ours and is_finite else Checkpoint()
-    except Exception:  # HDF5 has an error for every way of being damaged
+    except Exception:  # h5py raises many types of errors for damaged files.
         return Checkpoint()

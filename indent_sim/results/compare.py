@@ -30,12 +30,14 @@ from indent_sim.results.table_interpolation import (
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, WORD_COLUMNS
 from indent_sim.results.unit_conversion import convert_to_common_units, refuse_different_units
 
-MAX_DIFFERENCES = 10  # differences told one by one
+MAX_DIFFERENCES = 10  # A message lists no more differences than these.
 DEFAULT_RTOL = 1e-6
-# relative: depths that are one; share of the rows that must have one to be matched by name
+# Depths or times are the same within this relative tolerance. Rows are matched by name if at least
+# half of them are at the same depth or time.
 SAME_PLACE_RTOL = 1e-9
 MIN_MATCHED_FRACTION = 0.5
-Tolerances = float | Mapping[str, float]  # of all columns, or by column
+# One relative tolerance for all columns, or one per column.
+Tolerances = float | Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -164,7 +166,7 @@ def compare(
     tables = {TABLE: _force_tables(paths, *_read_table_pair(*paths))}
     tables |= {name: _read_table_pair(paths[0] / name, paths[1] / name) for name in common_tables}
     if isinstance(rtol, Mapping) and (named := rtol.keys() & set(WORD_COLUMNS)):
-        raise UsageError(f"--rtol names {named.pop()}, a column of words: they are the same or not")
+        raise UsageError(f"--rtol names {named.pop()}, a column of words, which has no tolerance")
     requested_columns = {*(columns or ()), *(rtol if isinstance(rtol, Mapping) else ())} - {""}
     for name in sorted(requested_columns):
         if not any(name in A and name in B for A, B in tables.values()):
@@ -361,9 +363,8 @@ def _force_tables(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, 
     )
     if not history or not np.isfinite(history["t"]).all():
         return A, B
-    history = {
-        name: column for name, column in history.items() if name != "force_error"
-    }  # the instrument's, it was
+    # In experiment.csv, force_error was the error of the instrument, not of the solution.
+    history = {name: column for name, column in history.items() if name != "force_error"}
     history |= {"step": np.arange(1.0, len(history["t"]) + 1)}
     return (A, history) if "t" in A else (history, B)
 
@@ -411,8 +412,9 @@ def _column_tolerances(
         return dict.fromkeys(wanted, rtol)
     extra_columns = [name for name in rtol if name and name not in wanted]
     if columns and extra_columns:
+        column_names = ", ".join(columns)
         raise UsageError(
-            f"--rtol names {extra_columns[0]}, which is not among the --columns {', '.join(columns)}"
+            f"--rtol names {extra_columns[0]}, which is not among the --columns {column_names}"
         )
     return {name: rtol.get(name, rtol.get("", DEFAULT_RTOL)) for name in (*wanted, *extra_columns)}
 

@@ -13,7 +13,7 @@ from indent_sim.results import tables
 from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.tables import EXPERIMENT
 
-MAX_HEADER_BYTES = 10_000  # bytes
+MAX_HEADER_BYTES = 10_000  # Longer first lines are not those of a table of results.
 
 
 def header_of(path: Path) -> list[str]:
@@ -26,7 +26,7 @@ def header_of(path: Path) -> list[str]:
     return [name.strip() for name in line.decode("latin-1").split(",")]
 
 
-LARGEST_NUMBER = 1e150  # a number whose square and cube are numbers too
+LARGEST_NUMBER = 1e150  # Its square is still a finite double.
 
 
 def read_table(
@@ -59,7 +59,7 @@ def read_table(
     """
     if path.name == EXPERIMENT and not words:
         problem = (
-            f"{path} is the table of an experiment: its picture is experiment.png in the "
+            f"{path} is the table of an experiment, which is drawn as experiment.png in the "
             "result folder"
         )
         raise UsageError(problem, file=str(path))
@@ -81,7 +81,7 @@ def read_table(
                 f"{path} has no column '{name}': not a table of results", file=str(path)
             )
     if len(set(header)) < len(header):
-        raise UsageError(f"{path} has two columns of one name", file=str(path))
+        raise UsageError(f"{path} has two columns with the same name", file=str(path))
     rows = [
         _parse_row(line, header, words, f"{path}: line {number}")
         for number, line in enumerate(lines[1:], start=2)
@@ -94,7 +94,7 @@ def read_table(
     for name in needed:
         if name not in unknown and not np.isfinite(columns[name]).all():
             raise UsageError(
-                f"{path}: column '{name}' holds a cell that is no number", file=str(path)
+                f"{path}: column '{name}' has a cell that is not a number", file=str(path)
             )
     return columns
 
@@ -106,7 +106,7 @@ def _parse_row(
     cells = line.split(",")
     if len(cells) != len(header):
         raise UsageError(
-            f"{place} has {len(cells)} cells, the header {len(header)}: no table of numbers"
+            f"{place} has {len(cells)} cells, the header {len(header)}: not a table of numbers"
         )
     named = enumerate(zip(header, cells, strict=True), start=1)
     return [
@@ -120,7 +120,7 @@ def _parse_number(cell: str, place: str) -> float:
     try:
         value = tables.parse_number(cell)
     except ValueError:
-        raise UsageError(f"{place} is not a number: no table of numbers with a header") from None
+        raise UsageError(f"{place} is not a number: not a table of numbers") from None
     if abs(value) > LARGEST_NUMBER:
-        raise UsageError(f"{place} is no number that a result can hold")
+        raise UsageError(f"{place} is too large for a number of a result")
     return value

@@ -10,22 +10,23 @@ import numpy as np
 
 from indent_sim.results.atomic_files import read_regular_file
 
-ArrayLayout = tuple[
-    str, str, tuple[int, ...]
-]  # where the values of an array are, what each is, and its shape
+# XDMF's center ("Node" or "Cell") and attribute type of an array, and the shape of one value.
+ArrayLayout = tuple[str, str, tuple[int, ...]]
 ArrayLayouts = dict[str, ArrayLayout]
 TIP_ARRAYS: ArrayLayouts = {"displacement": ("Node", "Vector", (3,))}
 ARRAYS = TIP_ARRAYS | {"pressure": ("Node", "Scalar", ()), "stress": ("Cell", "Tensor", (9,))}
 ARRAYS |= {"von_mises": ("Cell", "Scalar", ()), "principal_stresses": ("Cell", "Vector", (3,))}
 ARRAYS |= dict.fromkeys(("J", "energy_density"), ("Cell", "Scalar", ()))
-# Where the tip drags on the surface; where there is fluid in the pores; of gels
+# Arrays of some bodies only: shear with friction, pore pressure and fluid content with fluid in the
+# pores, swelling of gels, and stresses at the nodes if they are requested.
 OPTIONAL_ARRAYS: ArrayLayouts = dict.fromkeys(("shear", "pore_pressure"), ("Node", "Scalar", ()))
 OPTIONAL_ARRAYS |= dict.fromkeys(("fluid_content", "swelling"), ("Cell", "Scalar", ()))
 OPTIONAL_ARRAYS |= {
     "nodal_stress": ("Node", "Tensor", (9,)),
     "nodal_von_mises": ("Node", "Scalar", ()),
-}  # on request
-MESH_ARRAYS: ArrayLayouts = {"region": ("Cell", "Scalar", ())}  # beside the mesh
+}
+# These arrays are stored once, in the file of the mesh.
+MESH_ARRAYS: ArrayLayouts = {"region": ("Cell", "Scalar", ())}
 XDMF_FILE = "fields.xdmf"
 FIELDS_MESH_FILE = "mesh.h5"
 GRID_PATTERN = re.compile(

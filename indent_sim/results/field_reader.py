@@ -91,13 +91,13 @@ def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
         kinds = ARRAYS | MESH_ARRAYS | optional_layouts
         if all(arrays[name].shape == (counts[kinds[name][0]], *kinds[name][2]) for name in kinds):
             return arrays
-        raise ValueError("its arrays do not belong together")
-    except Exception as error:  # HDF5 has an error for every way of being damaged
+        raise ValueError("the sizes of its arrays do not match")
+    except Exception as error:  # h5py raises many types of errors for damaged files.
         raise UsageError(f"the fields of step {step} in {folder} cannot be read: {error}") from None
 
 
 def _array_names(path: Path) -> set[str]:
     """Return the names of the arrays in an HDF5 file; empty if it is damaged."""
-    with suppress(Exception):  # HDF5 has an error for every way of being damaged
+    with suppress(Exception):  # h5py raises many types of errors for damaged files.
         return set(read_arrays(path))
     return set()

@@ -41,9 +41,8 @@ TIP_XDMF_FILE = "tip.xdmf"
 OLD_FIELDS_FILE = "fields.h5"
 XDMF_HEAD = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n<Domain>\n'
 XDMF_COLLECTION = '<Grid Name="indent-sim" GridType="Collection" CollectionType="Temporal">\n'
-BLANK_ESCAPES = str.maketrans(
-    {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
-)  # which an attribute would not keep
+# XML readers turn unescaped line ends and tabs of an attribute into blanks.
+BLANK_ESCAPES = str.maketrans({"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
 
 
 @dataclass(frozen=True)
@@ -93,7 +92,8 @@ class FieldWriter:
         self.directory = Path(directory)
         self._keep = keep
         self._arrays = arrays
-        # beside the collection: whoever counts what is in it counts its states
+        # The information precedes the collection, because readers count the collection's entries
+        # to find the number of states.
         information = "".join(_information_xml(name, value) for name, value in (told or {}).items())
         self._index_head = XDMF_HEAD + information + XDMF_COLLECTION
         points, cells, regions, self._tip = body
@@ -106,9 +106,7 @@ class FieldWriter:
         stored_states = self._find_stored_states(done) if done is not None else None
         self.is_continued = stored_states is not None
         self._stored_states = stored_states or []
-        self._last_time = max(
-            (state.time for state in self._stored_states), default=-np.inf
-        )  # of the last state
+        self._last_time = max((state.time for state in self._stored_states), default=-np.inf)
         if not self.is_continued:
             self._fields_folder.mkdir(exist_ok=True)
             kinds = {
@@ -183,16 +181,17 @@ class FieldWriter:
                 for state_values in grid_values
                 if state_values[0] <= done
             ]
+            # The generator keeps only one file in memory at a time.
             files = (
                 read_arrays(self._fields_folder / step_file(state.step)) for state in stored_states
-            )  # one in memory at a time
+            )
             are_whole = all(
                 file[name].shape == self._array_shape(name)
                 for file in files
                 for name in self._arrays
             )
             return stored_states if are_whole else None
-        except Exception:  # HDF5 has an error for every way of being damaged
+        except Exception:  # h5py raises many types of errors for damaged files.
             return None
 
     def _array_shape(self, name: str) -> tuple[int, ...]:
@@ -244,10 +243,8 @@ class FieldWriter:
         topology += (
             f"{_data_item_xml(FIELDS_MESH_FILE, f'{prefix}cells', cells.shape, 'Int')}</Topology>\n"
         )
-        geometry = (
-            "<Geometry "
-            f'GeometryType="XYZ">{_data_item_xml(FIELDS_MESH_FILE, f"{prefix}points", points.shape)}</Geometry>\n'
-        )
+        point_item = _data_item_xml(FIELDS_MESH_FILE, f"{prefix}points", points.shape)
+        geometry = f'<Geometry GeometryType="XYZ">{point_item}</Geometry>\n'
         return "".join([head, topology, geometry, *items, "</Grid>\n"])
 
     def _write_index(self) -> None:
@@ -286,7 +283,8 @@ def _attribute_xml(
     """Return the XDMF element of an array, whose name in its HDF5 file has a prefix."""
     center, rank, components = kind
     head = f'<Attribute Name="{name}" Center="{center}" AttributeType="{rank}">'
-    return f"{head}{_data_item_xml(file, prefix + name, (counts[center], *components), number)}</Attribute>\n"
+    item = _data_item_xml(file, prefix + name, (counts[center], *components), number)
+    return f"{head}{item}</Attribute>\n"
 
 
 def _data_item_xml(file: str, path: str, shape: tuple[int, ...], kind: str = "Float") -> str:

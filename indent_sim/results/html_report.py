@@ -16,8 +16,9 @@ from indent_sim.process.version import VERSION
 from indent_sim.results.atomic_files import write_atomically
 from indent_sim.results.result_files import PROGRAM
 
-NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\d)")  # in a sentence
-MAX_TABLE_ROWS = 100  # of a table; more are thinned
+# A number in a sentence, but not the digits of a name.
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\d)")
+MAX_TABLE_ROWS = 100  # A longer table is thinned.
 REPORT_FILE = "report.html"
 REPORT_FORMATS = (".html", ".htm")
 
@@ -87,9 +88,8 @@ def render_page(**parts: Any) -> str:
         autoescape=True, undefined=StrictUndefined, trim_blocks=True
     ).from_string(source)
     text = template.render(program=PROGRAM, version=VERSION, **parts)
-    return (
-        "".join(sign for sign in text if sign in "\n\t" or sign >= " ") + "\n"
-    )  # no control characters
+    # HTML does not allow control characters, which titles of a scene may contain.
+    return "".join(sign for sign in text if sign in "\n\t" or sign >= " ") + "\n"
 
 
 def merge_similar_warnings(warnings: Sequence[str]) -> list[str]:

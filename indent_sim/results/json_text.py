@@ -29,9 +29,8 @@ def to_json(value: Any, indent: int | None = 2) -> str:
     """
     data = json_data(value)
     text = ENCODER.encode(data) if indent is None else _indented_json(data, "\n", " " * indent)
-    return re.sub(
-        "[\ud800-\udfff]", lambda lone: f"\\u{ord(lone.group()):04x}", text
-    )  # of a file name in no encoding
+    # A file name that is not valid UTF-8 has lone surrogates, which UTF-8 cannot represent.
+    return re.sub("[\ud800-\udfff]", lambda surrogate: f"\\u{ord(surrogate.group()):04x}", text)
 
 
 def _indented_json(value: Any, line: str, step: str) -> str:
@@ -52,7 +51,8 @@ def _indented_json(value: Any, line: str, step: str) -> str:
         ]
         return f"{{{inner}{f',{inner}'.join(parts)}{line}}}"
     if kind is list and any(type(part) in (dict, list) for part in value):
-        return f"[{inner}{f',{inner}'.join(_indented_json(part, inner, step) for part in value)}{line}]"
+        items = f",{inner}".join(_indented_json(part, inner, step) for part in value)
+        return f"[{inner}{items}{line}]"
     return ENCODER.encode(value)
 
 
@@ -65,7 +65,7 @@ def json_data(value: Any) -> Any:
         return value if math.isfinite(value) else None
     if kind is tuple or kind is list:
         return [json_data(part) for part in value]
-    match value:  # what is rarer
+    match value:  # Subclasses and rarer types are tried last, because isinstance is slower.
         case Mapping():
             return {str(key): json_data(part) for key, part in value.items()}
         case str() | int():

@@ -41,9 +41,9 @@ from indent_sim.results.result_files import (
     refuse_links,
 )
 
-RESERVED_BYTES = (
-    64 * 1024
-)  # bytes in the lock file, given back on a full disk so that run.json can say so
+# The lock file reserves these bytes and frees them at the end of a run, so that run.json can still
+# be written on a full disk.
+RESERVED_BYTES = 64 * 1024
 
 
 class OutputFolder:
@@ -71,7 +71,7 @@ class OutputFolder:
         self._created_parents: list[Path] = []
         try:
             if target.is_symlink() and not target.exists():
-                raise UsageError(f"{target} is a link to nothing")
+                raise UsageError(f"{target} is a broken link")
             self.target = Path(os.path.realpath(target))
             parent = self.target.parent
             name = self.target.name
@@ -97,7 +97,8 @@ class OutputFolder:
         try:
             descriptor = _open_locked(self.target / LOCK, self.target)
             _sign_lock(descriptor)
-            for name in RESULT_FILES:  # of a write that was killed
+            # A killed write may have left a temporary file.
+            for name in RESULT_FILES:
                 temporary_path(self.target / name).unlink(missing_ok=True)
             for path in field_files(self.target / FIELDS_FOLDER):
                 if path.name.startswith("."):
@@ -115,7 +116,7 @@ class OutputFolder:
     def rename_into_place(self) -> None:
         """Give the staging folder its target's name, with the foreign files of an old folder."""
         self._refuse_target()
-        # renaming a folder under somebody's feet would leave them in a deleted one
+        # A process whose working directory were renamed and deleted could not go on in it.
         if self._old_folder.parent != self.target and self.target not in (
             here := Path.cwd(),
             *here.parents,
@@ -127,7 +128,7 @@ class OutputFolder:
             except OSError as error:
                 if error.errno not in (errno.EBUSY, errno.EXDEV, errno.EPERM, errno.EACCES):
                     raise
-                # a mounted folder cannot be renamed, nor one of somebody else in /tmp
+                # A mount point cannot be renamed, nor a folder of another user in /tmp.
                 self._rename_entries()
         else:
             self._rename_entries()
@@ -180,7 +181,8 @@ class OutputFolder:
 
     def _create_staging_folder(self) -> None:
         """Create and lock the staging folder, and empty one that a killed run left."""
-        for _ in range(20):  # another run may publish or clean up between two of these lines
+        # Another run may rename or delete the folder between two of these lines: then try again.
+        for _ in range(20):
             with suppress(FileExistsError):
                 self.path.mkdir()
             with suppress(FileNotFoundError):
@@ -191,9 +193,8 @@ class OutputFolder:
         else:
             raise UsageError(f"{self.target} is in use by another run")
         self._lock_descriptor = descriptor
-        for entry in [
-            entry for entry in self.path.iterdir() if entry.name != LOCK
-        ]:  # of a killed run
+        # Other entries were left by a killed run.
+        for entry in [entry for entry in self.path.iterdir() if entry.name != LOCK]:
             if entry.is_dir() and not entry.is_symlink():
                 shutil.rmtree(entry, ignore_errors=True)
             else:
@@ -211,12 +212,13 @@ class OutputFolder:
 
     def _refuse_target(self) -> None:
         """Raise UsageError if the target is foreign, in use, or not to be replaced."""
-        if (
-            not self._old_folder.is_dir()
-        ):  # else a run was killed while it took the place of an old one
+        # While the old folder exists, a killed run's replacement is unfinished, and the target may
+        # hold anything of both runs.
+        if not self._old_folder.is_dir():
             refuse_foreign(self.target)
             self._check_replaceable(self.target)
-        with suppress(OSError):  # no lock, or not ours to open
+        # Without a lock file, or without permission to open it, nothing can be locked.
+        with suppress(OSError):
             os.close(_open_locked(self.target / LOCK, self.target, 0))
 
     def _recover_interrupted_rename(self) -> None:
@@ -229,15 +231,15 @@ class OutputFolder:
             return
         if (self.target / REPORT).exists():
             self._delete_old()
-        elif not self.target.exists() or not is_own_lock(
-            self._old_folder / LOCK
-        ):  # it was renamed whole
-            if self.target.exists():  # what stands there now came later
+        # The old folder still has its own lock unless the entries were moved one by one.
+        elif not self.target.exists() or not is_own_lock(self._old_folder / LOCK):
+            if self.target.exists():  # An empty folder was made there since.
                 refuse_foreign(self.target)
                 self.target.rmdir()
             os.rename(self._old_folder, self.target)
         else:
-            if not (self._old_folder / REPORT).exists():  # the target was empty before
+            # Without an old run.json the target was empty, and its entries belong to the new run.
+            if not (self._old_folder / REPORT).exists():
                 for name in RESULT_FILES:
                     (self.target / name).unlink(missing_ok=True)
                 delete_own_fields(self.target / FIELDS_FOLDER)
@@ -250,7 +252,8 @@ class OutputFolder:
 
     def _rename_entries(self) -> None:
         """Replace the target's entries one by one, where the folder itself cannot be renamed."""
-        new_old_folder = self.path / ".old"  # that it is ours must be said before it has its name
+        # The folder gets its lock, which marks it as this program's, before it gets its name.
+        new_old_folder = self.path / ".old"
         new_old_folder.mkdir()
         (new_old_folder / LOCK).write_bytes(LOCK_SIGNATURE)
         os.rename(new_old_folder, self._old_folder)
@@ -265,7 +268,7 @@ class OutputFolder:
         """Delete the replaced folder, after moving its foreign entries to the target."""
         if not self._old_folder.is_dir():
             return
-        delete_own_fields(self._old_folder / FIELDS_FOLDER)  # what is left of it is not ours
+        delete_own_fields(self._old_folder / FIELDS_FOLDER)  # Only foreign files remain in it.
         _move_missing(self._old_folder, self.target, foreign_files(self._old_folder))
         if (self._old_folder / FIELDS_FOLDER).is_dir():
             _move_missing(
@@ -300,7 +303,7 @@ def _open_locked(path: Path, target: Path, flags: int = os.O_CREAT) -> int:
         os.close(descriptor)
         raise UsageError(f"{target} is in use by another run") from None
     except OSError:
-        pass  # a file system without locks: go on without
+        pass  # Some file systems have no locks.
     return descriptor
 
 

@@ -21,19 +21,14 @@ from indent_sim.results.result_files import (
     read_report,
 )
 
-COMPLETE_EXIT_CODES = (
-    0,
-    6,
-)  # exit codes of runs that have all their rows; 6: but not as accurate as asked for
-IGNORED_KEYS = (
-    "title",
-    "output.directory",
-    "output.plot",
-)  # keys that change neither numbers nor what is kept
-MAX_DIFFERENCES = 5  # differences that a message names
+# A run with one of these exit codes has all its rows; 6 means less accurate than required.
+COMPLETE_EXIT_CODES = (0, 6)
+# These keys change neither the numbers nor which of them are kept.
+IGNORED_KEYS = ("title", "output.directory", "output.plot")
+MAX_DIFFERENCES = 5  # A message names no more differences than these.
 NOT_GIVEN = "not given"
 
-Difference = tuple[str, str, str]  # dotted key, what it was, and what it is now, in words
+Difference = tuple[str, str, str]  # Dotted key, old value and new value, as texts.
 
 
 def is_finished(report: Report) -> bool:
@@ -64,7 +59,8 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
     if not has_rows(folder):
         return
     old_report = read_report(folder)
-    remedy = f"choose another --output, such as {free_folder_name(folder)}, or replace it with --overwrite"
+    free_folder = free_folder_name(folder)
+    remedy = f"choose another --output, such as {free_folder}, or replace it with --overwrite"
     if not is_same_config_file(old_report, report, folder):
         file = old_report["asked"]["config"]
         raise UsageError(

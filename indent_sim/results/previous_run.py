@@ -21,7 +21,7 @@ from indent_sim.results.report_schema import checked_report
 from indent_sim.results.result_files import CONFIG, REPORT, TABLE, KeptStates, Report, has_rows
 from indent_sim.results.tables import SURFACE, parse_state
 
-SAME_DEPTH_RTOL = 1e-9  # relative
+SAME_DEPTH_RTOL = 1e-9  # Depths within this relative tolerance are the same.
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def previous_run(
         ) from error
     except UnicodeDecodeError as error:
         raise UsageError(
-            f"{folder} holds a {CONFIG} or {TABLE} that is no text", RUN_AGAIN_REMEDY, str(folder)
+            f"{folder} has a {CONFIG} or {TABLE} that is not text", RUN_AGAIN_REMEDY, str(folder)
         ) from error
     except OSError as error:
         raise UsageError(
@@ -202,7 +202,8 @@ def _refuse_other_config(
     difference_text = ", ".join(
         f"'{name}: {inline_yaml(values[key])}' {where}" for values, where in sides if key in values
     )
-    problem = f"{folder} holds a run of another config ({difference_text or 'the same lines in another order'})"
+    difference_text = difference_text or "the same lines in another order"
+    problem = f"{folder} holds a run of another config ({difference_text})"
     remedy = (
         "give the same scene and --set as then, or another --output, or leave --resume "
         "out to replace it"
@@ -214,7 +215,7 @@ def _read_rows(
     path: Path, unknown: Sequence[str]
 ) -> tuple[tuple[State, ...], tuple[str, ...], int]:
     """Read the complete rows of a force table; return states, columns and their length [bytes]."""
-    lines = read_regular_file(path).split(b"\n")[:-1]  # what has no newline was torn
+    lines = read_regular_file(path).split(b"\n")[:-1]  # A line without a newline was torn.
     if not lines:
         return (), STATE_COLUMNS, 0
     names = tuple(lines[0].decode().split(","))

@@ -38,18 +38,11 @@ from indent_sim.results.csv_table import header_of, read_table
 from indent_sim.results.report_schema import checked_report
 
 RUN_AGAIN_REMEDY = "run its scene again without --resume, or with another --output"
-REPR_COLUMNS = (
-    "step",
-    "t",
-    "delta",
-    "force",
-    "force_error",
-    "a",
-    "p_max",
-    "branch",
-)  # in a notebook
+# A notebook shows these columns.
+REPR_COLUMNS = ("step", "t", "delta", "force", "force_error", "a", "p_max", "branch")
 COMPARED_COLUMNS = ("delta", "force", "a")
-MEASURED = "measured"  # entry of the report of a curve that nobody simulated
+MEASURED = "measured"  # This entry of a report marks a measured curve.
+# Not every run has these columns.
 OPTIONAL_COLUMNS = (
     *DERIVED_COLUMNS,
     *FRICTION_COLUMNS,
@@ -58,9 +51,9 @@ OPTIONAL_COLUMNS = (
     *ERROR_COLUMNS,
     *TIME_COLUMNS,
     *REACTION_COLUMNS,
-)  # columns that not every run has
-# Columns of what was found: numbers without their error bars, and not what says which row it is or
-# what it took
+)
+# Columns of computed results, without error estimates, step numbers, names of branches, Krylov
+# iterations and wall times.
 RESULT_COLUMNS = tuple(
     name
     for name in (*STATE_COLUMNS, *DERIVED_COLUMNS, *FRICTION_COLUMNS, *FLUID_COLUMNS, *TIME_COLUMNS)
@@ -136,7 +129,7 @@ def data_frame(table: Mapping[str, np.ndarray]) -> pandas.DataFrame:
         import pandas
     except ImportError as error:
         raise BackendError(
-            f"pandas: {error}; install it beside this program, pip install pandas"
+            f"cannot import pandas ({error}); install it with `pip install pandas`"
         ) from error
     return pandas.DataFrame(dict(table))
 
@@ -163,19 +156,19 @@ def read(path: Path | str, report: Report | None = None) -> Results:
     path = Path(path)
     file = force_table_path(path)
     if file == path and path.name == EXPERIMENT:
-        read_table(path, ())  # which says what it is
+        read_table(path, ())  # It raises the error for a table of an experiment.
     if file == path and not _is_result_table(path):
         return _read_curve_file(path)
     columns = read_table(
         file, ("step", "delta", "force"), unknown=("a", "delta"), words=WORD_COLUMNS
     )
     if "t" not in columns and not np.isfinite(columns["delta"]).all():
-        raise UsageError(f"{file}: column 'delta' holds a cell that is no number", file=str(file))
+        raise UsageError(f"{file}: column 'delta' has a cell that is not a number", file=str(file))
     steps = columns["step"]
     if not ((steps >= 0) & (steps < LARGEST_STEP_NUMBER) & (steps == np.floor(steps))).all():
         raise UsageError(f"{file}: a step is not a whole number", file=str(file))
     if len(set(steps)) != len(steps):
-        raise UsageError(f"{file} holds a step twice", file=str(file))
+        raise UsageError(f"{file} has two rows of the same step", file=str(file))
     surface = {}
     if os.path.lexists(path / SURFACE):
         surface = read_table(path / SURFACE, tables.SURFACE_COLUMNS, tables.SURFACE_MAY_BE_EMPTY)
@@ -206,9 +199,8 @@ def _read_curve_file(path: Path) -> Results:
 
     Where the file has no depth, the displacement z of the base takes its place.
     """
-    from indent_sim.results.measured.curve_file import (
-        read_curves,
-    )  # with all formats, which no run needs
+    # This import loads the readers of all formats, which no run needs.
+    from indent_sim.results.measured.curve_file import read_curves
     from indent_sim.results.measured.measurement import NoCurve
 
     try:
@@ -243,7 +235,7 @@ def force_table_path(path: Path) -> Path:
             f"{path} holds a study, which has no {TABLE} of its own", remedy, str(path)
         )
     remedy = RUN_AGAIN_REMEDY if read_report(path) else "name the folder of a result"
-    raise UsageError(f"cannot read {file}: there is none", remedy, str(file))
+    raise UsageError(f"cannot read {file}: it does not exist", remedy, str(file))
 
 
 def read_run(path: Path) -> Results:
@@ -288,7 +280,7 @@ def rows_of(states: Iterable[State], with_reactions: bool = False) -> list[dict[
     return [{name: value for name, value in row.items() if value is not None} for row in rows]
 
 
-LARGEST_STEP_NUMBER = 1e15  # a step is a whole number below this
+LARGEST_STEP_NUMBER = 1e15  # Integers below this are exact as doubles.
 
 
 def read_history(folder: Path) -> dict[str, np.ndarray]:

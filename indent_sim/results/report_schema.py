@@ -17,7 +17,7 @@ from indent_sim.process.errors import UsageError
 from indent_sim.results.csv_table import LARGEST_NUMBER
 from indent_sim.results.result_files import PROGRAM, REPORT, Report, read_report
 
-NEW_FOLDER_REMEDY = "delete the folder and run its scene again, or choose another --output for that"
+NEW_FOLDER_REMEDY = "delete the folder and run its scene again, or choose another --output"
 Number = Annotated[float, AllowInfNan(False), Ge(-LARGEST_NUMBER)]
 OptionalNumber = Number | None
 Count = Annotated[int, Ge(0)]
@@ -115,7 +115,7 @@ def checked_report(folder: Path) -> Report:
     """
     report = read_report(folder)
     if not report and os.path.lexists(folder / REPORT):
-        raise _damaged_report(folder, f"no JSON object that says program: {PROGRAM}")
+        raise _damaged_report(folder, f"it is not a JSON object with program: {PROGRAM}")
     try:
         _report_schema().validate_python(report, strict=True)
         _check_theory(report.get("theory") or {})
@@ -142,7 +142,7 @@ def _damaged_report(folder: Path, why: str) -> UsageError:
 def _check_theory(theory: Report) -> None:
     """Check relations between entries of `theory` that the schema cannot express; ValueError."""
     if theory and theory.get("delta_deviation", theory.get("force_deviation")) is None:
-        raise ValueError("says no deviation")
+        raise ValueError("it has no deviation")
     half_space = theory.get("half_space")
     computed = "delta" if "delta_deviation" in theory else "force"
     for formula in filter(None, [half_space, *theory.get("formulas", [])]):
@@ -151,6 +151,6 @@ def _check_theory(theory: Report) -> None:
             or formula.get("deviation") is None
             or "name" not in formula
         ):
-            raise ValueError("a formula lacks an entry")
+            raise ValueError("an entry of a formula is missing")
     if len({len(theory.get("curve", {}).get(name, ())) for name in ("delta", "force", "a")}) > 1:
         raise ValueError("the columns of its curve have different lengths")

@@ -23,7 +23,7 @@ from indent_sim.results.result_files import (
     read_report,
 )
 
-CrateEntity = dict[str, Any]  # of a crate, as JSON-LD has it
+CrateEntity = dict[str, Any]  # JSON-LD object of a file, folder, program or action.
 CRATE_PROFILE = "https://w3id.org/ro/crate/1.1"
 MEDIA_TYPES = {
     ".csv": "text/csv",
@@ -42,7 +42,7 @@ MEDIA_TYPES |= {
 def refuse_foreign_crate(folder: Path) -> None:
     """Raise UsageError if the folder has metadata that this program did not write."""
     if os.path.lexists(folder / CRATE) and not is_own_file(folder / CRATE):
-        raise UsageError(f"{folder / CRATE} is there already and not of indent-sim", "move it away")
+        raise UsageError(f"{folder / CRATE} was not made by {PROGRAM}", "move it away")
 
 
 def write_crate(folder: Path, parts: Sequence[str]) -> None:

@@ -24,12 +24,12 @@ HIDDEN_NAMES = {LOCK, ".staging", ".old"}
 REPORT = "run.json"
 TABLE = "force_indentation.csv"
 CONFIG = "config.yaml"
-# in the folder of a study
+# The folder of a study has these two entries, the folder of a fit the third.
 STUDY = "study.json"
 RUNS = "runs"
-FIT = "fit.json"  # in the folder of a fit
-CRATE = "ro-crate-metadata.json"  # what an archive of research data reads
-MESH_FILE = "body.msh"  # the mesh of a body that came from a file
+FIT = "fit.json"
+CRATE = "ro-crate-metadata.json"  # Archives of research data read this file.
+MESH_FILE = "body.msh"  # It is the mesh of a body that was read from a file.
 RESULT_FILES = {
     REPORT,
     TABLE,
@@ -48,11 +48,11 @@ RESULT_FILES |= {
     "report.html",
     CRATE,
 }
-RESULT_FILES |= {"fields.h5"}  # of version 0.1.0
-# What begins a file of ours that anybody might have under that name; nobody else writes the rest of
-# RESULT_FILES there
+RESULT_FILES |= {"fields.h5"}  # Version 0.1.0 wrote this file.
+# Files with common names are recognised by a signature at their begin; other programs do not write
+# the rest of RESULT_FILES.
 PICTURE_SIGNATURE = b"Software\0indent-sim"
-# Written by runs, in place of what has that name
+# Signatures of those files which a run writes.
 RUN_FILE_SIGNATURES = {
     "force_indentation.png": PICTURE_SIGNATURE,
     "experiment.png": PICTURE_SIGNATURE,
@@ -63,13 +63,12 @@ FILE_SIGNATURES = RUN_FILE_SIGNATURES | {
     "report.html": b'content="indent-sim ',
     CRATE: CRATE_SIGNATURE.encode(),
 }
-FIELDS_FOLDER = "fields"  # a folder inside, and what in it is ours, finished or not
+# Files of this program in the folder of fields; the second form is an unfinished write.
+FIELDS_FOLDER = "fields"
 FIELD_FILE = re.compile(r"(mesh|step-\d+)\.h5|\.(mesh|step-\d+)\.h5\.new")
-LOCK_SIGNATURE = b"indent-sim\n"  # how a lock begins that this program made
-KeptStates = Literal["none", "last", "all"]  # states of which a file keeps something
-Report = dict[
-    str, Any
-]  # what run.json or study.json says: numbers, words, lists and mappings of them
+LOCK_SIGNATURE = b"indent-sim\n"  # Lock files of this program begin with it.
+KeptStates = Literal["none", "last", "all"]
+Report = dict[str, Any]  # Content of run.json, study.json or fit.json.
 
 
 def read_report(folder: Path, name: str = REPORT) -> Report:
@@ -135,7 +134,8 @@ def folder_kind(folder: Path) -> Literal["nothing", "run", "study", "fit", "othe
         and not entry_names(folder / RUNS, ())
         and not (folder / RUNS).is_symlink()
     )
-    lock = folder / LOCK  # in which a run killed right then has written nothing; a study never does
+    # A run that is killed as it begins leaves an empty lock; a study always leaves an empty one.
+    lock = folder / LOCK
     is_empty = not os.path.lexists(lock) or (lock.is_file() and lock.stat().st_size == 0)
     return "nothing" if not names or (is_begun and is_empty) else "other"
 
@@ -146,7 +146,7 @@ def _is_absent(path: Path) -> bool:
         os.lstat(path)
     except FileNotFoundError:
         return True
-    except OSError:  # somebody may know
+    except OSError:  # The path may exist in a folder that cannot be read.
         return False
     return False
 
@@ -220,12 +220,12 @@ def refuse_links(folder: Path) -> None:
     """
     fields = folder / FIELDS_FOLDER
     if os.path.lexists(fields) and (fields.is_symlink() or not fields.is_dir()):
-        raise UsageError(f"{fields} is a link, or no folder: nothing is written through it")
+        raise UsageError(f"{fields} is a link or not a folder: nothing is written there")
     for path in [*(folder / name for name in sorted(RESULT_FILES | {LOCK})), *field_files(fields)]:
         with suppress(FileNotFoundError):
             file_status = path.lstat()
             if not stat.S_ISREG(file_status.st_mode) or file_status.st_nlink > 1:
-                raise UsageError(f"{path} is a link, or no file: nothing is written through it")
+                raise UsageError(f"{path} is a link or not a file: nothing is written there")
 
 
 def has_rows(folder: Path) -> bool:

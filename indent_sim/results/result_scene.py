@@ -26,15 +26,14 @@ def scene_of(folder: Path) -> Config | None:
 def has_adhesion(folder: Path) -> bool | None:
     """Return whether the contact of a result has adhesion; None if its scene cannot be read."""
     with suppress(OSError):
-        if b"adhesion" not in read_regular_file(
-            folder / CONFIG
-        ):  # as of most, which need not be checked key by key
+        # Most scenes do not contain the word, and need not be parsed.
+        if b"adhesion" not in read_regular_file(folder / CONFIG):
             return False
     scene = scene_of(folder)
     return getattr(scene.contact, "adhesion", None) is not None if scene else None
 
 
-@lru_cache(16)  # every panel of a picture asks
+@lru_cache(16)  # Every panel of a picture needs the scene.
 def _cached_scene(file: Path, written: int, inode: int) -> Config | None:
     """Read a scene file; the time of its last change and its inode make up the key of the cache."""
     with suppress(IndentSimError, OSError, ValueError):

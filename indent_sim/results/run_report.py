@@ -31,8 +31,8 @@ from indent_sim.results.result_files import CONFIG, PROGRAM, Report
 from indent_sim.results.tables import EXPERIMENT
 
 AUDIT_NOTE = (
-    "The contact force against the supports' reactions, relative, at its worst; from "
-    "1e-8 on a row is refused."
+    "Largest relative difference between the contact force and the reactions of the supports; "
+    "a row is refused from 1e-8 on."
 )
 CAPTIONS = {"force": "Force over depth", "pressure": "Pressure on the surface at the largest force"}
 CAPTIONS |= {
@@ -40,15 +40,15 @@ CAPTIONS |= {
     "fields": "Von Mises stress in the deformed body",
 }
 CAPTIONS |= {
-    "pore_pressure": "Pressure of the fluid in the pores, above the bath's",
+    "pore_pressure": "Pore pressure above the pressure of the bath",
     "film": "Von Mises stress",
 }
-CAPTIONS |= {"swelling": "Volume over that of the dry gel"}
+CAPTIONS |= {"swelling": "Swelling: volume relative to the dry gel"}
 EXPERIMENT_CAPTION = (
-    "In time, or over the branches of an equilibrium curve: force, depth and the way of the base"
+    "Force, depth and displacement of the base over time, or along the branches of an equilibrium "
+    "curve; force over the contact radius, or derived quantities over time"
 )
-EXPERIMENT_CAPTION += "; over contact radius, or what follows in time"
-HISTORY_CAPTION = "What changes over the time, and the force over a depth that does"
+HISTORY_CAPTION = "Quantities that change in time, and the force over a depth that changes"
 
 
 def run_page(folder: Path) -> str:
@@ -148,12 +148,8 @@ def _key_numbers(results: Results) -> list[tuple[str, str]]:
         column = axis_of_column(name, [results])
         error = results.table.get(f"{name}_error", unknown)[deepest]
         error_text = f" ± {float(column(error)):.2g}" if np.isfinite(error) else ""
-        numbers.append(
-            (
-                column.name,
-                f"{float(column(results[name][deepest])):.4g}{error_text} {printed_unit(column.unit)}".strip(),
-            )
-        )
+        number = f"{float(column(results[name][deepest])):.4g}"
+        numbers.append((column.name, f"{number}{error_text} {printed_unit(column.unit)}".strip()))
     peak = results.table.get("p_max", unknown)[deepest]
     if np.isfinite(peak):
         numbers.append(
@@ -173,7 +169,7 @@ def _theory_sentences(results: Results) -> list[str]:
         )
         return [method_sentence, *([f"{words[:1].upper()}{words[1:]}."] if words else [])]
     if not theory:
-        return ["No theory is known for this scene."]
+        return ["There is no reference theory for this scene."]
     computed = "delta" if "delta_deviation" in theory else "force"
     unit = _unit_text(results, {"delta": "length", "force": "force"}[computed])
     lines = []
@@ -215,7 +211,7 @@ def _tension_sentences(results: Results) -> list[str]:
     a = expected.get("a")
     if not length:
         return []
-    ratio_text = f", {length / a:.2g} of the contact radius to expect" if a else ""
+    ratio_text = f", {length / a:.2g} of the expected contact radius" if a else ""
     return [
         f"Elastocapillary length gamma/E*: {length:.4g} {_unit_text(results, 'length')}".rstrip()
         + f"{ratio_text}."
@@ -239,7 +235,7 @@ def _largest_pull_sentences(results: Results) -> list[str]:
         f"{symbol.meaning} {adhesion[symbol.name]:.4g}{labels[symbol.dimension]}"
         for symbol in symbols
     ]
-    beforehand = f"Beforehand: {', '.join(numbers)}."
+    beforehand = f"Known before the run: {', '.join(numbers)}."
     pull_off = adhesion.get("pull_off")
     strongest = pull_off or largest_pull
     place = f"force {strongest['force']:.5g}{labels['force']}"
@@ -297,10 +293,9 @@ def _run_pictures(results: Results) -> list[Picture]:
     panel_kinds = ["force"] if len(results) and not in_time else []
     panel_kinds += ["pressure", "profile"] if largest_force_step(results) is not None else []
     panel_kinds += ["fields"] if kept else []
+    # A width of 110 mm is readable on a small screen.
     for panel_kind in panel_kinds:
-        drawing = partial(
-            panels.draw, [results], PlotRequest((panel_kind,), width=110.0)
-        )  # mm: readable on a small screen
+        drawing = partial(panels.draw, [results], PlotRequest((panel_kind,), width=110.0))
         pictures.append(Picture(figures.svg_element(drawing), CAPTIONS[panel_kind]))
     if in_time and len(kept) == len(results):
         pictures += [_film_picture(results, name) for name in _film_fields(results, kept[-1])]
@@ -329,7 +324,7 @@ def _film_fields(results: Results, step: int) -> list[str]:
 
 def _film_picture(results: Results, name: str) -> Picture:
     """Return a picture of one field at several times."""
-    drawing = partial(panels.draw, [results], PlotRequest(("film",), (name,), width=240.0))  # mm
+    drawing = partial(panels.draw, [results], PlotRequest(("film",), (name,), width=240.0))
     words = f"{CAPTIONS.get(name, CAPTIONS['film'])}, at times of the history"
     return Picture(figures.svg_element(drawing), words, broad=True)
 
@@ -359,7 +354,7 @@ def _error_budget_tables(report: Report) -> list[Table]:
         return []
     names = list(dict.fromkeys(name for row in rows for name in row))
     cells = [[row.get(name, "") for name in names] for row in rows]
-    return [thinned_table("Where the error bars come from", names, cells)]
+    return [thinned_table("Parts of the error bars", names, cells)]
 
 
 def _provenance_table(report: Report) -> Table:

@@ -9,7 +9,7 @@ import numpy as np
 
 from indent_sim.results.measured.measurement import curve_parts
 
-MIN_ROWS = 3  # rows of a table that is interpolated
+MIN_ROWS = 3  # A table with fewer rows is not interpolated.
 Table = dict[str, np.ndarray]
 
 
@@ -31,9 +31,9 @@ def values_at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[
         Columns by name (n,), and (n,) bool: True where no row has this time and the value is linear
         between two rows.
     """
-    reverse = slice(
-        None, None, -1
-    )  # at a jump the last row of a time is the one after it, whether that before is there
+    # At a jump two rows have the same time, and the later one may be the only one of a table.
+    # Occurrences are counted from the end, so that the rows after the jump are matched first.
+    reverse = slice(None, None, -1)
     rows = rows_by_occurrence(dense["t"][reverse])
     wanted = rows_by_occurrence(t[reverse])
     matched_rows = {
@@ -86,7 +86,8 @@ def interpolate_table(
     parts = [curve_parts(table["delta"]) for table in (dense, sparse)]
     rows: list[np.ndarray] = []
     values: dict[str, list[np.ndarray]] = {name: [] for name in names}
-    is_smooth = "step" in dense  # a measured curve has none, and noise
+    # Only results have steps; a measured curve has noise, and is not smooth.
+    is_smooth = "step" in dense
     error = 0.0
     largest = float(np.nanmax(np.abs(dense["force"]), initial=0.0)) or 1.0
     for part in ("approach", "retract"):

@@ -36,23 +36,20 @@ from indent_sim.results.atomic_files import write_atomically
 SURFACE = "surface.csv"
 EXPERIMENT = "experiment.csv"
 DYNAMIC = "dynamic.csv"
-WORD_COLUMNS = ("branch",)  # columns of words
+WORD_COLUMNS = ("branch",)  # These columns contain words instead of numbers.
 INTEGER_COLUMNS = ("step", "newton_iterations", *KRYLOV_COLUMNS)
-UNKNOWN_IN_TIME = (
-    "delta",
-    "z",
-    "a",
-    "penetration",
-    "energy",
-    "calibration_error",
-)  # what a curve may not know
+# In histories these columns may be empty, because a solution on the elastic curve of a body need
+# not give them.
+UNKNOWN_IN_TIME = ("delta", "z", "a", "penetration", "energy", "calibration_error")
 MAY_BE_EMPTY = {"p_max", *DERIVED_COLUMNS, *ERROR_COLUMNS}
-# Theory does not say u_x, under a sharp apex or edge p is infinite, and beside the end of a tip
-# there is no gap
+# Theory gives no u_x, the pressure below a sharp apex or edge is infinite, and beyond the end of a
+# tip there is no gap.
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure", "gap")
-SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")  # of every version
+# Every version of this program has written these columns.
+SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
 SURFACE_HEADER = (*SURFACE_COLUMNS, "z")
-OPTIONAL_SURFACE_COLUMNS = ("shear", "pore_pressure")  # with friction, with fluid in the pores
+# The shear traction is written with friction, the pore pressure with fluid in the pores.
+OPTIONAL_SURFACE_COLUMNS = ("shear", "pore_pressure")
 
 
 def force_row(state: State, columns: tuple[str, ...]) -> bytes:
@@ -112,7 +109,7 @@ def parse_state(names: tuple[str, ...], line: bytes, unknown: Collection[str] = 
         named = zip(names, cells, strict=True)
         values: dict[str, Any] = {name: _parse_cell(name, cell) for name, cell in named}
         empty = {name for name, value in values.items() if value != value}
-    except (ValueError, OverflowError):  # a whole number of hundreds of digits is no float
+    except (ValueError, OverflowError):  # An integer of hundreds of digits overflows a float.
         return None
     infinite = any(value in (math.inf, -math.inf) for value in values.values())
     is_result = (
@@ -217,7 +214,7 @@ def drop_later_blocks(path: Path, steps: int) -> None:
     try:
         names = [name for name in head.decode().split(",") if name]
     except UnicodeDecodeError:
-        problem = f"{path} is no table: its first line is no text"
+        problem = f"{path} is not a table: its first line is not text"
         raise UsageError(problem, "remove it and leave --resume out", str(path)) from None
     missing = [name for name in SURFACE_HEADER if name not in names]
     empty_cells = b"," * len(missing)

@@ -8,8 +8,8 @@ import numpy as np
 
 from indent_sim.model.tips import Indenter, RegularPyramid, Sphere, max_radius
 
-SectionCurve = tuple[np.ndarray, np.ndarray]  # (s, z)
-# of a surface: sections of a whole turn, and points of each
+SectionCurve = tuple[np.ndarray, np.ndarray]  # Distance from the axis s, and height z [length].
+# A surface in 3D has so many sections in a whole turn, and points in each.
 SECTIONS_PER_TURN = 96
 SURFACE_RINGS = 40
 
@@ -60,10 +60,11 @@ def half_section(
         angles = np.linspace(0, np.pi if width >= tip.R else np.arcsin(width / tip.R), points)
         return tip.R * np.sin(angles), tip.R * (1 - np.cos(angles))
     end = min(width, max_radius(tip))
+    # Points close to each other draw the sharp or rounded edges of a tip.
     refined_radii = [
         np.linspace(radius, radius + across, points // 4)
         for radius, across in tip.slope_discontinuities()
-    ]  # no chords there
+    ]
     s = np.unique(np.concatenate([np.linspace(0, end, points), *refined_radii]))
     s = s[(s >= 0) & (s <= end)]
     x = s * np.cos(np.radians(degrees))

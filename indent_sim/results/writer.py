@@ -100,13 +100,13 @@ class ResultFolder:
         self._guard = guard and not resume
         self._appears_at_end = False
         self._fields: FieldWriter | None = None
-        self._deepest_surface = (-math.inf, b"")  # depth, and lines of the surface table
-        # when last, and whether the next write waits for the disk
+        # Depth, and lines of the surface table.
+        self._deepest_surface = (-math.inf, b"")
+        # Time of the last write that waited for the disk, and whether the next one is to wait.
         self._last_sync = time.monotonic()
         self._next_write_syncs = False
-        self._unsynced_files: tuple[
-            str, ...
-        ] = ()  # what was given, in files that were not waited for yet
+        # First files of the run that may not be on the disk yet.
+        self._unsynced_files: tuple[str, ...] = ()
         self._status: Report = {"status": "running", "exit_code": None, "reason": ""}
         self._started = _utc_time()
 
@@ -131,7 +131,7 @@ class ResultFolder:
                     if previous is not None:
                         self._resume_previous_run(previous)
                         self._write_report()
-                    else:  # run.json comes with the first row
+                    else:  # run.json is written with the first row.
                         self._write_first_files()
             except BaseException:
                 self._output.abandon()
@@ -154,7 +154,8 @@ class ResultFolder:
     def _resume_previous_run(self, earlier: PreviousRun) -> None:
         """Continue in the folder of a previous run, behind its last complete row."""
         self._output.resume_in_place()
-        self._columns = earlier.columns  # those of an older version of this program may be fewer
+        # An older version of this program may have written fewer columns.
+        self._columns = earlier.columns
         os.truncate(self.path / TABLE, earlier.table_bytes)
         tables.drop_later_blocks(self.path / SURFACE, len(earlier.states))
         self.previous_run = earlier
@@ -182,12 +183,11 @@ class ResultFolder:
         """
         if not state.converged:
             raise ValueError(
-                f"step {state.step} has not converged and is no result: {state.reason}"
+                f"step {state.step} has not converged and is not a result: {state.reason}"
             )
         with defer_signals(), self._convert_write_errors():
-            self._next_write_syncs = (
-                time.monotonic() - self._last_sync > 1.0
-            )  # s that a power failure may cost
+            # A power failure costs no more than the rows of the last second.
+            self._next_write_syncs = time.monotonic() - self._last_sync > 1.0
             if state.surface is not None:
                 self._write_surface(state, state.surface)
             append_atomically(
@@ -196,9 +196,8 @@ class ResultFolder:
             if self._next_write_syncs:
                 self._sync_files()
             self.rows += 1
-            if (
-                self._next_write_syncs or self.rows == 1
-            ):  # of thousands of quick steps it would cost more than they do
+            # Writing run.json at each of thousands of quick steps would take longer than they do.
+            if self._next_write_syncs or self.rows == 1:
                 self._write_report()
             self._rename_into_place()
             if self._next_write_syncs:
@@ -240,9 +239,8 @@ class ResultFolder:
             )
             if self.previous_run and keep == "all" and not self._fields.is_continued:
                 warning = (
-                    f"the fields of steps 1 to {self.rows} were lost: "
-                    "those of the steps after them "
-                    "alone are kept"
+                    f"the fields of steps 1 to {self.rows} are missing: "
+                    "only those of later steps are kept"
                 )
                 self.report["warnings"] = [*self.report.get("warnings", []), warning]
 
@@ -361,7 +359,7 @@ class ResultFolder:
                 else "no row is kept"
             )
             if self._appears_at_end:
-                kept = f"the finished run in {self._output.target} is as it was"
+                kept = f"the finished run in {self._output.target} is unchanged"
             raise NotConverged(
                 f"cannot write results: {error.strerror or error}; {kept}"
             ) from error

@@ -79,7 +79,7 @@ def test_the_report_of_a_surface_under_tension(tmp_path):
     text = check(written(tmp_path, given=given))
     assert (
         "Elastocapillary length gamma/E*: 1.5 µm, " in text
-        and "of the contact radius to expect." in text
+        and "of the expected contact radius." in text
     )
 
 

@@ -462,7 +462,7 @@ class TestStopped:
         interrupt(tmp_path)
         (tmp_path / "out" / "fields" / lost).write_bytes(b"no HDF5")
         done = indent_sim("--resume")
-        assert done.exit_code == 0 and f"fields of steps 1 to {SOME} were lost" in done.stderr
+        assert done.exit_code == 0 and f"fields of steps 1 to {SOME} are missing" in done.stderr
         assert (tmp_path / "out" / "fields.xdmf").read_text().count("<Time") == 15 - SOME
 
     @pytest.mark.slow

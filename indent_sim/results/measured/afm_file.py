@@ -22,10 +22,10 @@ from indent_sim.results.measured.measurement import (
 )
 
 SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".h5", ".zip")
-TEXT_SUFFIXES = (".txt", ".csv", ".tab")  # text that may be an AFM's
+TEXT_SUFFIXES = (".txt", ".csv", ".tab")  # Text files with these suffixes may be AFM files.
 HEIGHT_COLUMNS = ("height (measured)", "height (piezo)")
 TIP_COLUMN = "tip position"
-RELAXATION_SEGMENTS = {1: "approach", 2: "hold", 3: "retract"}  # 0: a pause before it
+RELAXATION_SEGMENTS = {1: "approach", 2: "hold", 3: "retract"}  # Segment 0 is a pause before.
 
 
 def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCurve] | None:
@@ -58,14 +58,16 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCu
         raise BackendError(
             f"{path} is an AFM file, and afmformats is missing ({error}); {INSTALL_HINT}"
         ) from error
-    logging.getLogger("afmformats").setLevel(logging.CRITICAL)  # it logs whole tracebacks
-    broken = (errors.AFMFileFormatError, errors.MissingMetaDataError)  # which are no Exception
+    # At lower levels afmformats logs whole tracebacks.
+    logging.getLogger("afmformats").setLevel(logging.CRITICAL)
+    # These errors derive from BaseException, not from Exception.
+    broken = (errors.AFMFileFormatError, errors.MissingMetaDataError)
     try:
         formats.get_recipe(path)
     except (*broken, Exception) as error:
         if path.suffix.lower() in TEXT_SUFFIXES:
             return None
-        raise NoCurve(f"no file that afmformats knows ({_error_text(error)})", str(path)) from None
+        raise NoCurve(f"afmformats does not know it ({_error_text(error)})", str(path)) from None
     try:
         return [
             _measured_curve(path, data, k)
@@ -87,7 +89,8 @@ def _load_data_sets(formats: Any, errors: Any, path: Path, stiffness: float | No
     try:
         data_sets = formats.load_data(path)
         for data in data_sets:
-            _ = "force" in data.columns and data["force"][:1]  # where it would miss them
+            # Columns are computed on access: a missing spring constant is reported only here.
+            _ = "force" in data.columns and data["force"][:1]
         return list(data_sets)
     except errors.MissingMetaDataError:
         if stiffness is None:

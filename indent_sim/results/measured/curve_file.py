@@ -17,7 +17,7 @@ from indent_sim.results.measured import afm_file, nanoscope_file
 from indent_sim.results.measured.delimited_text import read_text_curve
 from indent_sim.results.measured.measurement import SI, MeasuredCurve
 
-TAB_METADATA = re.compile(r"# BEGIN METADATA\n(.*?)# END METADATA", re.DOTALL)  # of a .tab file
+TAB_METADATA = re.compile(r"# BEGIN METADATA\n(.*?)# END METADATA", re.DOTALL)
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
 
 
@@ -28,7 +28,7 @@ def curve_files(path: Path) -> list[Path]:
     """
     if not path.is_dir():
         if not path.exists():
-            raise UsageError(f"there is no curve {path}", file=str(path))
+            raise UsageError(f"there is no file {path}", file=str(path))
         return [path]
     files = [
         file
@@ -37,7 +37,9 @@ def curve_files(path: Path) -> list[Path]:
     ]
     if not files:
         raise UsageError(
-            f"{path} holds no file of curves", f"they end in {', '.join(TEXT_SUFFIXES)}", str(path)
+            f"{path} holds no file of a curve",
+            f"files of curves end in {', '.join(TEXT_SUFFIXES)}, or are AFM files",
+            str(path),
         )
     return files
 

@@ -25,10 +25,10 @@ from indent_sim.results.measured.text_layout import (
     split_title,
 )
 
-# letters that are taken apart at once: as lists of cells they fill some hundred megabytes
+# So many characters are parsed at once: as lists of cells they take some hundred megabytes.
 BLOCK_CHARACTERS = 1_000_000
-MAX_INVALID_FRACTION = 0.5  # share of rows that may lack depth or force
-LARGEST_MEASURED = 1e100  # of a measurement, whatever its unit
+MAX_INVALID_FRACTION = 0.5  # No more than this fraction of the rows may lack a number.
+LARGEST_MEASURED = 1e100  # A larger number is no measurement, whatever its unit.
 
 
 def read_text_curve(
@@ -151,14 +151,15 @@ def _parse_block_lines(
     rows = []
     for line_number, cells in _cell_rows(number, block, layout):
         if len(cells) <= max(places):
-            raise NoCurve(f"line {line_number} has {len(cells)} cells, others {layout.width}")
+            raise NoCurve(
+                f"line {line_number} has {len(cells)} cells, the other lines {layout.width}"
+            )
         try:
             rows.append([layout.number(cells[i]) if cells[i] else np.nan for i in places])
         except ValueError:
             bad_column = next(i for i in places if cells[i] and not layout.is_number(cells[i]))
-            raise NoCurve(
-                f"line {line_number}, column {bad_column + 1}: '{cells[bad_column][:40]}' is no number"
-            ) from None
+            place = f"line {line_number}, column {bad_column + 1}"
+            raise NoCurve(f"{place}: '{cells[bad_column][:40]}' is not a number") from None
     return np.array(rows, dtype=float).reshape(-1, len(places))
 
 
@@ -201,7 +202,7 @@ def _complete_rows(
     if invalid_count > MAX_INVALID_FRACTION * len(is_complete):
         raise NoCurve(f"{invalid_count} of {len(is_complete)} rows lack a number")
     if words is not None and len(words) != len(is_complete):
-        raise NoCurve("the column of parts has another length than the others")
+        raise NoCurve("the column of parts and the others have different lengths")
     notes = (f"{invalid_count} rows that lack a number are left out",) if invalid_count else ()
     kept = {name: np.ascontiguousarray(column[is_complete]) for name, column in values.items()}
     return kept, None if words is None else words[is_complete], notes
@@ -222,4 +223,4 @@ def _orient_base_path(
     high = float(z.max())
     if z[largest_force_row] - low >= high - z[largest_force_row]:
         return values, ()
-    return values | {"z": -z}, ("z falls towards the body: its sign is turned",)
+    return values | {"z": -z}, ("z decreases towards the body: its sign is reversed",)

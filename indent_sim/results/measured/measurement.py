@@ -14,17 +14,17 @@ from indent_sim.process.errors import ConfigError, UsageError, printable
 
 CurvePart = Literal["approach", "hold", "retract", "all"]
 Abscissa = Literal["delta", "z"]
-PLATEAU_WIDTH = 0.01  # of the range of depths: what is nearer to the deepest may be a hold
-# A steady pace in and out spends 2 % of the rows there; with five times as many, and ten at least,
-# it is a hold
+# Rows within this fraction of the range of depths from the deepest one may be a hold. A path at a
+# constant rate in and out has 2 % of its rows there; five times as many, and at least ten, are a
+# hold.
+PLATEAU_WIDTH = 0.01
 MIN_HOLD_FRACTION = 0.1
 MIN_HOLD_ROWS = 10
-MIN_RETRACTION = 0.1  # of the range: a path that goes back by less has not turned
+MIN_RETRACTION = 0.1  # A path that goes back by less than this fraction has no retraction.
 DIMENSIONS = {"delta": "length", "z": "length", "force": "force", "t": "time"}
 SI = {"length": "m", "force": "N", "time": "s"}
-PACKAGES = (
-    "afmformats igor2 jprops pyfmreader tifffile 'pandas<3' pytz tzdata"  # that read AFM files
-)
+# These packages are needed to read AFM files.
+PACKAGES = "afmformats igor2 jprops pyfmreader tifffile 'pandas<3' pytz tzdata"
 INSTALL_HINT = f"install it with `make setup AFM=1`, or `pip install --no-deps {PACKAGES}`"
 STIFFNESS_KEY = "--set experiment.cantilever.stiffness=..."
 UNITS_REMEDY = "add units: {length: um, force: nN} to the scene"
@@ -103,7 +103,7 @@ class MeasuredCurve:
             return self
         if name not in self.parts:
             part_names = ", ".join(self.parts)
-            raise NoCurve(f"{self.name} has no {name}, but {part_names}")
+            raise NoCurve(f"{self.name} has no {name}, only {part_names}")
         rows = self.parts[name]
         return self._select_rows(slice(0, rows.stop) if name == "hold" else rows)
 
@@ -143,7 +143,7 @@ def _unit_ratio(kind: str, curve_unit: str, wanted_unit: str) -> float:
     if not wanted_unit:
         raise ConfigError(
             "units",
-            f"the curve has the {kind} in {curve_unit}, and the scene says no unit",
+            f"the curve has the {kind} in {curve_unit}, and the scene has no unit for it",
             UNITS_REMEDY,
         )
     return si_factor(curve_unit, kind) / si_factor(wanted_unit, kind)
@@ -165,7 +165,7 @@ def curve_parts(x: np.ndarray) -> dict[str, slice]:
         return {"approach": slice(0, n)}
     deepest = int(np.argmax(x))
     top = float(x.max())
-    if top - x[0] < MIN_RETRACTION * span:  # it begins at the deepest
+    if top - x[0] < MIN_RETRACTION * span:  # The path begins at the largest depth and goes out.
         return {"approach": slice(0, n)}
     high = np.flatnonzero(x > top - PLATEAU_WIDTH * span)
     first = int(high[0])
@@ -206,7 +206,7 @@ def curve_parts_by_name(names: np.ndarray) -> dict[str, slice]:
             by_number.get(str(names[begin])) if len(distinct_names) <= 2 else None
         )
         if part is None:
-            raise NoCurve(f"'{word}' is no name of a part: approach, hold, retract")
+            raise NoCurve(f"'{word}' is not a part of a curve: approach, hold, retract")
         if part not in parts:
             parts[part] = slice(begin, end)
         elif parts[part].stop == begin:

@@ -19,7 +19,9 @@ from indent_sim.results.measured.measurement import (
 )
 
 SUFFIXES = (".spm", ".pfc")
-MAX_DEFLECTION_RATIO = 1.5  # ways of the base that a deflection may span, with the snap-in
+# A deflection can exceed the travel of the base by a snap-in only; beyond this ratio of their
+# ranges it is wrong.
+MAX_DEFLECTION_RATIO = 1.5
 
 
 def read_nanoscope_file(path: Path, stiffness: float | None = None) -> list[MeasuredCurve]:
@@ -71,10 +73,10 @@ def _measured_curve(
     segments = [segment.segment_formated_data for _, segment in data.get_segments()]
     base_paths = [np.asarray(segment_data["height"], dtype=float) for segment_data in segments]
     volts = [np.asarray(segment_data["vDeflection"], dtype=float) for segment_data in segments]
-    if (
-        np.ptp(base_paths[-1]) and base_paths[-1][0] < base_paths[-1][-1]
-    ):  # the retraction is kept from its far end on
-        base_paths[-1], volts[-1] = base_paths[-1][::-1], volts[-1][::-1]
+    # Some files store the retraction in reverse order, from its far end on.
+    if np.ptp(base_paths[-1]) and base_paths[-1][0] < base_paths[-1][-1]:
+        base_paths[-1] = base_paths[-1][::-1]
+        volts[-1] = volts[-1][::-1]
     z = np.concatenate(base_paths)
     deflection = 1e-9 * float(header["defl_sens_nmbyV"]) * np.concatenate(volts)
     if (
@@ -83,7 +85,7 @@ def _measured_curve(
         or np.ptp(deflection) > MAX_DEFLECTION_RATIO * np.ptp(z)
     ):
         raise NoCurve(
-            "pyfmreader makes deflections of it that go farther than the base moved", str(path)
+            "the deflections that pyfmreader computes exceed the travel of the base", str(path)
         )
     times = [np.asarray(segment_data["time"], dtype=float) for segment_data in segments]
     t = np.concatenate([times[0], times[0][-1] + times[0][1] + times[-1]])

@@ -12,8 +12,10 @@ from indent_sim.process.version import VERSION
 from indent_sim.results.reader import Results
 
 TAB_COLUMNS = ("force", "height (measured)", "tip position", "time", "segment")
-STIFF_SPRING_RATIO = 1e3  # times the stiffest secant of the curve: a cantilever that does not bend
-FREE_APPROACH = 0.5  # of the depth: the way before contact that is written, where no force is felt
+# The written spring constant is so many times the stiffest secant of the curve that the cantilever
+# hardly bends.
+STIFF_SPRING_RATIO = 1e3
+FREE_APPROACH = 0.5  # Length of the approach before contact, relative to the largest depth.
 DEPTHS_PER_SECOND = 1.0
 
 
@@ -31,7 +33,7 @@ def tab_text(results: Results) -> str:
     units = results.report.get("units") or {}
     if not (units.get("length") and units.get("force")):
         raise UsageError(
-            f"{results.path} says no units", "add units: {length: um, force: nN} to its scene"
+            f"{results.path} has no units", "add units: {length: um, force: nN} to its scene"
         )
     if not results["delta"].max(initial=0.0) > 0:
         raise UsageError(f"{results.path} has no row in contact", file=str(results.path))

@@ -10,8 +10,8 @@ from indent_sim.config.quantities import si_factor
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import DIMENSIONS, NoCurve
 
-HEAD_LINES = 2000  # in which the first line of numbers is looked for
-MAX_LINE_CHARACTERS = 100_000  # letters
+HEAD_LINES = 2000  # The first line of numbers is searched in these lines.
+MAX_LINE_CHARACTERS = 100_000  # A longer line does not belong to a table of curves.
 COLUMN_TITLES = {
     "delta": (
         "delta",
@@ -27,11 +27,8 @@ COLUMN_TITLES = {
     "t": ("t", "time"),
     "part": ("segment", "branch", "part", "phase"),
 }
-HEIGHT_TITLES = (
-    "height",
-    "height (measured)",
-    "tip position",
-)  # of the tip above the body: they fall on the way in
+# These columns are heights above the body: they decrease while the tip moves inwards.
+HEIGHT_TITLES = ("height", "height (measured)", "tip position")
 DEFAULT_COLUMNS = {2: ("delta", "force")}
 UNIT_AT_END = re.compile(
     r"^(?P<name>.*?)\s*(?:[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]|[ _,/]\s*(?P<bare>[a-zA-Zµμ]{1,3}))$"
@@ -111,7 +108,7 @@ def _middle_line(text: str) -> str:
         for line in text[start : start + 10 * MAX_LINE_CHARACTERS].split("\n"):
             if line.strip() and line.lstrip()[0] not in "#%":
                 if len(line) > MAX_LINE_CHARACTERS:
-                    raise NoCurve(f"a line of more than {MAX_LINE_CHARACTERS} letters")
+                    raise NoCurve(f"a line has more than {MAX_LINE_CHARACTERS} characters")
                 return line.strip()
     raise NoCurve("no line of numbers")
 
@@ -143,9 +140,8 @@ def _read_titles(shape: TextLayout, head: Sequence[str], width: int) -> tuple[st
         return ()
     *above, last = rows
     is_comment = next(line for line in reversed(head) if line.strip()).lstrip()[0] in "#%"
-    if (
-        is_comment and width in DEFAULT_COLUMNS and not any(map(_is_column_title, last))
-    ):  # words about something else
+    # A comment whose words name no quantity of a curve is not a line of titles.
+    if is_comment and width in DEFAULT_COLUMNS and not any(map(_is_column_title, last)):
         return ()
     units = [cell.strip("[]()") for cell in last]
     if above and any(units) and all(not unit or _is_unit(unit) for unit in units):
@@ -218,7 +214,7 @@ def find_columns(layout: TextLayout, requested: Sequence[str] | None, file: str)
             column_count = (
                 "1 column" if layout.width == 1 else f"{layout.width} columns without a header"
             )
-            raise NoCurve(f"{column_count}: say which with --columns DEPTH,FORCE")
+            raise NoCurve(f"{column_count}: name the columns with --columns DEPTH,FORCE")
         return {name: place for place, name in enumerate(DEFAULT_COLUMNS[layout.width])}
     columns: dict[str, int] = {}
     for name, known_titles in COLUMN_TITLES.items():
@@ -235,7 +231,8 @@ def find_columns(layout: TextLayout, requested: Sequence[str] | None, file: str)
     if "force" not in columns or not {"delta", "z"} & columns.keys():
         missing = "force" if "force" not in columns else "depth"
         raise NoCurve(
-            f"no column of {missing} among {', '.join(layout.titles)[:200]}: say it with --columns"
+            f"no column of {missing} among {', '.join(layout.titles)[:200]}: "
+            "name the columns with --columns"
         )
     return columns
 
