@@ -91,10 +91,10 @@ class Comparison:
     def check(self) -> None:
         """Raise VerificationError if the two differ."""
         if self.differences:
-            more = len(self.differences) - MAX_DIFFERENCES
+            remaining = len(self.differences) - MAX_DIFFERENCES
             lines = [
                 *self.differences[:MAX_DIFFERENCES],
-                *([f"and {more} more"] if more > 0 else []),
+                *([f"and {remaining} more"] if remaining > 0 else []),
             ]
             raise VerificationError("the two differ\n" + "\n".join(lines))
 
@@ -165,8 +165,9 @@ def compare(
     ]
     tables = {TABLE: _force_tables(paths, *_read_table_pair(*paths))}
     tables |= {name: _read_table_pair(paths[0] / name, paths[1] / name) for name in common_tables}
-    if isinstance(rtol, Mapping) and (named := rtol.keys() & set(WORD_COLUMNS)):
-        raise UsageError(f"--rtol names {named.pop()}, a column of words, which has no tolerance")
+    if isinstance(rtol, Mapping) and (word_columns := rtol.keys() & set(WORD_COLUMNS)):
+        name = word_columns.pop()
+        raise UsageError(f"--rtol names {name}, a column of words, which has no tolerance")
     requested_columns = {*(columns or ()), *(rtol if isinstance(rtol, Mapping) else ())} - {""}
     for name in sorted(requested_columns):
         if not any(name in A and name in B for A, B in tables.values()):
@@ -407,16 +408,17 @@ def _column_tolerances(
     The compared columns are those of `columns`, or else `default_columns` and those that rtol
     names.
     """
-    wanted = columns or default_columns
+    compared_columns = columns or default_columns
     if not isinstance(rtol, Mapping):
-        return dict.fromkeys(wanted, rtol)
-    extra_columns = [name for name in rtol if name and name not in wanted]
+        return dict.fromkeys(compared_columns, rtol)
+    extra_columns = [name for name in rtol if name and name not in compared_columns]
     if columns and extra_columns:
         column_names = ", ".join(columns)
         raise UsageError(
             f"--rtol names {extra_columns[0]}, which is not among the --columns {column_names}"
         )
-    return {name: rtol.get(name, rtol.get("", DEFAULT_RTOL)) for name in (*wanted, *extra_columns)}
+    default = rtol.get("", DEFAULT_RTOL)
+    return {name: rtol.get(name, default) for name in (*compared_columns, *extra_columns)}
 
 
 def _refuse_missing(name: str, tables: Mapping[str, Table]) -> None:

@@ -108,10 +108,10 @@ def _parse_row(
         raise UsageError(
             f"{place} has {len(cells)} cells, the header {len(header)}: not a table of numbers"
         )
-    named = enumerate(zip(header, cells, strict=True), start=1)
+    named_cells = enumerate(zip(header, cells, strict=True), start=1)
     return [
         cell if name in words else _parse_number(cell, f"{place}, column {n}")
-        for n, (name, cell) in named
+        for n, (name, cell) in named_cells
     ]
 
 

@@ -30,13 +30,13 @@ def missing_field_files(folder: Path) -> list[str]:
     steps = _indexed_steps(text)
     if not (steps and text.endswith(XDMF_TAIL)):
         return [XDMF_FILE]
-    wanted = {FIELDS_MESH_FILE: {"points", "cells"}} | {
+    needed_arrays = {FIELDS_MESH_FILE: {"points", "cells"}} | {
         step_file(step): set(ARRAYS) for step in steps
     }
     fields = folder / FIELDS_FOLDER
     return [
         f"{FIELDS_FOLDER}/{name}"
-        for name, arrays in wanted.items()
+        for name, arrays in needed_arrays.items()
         if not arrays <= _array_names(fields / name)
     ]
 

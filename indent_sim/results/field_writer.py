@@ -76,7 +76,7 @@ class FieldWriter:
         series.
     arrays
         The arrays of each state.
-    told
+    information
         Information that the files contain: units and names of regions.
     """
 
@@ -87,15 +87,16 @@ class FieldWriter:
         keep: KeptStates = "last",
         done: int | None = None,
         arrays: ArrayLayouts = ARRAYS,
-        told: Mapping[str, str] | None = None,
+        information: Mapping[str, str] | None = None,
     ):
         self.directory = Path(directory)
         self._keep = keep
         self._arrays = arrays
         # The information precedes the collection, because readers count the collection's entries
         # to find the number of states.
-        information = "".join(_information_xml(name, value) for name, value in (told or {}).items())
-        self._index_head = XDMF_HEAD + information + XDMF_COLLECTION
+        items = (information or {}).items()
+        elements = "".join(_information_xml(name, value) for name, value in items)
+        self._index_head = XDMF_HEAD + elements + XDMF_COLLECTION
         points, cells, regions, self._tip = body
         self._mesh = {
             "points": vectors_in_3d(points),
@@ -156,8 +157,8 @@ class FieldWriter:
                     self.directory / name, text.encode(), sync=False, tail=XDMF_TAIL.encode()
                 )
             return
-        deepest = sorted(self._stored_states, key=lambda kept: kept.delta)[-1:]
-        self._stored_states = [*(kept for kept in deepest if kept.delta > delta), state]
+        deepest = sorted(self._stored_states, key=lambda stored: stored.delta)[-1:]
+        self._stored_states = [*(stored for stored in deepest if stored.delta > delta), state]
         self._write_index()
 
     @property
@@ -256,9 +257,9 @@ class FieldWriter:
                 + XDMF_TAIL
             )
             write_atomically(self.directory / name, text, sync=False)
-        named = {FIELDS_MESH_FILE, *(step_file(state.step) for state in self._stored_states)}
+        needed_files = {FIELDS_MESH_FILE, *(step_file(state.step) for state in self._stored_states)}
         for path in field_files(self._fields_folder):
-            if path.name not in named:
+            if path.name not in needed_files:
                 path.unlink()
 
 

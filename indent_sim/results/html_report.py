@@ -128,9 +128,13 @@ def thinned_table(
         A sentence about the table.
     """
     kept_rows = np.linspace(0, len(rows) - 1, min(MAX_TABLE_ROWS, len(rows))).round().astype(int)
-    kept = f"{len(kept_rows)} of {len(rows)} rows. " if len(kept_rows) < len(rows) else ""
+    row_count_text = f"{len(kept_rows)} of {len(rows)} rows. " if len(kept_rows) < len(rows) else ""
     return Table(
-        title, head, [[value_text(cell) for cell in rows[i]] for i in kept_rows], kept + words, True
+        title,
+        head,
+        [[value_text(cell) for cell in rows[i]] for i in kept_rows],
+        row_count_text + words,
+        True,
     )
 
 

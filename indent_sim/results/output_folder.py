@@ -118,8 +118,8 @@ class OutputFolder:
         self._refuse_target()
         # A process whose working directory were renamed and deleted could not go on in it.
         if self._old_folder.parent != self.target and self.target not in (
-            here := Path.cwd(),
-            *here.parents,
+            working_directory := Path.cwd(),
+            *working_directory.parents,
         ):
             try:
                 if self.target.is_dir() and any(self.target.iterdir()):

@@ -73,8 +73,8 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
         difference_text = ", ".join(
             f"{key} was {old} and is {new}" for key, old, new in differences[:MAX_DIFFERENCES]
         )
-        more = len(differences) - MAX_DIFFERENCES
-        difference_text += f", and {more} more" if more > 0 else ""
+        remaining = len(differences) - MAX_DIFFERENCES
+        difference_text += f", and {remaining} more" if remaining > 0 else ""
         raise UsageError(
             f"{folder} holds the finished run of another scene: {difference_text}",
             remedy,

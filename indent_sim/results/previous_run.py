@@ -198,9 +198,11 @@ def _refuse_other_config(
         default="",
     )
     name = key.rpartition(".")[2]
-    sides = ((old_values, "there"), (new_values, "here"))
+    values_and_places = ((old_values, "there"), (new_values, "here"))
     difference_text = ", ".join(
-        f"'{name}: {inline_yaml(values[key])}' {where}" for values, where in sides if key in values
+        f"'{name}: {inline_yaml(values[key])}' {where}"
+        for values, where in values_and_places
+        if key in values
     )
     difference_text = difference_text or "the same lines in another order"
     problem = f"{folder} holds a run of another config ({difference_text})"

@@ -246,7 +246,7 @@ def foreign_files(folder: Path) -> set[str]:
 
 
 def refuse_foreign(
-    target: Path, kind: str = "run", written: Iterable[str] = RUN_FILE_SIGNATURES
+    target: Path, kind: str = "run", written_names: Iterable[str] = RUN_FILE_SIGNATURES
 ) -> None:
     """Raise UsageError if a run, study or fit would replace files that it did not write.
 
@@ -256,7 +256,7 @@ def refuse_foreign(
         The folder that the results are to have.
     kind
         Kind of results that may be replaced: "run", "study" or "fit".
-    written
+    written_names
         Names of files that will be written under names which other programs might use, too.
     """
     if _is_absent(target):
@@ -269,7 +269,7 @@ def refuse_foreign(
             else f"holds a {kind_found} of"
         )
         raise UsageError(f"{target} {problem_text} {PROGRAM}", "choose another --output")
-    for path in (target / name for name in written):
+    for path in (target / name for name in written_names):
         if os.path.lexists(path) and not is_own_file(path):
             problem = f"{path} was not made by {PROGRAM}, and would be replaced"
             raise UsageError(problem, "move it, or choose another --output", str(path))
@@ -289,28 +289,28 @@ def config_file_entries(file: str, folder: Path) -> dict[str, str]:
     )
 
 
-def is_same_config_file(theirs: Report, ours: Report, folder: Path) -> bool:
+def is_same_config_file(old_report: Report, new_report: Report, folder: Path) -> bool:
     """Return whether two runs belong to one config file; a run that names none belongs to any.
 
     Parameters
     ----------
-    theirs, ours
+    old_report, new_report
         The run.json of the previous and of the new run.
     folder
         The result folder.
     """
-    their_request = theirs.get("asked")
-    our_request = ours.get("asked")
+    old_options = old_report.get("asked")
+    new_options = new_report.get("asked")
     if not (
-        isinstance(their_request, dict)
-        and isinstance(our_request, dict)
-        and "config" in their_request
-        and "config" in our_request
+        isinstance(old_options, dict)
+        and isinstance(new_options, dict)
+        and "config" in old_options
+        and "config" in new_options
     ):
         return True
     return any(
-        their_request.get(name) == path
-        for name, path in config_file_entries(our_request["config"], folder).items()
+        old_options.get(name) == path
+        for name, path in config_file_entries(new_options["config"], folder).items()
     )
 
 

@@ -18,8 +18,8 @@ from indent_sim.results.result_files import CONFIG
 def scene_of(folder: Path) -> Config | None:
     """Return the scene of a result folder, in the user's units; None if it cannot be read."""
     with suppress(OSError):
-        written = os.stat(folder / CONFIG)
-        return _cached_scene(folder / CONFIG, written.st_mtime_ns, written.st_ino)
+        file_status = os.stat(folder / CONFIG)
+        return _cached_scene(folder / CONFIG, file_status.st_mtime_ns, file_status.st_ino)
     return None
 
 
@@ -34,7 +34,7 @@ def has_adhesion(folder: Path) -> bool | None:
 
 
 @lru_cache(16)  # Every panel of a picture needs the scene.
-def _cached_scene(file: Path, written: int, inode: int) -> Config | None:
+def _cached_scene(file: Path, modified_ns: int, inode: int) -> Config | None:
     """Read a scene file; the time of its last change and its inode make up the key of the cache."""
     with suppress(IndentSimError, OSError, ValueError):
         return load_result_config(file)

@@ -287,18 +287,18 @@ def _experiment_tables(results: Results) -> list[Table]:
 
 def _run_pictures(results: Results) -> list[Picture]:
     """Return the pictures that the rows and fields of a result allow."""
-    kept = steps_with_fields(results.path, results["step"])
+    steps = steps_with_fields(results.path, results["step"])
     in_time = is_time_stepped(results.report) and len(results) > 0
     pictures = [_history_picture(results)] if in_time else []
     panel_kinds = ["force"] if len(results) and not in_time else []
     panel_kinds += ["pressure", "profile"] if largest_force_step(results) is not None else []
-    panel_kinds += ["fields"] if kept else []
+    panel_kinds += ["fields"] if steps else []
     # A width of 110 mm is readable on a small screen.
     for panel_kind in panel_kinds:
         drawing = partial(panels.draw, [results], PlotRequest((panel_kind,), width=110.0))
         pictures.append(Picture(figures.svg_element(drawing), CAPTIONS[panel_kind]))
-    if in_time and len(kept) == len(results):
-        pictures += [_film_picture(results, name) for name in _film_fields(results, kept[-1])]
+    if in_time and len(steps) == len(results):
+        pictures += [_film_picture(results, name) for name in _film_fields(results, steps[-1])]
     if experiment.has_elastic_curve(results.path, results.report):
         pictures.append(
             Picture(

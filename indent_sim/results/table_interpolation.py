@@ -35,10 +35,10 @@ def values_at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[
     # Occurrences are counted from the end, so that the rows after the jump are matched first.
     reverse = slice(None, None, -1)
     rows = rows_by_occurrence(dense["t"][reverse])
-    wanted = rows_by_occurrence(t[reverse])
+    wanted_rows = rows_by_occurrence(t[reverse])
     matched_rows = {
         len(t) - 1 - k: len(dense["t"]) - 1 - rows[time]
-        for time, k in wanted.items()
+        for time, k in wanted_rows.items()
         if time in rows
     }
     columns = {name: np.interp(t, dense["t"], dense[name]) for name in names}

@@ -106,8 +106,8 @@ def parse_state(names: tuple[str, ...], line: bytes, unknown: Collection[str] = 
     if len(cells) != len(names):
         return None
     try:
-        named = zip(names, cells, strict=True)
-        values: dict[str, Any] = {name: _parse_cell(name, cell) for name, cell in named}
+        named_cells = zip(names, cells, strict=True)
+        values: dict[str, Any] = {name: _parse_cell(name, cell) for name, cell in named_cells}
         empty = {name for name, value in values.items() if value != value}
     except (ValueError, OverflowError):  # An integer of hundreds of digits overflows a float.
         return None
@@ -218,11 +218,11 @@ def drop_later_blocks(path: Path, steps: int) -> None:
         raise UsageError(problem, "remove it and leave --resume out", str(path)) from None
     missing = [name for name in SURFACE_HEADER if name not in names]
     empty_cells = b"," * len(missing)
-    kept = [
+    kept_lines = [
         ",".join([*names, *missing]).encode(),
         *(line + empty_cells for line in lines if _line_step(line) <= steps),
     ]
-    if (table := b"".join(line + b"\n" for line in kept)) != data:
+    if (table := b"".join(line + b"\n" for line in kept_lines)) != data:
         write_atomically(path, table)
 
 

@@ -84,7 +84,7 @@ def section(tip: Indenter, width: float, degrees: float = 0.0) -> SectionCurve:
 
 
 def tip_mesh(
-    tip: Indenter, center: tuple[float, ...], width: float, kinematics: str, pieces: int
+    tip: Indenter, center: tuple[float, ...], width: float, kinematics: str, contacts_per_body: int
 ) -> TipGeometry:
     """Return the mesh of a tip out to a distance from its axis.
 
@@ -100,16 +100,16 @@ def tip_mesh(
         Largest distance from the axis [length].
     kinematics
         "axisymmetric", "plane_strain" or "three_dimensional".
-    pieces
+    contacts_per_body
         Number of equal contacts of the body.
     """
     if kinematics == "three_dimensional":
         points, cells = _tip_surface(tip, width)
-        return TipGeometry(points + np.array([*center, 0.0]), cells, pieces)
+        return TipGeometry(points + np.array([*center, 0.0]), cells, contacts_per_body)
     s, z = half_section(tip, width) if kinematics == "axisymmetric" else section(tip, width)
     points = np.column_stack([s + (*center, 0.0)[0], np.zeros(len(s)), z])
     ends = np.arange(len(s))
-    return TipGeometry(points, np.column_stack([ends[:-1], ends[1:]]), pieces)
+    return TipGeometry(points, np.column_stack([ends[:-1], ends[1:]]), contacts_per_body)
 
 
 def _tip_surface(tip: Indenter, width: float) -> tuple[np.ndarray, np.ndarray]:
@@ -127,9 +127,13 @@ def _tip_surface(tip: Indenter, width: float) -> tuple[np.ndarray, np.ndarray]:
         np.column_stack([s * np.cos(angle), s * np.sin(angle), z])
         for angle, (s, z) in angled_sections
     ]
-    here = (rings * np.arange(section_count)[:, None] + np.arange(rings - 1)[None, :]).ravel()
-    there = (here + rings) % (rings * section_count)
-    triangles = [(here, here + 1, there + 1), (here, there + 1, there)]
+    first_points = rings * np.arange(section_count)[:, None]
+    section_points = (first_points + np.arange(rings - 1)[None, :]).ravel()
+    next_points = (section_points + rings) % (rings * section_count)
+    triangles = [
+        (section_points, section_points + 1, next_points + 1),
+        (section_points, next_points + 1, next_points),
+    ]
     return np.concatenate(points), np.concatenate(
         [np.column_stack(corners) for corners in triangles]
     )

@@ -207,8 +207,8 @@ class ResultFolder:
         self,
         *mesh: Any,
         keep: KeptStates,
-        more: Sequence[str] = (),
-        told: Mapping[str, str] | None = None,
+        extra_arrays: Sequence[str] = (),
+        information: Mapping[str, str] | None = None,
     ) -> None:
         """Prepare fields.xdmf, tip.xdmf and fields/ for states on one mesh.
 
@@ -218,16 +218,16 @@ class ResultFolder:
             Mesh and tip, as `field_writer.FieldWriter` takes them.
         keep
             The states whose fields are kept.
-        more
+        extra_arrays
             Names of fields beyond those that every body has.
-        told
+        information
             Information that the files contain besides the units.
         """
         if keep == "none":
             return
         with defer_signals(), self._convert_write_errors():
             done = self.rows if self.previous_run else None
-            arrays = ARRAYS | {name: OPTIONAL_ARRAYS[name] for name in more}
+            arrays = ARRAYS | {name: OPTIONAL_ARRAYS[name] for name in extra_arrays}
             scene_units = self.report.get("units")
             units = {
                 f"unit of {kind}": unit
@@ -235,7 +235,12 @@ class ResultFolder:
                 if (unit := getattr(scene_units, kind, ""))
             }
             self._fields = FieldWriter(
-                self.path, *mesh, keep=keep, done=done, arrays=arrays, told=units | dict(told or {})
+                self.path,
+                *mesh,
+                keep=keep,
+                done=done,
+                arrays=arrays,
+                information=units | dict(information or {}),
             )
             if self.previous_run and keep == "all" and not self._fields.is_continued:
                 warning = (
@@ -353,15 +358,15 @@ class ResultFolder:
         try:
             yield
         except OSError as error:
-            kept = (
+            kept_text = (
                 f"{self.rows} rows are kept in {self._output.target}"
                 if self.rows
                 else "no row is kept"
             )
             if self._appears_at_end:
-                kept = f"the finished run in {self._output.target} is unchanged"
+                kept_text = f"the finished run in {self._output.target} is unchanged"
             raise NotConverged(
-                f"cannot write results: {error.strerror or error}; {kept}"
+                f"cannot write results: {error.strerror or error}; {kept_text}"
             ) from error
 
 

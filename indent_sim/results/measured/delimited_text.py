@@ -204,8 +204,10 @@ def _complete_rows(
     if words is not None and len(words) != len(is_complete):
         raise NoCurve("the column of parts and the others have different lengths")
     notes = (f"{invalid_count} rows that lack a number are left out",) if invalid_count else ()
-    kept = {name: np.ascontiguousarray(column[is_complete]) for name, column in values.items()}
-    return kept, None if words is None else words[is_complete], notes
+    complete_columns = {
+        name: np.ascontiguousarray(column[is_complete]) for name, column in values.items()
+    }
+    return complete_columns, None if words is None else words[is_complete], notes
 
 
 def _orient_base_path(

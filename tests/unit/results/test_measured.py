@@ -75,7 +75,7 @@ def test_units_of_titles_stand_over_those_given(titles, units):
     in_scene = curve.convert_units({"length": "um", "force": "nN"})
     factors = {"um": 1, "nN": 1, "nm": 1e-3, "µN": 1e3, "mm": 1e3, "mN": 1e6, "m": 1e6, "N": 1e9}
     np.testing.assert_allclose(
-        in_scene.x(in_scene.along("delta")), DEPTHS * factors[units[0]], **DIGITS
+        in_scene.abscissa_values(in_scene.available_abscissa("delta")), DEPTHS * factors[units[0]], **DIGITS
     )
     np.testing.assert_allclose(
         in_scene.force, FORCES * factors[units[1]], rtol=1e-8, atol=1e-8 * factors[units[1]]
@@ -208,7 +208,7 @@ def test_broken_files_at_random_end_in_a_curve_or_a_reason():
         try:
             curve = read(bytes(data))
             assert np.isfinite(curve.force).all() and len(curve.force) == len(
-                curve.x(curve.along("delta"))
+                curve.abscissa_values(curve.available_abscissa("delta"))
             )
         except IndentSimError as error:
             assert str(error)

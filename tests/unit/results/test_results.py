@@ -697,7 +697,7 @@ class TestCompare:
             tmp_path, "1,0.1,2,0.5\n2,0.2,3,0.6\n", "2,0.2,3.000001,0.6\n1,0.1,2,0.5\n"
         )
         same.check()
-        assert same.steps == (1, 2) and same.worst["force"] == pytest.approx(3.3e-7, rel=0.1)
+        assert same.row_keys == (1, 2) and same.max_relative_difference["force"] == pytest.approx(3.3e-7, rel=0.1)
 
     @pytest.mark.parametrize(
         "units", [{"length": "um", "force": "N"}, {"length": "mm", "force": "mN"}]
@@ -869,7 +869,7 @@ class TestCompare:
         assert found.residual == pytest.approx(
             {"percent_largest": 20.0, "percent_rms": 20 / 3**0.5}
         )
-        assert found.interpolated is None
+        assert found.interpolation is None
 
     ROWS = "t,z,delta,force,a,branch\n,0.1,0.1,1,,approach\n,0.1,0.1,1.1,,hold\n,0.05,0.05,0,,retract\n"
 
