@@ -1,6 +1,4 @@
-"""The experiment in a picture: force over depth and the way of the base, force or depth over time,
-as experiment.csv says.
-"""
+"""Picture of an experiment: force over depth and displacement of the base, and curves over time."""
 
 from __future__ import annotations
 
@@ -37,16 +35,14 @@ BRANCH_STYLES = {
 
 
 def has_elastic_curve(folder: Path, report: Report) -> bool:
-    """Whether a run has rows of its elastic curve: an experiment, or a history that was followed on
-    it.
-    """
+    """Return whether a run has rows in experiment.csv, or a history on its elastic curve."""
     return (folder / EXPERIMENT).exists() or (report.get("time") or {"way": "steps"}).get(
         "way"
     ) != "steps"
 
 
 def draw(folder: Path, path: Path | None = None) -> None:
-    """Draw the experiment of a result folder [into it, as experiment.png]."""
+    """Draw the experiment of a result folder, by default into its experiment.png."""
     results = read(folder)
     rows = read_history(folder)
     config = config_by_key(folder)
@@ -91,7 +87,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
 
 
 def branch_ranges(branches: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Where each piece of one branch begins, and where it ends."""
+    """Return begin and end of each sequence of rows of one branch."""
     changes = np.flatnonzero(branches[1:] != branches[:-1]) + 1
     return pairwise([0, *map(int, changes), len(branches)])
 
@@ -105,10 +101,22 @@ def draw_branches(
     ordinate: str = "force",
     joined: Interpolator = smooth_curve,
 ) -> None:
-    """A column over another, a line for each branch that is one piece of the table; marks where
-    rows are few.
+    """Draw a column over another one, with a line for each sequence of rows of one branch.
 
-    joined: the line through the rows.
+    Few rows have markers.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    rows
+        Columns of the table, with `branch`.
+    abscissa, ordinate
+        Names of the columns.
+    x, y
+        Their axes.
+    joined
+        Interpolation of the rows.
     """
     labelled: set[str] = set()
     branches = rows["branch"]

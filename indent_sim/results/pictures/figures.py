@@ -1,4 +1,4 @@
-"""Canvas of all pictures: style, legends, saving, and whose a file is."""
+"""Figures: style of all pictures, legends, layout, and saving."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ RC_PARAMETERS: PlotStyle = {
 
 @contextmanager
 def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) -> Iterator[Figure]:
-    """An empty figure of this size [inches] and font size [points] in the style of all pictures."""
+    """Yield an empty figure of a size [inches] and a font size [points] in the common style."""
     with warnings.catch_warnings():
         warnings.filterwarnings(
             "ignore", "Unable to import Axes3D"
@@ -101,9 +101,7 @@ def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) 
 
 
 def start_at_zero(axes: Axes, *curves: np.ndarray) -> None:
-    """Show from 0, or a little below the lowest point where one is negative, to a little above the
-    highest one.
-    """
+    """Set the vertical limits from 0, or from below a negative minimum, to above the maximum."""
     values = np.concatenate([np.ravel(curve) for curve in curves])
     values = values[np.isfinite(values)]
     lowest = values.min(initial=0)
@@ -114,8 +112,18 @@ def start_at_zero(axes: Axes, *curves: np.ndarray) -> None:
 def draw_legend_panel(
     axes: Axes, labelled_axes: Axes, columns: int = 1, max_width: float = np.inf
 ) -> None:
-    """The legend of a panel in one of its own, where it hides nothing; its lines broken where it
-    would be wider.
+    """Draw the legend of a panel in a panel of its own, where it hides nothing.
+
+    Parameters
+    ----------
+    axes
+        The panel for the legend.
+    labelled_axes
+        The panel whose curves are named.
+    columns
+        Number of columns.
+    max_width
+        Width [inches] beyond which names are broken into lines.
     """
     axes.axis("off")
     handles, names = labelled_axes.get_legend_handles_labels()
@@ -124,7 +132,7 @@ def draw_legend_panel(
 
 
 def wrap_names(names: Sequence[str], max_width: float) -> list[str]:
-    """Names of a legend in lines that fit into so many inches with their handles."""
+    """Break the names of a legend into lines that fit into a width [inches] with their handles."""
     letters_per_line = (max_width / (current_font_size() / FONT_SIZE) - HANDLE_WIDTH) / LETTER_WIDTH
     wrap_width = max(MIN_LINE_LETTERS, letters_per_line)
     return [
@@ -134,9 +142,9 @@ def wrap_names(names: Sequence[str], max_width: float) -> list[str]:
 
 
 def draw_legend_under(axes: Axes) -> None:
-    """The legend of a panel below it, as wide as the panel at most: the layout keeps room for it.
+    """Draw the legend of a panel below it, not wider than the panel; the layout reserves its room.
 
-    Legends of panels side by side begin at one height, for their panels end at one.
+    Legends of panels side by side begin at the same height, because their panels end at the same.
     """
     from matplotlib.transforms import ScaledTranslation
 
@@ -169,7 +177,7 @@ def draw_legend_under(axes: Axes) -> None:
 
 
 def draw_panel_title(axes: Axes, title: str) -> None:
-    """What a panel shows, small above it, in as many lines as its width asks for."""
+    """Draw a small title above a panel, broken into lines by the width of the panel."""
     letters = _panel_width(axes) / (LETTER_WIDTH * current_font_size() / FONT_SIZE)
     lines = [
         part
@@ -180,7 +188,7 @@ def draw_panel_title(axes: Axes, title: str) -> None:
 
 
 def _panel_width(axes: Axes) -> float:
-    """The width of a panel [inches]: in a grid about, before it has its place."""
+    """Return the width of a panel [inches]; an estimate as long as its grid has no layout."""
     figure = axes.get_figure()
     spec = getattr(axes, "get_subplotspec", lambda: None)()
     if spec is None:  # it has its place
@@ -194,8 +202,18 @@ def _panel_width(axes: Axes) -> float:
 def draw_colour_bar(
     panels: Sequence[Axes], drawn: Any, label: str, where: BarPosition, **look: Any
 ) -> Any:
-    """The bar of the colours of some maps: to the right of all, as high as they are, or under the
-    one panel.
+    """Draw the colour bar of maps and return it.
+
+    Parameters
+    ----------
+    panels
+        Panels of the maps.
+    drawn
+        What matplotlib returned for one of them.
+    label
+        Label of the bar.
+    where
+        "right" of all panels, as high as they are, or at the "bottom" of the only panel.
     """
     figure = panels[0].get_figure()
     if where == "right":
@@ -208,7 +226,7 @@ def draw_colour_bar(
 
 
 def _axes_below(axes: Axes) -> Axes:
-    """A low panel under another one, as wide, below the name of its axis."""
+    """Return low axes under other ones, of the same width, below their axis label."""
     from matplotlib.transforms import Bbox
 
     scale = current_font_size() / FONT_SIZE
@@ -226,7 +244,7 @@ def _axes_below(axes: Axes) -> Axes:
 
 
 def draw_figure_legend(figure: Figure, labelled_axes: Axes) -> None:
-    """The legend of a panel below all of them; the figure grows to hold it."""
+    """Draw the legend of a panel below all panels; the figure grows by its height."""
     handles, names = labelled_axes.get_legend_handles_labels()
     width, height = map(float, figure.get_size_inches())
     scale = current_font_size() / FONT_SIZE
@@ -248,7 +266,7 @@ def draw_figure_legend(figure: Figure, labelled_axes: Axes) -> None:
 
 
 def _reserve_margin(figure: Figure, above: float = 0.0, below: float = 0.0) -> None:
-    """Leave so many inches above or below the panels to words."""
+    """Reserve a height [inches] above or below the panels for texts."""
     height = figure.get_figheight()
     engine = figure.get_layout_engine()
     x, y, wide, high = engine.get()["rect"]  # type: ignore[union-attr]
@@ -258,14 +276,14 @@ def _reserve_margin(figure: Figure, above: float = 0.0, below: float = 0.0) -> N
 
 
 def current_font_size() -> float:
-    """The font size of the present canvas [points]."""
+    """Return the font size of the current figure [points]."""
     from matplotlib import rcParams
 
     return float(rcParams["font.size"])
 
 
 def draw_title(figure: Figure, title: str, subtitle: str) -> None:
-    """Title, as far as it fits, and subtitle above the panels."""
+    """Draw a title, shortened to the width of the figure, and a subtitle above the panels."""
     # inches
     height = figure.get_figheight()
     title_letters = int(TITLE_LETTERS_PER_INCH * figure.get_figwidth())
@@ -291,9 +309,7 @@ def draw_title(figure: Figure, title: str, subtitle: str) -> None:
 
 
 def refuse_foreign_picture(path: Path) -> None:
-    """UsageError when a picture with a name that nobody chose would replace a file that this
-    program did not make.
-    """
+    """Raise UsageError if a default file name belongs to a file that this program did not make."""
     if os.path.lexists(path) and not is_own_file(path):
         raise UsageError(
             f"{path} is there already and no picture of indent-sim; choose another name with "
@@ -302,15 +318,22 @@ def refuse_foreign_picture(path: Path) -> None:
 
 
 def picture_format(path: Path) -> str:
-    """png, svg or pdf after the suffix; UsageError for any other."""
+    """Return png, svg or pdf by the suffix of a file; UsageError for any other suffix."""
     if path.suffix.lower() not in PICTURE_FORMATS:
         raise UsageError(f"{path}: a picture ends in {', '.join(PICTURE_FORMATS)}")
     return path.suffix.lower()[1:]
 
 
 def svg_element(draw: Callable[[Path], None]) -> str:
-    """What `draw` draws into a file as an element of a page: text that can be selected, no prolog,
-    no metadata, and no name that another one may have. Empty where it draws nothing.
+    """Return a drawing as an SVG element of an HTML page; empty if nothing was drawn.
+
+    Its texts can be selected, it has no prolog and no metadata, and the ids in it are unique among
+    the pictures of the page.
+
+    Parameters
+    ----------
+    draw
+        Function that draws into a file.
     """
     import matplotlib
 
@@ -330,9 +353,7 @@ def svg_element(draw: Callable[[Path], None]) -> str:
 
 
 def _format_powers(figure: Figure) -> None:
-    """Write the power of ten beside a linear axis as "×10⁻³", where matplotlib writes "1e-3" or a
-    formula.
-    """
+    """Write the common power of ten of linear axes as "×10⁻³" instead of "1e-3"."""
     from matplotlib.ticker import ScalarFormatter
 
     class Numbers(ScalarFormatter):
@@ -346,9 +367,7 @@ def _format_powers(figure: Figure) -> None:
 
 
 def _power_text(offset: str) -> str:
-    """What matplotlib writes beside an axis, "1e-3+2e2", with its powers as one reads them:
-    "×10⁻³+2×10²".
-    """
+    """Return matplotlib's offset text "1e-3+2e2" with printed powers: "×10⁻³+2×10²"."""
     powers = re.sub(
         r"e([-+\N{MINUS SIGN}]?\d+)", lambda match: f"×10{match[1].translate(SUPERSCRIPTS)}", offset
     )
@@ -356,10 +375,10 @@ def _power_text(offset: str) -> str:
 
 
 def apply_layout(figure: Figure) -> None:
-    """Find the places of all panels once and for all, by matplotlib's constrained layout.
+    """Fix the places of all panels by matplotlib's constrained layout.
 
-    Where numbers along an axis would touch, it gets fewer of them. The layout is found twice: fewer
-    numbers, and panels that are true to scale, need another room than the first one left them.
+    An axis whose tick labels would touch gets fewer of them. The layout is computed twice: with
+    fewer labels, or with panels true to scale, it needs other margins than before.
     """
     _format_powers(figure)
     place_panels(figure)
@@ -369,14 +388,14 @@ def apply_layout(figure: Figure) -> None:
 
 
 def place_panels(figure: Figure) -> None:
-    """Move all panels to where the layout of the figure puts them; nothing where it is settled."""
+    """Place all panels by the layout of the figure; nothing is done if the layout is fixed."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
 
 
 def thin_tick_labels(figure: Figure) -> None:
-    """Ask for fewer numbers along the linear axes of all panels until they stay apart."""
+    """Reduce the tick labels of linear axes until they do not touch."""
     for axes in figure.axes:
         if not axes.axison:
             continue
@@ -388,6 +407,7 @@ def thin_tick_labels(figure: Figure) -> None:
 
 
 def _has_touching_labels(axis: Any) -> bool:
+    """Return whether two tick labels of an axis touch."""
     boxes = [
         label.get_window_extent()
         for label in axis.get_ticklabels()
@@ -399,10 +419,21 @@ def _has_touching_labels(axis: Any) -> bool:
 
 
 def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
-    """Write PNG, SVG or PDF after the suffix, all at once; dpi [DPI] of what is drawn point by
-    point.
+    """Write a figure as PNG, SVG or PDF by the suffix of the file, atomically.
 
-    UsageError for more pixels than can be drawn.
+    Parameters
+    ----------
+    figure
+        The figure.
+    path
+        The file.
+    dpi
+        Resolution of rasterized parts; by default that of DPI.
+
+    Raises
+    ------
+    UsageError
+        The suffix is unknown, or the picture would have too many pixels.
     """
     path = Path(path)
     kind = picture_format(path)
@@ -414,9 +445,7 @@ def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
 
 
 def _refuse_too_many_pixels(figure: Figure, dpi: float) -> None:
-    """UsageError for a picture that matplotlib cannot draw point by point, or that would take
-    gigabytes.
-    """
+    """Raise UsageError for a picture too large for matplotlib, or for the memory."""
     width, height = (float(inches) for inches in figure.get_size_inches())
     max_dpi = min((MAX_PIXELS / (width * height)) ** 0.5, MAX_SIDE_PIXELS / max(width, height))
     if dpi > max_dpi:
@@ -427,6 +456,7 @@ def _refuse_too_many_pixels(figure: Figure, dpi: float) -> None:
 
 
 def _write_picture(figure: Figure, path: Path, kind: str, dpi: float) -> None:
+    """Write a figure without a date, so that equal results give equal files."""
     metadata: PlotStyle = {
         "png": {"Software": "indent-sim"},
         "svg": {"Date": None},

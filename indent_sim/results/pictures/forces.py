@@ -43,11 +43,11 @@ PANELS_HEIGHT = 4.8
 
 
 def draw_force_indentation(results: Results, path: Path | str) -> None:
-    """The picture of a run: force against depth beside theory, contact radius, and the pressure at
-    the largest force.
+    """Draw a result into a file: force and contact radius over depth, and the pressure at one step.
 
-    Theory as run.json says it: name, force_deviation (load control: delta_deviation), curve with
-    delta, force and a.
+    The pressure is that at the largest force. The reference theory is drawn as run.json contains
+    it: name, force_deviation (in load control delta_deviation), and a curve with delta, force and
+    a.
     """
     theory = results.report.get("theory")
     step = largest_force_step(results)
@@ -79,10 +79,12 @@ def draw_force_indentation(results: Results, path: Path | str) -> None:
 
 
 def draw_overlay(runs: Sequence[Results], path: Path | str) -> None:
-    """Force and contact radius of several runs over one another, named after what differs between
-    them.
+    """Draw force and contact radius of several results into a file, named by what differs.
 
-    UsageError when they have different units, which no axis can show.
+    Raises
+    ------
+    UsageError
+        The results have different units.
     """
     if len(runs) == 1:
         draw_force_indentation(runs[0], path)
@@ -106,8 +108,12 @@ def draw_overlay(runs: Sequence[Results], path: Path | str) -> None:
 
 
 def sort_and_name(runs: Sequence[Results]) -> tuple[list[Results], list[str]]:
-    """Several runs in the order of their names, which say what differs; UsageError when no axis can
-    show all.
+    """Return results in the order of their names, and the names.
+
+    Raises
+    ------
+    UsageError
+        No axis can show all results: units differ, or only some forces are per length.
     """
     runs = convert_to_common_units(runs)
     refuse_different_units(runs, "draw them apart")
@@ -126,8 +132,20 @@ def draw_forces(
     theory: Report | None = None,
     names: Sequence[str] = ("this run",),
 ) -> None:
-    """Force over depth: rows as marks on smooth curves, unloading dashed and hollow, error bands,
-    theory beside one.
+    """Draw forces over depth, with error bands.
+
+    Rows are markers on smooth curves; unloading is dashed with hollow markers.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    runs
+        The results.
+    theory
+        Entry `theory` of run.json, to be drawn with a single result.
+    names
+        Names of the results in the legend.
     """
     depth = axis_of_column("delta", runs)
     force = axis_of_column("force", runs)
@@ -162,9 +180,7 @@ def draw_forces(
 def draw_force(
     axes: Axes, run: Results, depth: Axis, force: Axis, look: PlotStyle, name: str
 ) -> None:
-    """The force of one run over its depth; without adhesion its first branch begins with no force
-    at no depth.
-    """
+    """Draw the force of one result over its depth, from the origin on without adhesion."""
     if run.report.get(MEASURED):
         axes.plot(
             depth(run["delta"]),
@@ -181,9 +197,7 @@ def draw_force(
 def draw_force_lines(
     axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis, looks: Sequence[PlotStyle]
 ) -> None:
-    """As `draw_force`, of runs of two rows and more without marks and names: for matplotlib one
-    thing.
-    """
+    """Draw the forces of many results as one collection of lines, without markers and names."""
     from matplotlib.collections import LineCollection
 
     styled_lines = [
@@ -207,7 +221,7 @@ def draw_force_lines(
 def _force_rows(
     run: Results, depth: Axis, force: Axis
 ) -> tuple[curves.Rows, Sequence[float], curves.Interpolator]:
-    """The rows of a run, the points before them, and how they are joined."""
+    """Return the rows of a result, the points drawn before them, and their interpolation."""
     jumps = has_adhesion(run.path)  # between two rows the tip may snap in or let go
     begin = [0.0] if jumps is False and len(run) and run["delta"][0] > 0 else []
     rows = run["delta"], depth(run["delta"]), force(run["force"])
@@ -215,7 +229,7 @@ def _force_rows(
 
 
 def _draw_error_bands(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -> None:
-    """The error bars of all runs that have them, named once."""
+    """Draw the error bands of all results that have them, with one entry in the legend."""
     runs_with_errors = [
         i for i, run in enumerate(runs) if np.isfinite(run.table.get("force_error", np.nan)).any()
     ]
@@ -245,6 +259,7 @@ def _draw_error_bands(axes: Axes, runs: Sequence[Results], depth: Axis, force: A
 
 
 def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
+    """Draw the curve of the reference theory, and the formula of the half-space."""
     if (curve := theory.get("curve", {})).get("delta"):
         begin = (
             [0.0] if curve["delta"][0] > 0 else []
@@ -291,7 +306,7 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
 
 
 def _deviation_text(deviation: float) -> str:
-    """How far a formula is from this run, in words."""
+    """Return the deviation of a formula from this run as text."""
     percent_text = f"{abs(deviation):.1%}"
     return (
         "as this run"
@@ -301,7 +316,7 @@ def _deviation_text(deviation: float) -> str:
 
 
 def _last_error_text(half_widths: np.ndarray, y: np.ndarray) -> str:
-    """The last error in words: a thin band cannot be read off."""
+    """Return the error at the last step as text, since a thin band is hard to read."""
     if y[-1] == 0:
         return ""
     last = abs(half_widths[-1] / y[-1])
@@ -310,11 +325,12 @@ def _last_error_text(half_widths: np.ndarray, y: np.ndarray) -> str:
 
 
 def _runs_with_radius(runs: Sequence[Results]) -> list[int]:
-    """Which runs know a contact radius, or have no rows that could say."""
+    """Return the indices of results with a contact radius, or without any rows."""
     return [i for i, run in enumerate(runs) if not len(run) or np.isfinite(run["a"]).any()]
 
 
 def _draw_radius(axes: Axes, runs: Sequence[Results], theory: Report | None) -> None:
+    """Draw contact radii over depth."""
     depth = axis_of_column("delta", runs)
     radius = axis_of_column("a", runs)
     for i in _runs_with_radius(runs):
@@ -330,7 +346,7 @@ def _draw_radius(axes: Axes, runs: Sequence[Results], theory: Report | None) -> 
 
 
 def subtitle(results: Results) -> str:
-    """What was solved and how, and how it ended where that was not well."""
+    """Return model, method and status of a result as a subtitle."""
     report = results.report
     parts = [
         plan_choice(report, "symmetry"),
@@ -348,7 +364,7 @@ def subtitle(results: Results) -> str:
 
 
 def _refuse_mixed_kinematics(runs: Sequence[Results]) -> None:
-    """UsageError when the forces of one run are per length and those of another are not."""
+    """Raise UsageError if only some results have forces per unit length."""
     flat = {is_plane_strain(run): run.path for run in runs if plan_choice(run.report, "kinematics")}
     if len(flat) > 1:
         raise UsageError(
@@ -358,9 +374,7 @@ def _refuse_mixed_kinematics(runs: Sequence[Results]) -> None:
 
 
 def _unit_suffixes(runs: Sequence[Results]) -> list[str]:
-    """What every run measures in, to be said behind its name; nothing where that is the same, and
-    the axes say it.
-    """
+    """Return the units of each result as a suffix of its name; empty if all have the same units."""
     units = [run.report.get("units") or {} for run in runs]
     unit_texts = [
         " and ".join(filter(None, (unit_label(kind, labels) for kind in ("length", "force"))))

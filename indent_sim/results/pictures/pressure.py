@@ -1,4 +1,4 @@
-"""The pressure in a picture: its curve over the radius, or its map."""
+"""Contact pressure: curves over the radius, or maps."""
 
 from __future__ import annotations
 
@@ -62,14 +62,30 @@ COLOUR_BAR_BOX = (
 
 @dataclass(frozen=True)
 class ContactSurface:
-    """The contact surface of one step around the tip: places (n,) from the tip's axis, pressure
-    (n,), as modelled.
+    """Pressure on the contact surface of one step, around the tip, as far as it is modelled.
 
-    Places are those of the deformed surface where the gap is tested there, as the contact radius is
-    then. mirrored: the axes (x, y) along which the modelled part ends at the tip's axis; a [length]
-    of the contact; infinite: distances from the axis at which the pressure has no bound, and how
-    far from there a mesh finds what its own size makes it. With friction the shear (n,) and the
-    radius [length] of what sticks.
+    Points are those of the deformed surface if the gap is tested there, since the contact radius is
+    then measured there, too.
+
+    Attributes
+    ----------
+    x, y
+        Positions (n,) relative to the tip's axis [length].
+    p
+        Contact pressure (n,) [pressure].
+    center
+        Position of the tip's axis (2,) [length].
+    mirror_axes
+        Whether the model ends at the tip's axis along x and along y.
+    a
+        Contact radius [length].
+    singularities
+        Pairs of a distance from the axis at which the exact pressure is infinite, and a width
+        around it in which the computed pressure depends on the mesh [length].
+    shear
+        Shear traction (n,) with friction, otherwise None.
+    stick_radius
+        Radius of the stick zone [length].
     """
 
     x: np.ndarray
@@ -84,18 +100,17 @@ class ContactSurface:
 
     @property
     def median_pressure(self) -> float:
-        """The median of the pressure's size inside the contact."""
+        """Median of the absolute pressure inside the contact."""
         inside = np.hypot(self.x, self.y) <= self.a
         size = np.abs(self.p)
         return float(np.median(size[inside])) if inside.any() else float(size.max(initial=0.0))
 
     @property
     def half_width(self) -> float:
-        """The half width of the frame around the tip [length]: PRESSURE_VIEW radii, and all that is
-        pressed or pulled.
+        """Half-width of the view [length]: PRESSURE_VIEW radii, and all loaded points.
 
-        Corners of a contact with few sides are farther from the tip than PRESSURE_VIEW radii of a
-        circle with its area.
+        Corners of a contact with few sides are farther from the axis than PRESSURE_VIEW times the
+        radius of a circle with its area.
         """
         pressed = np.abs(self.p) > PRESSED_FRACTION * self.median_pressure
         farthest = max(
@@ -104,7 +119,7 @@ class ContactSurface:
         return max(PRESSURE_VIEW * self.a, farthest + 0.1 * self.a)  # around what is pressed
 
     def is_bounded(self) -> np.ndarray:
-        """Which points are not beside a place of infinite pressure (n,)."""
+        """Return the points (n,) away from pressure singularities."""
         r = np.hypot(self.x, self.y)
         return np.all(
             [
@@ -118,8 +133,9 @@ class ContactSurface:
         )
 
     def profile(self, middle: float) -> tuple[np.ndarray, np.ndarray]:
-        """Places along a line [length], the tip at `middle`, and the pressure there, NaN beside an
-        infinite one.
+        """Return positions [length] and pressures along a line, NaN near singularities.
+
+        `middle` is the position of the tip.
         """
         order = np.argsort(self.x)
         return self._mirror_line(
@@ -127,11 +143,10 @@ class ContactSurface:
         )
 
     def shear_profile(self, middle: float) -> tuple[np.ndarray, np.ndarray]:
-        """Places along a line [length], the tip at `middle`, and the size of the shear's means over
-        the elements there.
+        """Return positions [length] and absolute shear along a line, averaged over each element.
 
-        Between the nodes of an element it says in which step each came into contact: under a tip
-        that sticks it goes up and down by as much as its mean.
+        Within an element the nodal values of a sticking tip oscillate with the step in which each
+        node came into contact, by as much as their mean. `middle` is the position of the tip.
         """
         assert self.shear is not None
         order = np.argsort(self.x)
@@ -151,6 +166,7 @@ class ContactSurface:
     def _mirror_line(
         self, x: np.ndarray, p: np.ndarray, middle: float
     ) -> tuple[np.ndarray, np.ndarray]:
+        """Complete a profile by its mirror image, and move it to the position of the tip."""
         if self.mirror_axes[0]:
             x = np.concatenate([-x[::-1], x])
             p = np.concatenate([p[::-1], p])
@@ -158,7 +174,7 @@ class ContactSurface:
 
 
 def contact_surface(results: Results, step: float) -> ContactSurface:
-    """The contact surface of a step of a result."""
+    """Return the contact surface of a step of a result."""
     surface = results.surface
     is_known = (surface["step"] == step) & np.isfinite(surface["pressure"])
     x, y, p = (surface[name][is_known] for name in ("x", "y", "pressure"))
@@ -202,14 +218,12 @@ def contact_surface(results: Results, step: float) -> ContactSurface:
 
 
 def is_deformed(results: Results) -> bool:
-    """Whether the gap of a run is tested on the deformed surface, of which its contact radius is
-    then.
-    """
+    """Return whether the gap of a run is tested on the deformed surface."""
     return results.report.get("gap") == "current"
 
 
 def position_label(name: str, runs: Sequence[Results]) -> str:
-    """The name of an axis of places: which surface they are on, where one is deformed."""
+    """Return the label of positions, with the surface on which they are measured."""
     deformed = [is_deformed(run) for run in runs]
     if all(deformed):
         return f"deformed {name}"
@@ -217,9 +231,7 @@ def position_label(name: str, runs: Sequence[Results]) -> str:
 
 
 def _pressure_singularities(results: Results, step: float) -> tuple[tuple[float, float], ...]:
-    """Where a sharp tip makes the pressure infinite, and how far beside that a mesh does not know
-    it [length].
-    """
+    """Return radii at which a sharp tip makes the pressure infinite, with their excluded widths."""
     peak = results.table.get("p_max", np.zeros(len(results)))[results["step"] == step]
     if not len(peak) or np.isfinite(peak[0]) or (scene := scene_of(results.path)) is None:
         return ()
@@ -236,7 +248,7 @@ def _pressure_singularities(results: Results, step: float) -> tuple[tuple[float,
 
 
 def draw_pressure(axes: Axes, results: Results, step: float) -> None:
-    """The contact pressure of a step, around the tip: a profile along a line or a map."""
+    """Draw the contact pressure of a step around the tip, as a profile or a map."""
     contact = contact_surface(results, step)
     if np.ptp(contact.y) > 0:  # the surface has two dimensions
         PressureMaps([(results, step, "")]).draw([axes], where="beside")
@@ -253,9 +265,7 @@ def draw_pressure(axes: Axes, results: Results, step: float) -> None:
 
 
 def surface_on_axis(contact: ContactSurface, along: Literal[0, 1]) -> ContactSurface:
-    """The pressure of a surface of two dimensions on the line through the tip's axis along x (0) or
-    y (1).
-    """
+    """Return the pressure in 3D on the line through the tip's axis along x (0) or y (1)."""
     x, y = (contact.x, contact.y) if along == 0 else (contact.y, contact.x)
     values = [contact.p] if contact.shear is None else [contact.p, contact.shear]
     places, p, *shear = values_on_line(y, x, *values)
@@ -276,15 +286,18 @@ def draw_pressures(
     limits: tuple[float, float] | None = None,
     along: Literal[0, 1] = 0,
 ) -> None:
-    """Draw pressures over the radius, in plane strain over x, of surfaces in three dimensions along
-    one of their axes.
+    """Draw pressures over the radius, in plane strain over x, in 3D along a line through the axis.
 
     Parameters
     ----------
-    axes : the panel
-    shown : results, contact, name and colour of each curve
-    limits : ends of the axis of pressures, in the unit shown; None: as the curves need them
-    along : the axis that the places lie on, 0 for x and 1 for y
+    axes
+        The panel.
+    shown
+        Result, contact surface, name and colour of each curve.
+    limits
+        Ends of the pressure axis in the unit shown; None for limits by the curves.
+    along
+        Axis on which the positions are: 0 for x, 1 for y.
     """
     runs = [results for results, *_ in shown]
     middle, name_of_axis = tip_axis_position(runs, along)
@@ -353,11 +366,17 @@ def draw_pressures(
 
 @dataclass(frozen=True)
 class PressureMaps:
-    """Pressures of several results or steps as seen from above, in one frame and one range of
-    colours.
+    """Pressure maps of several results or steps in plan view, with the same view and colours.
 
-    Each is centred on its tip and mirrored where a part of the body is modelled. The frame has all
-    that is pressed.
+    Each map is centred on its tip, and completed by mirror images. The view contains all loaded
+    points.
+
+    Attributes
+    ----------
+    steps
+        Result, step and label of each map.
+    limits
+        Ends of the colour range in the unit shown; None for the range of all pressures.
     """
 
     steps: Sequence[tuple[Results, float, str]]
@@ -368,16 +387,17 @@ class PressureMaps:
 
     @cached_property
     def surfaces(self) -> list[ContactSurface]:
-        """The contact surface of each."""
+        """Contact surface of each map."""
         return [contact_surface(results, step) for results, step, _ in self.steps]
 
     @property
     def _runs(self) -> list[Results]:
+        """Result of each map."""
         return [results for results, *_ in self.steps]
 
     @cached_property
     def half_width(self) -> float:
-        """Half the width of the frame [length]."""
+        """Half-width of the view [length]."""
         return max(contact.half_width for contact in self.surfaces)
 
     def draw(
@@ -387,15 +407,19 @@ class PressureMaps:
         where: BarPosition | Literal["beside"] = "right",
         aspect: float = 1.0,
     ) -> None:
-        """Draw some of them into as many panels, with one bar for the colours of all.
+        """Draw some of the maps with one colour bar.
 
         Parameters
         ----------
-        panels : where each is drawn
-        some : which of them
-        where : of the bar, right of all panels, at the bottom of the one panel, or beside one whose place has another
-            shape
-        aspect : height over width of the panels, 1 at least
+        panels
+            The panel of each map.
+        some
+            The maps to be drawn.
+        where
+            Position of the colour bar: right of all panels, at the bottom of the only panel, or
+            "beside" a map in a place of another shape.
+        aspect
+            Ratio of height to width of the panels, at least 1.
         """
         from matplotlib.ticker import MaxNLocator
 
@@ -418,8 +442,9 @@ class PressureMaps:
             draw_colour_bar(panels, drawn, pressure.label, where, ticks=ticks)
 
     def _colour_range(self, pressure: Axis) -> tuple[float, float]:
-        """The smallest and the largest pressure of all that is shown; of a peak without bound
-        PEAK_MEDIANS of the median in its contact.
+        """Return the smallest and the largest pressure shown.
+
+        A contact with a singularity counts up to PEAK_MEDIANS times its median pressure.
         """
         highest = []
         for contact in self.surfaces:
@@ -438,8 +463,9 @@ class PressureMaps:
     def _points_near_frame(
         self, contact: ContactSurface, aspect: float = 1.0
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The points in the frame and around it, for triangles reach beyond it, from the tip's
-        axis.
+        """Return positions and pressures of the points in and around the view.
+
+        Triangles reach beyond it.
         """
         x, y, p = _mirror_surface(contact)
         is_near = (np.abs(x) < 2 * self.half_width) & (np.abs(y) < 2 * aspect * self.half_width)
@@ -456,7 +482,7 @@ class PressureMaps:
         colours: tuple[float, float],
         aspect: float,
     ) -> Any:
-        """One map; returns what a bar of colours is made of."""
+        """Draw one map, and return the contours from which a colour bar is made."""
         x, y, p = self._points_near_frame(contact, aspect)
         low, top = colours
         levels = np.linspace(low, top, 25)
@@ -486,7 +512,10 @@ class PressureMaps:
 
 
 def _mirror_surface(contact: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The surface with its mirror images: what is modelled may be a half or a quarter."""
+    """Return positions and pressures with their mirror images.
+
+    The model may be a half or a quarter of the body.
+    """
     x = contact.x
     y = contact.y
     p = contact.p
@@ -503,7 +532,7 @@ def _mirror_surface(contact: ContactSurface) -> tuple[np.ndarray, np.ndarray, np
 
 
 def _draw_shear(axes: Axes, contact: ContactSurface, length: Axis) -> None:
-    """Lines of equal shear, and a dotted circle as large as what sticks; nothing without friction."""
+    """Draw lines of equal shear, and the stick radius as a dotted circle."""
     if contact.shear is None or not contact.shear.any():
         return
     x, y, shear = _mirror_surface(replace(contact, p=contact.shear))
@@ -525,8 +554,10 @@ def _draw_shear(axes: Axes, contact: ContactSurface, length: Axis) -> None:
 
 
 def largest_force_step(results: Results) -> float | None:
-    """The step of the largest force among those whose surface is known, of the widest contact or
-    else of the largest pull where none pushes; None without any force.
+    """Return the step of the largest force among those with a stored surface.
+
+    If no force pushes, it is the step of the widest contact, or else of the largest pull. None
+    without any force.
     """
     has_surface = (
         np.isin(results["step"], results.surface["step"]) if results.surface else np.array([])
@@ -541,9 +572,16 @@ def largest_force_step(results: Results) -> float | None:
 
 
 def panel_title(results: Results, step: float, words: str, apart: str = ", ") -> str:
-    """The words that tell a panel from others, its time where that passes, and its depth.
+    """Return the title of a panel: its label, time and depth.
 
-    apart: what stands between time and depth.
+    Parameters
+    ----------
+    results, step
+        Result and step.
+    words
+        Label that distinguishes the panel from others.
+    apart
+        Separator between time and depth.
     """
     times = results.table.get("t", np.full(len(results), np.nan))[results["step"] == step]
     time = f"t = {time_text(results, float(times[0]))}{apart}" if np.isfinite(times).any() else ""
@@ -551,7 +589,7 @@ def panel_title(results: Results, step: float, words: str, apart: str = ", ") ->
 
 
 def depth_text(results: Results, step: float) -> str:
-    """The depth of a step in words, as the axes of the picture measure it."""
+    """Return the depth of a step as text, in the unit of the picture."""
     delta = results["delta"][results["step"] == step]
     if len(delta) and abs(delta[0]) < ZERO_DEPTH_RTOL * np.nanmax(np.abs(results["delta"])):
         delta = np.zeros(1)
