@@ -35,7 +35,7 @@ KIND_EXAMPLES = {
     "line": "mN/m, N/m",
 }
 BASE_UNITS = {"length": "m", "force": "N", "pressure": "Pa", "line": "N/m"}
-SHOWN_UNITS = "shown_units"  # entry of a report: units asked for in a picture, by kind
+SHOWN_UNITS = "shown_units"  # Entry of a report: units requested for a picture, by kind.
 COLUMN_LABELS = {
     "delta": ("depth δ", "length"),
     "force": ("force F", "force"),
@@ -95,9 +95,8 @@ def picture_text(text: str, max_characters: int = 60) -> str:
     text = printable(text)
     text = text if len(text) <= max_characters else f"{text[: max_characters - 1]}…"
     text = text.replace("$", r"\$")
-    return (
-        f" {text}" if text.startswith("_") else text
-    )  # what begins with _ is left out of a legend
+    # Matplotlib leaves names that begin with an underscore out of a legend.
+    return f" {text}" if text.startswith("_") else text
 
 
 def plan_choice(report: Report, key: str) -> str | None:
@@ -186,8 +185,8 @@ def scaled_axis(kind: str, runs: Sequence[Results], values: ArrayLike, name: str
         if wanted_unit:
             problem = f"the {kind} of these results has {'the unit ' + unit if unit else 'no unit'}"
             raise UsageError(
-                f"{problem}: it cannot be shown in {wanted_unit}; say units: {{length, force}} in the "
-                "scene"
+                f"{problem}: it cannot be shown in {wanted_unit}; "
+                "add units: {length, force} to the scene"
             )
         return Axis(name, 1.0, unit)
     if wanted_unit:

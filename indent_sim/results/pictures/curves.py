@@ -10,13 +10,13 @@ import numpy as np
 
 from indent_sim.results.pictures.figures import COLOURS, MARKERS, MAX_MARKED_POINTS, Axes, PlotStyle
 
-POINTS_BETWEEN_ROWS = 20  # points of a drawn curve between two rows
-MAX_EXPONENT = 3.0  # of a power law that a curve may follow, and one over it the least
-UNLOADING_STYLE = {"ls": (0, (4, 2)), "mfc": "white"}  # dashed, its marks hollow
-Points = tuple[np.ndarray, np.ndarray]  # x and y
-Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # depths, x and y
-Interpolator = Callable[[np.ndarray, np.ndarray], Points]  # the line through points
-Colour = Any  # as matplotlib takes it
+POINTS_BETWEEN_ROWS = 20  # A drawn curve has so many points between two rows.
+MAX_EXPONENT = 3.0  # Exponents of power laws are between 1/MAX_EXPONENT and MAX_EXPONENT.
+UNLOADING_STYLE = {"ls": (0, (4, 2)), "mfc": "white"}  # Dashed, with hollow markers.
+Points = tuple[np.ndarray, np.ndarray]  # x and y.
+Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # Depths, x and y.
+Interpolator = Callable[[np.ndarray, np.ndarray], Points]  # Function from points to a line.
+Colour = Any  # Any form that matplotlib accepts.
 
 
 def line_style(index: int, count: int) -> PlotStyle:
@@ -33,9 +33,8 @@ def map_colour(index: int, count: int) -> Colour:
     """Return one of several colours of a map, from dark to light."""
     from matplotlib import colormaps
 
-    return colormaps["viridis"](
-        0.9 * index / max(1, count - 1)
-    )  # its lightest yellow is lost on white
+    # The lightest yellow of the map is invisible on white.
+    return colormaps["viridis"](0.9 * index / max(1, count - 1))
 
 
 def split_branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
@@ -82,7 +81,7 @@ def smooth_curve(x: np.ndarray, y: np.ndarray) -> Points:
     n = _power_law_exponent(x, y)
     fine_x, straightened = _piecewise_cubic(x, y ** (1 / n), h)
     fine_y = np.maximum(straightened, 0.0) ** n if n != 1 else straightened
-    fine_y[::POINTS_BETWEEN_ROWS] = y  # not to rounding only
+    fine_y[::POINTS_BETWEEN_ROWS] = y  # The curve passes through the rows without rounding errors.
     return fine_x, fine_y
 
 
@@ -168,7 +167,8 @@ def draw_rows(
     (_, x, y) = rows
     colour = look["color"]
     marker = look["marker"] if len(x) <= MAX_MARKED_POINTS else ""
-    if len(x) == 1:  # which no line goes through: it would say that the curve is straight
+    # A single row is drawn without a line, which would suggest a linear curve.
+    if len(x) == 1:
         marker = marker or MARKERS[0]
         begin = ()
     for curve, part, goes_out in branch_lines(rows, begin, joined):
@@ -178,9 +178,8 @@ def draw_rows(
         }
         axes.plot(*curve, color=colour, zorder=2, label=None if marker else label, **line)
         if marker:
-            marked_rows = slice(
-                part.start + goes_out, part.stop
-            )  # the turning point is one of loading
+            # The turning point has its marker as the last row of loading.
+            marked_rows = slice(part.start + goes_out, part.stop)
             marker_edge = {"mec": "white", "mew": 0.6}
             if goes_out:
                 marker_edge = {"mec": colour, "mew": 1.0, "mfc": UNLOADING_STYLE["mfc"]}

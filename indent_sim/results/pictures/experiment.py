@@ -31,7 +31,7 @@ BRANCH_STYLES = {
     "hold": (COLOURS[2], "-"),
     "retract": (COLOURS[1], "-"),
     "unstable": (GREY, "--"),
-}  # of branches
+}
 
 
 def has_elastic_curve(folder: Path, report: Report) -> bool:
@@ -48,9 +48,10 @@ def draw(folder: Path, path: Path | None = None) -> None:
     config = config_by_key(folder)
     has_times = not np.isnan(rows["t"][0])
     has_base = bool((rows["z"] != rows["delta"]).any())
+    # With prescribed forces the depth is drawn over time.
     has_forces = any(
         config.get(f"{section}.force_history") for section in ("loading", "experiment")
-    )  # time tells depth
+    )
     panels = ["depth", *(["base"] if has_base else []), *(["time"] if has_times else ["radius"])]
     with new_figure((3.1 + 3.3 * len(panels), 4.4)) as figure:
         panel_axes: dict[str, Axes] = figure.subplot_mosaic([panels])
@@ -73,7 +74,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
         draw_branches(panel_axes["depth"], rows, "delta", depth, force)
         if has_base:
             draw_branches(
-                panel_axes["base"], rows, "z", replace(depth, name="way of the base z"), force
+                panel_axes["base"], rows, "z", replace(depth, name="displacement of base z"), force
             )
         t = time_axis([results])
         if has_times and has_forces:
@@ -136,9 +137,8 @@ def draw_branches(
             )
             labelled.add(branch)
         if len(branches) <= MAX_MARKED_POINTS:
-            new_rows = slice(
-                -(end - begin), None
-            )  # a piece begins with the last row of the one before
+            # The line begins with the last row of the branch before, which has its marker already.
+            new_rows = slice(-(end - begin), None)
             axes.plot(
                 piece_x[new_rows],
                 piece_y[new_rows],

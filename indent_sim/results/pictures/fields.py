@@ -30,22 +30,22 @@ from indent_sim.results.pictures.profile import draw_tip
 from indent_sim.results.reader import Results
 from indent_sim.results.result_scene import scene_of
 
-# Contact radii or depths around the tip that are shown, and of a thin body at least
+# Half-width of the view around the tip, in contact radii or depths; the second is the least for a
+# thin body.
 FIELD_VIEW = 3.0
 THIN_BODY_VIEW = 1.5
-THIN_BODY_HEIGHTS = (
-    4.0  # heights of a body to either side of the tip: of a thin one nothing would be seen on more
-)
-SPACE_ABOVE = 0.35  # contact radii or depths of room for the tip above the surface
-MAX_LIFT = 0.01  # of the way that a tip is lifted: it sinks in no deeper
-WHOLE_BODY_RATIO = 1.6  # times that a body may be wider or deeper to be shown whole
-# of the shown area, inside the colours: at an edge, with many points, a stress is infinite
+# Half-width of the view in heights of a thin body, whose field would be too small in a wider one.
+THIN_BODY_HEIGHTS = 4.0
+SPACE_ABOVE = 0.35  # Room for the tip above the surface, in contact radii or depths.
+MAX_LIFT = 0.01  # A tip that sinks in by less than this fraction of its lift has no contact.
+WHOLE_BODY_RATIO = 1.6  # A body that is so many times wider or deeper than the view is shown whole.
+# The colours cover this percentage of the area in view: the stress at an edge is infinite, and the
+# mesh has many points there.
 COLOURED_PERCENT = 99.8
-SLIVER_HEIGHT = 2e-3  # of the width of the frame: about half a pixel
-INTERFACE_LINE_WIDTH = 0.6  # points: of the lines between regions
-RegionPart = tuple[
-    np.ndarray, np.ndarray, np.ndarray, np.ndarray
-]  # points, moved points, cells, values at the points
+SLIVER_HEIGHT = 2e-3  # Height of a sliver relative to the width of the view: about half a pixel.
+INTERFACE_LINE_WIDTH = 0.6  # Width of lines between regions [points].
+# Points, deformed points, cells, and values at the points.
+RegionPart = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -275,9 +275,8 @@ def _cut_tetrahedra(
     """Return the triangles in which the plane y of the undeformed body cuts tetrahedra."""
     distance = points[:, 1] - y
     count = (distance[cells] > 0).sum(axis=1)
-    order = np.take_along_axis(
-        cells, np.argsort(-distance[cells], axis=1), axis=1
-    )  # those in front come first
+    # The vertices of each tetrahedron are ordered from the front of the plane to its back.
+    order = np.take_along_axis(cells, np.argsort(-distance[cells], axis=1), axis=1)
     corners = {1: [(0, 1), (0, 2), (0, 3)], 3: [(0, 3), (1, 3), (2, 3)]}
     pairs = [order[count == n][:, np.array(edges)] for n, edges in corners.items()]
     quads = order[count == 2]
@@ -315,10 +314,7 @@ class FieldRow:
 
     steps: Sequence[tuple[Results, float, str]]
     field: FieldQuantity
-    limits: tuple[float, float] | None = (
-        None  # of the colours, in the unit shown; None: those of the field
-    )
-    # Contact radii to either side of the tip; infinite: the whole body; None: as it is seen best
+    limits: tuple[float, float] | None = None
     zoom: float | None = None
 
     @cached_property
@@ -349,9 +345,8 @@ class FieldRow:
         depths = [_row_value(run, step, "delta") for run, step, _ in self.steps]
         contact_radius = max(_row_value(run, step, "a") for run, step, _ in self.steps)
         size = max(contact_radius, *np.abs(depths))
-        if (
-            not contact_radius > 0 and max(depths) <= MAX_LIFT * size
-        ):  # by what swells: no contact to look at
+        # A swelling body may lift the tip: then there is no contact to show.
+        if not contact_radius > 0 and max(depths) <= MAX_LIFT * size:
             size = (top - bottom) / 2
         if self.zoom is not None:
             half_width = self.zoom * size
@@ -501,13 +496,12 @@ def _colour_range(
     of the area is inside it.
     """
     middle = field.neutral_value
-    base_value = (
-        middle
-        if middle is not None
-        else field.lowest_value
-        if field.lowest_value is not None
-        else float(values.min())
-    )
+    if middle is not None:
+        base_value = middle
+    elif field.lowest_value is not None:
+        base_value = field.lowest_value
+    else:
+        base_value = float(values.min())
     deviations = np.abs(values - base_value)
     order = np.argsort(deviations)
     covered_area = np.cumsum(areas[order])

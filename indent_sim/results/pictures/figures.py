@@ -27,58 +27,53 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Figure
     from matplotlib.figure import SubFigure as SubFigure
 else:
-    Axes = Figure = SubFigure = object  # matplotlib is loaded where something is drawn
+    Axes = Figure = SubFigure = object  # Matplotlib is imported only when something is drawn.
 
 INK = "#222222"
 GREY = "#6e6e6e"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 FORCE_PICTURE = "force_indentation.png"
-FONT_SIZE = 10.0  # points
+FONT_SIZE = 10.0  # Standard font size [points].
 PICTURE_FORMATS = (".png", ".svg", ".pdf")
-DPI = {"png": 160, "svg": 200, "pdf": 300}  # of what is drawn point by point
-# bins of an axis, and pixels between its numbers
+DPI = {"png": 160, "svg": 200, "pdf": 300}  # Resolution of rasterized parts.
+# Largest number of intervals of an axis, and least distance of its tick labels [pixels].
 MAX_TICKS = 6
 TICK_LABEL_GAP = 3.0
-# Pixels along a side that Agg can draw, and of a picture: each takes 11 bytes until it is packed,
-# of which 1 GB is much
+# Agg cannot draw longer sides [pixels]. A pixel takes 11 bytes until it is compressed: the second
+# limit keeps a picture below about 1 GB.
 MAX_SIDE_PIXELS = 2**16 - 1
 MAX_PIXELS = 1e8
-SUPERSCRIPTS = str.maketrans("-\N{MINUS SIGN}0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")  # an exponent
-MAX_MARKED_POINTS = 40  # points from which a line carries no markers
-# inches: width of a letter and height of a line in a legend
+SUPERSCRIPTS = str.maketrans("-\N{MINUS SIGN}0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")
+MAX_MARKED_POINTS = 40  # A line with more points has no markers.
+# Width of a letter and height of a line in a legend [inches].
 LETTER_WIDTH = 0.07
 LINE_HEIGHT = 0.2
-LEGEND_LEFT = 0.6  # inches: of a legend below all panels
-# inches: width of what stands before a name there; letters of a line at least
+LEGEND_LEFT = 0.6  # Left margin of a legend below all panels [inches].
+# Width of the handle before a name [inches], and least number of letters of a line.
 HANDLE_WIDTH = 0.45
 MIN_LINE_LETTERS = 12
-COLUMN_GAP = 0.15  # inches: between two columns of a legend
-MAX_STACKED_NAMES = 6  # of a legend under a panel, which stand below one another
-# Inches at the standard font size: from the end of a panel to what stands below the numbers and the
-# name of its axis, numbers and name to the left of a panel, and the height of a bar of colours
-# under one
+COLUMN_GAP = 0.15  # Gap between two columns of a legend [inches].
+MAX_STACKED_NAMES = 6  # A legend under a panel with more names has columns.
+# Height of tick labels and axis label below a panel, their width to the left of it, and height of a
+# colour bar under it, at the standard font size [inches].
 AXIS_LABEL_HEIGHT = 0.58
 AXIS_LABEL_WIDTH = 0.75
 BAR_HEIGHT = 0.12
-BarPosition = Literal["right", "bottom"]  # where the bar of the colours of maps stands
-TITLE_LETTERS_PER_INCH = 9.0  # of a title to the inch
-# most letters
+BarPosition = Literal["right", "bottom"]
+TITLE_LETTERS_PER_INCH = 9.0
+# Longer texts are shortened.
 MAX_SUBTITLE_LETTERS = 200
 MAX_LABEL_LETTERS = 120
-PlotStyle = dict[str, Any]  # matplotlib's words for how something is drawn
+PlotStyle = dict[str, Any]  # Keyword arguments of matplotlib's functions.
 THEORY_STYLE: PlotStyle = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
-FORMULA_STYLE: PlotStyle = {
-    "color": GREY,
-    "ls": ":",
-    "lw": 1.2,
-    "zorder": 2,
-}  # of a half-space, beside any body
+# Formulas of the half-space are drawn beside the curve of any body.
+FORMULA_STYLE: PlotStyle = {"color": GREY, "ls": ":", "lw": 1.2, "zorder": 2}
 RC_PARAMETERS: PlotStyle = {
-    "figure.dpi": 100,  # in which labels are measured
-    "legend.framealpha": 0.85,  # a long line of text may cross a steep curve
-    "text.usetex": False,  # titles are text, and LaTeX is a program
-    "svg.hashsalt": "indent-sim",  # the same results give the same file
+    "figure.dpi": 100,  # Labels are measured at this resolution.
+    "legend.framealpha": 0.85,  # A long line of text may cross a steep curve.
+    "text.usetex": False,  # Titles are users' texts, and LaTeX would execute commands in them.
+    "svg.hashsalt": "indent-sim",  # Equal results give equal files.
     **{"axes.titlesize": "medium", "axes.formatter.limits": (-3, 4), "lines.linewidth": 1.6},
     **{"legend.fontsize": "small", "legend.edgecolor": "none"},
     **dict.fromkeys(("axes.spines.top", "axes.spines.right", "legend.fancybox"), False),
@@ -91,9 +86,8 @@ RC_PARAMETERS: PlotStyle = {
 def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) -> Iterator[Figure]:
     """Yield an empty figure of a size [inches] and a font size [points] in the common style."""
     with warnings.catch_warnings():
-        warnings.filterwarnings(
-            "ignore", "Unable to import Axes3D"
-        )  # not wanted here, where two matplotlibs are
+        # Two installed versions of matplotlib cause this warning; Axes3D is not used.
+        warnings.filterwarnings("ignore", "Unable to import Axes3D")
         import matplotlib
         from matplotlib.figure import Figure
     with matplotlib.rc_context(RC_PARAMETERS | {"font.size": font}):
@@ -191,7 +185,7 @@ def _panel_width(axes: Axes) -> float:
     """Return the width of a panel [inches]; an estimate as long as its grid has no layout."""
     figure = axes.get_figure()
     spec = getattr(axes, "get_subplotspec", lambda: None)()
-    if spec is None:  # it has its place
+    if spec is None:  # Axes outside of a grid have their final place.
         return float(axes.get_window_extent().width / figure.dpi)
     return float(
         figure.bbox.width / figure.dpi / spec.get_gridspec().ncols
@@ -284,7 +278,6 @@ def current_font_size() -> float:
 
 def draw_title(figure: Figure, title: str, subtitle: str) -> None:
     """Draw a title, shortened to the width of the figure, and a subtitle above the panels."""
-    # inches
     height = figure.get_figheight()
     title_letters = int(TITLE_LETTERS_PER_INCH * figure.get_figwidth())
     _reserve_margin(figure, above=0.64)
@@ -312,8 +305,7 @@ def refuse_foreign_picture(path: Path) -> None:
     """Raise UsageError if a default file name belongs to a file that this program did not make."""
     if os.path.lexists(path) and not is_own_file(path):
         raise UsageError(
-            f"{path} is there already and no picture of indent-sim; choose another name with "
-            "--output"
+            f"{path} exists and is not a picture of indent-sim; choose another name with --output"
         )
 
 
@@ -438,7 +430,8 @@ def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
     path = Path(path)
     kind = picture_format(path)
     _refuse_too_many_pixels(figure, dpi or DPI[kind])
-    with warnings.catch_warnings():  # of a letter that the font lacks: a box stands for it
+    # A box stands for a letter that the font lacks, without a warning.
+    with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from", UserWarning)
         apply_layout(figure)
         _write_picture(figure, path, kind, dpi or DPI[kind])

@@ -33,11 +33,11 @@ from indent_sim.results.result_files import Report
 from indent_sim.results.result_scene import has_adhesion
 from indent_sim.results.unit_conversion import convert_to_common_units, refuse_different_units
 
-ACCURACY_NOTE = "the accuracy asked for is that of the force"  # beside a pressure
+ACCURACY_NOTE = "the required accuracy is that of the force"
 ERROR_LABEL = "estimated error"
 UNLOADING_LABEL = "unloading"
-MEASURED_STYLE: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "zorder": 1}  # of a measured curve
-# inches: width and height of all panels
+MEASURED_STYLE: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "zorder": 1}
+# Width and height of all panels [inches].
 PANELS_WIDTH = 9.2
 PANELS_HEIGHT = 4.8
 
@@ -90,7 +90,7 @@ def draw_overlay(runs: Sequence[Results], path: Path | str) -> None:
         draw_force_indentation(runs[0], path)
         return
     runs, names = sort_and_name(runs)
-    columns = -(-len(runs) // 30)  # names to a column
+    columns = -(-len(runs) // 30)  # At most 30 names fit into a column of the legend.
     legend_width = columns * (0.7 + figures.LETTER_WIDTH * max(map(len, [ERROR_LABEL, *names])))
     with figures.new_figure(
         (PANELS_WIDTH + legend_width, max(PANELS_HEIGHT, 0.19 * len(runs) / columns + 0.6))
@@ -156,9 +156,10 @@ def draw_forces(
         path for path in paths if any(goes_out for _, goes_out in curves.split_branches(path))
     ]
     if unloading_paths:
+        # The entry of the legend has markers if the curves have them.
         marks = (
             "o" if any(len(path) <= figures.MAX_MARKED_POINTS for path in unloading_paths) else ""
-        )  # as the curves have them
+        )
         axes.plot(
             [],
             [],
@@ -222,7 +223,7 @@ def _force_rows(
     run: Results, depth: Axis, force: Axis
 ) -> tuple[curves.Rows, Sequence[float], curves.Interpolator]:
     """Return the rows of a result, the points drawn before them, and their interpolation."""
-    jumps = has_adhesion(run.path)  # between two rows the tip may snap in or let go
+    jumps = has_adhesion(run.path)  # Between two rows an adhesive tip may snap in or pull off.
     begin = [0.0] if jumps is False and len(run) and run["delta"][0] > 0 else []
     rows = run["delta"], depth(run["delta"]), force(run["force"])
     return rows, begin, curves.polyline if jumps else curves.smooth_curve
@@ -243,14 +244,13 @@ def _draw_error_bands(axes: Axes, runs: Sequence[Results], depth: Axis, force: A
             else None
         )
         colour = curves.line_style(i, len(runs))["color"]
-        if len(x) == 1:  # a band needs two
+        if len(x) == 1:  # A band needs two points.
             axes.errorbar(x, y, half_widths, color=colour, alpha=0.5, capsize=6, ls="", label=label)
             continue
         for rows, _ in curves.split_branches(runs[i]["delta"]):
             ends = [(y + side * half_widths)[rows] for side in (-1, 1)]
-            straight = (
-                ends[0].min() < 0
-            )  # as curves.smooth joins forces that pull: then both ends alike
+            # `smooth_curve` joins negative forces by straight lines: then both ends are straight.
+            straight = ends[0].min() < 0
             (along, below), (_, above) = (
                 (x[rows], end) if straight else curves.smooth_curve(x[rows], end) for end in ends
             )
@@ -261,9 +261,8 @@ def _draw_error_bands(axes: Axes, runs: Sequence[Results], depth: Axis, force: A
 def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
     """Draw the curve of the reference theory, and the formula of the half-space."""
     if (curve := theory.get("curve", {})).get("delta"):
-        begin = (
-            [0.0] if curve["delta"][0] > 0 else []
-        )  # a stable branch of a tip that pulls begins elsewhere
+        # The stable branch of an adhesive tip begins at a negative depth, not at the origin.
+        begin = [0.0] if curve["delta"][0] > 0 else []
         drawn = curves.smooth_curve(
             depth([*begin, *curve["delta"]]), force([*begin, *curve["force"]])
         )
@@ -279,16 +278,14 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
         label = picture_text(
             f"{half_space['name'].split(' (')[0]}, half-space{deviation_text}", MAX_LABEL_LETTERS
         )
-        formula_point = {
-            **theory,
-            **half_space,
-        }  # the formula's force at the run's depth, or its depth at the run's force
-        curve = half_space.get("curve", {"delta": (), "force": ()})  # of an older result: none
+        # The point is the formula's force at the run's depth, or its depth at the run's force.
+        formula_point = {**theory, **half_space}
+        # Results of older versions have no curve.
+        curve = half_space.get("curve", {"delta": (), "force": ()})
         x = depth([0, *curve["delta"]])
         y = force([0, *curve["force"]])
-        if formula_point["delta"] > 1.001 * max(
-            curve["delta"], default=0.0
-        ):  # under a force it is deeper than the run
+        # In load control the formula's depth can be larger than that of the run.
+        if formula_point["delta"] > 1.001 * max(curve["delta"], default=0.0):
             x = np.append(x, depth(formula_point["delta"]))
             y = np.append(y, force(formula_point["force"]))
         axes.plot(*curves.smooth_curve(x, y), **FORMULA_STYLE)
@@ -320,7 +317,8 @@ def _last_error_text(half_widths: np.ndarray, y: np.ndarray) -> str:
     if y[-1] == 0:
         return ""
     last = abs(half_widths[-1] / y[-1])
-    percent_text = f"{last:.2%}" if last >= 5e-5 else f"{100 * last:.0e}%"  # not 0.00 %
+    # A small error is written with an exponent, because it would be rounded to 0.00 %.
+    percent_text = f"{last:.2%}" if last >= 5e-5 else f"{100 * last:.0e}%"
     return f", \N{PLUS-MINUS SIGN}{percent_text} at the last step"
 
 

@@ -24,15 +24,15 @@ from indent_sim.results.pictures.forces import subtitle
 from indent_sim.results.reader import Results
 from indent_sim.results.result_files import Report
 
-# inches of a panel, and the width of one that is alone
+# Width and height of a panel [inches], and the width of a single panel.
 PANEL_SIZE = (4.6, 3.5)
 SINGLE_PANEL_WIDTH = 6.4
-LOG_RATIO = (
-    1e3  # last time over the first one that is seen, from which on the axis of times is logarithmic
-)
-MIN_VISIBLE_FRACTION = 1e-3  # of the largest force, or depth, from which on something is seen
-FILM_STATES = 5  # of a film
-LIMIT_STYLES = ("--", ":")  # before anything has flowed or relaxed, and when all has
+# The time axis is logarithmic if the last time is so many times the first visible one.
+LOG_RATIO = 1e3
+# A force or depth is visible from this fraction of its largest value on.
+MIN_VISIBLE_FRACTION = 1e-3
+FILM_STATES = 5  # A film shows about so many states.
+LIMIT_STYLES = ("--", ":")  # Limits before, and after all flow and relaxation.
 
 
 def is_time_stepped(report: Report) -> bool:
@@ -126,7 +126,7 @@ def draw_over_time(axes: Axes, runs: Sequence[Results], names: Sequence[str]) ->
                 t(run["t"][piece]), column(run[column_name][piece])
             )
             axes.plot(*points, color=colour, lw=1.5, label=label)
-            label = "_"  # named once
+            label = "_"  # Only the first line of a result is named in the legend.
     if is_wide:
         axes.set_xscale("log")
         axes.set_xlim(

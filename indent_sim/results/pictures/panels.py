@@ -31,37 +31,32 @@ from indent_sim.results.reader import Results
 
 PANEL_KINDS = ("force", "time", "pressure", "pressure_x", "pressure_y", "profile", "fields", "film")
 STEP_PANELS = ("pressure", "pressure_x", "pressure_y", "profile", "fields", "film")
-PRESSURE_PANELS = (
-    "pressure",
-    "pressure_x",
-    "pressure_y",
-)  # _x, _y: along these axes through the tip's
-MAP_PANELS = ("fields", "film")  # film: states of a field spread over the path
-# Entries of a wish, their options, and the panels that heed them
+# pressure_x and pressure_y are curves along x and y through the tip's axis.
+PRESSURE_PANELS = ("pressure", "pressure_x", "pressure_y")
+MAP_PANELS = ("fields", "film")  # A film shows states of a field spread over the load path.
+# Entries of a request, their options, and the panels that use them.
 PANEL_OPTIONS = {
     "fields": ("--field", MAP_PANELS),
     "limits": ("--limits", (*PRESSURE_PANELS, *MAP_PANELS)),
     "zoom": ("--zoom", MAP_PANELS),
 }
-MM = 1 / 25.4  # inches
-PANEL_WIDTH = 4.4  # inches: width of a panel where no width is asked for
-LINE_ASPECT = 0.72  # height over width of panels of curves
-# inches: around the panels of a line for words, numbers and bars, before the layout says how much
-# they take
+MM = 1 / 25.4  # One millimetre in inches.
+PANEL_WIDTH = 4.4  # Default width of a panel [inches].
+LINE_ASPECT = 0.72  # Ratio of height to width of panels of curves.
+# First estimate of the height of labels, numbers and colour bars around the panels of a line
+# [inches]; the layout then finds the height that they need.
 LABELS_HEIGHT = 1.6
-LAYOUT_PASSES = 2  # the second time the layout knows how high the panels are
+LAYOUT_PASSES = 2  # The second pass knows the heights of the panels from the first.
 MAX_MAPS_IN_ROW = 4
 MAX_FILM_COLUMNS = 6
 MAX_LINE_COLUMNS = 3
 MAX_PANELS = 40
 T = TypeVar("T")
-MIN_CELL_WIDTH = 1.5  # inches: a panel of a layout at the standard font size
-# inches: panels at the standard font size
+MIN_CELL_WIDTH = 1.5  # Least width of a panel in a layout at the standard font size [inches].
+# Least widths of panels at the standard font size [inches].
 MIN_LINE_PANEL_WIDTH = 2.6
 MIN_MAP_WIDTH = 1.8
-LabelledStep = tuple[
-    Results, float, str
-]  # a result, a step, and what tells them from the others in words
+LabelledStep = tuple[Results, float, str]  # Result, step, and label.
 
 
 @dataclass(frozen=True)
@@ -101,15 +96,11 @@ class PlotRequest:
     width: float | None = None
     font: float = figures.FONT_SIZE
     units: Mapping[str, str] = field(default_factory=dict)
-    layout: tuple[int, int] | None = None  # rows and columns of all panels; None: as they have room
-    letters: Literal["", "a"] = ""  # before the panels: none, or (a), (b), ...
-    dpi: float | None = None  # of what is drawn point by point
-    limits: tuple[float, float] | None = (
-        None  # of the colours of maps and of pressures, in the unit shown
-    )
-    zoom: float | None = (
-        None  # contact radii around the tip that fields show; infinite: the whole body
-    )
+    layout: tuple[int, int] | None = None
+    letters: Literal["", "a"] = ""
+    dpi: float | None = None
+    limits: tuple[float, float] | None = None
+    zoom: float | None = None
 
     def max_columns(self, narrowest: float, most: int) -> int:
         """Return how many panels fit side by side.
@@ -147,12 +138,12 @@ def plot_request(options: Mapping[str, Any]) -> PlotRequest:
         if name in options and not set(request.what) & set(panel_kinds):
             raise UsageError(f"{option} belongs to --what {' or '.join(panel_kinds)}")
     if request.limits is not None and not request.limits[0] < request.limits[1]:
-        raise UsageError(
-            f"--limits {request.limits[0]:g}:{request.limits[1]:g}: the first must be below the second"
-        )
+        low, high = request.limits
+        raise UsageError(f"--limits {low:g}:{high:g}: the first must be below the second")
     if "steps" in options and not set(request.what) & set(STEP_PANELS):
         raise UsageError(
-            f"--steps belongs to --what {' or '.join(STEP_PANELS)}: the force is drawn at every step"
+            f"--steps belongs to --what {' or '.join(STEP_PANELS)}: "
+            "the force is drawn at every step"
         )
     if invalid := [
         word for word in request.steps if not (word in ("last", "all") or word.isdecimal())
@@ -261,9 +252,8 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         if request.letters:
             _letter_panels(figure)
         true_scale_axes = [axes for axes in figure.axes if axes.get_aspect() != "auto"]
-        for axes in (
-            true_scale_axes
-        ):  # the layout leaves no room for the numbers of one that is smaller than its place
+        # For axes that are smaller than their place the layout reserves no room for tick labels.
+        for axes in true_scale_axes:
             axes.set_aspect("auto")
         for _ in range(LAYOUT_PASSES):
             figures.place_panels(figure)
@@ -477,7 +467,7 @@ def _pressure_panels(
                 f"{run.path} has no y axis: --what pressure_y is of bodies in three dimensions"
             )
         if has_two and panel_kind == "pressure":
-            continue  # which is a map
+            continue  # The pressure of a surface in 3D is a map.
         curves_to_draw.append(
             (run, surface_on_axis(contact, along) if has_two else contact, name, colour)
         )
@@ -542,7 +532,7 @@ def _map_row(maps: FieldRow | PressureMaps, max_columns: int) -> _Row:
     columns = -(-len(maps.steps) // lines)
 
     def into(part: SubFigure) -> Sequence[Axes]:
-        is_shared = isinstance(maps, FieldRow)  # each pressure is seen around its own tip
+        is_shared = isinstance(maps, FieldRow)  # Each pressure map is centred on its own tip.
         axes = part.subplots(
             lines, columns, squeeze=False, sharex=is_shared, sharey=is_shared
         ).ravel()
@@ -610,7 +600,10 @@ def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> lis
         raise UsageError(f"{run.path} has no {key}; run it with --set output.{key}={kept}")
     if panel_kind == "film" and not request.steps:
         if len(available) < len(run):
-            problem = f"{run.path} has fields of {len(available)} of {len(run)} steps, and a film is of all"
+            problem = (
+                f"{run.path} has fields of {len(available)} of {len(run)} steps, "
+                "and a film needs all"
+            )
             raise UsageError(problem, "run it with --set output.fields=all, or name --steps")
         return [float(step) for step in history.film_steps(run, available)]
     requested = [available[-1] if word == "last" else word for word in request.steps]
@@ -622,6 +615,7 @@ def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> lis
         or [int(largest_force_step(reduced_run) or available[-1])]
     )
     if missing := [step for step in steps if step not in available]:
-        problem = f"{run.path} has no {key} of step {missing[0]}, only of {', '.join(map(str, available))}"
+        available_text = ", ".join(map(str, available))
+        problem = f"{run.path} has no {key} of step {missing[0]}, only of {available_text}"
         raise UsageError(f"{problem}; output.{key}: all keeps every step")
     return [float(step) for step in steps]

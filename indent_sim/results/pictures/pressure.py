@@ -33,31 +33,28 @@ from indent_sim.results.pictures.profile import values_on_line
 from indent_sim.results.reader import Results
 from indent_sim.results.result_scene import scene_of
 
-# Medians inside the contact up to which a peak is shown: beside a singular edge nothing else would
-# be seen
+# A peak is shown up to so many medians of the pressure inside the contact: beside a singularity the
+# rest of the curve would be invisible otherwise.
 PEAK_MEDIANS = 5.0
-PRESSURE_VIEW = 1.5  # contact radii around the tip in which the pressure is shown
-# of the median pressure within the contact radius: beyond it there is contact, below a ripple
+PRESSURE_VIEW = 1.5  # Half-width of the view around the tip, in contact radii.
+# A pressure above this fraction of the median inside the contact is contact; below it, it may be an
+# oscillation of the solution.
 PRESSED_FRACTION = 0.02
-# elements beside a kink of the tip, an infinite pressure, in which the mesh says what it is
+# Number of elements next to a slope discontinuity of the tip within which the computed pressure
+# depends on the mesh, because the exact pressure is infinite there; these points are not drawn.
 DISCONTINUITY_ELEMENTS = 1.5
-TIP_END_ELEMENTS = 4.0  # the same beside its end: one over a square root, no logarithm
-CONTACT_RADIUS_FACTOR = (
-    1.02  # contact radii up to which the tip touches, for the radius of a row is of its nodes
-)
-MIDDLE_NODE_TOLERANCE = (
-    0.1  # of an element: how far its deformed middle node may be from halfway between its ends
-)
-ZERO_DEPTH_RTOL = 1e-6  # of the largest depth: a search for a force of 0 ends as near to 0 as that
-LABEL_BACKGROUND = (
-    "#00224e"  # the darkest of the map's colours: behind words that may stand beside the body
-)
-COLOUR_BAR_BOX = (
-    1.07,
-    0.0,
-    0.07,
-    1.0,
-)  # of colours beside a map: left, bottom, width, height in parts of the map
+# The same next to the end of a tip, where the singularity is r^(-1/2) and not logarithmic.
+TIP_END_ELEMENTS = 4.0
+# A singularity up to so many contact radii is in contact: the radius of a row is that of nodes.
+CONTACT_RADIUS_FACTOR = 1.02
+# Middle nodes of deformed elements are this close to the midpoint, relative to the element.
+MIDDLE_NODE_TOLERANCE = 0.1
+# A depth below this fraction of the largest one is 0: the search for a force of 0 ends near it.
+ZERO_DEPTH_RTOL = 1e-6
+# Darkest colour of the map, behind labels that may be outside of the body.
+LABEL_BACKGROUND = "#00224e"
+# Colour bar beside a map: left, bottom, width and height relative to the map.
+COLOUR_BAR_BOX = (1.07, 0.0, 0.07, 1.0)
 
 
 @dataclass(frozen=True)
@@ -116,7 +113,7 @@ class ContactSurface:
         farthest = max(
             np.abs(self.x[pressed]).max(initial=0.0), np.abs(self.y[pressed]).max(initial=0.0)
         )
-        return max(PRESSURE_VIEW * self.a, farthest + 0.1 * self.a)  # around what is pressed
+        return max(PRESSURE_VIEW * self.a, farthest + 0.1 * self.a)
 
     def is_bounded(self) -> np.ndarray:
         """Return the points (n,) away from pressure singularities."""
@@ -181,7 +178,8 @@ def contact_surface(results: Results, step: float) -> ContactSurface:
     if is_deformed(results):
         x = x + surface["u_x"][is_known]
         y = y + surface["u_y"][is_known]
-    given_center = results.report.get("center")  # of an older result: where the pressure is largest
+    # Results of older versions have no center: the largest pressure marks it.
+    given_center = results.report.get("center")
     center = (
         np.array([*given_center, 0.0][:2])
         if given_center
@@ -199,7 +197,8 @@ def contact_surface(results: Results, step: float) -> ContactSurface:
     radius = results["a"][results["step"] == step]
     is_pulled = p < -PRESSED_FRACTION * np.abs(p).max(initial=0.0)
     a = float(radius[0]) if len(radius) else 0.0
-    if not a > 0:  # how far it is pulled, or else the size of the surface
+    # Without contact, the radius of the region under tension or the size of the surface is used.
+    if not a > 0:
         a = (
             float(np.hypot(x, y)[is_pulled].max())
             if is_pulled.any()
@@ -250,7 +249,7 @@ def _pressure_singularities(results: Results, step: float) -> tuple[tuple[float,
 def draw_pressure(axes: Axes, results: Results, step: float) -> None:
     """Draw the contact pressure of a step around the tip, as a profile or a map."""
     contact = contact_surface(results, step)
-    if np.ptp(contact.y) > 0:  # the surface has two dimensions
+    if np.ptp(contact.y) > 0:  # The surface is that of a body in 3D.
         PressureMaps([(results, step, "")]).draw([axes], where="beside")
     else:
         draw_pressures(axes, [(results, contact, "", COLOURS[0])])
@@ -301,7 +300,7 @@ def draw_pressures(
     """
     runs = [results for results, *_ in shown]
     middle, name_of_axis = tip_axis_position(runs, along)
-    is_half = all(horizontal_axis_name(run) == "r" for run in runs)  # of a body of revolution
+    is_half = all(horizontal_axis_name(run) == "r" for run in runs)  # Axisymmetric bodies.
     contacts = [
         replace(surface, mirror_axes=(False, False)) if is_half else surface
         for _, surface, *_ in shown
@@ -342,7 +341,7 @@ def draw_pressures(
                 length(middle + side * radius), color=shear_colour if name else GREY, lw=0.8, ls=":"
             )
         has_stick_radius |= radius > 0
-    if has_stick_radius:  # named once
+    if has_stick_radius:  # One entry in the legend stands for all stick radii.
         axes.plot([], [], color=GREY, lw=0.8, ls=":", label="stick radius")
     axes.set(xlabel=length.label, ylabel=pressure.label)
     axes.set_xlim(0.0 if is_half else length(middle - half_width), length(middle + half_width))
@@ -380,10 +379,8 @@ class PressureMaps:
     """
 
     steps: Sequence[tuple[Results, float, str]]
-    limits: tuple[float, float] | None = (
-        None  # of the colours, in the unit shown; None: those of all pressures
-    )
-    aspect: ClassVar[float] = 1.0  # height of the frame over its width
+    limits: tuple[float, float] | None = None
+    aspect: ClassVar[float] = 1.0  # Ratio of the height of the view to its width.
 
     @cached_property
     def surfaces(self) -> list[ContactSurface]:
@@ -434,7 +431,7 @@ class PressureMaps:
             drawn = self._draw_map(axes, contact, length, pressure, (low, top), aspect)
             draw_panel_title(axes, panel_title(run, step, words))
         ticks = [tick for tick in MaxNLocator(5).tick_values(low, top) if low <= tick <= top]
-        if where == "beside":  # as high as the map, which is true to scale
+        if where == "beside":  # The bar is as high as the map, which is true to scale.
             bar_axes = panels[0].inset_axes(COLOUR_BAR_BOX, label="<colorbar>")
             bar = panels[0].figure.colorbar(drawn, cax=bar_axes, label=pressure.label, ticks=ticks)
             bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
@@ -549,7 +546,7 @@ def _draw_shear(axes: Axes, contact: ContactSurface, length: Axis) -> None:
         "bbox": {"facecolor": LABEL_BACKGROUND, "lw": 0, "pad": 1.5},
     }
     axes.annotate(
-        "lines: equal shear\ndots: what sticks", (0.03, 0.03), xycoords="axes fraction", **look
+        "lines: equal shear\ndots: stick radius", (0.03, 0.03), xycoords="axes fraction", **look
     )
 
 

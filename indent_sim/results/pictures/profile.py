@@ -14,8 +14,8 @@ from indent_sim.results.reader import Results
 from indent_sim.results.result_scene import contacts_per_body, scene_of
 from indent_sim.results.tip_geometry import section
 
-PROFILE_VIEW = 3.0  # contact radii around the tip that are shown
-TRUE_SCALE_RATIO = 0.12  # height of the frame over its width below which heights are magnified
+PROFILE_VIEW = 3.0  # Half-width of the view around the tip, in contact radii or depths.
+TRUE_SCALE_RATIO = 0.12  # Heights are magnified if the view is lower than this times its width.
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def values_on_line(y: np.ndarray, x: np.ndarray, *values: np.ndarray) -> tuple[n
         Columns of values (n,).
     """
     is_on_line = np.abs(y) <= 1e-9 * max(np.ptp(y), np.ptp(x))
-    if is_on_line.sum() >= 5:  # they are the line; with fewer the surface is interpolated
+    if is_on_line.sum() >= 5:
         order = np.argsort(x[is_on_line])
         return tuple(column[is_on_line][order] for column in (x, *values))
     from matplotlib.tri import LinearTriInterpolator, Triangulation
@@ -144,7 +144,7 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]
         ylim=length([low - margin, high + 3 * margin]),
     )
     is_true_scale = (high - low) > TRUE_SCALE_RATIO * 2 * half_width
-    if is_true_scale:  # all of the panel, with as much of the tip as it has room for
+    if is_true_scale:  # The view is extended to fill the panel, and shows more of the tip.
         axes.set_aspect("equal", adjustable="datalim")
     axes.set(
         xlabel=length.label,

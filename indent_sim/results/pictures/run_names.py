@@ -13,7 +13,7 @@ from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.reader import Results
 from indent_sim.results.result_files import CONFIG, Report
 
-MOST_NAME_LETTERS = 48  # of a name
+MOST_NAME_LETTERS = 48  # A longer name is shortened.
 
 
 def natural_sort_key(name: str) -> list[tuple[float, str]]:

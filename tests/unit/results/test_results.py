@@ -894,7 +894,7 @@ class TestCompare:
         compare(first, second, columns=["force"]).check()
         with pytest.raises(UsageError, match="branch, a column of words"):
             compare(first, second, {"branch": 0.1})
-        with pytest.raises(UsageError, match=r"its picture is experiment\.png"):
+        with pytest.raises(UsageError, match=r"drawn as experiment\.png"):
             read(first)
 
     def test_results_are_equal_only_with_their_experiments(self, tmp_path):
