@@ -357,12 +357,10 @@ def _force_tables(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, 
     if ("t" in A) == ("t" in B):
         return A, B
     experiment_file = paths["t" in A] / EXPERIMENT
-    history = (
-        read_table(experiment_file, ("force",), ("t", "delta", "a"), WORD_COLUMNS)
-        if experiment_file.is_file()
-        else {}
-    )
-    if not history or not np.isfinite(history["t"]).all():
+    if not experiment_file.is_file():
+        return A, B
+    history = read_table(experiment_file, ("force",), ("t", "delta", "a"), WORD_COLUMNS)
+    if not np.isfinite(history["t"]).all():
         return A, B
     # In experiment.csv, force_error was the error of the instrument, not of the solution.
     history = {name: column for name, column in history.items() if name != "force_error"}

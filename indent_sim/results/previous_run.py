@@ -63,11 +63,9 @@ class PreviousRun:
             There are more rows than steps, or a row is at another depth.
         """
         table = str(folder / TABLE)
-        problems = (
-            [f" has {len(self.states)} rows, the scene {steps} steps"]
-            if len(self.states) > steps
-            else []
-        )
+        problems = []
+        if len(self.states) > steps:
+            problems.append(f" has {len(self.states)} rows, the scene {steps} steps")
         for state, delta in zip(self.states, deltas or (), strict=False):
             if not math.isclose(state.delta, delta, rel_tol=SAME_DEPTH_RTOL, abs_tol=0):
                 problems.append(f": row {state.step} is not at the scene's depth")

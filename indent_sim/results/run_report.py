@@ -57,76 +57,75 @@ def run_page(folder: Path) -> str:
     report = results.report
     if not report:
         raise UsageError(f"{folder} holds no result of {PROGRAM}: there is no run.json")
-    failed = report.get("status") not in ("done", "running")
-    failure = (
-        f"{report.get('status', 'unknown')}: {report.get('reason') or 'no reason given'}"
-        if failed
-        else ""
-    )
-    audit_rows = [
-        [name.replace("_", " "), value_text(value)]
-        for name, value in _report_section(report, "audit").items()
-    ]
-    audit = Table("Audit", ["what", "value"], audit_rows, AUDIT_NOTE)
-    plan_choices = report.get("plan", {}).get("choices", [])
-    reasons = [
-        [
-            str(decision.get("key", "")),
-            value_text(decision.get("value", "")),
-            str(decision.get("why", "")),
-        ]
-        for decision in plan_choices
-    ]
-    choices = Table("Choices and their reasons", ["what", "choice", "why"], reasons)
+    failure = ""
+    if report.get("status") not in ("done", "running"):
+        status = report.get("status", "unknown")
+        failure = f"{status}: {report.get('reason') or 'no reason given'}"
     tables = [
         _force_row_table(results),
         *_experiment_tables(results),
-        choices,
+        _choice_table(report),
         *_error_budget_tables(report),
-        audit,
+        _audit_table(report),
         _provenance_table(report),
     ]
-    words = _report_section(report, "stick").get("words")
-    stick_sentences = [f"{words[:1].upper()}{words[1:]}."] if words else []
     sentences = [
         *_theory_sentences(results),
         *_hertz_sentences(results),
         *_tension_sentences(results),
-        *stick_sentences,
+        *_no_slip_sentences(report),
         *_largest_pull_sentences(results),
         *_pull_off_sentences(results),
     ]
-    automatic_keys = ", ".join(report.get("plan", {}).get("auto", [])) or "nothing"
     scene = ""
     with suppress(OSError, ValueError):
         scene = read_regular_file(folder / CONFIG).decode("utf-8")
-    text_parts = {
-        "numbers": _key_numbers(results),
-        "said": sentences,
-        "scene": scene,
-        "chosen": automatic_keys,
-    }
-    picture_parts = {"pictures": _run_pictures(results), "warnings": report.get("warnings", [])}
-    title = report.get("title") or folder.resolve().name
-    shown_tables = [table for table in tables if table.rows]
+    return render_page(
+        title=report.get("title") or folder.resolve().name,
+        subtitle=_page_subtitle(report),
+        failure=failure,
+        tables=[table for table in tables if table.rows],
+        pictures=_run_pictures(results),
+        warnings=report.get("warnings", []),
+        numbers=_key_numbers(results),
+        said=sentences,
+        scene=scene,
+        chosen=", ".join(report.get("plan", {}).get("auto", [])) or "nothing",
+    )
+
+
+def _page_subtitle(report: Report) -> str:
+    """Return kinematics, method, number of rows, version and time of a run in one line."""
     parts = [
         plan_choice(report, "kinematics"),
         report.get("method"),
         f"{report.get('rows', 0)} rows",
-    ]
-    parts += [
         f"{PROGRAM} {report.get('version', '')}",
         report.get("finished", report.get("started", "")),
     ]
-    subtitle = "  ·  ".join(str(part).replace("_", " ") for part in parts if part)
-    return render_page(
-        title=title,
-        subtitle=subtitle,
-        failure=failure,
-        tables=shown_tables,
-        **picture_parts,
-        **text_parts,
-    )
+    return "  ·  ".join(str(part).replace("_", " ") for part in parts if part)
+
+
+def _choice_table(report: Report) -> Table:
+    """Return the table of the program's choices and their reasons."""
+    rows = [
+        [
+            str(choice.get("key", "")),
+            value_text(choice.get("value", "")),
+            str(choice.get("why", "")),
+        ]
+        for choice in report.get("plan", {}).get("choices", [])
+    ]
+    return Table("Choices and their reasons", ["what", "choice", "why"], rows)
+
+
+def _audit_table(report: Report) -> Table:
+    """Return the table of checks of the solution."""
+    rows = [
+        [name.replace("_", " "), value_text(value)]
+        for name, value in _report_section(report, "audit").items()
+    ]
+    return Table("Audit", ["what", "value"], rows, AUDIT_NOTE)
 
 
 def _key_numbers(results: Results) -> list[tuple[str, str]]:
@@ -190,6 +189,12 @@ def _theory_sentences(results: Results) -> list[str]:
             f"{formula['name']}: {computed} {formula[computed]:.5g} {unit}, {deviation_text}."
         )
     return lines
+
+
+def _no_slip_sentences(report: Report) -> list[str]:
+    """Return how the force would change if the surface could not slip on the tip."""
+    words = _report_section(report, "stick").get("words")
+    return [f"{words[:1].upper()}{words[1:]}."] if words else []
 
 
 def _hertz_sentences(results: Results) -> list[str]:

@@ -111,12 +111,9 @@ def parse_state(names: tuple[str, ...], line: bytes, unknown: Collection[str] = 
         empty = {name for name, value in values.items() if value != value}
     except (ValueError, OverflowError):  # An integer of hundreds of digits overflows a float.
         return None
-    infinite = any(value in (math.inf, -math.inf) for value in values.values())
-    is_result = (
-        empty <= MAY_BE_EMPTY.union(unknown, UNKNOWN_IN_TIME if "t" in names else ())
-        and not infinite
-    )
-    if not is_result:
+    if any(value in (math.inf, -math.inf) for value in values.values()):
+        return None
+    if not empty <= MAY_BE_EMPTY.union(unknown, UNKNOWN_IN_TIME if "t" in names else ()):
         return None
     reactions = {
         name.removeprefix(REACTION_PREFIX): values.pop(name)

@@ -146,8 +146,6 @@ def plot_width(tip: Indenter, a: float, delta: float) -> float:
     whole.
     """
     contact_width = 2.5 * max(a, abs(delta))
-    return (
-        max(contact_width, 1.0001 * max_radius(tip))
-        if max_radius(tip) < 2 * contact_width
-        else contact_width
-    )
+    if max_radius(tip) < 2 * contact_width:
+        return max(contact_width, 1.0001 * max_radius(tip))
+    return contact_width

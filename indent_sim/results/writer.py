@@ -122,11 +122,9 @@ class ResultFolder:
                 self._guard and read_report(self._output.target).get("status") == "done"
             )
             try:
-                previous = (
-                    previous_run(self._output.target, self._config_yaml, self.report)
-                    if self._resume
-                    else None
-                )
+                previous = None
+                if self._resume:
+                    previous = previous_run(self._output.target, self._config_yaml, self.report)
                 with self._convert_write_errors():
                     if previous is not None:
                         self._resume_previous_run(previous)
@@ -293,11 +291,10 @@ class ResultFolder:
         with defer_signals():
             try:
                 is_done = self._status["status"] == "done"
-                is_worth_keeping = (
-                    is_done
-                    if self._appears_at_end
-                    else self.rows or not self._output.replaces_results
-                )
+                if self._appears_at_end:
+                    is_worth_keeping = is_done
+                else:
+                    is_worth_keeping = self.rows > 0 or not self._output.replaces_results
                 self._appears_at_end = False
                 if not self._output.is_in_place and (
                     self._status["exit_code"] in (2, 3) or not is_worth_keeping
@@ -358,13 +355,12 @@ class ResultFolder:
         try:
             yield
         except OSError as error:
-            kept_text = (
-                f"{self.rows} rows are kept in {self._output.target}"
-                if self.rows
-                else "no row is kept"
-            )
             if self._appears_at_end:
                 kept_text = f"the finished run in {self._output.target} is unchanged"
+            elif self.rows:
+                kept_text = f"{self.rows} rows are kept in {self._output.target}"
+            else:
+                kept_text = "no row is kept"
             raise NotConverged(
                 f"cannot write results: {error.strerror or error}; {kept_text}"
             ) from error

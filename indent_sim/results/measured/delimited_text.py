@@ -84,7 +84,8 @@ def read_text_curve(
     abscissa = values.get("delta", values.get("z"))
     assert abscissa is not None
     parts = curve_parts_by_name(words) if words is not None else curve_parts(abscissa)
-    return MeasuredCurve(path.stem, parts=parts, units=units, notes=(*notes, *note), **values)  # type: ignore[arg-type]
+    notes = (*notes, *note)
+    return MeasuredCurve(path.stem, parts=parts, units=units, notes=notes, **values)  # type: ignore[arg-type]
 
 
 def _decode(data: bytes) -> str:
@@ -109,12 +110,13 @@ def _normalize_text(text: str) -> str:
     return text.replace("\N{MINUS SIGN}", "-")
 
 
-def _read_numbers(text: str, layout: TextLayout, places: Sequence[int]) -> np.ndarray:
+def _read_numbers(text: str, layout: TextLayout, column_indices: Sequence[int]) -> np.ndarray:
     """Return the numbers (rows, columns) of some columns; NoCurve names a wrong line."""
     blocks = (
-        _parse_block(number, block, layout, places) for number, block in _line_blocks(text, layout)
+        _parse_block(number, block, layout, column_indices)
+        for number, block in _line_blocks(text, layout)
     )
-    return np.concatenate([np.empty((0, len(places))), *blocks])
+    return np.concatenate([np.empty((0, len(column_indices))), *blocks])
 
 
 def _line_blocks(text: str, layout: TextLayout) -> Iterator[tuple[int, str]]:
@@ -130,7 +132,9 @@ def _line_blocks(text: str, layout: TextLayout) -> Iterator[tuple[int, str]]:
         begin = end
 
 
-def _parse_block(number: int, block: str, layout: TextLayout, places: Sequence[int]) -> np.ndarray:
+def _parse_block(
+    number: int, block: str, layout: TextLayout, column_indices: Sequence[int]
+) -> np.ndarray:
     """Return the numbers (rows, columns) of a block that begins at line `number`."""
     rows = block.replace(",", ".") if layout.decimal == "," else block
     comments = ["#", "%"] if "%" in block else "#"
@@ -138,29 +142,31 @@ def _parse_block(number: int, block: str, layout: TextLayout, places: Sequence[i
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             options = {"delimiter": layout.separator, "comments": comments, "ndmin": 2}
-            numbers = np.loadtxt(io.StringIO(rows), usecols=places, **options)  # type: ignore[call-overload]
+            numbers = np.loadtxt(io.StringIO(rows), usecols=column_indices, **options)  # type: ignore[call-overload]
     except (ValueError, IndexError):
-        return _parse_block_lines(number, block, layout, places)
-    return numbers.reshape(-1, len(places))  # type: ignore[no-any-return]
+        return _parse_block_lines(number, block, layout, column_indices)
+    return numbers.reshape(-1, len(column_indices))  # type: ignore[no-any-return]
 
 
 def _parse_block_lines(
-    number: int, block: str, layout: TextLayout, places: Sequence[int]
+    number: int, block: str, layout: TextLayout, column_indices: Sequence[int]
 ) -> np.ndarray:
     """Parse a block with empty or quoted cells line by line; NoCurve names a wrong line."""
     rows = []
     for line_number, cells in _cell_rows(number, block, layout):
-        if len(cells) <= max(places):
+        if len(cells) <= max(column_indices):
             raise NoCurve(
                 f"line {line_number} has {len(cells)} cells, the other lines {layout.width}"
             )
         try:
-            rows.append([layout.number(cells[i]) if cells[i] else np.nan for i in places])
+            rows.append([layout.number(cells[i]) if cells[i] else np.nan for i in column_indices])
         except ValueError:
-            bad_column = next(i for i in places if cells[i] and not layout.is_number(cells[i]))
+            bad_column = next(
+                i for i in column_indices if cells[i] and not layout.is_number(cells[i])
+            )
             place = f"line {line_number}, column {bad_column + 1}"
             raise NoCurve(f"{place}: '{cells[bad_column][:40]}' is not a number") from None
-    return np.array(rows, dtype=float).reshape(-1, len(places))
+    return np.array(rows, dtype=float).reshape(-1, len(column_indices))
 
 
 def _cell_rows(number: int, block: str, layout: TextLayout) -> Iterator[tuple[int, Cells]]:
@@ -170,7 +176,7 @@ def _cell_rows(number: int, block: str, layout: TextLayout) -> Iterator[tuple[in
             yield line_number, layout.cells(line.strip(" ") if layout.separator else line.strip())
 
 
-def _read_words(text: str, layout: TextLayout, place: int) -> np.ndarray:
+def _read_words(text: str, layout: TextLayout, column_index: int) -> np.ndarray:
     """Return a column of words (rows,); equal words share one string to save memory."""
     word_codes: dict[str, int] = {}
     rows = (
@@ -178,7 +184,7 @@ def _read_words(text: str, layout: TextLayout, place: int) -> np.ndarray:
         for number, block in _line_blocks(text, layout)
         for _, cells in _cell_rows(number, block, layout)
     )
-    words = (cells[place] if len(cells) > place else "" for cells in rows)
+    words = (cells[column_index] if len(cells) > column_index else "" for cells in rows)
     codes = np.fromiter(
         (word_codes.setdefault(word, len(word_codes)) for word in words), dtype=np.int64
     )

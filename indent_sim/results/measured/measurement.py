@@ -47,7 +47,7 @@ class Uncalibrated(NoCurve):
 
 @dataclass(frozen=True)
 class MeasuredCurve:
-    """One measured curve, in the order of time.
+    """Measured force curve, in the order of time.
 
     Attributes
     ----------

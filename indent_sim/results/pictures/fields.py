@@ -459,7 +459,8 @@ def _draw_section(
 
     Returns the collection from which a colour bar is made.
     """
-    x, z, values = *length(section.points).T, axis(section.values)
+    x, z = length(section.points).T
+    values = axis(section.values)
     is_sliver = section.is_sliver(sliver_height)
     if is_sliver.any():
         slivers = section.triangles[is_sliver]

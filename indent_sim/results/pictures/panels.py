@@ -158,7 +158,7 @@ def plot_request(options: Mapping[str, Any]) -> PlotRequest:
 
 @dataclass(frozen=True)
 class _Panel:
-    """One panel of a picture.
+    """Panel of a picture.
 
     Attributes
     ----------
