@@ -13,6 +13,7 @@ from indent_sim.results import tables
 from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.tables import EXPERIMENT
 
+LARGEST_NUMBER = 1e150  # Its square is still a finite double.
 MAX_HEADER_BYTES = 10_000  # Longer first lines are not those of a table of results.
 
 
@@ -24,9 +25,6 @@ def header_of(path: Path) -> list[str]:
     except OSError:
         return []
     return [name.strip() for name in line.decode("latin-1").split(",")]
-
-
-LARGEST_NUMBER = 1e150  # Its square is still a finite double.
 
 
 def read_table(

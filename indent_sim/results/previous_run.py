@@ -149,9 +149,10 @@ def missing_files(folder: Path, surface: KeptStates, fields: KeptStates) -> list
     """
     missing = missing_field_files(folder) if fields != "none" else []
     with suppress(UsageError):
-        if surface == "none" or (results := read(folder))["step"][-1] in results.surface.get(
-            "step", ()
-        ):
+        if surface == "none":
+            return missing
+        results = read(folder)
+        if results["step"][-1] in results.surface.get("step", ()):
             return missing
     return [*missing, SURFACE]
 
@@ -205,7 +206,7 @@ def _refuse_other_config(
     difference_text = difference_text or "the same lines in another order"
     problem = f"{folder} holds a run of another config ({difference_text})"
     remedy = (
-        "give the same scene and --set as then, or another --output, or leave --resume "
+        "use the scene and the --set options of that run, or another --output, or leave --resume "
         "out to replace it"
     )
     raise ConfigError(key, problem, remedy)

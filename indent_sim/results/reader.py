@@ -29,19 +29,20 @@ from indent_sim.model.state import (
 from indent_sim.process.errors import BackendError, UsageError
 from indent_sim.process.repr_tables import ReprTable
 from indent_sim.results import result_files, tables
+from indent_sim.results.csv_table import header_of, read_table
+from indent_sim.results.report_schema import checked_report
 from indent_sim.results.result_files import TABLE, Report, read_report
 from indent_sim.results.tables import EXPERIMENT, SURFACE, WORD_COLUMNS
 
 if TYPE_CHECKING:
     import pandas
-from indent_sim.results.csv_table import header_of, read_table
-from indent_sim.results.report_schema import checked_report
 
 RUN_AGAIN_REMEDY = "run its scene again without --resume, or with another --output"
 # A notebook shows these columns.
 REPR_COLUMNS = ("step", "t", "delta", "force", "force_error", "a", "p_max", "branch")
 COMPARED_COLUMNS = ("delta", "force", "a")
 MEASURED = "measured"  # This entry of a report marks a measured curve.
+LARGEST_STEP_NUMBER = 1e15  # Integers below this are exact as doubles.
 # Not every run has these columns.
 OPTIONAL_COLUMNS = (
     *DERIVED_COLUMNS,
@@ -278,9 +279,6 @@ def rows_of(states: Iterable[State], with_reactions: bool = False) -> list[dict[
     ]
     rows = ({name: state.column(name) for name in names} for state in states)
     return [{name: value for name, value in row.items() if value is not None} for row in rows]
-
-
-LARGEST_STEP_NUMBER = 1e15  # Integers below this are exact as doubles.
 
 
 def read_history(folder: Path) -> dict[str, np.ndarray]:

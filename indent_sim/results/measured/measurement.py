@@ -26,6 +26,12 @@ SI = {"length": "m", "force": "N", "time": "s"}
 # These packages are needed to read AFM files.
 PACKAGES = "afmformats igor2 jprops pyfmreader tifffile 'pandas<3' pytz tzdata"
 INSTALL_HINT = f"install it with `make setup AFM=1`, or `pip install --no-deps {PACKAGES}`"
+# Part of a curve by the words for it in files.
+PART_WORDS = dict.fromkeys(("approach", "extend", "loading", "load", "trace", "appr"), "approach")
+PART_WORDS |= dict.fromkeys(("hold", "pause", "dwell", "intermediate"), "hold")
+PART_WORDS |= dict.fromkeys(
+    ("retract", "unloading", "unload", "withdraw", "retrace", "retr"), "retract"
+)
 STIFFNESS_KEY = "--set experiment.cantilever.stiffness=..."
 UNITS_REMEDY = "add units: {length: um, force: nN} to the scene"
 
@@ -212,10 +218,3 @@ def curve_parts_by_name(names: np.ndarray) -> dict[str, slice]:
         elif parts[part].stop == begin:
             parts[part] = slice(parts[part].start, end)
     return parts
-
-
-PART_WORDS = dict.fromkeys(("approach", "extend", "loading", "load", "trace", "appr"), "approach")
-PART_WORDS |= dict.fromkeys(("hold", "pause", "dwell", "intermediate"), "hold")
-PART_WORDS |= dict.fromkeys(
-    ("retract", "unloading", "unload", "withdraw", "retrace", "retr"), "retract"
-)
