@@ -14,14 +14,21 @@ from indent_sim.results.atomic_files import read_regular_file
 ArrayLayout = tuple[str, str, tuple[int, ...]]
 ArrayLayouts = dict[str, ArrayLayout]
 TIP_ARRAYS: ArrayLayouts = {"displacement": ("Node", "Vector", (3,))}
-ARRAYS = TIP_ARRAYS | {"pressure": ("Node", "Scalar", ()), "stress": ("Cell", "Tensor", (9,))}
-ARRAYS |= {"von_mises": ("Cell", "Scalar", ()), "principal_stresses": ("Cell", "Vector", (3,))}
-ARRAYS |= dict.fromkeys(("J", "energy_density"), ("Cell", "Scalar", ()))
+ARRAYS: ArrayLayouts = TIP_ARRAYS | {
+    "pressure": ("Node", "Scalar", ()),
+    "stress": ("Cell", "Tensor", (9,)),
+    "von_mises": ("Cell", "Scalar", ()),
+    "principal_stresses": ("Cell", "Vector", (3,)),
+    "J": ("Cell", "Scalar", ()),
+    "energy_density": ("Cell", "Scalar", ()),
+}
 # Arrays of some bodies only: shear with friction, pore pressure and fluid content with fluid in the
 # pores, swelling of gels, and stresses at the nodes if they are requested.
-OPTIONAL_ARRAYS: ArrayLayouts = dict.fromkeys(("shear", "pore_pressure"), ("Node", "Scalar", ()))
-OPTIONAL_ARRAYS |= dict.fromkeys(("fluid_content", "swelling"), ("Cell", "Scalar", ()))
-OPTIONAL_ARRAYS |= {
+OPTIONAL_ARRAYS: ArrayLayouts = {
+    "shear": ("Node", "Scalar", ()),
+    "pore_pressure": ("Node", "Scalar", ()),
+    "fluid_content": ("Cell", "Scalar", ()),
+    "swelling": ("Cell", "Scalar", ()),
     "nodal_stress": ("Node", "Tensor", (9,)),
     "nodal_von_mises": ("Node", "Scalar", ()),
 }

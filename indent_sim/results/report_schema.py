@@ -35,7 +35,7 @@ def _report_schema() -> TypeAdapter[Report]:
     answer: Any = {"name": str, "delta": Number, "force": Number}
     curve: Any = {"delta": list[Number], "force": list[Number]}
     force_point = _mapping_type(
-        "_Place", needed=("delta", "force"), delta=Number, force=Number, error=OptionalNumber
+        "_ForcePoint", needed=("delta", "force"), delta=Number, force=Number, error=OptionalNumber
     )
     half_space = _mapping_type(
         **answer, deviation=OptionalNumber, curve=_mapping_type(needed=curve, **curve)
@@ -59,13 +59,14 @@ def _report_schema() -> TypeAdapter[Report]:
     entries: Any = dict.fromkeys(
         ("reason", "version", "started", "finished", "title", "gap", "method", "control"), str
     )
-    entries |= dict.fromkeys(("timings", "cpu_timings"), dict[str, Number]) | {
-        "versions": dict[str, object]
-    }
-    entries |= dict.fromkeys(
-        ("peak_memory_MB", "memory_before_MB"), OptionalNumber
-    ) | dict.fromkeys(("rows", "dofs"), Count)
     entries |= {
+        "timings": dict[str, Number],
+        "cpu_timings": dict[str, Number],
+        "versions": dict[str, object],
+        "peak_memory_MB": OptionalNumber,
+        "memory_before_MB": OptionalNumber,
+        "rows": Count,
+        "dofs": Count,
         "exit_code": int | None,
         "center": list[Number],
         "warnings": list[str],

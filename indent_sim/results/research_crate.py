@@ -30,8 +30,6 @@ MEDIA_TYPES = {
     ".json": "application/json",
     ".yaml": "application/yaml",
     ".png": "image/png",
-}
-MEDIA_TYPES |= {
     ".html": "text/html",
     ".xdmf": "application/xml",
     ".h5": "application/x-hdf5",

@@ -39,16 +39,14 @@ RESULT_FILES = {
     "fields.xdmf",
     "tip.xdmf",
     "checkpoint.h5",
-}
-RESULT_FILES |= {
     "experiment.csv",
     "dynamic.csv",
     "force_indentation.png",
     "experiment.png",
     "report.html",
     CRATE,
+    "fields.h5",  # Version 0.1.0 wrote this file.
 }
-RESULT_FILES |= {"fields.h5"}  # Version 0.1.0 wrote this file.
 # Files with common names are recognised by a signature at their begin; other programs do not write
 # the rest of RESULT_FILES.
 PICTURE_SIGNATURE = b"Software\0indent-sim"

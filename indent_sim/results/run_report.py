@@ -34,16 +34,15 @@ AUDIT_NOTE = (
     "Largest relative difference between the contact force and the reactions of the supports; "
     "a row is refused from 1e-8 on."
 )
-CAPTIONS = {"force": "Force over depth", "pressure": "Pressure on the surface at the largest force"}
-CAPTIONS |= {
+CAPTIONS = {
+    "force": "Force over depth",
+    "pressure": "Pressure on the surface at the largest force",
     "profile": "Deformed surface and tip",
     "fields": "Von Mises stress in the deformed body",
-}
-CAPTIONS |= {
     "pore_pressure": "Pore pressure above the pressure of the bath",
     "film": "Von Mises stress",
+    "swelling": "Swelling: volume relative to the dry gel",
 }
-CAPTIONS |= {"swelling": "Swelling: volume relative to the dry gel"}
 EXPERIMENT_CAPTION = (
     "Force, depth and displacement of the base over time, or along the branches of an equilibrium "
     "curve; force over the contact radius, or derived quantities over time"
