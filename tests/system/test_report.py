@@ -137,7 +137,9 @@ def test_a_crate_lists_the_files_of_a_result(tmp_path):
     crate.write_text("mine")
     done = CliRunner().invoke(commands.program, ["report", str(folder), "--crate"])
     assert (
-        done.exit_code == 2 and crate.read_text() == "mine" and "was not made by indent-sim" in done.stderr
+        done.exit_code == 2
+        and crate.read_text() == "mine"
+        and "was not made by indent-sim" in done.stderr
     )
 
 

@@ -75,7 +75,9 @@ def test_units_of_titles_stand_over_those_given(titles, units):
     in_scene = curve.convert_units({"length": "um", "force": "nN"})
     factors = {"um": 1, "nN": 1, "nm": 1e-3, "µN": 1e3, "mm": 1e3, "mN": 1e6, "m": 1e6, "N": 1e9}
     np.testing.assert_allclose(
-        in_scene.abscissa_values(in_scene.available_abscissa("delta")), DEPTHS * factors[units[0]], **DIGITS
+        in_scene.abscissa_values(in_scene.available_abscissa("delta")),
+        DEPTHS * factors[units[0]],
+        **DIGITS,
     )
     np.testing.assert_allclose(
         in_scene.force, FORCES * factors[units[1]], rtol=1e-8, atol=1e-8 * factors[units[1]]
@@ -118,7 +120,9 @@ def test_a_way_that_falls_towards_the_body_is_turned():
     text = "z,force\n" + "".join(f"{-x:.9f},{f:.9f}\n" for x, f in zip(DEPTHS, FORCES, strict=True))
     curve = read(text)
     np.testing.assert_allclose(curve.z, DEPTHS, **DIGITS)
-    assert curve.delta is None and curve.notes == ("z decreases towards the body: its sign is reversed",)
+    assert curve.delta is None and curve.notes == (
+        "z decreases towards the body: its sign is reversed",
+    )
     height = read(text.replace("z,force", "height,force"))
     np.testing.assert_allclose(height.z, DEPTHS, **DIGITS)
     assert not height.notes

@@ -697,7 +697,9 @@ class TestCompare:
             tmp_path, "1,0.1,2,0.5\n2,0.2,3,0.6\n", "2,0.2,3.000001,0.6\n1,0.1,2,0.5\n"
         )
         same.check()
-        assert same.row_keys == (1, 2) and same.max_relative_difference["force"] == pytest.approx(3.3e-7, rel=0.1)
+        assert same.row_keys == (1, 2) and same.max_relative_difference["force"] == pytest.approx(
+            3.3e-7, rel=0.1
+        )
 
     @pytest.mark.parametrize(
         "units", [{"length": "um", "force": "N"}, {"length": "mm", "force": "mN"}]
