@@ -20,7 +20,7 @@ from mesh_files import block, write
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP
 
 from indent_sim.config.scene_file import config_from_mapping, to_yaml
-from indent_sim.results.xdmf import read_fields
+from indent_sim.results.field_reader import read_fields
 
 # Round-off: sums in another order and another elimination order, seen through a matrix whose
 # condition is below 1e6
