@@ -12,7 +12,8 @@ from indent_sim.fe.terms.contact.active_set import NodalContact
 from indent_sim.fe.terms.contact.friction import Friction
 from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.contact.viscous_regularization import ViscousRegularization
-from indent_sim.fe.terms.flow import ContactSeal, Flow
+from indent_sim.fe.terms.contact_seal import ContactSeal
+from indent_sim.fe.terms.flow import Flow
 from indent_sim.fe.terms.strain_energy import StrainEnergy, pressure_fields
 from indent_sim.fe.terms.surface_tension import SurfaceTension
 from indent_sim.fe.terms.term import Term

@@ -125,7 +125,7 @@ class Term:
         return 0.0
 
     def side_force(self, axis: int) -> float:
-        """Force on the tip along a horizontal axis [force], this rank's part in the model domain."""
+        """Horizontal force on the tip along an axis [force], this rank's part."""
         return 0.0
 
     def reactions(self) -> dict[SurfaceComponent, float]:

@@ -110,7 +110,7 @@ class NodalContact(Term):
         return pressure_shape_functions(points)[:, : self.lam_dofs.shape[1]]
 
     def _evaluate_gap(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Gap (facets, points), dg/dx (.., dim) and d2g/dx2 (.., dim, dim) at the current solution."""
+        """Gap (facets, points), dg/dx (.., dim) and d2g/dx2 (.., dim, dim) of the current state."""
         dim = self.body.body_mesh.dim
         values = self._gap_values()
         return (

@@ -83,7 +83,7 @@ class SurfaceMultiplier:
         return self._trace.interpolate(nodal[..., None], points)[..., 0]
 
     def set_nodal_values(self, nodal: np.ndarray) -> None:
-        """Set the nodal values (facets, nodes), averaged at shared nodes [pressure] (collective)."""
+        """Set values (facets, nodes), averaged at shared nodes [pressure] (collective)."""
         total, count = (
             sum_nodal_contributions(self.vector, self._node_dofs, values)
             for values in (nodal, np.ones_like(nodal))

@@ -116,7 +116,7 @@ class Traction(Term):
         self.symbolic_law.stiffness.value = factor * self.law.stiffness  # type: ignore[union-attr]
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
-        """The multiplier (facets, points) at points of the reference facet [pressure] (collective)."""
+        """Multiplier (facets, points) at points of the reference facet [pressure] (collective)."""
         return self._projected_multiplier().values_at_points(points)
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from indent_sim.fe.terms.term import Term
 
 
 class ViscousRegularization(Term):
-    """Virtual work int drag (u - u_start) . v dGamma, drag in pressure/length; off while it is 0."""
+    """Virtual work int drag (u - u_start) . v dGamma of a surface drag [pressure/length]."""
 
     def __init__(self, body: Body):
         self._body = body
