@@ -21,9 +21,10 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import Body, TimeLevel
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.time_integration import Stage, sdirk2_stages
+from indent_sim.fe.unknowns import TimeLevel
 from indent_sim.mesh.reactions import SurfaceComponent
 from indent_sim.model.units import round_length
 

@@ -27,10 +27,12 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import Body, Field, TimeLevel, symbolic_copy
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.surface import barycentric, facet_nodes
+from indent_sim.fe.symbolic_constants import symbolic_copy
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.time_integration import Stage
+from indent_sim.fe.unknowns import Field, TimeLevel
 from indent_sim.mesh.model_domain import Region
 from indent_sim.scene.scene import Scene
 

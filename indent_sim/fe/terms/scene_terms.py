@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from indent_sim.fe.discrete_body import Body, Field
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.terms import flow
 from indent_sim.fe.terms.contact import active_set, friction, traction
 from indent_sim.fe.terms.contact.active_set import NodalContact
@@ -19,6 +19,7 @@ from indent_sim.fe.terms.surface_tension import SurfaceTension
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.viscoelasticity import ViscoelasticStrainEnergy
 from indent_sim.fe.terms.weak_roller import WeakRollerBC
+from indent_sim.fe.unknowns import Field
 from indent_sim.scene.scene import Scene
 
 

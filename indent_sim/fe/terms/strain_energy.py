@@ -11,17 +11,12 @@ from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import (
-    DISPLACEMENT_ORDER,
-    VOLUME_DEGREE,
-    Body,
-    Field,
-    TimeLevel,
-    symbolic_copy,
-)
+from indent_sim.fe.discrete_body import VOLUME_DEGREE, Body
+from indent_sim.fe.symbolic_constants import symbolic_copy
 from indent_sim.fe.terms.inverted_elements import InvertedElements
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.variation import variations
+from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field, TimeLevel
 from indent_sim.mesh.model_domain import Region
 from indent_sim.model.materials import Material
 from indent_sim.scene.scene import Scene

@@ -15,8 +15,8 @@ import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
-from indent_sim.fe.discrete_body import TimeLevel
 from indent_sim.fe.terms.time_integration import Stage
+from indent_sim.fe.unknowns import TimeLevel
 from indent_sim.mesh.reactions import SurfaceComponent
 
 

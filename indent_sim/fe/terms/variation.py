@@ -13,7 +13,7 @@ from __future__ import annotations
 import ufl
 from ufl.classes import Coefficient, Expr, Variable
 
-from indent_sim.fe.discrete_body import TimeLevel
+from indent_sim.fe.unknowns import TimeLevel
 
 
 def variations(psi: Expr, now: TimeLevel) -> tuple[Expr, Expr]:

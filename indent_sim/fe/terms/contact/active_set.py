@@ -20,7 +20,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from indent_sim.fe.discrete_body import DISPLACEMENT_ORDER, Body, Field, TimeLevel
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.nodal_assembly import sum_nodal_contributions
 from indent_sim.fe.surface import (
     FacetValues,
@@ -32,6 +32,7 @@ from indent_sim.fe.surface import (
 from indent_sim.fe.terms.contact.gap import Gap
 from indent_sim.fe.terms.contact.multiplier import multiplier_field
 from indent_sim.fe.terms.term import Term
+from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field, TimeLevel
 from indent_sim.scene.scene import Scene
 
 # Number of active sets that may recur before the nodes change one by one; a nonlinear body may

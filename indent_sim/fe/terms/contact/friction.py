@@ -36,12 +36,13 @@ from dolfinx import fem
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
-from indent_sim.fe.discrete_body import DISPLACEMENT_ORDER, Body, Field, TimeLevel, components
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.surface import FacetValues, contact_quadrature, facet_nodes
 from indent_sim.fe.terms.contact.gap import Gap
 from indent_sim.fe.terms.contact.multiplier import stiffness_scale
 from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.term import Term
+from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field, TimeLevel, components
 from indent_sim.model.algebra import maximum, where_less
 from indent_sim.model.contact import (
     CoulombPoint,

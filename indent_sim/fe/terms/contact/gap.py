@@ -7,7 +7,9 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from indent_sim.fe.discrete_body import Body, TimeLevel, symbolic_copy
+from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.symbolic_constants import symbolic_copy
+from indent_sim.fe.unknowns import TimeLevel
 from indent_sim.model.tips import gap_current, gap_reference
 
 

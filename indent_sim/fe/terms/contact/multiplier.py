@@ -7,9 +7,10 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import DISPLACEMENT_ORDER, Body, Field
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.nodal_assembly import sum_nodal_contributions
 from indent_sim.fe.surface import facet_nodes, interpolate_from_midpoints
+from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field
 from indent_sim.scene.scene import Scene
 
 

@@ -14,12 +14,14 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from indent_sim.fe.discrete_body import DISPLACEMENT_ORDER, Body, Field, TimeLevel, symbolic_copy
+from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.symbolic_constants import symbolic_copy
 from indent_sim.fe.terms.contact.gap import Gap
 from indent_sim.fe.terms.contact.multiplier import SurfaceMultiplier, multiplier_field
 from indent_sim.fe.terms.contact.projection import PressureProjection
 from indent_sim.fe.terms.strain_energy import StrainEnergy
 from indent_sim.fe.terms.term import Term
+from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field, TimeLevel
 from indent_sim.scene.scene import Scene
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import ufl
 from dolfinx import fem
 
-from indent_sim.fe.discrete_body import Body, TimeLevel
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.terms.term import Term
+from indent_sim.fe.unknowns import TimeLevel
 
 
 class ViscousRegularization(Term):
