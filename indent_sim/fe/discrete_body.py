@@ -20,8 +20,10 @@ from indent_sim.fe.constraints import (
     support_and_pin_dofs,
     zero_bc,
 )
+from indent_sim.fe.facet_values import facet_nodes
 from indent_sim.fe.mesh import BodyMesh
-from indent_sim.fe.surface import QUADRATURE_DEGREE, Trace, facet_nodes
+from indent_sim.fe.quadrature import QUADRATURE_DEGREE
+from indent_sim.fe.surface import Trace
 from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field, TimeLevel, Unknowns
 from indent_sim.mesh.model_domain import Region
 from indent_sim.scene.scene import Scene
@@ -144,7 +146,7 @@ class Body:
         )
 
     def region_integral(self, density: Expr, region: Region) -> ufl.Form:
-        """Integral of a density over a region, a UFL form; axisymmetric bodies have the weight 2 pi r."""
+        """Integral of a density over a region, a UFL form, with 2 pi r if axisymmetric."""
         return density * self.weight * self.region_measure(region)
 
     def region_measure(self, region: Region) -> ufl.Measure:

@@ -10,7 +10,8 @@ import numpy as np
 from mpi4py import MPI
 
 from indent_sim.fe.postprocessing.roughness import build_patches, roughness
-from indent_sim.fe.surface import Trace, contact_quadrature, evaluation_points, facet_lattice
+from indent_sim.fe.quadrature import contact_quadrature, evaluation_points, facet_lattice
+from indent_sim.fe.surface import Trace
 from indent_sim.model.state import Surface
 from indent_sim.model.tips import gap_current, gap_reference, gap_under_tip
 from indent_sim.scene.scene import Scene

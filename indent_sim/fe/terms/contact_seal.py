@@ -14,8 +14,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.facet_values import cell_heights, facet_nodes
 from indent_sim.fe.nodal_assembly import sum_nodal_contributions
-from indent_sim.fe.surface import cell_heights, facet_nodes
 from indent_sim.fe.terms.flow import FIELD_NAME
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.time_integration import SDIRK2_GAMMA, Stage

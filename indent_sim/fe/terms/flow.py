@@ -28,7 +28,8 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.surface import barycentric, facet_nodes
+from indent_sim.fe.facet_values import facet_nodes
+from indent_sim.fe.shape_functions import barycentric
 from indent_sim.fe.symbolic_constants import symbolic_copy
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.time_integration import Stage

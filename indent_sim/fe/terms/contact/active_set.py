@@ -21,14 +21,10 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.facet_values import FacetValues, facet_nodes
 from indent_sim.fe.nodal_assembly import sum_nodal_contributions
-from indent_sim.fe.surface import (
-    FacetValues,
-    facet_nodes,
-    pressure_shape_functions,
-    shape_functions,
-    split_quadrature,
-)
+from indent_sim.fe.quadrature import split_quadrature
+from indent_sim.fe.shape_functions import pressure_shape_functions, shape_functions
 from indent_sim.fe.terms.contact.gap import Gap
 from indent_sim.fe.terms.contact.multiplier import multiplier_field
 from indent_sim.fe.terms.term import Term

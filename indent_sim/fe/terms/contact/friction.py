@@ -37,7 +37,8 @@ from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.surface import FacetValues, contact_quadrature, facet_nodes
+from indent_sim.fe.facet_values import FacetValues, facet_nodes
+from indent_sim.fe.quadrature import contact_quadrature
 from indent_sim.fe.terms.contact.gap import Gap
 from indent_sim.fe.terms.contact.multiplier import stiffness_scale
 from indent_sim.fe.terms.contact.traction import Traction

@@ -8,8 +8,9 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.facet_values import facet_nodes
 from indent_sim.fe.nodal_assembly import sum_nodal_contributions
-from indent_sim.fe.surface import facet_nodes, interpolate_from_midpoints
+from indent_sim.fe.shape_functions import interpolate_from_midpoints
 from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field
 from indent_sim.scene.scene import Scene
 
