@@ -13,7 +13,7 @@ import ufl
 from dolfinx import fem
 
 from indent_sim.fe import compat
-from indent_sim.fe.postprocessing import measurements
+from indent_sim.fe.postprocessing import contact_sample
 from indent_sim.fe.postprocessing.nodal_stress import NodalStress, total_stress
 from indent_sim.model.materials import Gel
 
@@ -184,8 +184,8 @@ class Fields:
         node[self._vertex_dofs] = np.asarray(body.mesh.geometry.input_global_indices)[
             compat.geometry_dofs(body.mesh)
         ]
-        tractions = measurements.tractions(
-            body, measurements.sample_contact(body, corners), corners
+        tractions = contact_sample.tractions(
+            body, contact_sample.sample_contact(body, corners), corners
         )
         return node[body.trace.nodes[:, :dim]].ravel(), tractions.reshape(-1, tractions.shape[-1])
 
