@@ -48,7 +48,7 @@ Element = Any
 if DOLFINX_VERSION >= (0, 8):
     import basix.ufl
 
-# UFL sorts the constants of a sum or product by their numbers as text, so that 10 precedes 9. If all
+# UFL sorts the constants of a sum or product by their numbers as text; 10 then precedes 9. If all
 # numbers have the same number of digits, the order is that of their creation, whatever the process
 # has created before. Each kernel is then compiled only once, and all runs are bit-equal.
 FIRST_CONSTANT_NUMBER = 10**9

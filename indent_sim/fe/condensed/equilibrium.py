@@ -16,7 +16,7 @@ from indent_sim.fe.condensed.flat_punches import punches
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.path.equilibrium import Equilibrium, SolverStatistics, state_reactions
 from indent_sim.fe.postprocessing import measurements, penetration
-from indent_sim.fe.postprocessing.fields import WholeBody
+from indent_sim.fe.postprocessing.whole_body import WholeBody
 from indent_sim.fe.solve.extrapolation import lagrange_weights, predict_trial_pressure
 from indent_sim.scene.cost import MAX_CANDIDATES
 from indent_sim.scene.scene import Scene

@@ -14,7 +14,7 @@ from mpi4py import MPI
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.path.equilibrium import SolverStatistics, state_reactions
 from indent_sim.fe.postprocessing import contact_sample, measurements, penetration
-from indent_sim.fe.postprocessing.fields import WholeBody
+from indent_sim.fe.postprocessing.whole_body import WholeBody
 from indent_sim.fe.problem import Problem, Snapshot
 from indent_sim.fe.solve.contact_algorithms import contact_algorithm, dynamic_relaxation
 from indent_sim.fe.solve.dof_numbering import DofNumbering
