@@ -198,8 +198,8 @@ def _area_ratio(
     )
     if body.scene.physics.domain.kinematics.name != "axisymmetric":
         return area_after / area_before
-    # On the axis u_r/r tends to du_r/dr, so that both stretches of the surface are equal; r is not
-    # 0 there but round-off
+    # The limit of u_r/r on the axis is du_r/dr, so that both stretches of the surface are equal; r
+    # is round-off there and not exactly 0
     radius = X[..., 0]
     is_off_axis = radius > 1e-9 * area_before
     hoop_stretch = np.where(

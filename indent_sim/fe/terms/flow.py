@@ -45,12 +45,11 @@ def fields(scene: Scene) -> list[Field]:
 
     Its residual is a fluid volume, which is weighted with the largest Young's modulus.
     """
+    regions = scene.physics.permeable_regions
+    if not regions:
+        return []
     stiffest_E = max(region.material.constants.E for region in scene.physics.domain.regions)
-    return (
-        [Field(FIELD_NAME, 1, domain=regions, weight=stiffest_E)]
-        if (regions := scene.physics.permeable_regions)
-        else []
-    )
+    return [Field(FIELD_NAME, 1, domain=regions, weight=stiffest_E)]
 
 
 class Flow(Term):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage of a time step: backward Euler from an initial value y_start.
+    """A stage of a time step: backward Euler from an initial value y_start.
 
     With y_n the value accepted last and y_1 the result of the first stage,
 
@@ -31,7 +31,7 @@ class Stage:
     extrapolation_factor: float = 0.0
 
 
-# With this coefficient SDIRK2 is L-stable and of second order (Alexander 1977)
+# SDIRK2 is L-stable and of second order with this coefficient (Alexander 1977)
 SDIRK2_GAMMA = 1 - 0.5**0.5
 
 

@@ -21,8 +21,9 @@ def overlap(tip: Indenter, depth: float, places: np.ndarray, heights: np.ndarray
     """Of the straight facets between these nodes of a surface, the apex `depth` below z = 0."""
     nodes = np.stack([places, heights], axis=-1)
     x = np.moveaxis(nodes[:-1] + ALONG[..., None] * np.diff(nodes, axis=0), 0, 1)
-    part, body = SimpleNamespace(kinematics=PlaneStrain()), SimpleNamespace(height=2.0)
-    physics = SimpleNamespace(gap="current", indenter=tip, center=(0.0,), part=part, body=body)
+    domain = SimpleNamespace(kinematics=PlaneStrain())
+    body = SimpleNamespace(height=2.0)
+    physics = SimpleNamespace(gap="current", indenter=tip, center=(0.0,), domain=domain, body=body)
     scene = SimpleNamespace(physics=physics)
     with np.errstate(invalid="ignore"):  # 0/0 at a sharp apex, in the branch not taken
         gap = gap_current(tip, x[..., 0], 0.0 * x[..., 0], x[..., 1], depth)

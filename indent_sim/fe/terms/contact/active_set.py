@@ -56,7 +56,7 @@ class NodalContact(Term):
     def __init__(self, body: Body):
         self.body = body
         scene = body.scene
-        # c [pressure/length]
+        # The factor c of the active set [pressure/length]
         self._complementarity_factor = scene.physics.material.E_star / scene.sizes.h_contact
         facets = body.body_mesh.surfaces["top"]
         gap = Gap(body, body.now)
@@ -152,7 +152,7 @@ class NodalContact(Term):
         weights = self._weights
         p_h = self.nodal_pressures() @ self._psi.T
         coupling = -np.einsum("fp,fpd,pn,pm->fndm", weights, normal, self._N, self._psi)
-        # Not -1 in `reshape`: a rank may have no facet, and numpy cannot infer a size then
+        # A rank may have no facet, and numpy cannot infer a size with -1 in `reshape` then
         size = int(np.prod(self._u_dofs.shape[1:]))
         coupling = coupling.reshape(len(coupling), size, self._psi.shape[1])
         mass = -self._nodal_areas / self._complementarity_factor

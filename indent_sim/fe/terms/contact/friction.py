@@ -143,7 +143,7 @@ class Friction(Term):
             for axis in range(vertical)
         ]
         self._side_force_forms = [fem.form(body.contact_integral(push)) for push in side_tractions]
-        # With a reference gap the tangents are horizontal, and friction has no vertical force
+        # The tangents of a reference gap are horizontal, so that friction has no vertical force
         is_reference_gap = body.scene.physics.gap == "reference"
         self._vertical_force_form = (
             None
