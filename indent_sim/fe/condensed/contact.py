@@ -24,18 +24,18 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import SuperLU, splu
 
-from indent_sim.fe import surface
 from indent_sim.fe.condensed.compliance import Compliance
 from indent_sim.fe.condensed.friction import NODAL_FORCE_TOLERANCE, CondensedFriction
-from indent_sim.fe.solve import uzawa
-from indent_sim.fe.solve.newton import stiffness_continuation
-from indent_sim.fe.solve.slip_reference import solve_with_slip_reference
-from indent_sim.fe.surface import (
-    Trace,
-    contact_quadrature,
+from indent_sim.fe.quadrature import contact_quadrature, split_quadrature
+from indent_sim.fe.shape_functions import (
+    interpolate_from_midpoints,
     pressure_shape_functions,
     shape_functions,
 )
+from indent_sim.fe.solve import uzawa
+from indent_sim.fe.solve.newton import stiffness_continuation
+from indent_sim.fe.solve.slip_reference import solve_with_slip_reference
+from indent_sim.fe.surface import Trace
 from indent_sim.scene.scene import Scene
 
 # of the nodal forces of the states before: less is none, as under a punch back where it began
@@ -339,7 +339,7 @@ class CondensedContact:
         """Nodes with an area; forces per nodal pressure Q, weighted heights, areas, compliance of
         weighted gaps.
         """
-        points, weights = surface.split_quadrature(self.compliance.trace.dim)
+        points, weights = split_quadrature(self.compliance.trace.dim)
         W, height = self.quadrature_rule(points, weights)
         N = shape_functions(points)
         psi = pressure_shape_functions(points)
@@ -553,7 +553,7 @@ class CondensedState:
         if self.scene.physics.contact.multiplier == "nodal" or not self.trace.has_ripples:
             return lam
         pressure = lam.copy()
-        pressure[nodes] = surface.interpolate_from_midpoints(
+        pressure[nodes] = interpolate_from_midpoints(
             lam[nodes], lambda v: np.bincount(nodes.ravel(), v.ravel())[nodes]
         )
         return pressure

@@ -21,7 +21,8 @@ from indent_sim.fe.path.pull_off import (
     force_ripple,
 )
 from indent_sim.fe.path.step_size_control import LoadPoint, LoadSegment, StepSizeControl
-from indent_sim.fe.postprocessing import measurements
+from indent_sim.fe.postprocessing.contact_sample import smallest_gap
+from indent_sim.fe.postprocessing.surface_table import surface_table
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import PullOff, State
 
@@ -398,9 +399,7 @@ class LoadStepper:
                 "substeps": substeps,
                 "krylov_iterations": effort.krylov,
             }
-            surface = (
-                measurements.surface_table(body.observed_body) if wants_surface(step) else None
-            )
+            surface = surface_table(body.observed_body) if wants_surface(step) else None
             if path.control == "force":
                 self._points = self._drop_tried_points(self._search_points)
             dissipated = self._last_point.dissipation - self._row_point.dissipation
@@ -457,7 +456,7 @@ class LoadStepper:
             reached_depth = self._step_to_depth(depth_before - lift)[1]
             if reached_depth != lifted_depth:
                 return False
-            gap = measurements.smallest_gap(self.equilibrium.observed_body)
+            gap = smallest_gap(self.equilibrium.observed_body)
             if gap > 0 and gap >= lift * (1 - 1 / CLEARANCE_FACTOR):
                 touch = LoadPoint(lifted_depth + gap - TOUCH_GAP * height, self._search_time)
                 self._last_rise, substeps = abs(touch.delta - depth_before), self._step_to(touch)
