@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 from indent_sim.config.scene_file import SceneInput, is_study
 from indent_sim.process.errors import UsageError
 from indent_sim.results import compare as comparisons
-from indent_sim.results import folder, reader
-from indent_sim.results.folder import Report
+from indent_sim.results import reader, result_files
+from indent_sim.results.json_text import json_data
 from indent_sim.results.reader import Results
-from indent_sim.results.writer import json_data
+from indent_sim.results.result_files import Report
 from indent_sim.run import sensitivities as derivatives
 from indent_sim.run.pipeline import config_of
 from indent_sim.run.planned_run import plan_with_cost
@@ -49,7 +49,7 @@ def read(path: str | Path) -> Results | Study:
     """
     return (
         run_study.read_study(Path(path))
-        if folder.folder_kind(Path(path)) == "study"
+        if result_files.folder_kind(Path(path)) == "study"
         else reader.read(path)
     )
 
@@ -152,7 +152,7 @@ def plot(
             problem = f"a study is drawn as curves, or as one of {', '.join(small_multiples.PLOTTED_COLUMNS)}"
             raise UsageError(f"{problem}: give one of its runs for other panels")
         curve_groups = curve_table.group_folder_curves(
-            shown.directory / folder.RUNS, shown.rows, shown.keys
+            shown.directory / result_files.RUNS, shown.rows, shown.keys
         )
         if not curve_groups.curves:
             raise UsageError(f"{shown.directory} has no run that is done")

@@ -140,7 +140,7 @@ def report_failure(error: BaseException) -> int:
 
 def print_json(value: Any) -> None:
     """Print as JSON to stdout."""
-    from indent_sim.results.writer import to_json
+    from indent_sim.results.json_text import to_json
 
     print_stdout(to_json(value))
 
@@ -822,8 +822,8 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
     one side by side, spread over the path.
     """
     from indent_sim.results import reader
-    from indent_sim.results.folder import folder_kind
     from indent_sim.results.pictures import figures, panels
+    from indent_sim.results.result_files import folder_kind
 
     options = {name: value for name, value in wish.items() if value}
     if any(path.is_dir() and folder_kind(path) == "study" for path in paths):
@@ -850,8 +850,8 @@ STUDY_PLOT_OPTIONS = ("what", "dpi")  # options of a picture that one of a study
 
 def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, Any]) -> None:
     """Draw the curves of a study, or a column of its table over what varies."""
-    from indent_sim.results.folder import RUNS
     from indent_sim.results.pictures import figures
+    from indent_sim.results.result_files import RUNS
     from indent_sim.studies import curve_table, small_multiples, study_picture, study_report
 
     if len(paths) > 1:
@@ -888,7 +888,7 @@ def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, A
 
 def _write_tab(runs: list[Results], options: dict[str, Any], output: Path) -> None:
     """Write the force curve of a result as a .tab file."""
-    from indent_sim.results.folder import write_atomically
+    from indent_sim.results.atomic_files import write_atomically
     from indent_sim.results.measured.tab_file import tab_text
 
     if options or len(runs) > 1:
@@ -917,31 +917,31 @@ def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> N
     """Write one HTML file about a result, a study or a fit: scene, pictures, errors, provenance.
     Prints its path.
     """
-    from indent_sim.results import html_report as reports
-    from indent_sim.results.folder import is_own_file
+    from indent_sim.results import html_report, research_crate
+    from indent_sim.results.result_files import is_own_file
 
     if not folder.is_dir():
         raise UsageError(f"{folder} is no folder of a result, a study or a fit")
     if output is None:
-        output = folder / reports.REPORT_FILE
+        output = folder / html_report.REPORT_FILE
         if os.path.lexists(output) and not is_own_file(output):
             raise UsageError(
                 f"{output} is there already and no report of indent-sim",
                 "choose another name: --output",
             )
-    if output.suffix.lower() not in reports.REPORT_FORMATS:
-        raise UsageError(f"{output}: a report ends in {', '.join(reports.REPORT_FORMATS)}")
+    if output.suffix.lower() not in html_report.REPORT_FORMATS:
+        raise UsageError(f"{output}: a report ends in {', '.join(html_report.REPORT_FORMATS)}")
     if beside:
-        reports.refuse_foreign_crate(folder)
-    reports.write(_report_page(folder), output)
+        research_crate.refuse_foreign_crate(folder)
+    html_report.write(_report_page(folder), output)
     if beside:
-        reports.write_crate(folder, _own_file_names(folder))
+        research_crate.write_crate(folder, _own_file_names(folder))
     print_stdout(str(output))
 
 
 def _own_file_names(folder: Path) -> Sequence[str]:
     """Names of what this program writes into a folder of this kind."""
-    from indent_sim.results.folder import FIELDS_FOLDER, RESULT_FILES, folder_kind
+    from indent_sim.results.result_files import FIELDS_FOLDER, RESULT_FILES, folder_kind
 
     match folder_kind(folder):
         case "study":
@@ -957,8 +957,8 @@ def _own_file_names(folder: Path) -> Sequence[str]:
 
 def _report_page(folder: Path) -> str:
     """The report of what a folder holds."""
-    from indent_sim.results import html_report as reports
-    from indent_sim.results.folder import folder_kind
+    from indent_sim.results import run_report
+    from indent_sim.results.result_files import folder_kind
 
     match folder_kind(folder):
         case "study":
@@ -969,7 +969,7 @@ def _report_page(folder: Path) -> str:
             from indent_sim.fitting.fit_report import fit_page
 
             return fit_page(folder)
-    return reports.run_page(folder)
+    return run_report.run_page(folder)
 
 
 @program.command()
@@ -986,8 +986,8 @@ def init(kind: str, output: Path | None) -> None:
     from importlib.resources import files
 
     from indent_sim.config.json_schema import json_schema
-    from indent_sim.results.folder import write_atomically
-    from indent_sim.results.writer import to_json
+    from indent_sim.results.atomic_files import write_atomically
+    from indent_sim.results.json_text import to_json
 
     output = output or Path(f"{kind}.yaml")
     if os.path.lexists(output):
@@ -1188,7 +1188,7 @@ class StderrHandler(logging.Handler):
 
 def _report_kept_rows(directory: Path, end: BaseException) -> None:
     """Where the rows of a run that failed are, and that a finished one is still there."""
-    from indent_sim.results.folder import read_report
+    from indent_sim.results.result_files import read_report
 
     report = read_report(directory)
     if report.get("status") == "done":
@@ -1201,8 +1201,8 @@ def _report_kept_rows(directory: Path, end: BaseException) -> None:
 
 
 def _print_conclusion(outcome: Outcome, form: OutputFormat, told: Verbosity) -> None:
-    from indent_sim.results.folder import read_report
     from indent_sim.results.reader import has_reactions, rows_of
+    from indent_sim.results.result_files import read_report
 
     if form == "json":
         report_entries = read_report(outcome.directory)  # with the entries of the writer

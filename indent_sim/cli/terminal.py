@@ -525,8 +525,8 @@ def _error_estimate_lines(outcome: Outcome) -> list[str]:
 
 def _computed_quantity_name(report: Report, theory: Report) -> str:
     """What theory was asked for, in words; of a strip the force is one per length."""
+    from indent_sim.results.json_text import json_data
     from indent_sim.results.pictures.axes import plan_choice
-    from indent_sim.results.writer import json_data
 
     _, computed = _prescribed_and_computed(theory)
     is_flat = (

@@ -1,1 +1,1 @@
-"""How a scene is solved: the only room that imports dolfinx and petsc4py."""
+"""Finite-element solution of a scene: the only package that imports dolfinx and petsc4py."""

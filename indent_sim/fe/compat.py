@@ -1,4 +1,4 @@
-"""What differs between dolfinx 0.5 and later; the only file that knows a version."""
+"""Compatibility with dolfinx 0.5 and later: the only module that depends on its version."""
 
 from __future__ import annotations
 
@@ -37,20 +37,21 @@ from ufl.corealg.multifunction import MultiFunction
 
 DOLFINX_VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 CELL_NAMES = {2: "triangle", 3: "tetrahedron"}
-FIRST_CONSTANT_NUMBER = 10**9
-# PETSc 3.25 has another name for it, and keeps the number
+# PETSc 3.25 renames this reason
 _REASONS = PETSc.SNES.ConvergedReason
 SNES_RESIDUAL_NOT_FINITE = (
     getattr(_REASONS, "DIVERGED_FUNCTION_NANORINF", None) or _REASONS.DIVERGED_FNORM_NAN
 )
-Element = Any  # of basix or of UFL
+# An element of Basix or of UFL, by version
+Element = Any
 
 if DOLFINX_VERSION >= (0, 8):
     import basix.ufl
 
-# UFL orders the constants of a sum or product by the text of their running numbers, and there 10
-# comes before 9. With as many digits in all of them the order is that of their making, whatever
-# this process has made before: one kernel, compiled once, and the same bits in every run.
+# UFL sorts the constants of a sum or product by their numbers as text; 10 then precedes 9. If all
+# numbers have the same number of digits, the order is that of their creation, whatever the process
+# has created before. Each kernel is then compiled only once, and all runs are bit-equal.
+FIRST_CONSTANT_NUMBER = 10**9
 if hasattr(ufl.Constant, "_globalcount"):
     ufl.Constant._globalcount = FIRST_CONSTANT_NUMBER
 else:
@@ -58,8 +59,9 @@ else:
 
 
 def read_settings() -> Path:
-    """Have dolfinx and FFCx look for their settings files, which each does once; returns the folder
-    of kernels.
+    """Make dolfinx and FFCx read their settings files, and return the folder of kernels.
+
+    Each of them reads its file only once.
     """
     name = "options" if DOLFINX_VERSION >= (0, 7) else "parameters"
     options = getattr(dolfinx.jit, f"get_{name}")()
@@ -68,7 +70,7 @@ def read_settings() -> Path:
 
 
 def lagrange_element(dim: int, order: int, components: int = 1) -> Element:
-    """Continuous Lagrange element on simplices, scalar or with several `components`."""
+    """Continuous Lagrange element of an order on simplices, scalar or with several components."""
     if DOLFINX_VERSION >= (0, 8):
         return basix.ufl.element(
             "Lagrange", CELL_NAMES[dim], order, shape=(components,) if components > 1 else ()
@@ -79,9 +81,7 @@ def lagrange_element(dim: int, order: int, components: int = 1) -> Element:
 
 
 def quadrature_element(dim: int, degree: int, components: int) -> Element:
-    """Values at the points of a quadrature rule on simplices, of several `components`, and nowhere
-    else.
-    """
+    """Element with values of several components at the points of a quadrature rule on simplices."""
     if DOLFINX_VERSION >= (0, 8):
         return basix.ufl.quadrature_element(
             CELL_NAMES[dim], value_shape=(components,), degree=degree
@@ -92,14 +92,14 @@ def quadrature_element(dim: int, degree: int, components: int) -> Element:
 
 
 def cellwise_element(dim: int, components: int) -> Element:
-    """One value in each cell, of several `components`."""
+    """Element with one value of several components in each cell."""
     if DOLFINX_VERSION >= (0, 8):
         return basix.ufl.element("DG", CELL_NAMES[dim], 0, shape=(components,))
     return ufl.VectorElement("DG", CELL_NAMES[dim], 0, dim=components)
 
 
 def mixed_element(*elements: Element) -> Element:
-    """Several elements side by side."""
+    """Mixed element of several elements."""
     return (
         basix.ufl.mixed_element(list(elements))
         if DOLFINX_VERSION >= (0, 8)
@@ -117,8 +117,10 @@ def function_space(mesh: Mesh, element: Element) -> fem.FunctionSpace:
 
 
 def _coordinate_element(dim: int, order: int) -> Element:
-    """Of a mesh's points; FFCx before 0.7 would set the variant once it compiles, and name later
-    kernels otherwise.
+    """Vector element of a mesh's geometry.
+
+    FFCx before 0.7 sets the variant of the element when it compiles the first kernel, which changes
+    the names of later kernels; so it is set here.
     """
     if DOLFINX_VERSION >= (0, 8):
         return lagrange_element(dim, order, dim)
@@ -126,13 +128,24 @@ def _coordinate_element(dim: int, order: int) -> Element:
 
 
 def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int) -> Mesh:
-    """Distribute a simplex mesh, of which each rank has some rows of points and cells, without
-    ghost cells. cells: by their corners, or with the middles of their edges after them, each
-    opposite to a corner in turn.
+    """Create a distributed simplex mesh without ghost cells (collective).
+
+    Parameters
+    ----------
+    comm : MPI.Comm
+        Communicator.
+    cells : ndarray of int, (n, corners) or (n, corners + edges)
+        Some of the cells, by their corners, optionally followed by the midpoints of their edges,
+        each opposite to a corner in turn.
+    points : ndarray, (m, dim)
+        Some of the points [length].
+    dim : int
+        Dimension.
     """
     domain = ufl.Mesh(_coordinate_element(dim, 1 if cells.shape[1] == dim + 1 else 2))
     ghosts = dolfinx.mesh.GhostMode.none
-    if DOLFINX_VERSION < (0, 6):  # an array would be tried first, and refused with its text, 0.02 s
+    if DOLFINX_VERSION < (0, 6):
+        # An array would be tried first and formatted into an error message, which takes 0.02 s
         table = dolfinx.cpp.graph.AdjacencyList_int64(np.asarray(cells, dtype=np.int64))
         return dolfinx.mesh.create_mesh(comm, table, points, domain, ghost_mode=ghosts)
     partitioner = dolfinx.mesh.create_cell_partitioner(ghosts)
@@ -141,32 +154,28 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int)
 
 
 def zero_bc(dofs: np.ndarray, space: fem.FunctionSpace) -> fem.DirichletBC:
-    """The condition that dofs of a space are zero."""
-    if DOLFINX_VERSION < (
-        0,
-        6,
-    ):  # the space would be tried first, and refused with the text of all dofs, 0.01 s
+    """Dirichlet condition that dofs of a space are zero."""
+    if DOLFINX_VERSION < (0, 6):
+        # A Python space would be tried first, and all dofs formatted into an error message (0.01 s)
         space = space._cpp_object
     return fem.dirichletbc(PETSc.ScalarType(0), dofs.astype(np.int32), space)
 
 
 def cell_dofs(dofmap: Any) -> np.ndarray:
-    """All cell dofs of a dofmap (or geometry) as an array (cells, dofs per cell)."""
+    """Cell dofs of a dofmap, or points of a geometry, as an array (cells, dofs per cell)."""
     table = dofmap.list if hasattr(dofmap, "list") else dofmap
-    if hasattr(table, "array"):  # AdjacencyList
+    if hasattr(table, "array"):  # an AdjacencyList
         return np.asarray(table.array).reshape(table.num_nodes, -1)
     return np.asarray(table)
 
 
 def geometry_dofs(mesh: Mesh) -> np.ndarray:
-    """Geometry nodes at the corners of every local cell (cells, dim + 1)."""
+    """Geometry nodes (cells, dim + 1) at the corners of every local cell."""
     return cell_dofs(mesh.geometry.dofmap)[:, : mesh.topology.dim + 1]
 
 
 def exterior_facets(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """This rank's boundary facets (n,), ascending, and the points (n, dim) of the grid that are
-    their corners.
-    """
+    """Boundary facets of this rank (n,), ascending, and numbers (n, dim) of their grid points."""
     topology = mesh.topology
     dim = topology.dim
     topology.create_connectivity(dim, 0)
@@ -185,26 +194,24 @@ def exterior_facets(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def petsc_vector(function: fem.Function) -> PETSc.Vec:
-    """The PETSc vector behind a Function."""
+    """PETSc vector of a function."""
     return function.x.petsc_vec if hasattr(function.x, "petsc_vec") else function.vector
 
 
 def evaluate_expression(expression: fem.Expression, mesh: Mesh, cells: np.ndarray) -> np.ndarray:
-    """Values of an Expression at its points in each of the cells."""
+    """Values of an Expression at its points in each of the cells, as an array."""
     return np.asarray(
         expression.eval(cells) if DOLFINX_VERSION < (0, 7) else expression.eval(mesh, cells)
     )
 
 
 class _ComponentSimplifier(MultiFunction):
-    """Components of tensors where it is known which: [a, b, 0][1] is b, and multiples of [a, b,
-    0][2] vanish.
-    """
+    """Simplifies components of tensors: [a, b, 0][1] is b, and multiples of [a, b, 0][2] vanish."""
 
     expr = MultiFunction.reuse_if_untouched
 
     def indexed(self, expression: Expr, tensor: Expr, index: Expr) -> Expr:
-        """The component itself."""
+        """Return the component of a list tensor, component tensor or identity."""
         first, *rest = index
         if isinstance(tensor, ListTensor) and isinstance(first, FixedIndex):
             row = tensor.ufl_operands[int(first)]
@@ -222,14 +229,14 @@ class _ComponentSimplifier(MultiFunction):
         )
 
     def conditional(self, expression: Expr, condition: Expr, true: Expr, false: Expr) -> Expr:
-        """Zero where both branches are."""
+        """Return zero if both branches are zero."""
         if isinstance(true, Zero) and isinstance(false, Zero):
             return true
         return self.reuse_if_untouched(expression, condition, true, false)
 
 
 class _IndexReplacement(MultiFunction):
-    """Free indices replaced by others."""
+    """Replaces free indices by others."""
 
     expr = MultiFunction.reuse_if_untouched
 
@@ -238,11 +245,11 @@ class _IndexReplacement(MultiFunction):
         self._replacements = replacements
 
     def multi_index(self, index: MultiIndex) -> MultiIndex:
-        """The same indices, or those that stand for them."""
+        """Return the indices with their replacements."""
         return MultiIndex(tuple(self._replacements.get(i, i) for i in index))
 
     def zero(self, zero: Zero) -> Zero:
-        """Zero without the indices that are bound now."""
+        """Return zero without the replaced free indices."""
         pairs = zip(zero.ufl_free_indices, zero.ufl_index_dimensions, strict=True)
         bound = {index.count() for index in self._replacements}
         remaining = [(count, dim) for count, dim in pairs if count not in bound]
@@ -250,8 +257,10 @@ class _IndexReplacement(MultiFunction):
 
 
 def expand_derivatives(form: ufl.Form) -> ufl.Form:
-    """A form with its derivatives carried out, and no terms left that are zero because one field
-    alone is varied. UFL before 2023 keeps them, and FFCx then cannot compile a kernel.
+    """Evaluate the derivatives of a form, and remove terms that are zero.
+
+    Terms vanish if only one field is varied. UFL before 2023 keeps them, and FFCx then cannot
+    compile a kernel.
     """
     return map_integrand_dags(
         _ComponentSimplifier(), apply_derivatives(apply_algebra_lowering(form))
@@ -259,7 +268,7 @@ def expand_derivatives(form: ufl.Form) -> ufl.Form:
 
 
 def interpolation_matrix(coarse: fem.FunctionSpace, fine: fem.FunctionSpace) -> PETSc.Mat:
-    """The PETSc matrix that interpolates functions of a space in another one on the same mesh."""
+    """PETSc matrix that interpolates functions of a coarse space in a fine one on the same mesh."""
     if DOLFINX_VERSION >= (0, 8):
         matrix = fem_petsc.interpolation_matrix(coarse, fine)
     else:
@@ -269,7 +278,7 @@ def interpolation_matrix(coarse: fem.FunctionSpace, fine: fem.FunctionSpace) -> 
 
 
 def create_vector(form: fem.Form, space: fem.FunctionSpace) -> PETSc.Vec:
-    """A ghosted PETSc vector that the form assembles into."""
+    """Create a ghosted PETSc vector into which a form of a space is assembled."""
     return (
         fem_petsc.create_vector(space)
         if DOLFINX_VERSION >= (0, 10)
@@ -278,14 +287,15 @@ def create_vector(form: fem.Form, space: fem.FunctionSpace) -> PETSc.Vec:
 
 
 def quadrature_rule(cell: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, dim) and weights (n,) of a rule on the reference `interval` or `triangle`."""
+    """Points (n, dim) and weights (n,) of a quadrature rule on a reference cell, by its name."""
     points, weights = basix.make_quadrature(getattr(basix.CellType, cell), degree)
     return np.asarray(points).reshape(len(weights), -1), np.asarray(weights)
 
 
 def versions() -> dict[str, str]:
-    """Versions of the libraries that the numbers of a run depend on, gmsh's apart: it runs in a
-    process of its own.
+    """Versions of the libraries on which the results of a run depend.
+
+    The version of gmsh is not among them, because gmsh runs in another process.
     """
     petsc = ".".join(map(str, PETSc.Sys.getVersion()))
     mpi = MPI.Get_library_version().split(",")[0].strip()

@@ -1,6 +1,7 @@
-"""dolfinx is loaded here, in surroundings that it can bear: it reads the command line, the home
-folder and, from the working directory, settings that could have PETSc or the compiler run a
-command.
+"""Import of dolfinx in a controlled environment.
+
+dolfinx and PETSc read the command line, the home folder, and settings files in the working
+directory, which could make PETSc or the compiler run a command.
 """
 
 from __future__ import annotations
@@ -19,27 +20,29 @@ from types import ModuleType
 
 from indent_sim.process.errors import BackendError
 
-KERNEL_FOLDER = (
-    "fenics"  # dolfinx keeps its compiled kernels there, below XDG_CACHE_HOME [~/.cache]
-)
+# dolfinx keeps its compiled kernels in this folder of XDG_CACHE_HOME, by default ~/.cache
+KERNEL_FOLDER = "fenics"
 logger = logging.getLogger("indent_sim")
 
 
 def load_dolfinx() -> Path:
-    """Import dolfinx, which keeps compiled kernels in the folder that is returned; BackendError
-    when none will do.
+    """Import dolfinx and return the folder of its compiled kernels.
+
+    Raises
+    ------
+    BackendError
+        If no folder for compiled kernels is writable.
     """
     _choose_folders()
-    # its logger would take options from ours, and no odd file names
+    # The logger of dolfinx would read options from our command line
     arguments = sys.argv
     sys.argv = ["indent-sim"]
     sigpipe_handler = signal.getsignal(signal.SIGPIPE)
     try:
         import petsc4py
 
-        petsc4py.init(
-            ["indent-sim", "-skip_petscrc", "-no_signal_handler"]
-        )  # which would end by exit 59
+        # The signal handler of PETSc would end the program with exit code 59
+        petsc4py.init(["indent-sim", "-skip_petscrc", "-no_signal_handler"])
         with _change_to_root_folder(), _replace_pkg_resources():
             from indent_sim.fe import compat
 
@@ -47,15 +50,15 @@ def load_dolfinx() -> Path:
     finally:
         sys.argv = arguments
         if threading.current_thread() is threading.main_thread():
-            signal.signal(
-                signal.SIGPIPE, sigpipe_handler
-            )  # PETSc would end a run that nobody listens to
+            # PETSc would end a run whose output is no longer read
+            signal.signal(signal.SIGPIPE, sigpipe_handler)
 
 
 @contextmanager
 def _replace_pkg_resources() -> Iterator[None]:
-    """importlib in place of pkg_resources, a tenth of all imports, of which UFL and FFCx 0.5 ask
-    their versions.
+    """Provide a substitute of pkg_resources, which UFL and FFCx 0.5 ask for their versions.
+
+    Importing pkg_resources itself would take a tenth of the time of all imports.
     """
     if "pkg_resources" in sys.modules:
         yield
@@ -71,10 +74,10 @@ def _replace_pkg_resources() -> Iterator[None]:
 
 @contextmanager
 def _change_to_root_folder() -> Iterator[None]:
-    """Nobody's scene came with the settings that stand there."""
+    """Change to the root folder, so that no settings of the working directory are read."""
     try:
         working_directory = os.open(".", os.O_RDONLY | os.O_DIRECTORY)
-    except OSError:  # it was deleted
+    except OSError:  # the working directory was deleted
         yield
         return
     try:
@@ -87,8 +90,9 @@ def _change_to_root_folder() -> Iterator[None]:
 
 
 def _choose_folders() -> None:
-    """Say where kernels and settings are when the home folder cannot be used: read-only, missing or
-    no folder.
+    """Set XDG_CACHE_HOME and XDG_CONFIG_HOME to usable folders.
+
+    The home folder may be read-only, missing or not a folder.
     """
     cache_folder = _environment_folder("XDG_CACHE_HOME", ".cache")
     if cache_folder is None or not _is_writable(cache_folder / KERNEL_FOLDER):
@@ -98,10 +102,10 @@ def _choose_folders() -> None:
             or cache_folder.stat().st_uid != os.getuid()
         ):
             raise BackendError(
-                "no folder for compiled kernels is writable; point XDG_CACHE_HOME to one that is"
+                "no folder for compiled kernels is writable; set XDG_CACHE_HOME to one that is"
             )
         logger.info(
-            "compiled kernels are kept in %s: the home folder is not writable", cache_folder
+            "compiled kernels are kept in %s because the home folder is not writable", cache_folder
         )
     os.environ["XDG_CACHE_HOME"] = str(cache_folder)
     settings_folder = _environment_folder("XDG_CONFIG_HOME", ".config")
@@ -111,7 +115,7 @@ def _choose_folders() -> None:
 
 
 def _environment_folder(variable: str, inside_home: str) -> Path | None:
-    """The folder of an environment variable, else one in the home folder, if there is such."""
+    """Folder of an environment variable, else one in the home folder; None without a home."""
     if given := os.environ.get(variable):
         return Path(given).absolute()
     try:
@@ -131,7 +135,7 @@ def _is_writable(folder: Path) -> bool:
 
 
 def _is_searchable(folder: Path) -> bool:
-    """Whether a file can be looked for in it; that there is none, or no folder, is an answer."""
+    """Whether a file in the folder can be looked up; the file and the folder need not exist."""
     try:
         (folder / "ffcx").stat()
     except OSError as error:

@@ -1,11 +1,10 @@
-"""The cache of compiled kernels: say when it is filled, by whom, and clear what a killed run left
-half-written in it.
+"""Cache of compiled kernels: locks against other processes, and removal of incomplete entries.
 
-FFCx claims an entry by creating its .c file and marks it done by a .c.cached file; who finds the
-first without the second waits ten seconds for another process and gives up. Here who looks for an
-unfinished entry holds a lock on a file beside it until it is compiled: the others wait as long as
-that takes, and the kernel lets go of it when the process ends, however it does. An entry of a
-program that knows no such lock is told by its age, on the clock of who waits.
+FFCx claims an entry by creating its .c file and marks it complete by a .c.cached file. A process
+that finds the first without the second waits ten seconds for another process and gives up. Here, a
+process that compiles an entry holds a lock on a file beside it. Others wait as long as that takes,
+and the operating system releases the lock when the process ends, however it does. An entry without
+a lock, of another program, is abandoned if its files have not changed for some time.
 """
 
 from __future__ import annotations
@@ -28,27 +27,36 @@ from ffcx.codegeneration import jit
 
 from indent_sim.process.errors import BackendError
 
-# s without a change in an unfinished entry that nobody has locked; compiling one takes a few
+# Time [s] after its last change at which an incomplete entry without a lock is abandoned; to
+# compile an entry takes a few seconds
 STALE_AFTER = 30.0
-POLLING_INTERVAL = 0.1  # s between two looks at an entry that is waited for
+# Time [s] between two checks of an entry that another process compiles
+POLLING_INTERVAL = 0.1
 logger = logging.getLogger("indent_sim")
+# Functions of FFCx that this module replaces, with their first parameters
 EXPECTED_FFCX_FUNCTIONS = {
     "get_cached_module": ("module_name", "object_names", "cache_dir", "timeout"),
     "_compile_objects": ("decl", "ufl_objects", "object_names", "module_name"),
-}  # of FFCx: parameters
+}
 _ffcx_lookup: Callable[..., Any]
 _ffcx_compile: Callable[..., Any]
 _logged_messages: set[str] = set()
-_loaded_modules: dict[
-    tuple[Any, ...], Any
-] = {}  # what this process has found: to look again is to list the whole cache
-_claimed_entries: dict[Path, int | None] = {}  # entries this process has begun, and their locks
+# Modules that this process has loaded; FFCx would list the whole cache at each look-up
+_loaded_modules: dict[tuple[Any, ...], Any] = {}
+# Entries that this process compiles, with their locks
+_claimed_entries: dict[Path, int | None] = {}
 
 
 def lock_ffcx_cache() -> bool:
-    """Let FFCx go through `lookup` and `compile_kernels`; call before the first form, and more
-    often at will. Both take the place of functions that FFCx does not promise to keep: where one
-    is missing, or has other parameters, that is said and everything is left to FFCx (False).
+    """Make FFCx use `find_cached_module` and `compile_kernels`; repeated calls have no effect.
+
+    Both replace private functions of FFCx. If a version of FFCx does not have them, or has them
+    with other parameters, a message is logged and FFCx is not changed.
+
+    Returns
+    -------
+    bool
+        Whether FFCx uses the functions of this module.
     """
     global _ffcx_lookup, _ffcx_compile
     if getattr(jit, "get_cached_module", None) is find_cached_module:
@@ -58,8 +66,8 @@ def lock_ffcx_cache() -> bool:
         for name, parameters in EXPECTED_FFCX_FUNCTIONS.items()
     ):
         _log_once(
-            "FFCx keeps kernels in another way than is known here: runs that compile at once "
-            "may have to be repeated"
+            "this version of FFCx does not allow the kernel cache to be locked: runs that compile "
+            "kernels at the same time may fail and have to be repeated"
         )
         return False
     _ffcx_lookup, _ffcx_compile = (getattr(jit, name) for name in EXPECTED_FFCX_FUNCTIONS)
@@ -77,19 +85,37 @@ def _has_parameters(function: Any, parameters: tuple[str, ...]) -> bool:
 
 @contextmanager
 def translate_compiler_errors() -> Iterator[None]:
-    """Turn what dolfinx makes of a compiler that fails on rank 0 into BackendError on every rank."""
+    """Convert the error of dolfinx about a failed compilation into BackendError on every rank."""
     try:
         yield
     except RuntimeError as error:
-        if "Failed just-in-time compilation" not in str(error):  # so dolfinx tells the other ranks
+        # The message by which dolfinx informs the other ranks of a failure on rank 0
+        if "Failed just-in-time compilation" not in str(error):
             raise
         raise BackendError(str(error)) from error
 
 
 def find_cached_module(module_name: str, object_names: Any, cache_dir: Any, timeout: int) -> Any:
-    """FFCx's own look-up, for unfinished entries by one process at a time, so that it need not wait
-    for any. An entry that nobody works on is removed, and compiled anew, and so is one whose
-    library a full disk or a power failure has cut off: to load it would end the process.
+    """Look up a compiled module, in place of FFCx's `get_cached_module`.
+
+    Incomplete entries are looked up by one process at a time. An abandoned entry is removed and
+    compiled again, and so is one whose library is truncated after a full disk or a power failure,
+    because loading it would end the process.
+
+    Parameters
+    ----------
+    module_name, object_names, cache_dir, timeout
+        As in FFCx.
+
+    Returns
+    -------
+    tuple
+        Objects and module, or (None, None) if this process has to compile them.
+
+    Raises
+    ------
+    BackendError
+        If the cache cannot be written.
     """
     entry = Path(cache_dir) / f"{module_name}.c"
     key = entry, *object_names
@@ -111,7 +137,7 @@ def find_cached_module(module_name: str, object_names: Any, cache_dir: Any, time
                     file.unlink(missing_ok=True)
     except OSError as error:
         raise BackendError(
-            f"cannot keep kernels in {entry.parent}: {error.strerror or error}"
+            f"cannot store compiled kernels in {entry.parent}: {error.strerror or error}"
         ) from error
     module = _ffcx_lookup(module_name, object_names, cache_dir, timeout)
     if module[0] is not None:
@@ -123,7 +149,7 @@ def find_cached_module(module_name: str, object_names: Any, cache_dir: Any, time
 
 
 def _acquire_lock(entry: Path) -> int | None:
-    """The lock of an entry, waited for; None where the file system has no locks."""
+    """Wait for the lock of an entry; None if the file system has no locks."""
     entry.parent.mkdir(parents=True, exist_ok=True)
     lock = os.open(entry.with_suffix(".lock"), os.O_RDWR | os.O_CREAT, 0o666)
     while True:
@@ -146,13 +172,13 @@ def _release_lock(lock: int | None) -> None:
 
 
 def _wait_for_unlocked_entry(entry: Path) -> None:
-    """Wait until an entry without a lock is finished, gone, or has not changed for STALE seconds."""
+    """Wait until an entry without a lock is complete, removed or abandoned (STALE_AFTER)."""
     last_stats = _file_stats(entry)
     last_change = time.monotonic()
     while _is_unfinished(entry) and time.monotonic() < last_change + STALE_AFTER:
         _log_once(
-            f"waiting for another program that compiles {entry}, or left it; for {STALE_AFTER:g} s "
-            "after its last change"
+            f"waiting for another program that compiles {entry}, until {STALE_AFTER:g} s after its "
+            "last change"
         )
         time.sleep(POLLING_INTERVAL)
         if (now := _file_stats(entry)) != last_stats:
@@ -161,10 +187,10 @@ def _wait_for_unlocked_entry(entry: Path) -> None:
 
 
 def _file_stats(entry: Path) -> dict[str, tuple[int, int]]:
-    """Size and date of every file of an entry; only whether they change is of interest."""
+    """Size and modification time of every file of an entry."""
     with suppress(FileNotFoundError):
         files = ((file.name, file.stat()) for file in entry.parent.glob(f"{entry.stem}*"))
-        return {name: (found.st_size, found.st_mtime_ns) for name, found in files}
+        return {name: (stats.st_size, stats.st_mtime_ns) for name, stats in files}
     return {}
 
 
@@ -184,8 +210,14 @@ def compile_kernels(
     *more: Any,
     **named: Any,
 ) -> Any:
-    """FFCx's own compilation, after which others may have the entry; BackendError when the compiler
-    fails.
+    """Compile kernels by FFCx, and release the lock of their entry.
+
+    The parameters are those of FFCx's `_compile_objects`.
+
+    Raises
+    ------
+    BackendError
+        If the compiler fails.
     """
     try:
         with _silence_compiler_log():
@@ -203,10 +235,10 @@ def compile_kernels(
 
 @contextmanager
 def _silence_compiler_log() -> Iterator[None]:
-    """Keep the command lines of the compiler out of the log of whoever calls.
+    """Suppress the compiler's command lines in the root logger.
 
-    Setuptools writes them to the root logger, whose level it lowers. Without a handler the root
-    logger gets one with the first line, which prints everything on stderr from then on.
+    Setuptools writes them there and lowers its level. A root logger without a handler would get one
+    with the first line, and print everything on stderr from then on.
     """
     root = logging.getLogger()
     level = root.level
@@ -222,13 +254,14 @@ def _silence_compiler_log() -> Iterator[None]:
 
 
 def _is_warning(record: logging.LogRecord) -> bool:
-    """Whether a log record is more than information."""
+    """Whether the level of a log record is above INFO."""
     return record.levelno > logging.INFO
 
 
 def _is_complete(entry: Path) -> bool:
-    """Whether an entry is finished, and its library there and not cut off; before that its linker
-    may be at it.
+    """Whether an entry is marked as complete and its library exists and is not truncated.
+
+    The library of an entry that is not marked may still be being linked.
     """
     if not entry.with_suffix(".c.cached").exists():
         return False
@@ -243,13 +276,13 @@ def _is_unfinished(entry: Path) -> bool:
 
 
 def _has_full_length(library: Path) -> bool:
-    """Whether an ELF library is as long as its header says: its table of sections comes last."""
+    """Whether an ELF library is as long as its header requires; the section table comes last."""
     try:
         with library.open("rb") as file:
             head = file.read(64)
             size = file.seek(0, 2)
     except OSError:
-        return True  # to be told of by who loads it
+        return True  # loading it reports the error
     if len(head) < 64:
         return False
     table, entry, entries = (
@@ -261,7 +294,7 @@ def _has_full_length(library: Path) -> bool:
 
 @atexit.register
 def _release_claims() -> None:
-    """Let others have the entries whose compilation failed or was interrupted."""
+    """Release the entries whose compilation failed or was interrupted."""
     while _claimed_entries:
         entry, lock = _claimed_entries.popitem()
         if _is_unfinished(entry):

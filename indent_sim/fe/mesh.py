@@ -1,4 +1,4 @@
-"""Grid -> distributed dolfinx mesh with named surfaces."""
+"""Distributed dolfinx mesh of a grid, with its named surfaces and regions."""
 
 from __future__ import annotations
 
@@ -18,9 +18,22 @@ from indent_sim.mesh.model_domain import ModelDomain, nearest_on_sphere
 
 @dataclass(frozen=True)
 class BodyMesh:
-    """The distributed mesh; `surfaces` maps each named surface to its facets on this rank. skin:
-    the boundary facets beside the contact surface, but for those on mirror planes and guided by
-    rollers; regions: the number of the region of each cell on this rank (n,).
+    """Mesh of a model domain, distributed among the ranks.
+
+    Attributes
+    ----------
+    mesh : dolfinx.mesh.Mesh
+        The mesh.
+    part : ModelDomain
+        The model domain.
+    surfaces : dict of str to ndarray
+        Facets of each named surface on this rank.
+    noncontact_facets : ndarray of int
+        Boundary facets on this rank outside of the contact surface, mirror planes and rollers.
+    regions : ndarray of int, (cells,)
+        Number of the region of each cell on this rank.
+    hash : str
+        Hash of the grid.
     """
 
     mesh: dolfinx.mesh.Mesh
@@ -32,7 +45,7 @@ class BodyMesh:
 
     @cached_property
     def comm(self) -> MPI.Comm:
-        """The communicator of the mesh."""
+        """Communicator of the mesh."""
         return self.mesh.comm
 
     @property
@@ -41,19 +54,32 @@ class BodyMesh:
         return self.part.dim
 
     def vertices_at(self, point: tuple[float, ...]) -> np.ndarray:
-        """Local vertices at a point."""
-        target = np.asarray(point)[:, None]  # coordinates are near 1 and rounded to 12 digits
+        """Local numbers of the vertices at a point [length]."""
+        target = np.asarray(point)[:, None]
+        # Coordinates are of the order of 1 and rounded to 12 digits
         return dolfinx.mesh.locate_entities(
             self.mesh, 0, lambda x: (np.abs(x[: self.dim] - target) < 1e-9).all(axis=0)
         )
 
 
 def distribute(grid: Grid | None, part: ModelDomain, comm: MPI.Comm) -> BodyMesh:
-    """Divide the grid of a part, which rank 0 can read, among all ranks; each has its named
-    surfaces (collective).
+    """Distribute the grid of a model domain among all ranks (collective).
 
-    A rank takes the rows of one slice of points and cells, and from there dolfinx finds who is best
-    to have which cell.
+    Each rank receives a slice of the points and cells, from which dolfinx partitions the mesh.
+
+    Parameters
+    ----------
+    grid : Grid or None
+        The grid on rank 0, None on the others.
+    part : ModelDomain
+        The model domain.
+    comm : MPI.Comm
+        Communicator.
+
+    Returns
+    -------
+    BodyMesh
+        The mesh with the named surfaces and regions of each rank.
     """
     dim = part.dim
     fingerprint, named_facets = comm.bcast((grid.hash, grid.surfaces) if grid else None, root=0)
@@ -83,8 +109,9 @@ def distribute(grid: Grid | None, part: ModelDomain, comm: MPI.Comm) -> BodyMesh
 
 
 def _curved_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndarray]:
-    """Points and cells of a grid; with a spherical top the middles of edges too, on the sphere
-    where its facets are.
+    """Points and cells of a grid, with edge midpoints if the top is spherical.
+
+    The midpoints of edges on spherical surfaces and layer interfaces are moved onto the sphere.
     """
     if part.top_radius is None:
         return grid.points, grid.cells
@@ -109,8 +136,25 @@ def _curved_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndar
 def _layer_interfaces(
     grid: Grid, part: ModelDomain, edge_numbers: np.ndarray, edge_count: int
 ) -> Iterator[tuple[float, np.ndarray]]:
-    """z on the axis of each face between layers, and which of so many edges are on it; number: of
-    each cell's three.
+    """Yield the height on the axis and the edges of each interface between layers.
+
+    Parameters
+    ----------
+    grid : Grid
+        The grid.
+    part : ModelDomain
+        Its model domain.
+    edge_numbers : ndarray of int, (3 cells,)
+        Numbers of the edges of each cell.
+    edge_count : int
+        Number of edges.
+
+    Yields
+    ------
+    z : float
+        Height of the interface on the axis [length].
+    is_on_interface : ndarray of bool, (edges,)
+        Mask of the edges on the interface.
     """
     regions = np.repeat(grid.regions, 3)
     layers = len(part.interfaces)
@@ -123,12 +167,11 @@ def _layer_interfaces(
 
 
 def _match_facets(facets: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Which facets (n, dim), by their points in any order, are among the wanted ones."""
+    """Mask (n,) of the facets (n, dim) that are among the wanted ones, points in any order."""
     first, *later_columns = np.sort(np.concatenate([wanted, facets]).astype(np.int64), axis=1).T
     facet_number = first
-    for corners in (
-        later_columns
-    ):  # of all points so far: by columns, for whole rows are sorted ten times slower
+    # Numbers are built column by column, because sorting whole rows takes ten times as long
+    for corners in later_columns:
         _, facet_number = np.unique(facet_number, return_inverse=True)
         facet_number = facet_number.ravel() * (corners.max(initial=0) + 1) + corners
     return np.isin(facet_number[len(wanted) :], facet_number[: len(wanted)])

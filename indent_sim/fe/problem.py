@@ -1,10 +1,9 @@
-"""Terms of the virtual work -> their sum, its tangent, and the steps that lead from one state to
-the next.
+"""The discrete problem: residual, tangent and state of a sum of terms of the virtual work.
 
     Pi(u, q, lam; delta) = int psi dOmega + int potential(g, lam) dGamma
 
-residual = dPi, tangent = d(dPi), force = dPi/d(delta). Nothing here knows mechanics: the terms do.
-A term without a potential, as friction, adds its virtual work to dPi.
+with the residual dPi, the tangent d(dPi) and the force dPi/d(delta). The mechanics is in the terms
+(`fe.terms`). A term without a potential, such as friction, adds its virtual work to dPi.
 """
 
 from __future__ import annotations
@@ -22,18 +21,30 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import Body, TimeLevel
-from indent_sim.fe.terms.term import Stage, Term, sdirk2_stages
+from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.terms.term import Term
+from indent_sim.fe.terms.time_integration import Stage, sdirk2_stages
+from indent_sim.fe.unknowns import TimeLevel
 from indent_sim.mesh.reactions import SurfaceComponent
 from indent_sim.model.units import round_length
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A state: the unknowns, which may be extrapolated and blended, and what the terms remember,
-    which may not.
+    """Unknowns and internal variables of an equilibrium.
 
-    softer: the modulus that the contact was as stiff as, over that of the first moment.
+    Attributes
+    ----------
+    depth : float
+        Indentation depth delta [length].
+    unknowns : tuple of PETSc.Vec
+        Solution vector and frozen functions; they may be extrapolated and interpolated.
+    history : tuple of ndarray
+        Internal variables of the terms; they must not be extrapolated.
+    t : float
+        Time [time].
+    modulus_ratio : float
+        Modulus to which the contact stiffness was adapted, divided by the initial one.
     """
 
     depth: float
@@ -44,7 +55,15 @@ class Snapshot:
 
 
 class Problem:
-    """The sum of terms of the virtual work of a body."""
+    """Sum of the terms of the virtual work of a body.
+
+    Attributes
+    ----------
+    frozen : list of fem.Function
+        Functions of the current iterate that Newton's method does not solve for.
+    histories : list of fem.Function
+        Internal variables of all terms.
+    """
 
     def __init__(self, body: Body, terms: Iterable[Term]):
         self.body = body
@@ -61,12 +80,8 @@ class Problem:
         )
         self._energy_form = fem.form(_sum_forms(term.energy for term in self.terms))
         self.b = compat.create_vector(self._residual_form, body.unknowns.space)
-        self.frozen = [
-            function for term in self.terms for function in term.frozen
-        ]  # of the present guess
-        self.histories = [
-            function for term in self.terms for function in term.history
-        ]  # what is remembered
+        self.frozen = [function for term in self.terms for function in term.frozen]
+        self.histories = [function for term in self.terms for function in term.history]
         self._vectors = [self.x, *(compat.petsc_vector(function) for function in self.frozen)]
         self.has_symmetric_tangent = all(term.has_symmetric_tangent for term in self.terms)
         self.has_memory = any(term.has_memory for term in self.terms)
@@ -75,32 +90,40 @@ class Problem:
 
     @property
     def can_reuse_tangent(self) -> bool:
-        """Whether the tangent of a step is that of the next one as long as the contact is: where
-        fluid flows in a linear body without friction.
+        """Whether the tangent stays valid for the next step while the contact does not change.
+
+        This is so for fluid flow in a linear body without friction.
         """
         return self.has_flow and self.scene.physics.is_linear and self.law.is_conservative
 
     def _time_levels(self, term: Term) -> tuple[TimeLevel, TimeLevel, fem.Constant]:
-        """The step as a term sees it: now, before and dt; `before` only of a term that remembers."""
-        return self.body.now, self.body.before if term.has_memory else self.body.now, self.body.dt
+        """Arguments of the term's forms: current and accepted time level, and the time step.
+
+        A term without memory gets the current level twice, so that `Body.before` is not created
+        for it.
+        """
+        before = self.body.before if term.has_memory else self.body.now
+        return self.body.now, before, self.body.dt
 
     @cached_property
     def _tangent_form(self) -> fem.Form:
         return fem.form(_sum_forms(term.tangent(*self._time_levels(term)) for term in self.terms))
 
     def create_tangent(self) -> PETSc.Mat:
-        """The matrix that `assemble_tangent` fills."""
+        """Create the matrix that `assemble_tangent` fills."""
         return fem_petsc.create_matrix(self._tangent_form)
 
     @property
     def depth(self) -> float:
-        """The present depth delta [length]."""
+        """Current indentation depth delta [length]."""
         return float(self.delta.value)
 
     @cached_property
     def row_weights(self) -> np.ndarray:
-        """Factors that turn the rows of each field (force, volume, length) into forces, for
-        measuring residuals.
+        """Factors (owned dofs,) that convert the residual of each field into forces.
+
+        The rows of the fields have different units (force, volume, length); the norm of the
+        residual needs one.
         """
         weights = np.ones(self.unknowns.owned_count)
         for name, field in self.unknowns.fields_by_name.items():
@@ -110,44 +133,46 @@ class Problem:
 
     @property
     def tangent_parameters(self) -> tuple[float, ...]:
-        """What the tangent depends on beside the state: where it is the same an old tangent is
-        near.
+        """Quantities other than the state on which the tangent depends.
+
+        While they are unchanged, an earlier tangent is a good preconditioner.
         """
         return round_length(float(self.body.dt.value)), *(
             term.tangent_version for term in self.terms
         )
 
     def set_continuation_factor(self, factor: float) -> None:
-        """Multiply the stiffness of the contact law; 1 makes it the law's own again."""
+        """Multiply the contact stiffness by a factor; 1 restores the stiffness of the law."""
         for term in self.terms:
             term.set_continuation_factor(factor)
 
     @property
     def has_membrane(self) -> bool:
-        """Whether a term can hold more firmly what little holds."""
+        """Whether a term has a membrane stiffness, see `set_membrane_stiffness`."""
         return any(term.has_membrane for term in self.terms)
 
     def set_membrane_stiffness(self, stiffness: float) -> None:
-        """Hold the surface of a drop by so much of its tension in its plane, see
-        `terms.surface_tension`.
+        """Set the shear modulus of a drop's surface membrane, as a fraction of its tension.
+
+        See `terms.surface_tension`.
         """
         for term in self.terms:
             term.set_membrane_stiffness(stiffness)
 
     def follow_modulus(self, modulus_ratio: float) -> None:
-        """Make contact as stiff as a body of so many times the modulus of the first moment has it."""
+        """Scale the contact stiffness with the body's modulus, relative to the initial one."""
         self._modulus_ratio = modulus_ratio
         for term in self.terms:
             term.follow_modulus(modulus_ratio)
 
     def begin_solve(self) -> None:
-        """Forget what the last solve has remembered, and give what is held its values."""
+        """Set the prescribed values and discard what terms recorded during the previous solve."""
         self.body.apply_prescribed_values()
         for term in self.terms:
             term.begin_solve()
 
     def assemble_residual(self, b: PETSc.Vec) -> None:
-        """dPi at the current solution, reactions included."""
+        """Assemble dPi at the current solution into `b`; constrained rows hold the reactions."""
         with b.localForm() as local:
             local.set(0.0)
         fem_petsc.assemble_vector(b, self._residual_form)
@@ -156,7 +181,7 @@ class Problem:
             term.add_residual(b)
 
     def assemble_tangent(self, A: PETSc.Mat) -> None:
-        """d(dPi) at the current solution, with identity rows for the constrained dofs."""
+        """Assemble d(dPi) at the current solution, with identity rows for constrained dofs."""
         A.zeroEntries()
         fem_petsc.assemble_matrix(A, self._tangent_form, self.body.bcs)
         A.assemble(PETSc.Mat.AssemblyType.FLUSH)
@@ -165,40 +190,41 @@ class Problem:
         A.assemble()
 
     def stages(self, dt: float) -> list[Stage]:
-        """The stages of a step of `dt` [time]."""
+        """The stages of a step of length `dt` [time]: two of SDIRK2 if fluid flows, else one."""
         return sdirk2_stages(dt) if dt and self.has_flow else [Stage(dt, dt)]
 
     def begin_stage(self, stage: Stage) -> None:
-        """Set out on a stage."""
+        """Prepare all terms for a stage."""
         self.body.begin_stage(stage.dt, stage.elapsed)
         for term in self.terms:
             term.begin_stage(stage)
 
     def end_stage(self, stage: Stage) -> None:
-        """The stage's equilibrium is found."""
+        """Let all terms evaluate the equilibrium of a stage."""
         for term in self.terms:
             term.end_stage(stage)
 
     def accept(self) -> None:
-        """The step is done: the present state becomes the one that the next step sets out from."""
+        """Make the current state the accepted one, from which the next increment starts."""
         for term in self.terms:
             term.accept()
         self.body.accept()
 
     def trial_state(self) -> list[PETSc.Vec]:
-        """Copies of the unknowns, and of what is frozen while they are found."""
+        """Copies of the solution vector and of the frozen functions."""
         return [vector.copy() for vector in self._vectors]
 
     def set_trial_state(self, trial_state: Sequence[PETSc.Vec]) -> None:
-        """Make copies of unknowns, or a combination of such, the present ones; what is remembered
-        stays.
+        """Set the unknowns to a trial state or a combination of several.
+
+        Internal variables do not change.
         """
         for vector, values in zip(self._vectors, trial_state, strict=True):
             values.copy(vector)
             vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
 
     def snapshot(self) -> Snapshot:
-        """The present state, just accepted."""
+        """Copy the current state, which must have been accepted."""
         internal_variables = tuple(function.x.array.copy() for function in self.histories)
         return Snapshot(
             self.depth,
@@ -209,63 +235,72 @@ class Problem:
         )
 
     def restore(self, state: Snapshot) -> None:
-        """Make a state the present one, and the one that was accepted last."""
+        """Make a snapshot both the current and the accepted state."""
         self.delta.value = state.depth
         self.body.now.t.value = state.t
         self.set_trial_state(state.unknowns)
         for function, values in zip(self.histories, state.history, strict=True):
             function.x.array[:] = values
         self.body.accept()
-        self.begin_stage(Stage(0.0))  # no time has passed since
+        self.begin_stage(Stage(0.0))
         self.follow_modulus(state.modulus_ratio)
 
     def is_admissible(self) -> bool:
-        """Whether J > 0, and any other limit of the law is kept, at every quadrature point: the
-        energy is a number. Residual and tangent do not show it: the derivative of ln J is as
-        good for J < 0.
+        """Whether J > 0, and any other limit of the elastic law, holds at every quadrature point.
+
+        The energy is then finite. Residual and tangent do not show a violation: the derivative of
+        ln J is finite for J < 0, too.
         """
         return self.scene.physics.small_strain or bool(np.isfinite(self.energy()))
 
     def force(self) -> float:
-        """Virtual work of pressing deeper, dPi/d(delta), of the whole body."""
+        """Force of the whole body, dPi/d(delta) [force]; > 0 if the tip is pushed in."""
         return self.sum_over_body(sum(term.force() for term in self.terms))
 
     def side_force(self, axis: int) -> float:
-        """Force on the tip along a horizontal axis, of the whole body; across a mirror plane it is
-        the part's.
+        """Force on the tip along a horizontal axis [force], times the symmetry factor.
+
+        Normal to a mirror plane this is not the force of the whole body, which is zero by symmetry.
         """
         return self.sum_over_body(sum(term.side_force(axis) for term in self.terms))
 
     def dissipation(self) -> float:
-        """What is lost on the way to the present state from the last accepted one, in the whole
-        body.
-        """
+        """Energy that the whole body dissipates in the current increment."""
         return self.sum_over_body(sum(term.dissipation() for term in self.terms))
 
     def energy(self) -> float:
-        """Pi of the whole body: strain plus contact energy."""
+        """Potential Pi of the whole body: strain energy plus contact energy."""
         return self.sum_over_body(fem.assemble_scalar(self._energy_form))
 
     def sum_over_body(self, local_value: float) -> float:
-        """A number of the whole body by this rank's share of the modelled part (collective)."""
+        """Sum a value over ranks and multiply it by the symmetry factor (collective)."""
         return float(
             self.scene.physics.domain.symmetry_factor * self.comm.allreduce(local_value, op=MPI.SUM)
         )
 
     def reactions(self) -> tuple[dict[SurfaceComponent, float], float]:
-        """The force of each support on the modelled part [force], and the largest reaction of the
-        pins that only remove rigid modes, of the whole body (collective).
+        """Support forces and pin reaction at the current state (collective).
+
+        Returns
+        -------
+        support_reactions : dict
+            Force of each support on the model domain, by surface and axis [force].
+        pin_reaction : float
+            Largest reaction of the pins that remove rigid body modes [force], times the symmetry
+            factor; zero in equilibrium.
         """
         self.assemble_residual(self.b)
         values = self.b.array_r
         body = self.body
         local_reactions = {
-            of: float(share @ values[dofs]) for of, (dofs, share) in body.support_shares.items()
+            support: float(share @ values[dofs])
+            for support, (dofs, share) in body.support_shares.items()
         }
         for term in self.terms:
             local_reactions |= term.reactions()
         support_reactions = {
-            of: self.comm.allreduce(force, op=MPI.SUM) for of, force in local_reactions.items()
+            support: self.comm.allreduce(force, op=MPI.SUM)
+            for support, force in local_reactions.items()
         }
         pin_reaction = self.comm.allreduce(
             float(np.abs(values[body.pin_dofs]).max(initial=0.0)), op=MPI.MAX

@@ -1,4 +1,4 @@
-"""The door of the solver: what a run needs from this folder."""
+"""Entry point of the finite-element solver: everything that a run needs from this package."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ __all__ = [
 
 
 def create_equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
-    """The body of a scene on its mesh, whole or condensed, by the scene's solver."""
+    """Create the equilibrium problem of a scene on its mesh.
+
+    The body is condensed to its contact surface if the scene's solver is `condensed`.
+    """
     lock_ffcx_cache()
     with translate_compiler_errors():
         if scene.solver.method == "condensed":
@@ -40,15 +43,25 @@ def create_equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
 
 
 def create_load_stepper(scene: Scene, mesh: BodyMesh, started: float | None = None) -> LoadStepper:
-    """The load path of a scene on its mesh."""
+    """Create the load stepper of a scene on its mesh.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    mesh : BodyMesh
+        Mesh of its body.
+    started : float, optional
+        Start of the run by `time.perf_counter` [s]; by default now.
+    """
     return LoadStepper(create_equilibrium(scene, mesh), started)
 
 
 def release(mesh: BodyMesh) -> None:
-    """Free what PETSc keeps of objects on this mesh that Python has let go of (collective).
+    """Free the PETSc objects of this mesh that Python has already collected (collective).
 
-    They are put aside, matrices with their factors, until all ranks agree to free them; even where
-    there is one rank.
+    PETSc keeps them, matrices with their factors, until all ranks agree to free them, even if there
+    is only one rank.
     """
     gc.collect()
     PETSc.garbage_cleanup(mesh.comm)

@@ -32,11 +32,12 @@ from indent_sim.process.errors import BackendError, ConfigError, NotConverged, U
 from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
 from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
-from indent_sim.results import folder as results
-from indent_sim.results.folder import FIT, PROGRAM, read_report, write_atomically
+from indent_sim.results import result_files
+from indent_sim.results.atomic_files import write_atomically
+from indent_sim.results.json_text import to_json
 from indent_sim.results.measured.curve_file import curve_files, read_curves
 from indent_sim.results.measured.measurement import MeasuredCurve, NoCurve
-from indent_sim.results.writer import to_json
+from indent_sim.results.result_files import FIT, PROGRAM, read_report
 from indent_sim.run.planned_run import PlannedRun
 
 FIT_TABLE = "fit.csv"
@@ -204,7 +205,7 @@ def _open_locked(directory: Path, request: FitRequest) -> Iterator[list[Entry]]:
     """The folder, locked, and the entries of an earlier call of the same request; UsageError where
     it is another's.
     """
-    results.refuse_foreign(directory, "fit", (FIT_PICTURE,))
+    result_files.refuse_foreign(directory, "fit", (FIT_PICTURE,))
     report = read_report(directory, FIT)
     if report and report.get("request") != _json_roundtrip(request_identity(request)):
         problem = f"{directory} holds the fit of another scene, or of other options"
@@ -213,7 +214,7 @@ def _open_locked(directory: Path, request: FitRequest) -> Iterator[list[Entry]]:
     try:
         directory.mkdir(parents=True, exist_ok=True)
         (directory / CURVES_FOLDER).mkdir(exist_ok=True)
-        lock = os.open(directory / results.LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+        lock = os.open(directory / result_files.LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
     except OSError as error:
         raise write_error(directory, error) from error
     try:
@@ -233,7 +234,7 @@ def _open_locked(directory: Path, request: FitRequest) -> Iterator[list[Entry]]:
 def _remove_empty_folders(directory: Path, created_folders: Sequence[Path]) -> None:
     """Delete the folder that this call made, and those above it, where nothing came of it."""
     with suppress(OSError):
-        (directory / results.LOCK).unlink()
+        (directory / result_files.LOCK).unlink()
         for folder in (directory / CURVES_FOLDER, *created_folders):
             folder.rmdir()
 

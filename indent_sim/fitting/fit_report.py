@@ -21,9 +21,10 @@ from indent_sim.fitting.fit_table import read_curve_table
 from indent_sim.fitting.inference.model_assessment import Interval
 from indent_sim.process.errors import IndentSimError, UsageError, printable
 from indent_sim.process.version import VERSION
-from indent_sim.results.folder import FIT, PROGRAM, read_regular_file, read_report
+from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.html_report import Picture, Table, render_page, thinned_table, value_text
 from indent_sim.results.pictures import figures
+from indent_sim.results.result_files import FIT, PROGRAM, read_report
 
 MAX_PICTURES = 12  # of curves; more are told of in the table
 Entry = Mapping[str, Any]

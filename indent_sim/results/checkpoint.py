@@ -1,8 +1,8 @@
-"""The last equilibria of a run in one small file, from which `--resume` goes on.
+"""Checkpoint: the last equilibria of a run in one small HDF5 file, for `--resume`.
 
-The file is never needed: without it, or with one that is damaged or of another mesh, the last depth
-is walked to once more from rest. It is made in memory and written in one rename, for the HDF5
-library takes a full disk badly.
+The file is optional: if it is missing, damaged or of another mesh, the last depth is solved again
+from the undeformed body. It is made in memory and written by one rename, because the HDF5 library
+does not recover from a full disk.
 """
 
 from __future__ import annotations
@@ -16,28 +16,28 @@ from pathlib import Path
 
 import numpy as np
 
-from indent_sim.results.folder import Report, read_regular_file, write_atomically
+from indent_sim.results.atomic_files import read_regular_file, write_atomically
+from indent_sim.results.result_files import Report
 
 CHECKPOINT = "checkpoint.h5"
-SavedEquilibrium = tuple[
-    float, float, Sequence[np.ndarray]
-]  # depth, time, and the vectors that make the state there
+# Depth, time, and the vectors of unknowns and internal variables of an equilibrium.
+SavedEquilibrium = tuple[float, float, Sequence[np.ndarray]]
 SavedEquilibria = Sequence[SavedEquilibrium]
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """What a run needs to go on, in the solver's own units.
+    """Equilibria from which a run can continue, nondimensional.
 
     Attributes
     ----------
     step
         Number of rows that were done.
-    points
+    equilibria
         Equilibria of the load path, oldest first.
     pull_off_points
-        Equilibria around the row that pulls most, by their numbers, between which the pull-off is
-        searched for.
+        Equilibria around the row with the largest pull, by their numbers; the pull-off is searched
+        between them.
     """
 
     step: int = 0
@@ -45,7 +45,7 @@ class Checkpoint:
     pull_off_points: Mapping[int, SavedEquilibrium] = field(default_factory=dict)
 
     def arrays(self) -> Iterator[np.ndarray]:
-        """Yield all arrays of the checkpoint, in one order: depths, times and unknowns."""
+        """Yield all arrays of the checkpoint in a fixed order: depths, times and unknowns."""
         for delta, t, vectors in self.equilibria:
             yield np.array([delta, t])
             yield from vectors
@@ -54,9 +54,7 @@ class Checkpoint:
             yield from vectors
 
     def checksum(self) -> int:
-        """Return the CRC-32 of all depths, times and unknowns, by which a damaged file is
-        recognised.
-        """
+        """Return the CRC-32 of all depths, times and unknowns, which reveals a damaged file."""
         total = 0
         for values in self.arrays():
             total = zlib.crc32(np.ascontiguousarray(values).tobytes(), total)
@@ -64,8 +62,21 @@ class Checkpoint:
 
 
 def write(path: Path, saved: Checkpoint, identity: Report) -> None:
-    """Replace the file; `identity` says to which mesh and numbering the vectors belong. OSError on
-    a full disk.
+    """Replace the checkpoint file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    saved
+        Its new content.
+    identity
+        Entries that identify the mesh and the numbering of the unknowns.
+
+    Raises
+    ------
+    OSError
+        The disk is full.
     """
     import h5py
 
@@ -84,8 +95,9 @@ def write(path: Path, saved: Checkpoint, identity: Report) -> None:
 
 
 def read(path: Path, identity: Report) -> Checkpoint:
-    """What was saved for this mesh and numbering; an empty checkpoint when there is none, or a
-    damaged one.
+    """Return the checkpoint saved for this mesh and numbering.
+
+    It is empty if there is none, or if it is damaged or of another mesh.
     """
     import h5py
 
@@ -107,5 +119,5 @@ def read(path: Path, identity: Report) -> Checkpoint:
             )
             is_finite = all(np.isfinite(values).all() for values in saved.arrays())
             return saved if is_ours and is_finite else Checkpoint()
-    except Exception:  # HDF5 has an error for every way of being damaged
+    except Exception:  # h5py raises many types of errors for damaged files.
         return Checkpoint()

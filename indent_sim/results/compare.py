@@ -1,8 +1,7 @@
-"""Rows of two results side by side."""
+"""Comparison of two results, row by row."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,42 +9,60 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.process.errors import UsageError, VerificationError
-from indent_sim.results.folder import TABLE, Report
-from indent_sim.results.measured.measurement import curve_parts
+from indent_sim.results.csv_table import header_of, read_table
 from indent_sim.results.reader import (
     COMPARED_COLUMNS,
     MEASURED,
     Results,
-    convert_to_common_units,
     force_table_path,
-    header_of,
     read,
-    read_table,
-    refuse_different_units,
     report_of,
 )
+from indent_sim.results.result_files import TABLE, Report
+from indent_sim.results.table_interpolation import (
+    MIN_ROWS,
+    Table,
+    history_chord_error,
+    interpolate_table,
+    rows_by_occurrence,
+    values_at_times,
+)
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, WORD_COLUMNS
+from indent_sim.results.unit_conversion import convert_to_common_units, refuse_different_units
 
-MAX_DIFFERENCES = 10  # differences told one by one
+MAX_DIFFERENCES = 10  # A message lists no more differences than these.
 DEFAULT_RTOL = 1e-6
-MIN_ROWS = 3  # rows of a table that is interpolated
-# relative: depths that are one; share of the rows that must have one to be matched by name
+# Depths or times are the same within this relative tolerance. Rows are matched by name if at least
+# half of them are at the same depth or time.
 SAME_PLACE_RTOL = 1e-9
 MIN_MATCHED_FRACTION = 0.5
-Table = dict[str, np.ndarray]
-Tolerances = float | Mapping[str, float]  # of all columns, or by column
+# One relative tolerance for all columns, or one per column.
+Tolerances = float | Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two tables side by side: one (a, b) pair per row and column, rows matched by step, by row, or
-    else by depth.
+    """Two tables side by side: one pair of values per row and column.
 
-    steps: what is said of each row, step 3 or delta 0.1; rtol of every column; worst: its largest
-    relative difference; differences: what differs, in words; empty when equal; beside: of two
-    results the tables beside the force table; interpolated: the one of two paths whose numbers were
-    interpolated, and the largest error that this may make of the force, relative to the largest
-    one.
+    Attributes
+    ----------
+    row_keys
+        Step, row number, depth or time of each compared row.
+    matched_by
+        The quantity that matches the rows: "step", "row", "delta" or "t".
+    pairs
+        Values (rows, 2) of both tables by column.
+    rtol
+        Relative tolerance of each column.
+    max_relative_difference
+        Largest relative difference of each column.
+    differences
+        One sentence per difference; empty if the two are equal within the tolerances.
+    other_tables
+        Comparisons of the tables besides the force table, for two results that both have them.
+    interpolation
+        The path whose values were interpolated, and the estimated error of its force, relative to
+        the largest force.
     """
 
     row_keys: tuple[float, ...]
@@ -59,9 +76,7 @@ class Comparison:
 
     @property
     def residual(self) -> dict[str, float]:
-        """Difference of the forces in per cent of the largest one: the largest, and the root of the
-        mean square.
-        """
+        """Differences of the forces in per cent of the largest: maximum and root mean square."""
         pair = self.pairs.get("force", np.empty((0, 2)))
         pair = pair[np.isfinite(pair).all(axis=1)]
         largest = float(np.abs(pair).max(initial=0.0))
@@ -74,17 +89,17 @@ class Comparison:
         }
 
     def check(self) -> None:
-        """Raise VerificationError when the two differ."""
+        """Raise VerificationError if the two differ."""
         if self.differences:
-            more = len(self.differences) - MAX_DIFFERENCES
+            remaining = len(self.differences) - MAX_DIFFERENCES
             lines = [
                 *self.differences[:MAX_DIFFERENCES],
-                *([f"and {more} more"] if more > 0 else []),
+                *([f"and {remaining} more"] if remaining > 0 else []),
             ]
             raise VerificationError("the two differ\n" + "\n".join(lines))
 
     def as_json(self) -> Report:
-        """The comparison as one JSON object."""
+        """Return the comparison as one JSON object."""
         numbers = [
             {name: pair[i] for name, pair in self.pairs.items()} for i in range(len(self.row_keys))
         ]
@@ -111,21 +126,38 @@ def compare(
     rtol: Tolerances = DEFAULT_RTOL,
     columns: Sequence[str] | None = None,
 ) -> Comparison:
-    """Compare columns [delta, force, a and those that rtol names] of two results row by row.
+    """Compare two results row by row.
 
-    Two numbers agree when |x - y| <= rtol max(|x|, |y|, 1e-6 largest of the column): a force of
-    1e-18 out of contact is a zero. An empty cell agrees with an empty cell alone. Where rtol says
-    nothing of a column it is 1e-6. Rows belong together by step; where a file has no steps by
-    depth, the k-th of a depth with the k-th. Where depths differ the curve with more rows is
-    interpolated in depth, approach and retraction apart: a result by power laws through two
-    neighbours, a measured curve by chords. Of two histories whose times differ the one with more
-    rows is taken at the times of the other: its row of that time, at a jump the one on the same
-    side, else by chords. All miss something of the order h^2: a quarter of what they miss at rows
-    that are left out. Measured curves are taken in the units of the other; UsageError for two
-    results in different ones. A history that an earlier version wrote to experiment.csv is compared
-    with one of today. Rows of two experiment.csv or dynamic.csv belong together by their number,
-    and all their columns are compared, words too. Of two results these tables, where both have
-    them, are compared as well. UsageError for a column that no two tables have.
+    Two numbers agree if |x - y| <= rtol max(|x|, |y|, 1e-6 max|column|): the last term makes a
+    force of 1e-18 out of contact a zero. An empty cell agrees only with an empty cell.
+
+    Rows are matched by step; in tables without steps by depth, the k-th row of a depth with the
+    k-th. If the depths differ, the curve with more rows is interpolated in depth, approach and
+    retraction separately: a result by power laws between neighbouring rows, a measured curve
+    linearly. If the times of two histories differ, the one with more rows is taken at the times of
+    the other: its row of that time, at a jump the row on the same side, otherwise by linear
+    interpolation. The interpolation error is of order h^2; it is estimated as a quarter of the
+    error at rows that are left out.
+
+    Measured curves are converted to the units of the other. A history that an earlier version wrote
+    to experiment.csv can be compared with one in the force table. Rows of two files experiment.csv
+    or dynamic.csv are matched by their number, and all their columns are compared, words as well.
+    If two results both have these files, they are compared, too.
+
+    Parameters
+    ----------
+    first, second
+        Result folders, force tables or measured curves.
+    rtol
+        Relative tolerance of all columns, or by column; "" stands for all columns that are not
+        named, whose default is 1e-6.
+    columns
+        The compared columns; by default delta, force, a and those that rtol names.
+
+    Raises
+    ------
+    UsageError
+        A table cannot be read, the two have different units, or a column is in no pair of tables.
     """
     paths = (Path(first), Path(second))
     common_tables = [
@@ -133,8 +165,9 @@ def compare(
     ]
     tables = {TABLE: _force_tables(paths, *_read_table_pair(*paths))}
     tables |= {name: _read_table_pair(paths[0] / name, paths[1] / name) for name in common_tables}
-    if isinstance(rtol, Mapping) and (named := rtol.keys() & set(WORD_COLUMNS)):
-        raise UsageError(f"--rtol names {named.pop()}, a column of words: they are the same or not")
+    if isinstance(rtol, Mapping) and (word_columns := rtol.keys() & set(WORD_COLUMNS)):
+        name = word_columns.pop()
+        raise UsageError(f"--rtol names {name}, a column of words, which has no tolerance")
     requested_columns = {*(columns or ()), *(rtol if isinstance(rtol, Mapping) else ())} - {""}
     for name in sorted(requested_columns):
         if not any(name in A and name in B for A, B in tables.values()):
@@ -163,7 +196,7 @@ def compare(
 def _compare_tables(
     paths: tuple[Path, Path], A: Table, B: Table, rtol: Tolerances, columns: Sequence[str] | None
 ) -> Comparison:
-    """Two tables, in the columns asked for that both have."""
+    """Compare two tables in the requested columns that both have."""
     key = next((name for name in ("step", "row") if name in A and name in B), "delta")
     _refuse_missing(key, dict(zip(map(str, paths), (A, B), strict=True)))
     default_columns = [name for name in (A if key == "row" else COMPARED_COLUMNS) if name != "row"]
@@ -172,8 +205,8 @@ def _compare_tables(
         for name, r in _column_tolerances(rtol, columns, default_columns).items()
         if name in A and name in B
     }
-    rows_of_A = _rows_by_occurrence(A[key])
-    rows_of_B = _rows_by_occurrence(B[key])
+    rows_of_A = rows_by_occurrence(A[key])
+    rows_of_B = rows_by_occurrence(B[key])
     common = [name for name in rows_of_A if name in rows_of_B]
     matched_A, matched_B = (
         np.array([places[name] for name in common], dtype=int) for places in (rows_of_A, rows_of_B)
@@ -213,7 +246,7 @@ def _compare_tables(
 def _find_differences(
     key: str, keys: np.ndarray, pairs: dict[str, np.ndarray], tolerances: dict[str, float]
 ) -> tuple[dict[str, float], list[str]]:
-    """The largest relative difference of every column, and what differs in words."""
+    """Return the largest relative difference of every column, and a sentence per difference."""
     worst = {}
     differences = []
     for name, pair in pairs.items():
@@ -228,11 +261,10 @@ def _find_differences(
 def _is_matched(
     A: Table, B: Table, matched_A: np.ndarray, matched_B: np.ndarray, abscissa: str, rtol: float
 ) -> bool:
-    """Whether rows that belong together by name are at the same depths, or times, or too few for
-    anything else.
+    """Return whether rows matched by name are at the same depths, or times.
 
-    Where forces are prescribed depths are found, and differ a little: then, too, steps belong
-    together.
+    Where forces are prescribed, depths are results and differ a little: rows of equal steps then
+    still belong together. Tables with too few rows for interpolation count as matched.
     """
     if (
         min(len(A[abscissa]), len(B[abscissa])) < 1
@@ -252,9 +284,7 @@ def _is_matched(
 def _compare_by_time(
     paths: tuple[Path, Path], A: Table, B: Table, tolerances: dict[str, float]
 ) -> Comparison | None:
-    """The history with more rows at the times of the other; None where the two have no time in
-    common.
-    """
+    """Compare the denser history at the times of the other; None if no times are in common."""
     is_first_denser = len(A["t"]) >= len(B["t"])
     (dense, sparse), (dense_path, sparse_path) = (
         ((A, B), paths) if is_first_denser else ((B, A), paths[::-1])
@@ -266,7 +296,7 @@ def _compare_by_time(
     number_tolerances = {
         name: rtol for name, rtol in tolerances.items() if name not in WORD_COLUMNS
     }
-    values, is_chord = _values_at_times(dense, t, tuple(number_tolerances))
+    values, is_chord = values_at_times(dense, t, tuple(number_tolerances))
     sides = {name: (values[name][inside], sparse[name][inside]) for name in number_tolerances}
     pairs = {
         name: np.column_stack(pair if is_first_denser else pair[::-1])
@@ -274,7 +304,7 @@ def _compare_by_time(
     }
     differences = [f"t {value:.10g} is in {sparse_path} alone" for value in t[~inside]]
     worst, value_differences = _find_differences("t", t[inside], pairs, number_tolerances)
-    interpolated = (dense_path, _history_chord_error(dense)) if is_chord[inside].any() else None
+    interpolated = (dense_path, history_chord_error(dense)) if is_chord[inside].any() else None
     fields = (
         tuple(t[inside]),
         "t",
@@ -286,51 +316,16 @@ def _compare_by_time(
     return Comparison(*fields, interpolation=interpolated)
 
 
-def _values_at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[Table, np.ndarray]:
-    """The columns of a history at times, and where they are of no row but of a chord."""
-    reverse = slice(
-        None, None, -1
-    )  # at a jump the last row of a time is the one after it, whether that before is there
-    rows = _rows_by_occurrence(dense["t"][reverse])
-    wanted = _rows_by_occurrence(t[reverse])
-    matched_rows = {
-        len(t) - 1 - k: len(dense["t"]) - 1 - rows[time]
-        for time, k in wanted.items()
-        if time in rows
-    }
-    columns = {name: np.interp(t, dense["t"], dense[name]) for name in names}
-    for name, column in columns.items():
-        column[list(matched_rows)] = dense[name][list(matched_rows.values())]
-    return columns, ~np.isin(np.arange(len(t)), list(matched_rows))
-
-
-def _history_chord_error(history: Table) -> float:
-    """What chords of a history miss of its force, relative to the largest one: between its jumps
-    and corners.
-    """
-    t = history["t"]
-    force = history["force"]
-    corners = history["branch"][1:] != history["branch"][:-1] if "branch" in history else False
-    pieces = np.split(np.arange(len(t)), np.flatnonzero((np.diff(t) == 0) | corners) + 1)
-    largest = float(np.nanmax(np.abs(force), initial=0.0)) or 1.0
-    return (
-        max(_interpolation_error(t[piece], force[piece], is_smooth=False) for piece in pieces)
-        / largest
-    )
-
-
 def _compare_by_depth(
     paths: tuple[Path, Path], A: Table, B: Table, tolerances: dict[str, float]
 ) -> Comparison | None:
-    """The table with more rows at the depths of the other; None where the two have no depth in
-    common.
-    """
+    """Compare the denser table at the depths of the other; None if no depths are in common."""
     is_first_denser = len(A["delta"]) >= len(B["delta"])
     (dense, sparse), (dense_path, sparse_path) = (
         ((A, B), paths) if is_first_denser else ((B, A), paths[::-1])
     )
     names = [name for name in tolerances if name not in (*WORD_COLUMNS, "delta")]
-    rows, values, error = _interpolate_table(dense, sparse, names)
+    rows, values, error = interpolate_table(dense, sparse, names)
     if not len(rows):
         return None
     sides = {name: (values[name], sparse[name][rows]) for name in names}
@@ -353,99 +348,28 @@ def _compare_by_depth(
     return Comparison(*fields, interpolation=(dense_path, error))
 
 
-def _interpolate_table(
-    dense: Table, sparse: Table, names: Sequence[str]
-) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
-    """The rows of the sparse table inside the dense one's range, the dense one's columns there, and
-    what that misses of its force at most, relative to the largest one; approach and retraction
-    apart.
-    """
-    parts = [curve_parts(table["delta"]) for table in (dense, sparse)]
-    rows: list[np.ndarray] = []
-    values: dict[str, list[np.ndarray]] = {name: [] for name in names}
-    is_smooth = "step" in dense  # a measured curve has none, and noise
-    error = 0.0
-    largest = float(np.nanmax(np.abs(dense["force"]), initial=0.0)) or 1.0
-    for part in ("approach", "retract"):
-        if not all(part in pieces for pieces in parts):
-            continue
-        dense_rows, sparse_rows = (
-            np.arange(len(t["delta"]))[pieces[part]]
-            for t, pieces in zip((dense, sparse), parts, strict=True)
-        )
-        order = dense_rows[np.argsort(dense["delta"][dense_rows], kind="stable")]
-        x = dense["delta"][order]
-        sparse_x = sparse["delta"][sparse_rows]
-        inside = (sparse_x >= x[0]) & (sparse_x <= x[-1])
-        rows.append(sparse_rows[inside])
-        for name in names:
-            values[name].append(_interpolate(sparse_x[inside], x, dense[name][order], is_smooth))
-        error = max(error, _interpolation_error(x, dense["force"][order], is_smooth) / largest)
-    joined = {name: np.concatenate([np.empty(0), *pieces]) for name, pieces in values.items()}
-    return np.concatenate([np.empty(0, dtype=int), *rows]), joined, error
-
-
-def _interpolate(x_new: np.ndarray, x: np.ndarray, y: np.ndarray, is_smooth: bool) -> np.ndarray:
-    """Values between points in order of x: of a smooth curve by power laws through neighbours, else
-    by chords.
-    """
-    values = np.interp(x_new, x, y)
-    k = np.clip(np.searchsorted(x, x_new), 1, max(len(x) - 1, 1))
-    if not is_smooth or len(x) < 2:
-        return values
-    low = k - 1
-    high = k
-    is_power_law = (x[low] > 0) & (y[low] > 0) & (y[high] > 0) & (x[high] > x[low])
-    with np.errstate(all="ignore"):
-        power = np.log(y[high] / y[low]) / np.log(x[high] / x[low])
-        power_values = y[low] * (x_new / x[low]) ** power
-    return np.where(is_power_law, power_values, values)
-
-
-def _interpolation_error(x: np.ndarray, y: np.ndarray, is_smooth: bool) -> float:
-    """What interpolation misses at most: a quarter of what it misses at a point that is left out,
-    between neighbours twice as far apart.
-    """
-    if len(x) < MIN_ROWS:
-        return 0.0
-    largest_error = 0.0
-    for first in (0, 1):
-        kept_x = x[first::2]
-        left_out_x = x[1 - first :: 2]
-        inside = (left_out_x > kept_x[0]) & (left_out_x < kept_x[-1])
-        interpolated = _interpolate(left_out_x[inside], kept_x, y[first::2], is_smooth)
-        largest_error = max(
-            largest_error,
-            float(np.nanmax(np.abs(interpolated - y[1 - first :: 2][inside]), initial=0.0)),
-        )
-    return 0.25 * largest_error
-
-
 def _force_tables(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, Table]:
-    """The two force tables; where one alone has times, the other's history from experiment.csv, if
-    it is there.
+    """Return the two force tables.
+
+    If only one of them has times, the history in experiment.csv takes the place of the other, if it
+    exists.
     """
     if ("t" in A) == ("t" in B):
         return A, B
     experiment_file = paths["t" in A] / EXPERIMENT
-    history = (
-        read_table(experiment_file, ("force",), ("t", "delta", "a"), WORD_COLUMNS)
-        if experiment_file.is_file()
-        else {}
-    )
-    if not history or not np.isfinite(history["t"]).all():
+    if not experiment_file.is_file():
         return A, B
-    history = {
-        name: column for name, column in history.items() if name != "force_error"
-    }  # the instrument's, it was
+    history = read_table(experiment_file, ("force",), ("t", "delta", "a"), WORD_COLUMNS)
+    if not np.isfinite(history["t"]).all():
+        return A, B
+    # In experiment.csv, force_error was the error of the instrument, not of the solution.
+    history = {name: column for name, column in history.items() if name != "force_error"}
     history |= {"step": np.arange(1.0, len(history["t"]) + 1)}
     return (A, history) if "t" in A else (history, B)
 
 
 def _read_table_pair(first: Path, second: Path) -> tuple[Table, Table]:
-    """The two tables, measured curves in the units of the other; UsageError for two results in
-    different units.
-    """
+    """Read two tables in the same units; UsageError if two results have different ones."""
     first_results, second_results = convert_to_common_units(
         [_read_any_table(path) for path in (first, second)]
     )
@@ -456,16 +380,14 @@ def _read_table_pair(first: Path, second: Path) -> tuple[Table, Table]:
 
 
 def _comparable_columns(results: Results) -> Table:
-    """The table of a result; a measured curve has neither steps nor radii."""
+    """Return the columns of a result; a measured curve has no steps or radii."""
     if not results.report.get(MEASURED):
         return results.table
     return {name: column for name, column in results.table.items() if name not in ("step", "a")}
 
 
 def _read_any_table(path: Path) -> Results:
-    """A result or a measured curve, or the columns of a table of an experiment, under whatever
-    name.
-    """
+    """Read a result, a measured curve, or a table of an experiment under any file name."""
     file = force_table_path(path)
     names = set(header_of(file))
     is_of_branches = "branch" in names and ("step" in names or {"z", "a"} <= names)
@@ -479,39 +401,35 @@ def _read_any_table(path: Path) -> Results:
 def _column_tolerances(
     rtol: Tolerances, columns: Sequence[str] | None, default_columns: Sequence[str]
 ) -> dict[str, float]:
-    """The tolerance of each column that is compared: those asked for, else the usual ones and what
-    rtol names.
+    """Return the tolerance of each compared column.
+
+    The compared columns are those of `columns`, or else `default_columns` and those that rtol
+    names.
     """
-    wanted = columns or default_columns
+    compared_columns = columns or default_columns
     if not isinstance(rtol, Mapping):
-        return dict.fromkeys(wanted, rtol)
-    extra_columns = [name for name in rtol if name and name not in wanted]
+        return dict.fromkeys(compared_columns, rtol)
+    extra_columns = [name for name in rtol if name and name not in compared_columns]
     if columns and extra_columns:
+        column_names = ", ".join(columns)
         raise UsageError(
-            f"--rtol names {extra_columns[0]}, which is not among the --columns {', '.join(columns)}"
+            f"--rtol names {extra_columns[0]}, which is not among the --columns {column_names}"
         )
-    return {name: rtol.get(name, rtol.get("", DEFAULT_RTOL)) for name in (*wanted, *extra_columns)}
+    default = rtol.get("", DEFAULT_RTOL)
+    return {name: rtol.get(name, default) for name in (*compared_columns, *extra_columns)}
 
 
 def _refuse_missing(name: str, tables: Mapping[str, Table]) -> None:
+    """Raise UsageError if a table lacks a column."""
     for path, table in tables.items():
         if name not in table:
             raise UsageError(f"{path} has no column '{name}'; it has {', '.join(table)}")
 
 
-def _rows_by_occurrence(column: np.ndarray) -> dict[tuple[str, int], int]:
-    """The place of the k-th occurrence of every value; values are the same to 10 digits."""
-    counts: Counter[str] = Counter()
-    rows = {}
-    for i, name in enumerate(f"{value:.9e}" for value in column):
-        rows[name, counts[name]] = i
-        counts[name] += 1
-    return rows
-
-
 def _relative_difference(pair: np.ndarray) -> np.ndarray:
-    """|x - y| over the larger of the two or 1e-6 of the largest in the column; infinite when one is
-    NaN.
+    """Return |x - y| / max(|x|, |y|, 1e-6 max|column|) of pairs (rows, 2).
+
+    It is 0 for two NaN, and infinite if only one of them is NaN.
     """
     finite = np.abs(pair[np.isfinite(pair)])
     floor = 1e-6 * finite.max(initial=0.0)

@@ -1,5 +1,6 @@
-"""What a new run may take the place of: rows of the same config file, a finished run of the same
-scene alone.
+"""Protection of finished results: what a new run may replace.
+
+A run may replace rows of the same config file, and of finished runs only those of the same scene.
 """
 
 from __future__ import annotations
@@ -11,32 +12,27 @@ from typing import Any
 from indent_sim.config.scene_file import load_result_config, to_mapping
 from indent_sim.config.strict_yaml import inline_yaml, leaf_values, parse
 from indent_sim.process.errors import ConfigError, UsageError
-from indent_sim.results.folder import (
+from indent_sim.results.atomic_files import read_regular_file
+from indent_sim.results.result_files import (
     CONFIG,
     Report,
     has_rows,
     is_same_config_file,
-    read_regular_file,
     read_report,
 )
 
-COMPLETE_EXIT_CODES = (
-    0,
-    6,
-)  # exit codes of runs that have all their rows; 6: but not as accurate as asked for
-IGNORED_KEYS = (
-    "title",
-    "output.directory",
-    "output.plot",
-)  # keys that change neither numbers nor what is kept
-MAX_DIFFERENCES = 5  # differences that a message names
+# A run with one of these exit codes has all its rows; 6 means less accurate than required.
+COMPLETE_EXIT_CODES = (0, 6)
+# These keys change neither the numbers nor which of them are kept.
+IGNORED_KEYS = ("title", "output.directory", "output.plot")
+MAX_DIFFERENCES = 5  # A message names no more differences than these.
 NOT_GIVEN = "not given"
 
-Difference = tuple[str, str, str]  # dotted key, what it was, and what it is now, in words
+Difference = tuple[str, str, str]  # Dotted key, old value and new value, as texts.
 
 
 def is_finished(report: Report) -> bool:
-    """Whether the run of a run.json came to its last row."""
+    """Return whether the run of a run.json computed all its rows."""
     return (
         report.get("status") in ("done", "failed")
         and report.get("exit_code") in COMPLETE_EXIT_CODES
@@ -49,21 +45,22 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
     Parameters
     ----------
     folder
-        The result folder that the new run is to have.
+        The result folder of the new run.
     config_yaml
         The resolved scene of the new run.
     report
-        What run.json will say of the new run: `asked` and `plan.auto` are looked at.
+        The run.json of the new run: its entries `asked` and `plan.auto` are used.
 
     Raises
     ------
     UsageError
-        It names what differs, and an `--output` that is free.
+        The message names the differences, and an `--output` that is free.
     """
     if not has_rows(folder):
         return
     old_report = read_report(folder)
-    remedy = f"choose another --output, such as {free_folder_name(folder)}, or replace it with --overwrite"
+    free_folder = free_folder_name(folder)
+    remedy = f"choose another --output, such as {free_folder}, or replace it with --overwrite"
     if not is_same_config_file(old_report, report, folder):
         file = old_report["asked"]["config"]
         raise UsageError(
@@ -76,8 +73,8 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
         difference_text = ", ".join(
             f"{key} was {old} and is {new}" for key, old, new in differences[:MAX_DIFFERENCES]
         )
-        more = len(differences) - MAX_DIFFERENCES
-        difference_text += f", and {more} more" if more > 0 else ""
+        remaining = len(differences) - MAX_DIFFERENCES
+        difference_text += f", and {remaining} more" if remaining > 0 else ""
         raise UsageError(
             f"{folder} holds the finished run of another scene: {difference_text}",
             remedy,
@@ -88,17 +85,22 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
 def scene_differences(
     folder: Path, old_report: Report, config_yaml: str, new_report: Report
 ) -> list[Difference]:
-    """What the scene of a finished run and that of a new one differ in.
+    """Return the differences between the scene of a finished run and that of a new one.
 
-    Keys that both left to the program do not count: what it chose may follow from another key, or
-    from its version. Error bars count where the new run would have none.
+    Keys that both runs left to the program are ignored: their values may follow from another key,
+    or from the program's version. Error bars count as a difference if the new run would have none.
 
     Parameters
     ----------
-    folder, theirs
+    folder, old_report
         The folder of the finished run, and its run.json.
-    config_yaml, ours
-        The resolved scene of the new run, and what its run.json will say.
+    config_yaml, new_report
+        The resolved scene of the new run, and its run.json.
+
+    Returns
+    -------
+    list of Difference
+        Dotted key, old value and new value as texts.
     """
     scene = _read_scene(folder)
     if not scene:
@@ -125,7 +127,7 @@ def scene_differences(
 
 
 def free_folder_name(folder: Path) -> Path:
-    """A path beside a folder that nothing has: its name with the first free number from 2 on."""
+    """Return an unused path beside a folder: its name with the first free number from 2 on."""
     number = 2
     while (candidate := folder.with_name(f"{folder.name}-{number}")).exists():
         number += 1
@@ -133,11 +135,10 @@ def free_folder_name(folder: Path) -> Path:
 
 
 def _read_scene(folder: Path) -> Mapping[str, Any]:
-    """The scene of a finished run as this version would write it; as it stands where this version
-    cannot read it.
+    """Return the scene of a finished run with the keys of this version.
 
-    Empty where config.yaml is missing or damaged: nobody can tell what the rows are of, and running
-    the scene again is what mends such a folder.
+    A scene that this version cannot read is returned as it stands. Empty if config.yaml is missing
+    or damaged: then nobody knows to which scene the rows belong, and a new run repairs the folder.
     """
     try:
         return to_mapping(load_result_config(folder / CONFIG))
@@ -151,18 +152,18 @@ def _read_scene(folder: Path) -> Mapping[str, Any]:
 
 
 def _automatic_keys(report: Report) -> set[str]:
-    """The keys that a run left to the program."""
+    """Return the keys that a run left to the program."""
     return set((report.get("plan") or {}).get("auto") or ())
 
 
 def _requested_options(report: Report) -> Mapping[str, Any]:
-    """What a run was asked for beside its scene."""
+    """Return the command-line options of a run."""
     options = report.get("asked")
     return options if isinstance(options, dict) else {}
 
 
 def _value_text(values: Mapping[str, Any], key: str) -> str:
-    """The value of a key as YAML, cut where it is long."""
+    """Return the value of a key as YAML, shortened to 60 characters."""
     if values.get(key) is None:
         return NOT_GIVEN
     text = inline_yaml(values[key])

@@ -1,4 +1,4 @@
-"""Hold of a history: how much of a force goes while the tip stands still, and how soon."""
+"""Stress relaxation in the first hold of a history: how much the force falls, and how fast."""
 
 from __future__ import annotations
 
@@ -15,20 +15,29 @@ FRACTION_ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class HoldRelaxation:
-    """The first hold: times since it began, from 0, and forces."""
+    """Relaxation in the first hold of a history.
+
+    Attributes
+    ----------
+    t
+        Times since the hold began (rows,) [time], from 0.
+    force
+        Forces (rows,) [force].
+    """
 
     t: np.ndarray
     force: np.ndarray
 
     @property
     def remaining_fraction(self) -> np.ndarray:
-        """What is left of the fall: 1 where it begins, 0 at its end."""
+        """Fraction of the force's fall that remains (rows,): 1 at first, 0 at the end."""
         return np.asarray((self.force - self.force[-1]) / (self.force[0] - self.force[-1]))
 
     @property
     def half_time(self) -> float:
-        """When half of the fall is over [time], an exponential between rows; NaN of a force that
-        does not fall.
+        """Time at which half of the fall is over [time]; NaN if the force does not fall.
+
+        Between two rows the force is interpolated by an exponential function of time.
         """
         if not self.force[0] > self.force[-1]:
             return nan
@@ -44,9 +53,7 @@ class HoldRelaxation:
 
 
 def first_hold(results: Results) -> HoldRelaxation | None:
-    """The first hold of a result with a history; None where there is none, or next to nothing of
-    it.
-    """
+    """Return the first hold of a result; None without a history, or if it has too few rows."""
     if not {"t", "branch"} <= set(results.table):
         return None
     hold_rows = np.flatnonzero(results["branch"] == "hold")

@@ -1,10 +1,11 @@
-"""Tables of a result folder: rows of the force table and blocks of the surface table, written and
-read.
+"""Tables of a result folder: rows of the force table and blocks of the surface table.
 
-The force table is appended, one row in one write: rewriting it at every step would cost the square
-of the number of steps. A kill can then at worst tear the last line, and readers drop a last line
-without a newline. Everything else is replaced whole, but for `surface: all`, which is appended too.
-The row is the commit: what other files say of later steps does not count.
+The force table is appended to, one row in one write: to rewrite it at every step would cost the
+square of the number of steps. A kill can then at worst tear the last line, and readers drop a last
+line without a newline. All other files are replaced as a whole, except surface.csv with
+`surface: all`, which is appended to as well. A step counts as done when its row of
+force_indentation.csv is complete: the other files of a step are written before its row, and readers
+ignore steps without a row.
 """
 
 from __future__ import annotations
@@ -30,32 +31,29 @@ from indent_sim.model.state import (
     Surface,
 )
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import write_atomically
+from indent_sim.results.atomic_files import write_atomically
 
 SURFACE = "surface.csv"
 EXPERIMENT = "experiment.csv"
 DYNAMIC = "dynamic.csv"
-WORD_COLUMNS = ("branch",)  # columns of words
+WORD_COLUMNS = ("branch",)  # These columns contain words instead of numbers.
 INTEGER_COLUMNS = ("step", "newton_iterations", *KRYLOV_COLUMNS)
-UNKNOWN_IN_TIME = (
-    "delta",
-    "z",
-    "a",
-    "penetration",
-    "energy",
-    "calibration_error",
-)  # what a curve may not know
+# In histories these columns may be empty, because a solution on the elastic curve of a body need
+# not give them.
+UNKNOWN_IN_TIME = ("delta", "z", "a", "penetration", "energy", "calibration_error")
 MAY_BE_EMPTY = {"p_max", *DERIVED_COLUMNS, *ERROR_COLUMNS}
-# Theory does not say u_x, under a sharp apex or edge p is infinite, and beside the end of a tip
-# there is no gap
+# Theory gives no u_x, the pressure below a sharp apex or edge is infinite, and beyond the end of a
+# tip there is no gap.
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure", "gap")
-SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")  # of every version
+# Every version of this program has written these columns.
+SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
 SURFACE_HEADER = (*SURFACE_COLUMNS, "z")
-OPTIONAL_SURFACE_COLUMNS = ("shear", "pore_pressure")  # with friction, with fluid in the pores
+# The shear traction is written with friction, the pore pressure with fluid in the pores.
+OPTIONAL_SURFACE_COLUMNS = ("shear", "pore_pressure")
 
 
 def force_row(state: State, columns: tuple[str, ...]) -> bytes:
-    """The line of a state in the force table."""
+    """Return the line of a state in the force table."""
     values, writers, reactions = _column_writers(columns)
     cells = [write(value) for write, value in zip(writers, values(state), strict=True)]
     cells += [_cell_text(state.column(name)) for name in reactions]
@@ -66,8 +64,9 @@ def force_row(state: State, columns: tuple[str, ...]) -> bytes:
 def _column_writers(
     columns: tuple[str, ...],
 ) -> tuple[Callable[[State], tuple[Any, ...]], tuple[Callable[[Any], str], ...], tuple[str, ...]]:
-    """What says the values of a state in columns, and how each is written; the columns of
-    reactions, which are last.
+    """Return a getter of the values of a state, their formatters, and the columns of reactions.
+
+    The reactions are the last columns of the table.
     """
     value_columns = tuple(name for name in columns if name not in REACTION_COLUMNS)
     writers = tuple(
@@ -77,9 +76,7 @@ def _column_writers(
 
 
 def order_columns(columns: Sequence[str]) -> tuple[str, ...]:
-    """Columns of the force table in their order: the time after the step, the reactions of supports
-    at the end.
-    """
+    """Order the columns of the force table: t after step, support reactions at the end."""
     time = [name for name in columns if name == "t"]
     reactions = [name for name in columns if name in REACTION_COLUMNS]
     first, *middle_columns = (
@@ -89,26 +86,34 @@ def order_columns(columns: Sequence[str]) -> tuple[str, ...]:
 
 
 def parse_state(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ()) -> State | None:
-    """The state of a line of the force table; None when the line is torn, or holds what no solution
-    is.
+    """Parse a line of the force table.
 
-    unknown: columns beyond MAY_BE_EMPTY of which this run says nothing.
+    Parameters
+    ----------
+    names
+        Columns of the table.
+    line
+        The line, without its newline.
+    unknown
+        Columns beyond MAY_BE_EMPTY that may be empty in this run.
+
+    Returns
+    -------
+    State or None
+        None if the line is torn, or holds values that no solution has.
     """
     cells = line.decode("ascii", "replace").split(",")
     if len(cells) != len(names):
         return None
     try:
-        named = zip(names, cells, strict=True)
-        values: dict[str, Any] = {name: _parse_cell(name, cell) for name, cell in named}
+        named_cells = zip(names, cells, strict=True)
+        values: dict[str, Any] = {name: _parse_cell(name, cell) for name, cell in named_cells}
         empty = {name for name, value in values.items() if value != value}
-    except (ValueError, OverflowError):  # a whole number of hundreds of digits is no float
+    except (ValueError, OverflowError):  # An integer of hundreds of digits overflows a float.
         return None
-    infinite = any(value in (math.inf, -math.inf) for value in values.values())
-    is_result = (
-        empty <= MAY_BE_EMPTY.union(unknown, UNKNOWN_IN_TIME if "t" in names else ())
-        and not infinite
-    )
-    if not is_result:
+    if any(value in (math.inf, -math.inf) for value in values.values()):
+        return None
+    if not empty <= MAY_BE_EMPTY.union(unknown, UNKNOWN_IN_TIME if "t" in names else ()):
         return None
     reactions = {
         name.removeprefix(REACTION_PREFIX): values.pop(name)
@@ -119,16 +124,17 @@ def parse_state(names: tuple[str, ...], line: bytes, unknown: Collection[str] = 
 
 
 def _parse_cell(name: str, cell: str) -> float | str:
+    """Parse the cell of a column: a word, an integer or a number."""
     if name in WORD_COLUMNS:
         return cell
     return parse_integer(cell) if name in INTEGER_COLUMNS else parse_number(cell)
 
 
 def parse_number(cell: str) -> float:
-    """The number in a cell of a table; NaN in an empty one, which says that there is none.
+    """Parse a number; an empty cell is NaN.
 
-    ValueError for what Python takes for a number, and no other program does: 1_000, digits of other
-    scripts.
+    ValueError for texts that Python accepts as numbers and other programs do not: 1_000, digits of
+    other scripts.
     """
     if "_" in cell or not cell.isascii():
         raise ValueError(f"{cell!r} is not a number")
@@ -136,14 +142,14 @@ def parse_number(cell: str) -> float:
 
 
 def parse_integer(cell: str) -> int:
-    """The whole number in a cell of a table; ValueError when it is something else."""
+    """Parse a non-negative integer; ValueError for anything else."""
     if not cell.strip().isdecimal() or not cell.isascii():
         raise ValueError(f"{cell!r} is not a whole number")
     return int(cell)
 
 
 def surface_block(step: int, surface: Surface) -> bytes:
-    """The lines of a state in the surface table; what is not a number is empty."""
+    """Return the lines of a step in the surface table; NaN is written as an empty cell."""
     optional_columns = [
         values
         for name in OPTIONAL_SURFACE_COLUMNS
@@ -166,7 +172,7 @@ def surface_block(step: int, surface: Surface) -> bytes:
 
 
 def surface_header(surface: Surface) -> bytes:
-    """The first line of the surface table."""
+    """Return the first line of the surface table."""
     optional_names = [
         name for name in OPTIONAL_SURFACE_COLUMNS if getattr(surface, name) is not None
     ]
@@ -174,8 +180,9 @@ def surface_header(surface: Surface) -> bytes:
 
 
 def csv_table(items: Sequence[Any]) -> bytes:
-    """A table with a row per dataclass and a column per field; a field that is None everywhere has
-    none.
+    """Return a CSV table with one row per dataclass and one column per field.
+
+    A field that is None in every item has no column.
     """
     names = [
         name for name in vars(items[0]) if any(getattr(item, name) is not None for item in items)
@@ -186,16 +193,16 @@ def csv_table(items: Sequence[Any]) -> bytes:
 
 
 def surface_blocks(path: Path) -> dict[int, bytes]:
-    """The lines of every step in a surface table; none without a table."""
+    """Return the lines of each step in a surface table; empty if there is no table."""
     lines = path.read_bytes().splitlines(keepends=True)[1:] if path.exists() else []
     return {int(step): b"".join(block) for step, block in groupby(lines, _line_step)}
 
 
 def drop_later_blocks(path: Path, steps: int) -> None:
-    """Keep the lines of a surface table that belong to the first `steps` steps, whole lines alone.
+    """Remove the lines of a surface table after the first `steps` steps, and a torn last line.
 
-    Those of an older version of this program get empty cells for the columns that they lack.
-    UsageError for no table.
+    Lines of an older version of this program get empty cells for the columns that they lack.
+    UsageError if the file is not such a table.
     """
     if not path.exists():
         return
@@ -204,29 +211,32 @@ def drop_later_blocks(path: Path, steps: int) -> None:
     try:
         names = [name for name in head.decode().split(",") if name]
     except UnicodeDecodeError:
-        problem = f"{path} is no table: its first line is no text"
+        problem = f"{path} is not a table: its first line is not text"
         raise UsageError(problem, "remove it and leave --resume out", str(path)) from None
     missing = [name for name in SURFACE_HEADER if name not in names]
     empty_cells = b"," * len(missing)
-    kept = [
+    kept_lines = [
         ",".join([*names, *missing]).encode(),
         *(line + empty_cells for line in lines if _line_step(line) <= steps),
     ]
-    if (table := b"".join(line + b"\n" for line in kept)) != data:
+    if (table := b"".join(line + b"\n" for line in kept_lines)) != data:
         write_atomically(path, table)
 
 
 def _integer_text(value: float) -> str:
+    """Format an integer of the table."""
     return str(int(value))
 
 
 def _cell_text(value: float | str | None) -> str:
+    """Format a number so that it is read back exactly; empty for None and NaN."""
     if value is None or value != value:
         return ""
     return value if isinstance(value, str) else f"{value:.17g}"
 
 
 def _line_step(line: bytes) -> float:
+    """Return the step of a line of the surface table; infinite if it has none."""
     try:
         return int(line.split(b",", 1)[0])
     except ValueError:

@@ -1,18 +1,13 @@
-"""States -> the files of a result folder."""
+"""Writer of a result folder: each converged state is added to its files as it comes."""
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import math
 import os
-import re
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from json.encoder import encode_basestring
 from pathlib import Path
-from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -21,25 +16,25 @@ from indent_sim.model.state import DERIVED_COLUMNS, STATE_COLUMNS, State, Surfac
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.signals import defer_signals
 from indent_sim.process.version import VERSION
-from indent_sim.results import checkpoint, folder, tables
+from indent_sim.results import atomic_files, checkpoint, output_folder, result_files, tables
+from indent_sim.results.atomic_files import append_atomically, write_atomically
 from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
-from indent_sim.results.folder import (
+from indent_sim.results.field_arrays import ARRAYS, OPTIONAL_ARRAYS
+from indent_sim.results.field_writer import FieldWriter
+from indent_sim.results.json_text import to_json
+from indent_sim.results.overwrite_protection import refuse_overwrite
+from indent_sim.results.previous_run import PreviousRun, previous_run
+from indent_sim.results.result_files import (
     CONFIG,
     PROGRAM,
     REPORT,
     TABLE,
     KeptStates,
     Report,
-    append_atomically,
     read_report,
-    write_atomically,
 )
-from indent_sim.results.overwrite_protection import refuse_overwrite
-from indent_sim.results.reader import PreviousRun, previous_run
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, SURFACE
-from indent_sim.results.xdmf import ARRAYS, OPTIONAL_ARRAYS, FieldWriter
 
-ENCODER = json.JSONEncoder(allow_nan=False, ensure_ascii=False)
 WRITER_ENTRIES = {
     "program",
     "version",
@@ -53,17 +48,32 @@ WRITER_ENTRIES = {
 
 
 class ResultFolder:
-    """The files of one run, written as its states come; a context manager, used on rank 0 alone.
+    """The files of one run, written while it goes on; a context manager, used on rank 0 alone.
 
-    columns: those of the force table beyond `STATE_COLUMNS` that this run has. mesh: the config's
-    mesh file, as text in parts. The folder appears under its name with the first row. `report`
-    becomes run.json. Leaving the block ends the run: status done, failed or interrupted after the
-    exception that passes through. A run that fails before its first row replaces no earlier
-    results; one that ends with exit code 2 or 3 leaves nothing. With `resume` the rows of this
-    config that are there stay (`earlier`), and the run goes on behind them. With `guard` rows of
-    another config file and a finished run of another scene are not replaced (UsageError), and a
-    finished run of the same scene is replaced when this one is done: one that is not leaves it as
-    it was.
+    The folder appears under its name with the first row. When the block is left, run.json gets the
+    status done, failed or interrupted, after the exception that passes through. A run that fails
+    before its first row replaces no earlier results; a run that ends with exit code 2 or 3 leaves
+    nothing.
+
+    Parameters
+    ----------
+    target
+        Path of the result folder.
+    config_yaml
+        The resolved scene, written to config.yaml.
+    surface
+        The states whose surface is kept in surface.csv.
+    columns
+        Columns of the force table that this run has beyond STATE_COLUMNS and DERIVED_COLUMNS.
+    report
+        Entries of run.json; `ResultFolder.report` can be changed until the end of the run.
+    resume
+        Keep the rows of a previous run of this config (`previous_run`) and append to them.
+    guard
+        Do not replace rows of another config file, nor a finished run of another scene
+        (UsageError). A finished run of the same scene is replaced only when this run is done.
+    mesh
+        The mesh file of the config, as text in parts.
     """
 
     def __init__(
@@ -90,38 +100,36 @@ class ResultFolder:
         self._guard = guard and not resume
         self._appears_at_end = False
         self._fields: FieldWriter | None = None
-        self._deepest_surface = (-math.inf, b"")  # depth, and lines of the surface table
-        # when last, and whether the next write waits for the disk
+        # Depth, and lines of the surface table.
+        self._deepest_surface = (-math.inf, b"")
+        # Time of the last write that waited for the disk, and whether the next one is to wait.
         self._last_sync = time.monotonic()
         self._next_write_syncs = False
-        self._unsynced_files: tuple[
-            str, ...
-        ] = ()  # what was given, in files that were not waited for yet
+        # First files of the run that may not be on the disk yet.
+        self._unsynced_files: tuple[str, ...] = ()
         self._status: Report = {"status": "running", "exit_code": None, "reason": ""}
         self._started = _utc_time()
 
     @property
     def path(self) -> Path:
-        """Where the files are now; changes once, with the first row."""
+        """Folder in which the files are now; it changes once, with the first row."""
         return self._output.path
 
     def __enter__(self) -> ResultFolder:
         with defer_signals():
-            self._output = folder.OutputFolder(self._target, self._refuse_overwrite)
+            self._output = output_folder.OutputFolder(self._target, self._refuse_overwrite)
             self._appears_at_end = (
                 self._guard and read_report(self._output.target).get("status") == "done"
             )
             try:
-                previous = (
-                    previous_run(self._output.target, self._config_yaml, self.report)
-                    if self._resume
-                    else None
-                )
+                previous = None
+                if self._resume:
+                    previous = previous_run(self._output.target, self._config_yaml, self.report)
                 with self._convert_write_errors():
                     if previous is not None:
                         self._resume_previous_run(previous)
                         self._write_report()
-                    else:  # run.json comes with the first row
+                    else:  # run.json is written with the first row.
                         self._write_first_files()
             except BaseException:
                 self._output.abandon()
@@ -129,21 +137,23 @@ class ResultFolder:
         return self
 
     def _refuse_overwrite(self, target: Path) -> None:
-        """UsageError where this run would replace what is to be kept."""
+        """Raise UsageError if this run would replace results that are to be kept."""
         if self._guard:
             refuse_overwrite(self._target, self._config_yaml, self.report)
 
     def _write_first_files(self) -> None:
-        """Write what was given, and the head of the table."""
+        """Write config.yaml, the mesh file and the header of the force table."""
         first_files: dict[str, str | Iterable[str]] = {CONFIG: self._config_yaml}
-        first_files |= {folder.MESH_FILE: self._mesh} if self._mesh else {}
+        first_files |= {result_files.MESH_FILE: self._mesh} if self._mesh else {}
         self._unsynced_files = tuple(first_files)
         for name, content in (first_files | {TABLE: ",".join(self._columns) + "\n"}).items():
             write_atomically(self.path / name, content, self._next_write_syncs)
 
     def _resume_previous_run(self, earlier: PreviousRun) -> None:
+        """Continue in the folder of a previous run, behind its last complete row."""
         self._output.resume_in_place()
-        self._columns = earlier.columns  # those of an older version of this program may be fewer
+        # An older version of this program may have written fewer columns.
+        self._columns = earlier.columns
         os.truncate(self.path / TABLE, earlier.table_bytes)
         tables.drop_later_blocks(self.path / SURFACE, len(earlier.states))
         self.previous_run = earlier
@@ -164,16 +174,18 @@ class ResultFolder:
     def append(self, state: State) -> None:
         """Add the row of a converged state, with its surface; the first row publishes the folder.
 
-        Raises NotConverged when the disk is full; the rows before are kept.
+        Raises
+        ------
+        NotConverged
+            The disk is full; the rows before are kept.
         """
         if not state.converged:
             raise ValueError(
-                f"step {state.step} has not converged and is no result: {state.reason}"
+                f"step {state.step} has not converged and is not a result: {state.reason}"
             )
         with defer_signals(), self._convert_write_errors():
-            self._next_write_syncs = (
-                time.monotonic() - self._last_sync > 1.0
-            )  # s that a power failure may cost
+            # A power failure costs no more than the rows of the last second.
+            self._next_write_syncs = time.monotonic() - self._last_sync > 1.0
             if state.surface is not None:
                 self._write_surface(state, state.surface)
             append_atomically(
@@ -182,9 +194,8 @@ class ResultFolder:
             if self._next_write_syncs:
                 self._sync_files()
             self.rows += 1
-            if (
-                self._next_write_syncs or self.rows == 1
-            ):  # of thousands of quick steps it would cost more than they do
+            # Writing run.json at each of thousands of quick steps would take longer than they do.
+            if self._next_write_syncs or self.rows == 1:
                 self._write_report()
             self._rename_into_place()
             if self._next_write_syncs:
@@ -194,19 +205,27 @@ class ResultFolder:
         self,
         *mesh: Any,
         keep: KeptStates,
-        more: Sequence[str] = (),
-        told: Mapping[str, str] | None = None,
+        extra_arrays: Sequence[str] = (),
+        information: Mapping[str, str] | None = None,
     ) -> None:
-        """Prepare fields.xdmf, tip.xdmf and fields/ for states of a mesh and a tip (see
-        `xdmf.FieldWriter`).
+        """Prepare fields.xdmf, tip.xdmf and fields/ for states on one mesh.
 
-        more: names of fields beyond those of every body. told: what the files say beside the units.
+        Parameters
+        ----------
+        mesh
+            Mesh and tip, as `field_writer.FieldWriter` takes them.
+        keep
+            The states whose fields are kept.
+        extra_arrays
+            Names of fields beyond those that every body has.
+        information
+            Information that the files contain besides the units.
         """
         if keep == "none":
             return
         with defer_signals(), self._convert_write_errors():
             done = self.rows if self.previous_run else None
-            arrays = ARRAYS | {name: OPTIONAL_ARRAYS[name] for name in more}
+            arrays = ARRAYS | {name: OPTIONAL_ARRAYS[name] for name in extra_arrays}
             scene_units = self.report.get("units")
             units = {
                 f"unit of {kind}": unit
@@ -214,22 +233,27 @@ class ResultFolder:
                 if (unit := getattr(scene_units, kind, ""))
             }
             self._fields = FieldWriter(
-                self.path, *mesh, keep=keep, done=done, arrays=arrays, told=units | dict(told or {})
+                self.path,
+                *mesh,
+                keep=keep,
+                done=done,
+                arrays=arrays,
+                information=units | dict(information or {}),
             )
             if self.previous_run and keep == "all" and not self._fields.is_continued:
                 warning = (
-                    f"the fields of steps 1 to {self.rows} were lost: "
-                    "those of the steps after them "
-                    "alone are kept"
+                    f"the fields of steps 1 to {self.rows} are missing: "
+                    "only those of later steps are kept"
                 )
                 self.report["warnings"] = [*self.report.get("warnings", []), warning]
 
     def write_fields(
         self, state: State, fields: Mapping[str, np.ndarray], time: float | None = None
     ) -> None:
-        """Write the fields of a state at a time [its step]; call before its `append`.
+        """Write the fields of a state; to be called before its `append`.
 
-        Nothing happens without `open_fields`.
+        Nothing is written without `open_fields`. The time is that of the state; None stands for its
+        step.
         """
         if self._fields is None:
             return
@@ -237,9 +261,7 @@ class ResultFolder:
             self._fields.write(state.step, state.delta, fields, time)
 
     def write_experiment(self, rows: Sequence[Any], dynamic: Sequence[Any]) -> None:
-        """Write experiment.csv, and dynamic.csv where there is one; of a run before what is not
-        written now goes.
-        """
+        """Write experiment.csv and dynamic.csv, or delete a file that gets no rows."""
         with defer_signals(), self._convert_write_errors():
             for name, items in ((EXPERIMENT, rows), (DYNAMIC, dynamic)):
                 if items:
@@ -248,18 +270,16 @@ class ResultFolder:
                     (self.path / name).unlink(missing_ok=True)
 
     def save_checkpoint(self, saved: Checkpoint, identity: Report) -> None:
-        """Keep the last equilibria for `--resume`, which can do without: a full disk is no failure
-        here.
-        """
+        """Keep the last equilibria for `--resume`; they are optional: a full disk is ignored."""
         with defer_signals(), suppress(OSError):
             checkpoint.write(self.path / CHECKPOINT, saved, identity)
 
     def read_checkpoint(self, identity: Report) -> Checkpoint:
-        """The last equilibria of the run that is continued; an empty one when they are of no use."""
+        """Return the last equilibria of the run that is continued; empty if they cannot be used."""
         return checkpoint.read(self.path / CHECKPOINT, identity)
 
     def finish(self, error: BaseException | None) -> None:
-        """Say how the run ended; the first word counts."""
+        """Record how the run ended; only the first call counts."""
         if self._status["status"] == "running":
             self._status = dict(
                 zip(("status", "exit_code", "reason"), _final_status(error), strict=True)
@@ -271,11 +291,10 @@ class ResultFolder:
         with defer_signals():
             try:
                 is_done = self._status["status"] == "done"
-                is_worth_keeping = (
-                    is_done
-                    if self._appears_at_end
-                    else self.rows or not self._output.replaces_results
-                )
+                if self._appears_at_end:
+                    is_worth_keeping = is_done
+                else:
+                    is_worth_keeping = self.rows > 0 or not self._output.replaces_results
                 self._appears_at_end = False
                 if not self._output.is_in_place and (
                     self._status["exit_code"] in (2, 3) or not is_worth_keeping
@@ -295,12 +314,13 @@ class ResultFolder:
                 self._output.release_lock()
 
     def _sync_files(self, *names: str) -> None:
-        """Wait until the disk has these files, and what was given."""
+        """Wait until these files and the first files of the run are on the disk."""
         for name in (*self._unsynced_files, *names):
-            folder.sync_to_disk(self.path / name)
+            atomic_files.sync_to_disk(self.path / name)
         self._unsynced_files = ()
 
     def _rename_into_place(self) -> None:
+        """Publish the folder under its name, once there is something to publish."""
         if self._output.is_in_place or self._appears_at_end:
             return
         self._output.rename_into_place()
@@ -308,13 +328,14 @@ class ResultFolder:
             self._fields.directory = self.path
 
     def _write_report(self) -> None:
+        """Write run.json."""
         ended = {} if self._status["status"] == "running" else {"finished": _utc_time()}
         identity = {"program": PROGRAM, "version": VERSION, **self._status, "rows": self.rows}
         report = {**identity, "started": self._started, **ended, **self.report}
         write_atomically(self.path / REPORT, to_json(report) + "\n", self._next_write_syncs)
 
     def _write_surface(self, state: State, surface: Surface) -> None:
-        """Every state's surface, or those of the deepest and of the last."""
+        """Write the surface of every state, or of the deepest and the last one."""
         path = self.path / SURFACE
         block = tables.surface_block(state.step, surface)
         if self._surface == "all" and path.exists():
@@ -330,83 +351,23 @@ class ResultFolder:
 
     @contextmanager
     def _convert_write_errors(self) -> Iterator[None]:
-        """A write that fails ends the run with what it has."""
+        """Raise NotConverged for a failed write: the run ends with the rows that it has."""
         try:
             yield
         except OSError as error:
-            kept = (
-                f"{self.rows} rows are kept in {self._output.target}"
-                if self.rows
-                else "no row is kept"
-            )
             if self._appears_at_end:
-                kept = f"the finished run in {self._output.target} is as it was"
+                kept_text = f"the finished run in {self._output.target} is unchanged"
+            elif self.rows:
+                kept_text = f"{self.rows} rows are kept in {self._output.target}"
+            else:
+                kept_text = "no row is kept"
             raise NotConverged(
-                f"cannot write results: {error.strerror or error}; {kept}"
+                f"cannot write results: {error.strerror or error}; {kept_text}"
             ) from error
 
 
-def to_json(value: Any, indent: int | None = 2) -> str:
-    """Strict JSON: what is not finite becomes null; dataclasses, paths and numpy numbers become
-    plain.
-    """
-    data = json_data(value)
-    text = ENCODER.encode(data) if indent is None else _indented_json(data, "\n", " " * indent)
-    return re.sub(
-        "[\ud800-\udfff]", lambda lone: f"\\u{ord(lone.group()):04x}", text
-    )  # of a file name in no encoding
-
-
-def _indented_json(value: Any, line: str, step: str) -> str:
-    """JSON with a line for each entry of a mapping and of a list of such, which json itself writes
-    slowly.
-    """
-    kind = type(value)
-    if kind is str:
-        return encode_basestring(value)
-    if kind is float or kind is int:
-        return repr(value)
-    inner = line + step
-    if kind is dict and value:
-        parts = [
-            f"{encode_basestring(key)}: {_indented_json(part, inner, step)}"
-            for key, part in value.items()
-        ]
-        return f"{{{inner}{f',{inner}'.join(parts)}{line}}}"
-    if kind is list and any(type(part) in (dict, list) for part in value):
-        return f"[{inner}{f',{inner}'.join(_indented_json(part, inner, step) for part in value)}{line}]"
-    return ENCODER.encode(value)
-
-
-def json_data(value: Any) -> Any:
-    """The same as numbers, words, lists and dictionaries; None for a number that is not finite."""
-    kind = type(value)
-    if kind in (str, int, bool, NoneType):
-        return value
-    if kind is float:
-        return value if math.isfinite(value) else None
-    if kind is tuple or kind is list:
-        return [json_data(part) for part in value]
-    match value:  # what is rarer
-        case Mapping():
-            return {str(key): json_data(part) for key, part in value.items()}
-        case str() | int():
-            return value
-        case np.generic() | np.ndarray():
-            return json_data(value.tolist())
-        case float():
-            return json_data(float(value))
-        case list() | tuple() | set() | frozenset():
-            return [json_data(part) for part in value]
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {
-            part.name: json_data(getattr(value, part.name)) for part in dataclasses.fields(value)
-        }
-    return str(value)
-
-
 def _final_status(error: BaseException | None) -> tuple[str, int, str]:
-    """Status, exit code and reason after the exception that ends a run."""
+    """Return status, exit code and reason of a run that ended with an exception, or with None."""
     if error is None:
         return "done", 0, ""
     if isinstance(error, KeyboardInterrupt):
@@ -416,4 +377,5 @@ def _final_status(error: BaseException | None) -> tuple[str, int, str]:
 
 
 def _utc_time() -> str:
+    """Return the present time as ISO 8601 text in UTC."""
     return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())

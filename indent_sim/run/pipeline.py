@@ -23,8 +23,9 @@ from indent_sim.process.limits import translate_resource_errors
 from indent_sim.process.ranks import SerialComm, run_on_root
 from indent_sim.process.signals import reraise_signal
 from indent_sim.process.usage import Clock, current_memory
-from indent_sim.results.folder import config_file_entries, read_report
-from indent_sim.results.reader import missing_files, previous_run, read, resumable_report
+from indent_sim.results.previous_run import missing_files, previous_run, resumable_report
+from indent_sim.results.reader import read
+from indent_sim.results.result_files import config_file_entries, read_report
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.run.derived_quantities import DerivedQuantities, Equilibrium
 from indent_sim.run.error_estimation.coarser_run import (

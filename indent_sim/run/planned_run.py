@@ -78,9 +78,7 @@ class PlannedRun:
         """A name for physics, discretisation, history and experiment; titles and output have no
         part in it.
         """
-        from indent_sim.results.writer import (
-            to_json,
-        )  # with the readers of results, which no plan of one scene needs
+        from indent_sim.results.json_text import to_json
 
         scene = self.scene
         parts = [scene.physics, scene.sizes, scene.solver, scene.plan.resolution]

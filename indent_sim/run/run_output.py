@@ -15,10 +15,12 @@ from typing import Any, TypeVar
 from indent_sim.process.errors import IndentSimError, printable
 from indent_sim.process.ranks import FailureConsensus, SerialComm, run_on_root
 from indent_sim.process.signals import raise_pending_signal
+from indent_sim.results.atomic_files import write_atomically
 from indent_sim.results.checkpoint import Checkpoint
-from indent_sim.results.folder import REPORT, read_report, write_atomically
-from indent_sim.results.reader import PreviousRun
-from indent_sim.results.writer import ResultFolder, to_json
+from indent_sim.results.json_text import to_json
+from indent_sim.results.previous_run import PreviousRun
+from indent_sim.results.result_files import REPORT, read_report
+from indent_sim.results.writer import ResultFolder
 
 T = TypeVar("T")
 Fallback = TypeVar("Fallback")

@@ -170,8 +170,8 @@ class SingleRun:
             record.open_fields(
                 *mesh_arrays,
                 keep=self._keep_fields,
-                more=self._fields.optional_names,
-                told=field_metadata,
+                extra_arrays=self._fields.optional_names,
+                information=field_metadata,
             )
 
     def _use_history_solver(self, earlier_seconds: float) -> None:

@@ -13,8 +13,9 @@ import numpy as np
 from indent_sim.process.errors import NotConverged, UsageError
 from indent_sim.process.repr_tables import ReprTable
 from indent_sim.process.usage import duration_text, machine_memory
-from indent_sim.results.folder import Report, read_regular_file, read_report
+from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.reader import Results, data_frame
+from indent_sim.results.result_files import Report, read_report
 from indent_sim.run import pipeline
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import curve_table, study_file, study_folder, study_picture, study_table

@@ -20,13 +20,14 @@ from typing import Any
 from indent_sim.process.errors import UsageError
 from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
-from indent_sim.results import folder as results
-from indent_sim.results.folder import PROGRAM, REPORT, RUNS, read_report, write_atomically
+from indent_sim.results import result_files
+from indent_sim.results.atomic_files import write_atomically
+from indent_sim.results.json_text import to_json
 from indent_sim.results.overwrite_protection import MAX_DIFFERENCES, free_folder_name, is_finished
 from indent_sim.results.reader import Results, read_run
-from indent_sim.results.writer import to_json
+from indent_sim.results.result_files import PROGRAM, REPORT, RUNS, read_report
 
-STUDY_RECORD = results.STUDY
+STUDY_RECORD = result_files.STUDY
 STUDY_TABLE = "study.csv"
 STUDY_PICTURE = "study.png"
 CURVES = "curves.csv"
@@ -92,7 +93,7 @@ class StudyFolder:
         ] = {}  # of the folders of runs, by the name of their physics
 
     def __enter__(self) -> StudyFolder:
-        results.refuse_foreign(
+        result_files.refuse_foreign(
             self.path, "study", (STUDY_PICTURE, CURVES_PICTURE, SCOREBOARD_PICTURE)
         )
         if self._runs_folder.is_symlink() or (
@@ -103,7 +104,7 @@ class StudyFolder:
             )
         for run in self._runs_folder.iterdir() if self._runs_folder.exists() else ():
             if run.name.rpartition("-")[2] in self._physics_names:  # this study writes there
-                results.refuse_foreign(run)
+                result_files.refuse_foreign(run)
         if not (self._is_resumed or self._overwrite):
             self._reject_losing_runs()
         try:
@@ -180,8 +181,8 @@ class StudyFolder:
         there.
         """
         for run in [] if self._is_resumed else self._other_runs():
-            if results.is_own_folder(run):
-                results.delete_own_files(run)
+            if result_files.is_own_folder(run):
+                result_files.delete_own_files(run)
 
     def _other_runs(self) -> list[Path]:
         """What stands among the runs and is none that this study asks for."""
@@ -193,7 +194,7 @@ class StudyFolder:
         lost_runs = [
             run
             for run in self._other_runs()
-            if results.has_rows(run) and is_finished(read_report(run))
+            if result_files.has_rows(run) and is_finished(read_report(run))
         ]
         if not lost_runs:
             return

@@ -16,7 +16,6 @@ from textwrap import wrap
 import numpy as np
 
 from indent_sim.config.strict_yaml import short_yaml
-from indent_sim.results.folder import Report
 from indent_sim.results.pictures import figures
 from indent_sim.results.pictures.axes import axis_of_column, picture_text
 from indent_sim.results.pictures.curves import smooth_curve
@@ -24,6 +23,7 @@ from indent_sim.results.pictures.figures import FORMULA_STYLE, Axes, Figure, Plo
 from indent_sim.results.pictures.forces import draw_force, draw_force_lines
 from indent_sim.results.reader import MEASURED, Results
 from indent_sim.results.relaxation_in_hold import HoldRelaxation, first_hold
+from indent_sim.results.result_files import Report
 from indent_sim.studies import small_multiples, study_table
 from indent_sim.studies.curve_table import CurveGroups, distinguishing_labels
 from indent_sim.studies.small_multiples import (

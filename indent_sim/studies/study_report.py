@@ -9,9 +9,10 @@ from functools import partial
 from pathlib import Path
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import RUNS, Report, read_regular_file, read_report
+from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.html_report import Picture, render_page, thinned_table
 from indent_sim.results.pictures import figures
+from indent_sim.results.result_files import RUNS, Report, read_report
 from indent_sim.studies import curve_table, study_picture, study_table
 from indent_sim.studies.reference import scoreboard
 from indent_sim.studies.study_folder import SCOREBOARD, STUDY_RECORD, STUDY_TABLE

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from indent_sim.config.strict_yaml import inline_yaml, short_yaml
-from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
+from indent_sim.results.result_files import Report
 from indent_sim.studies.cases import Case, RejectedCase
 from indent_sim.studies.parameter_points import STIFFNESS_UNIT, StiffnessMultiple
 from indent_sim.studies.reference.reference_solution import ReferenceCurve, ReferenceSolution

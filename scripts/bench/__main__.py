@@ -30,7 +30,7 @@ from generated_page import write  # noqa: E402
 from markdown import number, table  # noqa: E402
 
 from indent_sim import __version__  # noqa: E402
-from indent_sim.results.folder import read_report  # noqa: E402
+from indent_sim.results.result_files import read_report  # noqa: E402
 from indent_sim.studies import Study  # noqa: E402
 
 PAGE = ROOT / "docs" / "accuracy.md"

@@ -14,8 +14,8 @@ import pytest
 from scenes import ELASTIC
 
 from indent_sim.config.scene_file import config_from_mapping, loads
+from indent_sim.results.field_reader import read_fields
 from indent_sim.results.reader import read
-from indent_sim.results.xdmf import read_fields
 from indent_sim.run.pipeline import simulate
 
 SCENES = {

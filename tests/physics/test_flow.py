@@ -52,7 +52,7 @@ def draining(
         else region
         for n, region in enumerate(part.regions)
     ]
-    return base.replace_physics(part=replace(part, regions=tuple(own)), drainage=drainage)
+    return base.replace_physics(domain=replace(part, regions=tuple(own)), drainage=drainage)
 
 
 def layer(h: float = RADIUS / 5, nu: float = 0.2, **sections: Any) -> Scene:

@@ -102,7 +102,7 @@ def test_little_friction_stuck_on_the_way() -> None:
         loading={"delta": A**2, "steps": 10},
     )
     assert base.physics.slip_reference == "implicit"
-    assert solve(base.replace_physics(anchor="mid"))[-1].force / paraboloid(
+    assert solve(base.replace_physics(slip_reference="mid"))[-1].force / paraboloid(
         0.0, 0.3
     ) == pytest.approx(1.01446, abs=5e-4)
 
@@ -278,7 +278,7 @@ def test_half_way_lies_between_the_ends_of_the_step(friction: float | str) -> No
         loading={"delta": A**2, "steps": 5},
     )
     glue, mid, implicit = (
-        solve(base.replace_physics(anchor=anchor))[-1].force
+        solve(base.replace_physics(slip_reference=anchor))[-1].force
         for anchor in ("glue", "mid", "implicit")
     )
     assert glue < mid < implicit

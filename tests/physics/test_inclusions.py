@@ -74,7 +74,7 @@ def included(body: dict[str, Any], *inclusions: dict[str, Any], **sections: Any)
 def without(base: Scene) -> Scene:
     """The scene of the first region's matter alone."""
     part = base.physics.domain
-    return base.replace_physics(part=dataclasses.replace(part, regions=part.regions[:1]))
+    return base.replace_physics(domain=dataclasses.replace(part, regions=part.regions[:1]))
 
 
 def test_a_ball_inclusion_at_automatic_sizes() -> None:

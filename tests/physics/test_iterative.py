@@ -276,7 +276,9 @@ def test_a_worn_preconditioner_is_built_anew_before_a_step_fails(monkeypatch: An
     monkeypatch.setattr(
         Multigrid, "apply", lambda self, r, u: u.set(0.0) if worn[0] else apply(self, r, u)
     )
-    monkeypatch.setattr(Multigrid, "rebuild", lambda self: (worn.__setitem__(0, False), renew(self)))
+    monkeypatch.setattr(
+        Multigrid, "rebuild", lambda self: (worn.__setitem__(0, False), renew(self))
+    )
     found = []
     for state in walk.states(base.physics.path, lambda step: False):
         worn[0] = True

@@ -16,8 +16,8 @@ from scenes import ELASTIC, force
 from scipy.integrate import quad
 
 from indent_sim.config.scene_file import config_from_mapping
+from indent_sim.results.field_reader import read_fields
 from indent_sim.results.reader import read
-from indent_sim.results.xdmf import read_fields
 from indent_sim.run.pipeline import simulate
 from indent_sim.scene.scene import resolve
 

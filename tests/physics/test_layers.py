@@ -93,7 +93,7 @@ def test_layers_of_one_material_are_one_body(body: str, nu: float) -> None:
     base = layered([(0.4, 1.0, nu), (0.6, 1.0, nu)], bodies[body], mesh=mesh)
     part = base.physics.domain
     whole = dataclasses.replace(part.regions[0], bottom=part.regions[-1].bottom)
-    one = base.replace_physics(part=dataclasses.replace(part, regions=(whole,)))
+    one = base.replace_physics(domain=dataclasses.replace(part, regions=(whole,)))
     grid = grid_of(base)
     assert set(grid.regions) == {0, 1}
     found = [state_on(scene_, grid).force for scene_ in (base, one)]

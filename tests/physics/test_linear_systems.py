@@ -82,7 +82,9 @@ def test_the_environment_stands_over_the_programs_choice(tmp_path, options, monk
     found = []
     solve = Newton._run_snes
     monkeypatch.setattr(
-        Newton, "_run_snes", lambda self, x: found.append(self.snes.ksp.pc.getType()) or solve(self, x)
+        Newton,
+        "_run_snes",
+        lambda self, x: found.append(self.snes.ksp.pc.getType()) or solve(self, x),
     )
     usual = solved(tmp_path).states[-1].force
     with tuned(**options):
@@ -326,7 +328,9 @@ def test_a_condensed_body_takes_no_number_that_is_none(tmp_path, monkeypatch, co
     monkeypatch.setattr(step_size_control, "SMALLEST_STEP_FRACTION", 0.5)
     with monkeypatch.context() as patch:
         patch.setattr(
-            Condenser, "_solve_block", lambda *given: tuple(np.nan * part for part in column(*given))
+            Condenser,
+            "_solve_block",
+            lambda *given: tuple(np.nan * part for part in column(*given)),
         )
         with pytest.raises(NotConverged, match="response to forces on its surface is not a number"):
             solved(tmp_path, **sections)

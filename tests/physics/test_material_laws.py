@@ -16,7 +16,7 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import symbolic_copy
+from indent_sim.fe.symbolic_constants import symbolic_copy
 from indent_sim.model.materials import (
     ArrudaBoyce,
     Fung,

@@ -18,11 +18,12 @@ from dolfinx import fem
 from scenes import PENALTY, meshed, scene
 
 from indent_sim.fe import solver
-from indent_sim.fe.discrete_body import Body, TimeLevel
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.problem import Problem, Snapshot
 from indent_sim.fe.solve.newton import Newton
 from indent_sim.fe.terms.scene_terms import additional_fields, bulk_terms, contact_terms
 from indent_sim.fe.terms.term import Term
+from indent_sim.fe.unknowns import TimeLevel
 from indent_sim.model.loading import LoadPath
 from indent_sim.scene.scene import Scene
 

@@ -10,7 +10,7 @@ import pytest
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
-from indent_sim.results.xdmf import read_fields
+from indent_sim.results.field_reader import read_fields
 from indent_sim.run.pipeline import simulate
 from indent_sim.scene.scene import resolve
 

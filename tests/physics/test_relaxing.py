@@ -17,12 +17,13 @@ from scenes import PARABOLOID, meshed, scene
 from scipy.optimize import brentq
 
 from indent_sim.fe import solver
-from indent_sim.fe.discrete_body import Body, TimeLevel
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.postprocessing.fields import Fields
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.newton import Newton
 from indent_sim.fe.terms.scene_terms import additional_fields, bulk_terms, contact_terms
 from indent_sim.fe.terms.term import Term
+from indent_sim.fe.unknowns import TimeLevel
 from indent_sim.model.materials import PowerLaw, PronySeries, Relaxation
 from indent_sim.model.state import State
 from indent_sim.run import pipeline

@@ -14,11 +14,12 @@ import ufl
 from dolfinx import fem
 from scenes import meshed, scene
 
-from indent_sim.fe.discrete_body import Body, TimeLevel
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.newton import Newton
 from indent_sim.fe.terms.scene_terms import additional_fields, bulk_terms, contact_terms
 from indent_sim.fe.terms.term import Term
+from indent_sim.fe.unknowns import TimeLevel
 
 DEPTH, COARSE = 0.05, {"h_contact": 0.05, "h_far": 0.2}
 ON_ROLLERS = {"shape": "cylinder", "radius": 1.0, "height": 1.0, "base": "roller", "sides": "free"}

@@ -19,9 +19,9 @@ from indent_sim import __version__
 from indent_sim.cli import commands
 from indent_sim.process.errors import UsageError, printable
 from indent_sim.results import checkpoint, reader, writer
-from indent_sim.results.folder import OutputFolder
-from indent_sim.results.reader import previous_run
-from indent_sim.results.xdmf import FieldWriter
+from indent_sim.results.field_writer import FieldWriter
+from indent_sim.results.output_folder import OutputFolder
+from indent_sim.results.previous_run import previous_run
 from indent_sim.studies.study_folder import StudyFolder
 
 TITLES = [

@@ -761,7 +761,7 @@ class TestAnotherScene:
             with monkeypatch.context() as patched:
                 patched.setattr("indent_sim.run.single_run.Simulation.follow", ends)
                 done = indent_sim("run", "scene.yaml", "--output", "out")
-            assert done.exit_code == code and "the finished run in out is as it was" in done.stderr
+            assert done.exit_code == code and "the finished run in out is unchanged" in done.stderr
             assert content_of(theory_run) == before
 
     def test_in_a_notebook(self, theory_run):

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from test_configs import COARSER, CONFIGS, SCENES, Run
 
 from indent_sim.config.scene_file import load
-from indent_sim.results.html_report import run_page
+from indent_sim.results.run_report import run_page
 from indent_sim.run.pipeline import simulate
 
 

@@ -105,7 +105,7 @@ def test_no_curve_at_all_is_exit_5(command, tmp_path):
     found = json.loads(done.stdout)
     assert done.exit_code == found["exit_code"] == 5 and found["curves"][0]["reason"] == "2 points"
     missing = command("fit", "nothing.csv", "--scene", "scene.yaml", "--vary", "material.E")
-    assert missing.exit_code == 2 and "there is no curve nothing.csv" in missing.output
+    assert missing.exit_code == 2 and "there is no file nothing.csv" in missing.output
 
 
 @pytest.mark.parametrize(

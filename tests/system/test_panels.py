@@ -19,10 +19,11 @@ from test_results import some_fields
 
 from indent_sim.model.tips import Paraboloid, Sphere
 from indent_sim.process.errors import UsageError
+from indent_sim.results.field_arrays import ARRAYS, OPTIONAL_ARRAYS
+from indent_sim.results.field_writer import FieldWriter
 from indent_sim.results.pictures import fields, figures, forces, panels
 from indent_sim.results.pictures.fields import FIELDS, deformed_section
 from indent_sim.results.tip_geometry import tip_mesh
-from indent_sim.results.xdmf import ARRAYS, OPTIONAL_ARRAYS, FieldWriter
 
 SCENE = """\
 body: {{shape: {body}, radius: 1.0, height: 1.0}}

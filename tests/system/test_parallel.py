@@ -20,7 +20,7 @@ from mesh_files import block, write
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP
 
 from indent_sim.config.scene_file import config_from_mapping, to_yaml
-from indent_sim.results.xdmf import read_fields
+from indent_sim.results.field_reader import read_fields
 
 # Round-off: sums in another order and another elimination order, seen through a matrix whose
 # condition is below 1e6
@@ -343,7 +343,7 @@ comm, found = MPI.COMM_WORLD, {}
 for name, mapping in json.loads(sys.argv[1]).items():
     scene = resolve(from_mapping(mapping))
     part = scene.physics.part
-    walk = solver.walk(scene, solver.distribute(on_root(comm, gmsh.build, part, scene.sizes), part, comm))
+    walk = solver.create_load_stepper(scene, solver.distribute(on_root(comm, gmsh.build_mesh, part, scene.sizes), part, comm))
     for state in walk.states(scene.physics.path, lambda step: False):
         pass
     points = comm.bcast(walk.points)
@@ -368,7 +368,7 @@ from indent_sim.scene.scene import resolve
 comm = MPI.COMM_WORLD
 scene = resolve(from_mapping(json.loads(sys.argv[1])))
 part = scene.physics.part
-walk = solver.walk(scene, solver.distribute(on_root(comm, gmsh.build, part, scene.sizes), part, comm))
+walk = solver.create_load_stepper(scene, solver.distribute(on_root(comm, gmsh.build_mesh, part, scene.sizes), part, comm))
 rows = [state.force for state in walk.states(scene.physics.path, lambda step: False)]
 found = comm.allgather(walk.find_pull_off())
 assert all((one.state.force, one.equilibria) == (found[0].state.force, found[0].equilibria) for one in found)
@@ -426,8 +426,8 @@ for name, mapping in json.loads(sys.argv[1]).items():
     law, part = Exponentials(0.3, (0.4, 0.3), (0.1, 1.0)), scene.physics.part
     part = replace(part, regions=tuple(replace(region, relaxing=law) for region in part.regions))
     scene = scene.with_physics(part=part)
-    mesh = solver.distribute(on_root(comm, gmsh.build, part, scene.sizes), part, comm)
-    body = solver.equilibrium(scene, mesh)
+    mesh = solver.distribute(on_root(comm, gmsh.build_mesh, part, scene.sizes), part, comm)
+    body = solver.create_equilibrium(scene, mesh)
 
     def step(depth, dt):
         assert body.solve(depth, dt), body.failure

@@ -204,7 +204,7 @@ class TestPressure:
         axes.figure.draw_without_rendering()
         (words,) = axes.texts
         inside, text = axes.get_window_extent(), words.get_window_extent()
-        assert "what sticks" in words.get_text()
+        assert "stick radius" in words.get_text()
         assert (
             inside.x0 < text.x0
             and text.x1 < inside.x1

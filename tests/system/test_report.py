@@ -79,7 +79,7 @@ def test_the_report_of_a_surface_under_tension(tmp_path):
     text = check(written(tmp_path, given=given))
     assert (
         "Elastocapillary length gamma/E*: 1.5 µm, " in text
-        and "of the contact radius to expect." in text
+        and "of the expected contact radius." in text
     )
 
 
@@ -137,7 +137,9 @@ def test_a_crate_lists_the_files_of_a_result(tmp_path):
     crate.write_text("mine")
     done = CliRunner().invoke(commands.program, ["report", str(folder), "--crate"])
     assert (
-        done.exit_code == 2 and crate.read_text() == "mine" and "not of indent-sim" in done.stderr
+        done.exit_code == 2
+        and crate.read_text() == "mine"
+        and "was not made by indent-sim" in done.stderr
     )
 
 
@@ -290,7 +292,7 @@ def test_in_a_browser_nothing_stands_out_of_the_page(tmp_path, make, width):
 
 def test_numbers_in_the_page_are_those_of_the_table():
     """The deepest row, not the last: after unloading that is empty."""
-    from indent_sim.results.html_report import _key_numbers
+    from indent_sim.results.run_report import _key_numbers
 
     result = a_result(units={"length": "m", "force": "N"})
     result.table["force"][-1], result.table["delta"][-1] = 0.0, 0.0

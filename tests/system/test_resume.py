@@ -28,10 +28,10 @@ from indent_sim.config.scene_file import load
 from indent_sim.fe.path.load_stepping import LoadStepper
 from indent_sim.fe.path.pull_off import PullPoint
 from indent_sim.model.loading import LoadPath
-from indent_sim.results import folder
+from indent_sim.results import result_files
+from indent_sim.results.field_writer import FieldWriter
 from indent_sim.results.reader import read
-from indent_sim.results.tip_geometry import scene_of
-from indent_sim.results.xdmf import FieldWriter
+from indent_sim.results.result_scene import scene_of
 from indent_sim.run import pipeline, single_run
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -426,7 +426,7 @@ class TestStopped:
 
         interrupt(tmp_path)
         with monkeypatch.context() as patch:
-            patch.setattr("indent_sim.results.writer.append_whole", full)
+            patch.setattr("indent_sim.results.writer.append_atomically", full)
             patch.setattr("indent_sim.results.writer.write_atomically", full)
             failed = indent_sim("--resume")
         assert (
@@ -462,7 +462,7 @@ class TestStopped:
         interrupt(tmp_path)
         (tmp_path / "out" / "fields" / lost).write_bytes(b"no HDF5")
         done = indent_sim("--resume")
-        assert done.exit_code == 0 and f"fields of steps 1 to {SOME} were lost" in done.stderr
+        assert done.exit_code == 0 and f"fields of steps 1 to {SOME} are missing" in done.stderr
         assert (tmp_path / "out" / "fields.xdmf").read_text().count("<Time") == 15 - SOME
 
     @pytest.mark.slow
@@ -594,7 +594,7 @@ class TestNothingToGoOnWith:
             )
             patch.setattr(*at, stop)
             assert indent_sim(*asked).exit_code == 130
-        assert folder.read_report(tmp_path / "out")["rows"] == 0
+        assert result_files.read_report(tmp_path / "out")["rows"] == 0
         done = indent_sim("--resume", *asked)
         assert done.exit_code == 0, done.stderr
         assert all(state > 0 for state in read(tmp_path / "out")["force_error"])
@@ -678,7 +678,7 @@ class TestNothingToGoOnWith:
 
     def test_a_folder_in_use_is_refused(self, indent_sim, tmp_path):
         interrupt(tmp_path)
-        with open(tmp_path / "out" / folder.LOCK, "w") as held:
+        with open(tmp_path / "out" / result_files.LOCK, "w") as held:
             fcntl.flock(held, fcntl.LOCK_EX)
             before = snapshot(tmp_path)
             done = indent_sim("--resume")

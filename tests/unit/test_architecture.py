@@ -38,19 +38,53 @@ ROOMS: dict[str, set[str]] = {
     "cli": {"studies", "fitting", "run", "config", "results", "process"},
 }
 
-# The same inside fe; `environment` and `kernels` are the process's side of dolfinx.
+# The same inside fe; `dolfinx_loading` and `kernel_cache` are the process's side of dolfinx.
 FE: dict[str, set[str]] = {
     "compat": set(),
-    "environment": {"compat"},
-    "kernels": set(),
+    "dolfinx_loading": {"compat"},
+    "kernel_cache": set(),
+    "nodal_assembly": set(),
+    "symbolic_constants": set(),
+    "shape_functions": set(),
+    "quadrature": {"compat", "shape_functions"},
+    "facet_values": {"compat", "shape_functions"},
+    "surface": {"quadrature", "shape_functions"},
     "mesh": {"compat"},
-    "observe": {"compat"},
-    "discrete_body": {"compat", "mesh", "observe"},
-    "terms": {"compat", "discrete_body", "observe"},
-    "problem": {"compat", "discrete_body", "terms"},
-    "path": {"observe", "terms"},
-    "solve": {"compat", "discrete_body", "observe", "terms", "problem", "path"},
-    "condensed": {"discrete_body", "observe", "terms", "path", "solve"},
+    "unknowns": {"compat"},
+    "constraints": {"compat", "mesh"},
+    "postprocessing": {"compat", "quadrature", "surface"},
+    "discrete_body": {"constraints", "facet_values", "mesh", "quadrature", "surface", "unknowns"},
+    "terms": {
+        "compat",
+        "discrete_body",
+        "facet_values",
+        "nodal_assembly",
+        "quadrature",
+        "shape_functions",
+        "symbolic_constants",
+        "unknowns",
+    },
+    "problem": {"compat", "discrete_body", "terms", "unknowns"},
+    "path": {"postprocessing", "terms"},
+    "solve": {
+        "compat",
+        "constraints",
+        "discrete_body",
+        "postprocessing",
+        "terms",
+        "problem",
+        "path",
+    },
+    "condensed": {
+        "discrete_body",
+        "postprocessing",
+        "quadrature",
+        "shape_functions",
+        "surface",
+        "terms",
+        "path",
+        "solve",
+    },
 }
 FE["solver"] = set(FE)  # the door
 
@@ -331,9 +365,9 @@ def test_what_make_check_runs_starts_no_process_and_solves_nothing() -> None:
 
 def test_imports_are_found_wherever_they_stand() -> None:
     assert "indent_sim.fe.solver" in set(
-        imports(PACKAGE / "run" / "simulation.py")
+        imports(PACKAGE / "run" / "single_run.py")
     )  # inside a function
-    assert "mpi4py" in set(imports(PACKAGE / "run" / "chain.py"))
+    assert "mpi4py" in set(imports(PACKAGE / "run" / "pipeline.py"))
     assert "indent_sim.theory.solution" in set(imports(PACKAGE / "theory" / "layer.py"))  # relative
 
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from indent_sim.fe import surface
 from indent_sim.fe.condensed.contact import CondensedContact
-from indent_sim.fe.surface import pressure_shape_functions, shape_functions
+from indent_sim.fe.shape_functions import (
+    interpolate_from_midpoints,
+    pressure_shape_functions,
+    shape_functions,
+)
 
 
 class CondensedState:
@@ -73,7 +76,7 @@ class CondensedState:
         if self.scene.physics.contact.multiplier == "nodal" or not self.trace.has_ripples:
             return lam
         pressure = lam.copy()
-        pressure[nodes] = surface.interpolate_from_midpoints(
+        pressure[nodes] = interpolate_from_midpoints(
             lam[nodes], lambda values: np.bincount(nodes.ravel(), values.ravel())[nodes]
         )
         return pressure

@@ -23,19 +23,18 @@ from mpi4py import MPI
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import SuperLU, splu
 
-from indent_sim.fe import surface
 from indent_sim.fe.condensed.complementarity import solve_complementarity
 from indent_sim.fe.condensed.compliance import Compliance
 from indent_sim.fe.condensed.friction import NODAL_FORCE_TOLERANCE, CondensedFriction
-from indent_sim.fe.solve import uzawa
-from indent_sim.fe.solve.slip_reference import solve_with_slip_reference
-from indent_sim.fe.solve.stiffness_continuation import stiffness_continuation
-from indent_sim.fe.surface import (
-    Trace,
-    contact_quadrature,
+from indent_sim.fe.quadrature import contact_quadrature, split_quadrature
+from indent_sim.fe.shape_functions import (
     pressure_shape_functions,
     shape_functions,
 )
+from indent_sim.fe.solve import uzawa
+from indent_sim.fe.solve.slip_reference import solve_with_slip_reference
+from indent_sim.fe.solve.stiffness_continuation import stiffness_continuation
+from indent_sim.fe.surface import Trace
 from indent_sim.scene.scene import Scene
 
 MOST_CONTACT_ITERATIONS = 100
@@ -381,7 +380,7 @@ class CondensedContact:
         They are the nodes with an area, the forces per nodal pressure Q, the weighted heights, the
         areas, and the compliance of the weighted gaps Q' C Q.
         """
-        points, weights = surface.split_quadrature(self.compliance.trace.dim)
+        points, weights = split_quadrature(self.compliance.trace.dim)
         W, height = self.quadrature_rule(points, weights)
         N = shape_functions(points)
         psi = pressure_shape_functions(points)

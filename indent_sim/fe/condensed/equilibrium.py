@@ -18,8 +18,8 @@ from indent_sim.fe.condensed.flat_punches import punches
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.path.equilibrium import Equilibrium, state_reactions
 from indent_sim.fe.path.solver_statistics import SolverStatistics
-from indent_sim.fe.postprocessing import measurements
-from indent_sim.fe.postprocessing.fields import WholeBody
+from indent_sim.fe.postprocessing import measurements, penetration
+from indent_sim.fe.postprocessing.whole_body import WholeBody
 from indent_sim.fe.solve.extrapolation import lagrange_weights, predict_trial_pressure
 from indent_sim.scene.cost import MAX_CANDIDATES
 from indent_sim.scene.scene import Scene
@@ -271,7 +271,7 @@ class CondensedEquilibrium(Equilibrium):
         solution = self.condenser.local_displacements(compliance, X)
         if solution is None:
             solution = self.observed_body.local_array()
-        values["intrusion"] = measurements.penetration_outside_contact_surface(
+        values["intrusion"] = penetration.penetration_outside_contact_surface(
             self._recovered_body, self._noncontact_trace, solution
         )
         return values | measurements.contact_values(self.contact_state)

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.sparse import diags
 from scipy.sparse.linalg import splu
 
-from indent_sim.fe.surface import shape_functions
+from indent_sim.fe.shape_functions import shape_functions
 from indent_sim.model.contact import (
     CoulombPoint,
     SlipReference,

@@ -10,7 +10,7 @@ from indent_sim.model.state import State
 from indent_sim.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from indent_sim.fe.terms.strain_energy import InvertedElements
+    from indent_sim.fe.terms.inverted_elements import InvertedElements
 
 
 def failed_state(

@@ -26,7 +26,8 @@ from indent_sim.fe.path.pull_off import (
     force_ripple,
 )
 from indent_sim.fe.path.step_size_control import StepSizeControl
-from indent_sim.fe.postprocessing import measurements
+from indent_sim.fe.postprocessing.contact_sample import smallest_gap
+from indent_sim.fe.postprocessing.surface_table import surface_table
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import PullOff, State
 
@@ -433,9 +434,7 @@ class LoadStepper:
                 "substeps": substeps,
                 "krylov_iterations": effort.krylov,
             }
-            surface = (
-                measurements.surface_table(body.observed_body) if wants_surface(step) else None
-            )
+            surface = surface_table(body.observed_body) if wants_surface(step) else None
             if path.control == "force":
                 self._points = self._drop_tried_points(self._search_points)
             dissipated = self._last_point.dissipation - self._row_point.dissipation
@@ -494,7 +493,7 @@ class LoadStepper:
             reached_depth = self._step_to_depth(depth_before - lift)[1]
             if reached_depth != lifted_depth:
                 return False
-            gap = measurements.smallest_gap(self.equilibrium.observed_body)
+            gap = smallest_gap(self.equilibrium.observed_body)
             if gap > 0 and gap >= lift * (1 - 1 / CLEARANCE_FACTOR):
                 # The tip overlaps the body by 1e-9 of its height, so that there is a contact
                 touch = LoadPoint(lifted_depth + gap - 1e-9 * height, self._search_time)

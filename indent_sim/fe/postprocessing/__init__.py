@@ -1,1 +1,1 @@
-"""What is read off a solution: the contact surface, contact radius and pressure, fields."""
+"""Evaluation of a solution: contact radius, pressure, penetration, surface table and fields."""

@@ -1,11 +1,8 @@
-"""Fields of a state: values at the vertices and cells of the grid, gathered on rank 0 in the grid's
-own order.
-"""
+"""Fields of a state at the vertices and cells of the grid, gathered in the order of the grid."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,58 +10,37 @@ import ufl
 from dolfinx import fem
 
 from indent_sim.fe import compat
-from indent_sim.fe.postprocessing import measurements
+from indent_sim.fe.postprocessing import contact_sample
 from indent_sim.fe.postprocessing.nodal_stress import NodalStress, total_stress
 from indent_sim.model.materials import Gel
 
 
-class WholeBody:
-    """A whole body at the present state, whose fields can be read off. strains: of each region
-    stress (3, 3) [pressure], J and psi [pressure] in UFL, and its cells on this rank; fluid: the
-    term of what its pores hold, None without any.
-    """
-
-    def __init__(self, body: Any, strain_energies: Sequence[Any], friction: Any, fluid: Any = None):
-        self.scene = body.scene
-        self.comm = body.comm
-        self.trace = body.trace
-        self.body_mesh = body.body_mesh
-        self.mesh = body.mesh
-        self.unknowns = body.unknowns
-        self.strain_energies = strain_energies
-        self.friction = friction
-        self.nodal_displacement = body.nodal_displacement
-        self.local_array = body.local_array
-        self.dofs = body.active_dof_count
-        self.fluid = fluid
-
-    @property
-    def E_star(self) -> float:
-        """Plane-strain modulus of what the tip touches, at this moment [pressure]."""
-        return float(self.strain_energies[0].E_star)
-
-    def find_inverted_elements(self) -> Any:
-        """Where the body is deformed most, see `terms.strain.Crushed` (collective); None at small
-        strain.
-        """
-        inverted = [
-            crushed
-            for strain in self.strain_energies
-            if (crushed := strain.find_inverted_elements())
-        ]
-        return reduce(lambda one, other: one.merge_extremes(other), inverted) if inverted else None
-
-
 class Fields:
-    """The fields of a solution by name.
+    """Fields of a solution by name.
 
-    At the vertices displacement (points, dim) [length], pressure and with friction shear (points,),
-    the mean of the facets that meet, as in the surface table, and with fluid its pore_pressure. At
-    the cells' centroids stress (cells, 3, 3) (Cauchy, of solid and fluid together), von_mises,
-    principal_stresses (cells, 3) from the largest, energy_density per undeformed volume [pressure]
-    (of the drained law), J = det(I + grad u), with fluid its fluid_content per undeformed volume,
-    and with a gel swelling, J from the dry state. A quadratic displacement is shown by its values
-    at the vertices. With `nodal_stress`, that and nodal_von_mises at the vertices.
+    At vertices:
+
+    * `displacement` (points, dim) [length];
+    * `pressure`, with friction also `shear` (points,) [pressure], averaged over the facets of a
+      vertex as in the surface table;
+    * `pore_pressure` (points,) [pressure], with pore fluid;
+    * `nodal_stress` (points, 3, 3) and `nodal_von_mises` (points,) [pressure], on request.
+
+    At the centroids of cells:
+
+    * `stress` (cells, 3, 3), the total Cauchy stress [pressure], `von_mises` (cells,) and
+      `principal_stresses` (cells, 3), the largest first;
+    * `energy_density` (cells,) of the drained law per undeformed volume [pressure];
+    * `J` (cells,), det(I + grad u);
+    * `fluid_content` (cells,) per undeformed volume, with pore fluid;
+    * `swelling` (cells,), the volume ratio from the dry state, with a gel.
+
+    Parameters
+    ----------
+    body : WholeBody
+        Body at the current state.
+    nodal_stress : bool
+        Whether the fields at vertices contain the stress.
     """
 
     def __init__(self, body: Any, nodal_stress: bool = False):
@@ -73,7 +49,7 @@ class Fields:
 
     @property
     def optional_names(self) -> tuple[str, ...]:
-        """Names of those that not every body has."""
+        """Names of those fields of this body that not every body has."""
         kinds = {
             "shear": self.body.friction,
             "pore_pressure": self.body.fluid,
@@ -86,7 +62,7 @@ class Fields:
         ]
         nodal = ("nodal_stress", "nodal_von_mises") if self._nodal_stress else ()
         return (
-            *(name for name, there in kinds.items() if there is not None),
+            *(name for name, term in kinds.items() if term is not None),
             *(["swelling"] if gels else []),
             *nodal,
         )
@@ -100,14 +76,14 @@ class Fields:
         ]
 
     def _cell_expressions(self, strain: Any) -> list[Any]:
-        """Stress, J, psi and, where there is fluid, its content: UFL scalars."""
+        """Components of the stress, J, psi and, with pore fluid, its content, as UFL scalars."""
         stress = total_stress(self.body, strain)
         fluid = self.body.fluid
         content = [] if fluid is None else [fluid.content_in(strain.region)]
         return [*(stress[i, j] for i, j in np.ndindex(3, 3)), strain.J, strain.psi, *content]
 
     def gather(self) -> dict[str, np.ndarray] | None:
-        """The fields on rank 0, None on the others."""
+        """Gather the fields on rank 0; None on other ranks (collective)."""
         mesh = self.body.mesh
         nodes = mesh.geometry.input_global_indices
         cells = mesh.topology.original_cell_index
@@ -130,7 +106,7 @@ class Fields:
             np.concatenate(column) for column in zip(*parts, strict=True)
         )
         stress, cell_scalars = np.split(_sort_to_grid(cells, cell_values), [9], axis=1)
-        # those of curved cells are last
+        # Midpoints of curved cells come after the vertices
         dim = self.body.body_mesh.dim
         point_count = mesh.topology.index_map(0).size_global
         displacement, fluid = np.split(_sort_to_grid(nodes, u)[:point_count], [dim], axis=1)
@@ -154,12 +130,12 @@ class Fields:
 
     @property
     def _vertex_dofs(self) -> np.ndarray:
-        """The displacement's block dofs (cells, dim + 1) at the corners of this rank's cells."""
+        """Block dofs (cells, dim + 1) of the displacement at the corners of this rank's cells."""
         dofs = compat.cell_dofs(self.body.unknowns.collapsed_space("u").dofmap)
-        return dofs[:, : self.body.body_mesh.dim + 1]  # vertices come first in a cell
+        return dofs[:, : self.body.body_mesh.dim + 1]  # a cell's vertices come first
 
     def _vertex_values(self) -> np.ndarray:
-        """The displacement and, where there is fluid, its pressure (points, dim or dim + 1)."""
+        """Displacement and, with pore fluid, its pressure (points, dim or dim + 1)."""
         body = self.body
         corners = compat.geometry_dofs(self.body.mesh)
         values = np.zeros(
@@ -174,8 +150,14 @@ class Fields:
         return values
 
     def _tractions(self) -> tuple[np.ndarray, np.ndarray]:
-        """The grid's points (n,) at corners of contact facets; the pressure, with friction shear,
-        there (n, 1 or 2).
+        """Pressure and, with friction, shear at the corners of contact facets.
+
+        Returns
+        -------
+        points : ndarray of int, (n,)
+            Grid points of the corners.
+        tractions : ndarray, (n, 1 or 2)
+            Tractions at the corners [pressure].
         """
         body = self.body
         dim = self.body.body_mesh.dim
@@ -184,13 +166,13 @@ class Fields:
         node[self._vertex_dofs] = np.asarray(body.mesh.geometry.input_global_indices)[
             compat.geometry_dofs(body.mesh)
         ]
-        tractions = measurements.tractions(
-            body, measurements.sample_contact(body, corners), corners
+        tractions = contact_sample.tractions(
+            body, contact_sample.sample_contact(body, corners), corners
         )
         return node[body.trace.nodes[:, :dim]].ravel(), tractions.reshape(-1, tractions.shape[-1])
 
     def _cell_values(self) -> np.ndarray:
-        """Stress, swelling, J, psi and, where there is fluid, its content (cells, 12 or 13)."""
+        """Stress, swelling, J, psi and, with pore fluid, its content (cells, 12 or 13)."""
         width = 11 + (self.body.fluid is not None)
         values = np.zeros((len(self.body.mesh.topology.original_cell_index), 1 + width))
         for (expression, cells), strain in zip(
@@ -209,13 +191,15 @@ class Fields:
 
 
 def _nodal_stress_fields(stress: np.ndarray) -> dict[str, np.ndarray]:
-    """A stress at the vertices (points, 3, 3), and its von Mises stress."""
+    """Fields of the stress (points, 3, 3) at vertices and its von Mises stress."""
     return {"nodal_stress": stress, "nodal_von_mises": _stress_fields(stress)["von_mises"]}
 
 
 def _stress_fields(stress: np.ndarray) -> dict[str, np.ndarray]:
-    """A stress (n, 3, 3), its principal values from the largest, and sqrt(3/2 s:s) of its deviator
-    s.
+    """Fields of a stress (n, 3, 3): itself, its principal values and its von Mises stress.
+
+    The von Mises stress is sqrt(3/2 s : s) with the deviator s; principal values are in descending
+    order.
     """
     principal = np.linalg.eigvalsh((stress + np.swapaxes(stress, 1, 2)) / 2)[:, ::-1]
     deviator = principal - principal.mean(axis=1, keepdims=True)
@@ -224,11 +208,13 @@ def _stress_fields(stress: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _sort_to_grid(grid_numbers: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Table whose row `grid_numbers[k]` is `rows[k]`."""
     table = np.zeros((grid_numbers.max() + 1, rows.shape[1]))
     table[grid_numbers] = rows
     return table
 
 
 def _nodal_means(node_numbers: np.ndarray, values: np.ndarray, size: int) -> np.ndarray:
+    """Mean (size,) of the values at each node; 0 at nodes without values."""
     count = np.bincount(node_numbers, minlength=size)
     return np.bincount(node_numbers, values, size) / np.maximum(count, 1)

@@ -1,9 +1,8 @@
-"""Stress at the vertices: extrapolated from points inside each cell, and averaged over the cells of
-one region.
+"""Stress recovery at vertices.
 
-The stress of quadratic elements is best at points inside a cell. From as many points as a cell has
-vertices it is extrapolated linearly to these, and at each vertex averaged over the cells of one
-region that meet there, weighted by their volumes. Nothing is averaged across the face between two
+The stress of quadratic elements is most accurate at points inside a cell. It is extrapolated
+linearly from as many points as a cell has vertices to these vertices, and there averaged over the
+cells of one region, weighted by their volumes. It is not averaged across interfaces between
 regions, where the stress jumps. Source: Hinton & Campbell (1974), Int. J. Numer. Methods Eng. 8,
 461; Zienkiewicz, Taylor & Zhu (2013), The Finite Element Method, 15.
 """
@@ -20,15 +19,23 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 
-# The barycentric coordinate of a point along its own vertex: the points of the quadrature of degree
-# 2, by dimension
+# Largest barycentric coordinate of each point of the quadrature of degree 2, by dimension
 OWN_COORDINATE = {2: 2 / 3, 3: (5 + 3 * 5**0.5) / 20}
 
 
 class _CellStress(NamedTuple):
-    """Of some cells: numbers of their vertices in the grid (cells, dim + 1), their regions
-    (cells,), their volumes (cells,), of an axisymmetric body without 2 pi, and the stress at
-    their vertices (cells, dim + 1, 9) [pressure].
+    """Extrapolated stress of some cells.
+
+    Attributes
+    ----------
+    vertices : ndarray of int, (cells, dim + 1)
+        Grid points of their vertices.
+    regions : ndarray of int, (cells,)
+        Numbers of their regions.
+    volumes : ndarray, (cells,)
+        Their volumes up to a common factor; without 2 pi for an axisymmetric body.
+    stress : ndarray, (cells, dim + 1, 9)
+        Stress at their vertices [pressure].
     """
 
     vertices: np.ndarray
@@ -38,8 +45,14 @@ class _CellStress(NamedTuple):
 
 
 def total_stress(body: Any, strain: Any) -> Expr:
-    """The Cauchy stress (3, 3) [pressure] in a region of a body, of solid and fluid together, in
-    UFL.
+    """Total Cauchy stress (3, 3) of a region, of solid and pore fluid, a UFL tensor [pressure].
+
+    Parameters
+    ----------
+    body : WholeBody
+        The body.
+    strain : StrainEnergy
+        Strain energy of the region.
     """
     if body.fluid is None:
         return strain.stress
@@ -47,7 +60,7 @@ def total_stress(body: Any, strain: Any) -> Expr:
 
 
 class NodalStress:
-    """The stress of a `WholeBody` at the vertices of its grid."""
+    """Stress of a `WholeBody` at the vertices of its grid."""
 
     def __init__(self, body: Any):
         self._body = body
@@ -57,9 +70,8 @@ class NodalStress:
         barycentric_weights = np.full((dim + 1, dim + 1), other_coordinate) + (
             own_coordinate - other_coordinate
         ) * np.eye(dim + 1)  # (points, vertices)
-        self._points = barycentric_weights[
-            :, 1:
-        ]  # the vertices of the reference cell are the origin and the unit vectors
+        # The vertices of the reference cell are the origin and the unit vectors
+        self._points = barycentric_weights[:, 1:]
         self._to_vertices = np.linalg.inv(barycentric_weights)
 
     @cached_property
@@ -72,20 +84,18 @@ class NodalStress:
         return expressions
 
     def gather_averages(self, points: int) -> np.ndarray | None:
-        """Return the volume-weighted nodal stress (points, 3, 3) [pressure]; None but on rank 0.
-
-        Collective.
+        """Gather the nodal stress on rank 0 (collective).
 
         Parameters
         ----------
-        points
+        points : int
             Number of vertices of the grid.
 
         Returns
         -------
-        array
-            Where several regions meet that of the first of them: layers come from the top to the base, then
-            inclusions.
+        ndarray, (points, 3, 3), or None
+            Stress [pressure]; None on other ranks. A vertex of several regions has the stress of
+            the first of them: layers come from the top to the base, then inclusions.
         """
         parts = self._body.comm.gather(self._owned_cell_stress(), root=0)
         if parts is None:
@@ -104,7 +114,7 @@ class NodalStress:
         return (np.array(sums) / total).T.reshape(-1, 3, 3)
 
     def _owned_cell_stress(self) -> _CellStress:
-        """Of the cells that this rank owns: the ghosts are another rank's."""
+        """Extrapolate the stress of the cells that this rank owns."""
         body = self._body
         mesh = self._body.mesh
         dim = body.body_mesh.dim

@@ -1,11 +1,11 @@
-"""Roughness of the contact pressure: how far it alternates from node to node of the elements.
+"""Roughness of the contact pressure: the amplitude of its oscillation from node to node.
 
-A smooth pressure is nearly quadratic on a facet and those beside it. What alternates between
-vertices and midpoints, or from one facet to the next, is not: it is what remains at a facet's nodes
-when the quadratic polynomial is taken away that fits the nodes of the facet and of its neighbours
-best, by least squares. A contact that opens over an element or two inside counts as rough, too.
-Where a pressure need not be smooth nothing is said: at the rim of contact, and where the slope or
-the curvature of the tip jumps.
+A smooth pressure is nearly quadratic on a facet and its neighbours. The roughness is the largest
+difference, at the nodes of a facet, between the pressure and the quadratic polynomial that fits the
+nodes of the facet and its neighbours best, by least squares. It is large if the pressure oscillates
+between vertices and midpoints or from facet to facet, or if the contact opens over one or two
+elements inside. It is not assessed where the pressure need not be smooth: at the edge of the
+contact, and where the slope or the curvature of the tip is discontinuous.
 """
 
 from __future__ import annotations
@@ -17,32 +17,30 @@ import numpy as np
 
 from indent_sim.model.tips import Indenter
 
-SAME_NODE = 1e-9  # of the extent of the surface: nodes closer to each other are one
-# Facets between one that is looked at and the rim of contact or a crease, by the nodes of a facet:
-# those beside it are part of its patch. A ball on a cube (three elements in the contact radius, no
-# friction) is 0.08 rough with two of them, where the elements that the rim crosses smear the
-# pressure
+# Facets between an assessed facet and the edge of the contact or a slope discontinuity, by the
+# number of nodes of a facet; the nearest belong to its patch. With two facets in three dimensions,
+# a ball on a cube (three elements in the contact radius, no friction) would have the roughness
+# 0.08, because elements that the edge of the contact crosses spread the pressure
 RIM_RINGS = {3: 2, 6: 3}
-# Facets of a hole inside the contact that counts as an oscillation, by the nodes of a facet: under
-# a rounded punch with friction two elements in a row opened (depth 0.24 thicknesses, nu 0.49, two
-# steps), and the force was 1.6 % too small
+# Facets of the largest hole in the contact that counts as an oscillation, by the number of nodes of
+# a facet. Under a rounded punch with friction (depth 0.24 thicknesses, nu 0.49, two steps) two
+# neighbouring elements opened, and the force was 1.6 % too small
 LARGEST_HOLE = {3: 4, 6: 12}
 
 
 @dataclass(frozen=True)
 class Patches:
-    """Every facet with the facets that share a side with it, and what is left there of a pressure
-    that is no quadratic.
+    """Patches of facets with their neighbours, and the matrices of their quadratic fits.
 
     Attributes
     ----------
-    nodes
-        A number for each place (facets, read), of those nodes of a facet at which a pressure is read.
-    members
-        The facet itself and its neighbours (patches, 1 + sides), of the facets that have one at each side.
-    remainders
-        Matrices (patches, read, (1 + sides) read) from the pressures at the nodes of the members to what a quadratic
-        does not explain of them at the nodes of the facet itself.
+    nodes : ndarray of int, (facets, n)
+        Numbers of the nodes of each facet at which a pressure is evaluated.
+    members : ndarray of int, (patches, 1 + sides)
+        A facet that has a neighbour at each side, and these neighbours.
+    remainders : ndarray, (patches, n, (1 + sides) n)
+        Matrices from the pressures at the nodes of the members to the differences from their
+        quadratic fit at the nodes of the facet itself.
     """
 
     nodes: np.ndarray
@@ -51,12 +49,12 @@ class Patches:
 
 
 def build_patches(X: np.ndarray) -> Patches:
-    """The patches of a contact surface.
+    """Build the patches of a contact surface.
 
     Parameters
     ----------
-    X
-        Places of the nodes of its facets (facets, nodes, dim) [length], vertices first, then midpoints.
+    X : ndarray, (facets, nodes, dim)
+        Positions of the nodes of its facets [length], vertices first, then midpoints.
     """
     dim = X.shape[2]
     reading_nodes = _reading_nodes(X)
@@ -72,24 +70,26 @@ def build_patches(X: np.ndarray) -> Patches:
 
 
 def _reading_nodes(nodal: np.ndarray) -> np.ndarray:
-    """The nodes at which a pressure is read: those of a triangle that are no vertex (see
-    `interpolate_from_midpoints`).
+    """Values at the nodes at which a pressure is evaluated: on triangles the midpoints only.
+
+    See `interpolate_from_midpoints`.
     """
     return nodal if nodal.shape[1] == 3 else nodal[:, 3:]
 
 
 def _node_numbers(X: np.ndarray) -> np.ndarray:
-    """A number (...) for each different place (..., dim)."""
+    """Number (...) of each position (..., dim), equal for equal positions."""
     points = X.reshape(-1, X.shape[-1])
     if not len(points):
         return np.zeros(X.shape[:-1], dtype=np.int64)
     extent = float(np.ptp(points, axis=0).max()) or 1.0
-    _, numbers = np.unique(np.round(points / (SAME_NODE * extent)), axis=0, return_inverse=True)
+    # Nodes closer than 1e-9 of the extent of the surface are the same
+    _, numbers = np.unique(np.round(points / (1e-9 * extent)), axis=0, return_inverse=True)
     return np.asarray(numbers).reshape(X.shape[:-1])
 
 
 def _patch_members(sides: np.ndarray) -> np.ndarray:
-    """Facets that have a neighbour at each of their sides (facets, sides), and these neighbours."""
+    """Facets that have a neighbour at each side, with these neighbours (patches, 1 + sides)."""
     count = sides.shape[1]
     order = np.argsort(sides, axis=None, kind="stable")
     numbers = sides.ravel()[order]
@@ -105,8 +105,14 @@ def _patch_members(sides: np.ndarray) -> np.ndarray:
 
 
 def _quadratic_monomials(patch: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """The monomials up to the second degree (patches, nodes, monomials) along each facet, about its
-    middle.
+    """Monomials up to the second degree (patches, nodes, monomials) in coordinates of each facet.
+
+    Parameters
+    ----------
+    patch : ndarray, (patches, nodes, dim)
+        Positions of the nodes of the patches [length].
+    vertices : ndarray, (patches, dim, dim)
+        Vertices of the facet, whose centre is the origin of the coordinates [length].
     """
     middle = vertices.mean(axis=1, keepdims=True)
     edges = vertices[:, 1:] - vertices[:, :1]
@@ -124,23 +130,28 @@ def _quadratic_monomials(patch: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 def roughness(
     patches: Patches, pressure: np.ndarray, touches: np.ndarray, distance: np.ndarray, tip: Indenter
 ) -> float:
-    """Return the amplitude [pressure] of the contact pressure's oscillation from node to node.
+    """Amplitude of the contact pressure's oscillation from node to node [pressure].
 
-    It is 0 where the contact is too small for a facet away from its rim and from creases of the
-    tip.
+    It is 0 if no facet of the contact is far enough from its edge and from slope discontinuities of
+    the tip.
 
     Parameters
     ----------
-    patches
-        Those of the surface.
-    pressure
-        At the nodes of its facets (facets, nodes) [pressure].
-    touches
-        Which of these nodes are in contact (facets, nodes).
-    distance
-        How far they are from the tip's axis, where the tip is touched (facets, nodes) [length].
-    tip
-        Whose creases are left out.
+    patches : Patches
+        Patches of the surface.
+    pressure : ndarray, (facets, nodes)
+        Pressure at the nodes of the facets [pressure].
+    touches : ndarray of bool, (facets, nodes)
+        Nodes in contact.
+    distance : ndarray, (facets, nodes)
+        Distance of the nodes from the tip's axis [length].
+    tip : Indenter
+        The tip.
+
+    Returns
+    -------
+    float
+        Amplitude [pressure].
     """
     rings = RIM_RINGS[pressure.shape[1]]
     is_inner = _fill_holes(
@@ -158,7 +169,8 @@ def roughness(
     nodes = patches.nodes
     total = np.bincount(nodes.ravel(), values.ravel())
     count = np.bincount(nodes.ravel())
-    mean = (total / np.maximum(count, 1))[nodes]  # the deformed area has a kink between facets
+    # The deformed area is discontinuous between facets, so pressures are averaged at shared nodes
+    mean = (total / np.maximum(count, 1))[nodes]
     patch_values = mean[patches.members[is_assessed]].reshape(int(is_assessed.sum()), -1, 1)
     return float(np.abs(patches.remainders[is_assessed] @ patch_values).max())
 
@@ -166,28 +178,27 @@ def roughness(
 def _fill_holes(
     is_inner: np.ndarray, distance: np.ndarray, members: np.ndarray, largest_hole: int
 ) -> np.ndarray:
-    """Return which facets are in contact or in a small hole of it (facets,).
+    """Mask (facets,) of the facets in contact or in a small hole of the contact.
 
-    A hole is a connected set of facets without contact that does not reach the farthest facet. A
-    contact that opens over so few elements inside oscillates as one whose pressure alternates from
-    node to node.
+    A hole is a connected set of open facets that does not contain the facet farthest from the axis.
+    A contact that opens over few elements inside is an oscillation of the pressure, too.
 
     Parameters
     ----------
-    is_inner
-        Which facets are in contact at all of their nodes (facets,).
-    distance
-        How far their nodes are from the tip's axis (facets, nodes) [length].
-    members
+    is_inner : ndarray of bool, (facets,)
+        Facets in contact at all nodes.
+    distance : ndarray, (facets, nodes)
+        Distance of the nodes from the tip's axis [length].
+    members : ndarray of int
         See `Patches`.
-    most
+    largest_hole : int
         Number of facets of the largest hole that is filled.
     """
     is_open = ~is_inner
     nearest_distance = distance.min(axis=1)
     if not (nearest_distance[is_open] < nearest_distance[is_inner].max(initial=0.0)).any():
         return is_inner
-    # Imported here, as few contacts are no full circle
+    # Imported here because few contacts have open facets inside
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -202,7 +213,7 @@ def _fill_holes(
 
 
 def _crosses_discontinuity(distance: np.ndarray, tip: Any) -> np.ndarray:
-    """Which facets (facets,) a circle crosses at which the slope or the curvature of a tip jumps."""
+    """Mask (facets,) of the facets at discontinuities of the tip's slope or curvature."""
     nearest = distance.min(axis=1)
     farthest = distance.max(axis=1)
     is_crossed = np.zeros(len(distance), dtype=bool)

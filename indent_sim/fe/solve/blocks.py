@@ -24,7 +24,7 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import support_and_pin_dofs, zero_bc
+from indent_sim.fe.constraints import support_and_pin_dofs, zero_bc
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.terms.term import Term
 

@@ -14,7 +14,7 @@ from mpi4py import MPI
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.path.equilibrium import state_reactions
 from indent_sim.fe.path.solver_statistics import SolverStatistics
-from indent_sim.fe.postprocessing import measurements
+from indent_sim.fe.postprocessing import contact_sample, measurements, penetration
 from indent_sim.fe.problem import Problem, Snapshot
 from indent_sim.fe.solve.contact_algorithms import contact_algorithm
 from indent_sim.fe.solve.dof_numbering import DofNumbering
@@ -26,7 +26,7 @@ from indent_sim.fe.solve.stiffness_continuation import approach_factors
 from indent_sim.fe.terms.contact.multiplier import stiffness_scale
 from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.scene_terms import bulk_terms, contact_terms
-from indent_sim.fe.terms.term import Stage
+from indent_sim.fe.terms.time_integration import Stage
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.tips import pass_through_depth
 
@@ -100,7 +100,7 @@ class BodyEquilibrium:
         """Whether the fluid is sealed where the tip touches; if not, the seal is updated."""
         seal = self.bulk_terms.seal
         return seal is None or not seal.update_contact(
-            measurements.touching_corners(self.observed_body)
+            contact_sample.touching_corners(self.observed_body)
         )
 
     def accept(self) -> float:
@@ -246,7 +246,7 @@ class BodyEquilibrium:
             return "Newton's method converged to an unstable equilibrium"
         if self.scene.physics.gap == "reference":
             return ""
-        if measurements.penetration(self.observed_body) > self._deepest_penetration:
+        if penetration.penetration(self.observed_body) > self._deepest_penetration:
             return "Newton's method converged with the tip inside the body"
         if (
             self.scene.physics.small_strain
@@ -374,7 +374,7 @@ class BodyEquilibrium:
         Both have the shape (facets, nodes).
         """
         points = self.observed_body.trace.node_points()
-        return self.contact_terms.pressure.multiplier_at(points), measurements.gap(
+        return self.contact_terms.pressure.multiplier_at(points), contact_sample.gap(
             self.observed_body, points
         )
 
@@ -388,7 +388,7 @@ class BodyEquilibrium:
         for name, axis in self.scene.physics.side_force_axes.items():
             values[f"side_force_{name}"] = self.problem.side_force(axis)
         body = self.problem.body
-        values["intrusion"] = measurements.penetration_outside_contact_surface(
+        values["intrusion"] = penetration.penetration_outside_contact_surface(
             self.observed_body, body.noncontact_trace, body.local_array()
         )
         values |= self._fluid_values()

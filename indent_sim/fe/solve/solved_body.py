@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.postprocessing.fields import WholeBody
+from indent_sim.fe.postprocessing.whole_body import WholeBody
 from indent_sim.fe.terms.scene_terms import BulkTerms, ContactTerms
 
 

@@ -1,1 +1,1 @@
-"""Parts of the virtual work: strain, wall, and those of the tip in `contact`."""
+"""Terms of the virtual work; those of the contact with the tip are in `contact`."""

@@ -1,30 +1,44 @@
-"""The terms of a scene, matter and touch, and the fields that they need."""
+"""Bulk terms and contact terms of a scene, and the unknown fields that they need."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from indent_sim.fe.discrete_body import Body, Field
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.terms import flow
 from indent_sim.fe.terms.contact import active_set, friction, traction
 from indent_sim.fe.terms.contact.active_set import NodalContact
 from indent_sim.fe.terms.contact.friction import Friction
 from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.contact.viscous_regularization import ViscousRegularization
-from indent_sim.fe.terms.flow import ContactSeal, Flow
+from indent_sim.fe.terms.contact_seal import ContactSeal
+from indent_sim.fe.terms.flow import Flow
 from indent_sim.fe.terms.strain_energy import StrainEnergy, pressure_fields
 from indent_sim.fe.terms.surface_tension import SurfaceTension
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.viscoelasticity import ViscoelasticStrainEnergy
 from indent_sim.fe.terms.weak_roller import WeakRollerBC
+from indent_sim.fe.unknowns import Field
 from indent_sim.scene.scene import Scene
 
 
 @dataclass(frozen=True)
 class BulkTerms:
-    """The terms of a body without contact: strain energies, first of the region under the tip, a
-    curved wall, the fluid in its pores with its way out, and the tension of its surface.
+    """Terms of the body without its contact.
+
+    Attributes
+    ----------
+    strain_energies : tuple of StrainEnergy
+        One term for each region; the region under the tip is first.
+    rollers : tuple of WeakRollerBC
+        Roller condition of a curved wall.
+    flow : Flow, optional
+        Fluid in the pores.
+    seal : ContactSeal, optional
+        Boundary conditions of the fluid.
+    surface_tension : SurfaceTension, optional
+        Tension of the contact surface.
     """
 
     strain_energies: tuple[StrainEnergy, ...]
@@ -49,8 +63,16 @@ class BulkTerms:
 
 @dataclass(frozen=True)
 class ContactTerms:
-    """The terms of the tip: its pressure, by the scene's contact method, its friction where there
-    is some, and what holds the surface back while it snaps to a tip that adheres.
+    """Terms of the contact with the tip.
+
+    Attributes
+    ----------
+    pressure : Traction or NodalContact
+        Contact pressure by the scene's contact method.
+    friction : Friction, optional
+        Tangential traction.
+    regularization : ViscousRegularization, optional
+        Drag on the surface while it snaps to or from an adhesive tip.
     """
 
     pressure: Traction | NodalContact
@@ -62,7 +84,7 @@ class ContactTerms:
 
 
 def bulk_terms(body: Body) -> BulkTerms:
-    """The terms of a scene's body."""
+    """Create the terms of the scene's body."""
     physics = body.scene.physics
     strain_energies = tuple(
         (ViscoelasticStrainEnergy if region.relaxation_series else StrainEnergy)(body, region)
@@ -75,7 +97,15 @@ def bulk_terms(body: Body) -> BulkTerms:
 
 
 def contact_terms(body: Body, strain_energy: StrainEnergy) -> ContactTerms:
-    """The terms of a scene's tip on the region below it."""
+    """Create the terms of the scene's contact.
+
+    Parameters
+    ----------
+    body : Body
+        Discrete body.
+    strain_energy : StrainEnergy
+        Term of the region under the tip, whose stress Nitsche's method uses.
+    """
     law = body.scene.physics.contact
     if law.multiplier == "nodal":
         return ContactTerms(NodalContact(body))
@@ -88,7 +118,7 @@ def contact_terms(body: Body, strain_energy: StrainEnergy) -> ContactTerms:
 
 
 def additional_fields(scene: Scene) -> list[Field]:
-    """The fields beside the displacement that all terms need."""
+    """Unknown fields that the terms need in addition to the displacement."""
     return [
         *pressure_fields(scene),
         *flow.fields(scene),

@@ -1,8 +1,7 @@
-"""The strain energy of a material: its virtual work, stress and volume ratio."""
+"""Strain energy of a region: virtual work, stress and volume ratio."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property, reduce
 
 import numpy as np
@@ -12,58 +11,23 @@ from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import (
-    DISPLACEMENT_ORDER,
-    VOLUME_DEGREE,
-    Body,
-    Field,
-    TimeLevel,
-    symbolic_copy,
-)
+from indent_sim.fe.discrete_body import VOLUME_DEGREE, Body
+from indent_sim.fe.symbolic_constants import symbolic_copy
+from indent_sim.fe.terms.inverted_elements import InvertedElements
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.variation import variations
+from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field, TimeLevel
 from indent_sim.mesh.model_domain import Region
 from indent_sim.model.materials import Material
 from indent_sim.scene.scene import Scene
 
 
-@dataclass(frozen=True)
-class InvertedElements:
-    """The smallest volume ratio J and the largest principal stretch in the body, and the undeformed
-    points that have them [length].
-    """
-
-    J: float
-    X: tuple[float, ...]
-    stretch: float
-    X_stretched: tuple[float, ...]
-
-    def message(self, scene: Scene) -> str:
-        """Both and their places, in the user's lengths."""
-        axes = ", ".join(scene.physics.domain.kinematics.axes)
-
-        def place(X: tuple[float, ...]) -> str:
-            return ", ".join(f"{x * scene.physics.scales.length:.4g}" for x in X)
-
-        stretched = f"the largest stretch, {self.stretch:.3g}, is at ({place(self.X_stretched)})"
-        return (
-            f", where J is smallest, {self.J:.3g}, at ({axes}) = ({place(self.X)}) and {stretched}"
-        )
-
-    def merge_extremes(self, second: InvertedElements) -> InvertedElements:
-        """The smaller J of two places or regions and the larger stretch."""
-        J, X = min((self.J, self.X), (second.J, second.X))
-        stretch, X_stretched = max(
-            (self.stretch, self.X_stretched), (second.stretch, second.X_stretched)
-        )
-        return InvertedElements(J, X, stretch, X_stretched)
-
-
 def pressure_fields(scene: Scene) -> list[Field]:
-    """The pressure q of each mixed region, one each because they jump between materials.
+    """The pressure field q of each region with a mixed formulation.
 
-    A volume that an incompressible region lacks pushes what is around it: it is worth the stiffest
-    region's E.
+    Every region has its own field because the pressure jumps between materials. The residual of q
+    is a volume; an error of the volume of one region loads its neighbours, so it is weighted with
+    the largest Young's modulus of all regions.
     """
     regions = scene.physics.domain.regions
     E = max(region.material.constants.E for region in regions)
@@ -74,11 +38,22 @@ def pressure_fields(scene: Scene) -> list[Field]:
 
 
 class StrainEnergy(Term):
-    """int psi dOmega of a region's material. nominal_stress P = dpsi/dH and stress (Cauchy, P
-    F^T/J; P itself at small strain) are UFL tensors (3, 3) [pressure], psi [pressure] and J =
-    det F UFL scalars.
+    """Strain energy int psi dOmega of a region.
 
-    E_star [pressure] is the plane-strain modulus of the moment: the stress over the strain.
+    H is the displacement gradient, F = I + H.
+
+    Attributes
+    ----------
+    nominal_stress : Expr
+        First Piola-Kirchhoff stress P = dpsi/dH (3, 3) [pressure], a UFL tensor.
+    stress : Expr
+        Cauchy stress P F^T/J (3, 3) [pressure], a UFL tensor; P itself at small strain.
+    psi : Expr
+        Strain energy density [pressure], a UFL scalar.
+    J : Expr
+        Volume ratio det F, a UFL scalar.
+    E_star : float
+        Current plane-strain modulus [pressure], which decreases if the material relaxes.
     """
 
     is_bulk = True
@@ -110,42 +85,44 @@ class StrainEnergy(Term):
         self.energy = body.region_integral(self._energy_density, region)
 
     def _energy_densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
-        """The potential of the virtual work, per volume, and the same as it can be read off at any
-        point of a cell.
+        """Density of the potential, for the virtual work and for evaluation at any point of a cell.
+
+        The two differ where the potential has coefficients at quadrature points.
         """
         self.psi = material.energy(H) if q is None else material.mixed_energy(H, q)
         return self.psi, self.psi
 
     @cached_property
     def cells(self) -> np.ndarray:
-        """This rank's own cells in the region (n,)."""
+        """Cells (n,) of the region that this rank owns."""
         body = self.body
         number = self.body.scene.physics.domain.regions.index(self.region)
         owned = body.mesh.topology.index_map(body.body_mesh.dim).size_local
         return np.flatnonzero(body.body_mesh.regions[:owned] == number).astype(np.int32)
 
     def predict_modulus(self, start_depth: float, depth: float) -> None:
-        """Take the modulus that a step to a depth is expected to end with.
+        """Set `E_star` to the modulus expected at the end of a step; constant for elastic laws.
 
         Parameters
         ----------
-        began : float
-            Depth [length] at the step's begin.
+        start_depth : float
+            Depth at the beginning of the step [length].
         depth : float
-            Depth [length] that the tip is at now.
+            Depth at the end of the step [length].
         """
 
     def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
-        """First variation of the energy, as a UFL form."""
+        """First variation of the energy along `now.test`, a UFL form."""
         return self.body.region_integral(variations(self._energy_density, now)[0], self.region)
 
     def tangent(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
-        """Its second variation."""
+        """Second variation of the energy along `now.test` and `now.trial`, a UFL form."""
         return self.body.region_integral(variations(self._energy_density, now)[1], self.region)
 
     def find_inverted_elements(self) -> InvertedElements | None:
-        """The smallest J = det F and the largest principal stretch at the quadrature points, and
-        where (collective); none at small strain.
+        """Find the smallest J = det F and the largest principal stretch (collective).
+
+        Both are evaluated at the quadrature points. Returns None at small strain.
         """
         body = self.body
         if self.region.material.is_small_strain:
@@ -179,7 +156,7 @@ class StrainEnergy(Term):
         return fem.form(inverted * self.body.region_measure(self.region))
 
     def inverted_size(self) -> float:
-        """Size [length] of the region in which J < 0: the dim-th root of its measure (collective)."""
+        """Size of the part with J < 0: the dim-th root of its measure [length] (collective)."""
         measure = self.body.comm.allreduce(
             fem.assemble_scalar(self._inverted_measure_form), op=MPI.SUM
         )

@@ -1,4 +1,4 @@
-"""The tension of the contact surface, and the pressure inside that balances it at rest."""
+"""Surface tension, and the internal pressure that balances it in the reference state."""
 
 from __future__ import annotations
 
@@ -13,33 +13,43 @@ from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.terms.term import Term
 from indent_sim.model.materials import NeoHookean
 
-SURFACE_DEGREE = 6  # of the quadrature: squares of slopes, and at finite strain the root of them
+# Quadrature degree of the surface: squares of slopes, at finite strain their square root
+SURFACE_DEGREE = 6
 
-# Of gamma, that holds the surface of a drop in its plane; it adds 0.45 times itself to the force.
-# Measured on a ball between plates, 10 to 20 elements in the contact radius: without it no row is
-# found below mu = 1.7e-3 gamma/R, with 3e-4 three of four are at 1e-3, with 1e-3 all of them, and
-# three of four at 1e-4 (tests/physics/test_drops.py)
+# Shear modulus of a drop's surface membrane, as a fraction of gamma. It increases the force by
+# 0.45 times this fraction. Measured on a ball between plates with 10 to 20 elements in the contact
+# radius: without a membrane no row converges below mu = 1.7e-3 gamma/R; with 3e-4 three of four
+# rows converge at mu = 1e-3 gamma/R; with 1e-3 all of them do, and three of four at 1e-4 gamma/R
+# (tests/physics/test_drops.py)
 MEMBRANE_STIFFNESS = 1e-3
 
 
 class SurfaceTension(Term):
-    """gamma (A - A0) - (2 gamma/R)(V - V0), less its slope at rest; R the radius of a spherical
-    top, a flat one has no pressure. A is the area of the whole contact surface, touched or not,
-    V the body's volume.
+    """Surface energy gamma (A - A0) - (2 gamma/R)(V - V0), less its first variation at rest.
 
-    So rest is an equilibrium, also on facets that are no sphere: what is left of the slope there,
-    and at a rim that nothing holds, is a load that the reference state bears. With H the
-    displacement gradient, N the undeformed normal and P = 1 - N N, the area of a part grows by
-    sqrt(1 + e), e = 2 tr PH + m, m = tr(P H^T H P) + det C of C = P (H + H^T + H^T H) P, and sqrt(1
-    + e) - 1 - tr PH = m/2 - e^2/(2 (1 + sqrt(1 + e))^2) has no first order. At small strain it is
-    the second order of that: gamma/2 |grad_s u_n|^2 on a flat surface.
+    A is the area of the whole top surface, in contact or not, V the volume of the body and R the
+    radius of a spherical top; a flat top has no internal pressure. Without the first variation the
+    reference state is an equilibrium, also on facets that only approximate a sphere and at an
+    unsupported rim.
 
-    A tension does not hold the points of a surface in its plane, and of a drop, gamma/(mu R) >> 1,
-    nothing else does: what a mesh makes of the curvature, which jumps at the edge of contact,
-    pushes them along until elements fold. So a drop has a membrane of the shear modulus `firmness`
-    gamma [force/length] on its surface, stress-free at rest, firmness gamma [(tr C_s - 2)/2 - ln
-    J_s], C_s = P (1 + H)^T (1 + H) P, J_s its area ratio. On the way to an equilibrium it may be
-    firmer, and the body with it by as much, over R: see `solve.algorithms.through_firmer_bodies`.
+    With the displacement gradient H, the undeformed normal N and P = I - N N, the area of a surface
+    element grows by the factor sqrt(1 + e), where
+
+        e = 2 tr(PH) + m,   m = tr(P H^T H P) + det C,   C = P (H + H^T + H^T H) P,
+
+    and sqrt(1 + e) - 1 - tr(PH) = m/2 - e^2/(2 (1 + sqrt(1 + e))^2) has no first-order part. At
+    small strain its second-order part is used, which is gamma/2 |grad_s u_n|^2 on a flat surface.
+
+    A tension does not resist tangential displacements of surface points. In a drop, gamma/(mu R) >>
+    1, little else does: the discretised curvature, which jumps at the edge of the contact, moves
+    the points until elements fold. The surface of a drop therefore has a membrane with the shear
+    modulus s gamma [force/length], where s is the membrane stiffness. Its energy
+
+        s gamma [(tr C_s - 2)/2 - ln J_s],   C_s = P (I + H)^T (I + H) P,
+
+    with the area ratio J_s is stress-free at rest. During the solution s may be larger than
+    MEMBRANE_STIFFNESS; the excess times gamma/R is then added to the shear modulus of the body,
+    see `membrane_continuation` in `fe.solve`.
     """
 
     is_bulk = True
@@ -61,7 +71,8 @@ class SurfaceTension(Term):
         self.energy = body.surface_integral("top", gamma * area_growth, SURFACE_DEGREE)
         if physics.domain.top_radius:
             pressure = 2 * gamma / fem.Constant(body.mesh, physics.domain.top_radius)
-            volume_growth = (ufl.tr(H) ** 2 - ufl.tr(H * H)) / 2  # of J - 1 - tr H
+            # J - 1 - tr H, at small strain to second order
+            volume_growth = (ufl.tr(H) ** 2 - ufl.tr(H * H)) / 2
             volume_growth = volume_growth if physics.small_strain else volume_growth + ufl.det(H)
             parts = (
                 body.region_integral(pressure * volume_growth, region)
@@ -69,7 +80,8 @@ class SurfaceTension(Term):
             )
             self.energy = self.energy - reduce(add, parts)
         if self.has_membrane:
-            shear_energy, _ = NeoHookean(E=3.0, nu=0.5).energy_parts(H)  # of mu = 1
+            # E = 3 and nu = 0.5 give the shear modulus 1
+            shear_energy, _ = NeoHookean(E=3.0, nu=0.5).energy_parts(H)
             added_shear_energy = (
                 (self._membrane_stiffness - fem.Constant(body.mesh, MEMBRANE_STIFFNESS))
                 * pressure
@@ -85,27 +97,32 @@ class SurfaceTension(Term):
             )
 
     def set_membrane_stiffness(self, stiffness: float) -> None:
-        """Hold the surface of a drop by so much of gamma in its plane, and the body by as much,
-        over R, more.
+        """Set the membrane's shear modulus, and so the added one of the body.
+
+        Parameters
+        ----------
+        stiffness : float
+            Shear modulus of the membrane divided by gamma; MEMBRANE_STIFFNESS adds nothing to the
+            body.
         """
         self._membrane_stiffness.value = stiffness
 
 
 def _membrane_energy(H: Expr, P: Expr) -> Expr:
-    """(tr C_s - 2)/2 - ln J_s of a surface."""
+    """Membrane energy (tr C_s - 2)/2 - ln J_s per undeformed area and shear modulus."""
     C, e = _surface_strain(H, P)
     return ufl.tr(C) / 2 - ufl.ln(1 + e) / 2
 
 
 def _surface_strain(H: Expr, P: Expr) -> tuple[Expr, Expr]:
-    """C = C_s - P, and e = J_s^2 - 1."""
+    """Strain C = C_s - P of a surface, and e = J_s^2 - 1."""
     stretched = P * H.T * H * P
     C = P * (H + H.T) * P + stretched
     return C, ufl.tr(C) + (ufl.tr(C) ** 2 - ufl.tr(C * C)) / 2
 
 
 def _area_growth(H: Expr, P: Expr) -> Expr:
-    """How much more an area grows than by tr PH, of itself."""
+    """Relative growth of an area, less its first-order part tr(PH)."""
     stretched = P * H.T * H * P
     C = P * (H + H.T) * P + stretched
     m = ufl.tr(stretched) + (ufl.tr(C) ** 2 - ufl.tr(C * C)) / 2
@@ -114,7 +131,7 @@ def _area_growth(H: Expr, P: Expr) -> Expr:
 
 
 def _linearized_area_growth(H: Expr, P: Expr) -> Expr:
-    """The same to second order in H: |N.HP|^2/2 + ((tr A)^2 - tr A^2)/2, A = PHP."""
+    """Second-order part |N.HP|^2/2 + ((tr A)^2 - tr A^2)/2, A = PHP, of `_area_growth`."""
     A = P * H * P
     tilt = H * P - A
     return (ufl.inner(tilt, tilt) + ufl.tr(A) ** 2 - ufl.tr(A * A)) / 2

@@ -1,62 +1,56 @@
-"""Term: a part of the virtual work over one step, with what it remembers of the steps before.
+"""Base class of the terms of the virtual work.
 
-A step leads from the state that was accepted last to a new one in one stage or two, each an
-equilibrium of its own:
+A load or time increment leads from the accepted state to a new one in one or two stages, each of
+which ends in an equilibrium:
 
-    begin(stage), Newton, end(stage)   for each stage;   accept() after the last one, or back to
-    before the first.
+    begin_stage(stage), Newton's method, end_stage(stage)   for each stage,
+    accept()                                                after the last stage.
+
+If an increment fails, the state before its first stage is restored and `accept` is not called.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
-from indent_sim.fe.discrete_body import TimeLevel
+from indent_sim.fe.terms.time_integration import Stage
+from indent_sim.fe.unknowns import TimeLevel
 from indent_sim.mesh.reactions import SurfaceComponent
 
 
-@dataclass(frozen=True)
-class Stage:
-    """A part of a step: backward Euler over `dt` [time], to the share `end` of the step, `passed`
-    [time] after its begin. It sets out from before + share (one - before), with the result `one`
-    of the stage before.
-    """
-
-    dt: float
-    elapsed: float = 0.0
-    end_fraction: float = 1.0
-    extrapolation_factor: float = 0.0
-
-
-SDIRK2_GAMMA = (
-    1 - 0.5**0.5
-)  # of SDIRK2, which is L-stable and of second order with it (Alexander 1977)
-
-
-def sdirk2_stages(dt: float) -> list[Stage]:
-    """The two stages of SDIRK2 for a step of `dt` [time]."""
-    first_dt = SDIRK2_GAMMA * dt
-    extrapolation_factor = (1 - SDIRK2_GAMMA) / SDIRK2_GAMMA
-    return [
-        Stage(first_dt, first_dt, end_fraction=SDIRK2_GAMMA),
-        Stage(first_dt, dt, extrapolation_factor=extrapolation_factor),
-    ]
-
-
 class Term:
-    """A part of the virtual work.
+    """A term of the virtual work over one load or time increment.
 
-    What a term does not have it does not say: these are the answers of a plain energy.
+    The defaults describe a term that is the derivative of a potential and has no internal
+    variables and no fields of its own; subclasses override what differs.
 
-    energy: its share of the potential, a UFL form, or None. fields: the names of the fields that
-    came with it. history: functions that carry what it remembers beside the unknowns; they are kept
-    with every state, never extrapolated, and change in `accept` alone. frozen: functions of the
-    present guess that Newton does not solve for. has_memory: whether an equilibrium depends on the
-    path to it. setting: changes with what the tangent depends on beside the state.
+    Attributes
+    ----------
+    energy : ufl.Form or None
+        Contribution to the potential, if the term has one.
+    field_names : tuple of str
+        Unknown fields, beside the displacement, that the term introduces.
+    history : tuple of fem.Function
+        Internal variables. They are stored with every state, are never extrapolated, and change
+        in `accept` only.
+    frozen : tuple of fem.Function
+        Functions that belong to the current iterate but that Newton's method does not solve for.
+    has_memory : bool
+        Whether an equilibrium depends on the load path that leads to it.
+    has_symmetric_tangent : bool
+        Whether the tangent of the term is symmetric.
+    is_bulk : bool
+        Whether the term exists without the tip.
+    has_constant_tangent : bool
+        Whether the tangent is the same at every state.
+    has_membrane : bool
+        Whether the term has a membrane stiffness, see `set_membrane_stiffness`.
+    has_flow : bool
+        Whether a time step needs the two stages of SDIRK2.
+    tangent_version : int
+        Changes whenever something other than the state changes the tangent.
     """
 
     energy: ufl.Form = None
@@ -65,77 +59,83 @@ class Term:
     frozen: tuple[fem.Function, ...] = ()
     has_memory = False
     has_symmetric_tangent = True
-    is_bulk = False  # whether it is there without the tip
-    has_constant_tangent = False  # whether its tangent is the same at every state
-    has_membrane = False  # whether it can hold more firmly what little holds
-    has_flow = False  # whether a step in time takes two stages
+    is_bulk = False
+    has_constant_tangent = False
+    has_membrane = False
+    has_flow = False
     tangent_version = 0
-    _continuation_factor = 1.0  # by Newton's method, on its way to an equilibrium: see `soften`
-    _modulus_ratio = 1.0  # as what the tip touches is now: see `follow`
+    # Factors of the contact stiffness, see `set_continuation_factor` and `follow_modulus`
+    _continuation_factor = 1.0
+    _modulus_ratio = 1.0
 
     def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
-        """The virtual work along now.test, a UFL form; None of a term that adds its rows itself."""
+        """Return the virtual work along `now.test`, or None if `add_residual` assembles it."""
         return ufl.derivative(self.energy, now.function, now.test)
 
     def tangent(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
-        """The derivative of the virtual work along now.trial."""
+        """Return the derivative of the virtual work along `now.trial`, a UFL form or None."""
         work = self.virtual_work(now, before, dt)
         return None if work is None else ufl.derivative(work, now.function, now.trial)
 
     def add_residual(self, b: PETSc.Vec) -> None:
-        """Add rows that no form has."""
+        """Add the part of the residual that is not a UFL form."""
 
     def add_tangent(self, A: PETSc.Mat) -> None:
-        """Add their derivatives."""
+        """Add the part of the tangent that is not a UFL form."""
 
     def begin_stage(self, stage: Stage) -> None:
-        """Set out on a stage."""
+        """Prepare the stage from the internal variables of the accepted state."""
 
     def begin_solve(self) -> None:
-        """Forget what the last Newton iteration has remembered."""
+        """Discard what was recorded during the previous Newton iteration."""
 
     def end_stage(self, stage: Stage) -> None:
-        """The stage's equilibrium is found."""
+        """Evaluate what the next stage needs at the equilibrium of this one."""
 
     def accept(self) -> None:
-        """The step is done: what is remembered moves on."""
+        """Update the internal variables to the end of the increment."""
 
     def set_continuation_factor(self, factor: float) -> None:
-        """Multiply the stiffness of contact; 1 makes it the law's own again."""
+        """Multiply the contact stiffness by a factor; 1 restores the stiffness of the law."""
         self._continuation_factor = factor
         self.scale_stiffness(self._continuation_factor * self._modulus_ratio)
 
     def set_membrane_stiffness(self, stiffness: float) -> None:
-        """Hold the surface of a drop by so much of its tension in its plane."""
+        """Set the shear modulus of a drop's surface membrane, as a fraction of its tension."""
 
     def follow_modulus(self, modulus_ratio: float) -> None:
-        """Let the stiffness of contact follow the modulus of what the tip touches: that of the
-        moment is so many times that of the first moment.
+        """Scale the contact stiffness with the modulus of the body.
+
+        Parameters
+        ----------
+        modulus_ratio : float
+            Present plane-strain modulus of the body under the tip, divided by the initial one.
         """
         self._modulus_ratio = modulus_ratio
         self.scale_stiffness(self._continuation_factor * self._modulus_ratio)
 
     def scale_stiffness(self, factor: float) -> None:
-        """Set the penalty stiffness to `factor` times that of the contact law; terms without a
-        penalty ignore it.
+        """Set the penalty stiffness to `factor` times that of the contact law.
+
+        Terms without a penalty ignore it.
         """
 
     def force(self) -> float:
-        """The virtual work of pressing deeper [force], this rank's share of the modelled part."""
+        """Virtual work per indentation depth [force], this rank's part in the model domain."""
         return 0.0
 
     def side_force(self, axis: int) -> float:
-        """Force on the tip along a horizontal axis [force], this rank's share of the modelled part."""
+        """Horizontal force on the tip along an axis [force], this rank's part."""
         return 0.0
 
     def reactions(self) -> dict[SurfaceComponent, float]:
-        """Forces on the body [force] of a support that this term stands for, by
-        `mesh.reactions.bearing_surfaces`: this rank's share on the modelled part.
+        """Reaction of each support that this term represents [force], this rank's part.
+
+        The keys are those of `mesh.reactions.bearing_surfaces`; the values are forces on the
+        model domain.
         """
         return {}
 
     def dissipation(self) -> float:
-        """What is lost in the step to the present state [energy], this rank's share of the modelled
-        part.
-        """
+        """Energy dissipated in the current increment, this rank's part in the model domain."""
         return 0.0

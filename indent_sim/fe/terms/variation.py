@@ -1,12 +1,11 @@
-"""Variations of an energy density that depends on the displacement by way of a few scalars only.
+"""Variations of an energy density that depends on the displacement through few scalars.
 
-With psi = phi(s_1, s_2, ...) the derivatives of phi are numbers at a point, whatever the test
-functions are:
+For psi = phi(s_1, s_2, ...) the chain rule gives
 
-    d psi = phi_i ds_i,    d(d psi) = phi_ij ds_i ds_j + phi_i d(ds_i).
+    d psi = phi_i ds_i,    d(d psi) = phi_ij ds_i ds_j + phi_i d(ds_i),
 
-A phi of many terms, as Ogden's with its roots and powers, then costs kernels a tenth of the code
-that it costs when every one of its terms is varied.
+where the derivatives of phi do not depend on the test functions. The kernel of a phi of many terms,
+such as Ogden's, then has a tenth of the code that varying every term would need.
 """
 
 from __future__ import annotations
@@ -14,11 +13,11 @@ from __future__ import annotations
 import ufl
 from ufl.classes import Coefficient, Expr, Variable
 
-from indent_sim.fe.discrete_body import TimeLevel
+from indent_sim.fe.unknowns import TimeLevel
 
 
 def variations(psi: Expr, now: TimeLevel) -> tuple[Expr, Expr]:
-    """The first variation of psi along now.test, and the second one along now.test and now.trial."""
+    """First variation of psi along `now.test`, and second along `now.test` and `now.trial`."""
     scalars = _scalar_variables(psi)
     solution = now.function
     test = now.test
@@ -45,7 +44,7 @@ def variations(psi: Expr, now: TimeLevel) -> tuple[Expr, Expr]:
 
 
 def _scalar_variables(psi: Expr) -> list[Expr] | None:
-    """The scalar variables that psi is written in; None if it depends on an unknown in another way."""
+    """Scalar UFL variables of psi; None if psi depends on the unknowns in any other way."""
     variables: dict[Expr, Expr] = {}
     pending = [psi]
     visited = set()

@@ -1,25 +1,30 @@
-"""The strain energy of a material whose shear stress relaxes, while its bulk modulus does not.
+"""Viscoelastic strain energy: the shear stress relaxes, the bulk modulus does not.
 
-With S = 2 mu dev eps and the strain eps, or at finite strain S = J^(2/3) F^-1 dpsi_shear/dF and
-J^(-2/3) C/2 in its place (Simo 1987), the shear stress of G(t) = rest + sum g_k exp(-t/tau_k) is
+Let S = 2 mu dev eps be the elastic shear stress at the strain eps; at finite strain S = J^(2/3)
+F^-1 dpsi_shear/dF, and J^(-2/3) C/2 takes the place of eps (Simo 1987). For the relaxation function
+G(t) = g_inf + sum g_k exp(-t/tau_k), relative to the shear modulus of the law, the shear stress is
 
-    (rest + sum g_k) S - sum g_k A_k,    tau_k dA_k/dt = S - A_k.
+    (g_inf + sum g_k) S - sum g_k A_k,    tau_k dA_k/dt = S - A_k.
 
-Over a stage of length dt that sets out from S*, A_k*, with x = dt/tau_k,
+Over a stage of length dt that starts from S*, A_k*, with x = dt/tau_k,
 
     A_k = c_A A_k* + c_S S* + (1 - c_A - c_S) S,
-    c_A = e^-x, c_S = (1 - e^-x)/x - e^-x    (S is straight in time; exact where it stands still)
-    c_A = 1/(1 + x), c_S = 0                 (a stage of backward Euler, where fluid flows),
+    c_A = e^-x, c_S = (1 - e^-x)/x - e^-x    if S is linear in time; exact for constant S,
+    c_A = 1/(1 + x), c_S = 0                 for a stage of backward Euler, if fluid flows.
 
-so that the stage has a potential, psi_shear (rest + sum g_k (c_A + c_S)) + h : eps + volume, in
-which only a number and the tensor h = -sum g_k (c_A A_k* + c_S S*) change from one to the next. A_k
-and S are kept at the points of the quadrature. Source: Simo (1987), Comput. Methods Appl. Mech.
-Eng. 60, 153.
+The stage thus has the potential
 
-The share of the elastic shear stress that is left is ((rest + sum g_k) S - sum g_k A_k) : S/(S :
-S), summed over these points, which are close together where the tip presses. The contact is as
-stiff, and its edge is read off, as an elastic body of that share of the shear modulus has it: with
-the modulus of the first moment `a` was 60 % too small where 1e-4 of it is left.
+    psi_shear (g_inf + sum g_k (c_A + c_S)) + h : eps + psi_volume,
+
+in which only the factor of psi_shear and the tensor h = -sum g_k (c_A A_k* + c_S S*) change from
+stage to stage. A_k and S are internal variables at the quadrature points. Source: Simo (1987),
+Comput. Methods Appl. Mech. Eng. 60, 153.
+
+The remaining fraction of the elastic shear stress is ((g_inf + sum g_k) S - sum g_k A_k) : S/(S :
+S), with sums over all quadrature points; most of them are near the contact. The modulus of an
+elastic body with this fraction of the shear modulus scales the contact stiffness and the gap by
+which the contact edge is found: with the initial modulus, the contact radius was 60 % too small
+when 1e-4 of the modulus was left.
 """
 
 from __future__ import annotations
@@ -35,12 +40,12 @@ from ufl.core.expr import Expr
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import VOLUME_DEGREE, Body
 from indent_sim.fe.terms.strain_energy import StrainEnergy
-from indent_sim.fe.terms.term import Stage
+from indent_sim.fe.terms.time_integration import Stage
 from indent_sim.mesh.model_domain import Region
 from indent_sim.model.materials import Material, ShearRelaxingLaw
 
-# Components of a symmetric tensor that a model has: those of (r, theta, z) or (x, y, z) with no
-# shear along the second
+# Components of a symmetric tensor, by dimension of the model; in two dimensions the axes are
+# (r, theta, z) or (x, y, z), and the shear components of the second axis are zero
 TENSOR_COMPONENTS = {
     2: ((0, 0), (1, 1), (2, 2), (0, 2)),
     3: ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)),
@@ -48,10 +53,14 @@ TENSOR_COMPONENTS = {
 
 
 class ViscoelasticStrainEnergy(StrainEnergy):
-    """The virtual work of a region whose `relaxing` says how its shear stress falls.
+    """Incremental potential of a region whose shear stress relaxes.
 
-    `energy` is the potential of the stage, which no elastic body has stored; psi [pressure] is what
-    stays stored when all has relaxed.
+    Attributes
+    ----------
+    energy : ufl.Form
+        Potential of the stage; it is not a stored energy.
+    psi : Expr
+        Strain energy density that remains after complete relaxation [pressure].
     """
 
     has_memory = True
@@ -71,31 +80,27 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         self._shear_factor, self._long_term_factor = (
             fem.Constant(body.mesh, share) for share in (1.0, self._long_term_fraction)
         )
-        self._stage_end_stresses: list[
-            np.ndarray
-        ] = []  # S and the A_k at the end of the last stage
-        self._held_stress_fraction = (
-            1.0  # share of the shear stress that a stage leaves where the strain stands still
-        )
+        # S and the A_k at the end of the last stage
+        self._stage_end_stresses: list[np.ndarray] = []
+        # Remaining fraction of the shear stress at the end of a stage with constant strain
+        self._held_stress_fraction = 1.0
         self._h = fem.Function(space)
         self._mean_h = fem.Function(means)
+        # S* and the A_k of the accepted state
         self._start_stress, *self._relaxed_stresses = (
             fem.Function(space) for _ in range(1 + len(self._prony_weights))
-        )  # S*, and the A_k
+        )
         self.history = (self._start_stress, *self._relaxed_stresses)
         super().__init__(body, region)
-        self.has_constant_tangent = False  # it changes with the length of a step
+        self.has_constant_tangent = False  # it depends on the length of a step
         self._point_dofs = compat.cell_dofs(space.dofmap)[self.cells]
         self.begin_stage(Stage(0.0))
 
     def _energy_densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
-        """The potential of a stage, with h at the points of the quadrature, and with its mean in a
-        cell.
-        """
+        """Density of the stage's potential with h at quadrature points, and with its cell mean."""
         assert isinstance(material, ShearRelaxingLaw)
         shear, theta = material.isochoric_parts(H)
-        # the meaning of q stays the same while the shear relaxes: it is the one of the body that
-        # has relaxed
+        # The field q is defined by the relaxed body, so that its meaning does not change in time
         volume = (
             theta**2 / (2 * material.inverse_bulk_modulus)
             if q is None
@@ -124,9 +129,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         )
 
     def _evaluate_shear_stress(self) -> np.ndarray:
-        """S at the points of the quadrature, as the local array of a function; 0 outside the
-        region.
-        """
+        """S at the quadrature points as the local array of a function; 0 outside the region."""
         values: np.ndarray = np.zeros_like(self._h.x.array)
         width = self._h.function_space.dofmap.index_map_bs
         components = compat.evaluate_expression(
@@ -138,7 +141,10 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         return values
 
     def begin_stage(self, stage: Stage) -> None:
-        """Set out from S* and from A_k*, which lies beyond the first of two stages for the second."""
+        """Compute A_k*, h and the shear factor of a stage.
+
+        A_k* of the second stage of SDIRK2 is extrapolated from the result of the first.
+        """
         accepted_stresses = [A.x.array for A in self._relaxed_stresses]
         stage_stresses = (
             self._stage_end_stresses[1:]
@@ -146,8 +152,8 @@ class ViscoelasticStrainEnergy(StrainEnergy):
             else accepted_stresses
         )
         self._start_relaxed_stresses = [
-            old + stage.extrapolation_factor * (one - old)
-            for old, one in zip(accepted_stresses, stage_stresses, strict=True)
+            accepted_stress + stage.extrapolation_factor * (stage_stress - accepted_stress)
+            for accepted_stress, stage_stress in zip(accepted_stresses, stage_stresses, strict=True)
         ]
         self._c_A, self._c_S = _integration_weights(stage, self._relaxation_times)
         self._shear_factor.value = self._long_term_fraction + self._prony_weights @ (
@@ -166,9 +172,10 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         self.E_star = self._relaxed_E_star(self._held_stress_fraction)
 
     def predict_modulus(self, start_depth: float, depth: float) -> None:
-        """Take the modulus between that of a strain that stands still and that of a further step,
-        by the share of the depth that is new: nothing is solved twice for it, and in a hold it
-        is exact.
+        """Predict `E_star` at the end of a step, without an additional solution.
+
+        The modulus is interpolated, by the new part of the depth, between that for constant strain
+        and that for a new strain. The prediction is exact in a hold.
         """
         new_depth = abs(depth - start_depth)
         kept_depth = abs(start_depth)
@@ -180,24 +187,25 @@ class ViscoelasticStrainEnergy(StrainEnergy):
             self.E_star = self._relaxed_E_star(shear_fraction)
 
     def _remaining_stress_fraction(self, S: np.ndarray, relaxed: Sequence[np.ndarray]) -> float:
-        """((rest + sum g_k) S - sum g_k A_k) : S/(S : S) over all points of the quadrature
-        (collective); where nothing is strained that of a further step.
+        """Remaining fraction of the elastic shear stress over all quadrature points (collective).
+
+        It is ((g_inf + sum g_k) S - sum g_k A_k) : S/(S : S), and the factor of a new strain in an
+        unstrained region.
 
         Parameters
         ----------
         S : ndarray
             Elastic shear stress, as the local array of a function [pressure].
         relaxed : sequence of ndarray
-            The A_k, likewise.
+            The A_k, as local arrays [pressure].
         """
         remaining = (self._long_term_fraction + sum(self._prony_weights)) * S - sum(
             g * A for g, A in zip(self._prony_weights, relaxed, strict=True)
         )
         pairs = TENSOR_COMPONENTS[self.body.body_mesh.dim]
-        multiplicity = np.array(
-            [1.0 if i == j else 2.0 for i, j in pairs]
-        )  # a shear stands for two components
-        owned_dofs = self._point_dofs  # the points of this rank's own cells
+        # A shear component occurs twice in a symmetric tensor
+        multiplicity = np.array([1.0 if i == j else 2.0 for i, j in pairs])
+        owned_dofs = self._point_dofs
         elastic_values, remaining_values = (
             values.reshape(-1, len(pairs))[owned_dofs] for values in (S, remaining)
         )
@@ -211,15 +219,16 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         return float(work / norm_squared) if norm_squared > 0 else float(self._shear_factor.value)
 
     def _relaxed_E_star(self, shear_fraction: float) -> float:
-        """E* [pressure] of an elastic body of a share of the shear modulus, no less than when all
-        has relaxed.
+        """Plane-strain modulus E* of a partly relaxed body [pressure].
+
+        The fraction of the shear modulus is not less than the long-term one.
         """
         return self.region.material.relaxed_constants(
             max(shear_fraction, self._long_term_fraction)
         ).E_star
 
     def _update_cell_means(self) -> None:
-        """The mean of h in every cell, by which a stress can be read off anywhere in it."""
+        """Update the cell means of h, with which stress can be evaluated at any point."""
         width = self._mean_h.function_space.dofmap.index_map_bs
         point_values = self._h.x.array.reshape(-1, width)[self._point_dofs]
         cells = compat.cell_dofs(self._mean_h.function_space.dofmap)[self.cells, 0]
@@ -228,7 +237,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         ) / sum(self._weights)
 
     def end_stage(self, stage: Stage) -> None:
-        """Find S and the A_k at the end of the stage."""
+        """Evaluate S, the A_k and `E_star` at the end of the stage."""
         S = self._evaluate_shear_stress()
         self._stage_end_stresses = [S, *self._end_relaxed_stresses(S)]
         self.E_star = self._relaxed_E_star(
@@ -236,14 +245,14 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         )
 
     def _end_relaxed_stresses(self, S: np.ndarray) -> list[np.ndarray]:
-        """The A_k at the end of the stage, where it leads to S."""
+        """The A_k at the end of a stage whose elastic shear stress is S."""
         stress_terms = zip(self._c_A, self._c_S, self._start_relaxed_stresses, strict=True)
         return [
             a * A + b * self._start_stress.x.array + (1 - a - b) * S for a, b, A in stress_terms
         ]
 
     def accept(self) -> None:
-        """S and the A_k at the end of the step are those that the next one sets out from."""
+        """Store S and the A_k at the end of the step as internal variables."""
         if not self._stage_end_stresses:
             S = self._evaluate_shear_stress()
             self._stage_end_stresses = [S, *self._end_relaxed_stresses(S)]
@@ -252,7 +261,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
 
 
 def _symmetric_tensor(h: fem.Function) -> Expr:
-    """The tensor (3, 3) of its components."""
+    """Symmetric tensor (3, 3) from its components TENSOR_COMPONENTS."""
     pairs = TENSOR_COMPONENTS[h.function_space.mesh.topology.dim]
     number = {pair: k for k, pair in enumerate(pairs)} | {
         (j, i): k for k, (i, j) in enumerate(pairs)
@@ -263,7 +272,10 @@ def _symmetric_tensor(h: fem.Function) -> Expr:
 
 
 def _prestress_work(h: Expr, material: ShearRelaxingLaw, H: Expr, theta: Expr) -> Expr:
-    """h : eps, or h : J^(-2/3) C/2 by way of scalars, through which all derivatives can pass."""
+    """Work h : eps of the stress h, at finite strain h : J^(-2/3) C/2.
+
+    The latter is written with scalar UFL variables, see `terms.variation`.
+    """
     if material.is_small_strain:
         return ufl.inner(h, ufl.sym(H))
     F = ufl.Identity(3) + H
@@ -271,7 +283,7 @@ def _prestress_work(h: Expr, material: ShearRelaxingLaw, H: Expr, theta: Expr) -
 
 
 def _integration_weights(stage: Stage, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """c_A and c_S of every term."""
+    """Coefficients c_A and c_S of every Prony term with relaxation times tau [time]."""
     x = stage.dt / tau
     if stage.end_fraction < 1.0 or stage.extrapolation_factor:
         return 1 / (1 + x), 0.0 * x

@@ -1,6 +1,4 @@
-"""The curved roller wall of a cylinder in three dimensions: u . n = 0 with the cylinder's own
-normal, weakly.
-"""
+"""Weak roller condition on the curved wall of a cylinder in three dimensions."""
 
 from __future__ import annotations
 
@@ -18,9 +16,10 @@ from indent_sim.mesh.reactions import SurfaceComponent
 
 
 class WeakRollerBC(Term):
-    """The wall's points stay on r = radius, by the energy stiffness/2 w^2; w = u . n at small
-    strain. n is the cylinder's own normal, the stiffness `scene.physics.wall_stiffness` in
-    pressure/length.
+    """Penalty energy stiffness/2 w^2 of the radial displacement w of a cylinder's wall.
+
+    n is the normal of the exact cylinder, not of its facets. At small strain w = u . n; otherwise w
+    is the growth of the radius. The stiffness is `scene.physics.wall_stiffness` [pressure/length].
     """
 
     is_bulk = True
@@ -51,9 +50,7 @@ class WeakRollerBC(Term):
         return fem.form(self._reaction_expression)
 
     def reactions(self) -> dict[SurfaceComponent, float]:
-        """Return the force of the curved roller wall on the body along x and y [force], this rank's
-        part of the sum.
-        """
+        """Force of the wall on the body along x and y [force], this rank's part."""
         reactions: dict[SurfaceComponent, float] = {}
         for axis in (0, 1):
             self._axis.value = np.eye(2)[axis]
@@ -61,8 +58,9 @@ class WeakRollerBC(Term):
         return reactions
 
     def reaction_rows(self) -> dict[SurfaceComponent, np.ndarray]:
-        """What each dof of a linear body adds to `reactions` [force], an entry for each of this
-        rank's own dofs (collective).
+        """Rows (owned dofs,) whose product with the solution is the reaction of a linear body.
+
+        There is one row for each axis [force per unit of the dof] (collective).
         """
         body = self._body
         form = fem.form(ufl.derivative(self._reaction_expression, body.now.function, body.now.test))

@@ -1,1 +1,1 @@
-"""Measured curves: text tables of any kind and AFM files <-> depth, force and time."""
+"""Measured curves: readers of text tables and AFM files, writer of .tab files."""

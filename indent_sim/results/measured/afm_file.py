@@ -1,5 +1,6 @@
-"""AFM file -> measured curves, by the optional package afmformats: JPK, Asylum, NT-MDT, Optics11,
-AFM workshop.
+"""Reader of AFM files by the optional package afmformats.
+
+It knows files of JPK, Asylum, NT-MDT, Optics11 and AFM workshop.
 """
 
 from __future__ import annotations
@@ -21,17 +22,33 @@ from indent_sim.results.measured.measurement import (
 )
 
 SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".h5", ".zip")
-TEXT_SUFFIXES = (".txt", ".csv", ".tab")  # text that may be an AFM's
+TEXT_SUFFIXES = (".txt", ".csv", ".tab")  # Text files with these suffixes may be AFM files.
 HEIGHT_COLUMNS = ("height (measured)", "height (piezo)")
 TIP_COLUMN = "tip position"
-RELAXATION_SEGMENTS = {1: "approach", 2: "hold", 3: "retract"}  # 0: a pause before it
+RELAXATION_SEGMENTS = {1: "approach", 2: "hold", 3: "retract"}  # Segment 0 is a pause before.
 
 
 def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCurve] | None:
-    """The curves of an AFM file in SI units; None for text that is no AFM's.
+    """Read the curves of an AFM file, in SI units.
 
-    stiffness [N/m] of the cantilever, for a file that says none. NoCurve with the reason for a file
-    that cannot be read, or that lacks what forces need; BackendError where the package is missing.
+    Parameters
+    ----------
+    path
+        The file.
+    stiffness
+        Spring constant of the cantilever [N/m], for a file that contains none.
+
+    Returns
+    -------
+    list of MeasuredCurve, or None
+        None for a text file that is not an AFM file.
+
+    Raises
+    ------
+    NoCurve
+        The file cannot be read, or lacks data needed for forces; the message gives the reason.
+    BackendError
+        The package is missing.
     """
     try:
         from afmformats import errors, formats
@@ -41,14 +58,16 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCu
         raise BackendError(
             f"{path} is an AFM file, and afmformats is missing ({error}); {INSTALL_HINT}"
         ) from error
-    logging.getLogger("afmformats").setLevel(logging.CRITICAL)  # it logs whole tracebacks
-    broken = (errors.AFMFileFormatError, errors.MissingMetaDataError)  # which are no Exception
+    # At lower levels afmformats logs whole tracebacks.
+    logging.getLogger("afmformats").setLevel(logging.CRITICAL)
+    # These errors derive from BaseException, not from Exception.
+    broken = (errors.AFMFileFormatError, errors.MissingMetaDataError)
     try:
         formats.get_recipe(path)
     except (*broken, Exception) as error:
         if path.suffix.lower() in TEXT_SUFFIXES:
             return None
-        raise NoCurve(f"no file that afmformats knows ({_error_text(error)})", str(path)) from None
+        raise NoCurve(f"afmformats does not know it ({_error_text(error)})", str(path)) from None
     try:
         return [
             _measured_curve(path, data, k)
@@ -66,11 +85,12 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCu
 
 
 def _load_data_sets(formats: Any, errors: Any, path: Path, stiffness: float | None) -> list[Any]:
-    """The data sets of a file, with the stiffness given where the file lacks it."""
+    """Return the data sets of a file, with the given stiffness if the file has none."""
     try:
         data_sets = formats.load_data(path)
         for data in data_sets:
-            _ = "force" in data.columns and data["force"][:1]  # where it would miss them
+            # Columns are computed on access: a missing spring constant is reported only here.
+            _ = "force" in data.columns and data["force"][:1]
         return list(data_sets)
     except errors.MissingMetaDataError:
         if stiffness is None:
@@ -79,6 +99,7 @@ def _load_data_sets(formats: Any, errors: Any, path: Path, stiffness: float | No
 
 
 def _measured_curve(path: Path, data: Any, index: int) -> MeasuredCurve:
+    """Return a data set as a curve: its rows ordered approach, hold, retract."""
     columns = set(data.columns)
     height = next((name for name in HEIGHT_COLUMNS if name in columns), None)
     if "force" not in columns or height is None:
@@ -103,8 +124,10 @@ def _measured_curve(path: Path, data: Any, index: int) -> MeasuredCurve:
 
 
 def _segment_rows(data: Any) -> dict[str, np.ndarray]:
-    """The rows of each part: force-distance files have approach and retract, others number what
-    they did.
+    """Return a mask of the rows of each part.
+
+    Files of force-distance curves number approach and retract 0 and 1; other files number their
+    segments from 1.
     """
     segment = np.asarray(data["segment"]).astype(int)
     segment_names = (
@@ -115,4 +138,5 @@ def _segment_rows(data: Any) -> dict[str, np.ndarray]:
 
 
 def _error_text(error: BaseException) -> str:
+    """Return an error of another package in one line of at most 200 characters."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:200]

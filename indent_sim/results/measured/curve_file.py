@@ -1,4 +1,4 @@
-"""A file or a folder of measured curves -> curves, by whichever reader knows the file."""
+"""Reader of measured curves: it selects the reader of a file's format."""
 
 from __future__ import annotations
 
@@ -12,22 +12,23 @@ from dataclasses import replace
 from pathlib import Path
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import read_regular_file
+from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.measured import afm_file, nanoscope_file
 from indent_sim.results.measured.delimited_text import read_text_curve
 from indent_sim.results.measured.measurement import SI, MeasuredCurve
 
-TAB_METADATA = re.compile(r"# BEGIN METADATA\n(.*?)# END METADATA", re.DOTALL)  # of a .tab file
+TAB_METADATA = re.compile(r"# BEGIN METADATA\n(.*?)# END METADATA", re.DOTALL)
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
 
 
 def curve_files(path: Path) -> list[Path]:
-    """The file itself, or the files of a folder that may hold curves, by name; UsageError where
-    there is none.
+    """Return the file itself, or the files of a folder that may hold curves, sorted by name.
+
+    UsageError if there is none.
     """
     if not path.is_dir():
         if not path.exists():
-            raise UsageError(f"there is no curve {path}", file=str(path))
+            raise UsageError(f"there is no file {path}", file=str(path))
         return [path]
     files = [
         file
@@ -36,7 +37,9 @@ def curve_files(path: Path) -> list[Path]:
     ]
     if not files:
         raise UsageError(
-            f"{path} holds no file of curves", f"they end in {', '.join(TEXT_SUFFIXES)}", str(path)
+            f"{path} holds no file of a curve",
+            f"files of curves end in {', '.join(TEXT_SUFFIXES)}, or are AFM files",
+            str(path),
         )
     return files
 
@@ -47,12 +50,29 @@ def read_curves(
     given: Mapping[str, str] | None = None,
     stiffness: float | None = None,
 ) -> list[MeasuredCurve]:
-    """The measured curves of a file, in the units that it says, `given` for those that it does not.
+    """Read the measured curves of a file, in the units that it gives.
 
-    columns: depth, force and time by title or by number from 1, for text. stiffness [N/m] of the
-    cantilever, for AFM files that lack it. NoCurve with the reason for what is no curve;
-    ConfigError for a column that is not there; UsageError for a file that cannot be read;
-    BackendError for an AFM file without the package that reads it.
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        Titles or numbers (from 1) of the columns of depth, force and time in a text file.
+    given
+        Units by kind, "length" and "force", for a text file that does not give them.
+    stiffness
+        Spring constant of the cantilever [N/m], for an AFM file that contains none.
+
+    Raises
+    ------
+    NoCurve
+        The file holds no curve; the message gives the reason.
+    ConfigError
+        A column of `columns` does not exist.
+    UsageError
+        The file cannot be read.
+    BackendError
+        The package that reads this format is missing.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -72,9 +92,7 @@ def read_curves(
 
 
 def _refuse_unreadable(path: Path) -> None:
-    """UsageError for what is no file that can be opened: other packages' own words would stand for
-    that.
-    """
+    """Raise UsageError for a file that cannot be opened, before another package fails on it."""
     try:
         with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
@@ -84,6 +102,7 @@ def _refuse_unreadable(path: Path) -> None:
 
 
 def _read_content(path: Path) -> bytes:
+    """Return the bytes of a file; UsageError if it cannot be read."""
     try:
         return read_regular_file(path)
     except (OSError, ValueError) as error:
@@ -91,13 +110,14 @@ def _read_content(path: Path) -> bytes:
 
 
 def _read_error(path: Path, error: Exception) -> UsageError:
+    """Return the error for a file that cannot be read."""
     return UsageError(
         f"cannot read {path}: {getattr(error, 'strerror', None) or error}", file=str(path)
     )
 
 
 def _spring_constant(metadata: str) -> float | None:
-    """The spring constant [N/m] of a .tab file's metadata."""
+    """Return the spring constant [N/m] in the metadata of a .tab file, or None."""
     try:
         value = float(
             json.loads("\n".join(line.lstrip("#") for line in metadata.splitlines()))[

@@ -1,4 +1,4 @@
-"""Measurement: one measured curve as arrays, its parts (approach, hold, retract) and its units."""
+"""Measured curve as arrays: depth, force and time, its parts, and its units."""
 
 from __future__ import annotations
 
@@ -14,24 +14,30 @@ from indent_sim.process.errors import ConfigError, UsageError, printable
 
 CurvePart = Literal["approach", "hold", "retract", "all"]
 Abscissa = Literal["delta", "z"]
-PLATEAU_WIDTH = 0.01  # of the range of depths: what is nearer to the deepest may be a hold
-# A steady pace in and out spends 2 % of the rows there; with five times as many, and ten at least,
-# it is a hold
+# Rows within this fraction of the range of depths from the deepest one may be a hold. A path at a
+# constant rate in and out has 2 % of its rows there; five times as many, and at least ten, are a
+# hold.
+PLATEAU_WIDTH = 0.01
 MIN_HOLD_FRACTION = 0.1
 MIN_HOLD_ROWS = 10
-MIN_RETRACTION = 0.1  # of the range: a path that goes back by less has not turned
+MIN_RETRACTION = 0.1  # A path that goes back by less than this fraction has no retraction.
 DIMENSIONS = {"delta": "length", "z": "length", "force": "force", "t": "time"}
 SI = {"length": "m", "force": "N", "time": "s"}
-PACKAGES = (
-    "afmformats igor2 jprops pyfmreader tifffile 'pandas<3' pytz tzdata"  # that read AFM files
-)
+# These packages are needed to read AFM files.
+PACKAGES = "afmformats igor2 jprops pyfmreader tifffile 'pandas<3' pytz tzdata"
 INSTALL_HINT = f"install it with `make setup AFM=1`, or `pip install --no-deps {PACKAGES}`"
+# Part of a curve by the words for it in files.
+PART_WORDS = dict.fromkeys(("approach", "extend", "loading", "load", "trace", "appr"), "approach")
+PART_WORDS |= dict.fromkeys(("hold", "pause", "dwell", "intermediate"), "hold")
+PART_WORDS |= dict.fromkeys(
+    ("retract", "unloading", "unload", "withdraw", "retrace", "retr"), "retract"
+)
 STIFFNESS_KEY = "--set experiment.cantilever.stiffness=..."
 UNITS_REMEDY = "add units: {length: um, force: nN} to the scene"
 
 
 class NoCurve(UsageError):
-    """A file, or a part of it, that holds no measured curve; the message says why."""
+    """A file, or a part of it, holds no measured curve; the message gives the reason."""
 
     prefix = "not a curve: "
 
@@ -40,20 +46,36 @@ class NoCurve(UsageError):
 
 
 class Uncalibrated(NoCurve):
-    """A file of voltages that lacks what makes forces of them."""
+    """A file of voltages lacks the calibration to convert them to forces."""
 
     prefix = ""
 
 
 @dataclass(frozen=True)
 class MeasuredCurve:
-    """One measured curve, in the order of time.
+    """Measured force curve, in the order of time.
 
-    delta (n,) depth [length] > 0 in, z (n,) way of the base [length], which grows towards the body;
-    one of them may be unknown. force (n,) > 0 pushing, t (n,) [time] or None. parts: rows of
-    approach, hold and retract, those that there are. stiffness [force/length] of the cantilever,
-    where the file says it; units: names of length, force and time, "" where the file says none;
-    notes: what was assumed, in words.
+    Attributes
+    ----------
+    name
+        Name of the curve.
+    force
+        Force (n,) [force], > 0 when the tip pushes.
+    delta
+        Indentation depth (n,) [length], > 0 inwards; None if unknown.
+    z
+        Displacement of the base (n,) [length], increasing towards the body; None if unknown. Either
+        delta or z is known.
+    t
+        Times (n,) [time], or None.
+    stiffness
+        Spring constant of the cantilever [force/length], if the file contains it.
+    parts
+        Rows of approach, hold and retract, as far as they exist.
+    units
+        Names of the units of length, force and time; "" if the file has none.
+    notes
+        Sentences about assumptions of the reader.
     """
 
     name: str
@@ -70,27 +92,29 @@ class MeasuredCurve:
         return len(self.force)
 
     def available_abscissa(self, preferred: Abscissa) -> Abscissa:
-        """The abscissa that there is: the one that is wanted, else the other."""
+        """Return the preferred abscissa if the curve has it, otherwise the other one."""
         alternative: Abscissa = "z" if preferred == "delta" else "delta"
         return preferred if getattr(self, preferred) is not None else alternative
 
     def abscissa_values(self, along: Abscissa) -> np.ndarray:
-        """The abscissa by name [length]."""
+        """Return the abscissa by name (n,) [length]."""
         return cast(np.ndarray, getattr(self, along))
 
     def part(self, name: CurvePart) -> MeasuredCurve:
-        """The rows of one part, of hold those of the approach before it too; NoCurve where there is
-        no such part.
+        """Return the rows of one part; a hold includes the approach before it.
+
+        NoCurve if the curve has no such part.
         """
         if name == "all":
             return self
         if name not in self.parts:
             part_names = ", ".join(self.parts)
-            raise NoCurve(f"{self.name} has no {name}, but {part_names}")
+            raise NoCurve(f"{self.name} has no {name}, only {part_names}")
         rows = self.parts[name]
         return self._select_rows(slice(0, rows.stop) if name == "hold" else rows)
 
     def _select_rows(self, rows: slice) -> MeasuredCurve:
+        """Return the curve with some of its rows, without parts."""
         cut = {
             name: None if (values := getattr(self, name)) is None else values[rows]
             for name in DIMENSIONS
@@ -98,10 +122,10 @@ class MeasuredCurve:
         return replace(self, parts={}, **cut)  # type: ignore[arg-type]
 
     def convert_units(self, units: Mapping[str, str]) -> MeasuredCurve:
-        """The curve in the units of a scene; numbers without a unit are the scene's, times in
-        seconds.
+        """Return the curve in the units of a scene, with times in seconds.
 
-        ConfigError where the curve has a unit, and the scene says none of its kind.
+        Numbers without a unit are taken to be in the scene's units. ConfigError if the curve has a
+        unit of a kind for which the scene has none.
         """
         wanted = dict(units) | {"time": "s"}
         factors = {
@@ -119,23 +143,27 @@ class MeasuredCurve:
 
 
 def _unit_ratio(kind: str, curve_unit: str, wanted_unit: str) -> float:
-    """How many of the wanted unit one of the curve's own is."""
+    """Return the factor from the curve's unit to the wanted one; 1 if the curve has no unit."""
     if not curve_unit or curve_unit == wanted_unit:
         return 1.0
     if not wanted_unit:
         raise ConfigError(
             "units",
-            f"the curve has the {kind} in {curve_unit}, and the scene says no unit",
+            f"the curve has the {kind} in {curve_unit}, and the scene has no unit for it",
             UNITS_REMEDY,
         )
     return si_factor(curve_unit, kind) / si_factor(wanted_unit, kind)
 
 
 def curve_parts(x: np.ndarray) -> dict[str, slice]:
-    """The rows of approach, hold and retract of a path (n,) that goes in, may stay, and may come
-    back.
+    """Return the rows of approach, hold and retract of a path of depths.
 
-    A path that only goes out is an approach read backwards, as files that are sorted are.
+    A path that only goes out is an approach in reverse order, as in files sorted by z.
+
+    Parameters
+    ----------
+    x
+        Depths or displacements of the base (n,), increasing inwards.
     """
     n = len(x)
     span = float(np.ptp(x))
@@ -143,7 +171,7 @@ def curve_parts(x: np.ndarray) -> dict[str, slice]:
         return {"approach": slice(0, n)}
     deepest = int(np.argmax(x))
     top = float(x.max())
-    if top - x[0] < MIN_RETRACTION * span:  # it begins at the deepest
+    if top - x[0] < MIN_RETRACTION * span:  # The path begins at the largest depth and goes out.
         return {"approach": slice(0, n)}
     high = np.flatnonzero(x > top - PLATEAU_WIDTH * span)
     first = int(high[0])
@@ -161,8 +189,17 @@ def curve_parts(x: np.ndarray) -> dict[str, slice]:
 
 
 def curve_parts_by_name(names: np.ndarray) -> dict[str, slice]:
-    """The same of a column of words (approach, extend, hold, pause, retract, ...) or of numbers in
-    order of time.
+    """Return the rows of approach, hold and retract by a column of names or numbers.
+
+    Parameters
+    ----------
+    names
+        One per row: approach, extend, hold, pause, retract, ... or two numbers in order of time.
+
+    Raises
+    ------
+    NoCurve
+        A name is unknown.
     """
     changes = np.flatnonzero(names[1:] != names[:-1]) + 1
     ends = [0, *map(int, changes), len(names)]
@@ -175,16 +212,9 @@ def curve_parts_by_name(names: np.ndarray) -> dict[str, slice]:
             by_number.get(str(names[begin])) if len(distinct_names) <= 2 else None
         )
         if part is None:
-            raise NoCurve(f"'{word}' is no name of a part: approach, hold, retract")
+            raise NoCurve(f"'{word}' is not a part of a curve: approach, hold, retract")
         if part not in parts:
             parts[part] = slice(begin, end)
         elif parts[part].stop == begin:
             parts[part] = slice(parts[part].start, end)
     return parts
-
-
-PART_WORDS = dict.fromkeys(("approach", "extend", "loading", "load", "trace", "appr"), "approach")
-PART_WORDS |= dict.fromkeys(("hold", "pause", "dwell", "intermediate"), "hold")
-PART_WORDS |= dict.fromkeys(
-    ("retract", "unloading", "unload", "withdraw", "retrace", "retr"), "retract"
-)

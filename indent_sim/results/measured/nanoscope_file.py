@@ -1,4 +1,4 @@
-"""NanoScope file (Bruker .spm, .pfc) -> measured curves, by the optional package pyfmreader."""
+"""Reader of NanoScope files (Bruker .spm, .pfc) by the optional package pyfmreader."""
 
 from __future__ import annotations
 
@@ -19,14 +19,27 @@ from indent_sim.results.measured.measurement import (
 )
 
 SUFFIXES = (".spm", ".pfc")
-MAX_DEFLECTION_RATIO = 1.5  # ways of the base that a deflection may span, with the snap-in
+# A deflection can exceed the travel of the base by a snap-in only; beyond this ratio of their
+# ranges it is wrong.
+MAX_DEFLECTION_RATIO = 1.5
 
 
 def read_nanoscope_file(path: Path, stiffness: float | None = None) -> list[MeasuredCurve]:
-    """The curves of a NanoScope file in SI units, of a force volume all of them.
+    """Read all curves of a NanoScope file, in SI units.
 
-    stiffness [N/m] of the cantilever, for a file that says none. NoCurve with the reason for a file
-    that cannot be read, or whose deflections are none; BackendError where the package is missing.
+    Parameters
+    ----------
+    path
+        The file.
+    stiffness
+        Spring constant of the cantilever [N/m], for a file that contains none.
+
+    Raises
+    ------
+    NoCurve
+        The file cannot be read, or its deflections are impossible; the message gives the reason.
+    BackendError
+        The package is missing.
     """
     try:
         from pyfmreader.nanosc.loadnanosccurve import loadNANOSCcurve
@@ -56,14 +69,14 @@ def read_nanoscope_file(path: Path, stiffness: float | None = None) -> list[Meas
 def _measured_curve(
     path: Path, data: Any, index: int, header: Mapping[str, Any], k: float
 ) -> MeasuredCurve:
-    """One curve: the way of the base grows towards the body, the approach first."""
+    """Return one curve, approach first, with z increasing towards the body."""
     segments = [segment.segment_formated_data for _, segment in data.get_segments()]
     base_paths = [np.asarray(segment_data["height"], dtype=float) for segment_data in segments]
     volts = [np.asarray(segment_data["vDeflection"], dtype=float) for segment_data in segments]
-    if (
-        np.ptp(base_paths[-1]) and base_paths[-1][0] < base_paths[-1][-1]
-    ):  # the retraction is kept from its far end on
-        base_paths[-1], volts[-1] = base_paths[-1][::-1], volts[-1][::-1]
+    # Some files store the retraction in reverse order, from its far end on.
+    if np.ptp(base_paths[-1]) and base_paths[-1][0] < base_paths[-1][-1]:
+        base_paths[-1] = base_paths[-1][::-1]
+        volts[-1] = volts[-1][::-1]
     z = np.concatenate(base_paths)
     deflection = 1e-9 * float(header["defl_sens_nmbyV"]) * np.concatenate(volts)
     if (
@@ -72,7 +85,7 @@ def _measured_curve(
         or np.ptp(deflection) > MAX_DEFLECTION_RATIO * np.ptp(z)
     ):
         raise NoCurve(
-            "pyfmreader makes deflections of it that go farther than the base moved", str(path)
+            "the deflections that pyfmreader computes exceed the travel of the base", str(path)
         )
     times = [np.asarray(segment_data["time"], dtype=float) for segment_data in segments]
     t = np.concatenate([times[0], times[0][-1] + times[0][1] + times[-1]])

@@ -1,4 +1,4 @@
-"""A force curve -> .tab: tab-separated text with metadata, in SI units, that AFM programs open."""
+"""Writer of .tab files: tab-separated text with metadata, in SI units, which AFM programs open."""
 
 from __future__ import annotations
 
@@ -12,22 +12,28 @@ from indent_sim.process.version import VERSION
 from indent_sim.results.reader import Results
 
 TAB_COLUMNS = ("force", "height (measured)", "tip position", "time", "segment")
-STIFF_SPRING_RATIO = 1e3  # times the stiffest secant of the curve: a cantilever that does not bend
-FREE_APPROACH = 0.5  # of the depth: the way before contact that is written, where no force is felt
+# The written spring constant is so many times the stiffest secant of the curve that the cantilever
+# hardly bends.
+STIFF_SPRING_RATIO = 1e3
+FREE_APPROACH = 0.5  # Length of the approach before contact, relative to the largest depth.
 DEPTHS_PER_SECOND = 1.0
 
 
 def tab_text(results: Results) -> str:
-    """The text of a .tab file: approach, after a way without force, and retract, of a result.
+    """Return the text of a .tab file of a result: a free approach, approach and retract.
 
-    height (measured) [m] is that of the base, -(delta + force/k), tip position [m] -delta, k the
-    spring constant of the metadata. UsageError for a result without units, which no other program
-    could read.
+    With the spring constant k of the metadata, height (measured) [m] is the height of the base,
+    -(delta + force/k), and tip position [m] is -delta.
+
+    Raises
+    ------
+    UsageError
+        The result has no units, which other programs need, or no row in contact.
     """
     units = results.report.get("units") or {}
     if not (units.get("length") and units.get("force")):
         raise UsageError(
-            f"{results.path} says no units", "add units: {length: um, force: nN} to its scene"
+            f"{results.path} has no units", "add units: {length: um, force: nN} to its scene"
         )
     if not results["delta"].max(initial=0.0) > 0:
         raise UsageError(f"{results.path} has no row in contact", file=str(results.path))
@@ -57,6 +63,7 @@ def tab_text(results: Results) -> str:
 
 
 def _tab_header(stiffness: float, points: int) -> list[str]:
+    """Return the lines of metadata and column titles."""
     entries = {
         "imaging mode": "force-distance",
         "spring constant": stiffness,

@@ -1,4 +1,4 @@
-"""Axes of pictures: their names, and the units their numbers are shown in."""
+"""Axes of pictures: their labels, and the units in which their numbers are shown."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 
 from indent_sim.model.symbols import lookup
 from indent_sim.process.errors import UsageError, printable
-from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
+from indent_sim.results.result_files import Report
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -35,7 +35,7 @@ KIND_EXAMPLES = {
     "line": "mN/m, N/m",
 }
 BASE_UNITS = {"length": "m", "force": "N", "pressure": "Pa", "line": "N/m"}
-SHOWN_UNITS = "shown_units"  # entry of a report: units asked for in a picture, by kind
+SHOWN_UNITS = "shown_units"  # Entry of a report: units requested for a picture, by kind.
 COLUMN_LABELS = {
     "delta": ("depth δ", "length"),
     "force": ("force F", "force"),
@@ -54,7 +54,17 @@ PLANE_STRAIN_LABELS = {
 
 @dataclass(frozen=True)
 class Axis:
-    """What an axis shows: its name, and the factor and unit its numbers are shown in."""
+    """Label of an axis, with the factor and unit of its numbers.
+
+    Attributes
+    ----------
+    name
+        Name of the quantity.
+    factor
+        Factor from the numbers of a result to those shown.
+    unit
+        Unit of the numbers shown; "" for none.
+    """
 
     name: str
     factor: float = 1.0
@@ -62,56 +72,61 @@ class Axis:
 
     @property
     def label(self) -> str:
-        """The text along the axis."""
+        """Label of the axis: its name, and its unit in brackets."""
         return f"{self.name} [{printed_unit(self.unit)}]" if self.unit else self.name
 
     def __call__(self, values: ArrayLike) -> np.ndarray:
-        """Values as they are shown."""
+        """Return values in the unit of the axis."""
         return np.asarray(values, dtype=float) * self.factor
 
     def value_text(self, value: float, digits: int = 4) -> str:
-        """A value with its unit, in words."""
+        """Return a value with its unit as text."""
         return f"{float(self(value)):.{digits}g} {printed_unit(self.unit)}".strip()
 
 
 def printed_unit(unit: str) -> str:
-    """A unit as it is printed: um and uN with their Greek letter."""
+    """Return a unit as it is printed: um and uN with a Greek letter."""
     parts = picture_text(unit).split("/")
     return "/".join(f"µ{part[1:]}" if part.rstrip("²³") in ("um", "uN") else part for part in parts)
 
 
 def picture_text(text: str, max_characters: int = 60) -> str:
-    """Text of a stranger as a picture shows it: on one line, shortened, a dollar sign being no
-    formula.
-    """
+    """Return a user's text for a picture: on one line, shortened, with dollar signs escaped."""
     text = printable(text)
     text = text if len(text) <= max_characters else f"{text[: max_characters - 1]}…"
     text = text.replace("$", r"\$")
-    return (
-        f" {text}" if text.startswith("_") else text
-    )  # what begins with _ is left out of a legend
+    # Matplotlib leaves names that begin with an underscore out of a legend.
+    return f" {text}" if text.startswith("_") else text
 
 
 def plan_choice(report: Report, key: str) -> str | None:
-    """What a run decided for a key of its plan, None where it says nothing."""
+    """Return the program's choice for a key of the plan; None if the report has none."""
     choices = report.get("plan", {}).get("choices", [])
     return next((str(choice["value"]) for choice in choices if choice.get("key") == key), None)
 
 
 def is_plane_strain(results: Results) -> bool:
-    """Whether forces are per unit length."""
+    """Return whether the forces of a result are per unit length."""
     return plan_choice(results.report, "kinematics") == "plane_strain"
 
 
 def horizontal_axis_name(run: Results) -> str:
-    """The name of the axis to the right: r where the body is of revolution, else x."""
+    """Return the name of the horizontal axis: r for an axisymmetric body, otherwise x."""
     return "r" if plan_choice(run.report, "kinematics") in (None, "axisymmetric") else "x"
 
 
 def tip_axis_position(runs: Sequence[Results], along: Literal[0, 1] = 0) -> tuple[float, str]:
-    """Where the axis of all tips stands [length] along x or y, and the name of that axis.
+    """Return the position of the tips' axis [length] along x or y, and the name of that axis.
 
-    Tips at several places have the distance from their own axes, which is 0 at each.
+    For tips at different positions the coordinate is the distance from each tip's axis, which is at
+    0.
+
+    Parameters
+    ----------
+    runs
+        The results in the picture.
+    along
+        0 for x, 1 for y.
     """
     places = {float([*(run.report.get("center") or [0.0]), 0.0, 0.0][along]) for run in runs}
     if len(places) == 1:
@@ -120,21 +135,21 @@ def tip_axis_position(runs: Sequence[Results], along: Literal[0, 1] = 0) -> tupl
 
 
 def time_axis(runs: Sequence[Results], name: str = "time t") -> Axis:
-    """The axis of times: seconds, of runs whose numbers have units."""
+    """Return the axis of times, in seconds if all results have units."""
     return Axis(
         name, unit="s" if all((run.report.get("units") or {}).get("length") for run in runs) else ""
     )
 
 
 def time_text(run: Results, t: float) -> str:
-    """A time with its unit, in words: to three digits, in full up to ten million."""
+    """Return a time with its unit as text, with three significant digits."""
     rounded = float(f"{t:.3g}")
     number = f"{rounded:.0f}" if 1e3 <= abs(rounded) < 1e7 else f"{rounded:g}"
     return f"{number} {time_axis([run]).unit}".strip()
 
 
 def axis_of_column(column: str, runs: Sequence[Results]) -> Axis:
-    """The axis of a column of the force table, in the common unit of the runs."""
+    """Return the axis of a column of the force table, in the common unit of the results."""
     name, kind = COLUMN_LABELS[column]
     if all(is_plane_strain(run) for run in runs):
         name, kind = PLANE_STRAIN_LABELS.get(column, (name, kind))
@@ -142,11 +157,26 @@ def axis_of_column(column: str, runs: Sequence[Results]) -> Axis:
 
 
 def scaled_axis(kind: str, runs: Sequence[Results], values: ArrayLike, name: str) -> Axis:
-    """An axis in the common unit of the runs.
+    """Return an axis in the common unit of the results, or in the unit requested for the picture.
 
-    A length or force in m or N, and every pressure of an SI length and force, gets the prefix that
-    makes its largest number readable; a length in mm stays one. What the picture was asked to show
-    comes before that.
+    Lengths in m, forces in N, and pressures of SI units get the prefix that suits their largest
+    number; a length or force in another unit, as mm, keeps it.
+
+    Parameters
+    ----------
+    kind
+        "length", "force", "pressure" or "line" (force per length).
+    runs
+        The results in the picture.
+    values
+        The numbers to be shown.
+    name
+        Name of the quantity.
+
+    Raises
+    ------
+    UsageError
+        The requested unit is unknown, or the results have no SI units.
     """
     unit = _common_unit(unit_label(kind, run.report.get("units") or {}) for run in runs)
     wanted_unit = _common_unit((run.report.get(SHOWN_UNITS) or {}).get(kind, "") for run in runs)
@@ -155,8 +185,8 @@ def scaled_axis(kind: str, runs: Sequence[Results], values: ArrayLike, name: str
         if wanted_unit:
             problem = f"the {kind} of these results has {'the unit ' + unit if unit else 'no unit'}"
             raise UsageError(
-                f"{problem}: it cannot be shown in {wanted_unit}; say units: {{length, force}} in the "
-                "scene"
+                f"{problem}: it cannot be shown in {wanted_unit}; "
+                "add units: {length, force} to the scene"
             )
         return Axis(name, 1.0, unit)
     if wanted_unit:
@@ -175,13 +205,13 @@ def scaled_axis(kind: str, runs: Sequence[Results], values: ArrayLike, name: str
 
 
 def _common_unit(units: Iterable[str]) -> str:
-    """The unit that all have, "" where they differ."""
+    """Return the unit that all results have; "" if they differ."""
     distinct_units = set(units)
     return distinct_units.pop() if len(distinct_units) == 1 else ""
 
 
 def _prefixed_axis(kind: str, power: int, values: np.ndarray, name: str) -> Axis:
-    """The axis whose prefix leaves the largest number between 0.2 and 200 as a rule."""
+    """Return the axis whose prefix brings the largest number between about 0.2 and 200."""
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
     size = power + (np.log10(largest) - 0.3 if largest > 0 else 0)
     prefix_power = int(np.clip(3 * np.floor(size / 3 + 1e-9), -12, 9))
@@ -190,8 +220,14 @@ def _prefixed_axis(kind: str, power: int, values: np.ndarray, name: str) -> Axis
 
 
 def unit_label(kind: str, units: Mapping[str, str]) -> str:
-    """The label of a kind of number (length, force, line, pressure, pressure/length) from those of
-    length and force.
+    """Return the unit of a kind of quantity from the units of length and force.
+
+    Parameters
+    ----------
+    kind
+        "length", "force", "line" (force/length), "pressure" or "pressure/length".
+    units
+        Units of "length" and "force"; either may be missing.
     """
     length = units.get("length", "")
     force = units.get("force", "")
@@ -207,8 +243,9 @@ def unit_label(kind: str, units: Mapping[str, str]) -> str:
 
 
 def unit_label_of_key(key: str, run: Results) -> str:
-    """The label of the unit of a key of the scene, as in material.E; "" of what is no length, force
-    or pressure, nor a pressure over a length.
+    """Return the unit of a key of the scene, as material.E; "" for other kinds of quantities.
+
+    Lengths, forces, pressures and pressures per length have a unit.
     """
     section, _, name = key.rpartition(".")
     symbol = lookup(name, section.split(".")[0])
@@ -218,7 +255,7 @@ def unit_label_of_key(key: str, run: Results) -> str:
 
 
 def _power_of_ten(kind: str, unit: str) -> int | None:
-    """The power of ten of the SI unit that a label of `unit_label` stands for; None for any other."""
+    """Return the power of ten of a unit relative to its SI unit; None for other units."""
     if kind in ("length", "force"):
         return _prefix_power(unit, BASE_UNITS[kind])
     force, _, length = unit.rstrip("²").partition("/")
@@ -230,4 +267,5 @@ def _power_of_ten(kind: str, unit: str) -> int | None:
 
 
 def _prefix_power(unit: str, base: str) -> int | None:
+    """Return the power of ten of the prefix of a unit; None if there is no such prefix."""
     return PREFIX_POWERS.get(unit[: -len(base)]) if unit.endswith(base) else None

@@ -1,4 +1,4 @@
-"""Curves through the rows of a result: smooth, and loading told from unloading."""
+"""Curves through the rows of a result: smooth interpolation, loading and unloading."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ import numpy as np
 
 from indent_sim.results.pictures.figures import COLOURS, MARKERS, MAX_MARKED_POINTS, Axes, PlotStyle
 
-POINTS_BETWEEN_ROWS = 20  # points of a drawn curve between two rows
-MAX_EXPONENT = 3.0  # of a power law that a curve may follow, and one over it the least
-UNLOADING_STYLE = {"ls": (0, (4, 2)), "mfc": "white"}  # dashed, its marks hollow
-Points = tuple[np.ndarray, np.ndarray]  # x and y
-Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # depths, x and y
-Interpolator = Callable[[np.ndarray, np.ndarray], Points]  # the line through points
-Colour = Any  # as matplotlib takes it
+POINTS_BETWEEN_ROWS = 20  # A drawn curve has so many points between two rows.
+MAX_EXPONENT = 3.0  # Exponents of power laws are between 1/MAX_EXPONENT and MAX_EXPONENT.
+UNLOADING_STYLE = {"ls": (0, (4, 2)), "mfc": "white"}  # Dashed, with hollow markers.
+Points = tuple[np.ndarray, np.ndarray]  # x and y.
+Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # Depths, x and y.
+Interpolator = Callable[[np.ndarray, np.ndarray], Points]  # Function from points to a line.
+Colour = Any  # Any form that matplotlib accepts.
 
 
 def line_style(index: int, count: int) -> PlotStyle:
-    """Colour and mark of the i-th of so many curves; of many, colours of a map from dark to light,
-    without marks.
+    """Return colour and marker of one of several curves.
+
+    Many curves have colours of a map from dark to light, and no markers.
     """
     if count <= 10:
         return {"color": COLOURS[index % len(COLOURS)], "marker": MARKERS[index % len(MARKERS)]}
@@ -29,17 +30,22 @@ def line_style(index: int, count: int) -> PlotStyle:
 
 
 def map_colour(index: int, count: int) -> Colour:
-    """The i-th of so many colours of a map, from dark to light."""
+    """Return one of several colours of a map, from dark to light."""
     from matplotlib import colormaps
 
-    return colormaps["viridis"](
-        0.9 * index / max(1, count - 1)
-    )  # its lightest yellow is lost on white
+    # The lightest yellow of the map is invisible on white.
+    return colormaps["viridis"](0.9 * index / max(1, count - 1))
 
 
 def split_branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
-    """The rows between turning points of a path, which belong to both branches; whether the tip
-    goes out there. Where it stands still it has not turned yet.
+    """Split a path of depths at its turning points.
+
+    A turning point belongs to both branches. A tip that stands still has not turned yet.
+
+    Returns
+    -------
+    list
+        Rows of each branch, and whether the tip goes out.
     """
     if len(delta) < 2:
         return [(slice(0, len(delta)), False)]
@@ -52,13 +58,21 @@ def split_branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
 
 
 def smooth_curve(x: np.ndarray, y: np.ndarray) -> Points:
-    """A smooth curve through points in order of x, up or down, that rises and falls only where they
-    do.
+    """Return a smooth curve through points in ascending or descending x, monotone where they are.
 
-    Piecewise cubic in y^(1/n), n from the first and last point: a power law from first touch on, as
-    the force and the radius of a contact nearly are, is drawn exactly. Slopes limited as in Hyman,
-    SIAM J. Sci. Stat. Comput. 4 (1983) 645: no overshoot. Points that do not go on in x, and forces
-    that pull, which may jump, are joined by chords.
+    It is piecewise cubic in y^(1/n), with n from the first and last point, so that power laws are
+    drawn exactly: force and contact radius nearly are power laws of the depth. Slopes are limited
+    so that the curve does not overshoot. Points with turning x, and negative forces, which may
+    jump, are joined by straight lines.
+
+    Parameters
+    ----------
+    x, y
+        The points (n,).
+
+    References
+    ----------
+    J. M. Hyman, SIAM J. Sci. Stat. Comput. 4 (1983) 645: the limiter of the slopes.
     """
     h = np.diff(x)
     goes_on = (h > 0).all() or (h < 0).all()
@@ -67,14 +81,12 @@ def smooth_curve(x: np.ndarray, y: np.ndarray) -> Points:
     n = _power_law_exponent(x, y)
     fine_x, straightened = _piecewise_cubic(x, y ** (1 / n), h)
     fine_y = np.maximum(straightened, 0.0) ** n if n != 1 else straightened
-    fine_y[::POINTS_BETWEEN_ROWS] = y  # not to rounding only
+    fine_y[::POINTS_BETWEEN_ROWS] = y  # The curve passes through the rows without rounding errors.
     return fine_x, fine_y
 
 
 def _power_law_exponent(x: np.ndarray, y: np.ndarray) -> float:
-    """The n of y ~ x^n between the points nearest to and farthest from x = 0; 1 where x begins
-    before it.
-    """
+    """Return the exponent n of y ~ x^n through the first and last point; 1 for negative x."""
     is_positive = (x > 0) & (y > 0)
     if x.min() < 0 or is_positive.sum() < 2:
         return 1.0
@@ -85,7 +97,7 @@ def _power_law_exponent(x: np.ndarray, y: np.ndarray) -> float:
 
 
 def _piecewise_cubic(x: np.ndarray, y: np.ndarray, h: np.ndarray) -> Points:
-    """The piecewise cubic of limited slopes through points whose x differ by h."""
+    """Return the piecewise cubic with limited slopes through points whose distances in x are h."""
     secant = np.diff(y) / h
     slope = _limited_slopes(h, secant)
     t = np.linspace(0, 1, POINTS_BETWEEN_ROWS, endpoint=False)
@@ -97,9 +109,7 @@ def _piecewise_cubic(x: np.ndarray, y: np.ndarray, h: np.ndarray) -> Points:
 
 
 def _limited_slopes(h: np.ndarray, secant: np.ndarray) -> np.ndarray:
-    """dy/dx at the points by parabolas through three of them, as steep as three secants at most, 0
-    at an extremum.
-    """
+    """Return dy/dx at the points by parabolas, limited to three secants, and 0 at an extremum."""
     weight = h[1:] / (h[:-1] + h[1:])
     inside = weight * secant[:-1] + (1 - weight) * secant[1:]
     first = 2 * secant[0] - inside[0]
@@ -113,16 +123,14 @@ def _limited_slopes(h: np.ndarray, secant: np.ndarray) -> np.ndarray:
 
 
 def polyline(x: np.ndarray, y: np.ndarray) -> Points:
-    """The points themselves: between two of them the curve may jump."""
+    """Return the points themselves: between two of them the curve may jump."""
     return x, y
 
 
 def branch_lines(
     rows: Rows, begin: Sequence[float] = (), joined: Interpolator = smooth_curve
 ) -> Iterator[tuple[Points, slice, bool]]:
-    """The lines through the branches of rows, with the places of the rows, and whether the tip goes
-    out.
-    """
+    """Yield the line through each branch, its rows, and whether the tip goes out."""
     delta, x, y = rows
     for part, goes_out in split_branches(delta):
         before = [] if part.start or goes_out else begin
@@ -137,16 +145,30 @@ def draw_rows(
     begin: Sequence[float] = (),
     joined: Interpolator = smooth_curve,
 ) -> None:
-    """Draw rows (delta, x, y) of a path of depths: lines, and marks where the rows are unless there
-    are very many.
+    """Draw rows of a path of depths as lines with markers; very many rows have no markers.
 
-    Unloading is dashed and its marks are hollow. begin: x = y of points before the rows of the
-    first branch, if it goes in; joined: the line through points, `smooth` or `chords`.
+    Unloading is dashed and has hollow markers.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    rows
+        Depths, x and y of the rows.
+    look
+        Colour, marker and line style.
+    label
+        Name in the legend.
+    begin
+        x and y of points before the first branch, if it is loading.
+    joined
+        Interpolation of the rows: `smooth_curve` or `polyline`.
     """
     (_, x, y) = rows
     colour = look["color"]
     marker = look["marker"] if len(x) <= MAX_MARKED_POINTS else ""
-    if len(x) == 1:  # which no line goes through: it would say that the curve is straight
+    # A single row is drawn without a line, which would suggest a linear curve.
+    if len(x) == 1:
         marker = marker or MARKERS[0]
         begin = ()
     for curve, part, goes_out in branch_lines(rows, begin, joined):
@@ -156,9 +178,8 @@ def draw_rows(
         }
         axes.plot(*curve, color=colour, zorder=2, label=None if marker else label, **line)
         if marker:
-            marked_rows = slice(
-                part.start + goes_out, part.stop
-            )  # the turning point is one of loading
+            # The turning point has its marker as the last row of loading.
+            marked_rows = slice(part.start + goes_out, part.stop)
             marker_edge = {"mec": "white", "mew": 0.6}
             if goes_out:
                 marker_edge = {"mec": colour, "mew": 1.0, "mfc": UNLOADING_STYLE["mfc"]}

@@ -1,6 +1,4 @@
-"""The experiment in a picture: force over depth and the way of the base, force or depth over time,
-as experiment.csv says.
-"""
+"""Picture of an experiment: force over depth and displacement of the base, and curves over time."""
 
 from __future__ import annotations
 
@@ -11,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from indent_sim.results.folder import Report, read_report
 from indent_sim.results.pictures.axes import Axis, axis_of_column, time_axis
 from indent_sim.results.pictures.curves import Interpolator, smooth_curve
 from indent_sim.results.pictures.figures import (
@@ -26,6 +23,7 @@ from indent_sim.results.pictures.figures import (
 )
 from indent_sim.results.pictures.run_names import config_by_key
 from indent_sim.results.reader import read, read_history
+from indent_sim.results.result_files import Report, read_report
 from indent_sim.results.tables import EXPERIMENT
 
 EXPERIMENT_PICTURE = "experiment.png"
@@ -33,28 +31,27 @@ BRANCH_STYLES = {
     "hold": (COLOURS[2], "-"),
     "retract": (COLOURS[1], "-"),
     "unstable": (GREY, "--"),
-}  # of branches
+}
 
 
 def has_elastic_curve(folder: Path, report: Report) -> bool:
-    """Whether a run has rows of its elastic curve: an experiment, or a history that was followed on
-    it.
-    """
+    """Return whether a run has rows in experiment.csv, or a history on its elastic curve."""
     return (folder / EXPERIMENT).exists() or (report.get("time") or {"way": "steps"}).get(
         "way"
     ) != "steps"
 
 
 def draw(folder: Path, path: Path | None = None) -> None:
-    """Draw the experiment of a result folder [into it, as experiment.png]."""
+    """Draw the experiment of a result folder, by default into its experiment.png."""
     results = read(folder)
     rows = read_history(folder)
     config = config_by_key(folder)
     has_times = not np.isnan(rows["t"][0])
     has_base = bool((rows["z"] != rows["delta"]).any())
+    # With prescribed forces the depth is drawn over time.
     has_forces = any(
         config.get(f"{section}.force_history") for section in ("loading", "experiment")
-    )  # time tells depth
+    )
     panels = ["depth", *(["base"] if has_base else []), *(["time"] if has_times else ["radius"])]
     with new_figure((3.1 + 3.3 * len(panels), 4.4)) as figure:
         panel_axes: dict[str, Axes] = figure.subplot_mosaic([panels])
@@ -77,7 +74,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
         draw_branches(panel_axes["depth"], rows, "delta", depth, force)
         if has_base:
             draw_branches(
-                panel_axes["base"], rows, "z", replace(depth, name="way of the base z"), force
+                panel_axes["base"], rows, "z", replace(depth, name="displacement of base z"), force
             )
         t = time_axis([results])
         if has_times and has_forces:
@@ -91,7 +88,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
 
 
 def branch_ranges(branches: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Where each piece of one branch begins, and where it ends."""
+    """Return begin and end of each sequence of rows of one branch."""
     changes = np.flatnonzero(branches[1:] != branches[:-1]) + 1
     return pairwise([0, *map(int, changes), len(branches)])
 
@@ -105,10 +102,22 @@ def draw_branches(
     ordinate: str = "force",
     joined: Interpolator = smooth_curve,
 ) -> None:
-    """A column over another, a line for each branch that is one piece of the table; marks where
-    rows are few.
+    """Draw a column over another one, with a line for each sequence of rows of one branch.
 
-    joined: the line through the rows.
+    Few rows have markers.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    rows
+        Columns of the table, with `branch`.
+    abscissa, ordinate
+        Names of the columns.
+    x, y
+        Their axes.
+    joined
+        Interpolation of the rows.
     """
     labelled: set[str] = set()
     branches = rows["branch"]
@@ -128,9 +137,8 @@ def draw_branches(
             )
             labelled.add(branch)
         if len(branches) <= MAX_MARKED_POINTS:
-            new_rows = slice(
-                -(end - begin), None
-            )  # a piece begins with the last row of the one before
+            # The line begins with the last row of the branch before, which has its marker already.
+            new_rows = slice(-(end - begin), None)
             axes.plot(
                 piece_x[new_rows],
                 piece_y[new_rows],

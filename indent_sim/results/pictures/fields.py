@@ -1,6 +1,4 @@
-"""The deformed body with the tip in it and a field on it, in the vertical plane through the tip's
-axis.
-"""
+"""Fields on the deformed body, in the vertical plane through the tip's axis."""
 
 from __future__ import annotations
 
@@ -12,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from indent_sim.process.errors import UsageError
+from indent_sim.results.field_reader import read_fields
 from indent_sim.results.pictures.axes import (
     Axis,
     horizontal_axis_name,
@@ -29,36 +28,45 @@ from indent_sim.results.pictures.figures import (
 from indent_sim.results.pictures.pressure import panel_title
 from indent_sim.results.pictures.profile import draw_tip
 from indent_sim.results.reader import Results
-from indent_sim.results.tip_geometry import scene_of
-from indent_sim.results.xdmf import read_fields
+from indent_sim.results.result_scene import scene_of
 
-# Contact radii or depths around the tip that are shown, and of a thin body at least
+# Half-width of the view around the tip, in contact radii or depths; the second is the least for a
+# thin body.
 FIELD_VIEW = 3.0
 THIN_BODY_VIEW = 1.5
-THIN_BODY_HEIGHTS = (
-    4.0  # heights of a body to either side of the tip: of a thin one nothing would be seen on more
-)
-SPACE_ABOVE = 0.35  # contact radii or depths of room for the tip above the surface
-MAX_LIFT = 0.01  # of the way that a tip is lifted: it sinks in no deeper
-WHOLE_BODY_RATIO = 1.6  # times that a body may be wider or deeper to be shown whole
-# of the shown area, inside the colours: at an edge, with many points, a stress is infinite
+# Half-width of the view in heights of a thin body, whose field would be too small in a wider one.
+THIN_BODY_HEIGHTS = 4.0
+SPACE_ABOVE = 0.35  # Room for the tip above the surface, in contact radii or depths.
+MAX_LIFT = 0.01  # A tip that sinks in by less than this fraction of its lift has no contact.
+WHOLE_BODY_RATIO = 1.6  # A body that is so many times wider or deeper than the view is shown whole.
+# The colours cover this percentage of the area in view: the stress at an edge is infinite, and the
+# mesh has many points there.
 COLOURED_PERCENT = 99.8
-SLIVER_HEIGHT = 2e-3  # of the width of the frame: about half a pixel
-INTERFACE_LINE_WIDTH = 0.6  # points: of the lines between regions
-RegionPart = tuple[
-    np.ndarray, np.ndarray, np.ndarray, np.ndarray
-]  # points, moved points, cells, values at the points
+SLIVER_HEIGHT = 2e-3  # Height of a sliver relative to the width of the view: about half a pixel.
+INTERFACE_LINE_WIDTH = 0.6  # Width of lines between regions [points].
+# Points, deformed points, cells, and values at the points.
+RegionPart = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
 class FieldQuantity:
-    """What a picture can show on the body: its name in words, its kind of number, and how it is
-    made of the arrays.
+    """A quantity that can be drawn on the body.
 
-    {r} and {t} in the name stand for the first two axes: r and theta where the body is of
-    revolution, else x and y. middle: the value that is white, of a field with two signs; None for
-    one that begins at `least`, or, where that is None too, at its smallest value. only: of which
-    bodies, where not all have it.
+    Attributes
+    ----------
+    name
+        Its name; {r} and {t} stand for the first two axes: r and theta of an axisymmetric body,
+        otherwise x and y.
+    kind
+        Kind of quantity, for its unit; "1" for a number without one.
+    values
+        Function from the arrays of a step to values at points or cells.
+    neutral_value
+        White value of a diverging colour map, for a field with both signs; None for other fields.
+    lowest_value
+        Lower end of the colours of other fields; None for the field's smallest value.
+    available_for
+        Bodies that have the field.
     """
 
     name: str
@@ -117,11 +125,18 @@ FIELDS = {
 
 @dataclass(frozen=True)
 class Section:
-    """A cut through the deformed body: triangles (m, 3) of points (n, 2) [length], and values (n,)
-    of a field there.
+    """A section of the deformed body with a field on it.
 
-    faces: pairs (k, 2) of the points at the ends of lines between two regions: layers, skins,
-    inclusions.
+    Attributes
+    ----------
+    points
+        Points (n, 2) [length].
+    triangles
+        Numbers of the points of each triangle (m, 3).
+    values
+        Values of the field at the points (n,).
+    interfaces
+        Pairs (k, 2) of points: lines between two regions (layers, coatings, inclusions).
     """
 
     points: np.ndarray
@@ -130,7 +145,7 @@ class Section:
     interfaces: np.ndarray
 
     def mirror(self, middle: float) -> Section:
-        """With its image in the vertical line x = middle."""
+        """Return the section with its mirror image in the vertical line x = middle."""
         image = np.column_stack([2 * middle - self.points[:, 0], self.points[:, 1]])
         triangles = np.concatenate([self.triangles, self.triangles[:, ::-1] + len(image)])
         faces = np.concatenate([self.interfaces, self.interfaces + len(image)])
@@ -140,20 +155,21 @@ class Section:
 
     @cached_property
     def areas(self) -> np.ndarray:
-        """The areas (m,) of the triangles."""
+        """Areas of the triangles (m,) [length^2]."""
         sides = self.points[self.triangles[:, 1:]] - self.points[self.triangles[:, :1]]
         return np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
 
     def is_sliver(self, min_height: float) -> np.ndarray:
-        """Which triangles are lower than `min_height` [length]: graded colours would be drawn beyond
-        their sides.
+        """Return the triangles (m,) lower than `min_height` [length].
+
+        Matplotlib draws the shaded colours of a sliver beyond its sides.
         """
         corners = self.points[self.triangles]
         longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
         return 2 * self.areas <= min_height * longest
 
     def values_in_frame(self, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The values at the points inside a frame (left, right, bottom, top), and the area of each."""
+        """Return values and areas of the points within a frame (left, right, bottom, top)."""
         x, z = self.points.T
         is_inside = (frame[0] <= x) & (x <= frame[1]) & (frame[2] <= z) & (z <= frame[3])
         area = np.bincount(self.triangles.ravel(), np.repeat(self.areas / 3, 3), len(self.points))
@@ -161,15 +177,21 @@ class Section:
 
 
 def find_field(name: str) -> FieldQuantity:
-    """The field of a name; UsageError for any other."""
+    """Return a field by its name; UsageError if there is none."""
     if name not in FIELDS:
         raise UsageError(f"there is no field {name}; choose among {', '.join(FIELDS)}")
     return FIELDS[name]
 
 
 def deformed_section(results: Results, step: float, field: FieldQuantity) -> Section:
-    """The deformed section of a step in the plane through the tip's axis, its other half mirrored
-    where it is one; UsageError for a field that the result does not have.
+    """Return the deformed section of a step in the plane through the tip's axis.
+
+    If half of it is modelled, it is completed by its mirror image.
+
+    Raises
+    ------
+    UsageError
+        The result does not have the field.
     """
     fields = read_fields(results.path, int(step))
     try:
@@ -207,8 +229,9 @@ def deformed_section(results: Results, step: float, field: FieldQuantity) -> Sec
 def _region_interfaces(
     points: np.ndarray, triangles: np.ndarray, regions: np.ndarray
 ) -> np.ndarray:
-    """The edges (k, 2) that triangles of two regions, each with points of its own, have at one
-    place.
+    """Return the edges (k, 2) at which triangles of two regions meet.
+
+    Each region has points of its own: edges of two regions match by position.
     """
     _, first, point_indices = np.unique(points, axis=0, return_index=True, return_inverse=True)
     edges = np.sort(point_indices.ravel()[triangles][:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(
@@ -225,9 +248,9 @@ def _region_interfaces(
 def _region_part(
     fields: dict[str, np.ndarray], values: np.ndarray, is_in_region: np.ndarray
 ) -> RegionPart:
-    """One region by itself: its field jumps where it ends.
+    """Return one region with its field, which jumps at the end of the region.
 
-    Values of cells become those of vertices, by volume.
+    Values of cells are averaged to the vertices, weighted by volume.
     """
     vertices, cells = np.unique(fields["cells"][is_in_region], return_inverse=True)
     cells = cells.reshape(-1, fields["cells"].shape[1])
@@ -238,7 +261,7 @@ def _region_part(
 
 
 def _vertex_means(points: np.ndarray, cells: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """The mean (n,) of the cells (m,) around each vertex, weighted by their volumes."""
+    """Return the volume-weighted mean of the values of the cells around each vertex (n,)."""
     edges = points[cells[:, 1:]] - points[cells[:, :1]]
     weights = np.sqrt(np.abs(np.linalg.det(edges @ np.swapaxes(edges, 1, 2))))
     corners = cells.shape[1]
@@ -249,12 +272,11 @@ def _vertex_means(points: np.ndarray, cells: np.ndarray, values: np.ndarray) -> 
 def _cut_tetrahedra(
     points: np.ndarray, moved: np.ndarray, cells: np.ndarray, values: np.ndarray, y: float
 ) -> RegionPart:
-    """The triangles in which the undeformed plane y cuts tetrahedra."""
+    """Return the triangles in which the plane y of the undeformed body cuts tetrahedra."""
     distance = points[:, 1] - y
     count = (distance[cells] > 0).sum(axis=1)
-    order = np.take_along_axis(
-        cells, np.argsort(-distance[cells], axis=1), axis=1
-    )  # those in front come first
+    # The vertices of each tetrahedron are ordered from the front of the plane to its back.
+    order = np.take_along_axis(cells, np.argsort(-distance[cells], axis=1), axis=1)
     corners = {1: [(0, 1), (0, 2), (0, 3)], 3: [(0, 3), (1, 3), (2, 3)]}
     pairs = [order[count == n][:, np.array(edges)] for n, edges in corners.items()]
     quads = order[count == 2]
@@ -275,21 +297,29 @@ def _cut_tetrahedra(
 
 @dataclass(frozen=True)
 class FieldRow:
-    """A field of several results or steps, each with its words, side by side in one frame and with
-    the same colours.
+    """Maps of one field for several results or steps, side by side with the same view and colours.
+
+    Attributes
+    ----------
+    steps
+        Result, step and label of each map.
+    field
+        The field.
+    limits
+        Ends of the colour range in the unit shown; None for a range by the values.
+    zoom
+        Half-width of the view around the tip in contact radii; infinite for the whole body, None
+        for an automatic view.
     """
 
     steps: Sequence[tuple[Results, float, str]]
     field: FieldQuantity
-    limits: tuple[float, float] | None = (
-        None  # of the colours, in the unit shown; None: those of the field
-    )
-    # Contact radii to either side of the tip; infinite: the whole body; None: as it is seen best
+    limits: tuple[float, float] | None = None
     zoom: float | None = None
 
     @cached_property
     def sections(self) -> list[Section]:
-        """The deformed body of each; where tips stand at several places, each as seen from its own."""
+        """Deformed section of each map, moved to a common axis of the tips."""
         sections = []
         for results, step, _ in self.steps:
             section = deformed_section(results, step, self.field)
@@ -303,23 +333,20 @@ class FieldRow:
 
     @property
     def axis_position(self) -> float:
-        """Where the tips' axis is drawn [length]."""
+        """Position of the tips' axis in the maps [length]."""
         return tip_axis_position([results for results, *_ in self.steps])[0]
 
     @cached_property
     def frame(self) -> np.ndarray:
-        """(left, right, bottom, top) [length]: every contact with what is below it, or the whole of
-        a small body.
-        """
+        """View (left, right, bottom, top) [length] of the contacts, or of a small body."""
         points = np.concatenate([section.points for section in self.sections])
         (left, bottom) = points.min(axis=0)
         (right, top) = points.max(axis=0)
         depths = [_row_value(run, step, "delta") for run, step, _ in self.steps]
         contact_radius = max(_row_value(run, step, "a") for run, step, _ in self.steps)
         size = max(contact_radius, *np.abs(depths))
-        if (
-            not contact_radius > 0 and max(depths) <= MAX_LIFT * size
-        ):  # by what swells: no contact to look at
+        # A swelling body may lift the tip: then there is no contact to show.
+        if not contact_radius > 0 and max(depths) <= MAX_LIFT * size:
             size = (top - bottom) / 2
         if self.zoom is not None:
             half_width = self.zoom * size
@@ -344,11 +371,11 @@ class FieldRow:
 
     @property
     def aspect(self) -> float:
-        """The height of the frame over its width."""
+        """Ratio of the height of the view to its width."""
         return float(np.ptp(self.frame[2:]) / np.ptp(self.frame[:2]))
 
     def _frame_of_aspect(self, aspect: float) -> np.ndarray:
-        """The frame in another shape, which is higher: it goes on down into the body, then up."""
+        """Return a higher view, extended downwards into the body, then upwards."""
         left, right, bottom, top = self.frame
         missing_height = aspect * (right - left) - (top - bottom)
         if missing_height <= 0:
@@ -364,9 +391,18 @@ class FieldRow:
         where: BarPosition = "right",
         aspect: float = 0.0,
     ) -> None:
-        """Draw some of them into as many panels, with one bar for the colours of all.
+        """Draw some of the maps with one colour bar.
 
-        aspect: height over width of the panels, where they are higher than the frame.
+        Parameters
+        ----------
+        panels
+            The panel of each map.
+        some
+            The maps to be drawn.
+        where
+            Position of the colour bar.
+        aspect
+            Ratio of height to width of the panels, if they are higher than the view.
         """
         runs = [run for run, *_ in self.steps]
         frame = self._frame_of_aspect(aspect)
@@ -419,10 +455,12 @@ def _draw_section(
     sliver_height: float,
     look: dict[str, Any],
 ) -> Any:
-    """The triangles of a section in graded colours, and those lower than `sliver_height` [length] in one
-    colour each.
+    """Draw the triangles of a section with shaded colours, and slivers with one colour each.
+
+    Returns the collection from which a colour bar is made.
     """
-    x, z, values = *length(section.points).T, axis(section.values)
+    x, z = length(section.points).T
+    values = axis(section.values)
     is_sliver = section.is_sliver(sliver_height)
     if is_sliver.any():
         slivers = section.triangles[is_sliver]
@@ -446,23 +484,25 @@ def _draw_section(
 
 
 def _row_value(results: Results, step: float, column: str) -> float:
+    """Return the value of a column at a step."""
     return float(results[column][results["step"] == step][0])
 
 
 def _colour_range(
     values: np.ndarray, areas: np.ndarray, field: FieldQuantity
 ) -> tuple[float, float, Any]:
-    """The limits of the colours and their map: from the least up, or as far to both sides of the
-    middle.
+    """Return the colour limits and the colour map of a field.
+
+    The range begins at the lowest value, or is symmetric about the neutral value. COLOURED_PERCENT
+    of the area is inside it.
     """
     middle = field.neutral_value
-    base_value = (
-        middle
-        if middle is not None
-        else field.lowest_value
-        if field.lowest_value is not None
-        else float(values.min())
-    )
+    if middle is not None:
+        base_value = middle
+    elif field.lowest_value is not None:
+        base_value = field.lowest_value
+    else:
+        base_value = float(values.min())
     deviations = np.abs(values - base_value)
     order = np.argsort(deviations)
     covered_area = np.cumsum(areas[order])

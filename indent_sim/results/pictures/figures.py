@@ -1,4 +1,4 @@
-"""Canvas of all pictures: style, legends, saving, and whose a file is."""
+"""Figures: style of all pictures, legends, layout, and saving."""
 
 from __future__ import annotations
 
@@ -18,66 +18,62 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import is_own_file, write_atomically
+from indent_sim.results.atomic_files import write_atomically
 from indent_sim.results.pictures.axes import picture_text
+from indent_sim.results.result_files import is_own_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes
     from matplotlib.figure import Figure as Figure
     from matplotlib.figure import SubFigure as SubFigure
 else:
-    Axes = Figure = SubFigure = object  # matplotlib is loaded where something is drawn
+    Axes = Figure = SubFigure = object  # Matplotlib is imported only when something is drawn.
 
 INK = "#222222"
 GREY = "#6e6e6e"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 FORCE_PICTURE = "force_indentation.png"
-FONT_SIZE = 10.0  # points
+FONT_SIZE = 10.0  # Standard font size [points].
 PICTURE_FORMATS = (".png", ".svg", ".pdf")
-DPI = {"png": 160, "svg": 200, "pdf": 300}  # of what is drawn point by point
-# bins of an axis, and pixels between its numbers
+DPI = {"png": 160, "svg": 200, "pdf": 300}  # Resolution of rasterized parts.
+# Largest number of intervals of an axis, and least distance of its tick labels [pixels].
 MAX_TICKS = 6
 TICK_LABEL_GAP = 3.0
-# Pixels along a side that Agg can draw, and of a picture: each takes 11 bytes until it is packed,
-# of which 1 GB is much
+# Agg cannot draw longer sides [pixels]. A pixel takes 11 bytes until it is compressed: the second
+# limit keeps a picture below about 1 GB.
 MAX_SIDE_PIXELS = 2**16 - 1
 MAX_PIXELS = 1e8
-SUPERSCRIPTS = str.maketrans("-\N{MINUS SIGN}0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")  # an exponent
-MAX_MARKED_POINTS = 40  # points from which a line carries no markers
-# inches: width of a letter and height of a line in a legend
+SUPERSCRIPTS = str.maketrans("-\N{MINUS SIGN}0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")
+MAX_MARKED_POINTS = 40  # A line with more points has no markers.
+# Width of a letter and height of a line in a legend [inches].
 LETTER_WIDTH = 0.07
 LINE_HEIGHT = 0.2
-LEGEND_LEFT = 0.6  # inches: of a legend below all panels
-# inches: width of what stands before a name there; letters of a line at least
+LEGEND_LEFT = 0.6  # Left margin of a legend below all panels [inches].
+# Width of the handle before a name [inches], and least number of letters of a line.
 HANDLE_WIDTH = 0.45
 MIN_LINE_LETTERS = 12
-COLUMN_GAP = 0.15  # inches: between two columns of a legend
-MAX_STACKED_NAMES = 6  # of a legend under a panel, which stand below one another
-# Inches at the standard font size: from the end of a panel to what stands below the numbers and the
-# name of its axis, numbers and name to the left of a panel, and the height of a bar of colours
-# under one
+COLUMN_GAP = 0.15  # Gap between two columns of a legend [inches].
+MAX_STACKED_NAMES = 6  # A legend under a panel with more names has columns.
+# Height of tick labels and axis label below a panel, their width to the left of it, and height of a
+# colour bar under it, at the standard font size [inches].
 AXIS_LABEL_HEIGHT = 0.58
 AXIS_LABEL_WIDTH = 0.75
 BAR_HEIGHT = 0.12
-BarPosition = Literal["right", "bottom"]  # where the bar of the colours of maps stands
-TITLE_LETTERS_PER_INCH = 9.0  # of a title to the inch
-# most letters
+BarPosition = Literal["right", "bottom"]
+TITLE_LETTERS_PER_INCH = 9.0
+# Longer texts are shortened.
 MAX_SUBTITLE_LETTERS = 200
 MAX_LABEL_LETTERS = 120
-PlotStyle = dict[str, Any]  # matplotlib's words for how something is drawn
+PlotStyle = dict[str, Any]  # Keyword arguments of matplotlib's functions.
 THEORY_STYLE: PlotStyle = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
-FORMULA_STYLE: PlotStyle = {
-    "color": GREY,
-    "ls": ":",
-    "lw": 1.2,
-    "zorder": 2,
-}  # of a half-space, beside any body
+# Formulas of the half-space are drawn beside the curve of any body.
+FORMULA_STYLE: PlotStyle = {"color": GREY, "ls": ":", "lw": 1.2, "zorder": 2}
 RC_PARAMETERS: PlotStyle = {
-    "figure.dpi": 100,  # in which labels are measured
-    "legend.framealpha": 0.85,  # a long line of text may cross a steep curve
-    "text.usetex": False,  # titles are text, and LaTeX is a program
-    "svg.hashsalt": "indent-sim",  # the same results give the same file
+    "figure.dpi": 100,  # Labels are measured at this resolution.
+    "legend.framealpha": 0.85,  # A long line of text may cross a steep curve.
+    "text.usetex": False,  # Titles are users' texts, and LaTeX would execute commands in them.
+    "svg.hashsalt": "indent-sim",  # Equal results give equal files.
     **{"axes.titlesize": "medium", "axes.formatter.limits": (-3, 4), "lines.linewidth": 1.6},
     **{"legend.fontsize": "small", "legend.edgecolor": "none"},
     **dict.fromkeys(("axes.spines.top", "axes.spines.right", "legend.fancybox"), False),
@@ -88,11 +84,10 @@ RC_PARAMETERS: PlotStyle = {
 
 @contextmanager
 def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) -> Iterator[Figure]:
-    """An empty figure of this size [inches] and font size [points] in the style of all pictures."""
+    """Yield an empty figure of a size [inches] and a font size [points] in the common style."""
     with warnings.catch_warnings():
-        warnings.filterwarnings(
-            "ignore", "Unable to import Axes3D"
-        )  # not wanted here, where two matplotlibs are
+        # Two installed versions of matplotlib cause this warning; Axes3D is not used.
+        warnings.filterwarnings("ignore", "Unable to import Axes3D")
         import matplotlib
         from matplotlib.figure import Figure
     with matplotlib.rc_context(RC_PARAMETERS | {"font.size": font}):
@@ -100,9 +95,7 @@ def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) 
 
 
 def start_at_zero(axes: Axes, *curves: np.ndarray) -> None:
-    """Show from 0, or a little below the lowest point where one is negative, to a little above the
-    highest one.
-    """
+    """Set the vertical limits from 0, or from below a negative minimum, to above the maximum."""
     values = np.concatenate([np.ravel(curve) for curve in curves])
     values = values[np.isfinite(values)]
     lowest = values.min(initial=0)
@@ -113,8 +106,18 @@ def start_at_zero(axes: Axes, *curves: np.ndarray) -> None:
 def draw_legend_panel(
     axes: Axes, labelled_axes: Axes, columns: int = 1, max_width: float = np.inf
 ) -> None:
-    """The legend of a panel in one of its own, where it hides nothing; its lines broken where it
-    would be wider.
+    """Draw the legend of a panel in a panel of its own, where it hides nothing.
+
+    Parameters
+    ----------
+    axes
+        The panel for the legend.
+    labelled_axes
+        The panel whose curves are named.
+    columns
+        Number of columns.
+    max_width
+        Width [inches] beyond which names are broken into lines.
     """
     axes.axis("off")
     handles, names = labelled_axes.get_legend_handles_labels()
@@ -123,7 +126,7 @@ def draw_legend_panel(
 
 
 def wrap_names(names: Sequence[str], max_width: float) -> list[str]:
-    """Names of a legend in lines that fit into so many inches with their handles."""
+    """Break the names of a legend into lines that fit into a width [inches] with their handles."""
     letters_per_line = (max_width / (current_font_size() / FONT_SIZE) - HANDLE_WIDTH) / LETTER_WIDTH
     wrap_width = max(MIN_LINE_LETTERS, letters_per_line)
     return [
@@ -133,9 +136,9 @@ def wrap_names(names: Sequence[str], max_width: float) -> list[str]:
 
 
 def draw_legend_under(axes: Axes) -> None:
-    """The legend of a panel below it, as wide as the panel at most: the layout keeps room for it.
+    """Draw the legend of a panel below it, not wider than the panel; the layout reserves its room.
 
-    Legends of panels side by side begin at one height, for their panels end at one.
+    Legends of panels side by side begin at the same height, because their panels end at the same.
     """
     from matplotlib.transforms import ScaledTranslation
 
@@ -168,7 +171,7 @@ def draw_legend_under(axes: Axes) -> None:
 
 
 def draw_panel_title(axes: Axes, title: str) -> None:
-    """What a panel shows, small above it, in as many lines as its width asks for."""
+    """Draw a small title above a panel, broken into lines by the width of the panel."""
     letters = _panel_width(axes) / (LETTER_WIDTH * current_font_size() / FONT_SIZE)
     lines = [
         part
@@ -179,10 +182,10 @@ def draw_panel_title(axes: Axes, title: str) -> None:
 
 
 def _panel_width(axes: Axes) -> float:
-    """The width of a panel [inches]: in a grid about, before it has its place."""
+    """Return the width of a panel [inches]; an estimate as long as its grid has no layout."""
     figure = axes.get_figure()
     spec = getattr(axes, "get_subplotspec", lambda: None)()
-    if spec is None:  # it has its place
+    if spec is None:  # Axes outside of a grid have their final place.
         return float(axes.get_window_extent().width / figure.dpi)
     return float(
         figure.bbox.width / figure.dpi / spec.get_gridspec().ncols
@@ -193,8 +196,18 @@ def _panel_width(axes: Axes) -> float:
 def draw_colour_bar(
     panels: Sequence[Axes], drawn: Any, label: str, where: BarPosition, **look: Any
 ) -> Any:
-    """The bar of the colours of some maps: to the right of all, as high as they are, or under the
-    one panel.
+    """Draw the colour bar of maps and return it.
+
+    Parameters
+    ----------
+    panels
+        Panels of the maps.
+    drawn
+        What matplotlib returned for one of them.
+    label
+        Label of the bar.
+    where
+        "right" of all panels, as high as they are, or at the "bottom" of the only panel.
     """
     figure = panels[0].get_figure()
     if where == "right":
@@ -207,7 +220,7 @@ def draw_colour_bar(
 
 
 def _axes_below(axes: Axes) -> Axes:
-    """A low panel under another one, as wide, below the name of its axis."""
+    """Return low axes under other ones, of the same width, below their axis label."""
     from matplotlib.transforms import Bbox
 
     scale = current_font_size() / FONT_SIZE
@@ -225,7 +238,7 @@ def _axes_below(axes: Axes) -> Axes:
 
 
 def draw_figure_legend(figure: Figure, labelled_axes: Axes) -> None:
-    """The legend of a panel below all of them; the figure grows to hold it."""
+    """Draw the legend of a panel below all panels; the figure grows by its height."""
     handles, names = labelled_axes.get_legend_handles_labels()
     width, height = map(float, figure.get_size_inches())
     scale = current_font_size() / FONT_SIZE
@@ -247,7 +260,7 @@ def draw_figure_legend(figure: Figure, labelled_axes: Axes) -> None:
 
 
 def _reserve_margin(figure: Figure, above: float = 0.0, below: float = 0.0) -> None:
-    """Leave so many inches above or below the panels to words."""
+    """Reserve a height [inches] above or below the panels for texts."""
     height = figure.get_figheight()
     engine = figure.get_layout_engine()
     x, y, wide, high = engine.get()["rect"]  # type: ignore[union-attr]
@@ -257,15 +270,14 @@ def _reserve_margin(figure: Figure, above: float = 0.0, below: float = 0.0) -> N
 
 
 def current_font_size() -> float:
-    """The font size of the present canvas [points]."""
+    """Return the font size of the current figure [points]."""
     from matplotlib import rcParams
 
     return float(rcParams["font.size"])
 
 
 def draw_title(figure: Figure, title: str, subtitle: str) -> None:
-    """Title, as far as it fits, and subtitle above the panels."""
-    # inches
+    """Draw a title, shortened to the width of the figure, and a subtitle above the panels."""
     height = figure.get_figheight()
     title_letters = int(TITLE_LETTERS_PER_INCH * figure.get_figwidth())
     _reserve_margin(figure, above=0.64)
@@ -290,26 +302,30 @@ def draw_title(figure: Figure, title: str, subtitle: str) -> None:
 
 
 def refuse_foreign_picture(path: Path) -> None:
-    """UsageError when a picture with a name that nobody chose would replace a file that this
-    program did not make.
-    """
+    """Raise UsageError if a default file name belongs to a file that this program did not make."""
     if os.path.lexists(path) and not is_own_file(path):
         raise UsageError(
-            f"{path} is there already and no picture of indent-sim; choose another name with "
-            "--output"
+            f"{path} exists and is not a picture of indent-sim; choose another name with --output"
         )
 
 
 def picture_format(path: Path) -> str:
-    """png, svg or pdf after the suffix; UsageError for any other."""
+    """Return png, svg or pdf by the suffix of a file; UsageError for any other suffix."""
     if path.suffix.lower() not in PICTURE_FORMATS:
         raise UsageError(f"{path}: a picture ends in {', '.join(PICTURE_FORMATS)}")
     return path.suffix.lower()[1:]
 
 
 def svg_element(draw: Callable[[Path], None]) -> str:
-    """What `draw` draws into a file as an element of a page: text that can be selected, no prolog,
-    no metadata, and no name that another one may have. Empty where it draws nothing.
+    """Return a drawing as an SVG element of an HTML page; empty if nothing was drawn.
+
+    Its texts can be selected, it has no prolog and no metadata, and the ids in it are unique among
+    the pictures of the page.
+
+    Parameters
+    ----------
+    draw
+        Function that draws into a file.
     """
     import matplotlib
 
@@ -329,9 +345,7 @@ def svg_element(draw: Callable[[Path], None]) -> str:
 
 
 def _format_powers(figure: Figure) -> None:
-    """Write the power of ten beside a linear axis as "×10⁻³", where matplotlib writes "1e-3" or a
-    formula.
-    """
+    """Write the common power of ten of linear axes as "×10⁻³" instead of "1e-3"."""
     from matplotlib.ticker import ScalarFormatter
 
     class Numbers(ScalarFormatter):
@@ -345,9 +359,7 @@ def _format_powers(figure: Figure) -> None:
 
 
 def _power_text(offset: str) -> str:
-    """What matplotlib writes beside an axis, "1e-3+2e2", with its powers as one reads them:
-    "×10⁻³+2×10²".
-    """
+    """Return matplotlib's offset text "1e-3+2e2" with printed powers: "×10⁻³+2×10²"."""
     powers = re.sub(
         r"e([-+\N{MINUS SIGN}]?\d+)", lambda match: f"×10{match[1].translate(SUPERSCRIPTS)}", offset
     )
@@ -355,10 +367,10 @@ def _power_text(offset: str) -> str:
 
 
 def apply_layout(figure: Figure) -> None:
-    """Find the places of all panels once and for all, by matplotlib's constrained layout.
+    """Fix the places of all panels by matplotlib's constrained layout.
 
-    Where numbers along an axis would touch, it gets fewer of them. The layout is found twice: fewer
-    numbers, and panels that are true to scale, need another room than the first one left them.
+    An axis whose tick labels would touch gets fewer of them. The layout is computed twice: with
+    fewer labels, or with panels true to scale, it needs other margins than before.
     """
     _format_powers(figure)
     place_panels(figure)
@@ -368,14 +380,14 @@ def apply_layout(figure: Figure) -> None:
 
 
 def place_panels(figure: Figure) -> None:
-    """Move all panels to where the layout of the figure puts them; nothing where it is settled."""
+    """Place all panels by the layout of the figure; nothing is done if the layout is fixed."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
 
 
 def thin_tick_labels(figure: Figure) -> None:
-    """Ask for fewer numbers along the linear axes of all panels until they stay apart."""
+    """Reduce the tick labels of linear axes until they do not touch."""
     for axes in figure.axes:
         if not axes.axison:
             continue
@@ -387,6 +399,7 @@ def thin_tick_labels(figure: Figure) -> None:
 
 
 def _has_touching_labels(axis: Any) -> bool:
+    """Return whether two tick labels of an axis touch."""
     boxes = [
         label.get_window_extent()
         for label in axis.get_ticklabels()
@@ -398,24 +411,34 @@ def _has_touching_labels(axis: Any) -> bool:
 
 
 def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
-    """Write PNG, SVG or PDF after the suffix, all at once; dpi [DPI] of what is drawn point by
-    point.
+    """Write a figure as PNG, SVG or PDF by the suffix of the file, atomically.
 
-    UsageError for more pixels than can be drawn.
+    Parameters
+    ----------
+    figure
+        The figure.
+    path
+        The file.
+    dpi
+        Resolution of rasterized parts; by default that of DPI.
+
+    Raises
+    ------
+    UsageError
+        The suffix is unknown, or the picture would have too many pixels.
     """
     path = Path(path)
     kind = picture_format(path)
     _refuse_too_many_pixels(figure, dpi or DPI[kind])
-    with warnings.catch_warnings():  # of a letter that the font lacks: a box stands for it
+    # A box stands for a letter that the font lacks, without a warning.
+    with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from", UserWarning)
         apply_layout(figure)
         _write_picture(figure, path, kind, dpi or DPI[kind])
 
 
 def _refuse_too_many_pixels(figure: Figure, dpi: float) -> None:
-    """UsageError for a picture that matplotlib cannot draw point by point, or that would take
-    gigabytes.
-    """
+    """Raise UsageError for a picture too large for matplotlib, or for the memory."""
     width, height = (float(inches) for inches in figure.get_size_inches())
     max_dpi = min((MAX_PIXELS / (width * height)) ** 0.5, MAX_SIDE_PIXELS / max(width, height))
     if dpi > max_dpi:
@@ -426,6 +449,7 @@ def _refuse_too_many_pixels(figure: Figure, dpi: float) -> None:
 
 
 def _write_picture(figure: Figure, path: Path, kind: str, dpi: float) -> None:
+    """Write a figure without a date, so that equal results give equal files."""
     metadata: PlotStyle = {
         "png": {"Software": "indent-sim"},
         "svg": {"Date": None},

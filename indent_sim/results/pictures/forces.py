@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import Report
 from indent_sim.results.pictures import curves, figures
 from indent_sim.results.pictures.axes import (
     Axis,
@@ -29,29 +28,26 @@ from indent_sim.results.pictures.figures import (
 )
 from indent_sim.results.pictures.pressure import draw_pressure, largest_force_step
 from indent_sim.results.pictures.run_names import natural_sort_key, run_names
-from indent_sim.results.reader import (
-    MEASURED,
-    Results,
-    convert_to_common_units,
-    refuse_different_units,
-)
-from indent_sim.results.tip_geometry import has_adhesion
+from indent_sim.results.reader import MEASURED, Results
+from indent_sim.results.result_files import Report
+from indent_sim.results.result_scene import has_adhesion
+from indent_sim.results.unit_conversion import convert_to_common_units, refuse_different_units
 
-ACCURACY_NOTE = "the accuracy asked for is that of the force"  # beside a pressure
+ACCURACY_NOTE = "the required accuracy is that of the force"
 ERROR_LABEL = "estimated error"
 UNLOADING_LABEL = "unloading"
-MEASURED_STYLE: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "zorder": 1}  # of a measured curve
-# inches: width and height of all panels
+MEASURED_STYLE: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "zorder": 1}
+# Width and height of all panels [inches].
 PANELS_WIDTH = 9.2
 PANELS_HEIGHT = 4.8
 
 
 def draw_force_indentation(results: Results, path: Path | str) -> None:
-    """The picture of a run: force against depth beside theory, contact radius, and the pressure at
-    the largest force.
+    """Draw a result into a file: force and contact radius over depth, and the pressure at one step.
 
-    Theory as run.json says it: name, force_deviation (load control: delta_deviation), curve with
-    delta, force and a.
+    The pressure is that at the largest force. The reference theory is drawn as run.json contains
+    it: name, force_deviation (in load control delta_deviation), and a curve with delta, force and
+    a.
     """
     theory = results.report.get("theory")
     step = largest_force_step(results)
@@ -83,16 +79,18 @@ def draw_force_indentation(results: Results, path: Path | str) -> None:
 
 
 def draw_overlay(runs: Sequence[Results], path: Path | str) -> None:
-    """Force and contact radius of several runs over one another, named after what differs between
-    them.
+    """Draw force and contact radius of several results into a file, named by what differs.
 
-    UsageError when they have different units, which no axis can show.
+    Raises
+    ------
+    UsageError
+        The results have different units.
     """
     if len(runs) == 1:
         draw_force_indentation(runs[0], path)
         return
     runs, names = sort_and_name(runs)
-    columns = -(-len(runs) // 30)  # names to a column
+    columns = -(-len(runs) // 30)  # At most 30 names fit into a column of the legend.
     legend_width = columns * (0.7 + figures.LETTER_WIDTH * max(map(len, [ERROR_LABEL, *names])))
     with figures.new_figure(
         (PANELS_WIDTH + legend_width, max(PANELS_HEIGHT, 0.19 * len(runs) / columns + 0.6))
@@ -110,8 +108,12 @@ def draw_overlay(runs: Sequence[Results], path: Path | str) -> None:
 
 
 def sort_and_name(runs: Sequence[Results]) -> tuple[list[Results], list[str]]:
-    """Several runs in the order of their names, which say what differs; UsageError when no axis can
-    show all.
+    """Return results in the order of their names, and the names.
+
+    Raises
+    ------
+    UsageError
+        No axis can show all results: units differ, or only some forces are per length.
     """
     runs = convert_to_common_units(runs)
     refuse_different_units(runs, "draw them apart")
@@ -130,8 +132,20 @@ def draw_forces(
     theory: Report | None = None,
     names: Sequence[str] = ("this run",),
 ) -> None:
-    """Force over depth: rows as marks on smooth curves, unloading dashed and hollow, error bands,
-    theory beside one.
+    """Draw forces over depth, with error bands.
+
+    Rows are markers on smooth curves; unloading is dashed with hollow markers.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    runs
+        The results.
+    theory
+        Entry `theory` of run.json, to be drawn with a single result.
+    names
+        Names of the results in the legend.
     """
     depth = axis_of_column("delta", runs)
     force = axis_of_column("force", runs)
@@ -142,9 +156,10 @@ def draw_forces(
         path for path in paths if any(goes_out for _, goes_out in curves.split_branches(path))
     ]
     if unloading_paths:
+        # The entry of the legend has markers if the curves have them.
         marks = (
             "o" if any(len(path) <= figures.MAX_MARKED_POINTS for path in unloading_paths) else ""
-        )  # as the curves have them
+        )
         axes.plot(
             [],
             [],
@@ -166,9 +181,7 @@ def draw_forces(
 def draw_force(
     axes: Axes, run: Results, depth: Axis, force: Axis, look: PlotStyle, name: str
 ) -> None:
-    """The force of one run over its depth; without adhesion its first branch begins with no force
-    at no depth.
-    """
+    """Draw the force of one result over its depth, from the origin on without adhesion."""
     if run.report.get(MEASURED):
         axes.plot(
             depth(run["delta"]),
@@ -185,9 +198,7 @@ def draw_force(
 def draw_force_lines(
     axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis, looks: Sequence[PlotStyle]
 ) -> None:
-    """As `draw_force`, of runs of two rows and more without marks and names: for matplotlib one
-    thing.
-    """
+    """Draw the forces of many results as one collection of lines, without markers and names."""
     from matplotlib.collections import LineCollection
 
     styled_lines = [
@@ -211,15 +222,15 @@ def draw_force_lines(
 def _force_rows(
     run: Results, depth: Axis, force: Axis
 ) -> tuple[curves.Rows, Sequence[float], curves.Interpolator]:
-    """The rows of a run, the points before them, and how they are joined."""
-    jumps = has_adhesion(run.path)  # between two rows the tip may snap in or let go
+    """Return the rows of a result, the points drawn before them, and their interpolation."""
+    jumps = has_adhesion(run.path)  # Between two rows an adhesive tip may snap in or pull off.
     begin = [0.0] if jumps is False and len(run) and run["delta"][0] > 0 else []
     rows = run["delta"], depth(run["delta"]), force(run["force"])
     return rows, begin, curves.polyline if jumps else curves.smooth_curve
 
 
 def _draw_error_bands(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -> None:
-    """The error bars of all runs that have them, named once."""
+    """Draw the error bands of all results that have them, with one entry in the legend."""
     runs_with_errors = [
         i for i, run in enumerate(runs) if np.isfinite(run.table.get("force_error", np.nan)).any()
     ]
@@ -233,14 +244,13 @@ def _draw_error_bands(axes: Axes, runs: Sequence[Results], depth: Axis, force: A
             else None
         )
         colour = curves.line_style(i, len(runs))["color"]
-        if len(x) == 1:  # a band needs two
+        if len(x) == 1:  # A band needs two points.
             axes.errorbar(x, y, half_widths, color=colour, alpha=0.5, capsize=6, ls="", label=label)
             continue
         for rows, _ in curves.split_branches(runs[i]["delta"]):
             ends = [(y + side * half_widths)[rows] for side in (-1, 1)]
-            straight = (
-                ends[0].min() < 0
-            )  # as curves.smooth joins forces that pull: then both ends alike
+            # `smooth_curve` joins negative forces by straight lines: then both ends are straight.
+            straight = ends[0].min() < 0
             (along, below), (_, above) = (
                 (x[rows], end) if straight else curves.smooth_curve(x[rows], end) for end in ends
             )
@@ -249,10 +259,10 @@ def _draw_error_bands(axes: Axes, runs: Sequence[Results], depth: Axis, force: A
 
 
 def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
+    """Draw the curve of the reference theory, and the formula of the half-space."""
     if (curve := theory.get("curve", {})).get("delta"):
-        begin = (
-            [0.0] if curve["delta"][0] > 0 else []
-        )  # a stable branch of a tip that pulls begins elsewhere
+        # The stable branch of an adhesive tip begins at a negative depth, not at the origin.
+        begin = [0.0] if curve["delta"][0] > 0 else []
         drawn = curves.smooth_curve(
             depth([*begin, *curve["delta"]]), force([*begin, *curve["force"]])
         )
@@ -268,16 +278,14 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
         label = picture_text(
             f"{half_space['name'].split(' (')[0]}, half-space{deviation_text}", MAX_LABEL_LETTERS
         )
-        formula_point = {
-            **theory,
-            **half_space,
-        }  # the formula's force at the run's depth, or its depth at the run's force
-        curve = half_space.get("curve", {"delta": (), "force": ()})  # of an older result: none
+        # The point is the formula's force at the run's depth, or its depth at the run's force.
+        formula_point = {**theory, **half_space}
+        # Results of older versions have no curve.
+        curve = half_space.get("curve", {"delta": (), "force": ()})
         x = depth([0, *curve["delta"]])
         y = force([0, *curve["force"]])
-        if formula_point["delta"] > 1.001 * max(
-            curve["delta"], default=0.0
-        ):  # under a force it is deeper than the run
+        # In load control the formula's depth can be larger than that of the run.
+        if formula_point["delta"] > 1.001 * max(curve["delta"], default=0.0):
             x = np.append(x, depth(formula_point["delta"]))
             y = np.append(y, force(formula_point["force"]))
         axes.plot(*curves.smooth_curve(x, y), **FORMULA_STYLE)
@@ -295,7 +303,7 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
 
 
 def _deviation_text(deviation: float) -> str:
-    """How far a formula is from this run, in words."""
+    """Return the deviation of a formula from this run as text."""
     percent_text = f"{abs(deviation):.1%}"
     return (
         "as this run"
@@ -305,20 +313,22 @@ def _deviation_text(deviation: float) -> str:
 
 
 def _last_error_text(half_widths: np.ndarray, y: np.ndarray) -> str:
-    """The last error in words: a thin band cannot be read off."""
+    """Return the error at the last step as text, since a thin band is hard to read."""
     if y[-1] == 0:
         return ""
     last = abs(half_widths[-1] / y[-1])
-    percent_text = f"{last:.2%}" if last >= 5e-5 else f"{100 * last:.0e}%"  # not 0.00 %
+    # A small error is written with an exponent, because it would be rounded to 0.00 %.
+    percent_text = f"{last:.2%}" if last >= 5e-5 else f"{100 * last:.0e}%"
     return f", \N{PLUS-MINUS SIGN}{percent_text} at the last step"
 
 
 def _runs_with_radius(runs: Sequence[Results]) -> list[int]:
-    """Which runs know a contact radius, or have no rows that could say."""
+    """Return the indices of results with a contact radius, or without any rows."""
     return [i for i, run in enumerate(runs) if not len(run) or np.isfinite(run["a"]).any()]
 
 
 def _draw_radius(axes: Axes, runs: Sequence[Results], theory: Report | None) -> None:
+    """Draw contact radii over depth."""
     depth = axis_of_column("delta", runs)
     radius = axis_of_column("a", runs)
     for i in _runs_with_radius(runs):
@@ -334,7 +344,7 @@ def _draw_radius(axes: Axes, runs: Sequence[Results], theory: Report | None) -> 
 
 
 def subtitle(results: Results) -> str:
-    """What was solved and how, and how it ended where that was not well."""
+    """Return model, method and status of a result as a subtitle."""
     report = results.report
     parts = [
         plan_choice(report, "symmetry"),
@@ -352,7 +362,7 @@ def subtitle(results: Results) -> str:
 
 
 def _refuse_mixed_kinematics(runs: Sequence[Results]) -> None:
-    """UsageError when the forces of one run are per length and those of another are not."""
+    """Raise UsageError if only some results have forces per unit length."""
     flat = {is_plane_strain(run): run.path for run in runs if plan_choice(run.report, "kinematics")}
     if len(flat) > 1:
         raise UsageError(
@@ -362,9 +372,7 @@ def _refuse_mixed_kinematics(runs: Sequence[Results]) -> None:
 
 
 def _unit_suffixes(runs: Sequence[Results]) -> list[str]:
-    """What every run measures in, to be said behind its name; nothing where that is the same, and
-    the axes say it.
-    """
+    """Return the units of each result as a suffix of its name; empty if all have the same units."""
     units = [run.report.get("units") or {} for run in runs]
     unit_texts = [
         " and ".join(filter(None, (unit_label(kind, labels) for kind in ("length", "force"))))

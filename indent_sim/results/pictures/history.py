@@ -1,6 +1,4 @@
-"""A history of a body that is followed row by row: force over depth, and over time what the tip and
-the fluid do.
-"""
+"""History of a body that was solved step by step: force over depth, and quantities over time."""
 
 from __future__ import annotations
 
@@ -10,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import Report
 from indent_sim.results.pictures import curves
 from indent_sim.results.pictures.axes import axis_of_column, plan_choice, time_axis
 from indent_sim.results.pictures.curves import Points, smooth_curve
@@ -25,25 +22,26 @@ from indent_sim.results.pictures.figures import (
 )
 from indent_sim.results.pictures.forces import subtitle
 from indent_sim.results.reader import Results
+from indent_sim.results.result_files import Report
 
-# inches of a panel, and the width of one that is alone
+# Width and height of a panel [inches], and the width of a single panel.
 PANEL_SIZE = (4.6, 3.5)
 SINGLE_PANEL_WIDTH = 6.4
-LOG_RATIO = (
-    1e3  # last time over the first one that is seen, from which on the axis of times is logarithmic
-)
-MIN_VISIBLE_FRACTION = 1e-3  # of the largest force, or depth, from which on something is seen
-FILM_STATES = 5  # of a film
-LIMIT_STYLES = ("--", ":")  # before anything has flowed or relaxed, and when all has
+# The time axis is logarithmic if the last time is so many times the first visible one.
+LOG_RATIO = 1e3
+# A force or depth is visible from this fraction of its largest value on.
+MIN_VISIBLE_FRACTION = 1e-3
+FILM_STATES = 5  # A film shows about so many states.
+LIMIT_STYLES = ("--", ":")  # Limits before, and after all flow and relaxation.
 
 
 def is_time_stepped(report: Report) -> bool:
-    """Whether the rows of a run are steps in time of the whole body."""
+    """Return whether the rows of a run are time steps of the whole body."""
     return (report.get("time") or {}).get("way") == "steps"
 
 
 def draw(results: Results, path: Path) -> None:
-    """Draw the rows of a run in time: what its force does over depth, and over time what changes."""
+    """Draw a history into a file: force over depth, and all columns that change over time."""
     panels = panel_names(results)
     columns = 2 if len(panels) in (2, 4) else min(len(panels), 3)
     rows = [panels[k : k + columns] for k in range(0, len(panels), columns)]
@@ -76,9 +74,7 @@ def draw(results: Results, path: Path) -> None:
 
 
 def panel_names(results: Results) -> list[str]:
-    """The panels: "curve", the force over a depth that changes, and columns that change over time;
-    one at least.
-    """
+    """Return the panels: "curve" for force over depth, and columns drawn over time."""
     force = results["force"]
     delta = results["delta"]
     is_loaded = bool(np.any(force != 0))
@@ -93,7 +89,7 @@ def panel_names(results: Results) -> list[str]:
 
 
 def _draw_over_time(axes: Axes, results: Results, name: str) -> None:
-    """A column over the time, logarithmic where most would else stand at its left end."""
+    """Draw a column over time, on a logarithmic axis if most of it would be at the left end."""
     t = time_axis([results])
     column = axis_of_column(name, [results])
     if not _spans_decades(results):
@@ -105,10 +101,12 @@ def _draw_over_time(axes: Axes, results: Results, name: str) -> None:
 
 
 def draw_over_time(axes: Axes, runs: Sequence[Results], names: Sequence[str]) -> None:
-    """What answers in each of several runs over their times: the force, or where all prescribe it
-    the depth.
+    """Draw the force of several results over time, or their depth if all forces are prescribed.
 
-    UsageError for a run without times.
+    Raises
+    ------
+    UsageError
+        A result has no times.
     """
     if runs_without_times := [run for run in runs if np.isnan(run.table.get("t", np.nan)).all()]:
         raise UsageError(
@@ -128,7 +126,7 @@ def draw_over_time(axes: Axes, runs: Sequence[Results], names: Sequence[str]) ->
                 t(run["t"][piece]), column(run[column_name][piece])
             )
             axes.plot(*points, color=colour, lw=1.5, label=label)
-            label = "_"  # named once
+            label = "_"  # Only the first line of a result is named in the legend.
     if is_wide:
         axes.set_xscale("log")
         axes.set_xlim(
@@ -140,15 +138,16 @@ def draw_over_time(axes: Axes, runs: Sequence[Results], names: Sequence[str]) ->
 
 
 def _smooth_log_time(t: np.ndarray, y: np.ndarray) -> Points:
-    """A smooth curve over the logarithm of times, of those after 0."""
+    """Return a smooth curve over the logarithm of the times after 0."""
     after = t > 0
     along, fine = smooth_curve(np.log10(t[after]), y[after])
     return 10**along, fine
 
 
 def _draw_limits(results: Results, panel_axes: dict[str, Axes], legend_axes: Axes) -> None:
-    """What a linear body does before anything has flowed or relaxed, and when all has: the force at
-    the deepest depth, or the depth of the largest force.
+    """Draw the limits of a linear body before and after all flow and relaxation.
+
+    They are the force at the largest depth, or the depth of the largest force.
     """
     column_name = "delta" if results.report.get("control") == "force" else "force"
     limits = (results.report.get("time") or {}).get("limits") or {}
@@ -163,9 +162,7 @@ def _draw_limits(results: Results, panel_axes: dict[str, Axes], legend_axes: Axe
 
 
 def first_visible_time(results: Results) -> float:
-    """The first time after 0 at which a force, or where forces are prescribed a depth, is there to
-    be seen.
-    """
+    """Return the first time after 0 with a visible force, or depth if forces are prescribed."""
     size = np.abs(
         np.nan_to_num(results["delta" if results.report.get("control") == "force" else "force"])
     )
@@ -175,14 +172,16 @@ def first_visible_time(results: Results) -> float:
 
 
 def _spans_decades(results: Results) -> bool:
-    """Whether most of what happens would stand at the left end of the axis."""
+    """Return whether most of a history would be at the left end of a linear time axis."""
     t = results["t"]
     return bool(t[0] >= 0 and t[-1] > 0 and t[-1] > LOG_RATIO * first_visible_time(results))
 
 
 def film_steps(results: Results, steps: Sequence[int]) -> list[int]:
-    """About STATES of some steps for a film: evenly, of a body in time over the logarithm of time
-    from what is first seen on, and with that of the largest force.
+    """Return about FILM_STATES of the steps for a film.
+
+    They are evenly spaced; in a history in time evenly in the logarithm of time from the first
+    visible time on, with the step of the largest force.
     """
     if len(steps) <= FILM_STATES + 1:
         return list(steps)

@@ -1,4 +1,4 @@
-"""Pictures on request: which panels, of which steps and fields, how wide and in which units."""
+"""Pictures by request: the panels, steps, fields, sizes and units that a user chooses."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from indent_sim.process.errors import UsageError
+from indent_sim.results.field_reader import steps_with_fields
 from indent_sim.results.pictures import curves, figures, history
 from indent_sim.results.pictures.axes import BASE_UNITS, SHOWN_UNITS
 from indent_sim.results.pictures.fields import FieldRow, find_field
@@ -27,47 +28,66 @@ from indent_sim.results.pictures.pressure import (
 )
 from indent_sim.results.pictures.profile import draw_profiles
 from indent_sim.results.reader import Results
-from indent_sim.results.xdmf import steps_with_fields
 
 PANEL_KINDS = ("force", "time", "pressure", "pressure_x", "pressure_y", "profile", "fields", "film")
 STEP_PANELS = ("pressure", "pressure_x", "pressure_y", "profile", "fields", "film")
-PRESSURE_PANELS = (
-    "pressure",
-    "pressure_x",
-    "pressure_y",
-)  # _x, _y: along these axes through the tip's
-MAP_PANELS = ("fields", "film")  # film: states of a field spread over the path
-# Entries of a wish, their options, and the panels that heed them
+# pressure_x and pressure_y are curves along x and y through the tip's axis.
+PRESSURE_PANELS = ("pressure", "pressure_x", "pressure_y")
+MAP_PANELS = ("fields", "film")  # A film shows states of a field spread over the load path.
+# Entries of a request, their options, and the panels that use them.
 PANEL_OPTIONS = {
     "fields": ("--field", MAP_PANELS),
     "limits": ("--limits", (*PRESSURE_PANELS, *MAP_PANELS)),
     "zoom": ("--zoom", MAP_PANELS),
 }
-MM = 1 / 25.4  # inches
-PANEL_WIDTH = 4.4  # inches: width of a panel where no width is asked for
-LINE_ASPECT = 0.72  # height over width of panels of curves
-# inches: around the panels of a line for words, numbers and bars, before the layout says how much
-# they take
+MM = 1 / 25.4  # One millimetre in inches.
+PANEL_WIDTH = 4.4  # Default width of a panel [inches].
+LINE_ASPECT = 0.72  # Ratio of height to width of panels of curves.
+# First estimate of the height of labels, numbers and colour bars around the panels of a line
+# [inches]; the layout then finds the height that they need.
 LABELS_HEIGHT = 1.6
-LAYOUT_PASSES = 2  # the second time the layout knows how high the panels are
+LAYOUT_PASSES = 2  # The second pass knows the heights of the panels from the first.
 MAX_MAPS_IN_ROW = 4
 MAX_FILM_COLUMNS = 6
 MAX_LINE_COLUMNS = 3
 MAX_PANELS = 40
 T = TypeVar("T")
-MIN_CELL_WIDTH = 1.5  # inches: a panel of a layout at the standard font size
-# inches: panels at the standard font size
+MIN_CELL_WIDTH = 1.5  # Least width of a panel in a layout at the standard font size [inches].
+# Least widths of panels at the standard font size [inches].
 MIN_LINE_PANEL_WIDTH = 2.6
 MIN_MAP_WIDTH = 1.8
-LabelledStep = tuple[
-    Results, float, str
-]  # a result, a step, and what tells them from the others in words
+LabelledStep = tuple[Results, float, str]  # Result, step, and label.
 
 
 @dataclass(frozen=True)
 class PlotRequest:
-    """What a picture shall show. steps: numbers, last or all; "": the step of the largest force;
-    width [mm].
+    """Requested content and form of a picture.
+
+    Attributes
+    ----------
+    what
+        Kinds of panels, of PANEL_KINDS.
+    fields
+        Names of the fields in maps.
+    steps
+        Numbers of steps, "last" or "all"; empty for the step of the largest force.
+    width
+        Width of the picture [mm]; None for a width by the number of panels.
+    font
+        Font size [points].
+    units
+        Units of the numbers shown, by kind.
+    layout
+        Rows and columns of all panels; None for as many columns as fit.
+    letters
+        "a" puts (a), (b), ... before the titles of the panels.
+    dpi
+        Resolution of rasterized parts.
+    limits
+        Ends of the colour range of maps and of pressure axes, in the unit shown.
+    zoom
+        Half-width of the view of fields around the tip, in contact radii; infinite for the whole
+        body.
     """
 
     what: tuple[str, ...]
@@ -76,19 +96,21 @@ class PlotRequest:
     width: float | None = None
     font: float = figures.FONT_SIZE
     units: Mapping[str, str] = field(default_factory=dict)
-    layout: tuple[int, int] | None = None  # rows and columns of all panels; None: as they have room
-    letters: Literal["", "a"] = ""  # before the panels: none, or (a), (b), ...
-    dpi: float | None = None  # of what is drawn point by point
-    limits: tuple[float, float] | None = (
-        None  # of the colours of maps and of pressures, in the unit shown
-    )
-    zoom: float | None = (
-        None  # contact radii around the tip that fields show; infinite: the whole body
-    )
+    layout: tuple[int, int] | None = None
+    letters: Literal["", "a"] = ""
+    dpi: float | None = None
+    limits: tuple[float, float] | None = None
+    zoom: float | None = None
 
     def max_columns(self, narrowest: float, most: int) -> int:
-        """How many panels stand side by side, none narrower than so many inches at the standard
-        font size.
+        """Return how many panels fit side by side.
+
+        Parameters
+        ----------
+        narrowest
+            Smallest width of a panel [inches] at the standard font size.
+        most
+            Largest number of panels.
         """
         columns = (
             self.width * MM / (narrowest * self.font / figures.FONT_SIZE) if self.width else most
@@ -97,13 +119,17 @@ class PlotRequest:
 
     @property
     def file_name(self) -> str:
-        """The file of a picture that nobody named."""
+        """Default file name of the picture."""
         return f"{'_'.join(self.what)}.png"
 
 
 def plot_request(options: Mapping[str, Any]) -> PlotRequest:
-    """The wish of some options; UsageError for words that are none, and for options that would have
-    no effect.
+    """Return the request of some options.
+
+    Raises
+    ------
+    UsageError
+        An option has an unknown value, or would have no effect.
     """
     request = PlotRequest(**{"what": ("force",), **options})
     if unknown := [word for word in request.what if word not in PANEL_KINDS]:
@@ -112,12 +138,12 @@ def plot_request(options: Mapping[str, Any]) -> PlotRequest:
         if name in options and not set(request.what) & set(panel_kinds):
             raise UsageError(f"{option} belongs to --what {' or '.join(panel_kinds)}")
     if request.limits is not None and not request.limits[0] < request.limits[1]:
-        raise UsageError(
-            f"--limits {request.limits[0]:g}:{request.limits[1]:g}: the first must be below the second"
-        )
+        low, high = request.limits
+        raise UsageError(f"--limits {low:g}:{high:g}: the first must be below the second")
     if "steps" in options and not set(request.what) & set(STEP_PANELS):
         raise UsageError(
-            f"--steps belongs to --what {' or '.join(STEP_PANELS)}: the force is drawn at every step"
+            f"--steps belongs to --what {' or '.join(STEP_PANELS)}: "
+            "the force is drawn at every step"
         )
     if invalid := [
         word for word in request.steps if not (word in ("last", "all") or word.isdecimal())
@@ -132,10 +158,16 @@ def plot_request(options: Mapping[str, Any]) -> PlotRequest:
 
 @dataclass(frozen=True)
 class _Panel:
-    """One panel.
+    """Panel of a picture.
 
-    draw: draws into it, when it is told its height over its width; draw_alone: the same in a figure
-    of somebody else; aspect: what the height over the width is at least, None where any will do.
+    Attributes
+    ----------
+    draw
+        Draws into axes, with a given ratio of height to width.
+    draw_in_own_figure
+        Draws into axes of another program's figure.
+    aspect
+        Smallest ratio of height to width; None if any will do.
     """
 
     draw: Callable[[Axes, float], None]
@@ -145,9 +177,7 @@ class _Panel:
 
 @dataclass(frozen=True)
 class _Row:
-    """Panels of one size in so many lines and columns: their height over their width, and what
-    draws them.
-    """
+    """Panels of one size in lines and columns, with their ratio of height to width."""
 
     lines: int
     columns: int
@@ -156,8 +186,12 @@ class _Row:
 
 
 def draw(runs: Sequence[Results], request: PlotRequest, path: Path | str) -> None:
-    """Draw what was wished for into a file; UsageError as `pictured`, and for a file that is no
-    picture.
+    """Draw a requested picture into a file.
+
+    Raises
+    ------
+    UsageError
+        The file has no suffix of a picture, or as `requested_figure` raises it.
     """
     figures.picture_format(Path(path))
     with requested_figure(runs, request) as figure:
@@ -165,8 +199,10 @@ def draw(runs: Sequence[Results], request: PlotRequest, path: Path | str) -> Non
 
 
 def draw_results(runs: Sequence[Results], path: Path | str) -> None:
-    """The picture of results of which nothing was wished for: of a body in time its history, of
-    several forces over time and depth, else forces over depth.
+    """Draw the default picture of results into a file.
+
+    It is a history for a result in time, force over time and depth for several of them, and force
+    over depth for all others.
     """
     if not all(history.is_time_stepped(run.report) for run in runs):
         draw_overlay(runs, path)
@@ -178,8 +214,12 @@ def draw_results(runs: Sequence[Results], path: Path | str) -> None:
 
 @contextmanager
 def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[Figure]:
-    """The figure of what was wished for; UsageError for steps, fields and panels that the results
-    do not have.
+    """Yield the figure of a request.
+
+    Raises
+    ------
+    UsageError
+        The results do not have a requested step, field or panel.
     """
     if request.units:
         runs = [
@@ -212,9 +252,8 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         if request.letters:
             _letter_panels(figure)
         true_scale_axes = [axes for axes in figure.axes if axes.get_aspect() != "auto"]
-        for axes in (
-            true_scale_axes
-        ):  # the layout leaves no room for the numbers of one that is smaller than its place
+        # For axes that are smaller than their place the layout reserves no room for tick labels.
+        for axes in true_scale_axes:
             axes.set_aspect("auto")
         for _ in range(LAYOUT_PASSES):
             figures.place_panels(figure)
@@ -232,9 +271,7 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
 
 
 def _row_height(row: _Row, part: SubFigure, panels: Sequence[Axes], dpi: float) -> float:
-    """The height of a row [inches] in which its panels have the height over width that they are
-    drawn for.
-    """
+    """Return the height of a row [inches] that gives its panels their ratio of height to width."""
     part_width = part.bbox.width / dpi
     part_height = part.bbox.height / dpi
     panel = panels[0].get_position(original=True)
@@ -244,11 +281,15 @@ def _row_height(row: _Row, part: SubFigure, panels: Sequence[Axes], dpi: float) 
 
 
 def draw_into(axes: Axes, runs: Sequence[Results], request: PlotRequest) -> None:
-    """Draw the one panel that was wished for into axes of somebody else's figure, with its legend
-    inside.
+    """Draw the only panel of a request into axes of another program's figure.
 
-    UsageError as `pictured`, for several panels, and for a wish of the whole picture (width, font,
-    layout, letters).
+    Its legend is inside of the axes.
+
+    Raises
+    ------
+    UsageError
+        As `requested_figure` raises it, for several panels, and for options of a whole picture:
+        width, font, layout and letters.
     """
     if (request.width, request.font, request.layout, request.letters) != (
         None,
@@ -276,7 +317,7 @@ def draw_into(axes: Axes, runs: Sequence[Results], request: PlotRequest) -> None
 def _all_panels(
     runs: Sequence[Results], names: Sequence[str], request: PlotRequest
 ) -> list[_Panel]:
-    """All panels one by one, in the order of the wish."""
+    """Return all panels one by one, in the order of the request."""
     panels: list[_Panel] = []
     for panel_kind in request.what:
         panels += _line_panels(runs, names, request, panel_kind)
@@ -286,8 +327,9 @@ def _all_panels(
 
 
 def _refuse_too_many(runs: Sequence[Results], names: Sequence[str], request: PlotRequest) -> None:
-    """UsageError for more panels than a picture has; all kinds, fields and steps of all results are
-    counted.
+    """Raise UsageError if a request makes more than MAX_PANELS panels.
+
+    All kinds, fields and steps of all results are counted.
     """
     count = 0
     for panel_kind in request.what:
@@ -307,7 +349,7 @@ def _refuse_too_many(runs: Sequence[Results], names: Sequence[str], request: Plo
 
 
 def _letter_panels(figure: Figure) -> None:
-    """(a), (b), ... before the titles of the panels, in their order."""
+    """Write (a), (b), ... before the titles of the panels, in their order."""
     panels = [axes for axes in figure.axes if axes.axison and axes.get_label() != "<colorbar>"]
     for i, axes in enumerate(panels):
         title = axes.get_title(loc="left")
@@ -318,8 +360,9 @@ def _letter_panels(figure: Figure) -> None:
 def _automatic_rows(
     runs: Sequence[Results], names: Sequence[str], request: PlotRequest
 ) -> list[_Row]:
-    """Panels that stand alone side by side, then every map of which there are several, with one bar
-    of colours.
+    """Return rows of single panels side by side, then a row of each group of several maps.
+
+    The maps of a group share a colour bar.
     """
     single_panels: list[_Panel] = []
     map_rows: list[_Row] = []
@@ -345,7 +388,7 @@ def _automatic_rows(
 def _requested_rows(
     runs: Sequence[Results], names: Sequence[str], request: PlotRequest
 ) -> list[_Row]:
-    """The panels in the rows and columns asked for, in the order of the wish."""
+    """Return the panels in the requested rows and columns, in the order of the request."""
     assert request.layout is not None
     count, columns = request.layout
     if count * columns > MAX_PANELS:
@@ -370,7 +413,7 @@ def _requested_rows(
 def _line_panels(
     runs: Sequence[Results], names: Sequence[str], request: PlotRequest, panel_kind: str
 ) -> list[_Panel]:
-    """The panels of curves of one kind."""
+    """Return the panels of curves of one kind."""
     labels = names if len(runs) > 1 else ("this run",)
     if panel_kind == "force":
         theory = runs[0].report.get("theory") if len(runs) == 1 else None
@@ -392,7 +435,7 @@ def _line_panels(
 
 
 def _line_panel(draw: Callable[[Axes], None]) -> _Panel:
-    """A panel of curves with its legend below."""
+    """Return a panel of curves with its legend below."""
 
     def into(axes: Axes, aspect: float) -> None:
         draw(axes)
@@ -408,8 +451,9 @@ def _line_panel(draw: Callable[[Axes], None]) -> _Panel:
 def _pressure_panels(
     runs: Sequence[Results], names: Sequence[str], request: PlotRequest, panel_kind: str
 ) -> list[_Panel]:
-    """Pressures as curves: over the radius, or of a surface of two dimensions on a line through the
-    tip's axis.
+    """Return the panel of pressure curves: over the radius, or along a line through the tip's axis.
+
+    Surfaces in 3D are drawn along x or y; without an axis they are maps.
     """
     along: Literal[0, 1] = 1 if panel_kind == "pressure_y" else 0
     curves_to_draw = []
@@ -423,7 +467,7 @@ def _pressure_panels(
                 f"{run.path} has no y axis: --what pressure_y is of bodies in three dimensions"
             )
         if has_two and panel_kind == "pressure":
-            continue  # which is a map
+            continue  # The pressure of a surface in 3D is a map.
         curves_to_draw.append(
             (run, surface_on_axis(contact, along) if has_two else contact, name, colour)
         )
@@ -441,7 +485,7 @@ def _pressure_panels(
 def _map_groups(
     runs: Sequence[Results], names: Sequence[str], request: PlotRequest, panel_kind: str
 ) -> Iterator[FieldRow | PressureMaps]:
-    """The maps of one kind, those of one quantity together."""
+    """Yield the maps of one kind, those of one quantity as one group."""
     if panel_kind == "pressure":
         labelled_steps = _labelled_steps(runs, names, request, panel_kind)
         if with_surface := [
@@ -457,7 +501,7 @@ def _map_groups(
 
 
 def _map_panel(maps: FieldRow | PressureMaps, i: int) -> _Panel:
-    """One of some maps by itself, in the frame and the colours of all, the bar below it."""
+    """Return one map of a group as a panel: colours of the group, and a bar of its own."""
 
     def into(axes: Axes, aspect: float) -> None:
         maps.draw([axes], slice(i, i + 1), "bottom", aspect)
@@ -466,9 +510,7 @@ def _map_panel(maps: FieldRow | PressureMaps, i: int) -> _Panel:
 
 
 def _panel_row(panels: Sequence[_Panel], columns: int) -> _Row:
-    """Panels side by side, of one height and one baseline, each as wide as the others, be the row
-    full or not.
-    """
+    """Return panels side by side, of equal size, whether the row is full or not."""
     aspect = max(
         (panel.aspect for panel in panels if panel.aspect is not None), default=LINE_ASPECT
     )
@@ -485,12 +527,12 @@ def _panel_row(panels: Sequence[_Panel], columns: int) -> _Row:
 
 
 def _map_row(maps: FieldRow | PressureMaps, max_columns: int) -> _Row:
-    """Maps in one frame and one range of colours, in as many lines as they need, with one bar."""
+    """Return the maps of a group with the same view and colours, in lines, with one colour bar."""
     lines = -(-len(maps.steps) // max_columns)
     columns = -(-len(maps.steps) // lines)
 
     def into(part: SubFigure) -> Sequence[Axes]:
-        is_shared = isinstance(maps, FieldRow)  # each pressure is seen around its own tip
+        is_shared = isinstance(maps, FieldRow)  # Each pressure map is centred on its own tip.
         axes = part.subplots(
             lines, columns, squeeze=False, sharex=is_shared, sharey=is_shared
         ).ravel()
@@ -503,13 +545,14 @@ def _map_row(maps: FieldRow | PressureMaps, max_columns: int) -> _Row:
 
 
 def _split_rows(panels: Sequence[T], max_columns: int) -> list[Sequence[T]]:
-    """So many in each row at most."""
+    """Split panels into rows."""
     return [panels[begin : begin + max_columns] for begin in range(0, len(panels), max_columns)]
 
 
 def _assign_colours(steps: Sequence[LabelledStep]) -> list[tuple[Results, float, str, Any]]:
-    """With the words that tell a curve from the others and its colour: steps from dark to light,
-    results by hue.
+    """Return result, step, title and colour of each curve.
+
+    Steps of one result have colours from dark to light, several results have different hues.
     """
     count = len(steps)
     is_one_run = len({id(run) for run, *_ in steps}) == 1
@@ -528,7 +571,7 @@ def _assign_colours(steps: Sequence[LabelledStep]) -> list[tuple[Results, float,
 def _labelled_steps(
     runs: Sequence[Results], names: Sequence[str], request: PlotRequest, panel_kind: str
 ) -> list[LabelledStep]:
-    """Every result at every step asked for; UsageError where one is missing."""
+    """Return every result at every requested step; UsageError if one is missing."""
     steps = [
         (run, step, name)
         for run, name in zip(runs, names, strict=True)
@@ -543,8 +586,9 @@ def _labelled_steps(
 
 
 def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> list[float]:
-    """The steps of a result that are shown: those asked for, or that of the largest force, of a
-    film some of all.
+    """Return the steps of a result to be shown.
+
+    They are the requested ones, or the step of the largest force, or for a film some of all steps.
     """
     key = "fields" if panel_kind in MAP_PANELS else "surface"
     stored_steps = (
@@ -556,7 +600,10 @@ def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> lis
         raise UsageError(f"{run.path} has no {key}; run it with --set output.{key}={kept}")
     if panel_kind == "film" and not request.steps:
         if len(available) < len(run):
-            problem = f"{run.path} has fields of {len(available)} of {len(run)} steps, and a film is of all"
+            problem = (
+                f"{run.path} has fields of {len(available)} of {len(run)} steps, "
+                "and a film needs all"
+            )
             raise UsageError(problem, "run it with --set output.fields=all, or name --steps")
         return [float(step) for step in history.film_steps(run, available)]
     requested = [available[-1] if word == "last" else word for word in request.steps]
@@ -568,6 +615,7 @@ def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> lis
         or [int(largest_force_step(reduced_run) or available[-1])]
     )
     if missing := [step for step in steps if step not in available]:
-        problem = f"{run.path} has no {key} of step {missing[0]}, only of {', '.join(map(str, available))}"
+        available_text = ", ".join(map(str, available))
+        problem = f"{run.path} has no {key} of step {missing[0]}, only of {available_text}"
         raise UsageError(f"{problem}; output.{key}: all keeps every step")
     return [float(step) for step in steps]

@@ -1,4 +1,4 @@
-"""The pressure in a picture: its curve over the radius, or its map."""
+"""Contact pressure: curves over the radius, or maps."""
 
 from __future__ import annotations
 
@@ -31,45 +31,58 @@ from indent_sim.results.pictures.figures import (
 )
 from indent_sim.results.pictures.profile import values_on_line
 from indent_sim.results.reader import Results
-from indent_sim.results.tip_geometry import scene_of
+from indent_sim.results.result_scene import scene_of
 
-# Medians inside the contact up to which a peak is shown: beside a singular edge nothing else would
-# be seen
+# A peak is shown up to so many medians of the pressure inside the contact: beside a singularity the
+# rest of the curve would be invisible otherwise.
 PEAK_MEDIANS = 5.0
-PRESSURE_VIEW = 1.5  # contact radii around the tip in which the pressure is shown
-# of the median pressure within the contact radius: beyond it there is contact, below a ripple
+PRESSURE_VIEW = 1.5  # Half-width of the view around the tip, in contact radii.
+# A pressure above this fraction of the median inside the contact is contact; below it, it may be an
+# oscillation of the solution.
 PRESSED_FRACTION = 0.02
-# elements beside a kink of the tip, an infinite pressure, in which the mesh says what it is
+# Number of elements next to a slope discontinuity of the tip within which the computed pressure
+# depends on the mesh, because the exact pressure is infinite there; these points are not drawn.
 DISCONTINUITY_ELEMENTS = 1.5
-TIP_END_ELEMENTS = 4.0  # the same beside its end: one over a square root, no logarithm
-CONTACT_RADIUS_FACTOR = (
-    1.02  # contact radii up to which the tip touches, for the radius of a row is of its nodes
-)
-MIDDLE_NODE_TOLERANCE = (
-    0.1  # of an element: how far its deformed middle node may be from halfway between its ends
-)
-ZERO_DEPTH_RTOL = 1e-6  # of the largest depth: a search for a force of 0 ends as near to 0 as that
-LABEL_BACKGROUND = (
-    "#00224e"  # the darkest of the map's colours: behind words that may stand beside the body
-)
-COLOUR_BAR_BOX = (
-    1.07,
-    0.0,
-    0.07,
-    1.0,
-)  # of colours beside a map: left, bottom, width, height in parts of the map
+# The same next to the end of a tip, where the singularity is r^(-1/2) and not logarithmic.
+TIP_END_ELEMENTS = 4.0
+# A singularity up to so many contact radii is in contact: the radius of a row is that of nodes.
+CONTACT_RADIUS_FACTOR = 1.02
+# Middle nodes of deformed elements are this close to the midpoint, relative to the element.
+MIDDLE_NODE_TOLERANCE = 0.1
+# A depth below this fraction of the largest one is 0: the search for a force of 0 ends near it.
+ZERO_DEPTH_RTOL = 1e-6
+# Darkest colour of the map, behind labels that may be outside of the body.
+LABEL_BACKGROUND = "#00224e"
+# Colour bar beside a map: left, bottom, width and height relative to the map.
+COLOUR_BAR_BOX = (1.07, 0.0, 0.07, 1.0)
 
 
 @dataclass(frozen=True)
 class ContactSurface:
-    """The contact surface of one step around the tip: places (n,) from the tip's axis, pressure
-    (n,), as modelled.
+    """Pressure on the contact surface of one step, around the tip, as far as it is modelled.
 
-    Places are those of the deformed surface where the gap is tested there, as the contact radius is
-    then. mirrored: the axes (x, y) along which the modelled part ends at the tip's axis; a [length]
-    of the contact; infinite: distances from the axis at which the pressure has no bound, and how
-    far from there a mesh finds what its own size makes it. With friction the shear (n,) and the
-    radius [length] of what sticks.
+    Points are those of the deformed surface if the gap is tested there, since the contact radius is
+    then measured there, too.
+
+    Attributes
+    ----------
+    x, y
+        Positions (n,) relative to the tip's axis [length].
+    p
+        Contact pressure (n,) [pressure].
+    center
+        Position of the tip's axis (2,) [length].
+    mirror_axes
+        Whether the model ends at the tip's axis along x and along y.
+    a
+        Contact radius [length].
+    singularities
+        Pairs of a distance from the axis at which the exact pressure is infinite, and a width
+        around it in which the computed pressure depends on the mesh [length].
+    shear
+        Shear traction (n,) with friction, otherwise None.
+    stick_radius
+        Radius of the stick zone [length].
     """
 
     x: np.ndarray
@@ -84,27 +97,26 @@ class ContactSurface:
 
     @property
     def median_pressure(self) -> float:
-        """The median of the pressure's size inside the contact."""
+        """Median of the absolute pressure inside the contact."""
         inside = np.hypot(self.x, self.y) <= self.a
         size = np.abs(self.p)
         return float(np.median(size[inside])) if inside.any() else float(size.max(initial=0.0))
 
     @property
     def half_width(self) -> float:
-        """The half width of the frame around the tip [length]: PRESSURE_VIEW radii, and all that is
-        pressed or pulled.
+        """Half-width of the view [length]: PRESSURE_VIEW radii, and all loaded points.
 
-        Corners of a contact with few sides are farther from the tip than PRESSURE_VIEW radii of a
-        circle with its area.
+        Corners of a contact with few sides are farther from the axis than PRESSURE_VIEW times the
+        radius of a circle with its area.
         """
         pressed = np.abs(self.p) > PRESSED_FRACTION * self.median_pressure
         farthest = max(
             np.abs(self.x[pressed]).max(initial=0.0), np.abs(self.y[pressed]).max(initial=0.0)
         )
-        return max(PRESSURE_VIEW * self.a, farthest + 0.1 * self.a)  # around what is pressed
+        return max(PRESSURE_VIEW * self.a, farthest + 0.1 * self.a)
 
     def is_bounded(self) -> np.ndarray:
-        """Which points are not beside a place of infinite pressure (n,)."""
+        """Return the points (n,) away from pressure singularities."""
         r = np.hypot(self.x, self.y)
         return np.all(
             [
@@ -118,8 +130,9 @@ class ContactSurface:
         )
 
     def profile(self, middle: float) -> tuple[np.ndarray, np.ndarray]:
-        """Places along a line [length], the tip at `middle`, and the pressure there, NaN beside an
-        infinite one.
+        """Return positions [length] and pressures along a line, NaN near singularities.
+
+        `middle` is the position of the tip.
         """
         order = np.argsort(self.x)
         return self._mirror_line(
@@ -127,11 +140,10 @@ class ContactSurface:
         )
 
     def shear_profile(self, middle: float) -> tuple[np.ndarray, np.ndarray]:
-        """Places along a line [length], the tip at `middle`, and the size of the shear's means over
-        the elements there.
+        """Return positions [length] and absolute shear along a line, averaged over each element.
 
-        Between the nodes of an element it says in which step each came into contact: under a tip
-        that sticks it goes up and down by as much as its mean.
+        Within an element the nodal values of a sticking tip oscillate with the step in which each
+        node came into contact, by as much as their mean. `middle` is the position of the tip.
         """
         assert self.shear is not None
         order = np.argsort(self.x)
@@ -151,6 +163,7 @@ class ContactSurface:
     def _mirror_line(
         self, x: np.ndarray, p: np.ndarray, middle: float
     ) -> tuple[np.ndarray, np.ndarray]:
+        """Complete a profile by its mirror image, and move it to the position of the tip."""
         if self.mirror_axes[0]:
             x = np.concatenate([-x[::-1], x])
             p = np.concatenate([p[::-1], p])
@@ -158,14 +171,15 @@ class ContactSurface:
 
 
 def contact_surface(results: Results, step: float) -> ContactSurface:
-    """The contact surface of a step of a result."""
+    """Return the contact surface of a step of a result."""
     surface = results.surface
     is_known = (surface["step"] == step) & np.isfinite(surface["pressure"])
     x, y, p = (surface[name][is_known] for name in ("x", "y", "pressure"))
     if is_deformed(results):
         x = x + surface["u_x"][is_known]
         y = y + surface["u_y"][is_known]
-    given_center = results.report.get("center")  # of an older result: where the pressure is largest
+    # Results of older versions have no center: the largest pressure marks it.
+    given_center = results.report.get("center")
     center = (
         np.array([*given_center, 0.0][:2])
         if given_center
@@ -183,7 +197,8 @@ def contact_surface(results: Results, step: float) -> ContactSurface:
     radius = results["a"][results["step"] == step]
     is_pulled = p < -PRESSED_FRACTION * np.abs(p).max(initial=0.0)
     a = float(radius[0]) if len(radius) else 0.0
-    if not a > 0:  # how far it is pulled, or else the size of the surface
+    # Without contact, the radius of the region under tension or the size of the surface is used.
+    if not a > 0:
         a = (
             float(np.hypot(x, y)[is_pulled].max())
             if is_pulled.any()
@@ -202,14 +217,12 @@ def contact_surface(results: Results, step: float) -> ContactSurface:
 
 
 def is_deformed(results: Results) -> bool:
-    """Whether the gap of a run is tested on the deformed surface, of which its contact radius is
-    then.
-    """
+    """Return whether the gap of a run is tested on the deformed surface."""
     return results.report.get("gap") == "current"
 
 
 def position_label(name: str, runs: Sequence[Results]) -> str:
-    """The name of an axis of places: which surface they are on, where one is deformed."""
+    """Return the label of positions, with the surface on which they are measured."""
     deformed = [is_deformed(run) for run in runs]
     if all(deformed):
         return f"deformed {name}"
@@ -217,9 +230,7 @@ def position_label(name: str, runs: Sequence[Results]) -> str:
 
 
 def _pressure_singularities(results: Results, step: float) -> tuple[tuple[float, float], ...]:
-    """Where a sharp tip makes the pressure infinite, and how far beside that a mesh does not know
-    it [length].
-    """
+    """Return radii at which a sharp tip makes the pressure infinite, with their excluded widths."""
     peak = results.table.get("p_max", np.zeros(len(results)))[results["step"] == step]
     if not len(peak) or np.isfinite(peak[0]) or (scene := scene_of(results.path)) is None:
         return ()
@@ -236,9 +247,9 @@ def _pressure_singularities(results: Results, step: float) -> tuple[tuple[float,
 
 
 def draw_pressure(axes: Axes, results: Results, step: float) -> None:
-    """The contact pressure of a step, around the tip: a profile along a line or a map."""
+    """Draw the contact pressure of a step around the tip, as a profile or a map."""
     contact = contact_surface(results, step)
-    if np.ptp(contact.y) > 0:  # the surface has two dimensions
+    if np.ptp(contact.y) > 0:  # The surface is that of a body in 3D.
         PressureMaps([(results, step, "")]).draw([axes], where="beside")
     else:
         draw_pressures(axes, [(results, contact, "", COLOURS[0])])
@@ -253,9 +264,7 @@ def draw_pressure(axes: Axes, results: Results, step: float) -> None:
 
 
 def surface_on_axis(contact: ContactSurface, along: Literal[0, 1]) -> ContactSurface:
-    """The pressure of a surface of two dimensions on the line through the tip's axis along x (0) or
-    y (1).
-    """
+    """Return the pressure in 3D on the line through the tip's axis along x (0) or y (1)."""
     x, y = (contact.x, contact.y) if along == 0 else (contact.y, contact.x)
     values = [contact.p] if contact.shear is None else [contact.p, contact.shear]
     places, p, *shear = values_on_line(y, x, *values)
@@ -276,19 +285,22 @@ def draw_pressures(
     limits: tuple[float, float] | None = None,
     along: Literal[0, 1] = 0,
 ) -> None:
-    """Draw pressures over the radius, in plane strain over x, of surfaces in three dimensions along
-    one of their axes.
+    """Draw pressures over the radius, in plane strain over x, in 3D along a line through the axis.
 
     Parameters
     ----------
-    axes : the panel
-    shown : results, contact, name and colour of each curve
-    limits : ends of the axis of pressures, in the unit shown; None: as the curves need them
-    along : the axis that the places lie on, 0 for x and 1 for y
+    axes
+        The panel.
+    shown
+        Result, contact surface, name and colour of each curve.
+    limits
+        Ends of the pressure axis in the unit shown; None for limits by the curves.
+    along
+        Axis on which the positions are: 0 for x, 1 for y.
     """
     runs = [results for results, *_ in shown]
     middle, name_of_axis = tip_axis_position(runs, along)
-    is_half = all(horizontal_axis_name(run) == "r" for run in runs)  # of a body of revolution
+    is_half = all(horizontal_axis_name(run) == "r" for run in runs)  # Axisymmetric bodies.
     contacts = [
         replace(surface, mirror_axes=(False, False)) if is_half else surface
         for _, surface, *_ in shown
@@ -329,7 +341,7 @@ def draw_pressures(
                 length(middle + side * radius), color=shear_colour if name else GREY, lw=0.8, ls=":"
             )
         has_stick_radius |= radius > 0
-    if has_stick_radius:  # named once
+    if has_stick_radius:  # One entry in the legend stands for all stick radii.
         axes.plot([], [], color=GREY, lw=0.8, ls=":", label="stick radius")
     axes.set(xlabel=length.label, ylabel=pressure.label)
     axes.set_xlim(0.0 if is_half else length(middle - half_width), length(middle + half_width))
@@ -353,31 +365,36 @@ def draw_pressures(
 
 @dataclass(frozen=True)
 class PressureMaps:
-    """Pressures of several results or steps as seen from above, in one frame and one range of
-    colours.
+    """Pressure maps of several results or steps in plan view, with the same view and colours.
 
-    Each is centred on its tip and mirrored where a part of the body is modelled. The frame has all
-    that is pressed.
+    Each map is centred on its tip, and completed by mirror images. The view contains all loaded
+    points.
+
+    Attributes
+    ----------
+    steps
+        Result, step and label of each map.
+    limits
+        Ends of the colour range in the unit shown; None for the range of all pressures.
     """
 
     steps: Sequence[tuple[Results, float, str]]
-    limits: tuple[float, float] | None = (
-        None  # of the colours, in the unit shown; None: those of all pressures
-    )
-    aspect: ClassVar[float] = 1.0  # height of the frame over its width
+    limits: tuple[float, float] | None = None
+    aspect: ClassVar[float] = 1.0  # Ratio of the height of the view to its width.
 
     @cached_property
     def surfaces(self) -> list[ContactSurface]:
-        """The contact surface of each."""
+        """Contact surface of each map."""
         return [contact_surface(results, step) for results, step, _ in self.steps]
 
     @property
     def _runs(self) -> list[Results]:
+        """Result of each map."""
         return [results for results, *_ in self.steps]
 
     @cached_property
     def half_width(self) -> float:
-        """Half the width of the frame [length]."""
+        """Half-width of the view [length]."""
         return max(contact.half_width for contact in self.surfaces)
 
     def draw(
@@ -387,15 +404,19 @@ class PressureMaps:
         where: BarPosition | Literal["beside"] = "right",
         aspect: float = 1.0,
     ) -> None:
-        """Draw some of them into as many panels, with one bar for the colours of all.
+        """Draw some of the maps with one colour bar.
 
         Parameters
         ----------
-        panels : where each is drawn
-        some : which of them
-        where : of the bar, right of all panels, at the bottom of the one panel, or beside one whose place has another
-            shape
-        aspect : height over width of the panels, 1 at least
+        panels
+            The panel of each map.
+        some
+            The maps to be drawn.
+        where
+            Position of the colour bar: right of all panels, at the bottom of the only panel, or
+            "beside" a map in a place of another shape.
+        aspect
+            Ratio of height to width of the panels, at least 1.
         """
         from matplotlib.ticker import MaxNLocator
 
@@ -410,7 +431,7 @@ class PressureMaps:
             drawn = self._draw_map(axes, contact, length, pressure, (low, top), aspect)
             draw_panel_title(axes, panel_title(run, step, words))
         ticks = [tick for tick in MaxNLocator(5).tick_values(low, top) if low <= tick <= top]
-        if where == "beside":  # as high as the map, which is true to scale
+        if where == "beside":  # The bar is as high as the map, which is true to scale.
             bar_axes = panels[0].inset_axes(COLOUR_BAR_BOX, label="<colorbar>")
             bar = panels[0].figure.colorbar(drawn, cax=bar_axes, label=pressure.label, ticks=ticks)
             bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
@@ -418,8 +439,9 @@ class PressureMaps:
             draw_colour_bar(panels, drawn, pressure.label, where, ticks=ticks)
 
     def _colour_range(self, pressure: Axis) -> tuple[float, float]:
-        """The smallest and the largest pressure of all that is shown; of a peak without bound
-        PEAK_MEDIANS of the median in its contact.
+        """Return the smallest and the largest pressure shown.
+
+        A contact with a singularity counts up to PEAK_MEDIANS times its median pressure.
         """
         highest = []
         for contact in self.surfaces:
@@ -438,8 +460,9 @@ class PressureMaps:
     def _points_near_frame(
         self, contact: ContactSurface, aspect: float = 1.0
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The points in the frame and around it, for triangles reach beyond it, from the tip's
-        axis.
+        """Return positions and pressures of the points in and around the view.
+
+        Triangles reach beyond it.
         """
         x, y, p = _mirror_surface(contact)
         is_near = (np.abs(x) < 2 * self.half_width) & (np.abs(y) < 2 * aspect * self.half_width)
@@ -456,7 +479,7 @@ class PressureMaps:
         colours: tuple[float, float],
         aspect: float,
     ) -> Any:
-        """One map; returns what a bar of colours is made of."""
+        """Draw one map, and return the contours from which a colour bar is made."""
         x, y, p = self._points_near_frame(contact, aspect)
         low, top = colours
         levels = np.linspace(low, top, 25)
@@ -486,7 +509,10 @@ class PressureMaps:
 
 
 def _mirror_surface(contact: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The surface with its mirror images: what is modelled may be a half or a quarter."""
+    """Return positions and pressures with their mirror images.
+
+    The model may be a half or a quarter of the body.
+    """
     x = contact.x
     y = contact.y
     p = contact.p
@@ -503,7 +529,7 @@ def _mirror_surface(contact: ContactSurface) -> tuple[np.ndarray, np.ndarray, np
 
 
 def _draw_shear(axes: Axes, contact: ContactSurface, length: Axis) -> None:
-    """Lines of equal shear, and a dotted circle as large as what sticks; nothing without friction."""
+    """Draw lines of equal shear, and the stick radius as a dotted circle."""
     if contact.shear is None or not contact.shear.any():
         return
     x, y, shear = _mirror_surface(replace(contact, p=contact.shear))
@@ -520,13 +546,15 @@ def _draw_shear(axes: Axes, contact: ContactSurface, length: Axis) -> None:
         "bbox": {"facecolor": LABEL_BACKGROUND, "lw": 0, "pad": 1.5},
     }
     axes.annotate(
-        "lines: equal shear\ndots: what sticks", (0.03, 0.03), xycoords="axes fraction", **look
+        "lines: equal shear\ndots: stick radius", (0.03, 0.03), xycoords="axes fraction", **look
     )
 
 
 def largest_force_step(results: Results) -> float | None:
-    """The step of the largest force among those whose surface is known, of the widest contact or
-    else of the largest pull where none pushes; None without any force.
+    """Return the step of the largest force among those with a stored surface.
+
+    If no force pushes, it is the step of the widest contact, or else of the largest pull. None
+    without any force.
     """
     has_surface = (
         np.isin(results["step"], results.surface["step"]) if results.surface else np.array([])
@@ -541,9 +569,16 @@ def largest_force_step(results: Results) -> float | None:
 
 
 def panel_title(results: Results, step: float, words: str, apart: str = ", ") -> str:
-    """The words that tell a panel from others, its time where that passes, and its depth.
+    """Return the title of a panel: its label, time and depth.
 
-    apart: what stands between time and depth.
+    Parameters
+    ----------
+    results, step
+        Result and step.
+    words
+        Label that distinguishes the panel from others.
+    apart
+        Separator between time and depth.
     """
     times = results.table.get("t", np.full(len(results), np.nan))[results["step"] == step]
     time = f"t = {time_text(results, float(times[0]))}{apart}" if np.isfinite(times).any() else ""
@@ -551,7 +586,7 @@ def panel_title(results: Results, step: float, words: str, apart: str = ", ") ->
 
 
 def depth_text(results: Results, step: float) -> str:
-    """The depth of a step in words, as the axes of the picture measure it."""
+    """Return the depth of a step as text, in the unit of the picture."""
     delta = results["delta"][results["step"] == step]
     if len(delta) and abs(delta[0]) < ZERO_DEPTH_RTOL * np.nanmax(np.abs(results["delta"])):
         delta = np.zeros(1)

@@ -1,4 +1,4 @@
-"""The deformed surface below the tip, as a line in the vertical plane through the tip's axis."""
+"""Deformed surface below the tip, as a line in the vertical plane through the tip's axis."""
 
 from __future__ import annotations
 
@@ -11,16 +11,25 @@ from indent_sim.config.schema import Config
 from indent_sim.results.pictures.axes import Axis, plan_choice, scaled_axis, tip_axis_position
 from indent_sim.results.pictures.figures import GREY, Axes
 from indent_sim.results.reader import Results
-from indent_sim.results.tip_geometry import contacts_per_body, scene_of, section
+from indent_sim.results.result_scene import contacts_per_body, scene_of
+from indent_sim.results.tip_geometry import section
 
-PROFILE_VIEW = 3.0  # contact radii around the tip that are shown
-TRUE_SCALE_RATIO = 0.12  # height of the frame over its width below which heights are magnified
+PROFILE_VIEW = 3.0  # Half-width of the view around the tip, in contact radii or depths.
+TRUE_SCALE_RATIO = 0.12  # Heights are magnified if the view is lower than this times its width.
 
 
 @dataclass(frozen=True)
 class SurfaceProfile:
-    """The surface in the plane y = center of a step: x and z deformed (n,), z before; a and delta
-    [length].
+    """Surface of a step in the vertical plane through the tip's axis.
+
+    Attributes
+    ----------
+    x, z
+        Positions on the deformed surface (n,) [length].
+    undeformed_z
+        Heights of the undeformed surface (n,) [length].
+    a, delta
+        Contact radius and depth [length].
     """
 
     x: np.ndarray
@@ -31,7 +40,7 @@ class SurfaceProfile:
 
 
 def surface_profile(results: Results, step: float) -> SurfaceProfile:
-    """The surface in the plane through the tip's axis, mirrored where half of it is modelled."""
+    """Return the surface in the plane through the tip's axis, completed by its mirror image."""
     surface = {
         name: column[results.surface["step"] == step] for name, column in results.surface.items()
     }
@@ -59,13 +68,19 @@ def surface_profile(results: Results, step: float) -> SurfaceProfile:
 
 
 def values_on_line(y: np.ndarray, x: np.ndarray, *values: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Places and values on the line y = 0 of a surface, in order of x.
+    """Return positions and values on the line y = 0 of a surface, in order of x.
 
-    These are the points that lie there; of a surface with fewer than five of them, what is
-    interpolated between its points.
+    Points on the line are used if there are at least five; otherwise the surface is interpolated.
+
+    Parameters
+    ----------
+    y, x
+        Positions of the points (n,).
+    values
+        Columns of values (n,).
     """
     is_on_line = np.abs(y) <= 1e-9 * max(np.ptp(y), np.ptp(x))
-    if is_on_line.sum() >= 5:  # they are the line; with fewer the surface is interpolated
+    if is_on_line.sum() >= 5:
         order = np.argsort(x[is_on_line])
         return tuple(column[is_on_line][order] for column in (x, *values))
     from matplotlib.tri import LinearTriInterpolator, Triangulation
@@ -81,11 +96,17 @@ def values_on_line(y: np.ndarray, x: np.ndarray, *values: np.ndarray) -> tuple[n
 
 
 def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]]) -> None:
-    """Deformed surfaces of several steps, each with its name, colour and tip, filled at the
-    deepest, true to scale.
+    """Draw deformed surfaces of several steps with their tips, true to scale.
 
-    Where the depths are too small beside the width for that, heights are magnified and the axis
-    says so.
+    The tip at the largest depth is filled. If the depths are too small beside the width, heights
+    are magnified and the axis label says so.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    shown
+        Result, step, name and colour of each surface.
     """
     runs = [results for results, *_ in shown]
     profiles = [surface_profile(results, step) for results, step, *_ in shown]
@@ -123,7 +144,7 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]
         ylim=length([low - margin, high + 3 * margin]),
     )
     is_true_scale = (high - low) > TRUE_SCALE_RATIO * 2 * half_width
-    if is_true_scale:  # all of the panel, with as much of the tip as it has room for
+    if is_true_scale:  # The view is extended to fill the panel, and shows more of the tip.
         axes.set_aspect("equal", adjustable="datalim")
     axes.set(
         xlabel=length.label,
@@ -134,7 +155,7 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]
 def draw_tip(
     axes: Axes, scene: Config, delta: float, middle: float, width: float, length: Axis
 ) -> None:
-    """The rigid tip at a depth, in the plane through its axis."""
+    """Draw the rigid tip at a depth, in the plane through its axis."""
     s, z = _tip_line(scene, delta, middle, width, length)
     axes.fill(
         np.append(s, [s[-1], s[0]]),
@@ -150,6 +171,6 @@ def draw_tip(
 def _tip_line(
     scene: Config, delta: float, middle: float, width: float, length: Axis
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The outline of the rigid tip at a depth, as it is shown."""
+    """Return the outline (s, z) of the rigid tip at a depth, in the unit shown."""
     s, z = section(scene.indenter, width)
     return length(s + middle), length(z - delta / contacts_per_body(scene.body))

@@ -1,4 +1,4 @@
-"""Names of several results in one picture: titles, or the settings that differ."""
+"""Names of several results in one picture: their titles, or the settings that differ."""
 
 from __future__ import annotations
 
@@ -9,22 +9,21 @@ from pathlib import Path
 from indent_sim.config import strict_yaml
 from indent_sim.config.strict_yaml import short_yaml
 from indent_sim.process.errors import ConfigError
-from indent_sim.results.folder import CONFIG, Report, read_regular_file
+from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.reader import Results
+from indent_sim.results.result_files import CONFIG, Report
 
-MOST_NAME_LETTERS = 48  # of a name
+MOST_NAME_LETTERS = 48  # A longer name is shortened.
 
 
 def natural_sort_key(name: str) -> list[tuple[float, str]]:
-    """Sorts names by the numbers in them, as numbers."""
+    """Return a sort key that orders the numbers within names by value."""
     parts = re.split(r"([-+]?\d+\.?\d*(?:e[-+]?\d+)?)", name)
     return [(float(part), "") if i % 2 else (0.0, part) for i, part in enumerate(parts)]
 
 
 def run_names(runs: Sequence[Results]) -> list[str]:
-    """Short names: titles where they differ, else the keys of the configs that do, else the
-    folders' own.
-    """
+    """Return short names: titles if they differ, or the differing settings, or names of folders."""
     titles = [run.report.get("title", "") for run in runs]
     if all(titles) and len(set(titles)) == len(titles) and len(titles) > 1:
         return titles
@@ -36,7 +35,7 @@ def run_names(runs: Sequence[Results]) -> list[str]:
 
 
 def _differing_settings(runs: Sequence[Results]) -> list[str]:
-    """What was given differently, as in "nu 0.3, method penalty"; empty where a config is missing."""
+    """Return differing settings, as in "nu 0.3, method penalty"; empty without configs."""
     configs = [config_by_key(run.path) for run in runs]
     if not all(configs):
         return [""] * len(runs)
@@ -62,7 +61,7 @@ def _differing_settings(runs: Sequence[Results]) -> list[str]:
 
 
 def config_by_key(folder: Path) -> Report:
-    """The resolved config of a result folder by dotted key; empty where there is none to read."""
+    """Return the resolved config of a result folder by dotted key; empty if it cannot be read."""
     try:
         sections, _ = strict_yaml.parse(read_regular_file(folder / CONFIG).decode("utf-8"))
     except (OSError, ValueError, ConfigError):
@@ -71,6 +70,7 @@ def config_by_key(folder: Path) -> Report:
 
 
 def _flatten(section: Report, above: str = "") -> Iterator[tuple[str, object]]:
+    """Yield dotted keys and values of nested sections."""
     for key, value in section.items():
         if isinstance(value, dict):
             yield from _flatten(value, f"{above}{key}.")

@@ -13,7 +13,7 @@ import numpy as np
 
 from indent_sim.config.scene_file import SourceLocation
 from indent_sim.process.errors import ConfigError, UsageError
-from indent_sim.results import reader
+from indent_sim.results import reader, unit_conversion
 from indent_sim.results.measured.measurement import curve_parts
 from indent_sim.results.reader import Results
 from indent_sim.studies.cases import Case
@@ -289,8 +289,10 @@ def _read_result(path: Path, cases: Sequence[Case]) -> Results:
     scene = Results(
         Path("the study"), {}, {"units": {"length": units.length, "force": units.force}}
     )
-    scene_and_result = reader.convert_to_common_units([scene, results])
-    reader.refuse_different_units(scene_and_result, "run that scene in the units of the study")
+    scene_and_result = unit_conversion.convert_to_common_units([scene, results])
+    unit_conversion.refuse_different_units(
+        scene_and_result, "run that scene in the units of the study"
+    )
     return scene_and_result[1]
 
 

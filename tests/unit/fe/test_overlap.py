@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from indent_sim.fe.postprocessing.measurements import _overlap
+from indent_sim.fe.postprocessing.penetration import overlap_depth
 from indent_sim.model.kinematics import PlaneStrain
 from indent_sim.model.tips import Cone, Indenter, Paraboloid, Profile, Sphere, gap_current
 
@@ -21,12 +21,13 @@ def overlap(tip: Indenter, depth: float, places: np.ndarray, heights: np.ndarray
     """Of the straight facets between these nodes of a surface, the apex `depth` below z = 0."""
     nodes = np.stack([places, heights], axis=-1)
     x = np.moveaxis(nodes[:-1] + ALONG[..., None] * np.diff(nodes, axis=0), 0, 1)
-    part, body = SimpleNamespace(kinematics=PlaneStrain()), SimpleNamespace(height=2.0)
-    physics = SimpleNamespace(gap="current", indenter=tip, center=(0.0,), part=part, body=body)
+    domain = SimpleNamespace(kinematics=PlaneStrain())
+    body = SimpleNamespace(height=2.0)
+    physics = SimpleNamespace(gap="current", indenter=tip, center=(0.0,), domain=domain, body=body)
     scene = SimpleNamespace(physics=physics)
     with np.errstate(invalid="ignore"):  # 0/0 at a sharp apex, in the branch not taken
         gap = gap_current(tip, x[..., 0], 0.0 * x[..., 0], x[..., 1], depth)
-    return _overlap(SimpleNamespace(scene=scene, depth=depth), x, gap)
+    return overlap_depth(SimpleNamespace(scene=scene, depth=depth), x, gap)
 
 
 def surface(tip: Indenter, depth: float, places: np.ndarray, lift: float = 0.0) -> np.ndarray:

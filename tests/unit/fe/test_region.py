@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from indent_sim.fe.postprocessing.measurements import _positive_area
+from indent_sim.fe.postprocessing.contact_area import _positive_area
 
 
 def cut_area(corners: np.ndarray, values: np.ndarray) -> float:

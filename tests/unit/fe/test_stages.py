@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from indent_sim.fe.terms.term import sdirk2_stages
+from indent_sim.fe.terms.time_integration import sdirk2_stages
 
 
 def decayed(time: float, steps: int) -> float:

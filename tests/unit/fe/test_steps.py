@@ -66,7 +66,7 @@ def test_two_successes_double_the_step_and_it_is_kept_for_the_next_target() -> N
 
 
 def test_no_step_is_longer_than_the_limit_but_through_the_air() -> None:
-    rule = StepSizeControl(max_step=0.25)
+    rule = StepSizeControl(limit=0.25)
     rule.begin_target(1.5)
     assert rule.next_target(-0.5, 1.0) == 0.25  # from 0 on in four parts
     assert rule.next_target(0.25, 1.0) == 0.5
@@ -120,9 +120,9 @@ class Spring:
             deltas=(1.0,) * 9,
             gap="reference",
             columns=(),
-            contact=SimpleNamespace(reach=0.0),
-            evolves=False,
-            seeks_pull_off=False,
+            contact=SimpleNamespace(adhesion_range=0.0),
+            is_time_dependent=False,
+            searches_pull_off=False,
             path=LoadPath("depth", (1.0,) * 9),
         )
         self.scene, self.has_memory = SimpleNamespace(physics=physics), memory
@@ -131,7 +131,7 @@ class Spring:
         self.steps: list[float] = []  # of time, accepted
         self._dt = 0.0
 
-    effort = property(lambda self: SolverStatistics(self.solves))
+    statistics = property(lambda self: SolverStatistics(self.solves))
     force = property(lambda self: self.depth**2 - self.worn)
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:
@@ -154,11 +154,11 @@ class Spring:
         self.depth, self.worn = state
         self.accepted = self.depth
 
-    def predict(self, depth: float, earlier: Any) -> None:
+    def extrapolate(self, depth: float, earlier: Any) -> None:
         """A guess that would be taken for history if it were not kept apart."""
         self.depth = 1e3
 
-    def numbers(self) -> dict[str, Any]:
+    def state_values(self) -> dict[str, Any]:
         return {"force": self.force, "a": 1.0, "p_max": 1.0, "penetration": 0.0, "energy": 0.0}
 
     def pack(self, state: Any) -> list[Any]:
@@ -167,7 +167,7 @@ class Spring:
     def unpack(self, depth: float, arrays: Any) -> Any:
         return arrays[0]
 
-    def sharpen(self) -> float:
+    def tighten_tolerance(self) -> float:
         return 1e-10
 
 
@@ -248,7 +248,7 @@ def test_rows_close_together_are_predicted_from_the_last_three(
     body, seen = Spring(), []
     monkeypatch.setattr(
         body,
-        "predict",
+        "extrapolate",
         lambda depth, earlier: seen.append((depth, [state[0] for state in earlier])),
     )
     depths = (1.0, 1.05, 1.1, 1.15)

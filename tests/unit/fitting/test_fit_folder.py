@@ -110,7 +110,7 @@ def test_another_scene_or_a_foreign_folder_is_refused(curves, tmp_path):
     with pytest.raises(UsageError, match="was not made by indent-sim"):
         fitted([curves / "c0.csv"], tmp_path / "mine")
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
-    with pytest.raises(UsageError, match="there is no curve"):
+    with pytest.raises(UsageError, match="there is no file"):
         fitted([tmp_path / "nothing.csv"], tmp_path / "new")
     with pytest.raises(ConfigError, match="is no number of the scene"):
         fitted([curves / "c0.csv"], tmp_path / "new", replace(REQUEST, varied_keys=("material.Q",)))

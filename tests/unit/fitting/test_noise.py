@@ -25,11 +25,11 @@ def dense(noise: Noise, n: int) -> np.ndarray:
 @pytest.mark.parametrize("noise", [WHITE, Noise(1, 0.0003), Noise(8, 0.5), Noise(64, 0.05)])
 def test_banded_products_are_those_of_the_dense_matrix(noise):
     V, X = dense(noise, 50), np.random.default_rng(0).standard_normal((50, 3))
-    inverse, log_V = noise.whitened(X)
+    inverse, log_V = noise.apply_inverse_covariance(X)
     # conditions of V up to 1e4: ten digits are left
     np.testing.assert_allclose(inverse, np.linalg.solve(V, X), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(log_V, np.linalg.slogdet(V)[1], rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(noise.times(X), V @ X, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(noise.apply_covariance(X), V @ X, rtol=1e-12, atol=1e-12)
 
 
 def test_samples_that_count_as_one():

@@ -30,7 +30,9 @@ def by_theory(config, depths=DEPTHS) -> np.ndarray:  # type: ignore[no-untyped-d
     """Theory's forces in the scene's units."""
     given = plan_elastic_run(config, DEEPEST).scene
     scales = given.physics.scales
-    curve = given.plan.theory.contact.curve([float(delta / scales.depth) for delta in depths])
+    curve = given.plan.theory.contact.solutions_at_depths(
+        [float(delta / scales.depth) for delta in depths]
+    )
     return np.array([one.force for one in curve]) * scales.force
 
 

@@ -72,10 +72,12 @@ def test_units_of_titles_stand_over_those_given(titles, units):
         return
     curve = read(titles + "\n" + rows(","), given={"length": "m", "force": "N"})
     assert (curve.units["length"], curve.units["force"]) == units
-    in_scene = curve.in_units({"length": "um", "force": "nN"})
+    in_scene = curve.convert_units({"length": "um", "force": "nN"})
     factors = {"um": 1, "nN": 1, "nm": 1e-3, "µN": 1e3, "mm": 1e3, "mN": 1e6, "m": 1e6, "N": 1e9}
     np.testing.assert_allclose(
-        in_scene.x(in_scene.along("delta")), DEPTHS * factors[units[0]], **DIGITS
+        in_scene.abscissa_values(in_scene.available_abscissa("delta")),
+        DEPTHS * factors[units[0]],
+        **DIGITS,
     )
     np.testing.assert_allclose(
         in_scene.force, FORCES * factors[units[1]], rtol=1e-8, atol=1e-8 * factors[units[1]]
@@ -84,9 +86,9 @@ def test_units_of_titles_stand_over_those_given(titles, units):
 
 def test_a_unit_needs_one_in_the_scene():
     with pytest.raises(
-        ConfigError, match="the curve has the length in um, and the scene says no unit"
+        ConfigError, match="the curve has the length in um, and the scene has no unit for it"
     ):
-        read("depth [um],force\n" + rows(",")).in_units({"length": "", "force": ""})
+        read("depth [um],force\n" + rows(",")).convert_units({"length": "", "force": ""})
 
 
 def test_titles_in_another_language_are_told_by_their_units():
@@ -118,7 +120,9 @@ def test_a_way_that_falls_towards_the_body_is_turned():
     text = "z,force\n" + "".join(f"{-x:.9f},{f:.9f}\n" for x, f in zip(DEPTHS, FORCES, strict=True))
     curve = read(text)
     np.testing.assert_allclose(curve.z, DEPTHS, **DIGITS)
-    assert curve.delta is None and curve.notes == ("z falls towards the body: its sign is turned",)
+    assert curve.delta is None and curve.notes == (
+        "z decreases towards the body: its sign is reversed",
+    )
     height = read(text.replace("z,force", "height,force"))
     np.testing.assert_allclose(height.z, DEPTHS, **DIGITS)
     assert not height.notes
@@ -159,7 +163,7 @@ def test_parts_by_words():
         and len(curve.part("retract")) == 2
         and len(curve.part("all")) == 6
     )
-    with pytest.raises(NoCurve, match="has no hold, but approach, retract"):
+    with pytest.raises(NoCurve, match="has no hold, only approach, retract"):
         curve.part("hold")
 
 
@@ -208,7 +212,7 @@ def test_broken_files_at_random_end_in_a_curve_or_a_reason():
         try:
             curve = read(bytes(data))
             assert np.isfinite(curve.force).all() and len(curve.force) == len(
-                curve.x(curve.along("delta"))
+                curve.abscissa_values(curve.available_abscissa("delta"))
             )
         except IndentSimError as error:
             assert str(error)
@@ -217,9 +221,9 @@ def test_broken_files_at_random_end_in_a_curve_or_a_reason():
 def test_files_that_are_not_there(tmp_path):
     with pytest.raises(UsageError, match=r"cannot read .*nothing\.csv: No such file"):
         read_curves(tmp_path / "nothing.csv")
-    with pytest.raises(UsageError, match="there is no curve"):
+    with pytest.raises(UsageError, match="there is no file"):
         curve_files(tmp_path / "nothing.csv")
-    with pytest.raises(UsageError, match="holds no file of curves"):
+    with pytest.raises(UsageError, match="holds no file of a curve"):
         curve_files(tmp_path)
     os.mkfifo(tmp_path / "pipe.csv")
     with pytest.raises(UsageError, match="cannot read"):
@@ -249,5 +253,5 @@ def test_tab_file_comes_back_in_si_units(tmp_path):
     )
     head = text.split("# END METADATA")[0].splitlines()[1:]
     assert json.loads("".join(line[1:] for line in head))["imaging mode"] == "force-distance"
-    with pytest.raises(UsageError, match="says no units"):
+    with pytest.raises(UsageError, match="has no units"):
         tab_text(Results(tmp_path, table))

@@ -77,7 +77,7 @@ def test_what_is_missing_is_said_and_may_be_given(reader):
 
 
 def test_deflections_that_cannot_be_and_broken_headers_are_no_curve(reader):
-    with pytest.raises(NoCurve, match="farther than the base moved"):
+    with pytest.raises(NoCurve, match="exceed the travel of the base"):
         reader(HEADER, swing=200.0)  # 6 um on a way of 2
     with pytest.raises(NoCurve, match=r"pyfmreader cannot read it \(KeyError"):
         reader({})

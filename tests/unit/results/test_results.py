@@ -28,13 +28,16 @@ from indent_sim.process.errors import (
     VerificationError,
 )
 from indent_sim.process.signals import defer_signals
-from indent_sim.results import folder, tables, xdmf
+from indent_sim.results import field_reader, output_folder, result_files, tables
+from indent_sim.results.atomic_files import write_atomically
 from indent_sim.results.compare import compare
-from indent_sim.results.folder import write_atomically
-from indent_sim.results.reader import previous_run, read, rows_of
+from indent_sim.results.field_arrays import ARRAYS
+from indent_sim.results.field_writer import FieldWriter
+from indent_sim.results.json_text import to_json
+from indent_sim.results.previous_run import previous_run
+from indent_sim.results.reader import read, rows_of
 from indent_sim.results.tip_geometry import tip_mesh
-from indent_sim.results.writer import ResultFolder, to_json
-from indent_sim.results.xdmf import ARRAYS, FieldWriter
+from indent_sim.results.writer import ResultFolder
 
 THIRD = 1 / 3
 
@@ -117,7 +120,10 @@ class TestFiles:
                 run.append(a_state(step))
             run.write_fields(a_state(3), some_fields(3))
         assert kept_steps(tmp_path / "run") == [1, 2, 3]
-        assert xdmf.steps_with_fields(tmp_path / "run", read(tmp_path / "run")["step"]) == [1, 2]
+        assert field_reader.steps_with_fields(tmp_path / "run", read(tmp_path / "run")["step"]) == [
+            1,
+            2,
+        ]
 
     @pytest.mark.parametrize("empty", ["u", "gap", "pressure"])
     def test_a_surface_with_empty_cells_is_read(self, tmp_path, empty):
@@ -460,17 +466,19 @@ class TestKills:
 
             return one
 
-        claim = folder.OutputFolder(tmp_path / "run")
+        claim = output_folder.OutputFolder(tmp_path / "run")
         write_atomically(claim.path / "run.json", json.dumps({"program": "indent-sim"}))
         write_atomically(claim.path / "force_indentation.csv", "step,delta,force,a\n1,1,1,1\n")
         with monkeypatch.context() as patch:
-            patch.setattr(folder.os, "rename", counted(os.rename))
-            patch.setattr(folder.shutil, "move", counted(folder.shutil.move))
+            patch.setattr(output_folder.os, "rename", counted(os.rename))
+            patch.setattr(output_folder.shutil, "move", counted(output_folder.shutil.move))
             with suppress(Kill):
                 claim.rename_into_place()
         os.close(claim._lock_descriptor)
-        again = folder.OutputFolder(tmp_path / "run")
-        rows = len(read(tmp_path / "run")) if earlier or folder.has_rows(tmp_path / "run") else 0
+        again = output_folder.OutputFolder(tmp_path / "run")
+        rows = (
+            len(read(tmp_path / "run")) if earlier or result_files.has_rows(tmp_path / "run") else 0
+        )
         assert rows in (earlier, 1)
         again.abandon()
         assert names(tmp_path) == {"run"}
@@ -689,7 +697,9 @@ class TestCompare:
             tmp_path, "1,0.1,2,0.5\n2,0.2,3,0.6\n", "2,0.2,3.000001,0.6\n1,0.1,2,0.5\n"
         )
         same.check()
-        assert same.steps == (1, 2) and same.worst["force"] == pytest.approx(3.3e-7, rel=0.1)
+        assert same.row_keys == (1, 2) and same.max_relative_difference["force"] == pytest.approx(
+            3.3e-7, rel=0.1
+        )
 
     @pytest.mark.parametrize(
         "units", [{"length": "um", "force": "N"}, {"length": "mm", "force": "mN"}]
@@ -861,7 +871,7 @@ class TestCompare:
         assert found.residual == pytest.approx(
             {"percent_largest": 20.0, "percent_rms": 20 / 3**0.5}
         )
-        assert found.interpolated is None
+        assert found.interpolation is None
 
     ROWS = "t,z,delta,force,a,branch\n,0.1,0.1,1,,approach\n,0.1,0.1,1.1,,hold\n,0.05,0.05,0,,retract\n"
 
@@ -886,7 +896,7 @@ class TestCompare:
         compare(first, second, columns=["force"]).check()
         with pytest.raises(UsageError, match="branch, a column of words"):
             compare(first, second, {"branch": 0.1})
-        with pytest.raises(UsageError, match=r"its picture is experiment\.png"):
+        with pytest.raises(UsageError, match=r"drawn as experiment\.png"):
             read(first)
 
     def test_results_are_equal_only_with_their_experiments(self, tmp_path):

@@ -11,8 +11,8 @@ from mesh_files import section, write
 
 from indent_sim.config.scene_file import config_from_mapping, to_mapping, to_yaml
 from indent_sim.process.errors import ConfigError
-from indent_sim.results.reader import previous_run
-from indent_sim.results.writer import to_json
+from indent_sim.results.json_text import to_json
+from indent_sim.results.previous_run import previous_run
 from indent_sim.run.explicit_config import automatic_keys, explicit_config
 from indent_sim.scene.scene import resolve
 

@@ -147,7 +147,7 @@ def test_all_contacts_at_once_are_those_one_by_one(name):
     sampled = contact._interpolated_curve(0.2 * deepest, deepest, 120)
     together, found = sampled.curve, sampled.linear_solutions
     expected = ContactCurve.load_values(contact, sampled.sizes, found)
-    np.testing.assert_allclose(together.numbers(sampled.sizes, found), expected, rtol=ROUNDING)
+    np.testing.assert_allclose(together.load_values(sampled.sizes, found), expected, rtol=ROUNDING)
     with np.errstate(all="ignore"):  # on the axis of a cone it is infinite, in both
         p = together.pressures(sampled.sizes, found, 25)
         expected = ContactCurve.pressures(contact, sampled.sizes, found, 25)

@@ -82,9 +82,9 @@ def refined(monkeypatch):
             Strip._node_count,
         )
         for name, value in {
-            "PER_PANEL": 36,
-            "PER_PHASE": 1.2,
-            "S_MAX": 33.0,
+            "POINTS_PER_PANEL": 36,
+            "POINTS_PER_PHASE": 1.2,
+            "MAX_WAVENUMBER": 33.0,
             "SINGLE_MODES": 64,
         }.items():
             monkeypatch.setattr(hankel, name, value)
@@ -106,7 +106,9 @@ def test_compliance_against_120_digits(stack, exact):
     # M = 1 - L is what is kept: L is off by the rounding of 1, or by that of its own size times the
     # stiffness ratio
     exact = np.array(exact)
-    assert 1.0 - stack.complement(WAVENUMBERS) == pytest.approx(exact, rel=1e-12, abs=3e-16)
+    assert 1.0 - stack.compliance_complement(WAVENUMBERS) == pytest.approx(
+        exact, rel=1e-12, abs=3e-16
+    )
 
 
 @pytest.mark.parametrize("base", ["fixed", "roller"])
@@ -286,7 +288,9 @@ def test_volume_between_walls_is_that_of_uniform_compression(nu):
 @pytest.mark.parametrize("wall", [None, 2.0])
 def test_surface_is_continuous_and_below_the_tip(Theory, name, wall):
     tip, delta = TIPS[name], 0.1
-    s = Theory.on(tip, stack_of([(0.3, 1, 0.3), (0.7, 20, 0.45)]), wall).curve([delta])[0]
+    s = Theory.from_stack(
+        tip, stack_of([(0.3, 1, 0.3), (0.7, 20, 0.45)]), wall
+    ).solutions_at_depths([delta])[0]
     inside, outside = s.a * (1 - 1e-9), s.a * (1 + 1e-9)
     assert s.u_z(inside) == pytest.approx(s.u_z(outside), rel=1e-4 if tip.punch_radius else 1e-7)
     r = np.linspace(s.a, min(tip.max_radius, 1.9), 40)[1:]

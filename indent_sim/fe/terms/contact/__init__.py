@@ -1,1 +1,1 @@
-"""The terms of the tip: its pressure by every contact method, and its friction."""
+"""Contact terms: the pressure by every contact method, friction and regularization."""

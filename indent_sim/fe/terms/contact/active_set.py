@@ -1,15 +1,14 @@
-"""The primal-dual active set: nodal pressures that are never negative, weighted gaps that are never
-negative.
+"""Primal-dual active set method with nodal contact pressures.
 
-The pressure p_h = sum p_i psi_i uses hat functions psi_i of the contact surface's nodes (in two
-dimensions vertices and midpoints, in three vertices alone), so p_i >= 0 means p_h >= 0 everywhere.
-Each node carries one condition,
+The pressure p_h = sum p_i psi_i uses hat functions psi_i of the nodes of the contact surface (in
+two dimensions vertices and midpoints, in three only vertices), so that p_i >= 0 implies p_h >= 0
+everywhere. The contact conditions hold at each node,
 
-    weighted gap G_i = int psi_i g dGamma >= 0,   p_i >= 0,   p_i G_i = 0,
+    weighted gap G_i = int psi_i g dGamma >= 0,   p_i >= 0,   p_i G_i = 0.
 
-and the active set {p_i - c G_i / int psi_i > 0} makes it one equation a node: G_i = 0 or p_i = 0.
-Newton on these equations is the primal-dual active set method (Hintermueller, Ito & Kunisch 2002);
-c steers it and changes nothing.
+The equation of a node is G_i = 0 if it belongs to the active set {p_i - c G_i / int psi_i > 0}, and
+p_i = 0 otherwise. Newton's method for these equations is the primal-dual active set method
+(Hintermueller, Ito & Kunisch 2002). The factor c influences the iteration but not its solution.
 """
 
 from __future__ import annotations
@@ -21,25 +20,24 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from indent_sim.fe.discrete_body import DISPLACEMENT_ORDER, Body, Field, TimeLevel
-from indent_sim.fe.surface import (
-    FacetValues,
-    facet_nodes,
-    pressure_shape_functions,
-    shape_functions,
-    split_quadrature,
-)
+from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.facet_values import FacetValues, facet_nodes
+from indent_sim.fe.nodal_assembly import sum_nodal_contributions
+from indent_sim.fe.quadrature import split_quadrature
+from indent_sim.fe.shape_functions import pressure_shape_functions, shape_functions
 from indent_sim.fe.terms.contact.gap import Gap
-from indent_sim.fe.terms.contact.multiplier import multiplier_field, sum_nodal_contributions
+from indent_sim.fe.terms.contact.multiplier import multiplier_field
 from indent_sim.fe.terms.term import Term
+from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field, TimeLevel
 from indent_sim.scene.scene import Scene
 
-# active sets that came back before the nodes change one by one; a nonlinear body may need the first
+# Number of active sets that may recur before the nodes change one by one; a nonlinear body may
+# return to a set once without cycling
 MOST_RETURNS = 2
 
 
 def fields(scene: Scene) -> list[Field]:
-    """The nodal pressures: in three dimensions at vertices alone."""
+    """The nodal pressures p_i; in three dimensions only those of the vertices."""
     if scene.physics.contact.multiplier != "nodal":
         return []
     return [
@@ -50,17 +48,16 @@ def fields(scene: Scene) -> list[Field]:
 
 
 class NodalContact(Term):
-    """The contact term of a body whose multiplier lives at the nodes, assembled in numpy."""
+    """Contact term with nodal pressures, assembled in numpy."""
 
     field_names = ("lam",)
-    has_symmetric_tangent = False  # the rows of nodal pressures belong to an active set
+    has_symmetric_tangent = False  # an inactive node has p_i = 0 instead of its gap condition
 
     def __init__(self, body: Body):
         self.body = body
         scene = body.scene
-        self._complementarity_factor = (
-            scene.physics.material.E_star / scene.sizes.h_contact
-        )  # c: compares gaps with pressures
+        # The factor c of the active set [pressure/length]
+        self._complementarity_factor = scene.physics.material.E_star / scene.sizes.h_contact
         facets = body.body_mesh.surfaces["top"]
         gap = Gap(body, body.now)
         self._points, reference_weights = split_quadrature(body.body_mesh.dim)
@@ -97,20 +94,20 @@ class NodalContact(Term):
         ]
 
     def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> None:
-        """None: the rows of nodal pressures are no form."""
+        """Return None: `add_residual` assembles the rows, which are no integral of a UFL form."""
 
     def begin_solve(self) -> None:
-        """Forget the active sets that have been."""
+        """Discard the active sets of the previous solve."""
         self._visited_sets: list[tuple[int, ...]] = []
         self._return_count = 0
-        self._last_active_set: np.ndarray | None = None  # the set of the last Newton step
+        self._last_active_set: np.ndarray | None = None  # of the last Newton iteration
 
     def basis(self, points: np.ndarray) -> np.ndarray:
-        """The nodal pressures' functions (points, nodes) on the reference facet."""
+        """Values (points, nodes) of the hat functions psi_i at points of the reference facet."""
         return pressure_shape_functions(points)[:, : self.lam_dofs.shape[1]]
 
     def _evaluate_gap(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """g (facets, points), dg/dx (.., dim) and d2g/dx2 (.., dim, dim) at the present solution."""
+        """Gap (facets, points), dg/dx (.., dim) and d2g/dx2 (.., dim, dim) of the current state."""
         dim = self.body.body_mesh.dim
         values = self._gap_values()
         return (
@@ -120,12 +117,13 @@ class NodalContact(Term):
         )
 
     def nodal_pressures(self) -> np.ndarray:
-        """p_i (facets, nodes) at the present solution."""
+        """Nodal pressures p_i (facets, nodes) at the current solution [pressure]."""
         return self.body.local_array()[self.lam_dofs]
 
     def add_residual(self, b: PETSc.Vec) -> None:
-        """Add -int p_h dg to the displacement rows; -G_i or -p_i int psi_i / c to the nodes' own
-        rows.
+        """Add -int p_h dg to the displacement rows and the condition of each node to its row.
+
+        The latter is -G_i at an active node and -p_i int psi_i / c at an inactive one.
         """
         g, normal, _ = self._evaluate_gap()
         p = self.nodal_pressures()
@@ -145,17 +143,17 @@ class NodalContact(Term):
         b.array[:] += assembled[: self.body.unknowns.owned_count]
 
     def add_tangent(self, A: PETSc.Mat) -> None:
-        """Add the derivative of `add_residual`, for the active set found there; constrained rows
-        stay identity.
+        """Add the derivative of `add_residual` for its active set.
+
+        Rows of constrained dofs stay those of the identity.
         """
         self._record_active_set()
         _, normal, slope = self._evaluate_gap()
         weights = self._weights
         p_h = self.nodal_pressures() @ self._psi.T
         coupling = -np.einsum("fp,fpd,pn,pm->fndm", weights, normal, self._N, self._psi)
-        size = int(
-            np.prod(self._u_dofs.shape[1:])
-        )  # a rank may have no facet: numpy cannot infer sizes there
+        # A rank may have no facet, and numpy cannot infer a size with -1 in `reshape` then
+        size = int(np.prod(self._u_dofs.shape[1:]))
         coupling = coupling.reshape(len(coupling), size, self._psi.shape[1])
         mass = -self._nodal_areas / self._complementarity_factor
         uu = -np.einsum("fp,fpde,pn,pm->fndme", weights * p_h, slope, self._N, self._N).reshape(
@@ -166,9 +164,8 @@ class NodalContact(Term):
             lam = self.lam_dofs[f].astype(np.int32)
             active = self._active[f]
             add = PETSc.InsertMode.ADD
-            u = np.where(self._is_constrained[u_dofs[f]], -1, u_dofs[f]).astype(
-                np.int32
-            )  # PETSc skips negative rows
+            # PETSc ignores negative rows
+            u = np.where(self._is_constrained[u_dofs[f]], -1, u_dofs[f]).astype(np.int32)
             A.setValuesLocal(u, u, uu[f], addv=add)
             A.setValuesLocal(u, lam, coupling[f], addv=add)
             A.setValuesLocal(
@@ -180,7 +177,7 @@ class NodalContact(Term):
             A.setValuesLocal(lam, lam, np.diag(np.where(active, 0.0, mass[f])), addv=add)
 
     def _record_active_set(self) -> None:
-        """Remember the set of this Newton step, and how often one has come back after others."""
+        """Store the active set of this Newton iteration and count how often a set has recurred."""
         local_hash = hash(np.unique(self._node_numbers[self._active]).tobytes())
         set_hashes = tuple(self.body.comm.allgather(local_hash))
         if (
@@ -193,8 +190,9 @@ class NodalContact(Term):
         self._last_active_set = self._active
 
     def _choose_active_set(self, proposed: np.ndarray) -> np.ndarray:
-        """The wanted set; once sets come back, the last one with its first node changed: no circle
-        (Murty 1974).
+        """The proposed active set, or the last one with one node changed if sets recur.
+
+        Changing only the node with the smallest number prevents cycling (Murty 1974).
         """
         if self._return_count < MOST_RETURNS or self._last_active_set is None:
             return proposed
@@ -205,18 +203,17 @@ class NodalContact(Term):
         return np.where(self._node_numbers == first_changed, proposed, self._last_active_set)
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
-        """p_h (facets, points) at reference-facet points of the contact surface [pressure]."""
+        """Contact pressure p_h (facets, points) at points of the reference facet [pressure]."""
         return self.nodal_pressures() @ self.basis(points).T
 
     pressure_at = multiplier_at
 
     def force(self) -> float:
-        """-int p_h dg/dz dGamma [force]: the vertical thrust of the pressures, this rank's share."""
+        """Vertical force of the pressures, -int p_h dg/dz dGamma [force], this rank's part."""
         _, normal, _ = self._evaluate_gap()
         p_h = self.nodal_pressures() @ self._psi.T
-        return 0.0 - float(
-            (self._weights * p_h * normal[..., -1]).sum()
-        )  # not -0.0 where nothing is in contact
+        # The difference from 0.0 is not -0.0 where nothing is in contact
+        return 0.0 - float((self._weights * p_h * normal[..., -1]).sum())
 
 
 def _scalar_components(expression: Expr) -> list[Expr]:

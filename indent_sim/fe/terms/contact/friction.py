@@ -1,26 +1,29 @@
-"""Friction of the contact surface on the tip: Coulomb's law, or no slip at all, by the augmented
-Lagrangian.
+"""Coulomb friction, or contact without slip, by the augmented Lagrangian method.
 
-The tangential traction on the body along the unit tangents m_k of the tip (Alart & Curnier 1991),
+The tangential traction t on the body along the unit tangents m_k of the tip is (Alart & Curnier
+1991)
 
-    t_hat = tau - epsilon_t s,    t = t_hat where |t_hat| <= friction p (stick), friction p
-    t_hat/|t_hat| (slip),
+    t_hat = tau - epsilon_t s,
+    t = t_hat                         where |t_hat| <= friction p   (stick),
+    t = friction p t_hat/|t_hat|      elsewhere                     (slip),
 
-with p = <p_hat> the pressure, t = 0 out of contact, and no bound for stick. The slip s of the body
-along the tip is
+with the pressure p = <p_hat> and the multiplier tau; t = 0 out of contact, and there is no bound
+for bonded contact. The slip s of the body along the tip is
 
-    s_k = u_k - u0_k                                        reference gap, the tip moves along z
-    alone s_k = m_k . (u - u0 + (delta - delta0) e_z)             current gap
+    s_k = u_k - u0_k                                   reference gap; the tip moves along z only,
+    s_k = m_k . (u - u0 + (delta - delta0) e_z)        current gap.
 
-(a penalty has the tau of the last equilibrium instead: of s it gives way by (tau - t)/epsilon_t,
-which comes back, and slips by the rest, (t - t_hat)/epsilon_t) since the points stuck at u0 and
-delta0: those of the last equilibrium for what was in contact then, see `Anchor` of `model.contact`
-for what was not. There is no potential: the virtual work is
+The slip is counted from the slip reference u0, delta0. For points that were in contact in the last
+equilibrium it is that equilibrium, for other points see `SlipReference` in `model.contact`. A
+penalty law uses tau of the last equilibrium: of s, (tau - t)/epsilon_t is reversible and the rest,
+(t - t_hat)/epsilon_t, is slip.
+
+Friction has no potential. The virtual work is
 
     - int t . ds    and, for the multiplier,    int (t - tau)/epsilon_t . dtau,
 
-and its derivative is not symmetric. Nothing is kept at quadrature points: the multipliers carry the
-history.
+and its derivative is not symmetric. The multipliers carry the history; there are no internal
+variables at quadrature points.
 """
 
 from __future__ import annotations
@@ -33,12 +36,14 @@ from dolfinx import fem
 from mpi4py import MPI
 from ufl.core.expr import Expr
 
-from indent_sim.fe.discrete_body import DISPLACEMENT_ORDER, Body, Field, TimeLevel, components
-from indent_sim.fe.surface import FacetValues, contact_quadrature, facet_nodes
+from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.facet_values import FacetValues, facet_nodes
+from indent_sim.fe.quadrature import contact_quadrature
 from indent_sim.fe.terms.contact.gap import Gap
 from indent_sim.fe.terms.contact.multiplier import stiffness_scale
 from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.term import Term
+from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field, TimeLevel, components
 from indent_sim.model.algebra import maximum, where_less
 from indent_sim.model.contact import (
     CoulombPoint,
@@ -53,7 +58,7 @@ from indent_sim.scene.scene import Scene
 
 
 def fields(scene: Scene) -> list[Field]:
-    """The tangential traction tau, along each horizontal axis."""
+    """The tangential multiplier tau, a component for each horizontal axis."""
     if scene.physics.contact.is_conservative:
         return []
     along = tuple(range(scene.physics.domain.dim - 1))
@@ -63,14 +68,21 @@ def fields(scene: Scene) -> list[Field]:
 
 
 class Friction(Term):
-    """The tangential traction of a contact that sticks or slips, its history and its work."""
+    """Tangential traction of a contact with stick and slip.
+
+    Parameters
+    ----------
+    body : Body
+        Discrete body.
+    normal : Traction
+        Term of the normal pressure, which bounds the tangential traction.
+    """
 
     field_names = ("tau",)
     has_memory = True
     has_symmetric_tangent = False
 
     def __init__(self, body: Body, normal: Traction):
-        """normal: the term of the normal pressure, which bounds this one."""
         self.body = body
         self._normal = normal
         self._law: Any = body.scene.physics.contact
@@ -80,9 +92,8 @@ class Friction(Term):
         self._slip_start = fem.Function(body.unknowns.space)
         self._slip_start_depth = fem.Constant(body.mesh, 0.0)
         self._largest_passed_gap = fem.Constant(body.mesh, 1.0)
-        self._new_contact_sticks = fem.Constant(
-            body.mesh, 1.0
-        )  # 0: what is new in contact slips freely
+        # 0 where points that newly come into contact slip without friction
+        self._new_contact_sticks = fem.Constant(body.mesh, 1.0)
         self._epsilon_t = fem.Constant(body.mesh, float(self._law.epsilon_t))
         self._tangents = normal.gap.tangents
         self._expressions: dict[tuple[str, bytes], FacetValues] = {}
@@ -110,11 +121,11 @@ class Friction(Term):
         slip_values = self._traction_slip(trial_traction)
         step_slip = self._slip(0.0)
         p_before = law.stiffness * maximum(0.0, -initial_gap)
-        if (
-            self._is_implicit
-        ):  # a new point slips from where it touched, not from where its step began
+        if self._is_implicit:
+            # A new contact point slips from where it touched, not from where the step began
             slip_values = [
-                one + touch_fraction * u for one, u in zip(slip_values, step_slip, strict=True)
+                slip_k + touch_fraction * step_slip_k
+                for slip_k, step_slip_k in zip(slip_values, step_slip, strict=True)
             ]
         heat = point.dissipation(self._traction, slip_values, p_before)
         if self._is_implicit:
@@ -132,9 +143,8 @@ class Friction(Term):
             for axis in range(vertical)
         ]
         self._side_force_forms = [fem.form(body.contact_integral(push)) for push in side_tractions]
-        is_reference_gap = (
-            body.scene.physics.gap == "reference"
-        )  # the traction along a level tip does not push it up
+        # The tangents of a reference gap are horizontal, so that friction has no vertical force
+        is_reference_gap = body.scene.physics.gap == "reference"
         self._vertical_force_form = (
             None
             if is_reference_gap
@@ -142,7 +152,13 @@ class Friction(Term):
         )
 
     def _slip(self, fraction: Expr | float) -> list[Expr]:
-        """s_k [length] since the points stuck, `fraction` from the last equilibrium to the start."""
+        """Slip components s_k [length] from the slip reference.
+
+        Parameters
+        ----------
+        fraction : Expr or float
+            Position of the reference between the last equilibrium (0) and the slip start (1).
+        """
         now = self.body.now
         before = self.body.before
         dim = self.body.body_mesh.dim
@@ -161,14 +177,14 @@ class Friction(Term):
         return [ufl.dot(m, displacement) for m in self._tangents]
 
     def _traction_slip(self, tau: list[Expr]) -> list[Expr]:
-        """(tau - t)/epsilon_t [length]."""
+        """Components of (tau - t)/epsilon_t [length]."""
         return [(tau_k - t) / self._epsilon_t for tau_k, t in zip(tau, self._traction, strict=True)]
 
     def _traction_component(self, axis: int) -> Expr:
         return dot(self._traction, [m[axis] for m in self._tangents])
 
     def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
-        """Virtual work of the traction and of its multiplier, as a UFL form."""
+        """Virtual work of the traction and of its multiplier, a UFL form."""
         test_fields = self.body.unknowns.split_fields(now.test)
         slips = [ufl.dot(m, test_fields["u"]) for m in self._tangents]
         virtual = -dot(self._traction_slip(self._tau), components(test_fields["tau"])) - dot(
@@ -177,7 +193,10 @@ class Friction(Term):
         return self.body.contact_integral(virtual)
 
     def set_slip_reference(self, slip_reference: SlipReference) -> None:
-        """Say where what comes into contact sticks; see `solve.anchor` (collective)."""
+        """Set from where the slip of new contact points is counted (collective).
+
+        See `fe.solve.slip_reference`.
+        """
         if slip_reference == "mid":
             self._find_largest_passed_gap()
         start = self.body.now if slip_reference == "mid" else self.body.before
@@ -187,29 +206,30 @@ class Friction(Term):
 
     def _find_largest_passed_gap(self) -> None:
         passed = self._facet_values(
-            "passed", self._passed_gap, contact_quadrature(self.body.body_mesh.dim)[0]
+            "passed_gap", self._passed_gap, contact_quadrature(self.body.body_mesh.dim)[0]
         )()
         self._largest_passed_gap.value = (
             self.body.comm.allreduce(float(passed.max(initial=0.0)), op=MPI.MAX) or 1.0
         )
 
     def scale_stiffness(self, factor: float) -> None:
-        """Set the tangential penalty stiffness to `factor` times the epsilon_t of the contact law."""
+        """Set the tangential penalty stiffness to `factor` times epsilon_t of the contact law."""
         self._epsilon_t.value = factor * self._law.epsilon_t
 
     def dissipation(self) -> float:
-        """What slip turns into heat in the step to the present state [energy], this rank's share
-        (collective).
-        """
+        """Energy dissipated by slip in the current increment, this rank's part (collective)."""
         if self._is_implicit:
             self._find_largest_passed_gap()
         return 0.0 if self._law.is_bonded else float(fem.assemble_scalar(self._dissipation))
 
     def stick_margin_at(self, points: np.ndarray) -> np.ndarray:
-        """friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks
-        (collective at first).
+        """Stick margin friction p - |t_hat| (facets, points) [pressure], >= 0 where points stick.
+
+        The first call for a set of points is collective.
         """
-        return self._facet_values("room", self._coulomb_point.stick_margin, points)()[..., 0]
+        return self._facet_values("stick_margin", self._coulomb_point.stick_margin, points)()[
+            ..., 0
+        ]
 
     def _facet_values(self, name: str, expression: Expr, points: np.ndarray) -> FacetValues:
         cache_key = name, points.tobytes()
@@ -219,7 +239,7 @@ class Friction(Term):
         return self._expressions[cache_key]
 
     def shear_at(self, points: np.ndarray) -> np.ndarray:
-        """tau (facets, points, axes) at reference-facet points of the contact surface [pressure]."""
+        """Multiplier tau (facets, points, axes) at reference-facet points [pressure]."""
         body = self.body
         nodes = facet_nodes(
             body.mesh, body.unknowns.collapsed_space("tau"), body.body_mesh.surfaces["top"]
@@ -231,7 +251,7 @@ class Friction(Term):
         return body.trace.interpolate(body.local_array()[shear_dofs], points)
 
     def force(self) -> float:
-        """The virtual work of pressing deeper [force], this rank's share of the modelled part."""
+        """Vertical force of friction on the tip [force], this rank's part in the model domain."""
         return (
             float(fem.assemble_scalar(self._vertical_force_form))
             if self._vertical_force_form
@@ -239,7 +259,5 @@ class Friction(Term):
         )
 
     def side_force(self, axis: int) -> float:
-        """Force on the tip along a horizontal axis [force], of pressure and friction, this rank's
-        share.
-        """
+        """Horizontal force on the tip of pressure and friction [force], this rank's part."""
         return float(fem.assemble_scalar(self._side_force_forms[axis]))

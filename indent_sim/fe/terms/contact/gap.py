@@ -7,14 +7,18 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from indent_sim.fe.discrete_body import Body, TimeLevel, symbolic_copy
+from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.symbolic_constants import symbolic_copy
+from indent_sim.fe.unknowns import TimeLevel
 from indent_sim.model.tips import gap_current, gap_reference
 
 
 class Gap:
-    """g [length] at the contact surface, >= 0 open, and its normal dg/dx, the direction of the
-    traction on the body. The reference gap depends on u_z alone, and linearly; the current one
-    on the deformed point x = X + u.
+    """Gap g [length] between the contact surface and the tip, g >= 0 where the contact is open.
+
+    The normal dg/dx is the direction of the traction on the body. The reference gap is linear in
+    u_z and independent of the horizontal displacement; the current gap depends on the deformed
+    point x = X + u.
     """
 
     def __init__(self, body: Body, time_level: TimeLevel):
@@ -39,13 +43,14 @@ class Gap:
 
     @property
     def depth_derivative(self) -> Expr:
-        """dg/ddelta: -1 for a reference gap."""
+        """Derivative dg/d(delta); -1 for a reference gap."""
         return ufl.diff(self.g, self._delta)
 
     @property
     def tangents(self) -> tuple[Expr, ...]:
-        """Unit tangents m_k of the tip, one for each horizontal axis: the axes, turned as -e_z is
-        turned into the normal n = grad g/|grad g|,
+        """Unit tangents m_k of the tip, one for each horizontal axis.
+
+        The rotation that takes -e_z to the normal n = grad g/|grad g| takes the axes e_k to
 
             m_k = e_k - n_k/(1 - n_z) (n - e_z).
         """
@@ -58,7 +63,7 @@ class Gap:
 
     @property
     def hessian(self) -> Expr:
-        """d2g/dx2 (dim, dim) [1/length]."""
+        """Second derivative d2g/dx2 (dim, dim) of the gap [1/length]."""
         if self._x is None:
             return ufl.as_matrix(np.zeros((self._dim,) * 2).tolist())
         return ufl.diff(self.normal, self._x)

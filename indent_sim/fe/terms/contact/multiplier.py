@@ -1,26 +1,29 @@
-"""The multiplier lam [pressure] of a contact potential, as nodal values on the contact surface."""
+"""The Lagrange multiplier lam [pressure] of the contact, as nodal values on its surface."""
 
 from __future__ import annotations
 
 import numpy as np
 from dolfinx import fem
-from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import DISPLACEMENT_ORDER, Body, Field
-from indent_sim.fe.surface import facet_nodes, interpolate_from_midpoints
+from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.facet_values import facet_nodes
+from indent_sim.fe.nodal_assembly import sum_nodal_contributions
+from indent_sim.fe.shape_functions import interpolate_from_midpoints
+from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field
 from indent_sim.scene.scene import Scene
 
 
 def multiplier_field(scene: Scene, order: int) -> Field:
-    """The unknown multiplier lam on the contact surface."""
+    """The unknown multiplier lam as a Lagrange field of the given order on the contact surface."""
     return Field("lam", order, domain="top", weight=stiffness_scale(scene))
 
 
 def stiffness_scale(scene: Scene) -> float:
-    """Pressure per length that compares gaps with pressures: the contact law's own, or
-    E*/h_contact.
+    """Stiffness [pressure/length] by which gaps are compared with pressures.
+
+    It is the penalty stiffness of the contact law, or E*/h_contact for a law without one.
     """
     return float(
         getattr(
@@ -32,12 +35,19 @@ def stiffness_scale(scene: Scene) -> float:
 
 
 class SurfaceMultiplier:
-    """lam on the contact surface: an unknown of the body, or a function of the displacement's
-    order.
+    """The multiplier on the contact surface.
+
+    It is an unknown of the body, or else a function of the same order as the displacement.
+
+    Attributes
+    ----------
+    lam : Expr
+        The multiplier as a UFL expression [pressure].
+    vector : PETSc.Vec
+        Vector that stores its nodal values.
     """
 
     def __init__(self, body: Body):
-        # its values at the nodes (facets, nodes) stand at `_places` in the local array of `vector`
         self.lam: Expr
         self._trace = body.trace
         facets = body.body_mesh.surfaces["top"]
@@ -55,11 +65,15 @@ class SurfaceMultiplier:
             self._node_dofs = facet_nodes(body.mesh, space, facets)
 
     def values_at_points(self, points: np.ndarray) -> np.ndarray:
-        """lam (facets, points) at reference-facet points of the contact surface [pressure]."""
+        """The multiplier (facets, points) at points of the reference facet [pressure]."""
         return self._trace.interpolate(self._nodal_values()[..., None], points)[..., 0]
 
     def smooth_values_at(self, points: np.ndarray) -> np.ndarray:
-        """lam as a pressure to be looked at: without its ripples at the vertices of triangles."""
+        """The multiplier (facets, points) as a pressure for output [pressure] (collective).
+
+        On triangles the multiplier oscillates at the vertices, whose values are replaced by means
+        of those at the midpoints, see `interpolate_from_midpoints`.
+        """
         if not self._trace.has_ripples:
             return self.values_at_points(points)
         nodal = interpolate_from_midpoints(
@@ -71,7 +85,7 @@ class SurfaceMultiplier:
         return self._trace.interpolate(nodal[..., None], points)[..., 0]
 
     def set_nodal_values(self, nodal: np.ndarray) -> None:
-        """Set the values at the nodes of the facets (facets, nodes) [pressure] (collective)."""
+        """Set values (facets, nodes), averaged at shared nodes [pressure] (collective)."""
         total, count = (
             sum_nodal_contributions(self.vector, self._node_dofs, values)
             for values in (nodal, np.ones_like(nodal))
@@ -82,21 +96,3 @@ class SurfaceMultiplier:
     def _nodal_values(self) -> np.ndarray:
         with self.vector.localForm() as local:
             return local.array[self._node_dofs]
-
-
-def sum_nodal_contributions(
-    vector: PETSc.Vec, node_dofs: np.ndarray, nodal: np.ndarray
-) -> np.ndarray:
-    """Contributions (facets, nodes) summed over facets and ranks that share a node, as the local
-    array of `vector`.
-    """
-    work = vector.duplicate()
-    with work.localForm() as local:
-        local.set(0.0)
-        np.add.at(local.array, node_dofs, nodal)
-    work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    work.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
-    with work.localForm() as local:
-        summed = np.array(local.array)
-    work.destroy()  # left to Python, those of several ranks stay until the end
-    return summed

@@ -1,4 +1,4 @@
-"""The L2 projection of the contact pressure on the Lagrange functions of the contact surface."""
+"""L2 projection of the contact pressure onto the Lagrange functions of the contact surface."""
 
 from __future__ import annotations
 
@@ -14,25 +14,33 @@ from ufl.core.expr import Expr
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body
 
-MixingRule = Callable[
-    [np.ndarray, np.ndarray], np.ndarray
-]  # the next vector, from the present one and its image
+# The next multiplier from the present one and its projection
+MixingRule = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 class PressureProjection:
-    """lam <- the L2 projection of <p_hat> on the contact surface: int lam N = int <p_hat> N, the
-    nodal forces. What a law without a multiplier of its own knows of the pressure, p_hat at
-    points, oscillates inside the elements as much as its stiffness magnifies the gap; the nodal
-    forces do not.
+    """Update lam to the L2 projection of <p_hat>: int lam N = int <p_hat> N for all functions N.
+
+    The projection has the same nodal forces as <p_hat>. The trial pressure p_hat itself oscillates
+    inside the elements, because its penalty stiffness magnifies small oscillations of the gap.
+
+    Parameters
+    ----------
+    body : Body
+        Discrete body.
+    pressure : Expr
+        The contact pressure <p_hat> [pressure], a UFL expression.
+    function : fem.Function
+        The multiplier lam, which `update_multiplier` changes.
     """
 
     def __init__(self, body: Body, pressure: Expr, function: fem.Function):
-        self.function = function  # whose memory `lam` is
+        self.function = function
         self.lam = compat.petsc_vector(function)
         space = function.function_space
         trial = ufl.TrialFunction(space)
         test = ufl.TestFunction(space)
-        # the volume term is zero: it only gives dofs off the surface a place on the diagonal
+        # The zero volume term gives the dofs off the surface an entry on the diagonal
         diagonal = fem.Constant(body.mesh, 0.0) * trial * test * ufl.dx
         mass = fem.form(body.contact_integral(trial * test) + diagonal)
         self._load_form = fem.form(body.contact_integral(pressure * test))
@@ -51,8 +59,18 @@ class PressureProjection:
         self._solver.getPC().setFactorSolverType("mumps")
 
     def update_multiplier(self, mixing: MixingRule | None = None) -> float:
-        """Change the multiplier (collective); returns how far it was from its projection, relative
-        to itself: NaN where one of both is not a number.
+        """Replace the multiplier by its projection, or by a mixture of both (collective).
+
+        Parameters
+        ----------
+        mixing : callable, optional
+            Next multiplier from the present one and its projection.
+
+        Returns
+        -------
+        float
+            Relative difference of the multiplier and its projection before the update; NaN if
+            either is not finite.
         """
         with self._b.localForm() as local:
             local.set(0.0)
@@ -62,9 +80,8 @@ class PressureProjection:
         before = self.lam.copy()
         image = self.lam.duplicate()
         self._solver.solve(self._b, image)
-        magnitude = np.maximum(
-            image.norm(), before.norm()
-        )  # NaN where one is, which max() may lose
+        # np.maximum propagates NaN, max() does not
+        magnitude = np.maximum(image.norm(), before.norm())
         self.lam.array[:] = mixing(before.array_r, image.array_r) if mixing else image.array_r
         self.lam.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
         before.axpy(-1.0, image)

@@ -1,7 +1,8 @@
-"""The contact term of a law with a potential: int potential(g, lam) dGamma.
+"""Contact residual of a law with a potential: int potential(g, lam) dGamma.
 
-Its derivative along the gap is minus the pressure <lam - stiffness g>, along the tip's normal. Only
-what is unknown is varied: a frozen multiplier or the body's own stress (Nitsche, theta = 0) is not.
+The derivative of the potential with respect to the gap is minus the contact pressure <lam -
+stiffness g>, which acts along the tip's normal. Only unknowns are varied: a frozen multiplier
+(Uzawa) and the stress of the body (Nitsche's method with theta = 0) are not.
 """
 
 from __future__ import annotations
@@ -13,17 +14,19 @@ import ufl
 from dolfinx import fem
 from ufl.core.expr import Expr
 
-from indent_sim.fe.discrete_body import DISPLACEMENT_ORDER, Body, Field, TimeLevel, symbolic_copy
+from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.symbolic_constants import symbolic_copy
 from indent_sim.fe.terms.contact.gap import Gap
 from indent_sim.fe.terms.contact.multiplier import SurfaceMultiplier, multiplier_field
 from indent_sim.fe.terms.contact.projection import PressureProjection
 from indent_sim.fe.terms.strain_energy import StrainEnergy
 from indent_sim.fe.terms.term import Term
+from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field, TimeLevel
 from indent_sim.scene.scene import Scene
 
 
 def fields(scene: Scene) -> list[Field]:
-    """The multiplier, where it is an unknown."""
+    """The multiplier field of laws for which it is an unknown."""
     return (
         [multiplier_field(scene, DISPLACEMENT_ORDER)]
         if scene.physics.contact.multiplier == "unknown"
@@ -32,7 +35,17 @@ def fields(scene: Scene) -> list[Field]:
 
 
 class Traction(Term):
-    """The tip's push on the contact surface by the potential of the scene's contact law."""
+    """Normal contact pressure by the potential of the scene's contact law.
+
+    Attributes
+    ----------
+    gap : Gap
+        Gap at the current solution.
+    trial_pressure : Expr
+        p_hat [pressure], a UFL expression, > 0 in contact.
+    pressure : Expr
+        Contact pressure <p_hat>, less the attraction of an adhesive tip [pressure].
+    """
 
     def __init__(self, body: Body, strain_energy: StrainEnergy):
         self.body = body
@@ -43,13 +56,13 @@ class Traction(Term):
         self.field_names = ("lam",) if self._solves_for_multiplier else ()
         self.frozen = (self.surface_multiplier.lam,) if self.law.multiplier == "frozen" else ()
         self.has_memory = self.law.may_snap_through
-        self.has_symmetric_tangent = self.law.multiplier != "stress"  # whose variation is dropped
+        # Nitsche's method with theta = 0 does not vary the stress
+        self.has_symmetric_tangent = self.law.multiplier != "stress"
         self.symbolic_law = symbolic_copy(self.law, body.mesh)
         g = ufl.variable(self.gap.g)
         lam = ufl.variable(self._lam) if self._solves_for_multiplier else self._lam
         potential = self.symbolic_law.potential(g, lam)
         self._potential_slope = ufl.diff(potential, g)
-        # p_hat, above zero in contact, and <p_hat> [pressure] as UFL expressions
         self.trial_pressure = self.symbolic_law.trial_pressure(self.gap.g, self._lam)
         self.pressure = -self._potential_slope
         self._multiplier_slope = ufl.diff(potential, lam) if self._solves_for_multiplier else None
@@ -59,8 +72,9 @@ class Traction(Term):
         )
 
     def _multiplier_expression(self, strain_energy: StrainEnergy) -> Expr:
-        """lam in the potential: an unknown, a given function, the body's own normal stress, or
-        zero.
+        """The multiplier in the potential, by the contact method.
+
+        It is an unknown, a frozen function, the normal stress of the body, or zero.
         """
         match self.law.multiplier:
             case "unknown" | "frozen":
@@ -75,30 +89,28 @@ class Traction(Term):
 
     @cached_property
     def surface_multiplier(self) -> SurfaceMultiplier:
-        """lam as it is read: the multiplier, or where the law has none of its own the projection of
-        the pressure.
-        """
+        """The multiplier, or for a law without one the projection of the pressure."""
         return SurfaceMultiplier(self.body)
 
     @cached_property
     def projection(self) -> PressureProjection:
-        """The pressure's projection on the multiplier's functions; its memory is `field`'s."""
+        """Projection of the pressure, stored in `surface_multiplier`."""
         return PressureProjection(self.body, self.pressure, self.surface_multiplier.lam)
 
     def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
-        """Virtual work of the pressure, as a UFL form."""
+        """Virtual work of the pressure along `now.test`, a UFL form."""
         virtual = self._potential_slope * ufl.derivative(self.gap.g, now.function, now.test)
         if self._solves_for_multiplier:
             virtual += self._multiplier_slope * ufl.derivative(self._lam, now.function, now.test)
         return self.body.contact_integral(virtual)
 
     def force(self) -> float:
-        """Virtual work of pressing deeper [force], this rank's share of the modelled part."""
+        """Virtual work per indentation depth [force], this rank's part in the model domain."""
         return float(fem.assemble_scalar(self._force_form))
 
     @property
     def stiffness(self) -> float:
-        """The law's stiffness as it is now, softened or not [pressure/length]."""
+        """Current penalty stiffness [pressure/length], with all factors."""
         return float(self.symbolic_law.stiffness.value)  # type: ignore[union-attr]
 
     def scale_stiffness(self, factor: float) -> None:
@@ -106,15 +118,11 @@ class Traction(Term):
         self.symbolic_law.stiffness.value = factor * self.law.stiffness  # type: ignore[union-attr]
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
-        """lam (facets, points) at reference-facet points of the contact surface [pressure]
-        (collective).
-        """
+        """Multiplier (facets, points) at points of the reference facet [pressure] (collective)."""
         return self._projected_multiplier().values_at_points(points)
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
-        """lam as a pressure to be looked at: without its ripples at the vertices of triangles
-        (collective).
-        """
+        """Smoothed multiplier (facets, points) for output [pressure] (collective)."""
         return self._projected_multiplier().smooth_values_at(points)
 
     def _projected_multiplier(self) -> SurfaceMultiplier:

@@ -1,18 +1,17 @@
-"""A drag on the contact surface: it holds a body back that is let go of, on the way to where it
-comes to rest.
-"""
+"""Drag on the contact surface, by which dynamic relaxation reaches a stable state of a body."""
 
 from __future__ import annotations
 
 import ufl
 from dolfinx import fem
 
-from indent_sim.fe.discrete_body import Body, TimeLevel
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.terms.term import Term
+from indent_sim.fe.unknowns import TimeLevel
 
 
 class ViscousRegularization(Term):
-    """int drag (u - u_start) . v dGamma; nothing while the drag [pressure/length] is zero."""
+    """Virtual work int drag (u - u_start) . v dGamma of a surface drag [pressure/length]."""
 
     def __init__(self, body: Body):
         self._body = body
@@ -20,7 +19,7 @@ class ViscousRegularization(Term):
         self._start_solution = fem.Function(body.unknowns.space)
 
     def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
-        """Virtual work of the drag, as a UFL form."""
+        """Virtual work of the drag, a UFL form."""
         start, test = (
             self._body.unknowns.split_fields(function)["u"]
             for function in (self._start_solution, now.test)
@@ -30,8 +29,6 @@ class ViscousRegularization(Term):
         )
 
     def set_drag(self, drag: float) -> None:
-        """Hold the surface back where it is by a drag [pressure/length] on its way; 0 for not at
-        all.
-        """
+        """Set the drag coefficient [pressure/length] and take the current solution as u_start."""
         self._drag_coefficient.value = drag
         self._start_solution.x.array[:] = self._body.now.function.x.array

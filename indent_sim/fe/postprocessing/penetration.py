@@ -1,0 +1,89 @@
+"""Penetration of the tip into the body, at contact points and outside the contact surface."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from indent_sim.fe.postprocessing.contact_sample import (
+    ObservedBody,
+    components_first,
+    gap,
+    gap_of_displacement,
+    max_over_ranks,
+)
+from indent_sim.fe.quadrature import contact_quadrature
+from indent_sim.fe.surface import Trace
+
+
+def penetration(body: ObservedBody) -> float:
+    """Largest penetration <-g> at contact quadrature points and nodes [length] (collective)."""
+    points = np.vstack([contact_quadrature(body.trace.dim)[0], body.trace.node_points()])
+    return max_over_ranks(body, (-gap(body, points)).max(initial=0.0))[0]
+
+
+def penetration_outside_contact_surface(
+    body: Any, noncontact_trace: Trace, solution: np.ndarray
+) -> float:
+    """Penetration of the tip into a surface on which no contact is modelled [length] (collective).
+
+    The penetration of a point is the smaller of that by the gap function and that by the shape of
+    the tip at the deformed point. With a reference gap, the rim of a flattened body may rise above
+    the height of the tip over its undeformed position, while the tip, which rises outwards, is
+    still above it.
+
+    Parameters
+    ----------
+    body : ObservedBody
+        Whole or condensed body.
+    noncontact_trace : Trace
+        The surface without contact.
+    solution : ndarray
+        Local solution array of the body, or its part on the surface [length].
+    """
+    points = contact_quadrature(body.trace.dim)[0]
+    u = noncontact_trace.interpolate(solution[noncontact_trace.dofs], points)
+    by_gap = -gap_of_displacement(body, noncontact_trace, points, u)
+    by_shape, _ = _depth_inside_tip(body, noncontact_trace.positions(points) + u)
+    inside = np.minimum(by_gap, by_shape)
+    return max_over_ranks(body, inside[inside > 0].max(initial=0.0))[0]
+
+
+def overlap_depth(body: ObservedBody, positions: np.ndarray, gap: np.ndarray) -> float:
+    """Largest depth by which a whole deformed facet lies inside the tip [length], this rank's.
+
+    The depth of a facet is the smallest of its points, so that a facet over an apex or an edge does
+    not count. The depth of a point is z + delta - f, or -g if that is smaller. It is 0 with a
+    reference gap.
+
+    Parameters
+    ----------
+    body : ObservedBody
+        State of the body.
+    positions : ndarray, (facets, points, dim)
+        Deformed positions [length].
+    gap : ndarray, (facets, points)
+        Gap g [length].
+    """
+    if body.scene.physics.gap == "reference":
+        return 0.0
+    inside, distance = _depth_inside_tip(body, positions)
+    inside = np.where(gap < 0, np.minimum(inside, -gap), inside)
+    # Only points within half of the tip's radius: no tip is steep there, and a ball has its stem
+    # above the outer half
+    is_under = distance < 0.5 * body.scene.physics.indenter.radius_at(
+        body.scene.physics.body.height
+    )
+    least_inside = np.where(is_under, inside, np.inf).min(axis=1)
+    return float(least_inside[is_under.any(axis=1)].max(initial=0.0))
+
+
+def _depth_inside_tip(body: ObservedBody, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Depth z + delta - f of positions inside the tip, and distance from its axis [length]."""
+    horizontal = body.scene.physics.domain.kinematics.horizontal_position(
+        components_first(positions), body.scene.physics.center
+    )
+    return positions[..., -1] + body.depth - body.scene.physics.indenter.height(
+        *horizontal
+    ), np.hypot(*horizontal)

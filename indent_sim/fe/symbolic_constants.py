@@ -1,0 +1,28 @@
+"""Copies of material laws, tips and contact laws with UFL constants in place of numbers."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from dolfinx import fem
+from dolfinx import mesh as dolfinx_mesh
+
+
+def symbolic_copy(item: Any, mesh: dolfinx_mesh.Mesh) -> Any:
+    """Copy a dataclass with every float replaced by a `fem.Constant`, also inside its fields.
+
+    A changed value then does not need a new kernel. Integers stay: they are counts, such as the
+    faces of a pyramid, on which the formula itself depends.
+    """
+
+    def symbolic_value(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(map(symbolic_value, value))
+        if dataclasses.is_dataclass(value):
+            return symbolic_copy(value, mesh)
+        return fem.Constant(mesh, value) if isinstance(value, float) else value
+
+    return dataclasses.replace(
+        item, **{f.name: symbolic_value(getattr(item, f.name)) for f in dataclasses.fields(item)}
+    )

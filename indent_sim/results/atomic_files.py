@@ -1,0 +1,107 @@
+"""Writing of files so that a reader or a kill never meets half of a change."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
+MAX_RESULT_BYTES = 10**9  # A longer file is not read: it would fill the memory.
+
+
+def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: bool = True) -> None:
+    """Replace a file at once: a reader or a kill finds the old content or the new one.
+
+    Parameters
+    ----------
+    path
+        The file.
+    content
+        Bytes, text, or parts of a text.
+    sync
+        Wait until the content is on the disk.
+    """
+    parts: Iterable[str | bytes] = [content] if isinstance(content, str | bytes) else content
+    temporary = temporary_path(path)
+    try:
+        with open(_open_new(temporary), "wb") as file:
+            for part in parts:
+                file.write(part.encode() if isinstance(part, str) else part)
+            file.flush()
+            if sync:
+                os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except OSError:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+
+
+def _open_new(path: Path) -> int:
+    """Open a new file for writing, in place of a file left by a killed write, or of a link."""
+    for _ in range(2):
+        with suppress(FileExistsError):
+            return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        path.unlink(missing_ok=True)
+    raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+
+
+def temporary_path(path: Path) -> Path:
+    """Return the path beside a file under which its new content is written first."""
+    return path.with_name(f".{path.name}.new")
+
+
+def sync_to_disk(path: Path) -> None:
+    """Wait until a file is on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def append_atomically(path: Path, data: bytes, sync: bool = True, tail: bytes = b"") -> None:
+    """Append to a file in one write; a write that a full disk cuts off is undone.
+
+    Parameters
+    ----------
+    path
+        The file; it is created if there is none.
+    data
+        Bytes to add.
+    sync
+        Wait until they are on the disk.
+    tail
+        Bytes with which the file ends before and after; `data` is inserted before them.
+    """
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+    try:
+        size = os.fstat(descriptor).st_size
+        try:
+            if os.pwrite(descriptor, data + tail, size - len(tail)) != len(data + tail):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        except OSError:
+            os.pwrite(descriptor, tail, size - len(tail))
+            os.ftruncate(descriptor, size)
+            raise
+        if sync:
+            os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def read_regular_file(path: Path) -> bytes:
+    """Return the bytes of a regular file; OSError for any other kind, or if it is longer than 1 GB.
+
+    A pipe or a device might never end.
+    """
+    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "not a regular file", str(path))
+        data = file.read(MAX_RESULT_BYTES + 1)
+    if len(data) > MAX_RESULT_BYTES:
+        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+    return data

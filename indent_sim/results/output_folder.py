@@ -1,0 +1,314 @@
+"""Output folder of a run: its lock, and how it replaces an older result folder.
+
+A run writes into a hidden staging folder beside its target and becomes the target by renaming, so
+that readers see the old folder or the new one, never half of one. `.lock` inside the folder is held
+while the run lives (the kernel releases it when the run is killed) and moves with the rename. The
+ownership of files is decided in `result_files`.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import shutil
+import stat
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from pathlib import Path
+
+from indent_sim.process.errors import IndentSimError, UsageError
+from indent_sim.process.limits import write_error
+from indent_sim.results.atomic_files import temporary_path
+from indent_sim.results.result_files import (
+    FIELDS_FOLDER,
+    HIDDEN_NAMES,
+    LOCK,
+    LOCK_SIGNATURE,
+    PROGRAM,
+    REPORT,
+    RESULT_FILES,
+    delete_own_fields,
+    delete_own_files,
+    entry_names,
+    field_files,
+    folder_kind,
+    foreign_files,
+    has_rows,
+    is_own_folder,
+    is_own_lock,
+    refuse_foreign,
+    refuse_links,
+)
+
+# The lock file reserves these bytes and frees them at the end of a run, so that run.json can still
+# be written on a full disk.
+RESERVED_BYTES = 64 * 1024
+
+
+class OutputFolder:
+    """Exclusive right to write one result folder: a locked staging folder that becomes the target.
+
+    Parameters
+    ----------
+    target
+        The result folder.
+    may_replace
+        Called with an existing folder; it raises UsageError if the folder is not to be replaced. By
+        default every folder of this program may be replaced.
+
+    Raises
+    ------
+    UsageError
+        The target was not made by this program, cannot be written, is in use, or is not to be
+        replaced. Nothing is left behind.
+    """
+
+    def __init__(self, target: Path, may_replace: Callable[[Path], None] = lambda folder: None):
+        self._check_replaceable = may_replace
+        self._lock_descriptor = -1
+        self.is_in_place = False
+        self._created_parents: list[Path] = []
+        try:
+            if target.is_symlink() and not target.exists():
+                raise UsageError(f"{target} is a broken link")
+            self.target = Path(os.path.realpath(target))
+            parent = self.target.parent
+            name = self.target.name
+            can_stage_beside = not self.target.is_dir() or os.access(parent, os.W_OK | os.X_OK)
+            self.path = (
+                parent / f".{name}.staging" if can_stage_beside else self.target / ".staging"
+            )
+            self._old_folder = parent / f".{name}.old" if can_stage_beside else self.target / ".old"
+            self._refuse_occupied_names()
+            self._refuse_target()
+            self._make_parents(self.target.parent)
+            self._create_staging_folder()
+            self._recover_interrupted_rename()
+            self._refuse_target()
+        except (OSError, IndentSimError) as error:
+            self.abandon()
+            raise (write_error(target, error) if isinstance(error, OSError) else error) from error
+        self.replaces_results = has_rows(self.target)
+
+    def resume_in_place(self) -> None:
+        """Continue the run in the target folder itself, without a staging folder."""
+        refuse_links(self.target)
+        try:
+            descriptor = _open_locked(self.target / LOCK, self.target)
+            _sign_lock(descriptor)
+            # A killed write may have left a temporary file.
+            for name in RESULT_FILES:
+                temporary_path(self.target / name).unlink(missing_ok=True)
+            for path in field_files(self.target / FIELDS_FOLDER):
+                if path.name.startswith("."):
+                    path.unlink()
+        except OSError as error:
+            raise write_error(self.target, error) from error
+        staging = self.path
+        old_lock = self._lock_descriptor
+        self.path = self.target
+        self._lock_descriptor = descriptor
+        self.is_in_place = True
+        shutil.rmtree(staging, ignore_errors=True)
+        os.close(old_lock)
+
+    def rename_into_place(self) -> None:
+        """Give the staging folder its target's name, with the foreign files of an old folder."""
+        self._refuse_target()
+        # A process whose working directory were renamed and deleted could not go on in it.
+        if self._old_folder.parent != self.target and self.target not in (
+            working_directory := Path.cwd(),
+            *working_directory.parents,
+        ):
+            try:
+                if self.target.is_dir() and any(self.target.iterdir()):
+                    os.rename(self.target, self._old_folder)
+                os.rename(self.path, self.target)
+            except OSError as error:
+                if error.errno not in (errno.EBUSY, errno.EXDEV, errno.EPERM, errno.EACCES):
+                    raise
+                # A mount point cannot be renamed, nor a folder of another user in /tmp.
+                self._rename_entries()
+        else:
+            self._rename_entries()
+        self.path = self.target
+        self.is_in_place = True
+        self._created_parents = []
+        self._delete_old()
+
+    def abandon(self) -> None:
+        """Release the folder and leave everything as it was found."""
+        if not self.is_in_place and self._lock_descriptor >= 0:
+            shutil.rmtree(self.path, ignore_errors=True)
+        self.release_lock()
+        for folder in reversed(self._created_parents):
+            with suppress(OSError):
+                folder.rmdir()
+        self._created_parents.clear()
+
+    def release_lock(self) -> None:
+        """Release the lock; the written files stay."""
+        if self._lock_descriptor >= 0:
+            if _is_same_file(self._lock_descriptor, self.path / LOCK):
+                with suppress(OSError):
+                    (self.path / LOCK).unlink()
+            os.close(self._lock_descriptor)
+            self._lock_descriptor = -1
+
+    def free_reserved_space(self) -> None:
+        """Free the bytes reserved in the lock file, so that run.json still fits on a full disk."""
+        if self._lock_descriptor >= 0:
+            with suppress(OSError):
+                os.ftruncate(self._lock_descriptor, len(LOCK_SIGNATURE))
+
+    def _make_parents(self, folder: Path) -> None:
+        """Create the missing parents of the target, and check that its folder can be written."""
+        missing = []
+        while not folder.exists():
+            missing.append(folder)
+            folder = folder.parent
+        writable_folders = (
+            [self.target, self.target / FIELDS_FOLDER] if self.target.is_dir() else [folder]
+        )
+        if not all(
+            os.access(place, os.W_OK | os.X_OK) for place in writable_folders if place.is_dir()
+        ):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
+        for folder in reversed(missing):
+            folder.mkdir()
+            self._created_parents.append(folder)
+
+    def _create_staging_folder(self) -> None:
+        """Create and lock the staging folder, and empty one that a killed run left."""
+        # Another run may rename or delete the folder between two of these lines: then try again.
+        for _ in range(20):
+            with suppress(FileExistsError):
+                self.path.mkdir()
+            with suppress(FileNotFoundError):
+                descriptor = _open_locked(self.path / LOCK, self.target)
+                if _is_same_file(descriptor, self.path / LOCK):
+                    break
+                os.close(descriptor)
+        else:
+            raise UsageError(f"{self.target} is in use by another run")
+        self._lock_descriptor = descriptor
+        # Other entries were left by a killed run.
+        for entry in [entry for entry in self.path.iterdir() if entry.name != LOCK]:
+            if entry.is_dir() and not entry.is_symlink():
+                shutil.rmtree(entry, ignore_errors=True)
+            else:
+                entry.unlink()
+        _sign_lock(descriptor)
+
+    def _refuse_occupied_names(self) -> None:
+        """Raise UsageError if a foreign entry has the name of the staging or old folder."""
+        for path in (self.path, self._old_folder):
+            unused = path == self.path and not path.is_symlink() and folder_kind(path) == "nothing"
+            if os.path.lexists(path) and not (is_own_folder(path) or unused):
+                raise UsageError(
+                    f"{path} is in the way and was not made by {PROGRAM}; choose another --output"
+                )
+
+    def _refuse_target(self) -> None:
+        """Raise UsageError if the target is foreign, in use, or not to be replaced."""
+        # While the old folder exists, a killed run's replacement is unfinished, and the target may
+        # hold anything of both runs.
+        if not self._old_folder.is_dir():
+            refuse_foreign(self.target)
+            self._check_replaceable(self.target)
+        # Without a lock file, or without permission to open it, nothing can be locked.
+        with suppress(OSError):
+            os.close(_open_locked(self.target / LOCK, self.target, 0))
+
+    def _recover_interrupted_rename(self) -> None:
+        """Finish or undo a replacement during which a run was killed.
+
+        run.json is moved out of the target first and into it last: it tells how far the replacement
+        came.
+        """
+        if not self._old_folder.is_dir():
+            return
+        if (self.target / REPORT).exists():
+            self._delete_old()
+        # The old folder still has its own lock unless the entries were moved one by one.
+        elif not self.target.exists() or not is_own_lock(self._old_folder / LOCK):
+            if self.target.exists():  # An empty folder was made there since.
+                refuse_foreign(self.target)
+                self.target.rmdir()
+            os.rename(self._old_folder, self.target)
+        else:
+            # Without an old run.json the target was empty, and its entries belong to the new run.
+            if not (self._old_folder / REPORT).exists():
+                for name in RESULT_FILES:
+                    (self.target / name).unlink(missing_ok=True)
+                delete_own_fields(self.target / FIELDS_FOLDER)
+            if (self._old_folder / FIELDS_FOLDER).is_dir():
+                delete_own_fields(self.target / FIELDS_FOLDER)
+            for entry in self._old_folder.iterdir():
+                if entry.name != LOCK:
+                    os.replace(entry, self.target / entry.name)
+            delete_own_files(self._old_folder)
+
+    def _rename_entries(self) -> None:
+        """Replace the target's entries one by one, where the folder itself cannot be renamed."""
+        # The folder gets its lock, which marks it as this program's, before it gets its name.
+        new_old_folder = self.path / ".old"
+        new_old_folder.mkdir()
+        (new_old_folder / LOCK).write_bytes(LOCK_SIGNATURE)
+        os.rename(new_old_folder, self._old_folder)
+        for entry in sorted(self.target.iterdir(), key=lambda entry: entry.name != REPORT):
+            if entry.name not in HIDDEN_NAMES:
+                shutil.move(entry, self._old_folder / entry.name)
+        for entry in sorted(self.path.iterdir(), key=lambda entry: entry.name == REPORT):
+            shutil.move(entry, self.target / entry.name)
+        shutil.rmtree(self.path, ignore_errors=True)
+
+    def _delete_old(self) -> None:
+        """Delete the replaced folder, after moving its foreign entries to the target."""
+        if not self._old_folder.is_dir():
+            return
+        delete_own_fields(self._old_folder / FIELDS_FOLDER)  # Only foreign files remain in it.
+        _move_missing(self._old_folder, self.target, foreign_files(self._old_folder))
+        if (self._old_folder / FIELDS_FOLDER).is_dir():
+            _move_missing(
+                self._old_folder / FIELDS_FOLDER,
+                self.target / FIELDS_FOLDER,
+                entry_names(self._old_folder / FIELDS_FOLDER, ()),
+            )
+        delete_own_files(self._old_folder)
+
+
+def _move_missing(source: Path, target: Path, names: Iterable[str]) -> None:
+    """Move entries of a folder into another one, except those whose names exist there."""
+    for name in names:
+        if not os.path.lexists(target / name):
+            shutil.move(source / name, target / name)
+
+
+def _sign_lock(descriptor: int) -> None:
+    """Write the signature into a lock file, followed by the reserved bytes."""
+    os.pwrite(descriptor, LOCK_SIGNATURE.ljust(RESERVED_BYTES, b"\0"), 0)
+
+
+def _open_locked(path: Path, target: Path, flags: int = os.O_CREAT) -> int:
+    """Open and lock a file; UsageError if another process that writes the target holds it."""
+    descriptor = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | flags, 0o644)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise UsageError(f"{target} is in use by another run") from None
+    except OSError:
+        pass  # Some file systems have no locks.
+    return descriptor
+
+
+def _is_same_file(descriptor: int, path: Path) -> bool:
+    """Return whether an open file is the one that has this path now."""
+    with suppress(FileNotFoundError):
+        return os.path.samestat(os.fstat(descriptor), os.stat(path))
+    return False
