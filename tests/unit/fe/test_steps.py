@@ -66,7 +66,7 @@ def test_two_successes_double_the_step_and_it_is_kept_for_the_next_target() -> N
 
 
 def test_no_step_is_longer_than_the_limit_but_through_the_air() -> None:
-    rule = StepSizeControl(limit=0.25)
+    rule = StepSizeControl(max_step=0.25)
     rule.begin_target(1.5)
     assert rule.next_target(-0.5, 1.0) == 0.25  # from 0 on in four parts
     assert rule.next_target(0.25, 1.0) == 0.5
