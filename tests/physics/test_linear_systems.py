@@ -188,7 +188,7 @@ def test_only_what_mumps_could_not_do_is_a_failed_step():
         def solve(*_):
             raise PETSc.Error(code)
 
-        return SimpleNamespace(snes=SimpleNamespace(solve=solve), _create=lambda symmetric: "anew")
+        return SimpleNamespace(snes=SimpleNamespace(solve=solve), _create_snes=lambda symmetric: "anew")
 
     failed = newton(76)
     assert not Newton._run_snes(failed, None) and failed.snes == "anew"
@@ -300,7 +300,7 @@ def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monke
     ):
         with monkeypatch.context() as patch:
             patch.setattr(Newton, "_run_snes", says(reason))
-            with pytest.raises(NotConverged, match=f"SNES reason {reason}"):
+            with pytest.raises(NotConverged, match=f"SNES stopped with reason {reason}"):
                 solved(tmp_path)
     assert solved(tmp_path).states[-1].force == pytest.approx(FORCE, rel=0.1)
     with tuned(snes_stol=1.0):  # nor does a short step end a solve, whatever the environment says
