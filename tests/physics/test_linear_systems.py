@@ -188,7 +188,9 @@ def test_only_what_mumps_could_not_do_is_a_failed_step():
         def solve(*_):
             raise PETSc.Error(code)
 
-        return SimpleNamespace(snes=SimpleNamespace(solve=solve), _create_snes=lambda symmetric: "anew")
+        return SimpleNamespace(
+            snes=SimpleNamespace(solve=solve), _create_snes=lambda symmetric: "anew"
+        )
 
     failed = newton(76)
     assert not Newton._run_snes(failed, None) and failed.snes == "anew"
