@@ -1,4 +1,4 @@
-"""Summary of a run for run.json: theory beside it, its audit, its cost."""
+"""Summary of a run in run.json: comparison with theory, audit, cost."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from indent_sim.theory.theory import Theory
 if TYPE_CHECKING:
     from indent_sim.theory.adhesion import AdhesiveContact  # with scipy's searches
 
-FORCE_TOLERANCE = 1e-6  # relative: rows with one force, but for what the solver leaves of it
-# of the curves kept for the plot, a formula's and theory's
-FORMULA_POINTS = 50
-THEORY_POINTS = 20
+# Relative difference up to which forces count as equal: it exceeds the tolerance of the solver.
+FORCE_TOLERANCE = 1e-6
+FORMULA_POINTS = 50  # of the stored curve of a formula
+THEORY_POINTS = 20  # of the stored curve of theory
 
 
 def summary(
@@ -41,17 +41,29 @@ def summary(
     optional_output: OptionalOutput,
     pull_off: PullOff | None = None,
 ) -> dict[str, Any]:
-    """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory
-    [MB].
+    """The closing entries of run.json: theory, audit, timings (wall and CPU) [s], peak memory [MB].
+
+    Parameters
+    ----------
+    scene
+        The scene of the run.
+    states
+        Its rows [user's units].
+    clock
+        The timings of its stages.
+    worst_audit
+        Largest relative difference of contact force and reactions; None without a mesh.
+    optional_output
+        Evaluates the entries that may be missing.
+    pull_off
+        The largest tensile force between rows; None where none was searched for.
     """
     krylov = [state.krylov_iterations for state in states if state.krylov_iterations is not None]
     expected = scene.plan.adhesion
-    is_in_time = (
-        scene.history_on_curve is not None or scene.physics.is_time_dependent
-    )  # what is said of equilibria is not of these
-    balance = (
-        None if expected or is_in_time else energy_balance(states)
-    )  # what snaps, relaxes or drains loses some
+    # Theory and Hertz fit describe elastic equilibria.
+    is_in_time = scene.history_on_curve is not None or scene.physics.is_time_dependent
+    # Energy is dissipated in snap-in and pull-off, relaxation and drainage.
+    balance = None if expected or is_in_time else energy_balance(states)
     audit = {"force_against_reaction": worst_audit, "energy_by_trapezoid": balance}
     audit["newton_iterations"] = sum(state.newton_iterations for state in states)
     if krylov:
@@ -83,9 +95,7 @@ def summary(
 
 
 def _reactions_by_support(state: State) -> dict[str, Any]:
-    """Return the step of a row, and the force of each support on the body by support and axis
-    [force].
-    """
+    """Step of a row, and the force of each support on the body by support and axis [force]."""
     supports: dict[str, Any] = {}
     for name, force in (state.reactions or {}).items():
         support, axis = name.rsplit("_", 1)
@@ -94,16 +104,15 @@ def _reactions_by_support(state: State) -> dict[str, Any]:
 
 
 def rounded_timings(seconds: Mapping[str, float]) -> dict[str, float]:
-    """Seconds of the stages of a run, as run.json has them."""
+    """The seconds of the stages of a run, rounded for run.json."""
     return {name: round(value, 4) for name, value in seconds.items()}
 
 
 def energy_balance(states: list[State]) -> float | None:
-    """Relative difference between int F ddelta (trapezoid rule) and the energy with what friction
-    took of it.
+    """Relative difference of int F ddelta (trapezoid rule) and elastic energy plus dissipation.
 
-    Reported, not judged: on a coarse path the rule itself is wrong by far more than the solution.
-    None where there is no energy; a tip that adheres loses some where it jumps, between two rows.
+    It is reported, not judged: with few rows the error of the trapezoid rule exceeds that of the
+    solution by far. None where there is no energy.
     """
     stored_and_dissipated = (states[-1].energy if states else 0.0) + sum(
         state.dissipation or 0.0 for state in states
@@ -121,11 +130,11 @@ def energy_balance(states: list[State]) -> float | None:
 
 
 def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State:
-    """The row that a run was made for: that of the largest force, the last one where no force
-    pushes.
+    """The row with the largest force; the last row if no force is positive.
 
-    Of several rows of this force the first, or where forces are prescribed the deepest, as of a
-    creep.
+    Of several rows with this force it is the first one, or where forces are prescribed the deepest
+    one,
+    which is the end of a creep test.
     """
     largest_force = max(state.force for state in states)
     if not largest_force > 0:
@@ -140,11 +149,18 @@ def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State
 
 @dataclasses.dataclass(frozen=True)
 class HysteresisLoop:
-    """The loop of force over depth of a path that comes back.
+    """The loop of force over depth of a path with unloading.
 
-    area [force length]: between the way in and the way back, the work that the tip is not given
-    back; error: of the straight lines between rows, estimated; way_in: the work of the way in;
-    is_closed: the tip does not push at the end.
+    Attributes
+    ----------
+    area
+        Work of loading that unloading does not return [force length].
+    error
+        Estimated error of the area by linear interpolation between rows [force length].
+    way_in
+        Work of loading [force length].
+    is_closed
+        Whether the force has vanished at the end.
     """
 
     area: float
@@ -154,13 +170,14 @@ class HysteresisLoop:
 
 
 def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
-    """The loop of a path; None where the tip does not come back.
+    """The hysteresis loop of a path; None without unloading.
 
-    The area is that of straight lines through the rows, whose error goes with the square of their
-    distance: a third of what leaving out every second row between turning points changes.
+    The area is that of straight lines through the rows. Its error is of second order in their
+    distance:
+    a third of the change if every second row between turning points is left out.
     """
     rows = [(state.delta, state.force) for state in states]
-    if rows[0][0] > 0:  # the way in begins at first touch
+    if rows[0][0] > 0:  # loading begins at first touch
         rows.insert(0, (0.0, 0.0))
     steps = [end[0] - begin[0] for begin, end in pairwise(rows)]
     work = [_work(*step) for step in pairwise(rows)]
@@ -177,14 +194,12 @@ def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
 
 
 def _work(begin: tuple[float, float], end: tuple[float, float]) -> float:
-    """The work of a force that is straight between two pairs of depth and force."""
+    """Work of a force that is linear between two pairs of depth and force."""
     return (end[0] - begin[0]) * (begin[1] + end[1]) / 2
 
 
 def expected_pull_offs(adhesion_report: Mapping[str, Any]) -> list[tuple[str, float]]:
-    """What is known beforehand of the largest pull, by what a run says of its adhesion: in words,
-    and how much.
-    """
+    """Meaning and force of each pull-off force that the adhesion report of a run predicts."""
     return [
         (symbol.meaning, force)
         for symbol in PULL_OFF
@@ -195,13 +210,22 @@ def expected_pull_offs(adhesion_report: Mapping[str, Any]) -> list[tuple[str, fl
 def theory_comparison(
     scene: Scene, states: list[State], optional_output: OptionalOutput | None = None
 ) -> dict[str, Any] | None:
-    """Small-strain theory beside the deepest state, and its curve over the depths walked; None
-    without theory.
+    """Small-strain theory at the deepest state, and its curve; None without theory.
 
-    Theory is asked for what the run found: for the force at its depth, or for the depth at the
-    force prescribed, with the friction of the scene where that is known. `force_deviation` or
-    `delta_deviation` = this run / theory - 1; `exact` when the finite body is the theory's own.
-    Beside a tip that adheres it is that of one without range (JKR), with its stable branch.
+    Theory is evaluated at the depth of the run, or at its force where forces are prescribed, with
+    the
+    friction of the scene where its effect is known. `force_deviation` or `delta_deviation` is run /
+    theory - 1; `exact` is true when the body is that of the theory. With adhesion the theory is
+    JKR's.
+
+    Parameters
+    ----------
+    scene
+        The scene of the run.
+    states
+        Its rows [user's units].
+    optional_output
+        Evaluates the entries that may be missing.
     """
     if scene.plan.adhesion:
         return _jkr_comparison(scene, states)
@@ -219,7 +243,8 @@ def theory_comparison(
     F = scales.force * friction.force / scene.physics.mirror_multiplicity
     L *= scene.physics.row_contact_radius(1.0)
     depth: float | None = deepest.delta / D
-    if scene.physics.path.control == "force":  # theory's at this force, where it is in the body
+    # The theoretical depth of the force counts only if it is less than the height of the body.
+    if scene.physics.path.control == "force":
         depth = theory.depth_of_force(deepest.force / F, scene.physics.body.height)
         depth = depth if depth is not None and depth < scene.physics.body.height else None
     solution = None if depth is None else theory.solution_at_depth(depth)
@@ -231,9 +256,8 @@ def theory_comparison(
         f"{name_compared}_deviation": getattr(deepest, name_compared) / numbers[name_compared] - 1
         for name_compared in (name, "a")
     }
-    curve = (
-        theory.contact.solutions_up_to(solution, THEORY_POINTS) if scene.is_meshed else []
-    )  # else: the rows
+    # Without a mesh the rows are the curve of theory.
+    curve = theory.contact.solutions_up_to(solution, THEORY_POINTS) if scene.is_meshed else []
     friction_text = (
         f" {'with' if correction else 'without'} friction"
         if FRICTION_WHY in scene.theory_differences
@@ -253,9 +277,7 @@ def theory_comparison(
 
 
 def _mirror_notes(scene: Scene) -> list[str]:
-    """That what stands beside a run is a part of the whole contact, where the tip sees the body
-    mirrored.
-    """
+    """Note that theory's values are a part of the contact on the body with its mirror images."""
     fraction_names = {2: "half", 4: "a quarter"}
     return (
         [f"{fraction_names[scene.physics.mirror_multiplicity]} of the mirrored contact's"]
@@ -274,14 +296,13 @@ def _contact_numbers(
 def _curve_columns(
     curve: Sequence[Solution | AdhesiveContact], D: float, F: float, L: float
 ) -> dict[str, list[float]]:
+    """Columns of depth, force and radius of a curve in the units D, F and L."""
     rows = [_contact_numbers(contact, D, F, L) for contact in curve]
     return {name: [row[name] for row in rows] for name in ("delta", "force", "a")}
 
 
 def _formula_comparisons(scene: Scene, theory: Theory, state: State) -> list[dict[str, Any]]:
-    """What the usual formulas for films and thin layers say at the state's depth, or at its force,
-    beside the run.
-    """
+    """Formulas for films and thin layers at the depth or force of a state, compared with the run."""
     D = scene.physics.scales.depth
     F = scene.physics.scales.force / scene.physics.mirror_multiplicity
     is_forced = scene.physics.path.control == "force"
@@ -305,21 +326,25 @@ def _formula_comparisons(scene: Scene, theory: Theory, state: State) -> list[dic
 def adhesion_entry(
     expected: ExpectedAdhesion, states: Sequence[State], pull_off: PullOff | None
 ) -> dict[str, Any]:
-    """What was known of the attraction beforehand, the largest pull of a row and that between rows.
+    """Entry `adhesion` of run.json: predictions, the largest tensile force of a row, the pull-off.
 
     Parameters
     ----------
     expected
-        What was known beforehand [user's units].
+        The predictions [user's units].
     states
         The rows [user's units].
     pull_off
-        The largest pull between rows [user's units]; None where none was searched for.
+        The largest tensile force between rows [user's units]; None where none was searched for.
     """
-    pulled = min(
+    most_tensile = min(
         (state for state in states if state.force < 0), key=lambda state: state.force, default=None
     )
-    row = {"step": pulled.step, "delta": pulled.delta, "force": pulled.force} if pulled else None
+    row = (
+        {"step": most_tensile.step, "delta": most_tensile.delta, "force": most_tensile.force}
+        if most_tensile
+        else None
+    )
     return dataclasses.asdict(expected) | {
         "largest_pull": row,
         "pull_off": pull_off and _pull_off_entry(pull_off),
@@ -327,7 +352,7 @@ def adhesion_entry(
 
 
 def _pull_off_entry(pull_off: PullOff) -> dict[str, Any]:
-    """A pull-off as run.json has it."""
+    """Entry of a pull-off in run.json."""
     return {
         "delta": pull_off.state.delta,
         "force": pull_off.state.force,
@@ -338,9 +363,7 @@ def _pull_off_entry(pull_off: PullOff) -> dict[str, Any]:
 
 
 def _jkr_comparison(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
-    """The JKR limit beside the deepest state, and its stable branch; None where it is not known or
-    has come off.
-    """
+    """The JKR limit at the deepest state, and its stable branch; None if it is not defined there."""
     jkr = scene.plan.jkr
     scales = scene.physics.scales
     is_forced = scene.physics.path.control == "force"
@@ -378,7 +401,7 @@ def _jkr_comparison(scene: Scene, states: Sequence[State]) -> dict[str, Any] | N
 
 
 def _theory_differences(scene: Scene) -> tuple[str, ...]:
-    """What the problem has that theory, with friction where that is known, has not."""
+    """Differences between the problem and theory with friction, where its effect is known."""
     known_friction = FRICTION_WHY if scene.plan.friction else ""
     sphere_reason = (
         ("its friction is that of a paraboloid",)
@@ -389,9 +412,7 @@ def _theory_differences(scene: Scene) -> tuple[str, ...]:
 
 
 def _half_space_comparison(scene: Scene, state: State) -> dict[str, Any] | None:
-    """The half-space formula's force at the state's depth, or depth at its force, and how that
-    differs from the run.
-    """
+    """The half-space formula at the depth or force of a state, compared with the run."""
     if scene.physics.scales.dim == 2:
         return None
     D = scene.physics.scales.depth
@@ -414,7 +435,7 @@ def _half_space_comparison(scene: Scene, state: State) -> dict[str, Any] | None:
         for delta, force in zip(depths, hertz_forces(scene, depths), strict=True)
         if force
     ]
-    unit_force = scene.physics.scales.force  # `hertz_forces` are of the body itself
+    unit_force = scene.physics.scales.force  # `hertz_forces` does not count mirror images
     columns = {
         "delta": [delta * D for delta, _ in curve],
         "force": [force * unit_force for _, force in curve],

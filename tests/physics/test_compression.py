@@ -217,7 +217,7 @@ def test_a_side_that_folds_up_against_the_plate_is_found() -> None:
         violated_bound(base, one, PreviousRows(found[:k])) for k, one in enumerate(found)
     )
     assert first is None and second is None
-    assert third is not None and "folds up against it from a depth between 0.2 and 0.25 on" in third
+    assert third is not None and "folds against the tip from a depth between 0.2 and 0.25 on" in third
     assert "let the top slide" in third and "contact.method" not in third
 
 

@@ -469,7 +469,8 @@ def test_sizes_that_do_not_fit_the_scene(mesh: dict[str, float], key: str) -> No
 
 
 @pytest.mark.parametrize(
-    ("paths", "said"), [((0.02, 0.05), "one step from rest"), ((0.001, 0.05), "more of them may")]
+    ("paths", "said"),
+    [((0.02, 0.05), "single step from rest"), ((0.001, 0.05), "more of them may")],
 )
 def test_more_steps_are_advised_where_they_help(paths: tuple[float, float], said: str) -> None:
     """The first row is one step from rest, whatever the path: an accuracy it cannot have is not to
