@@ -25,7 +25,7 @@ class PlannedRun:
 
     @classmethod
     def resolve(cls, config: Config) -> Self:
-        """Resolve a config; ConfigError for a scene that is impossible or too large for this machine."""
+        """Resolve a config; ConfigError for a scene that cannot exist or exceeds this machine."""
         return cls(config, resolve(config))
 
     def add_estimation_cost(self, error_bars: bool = False) -> Self:
@@ -69,8 +69,8 @@ class PlannedRun:
 
     @property
     def identity(self) -> str:
-        """Hash of problem, discretisation, history and experiment, independent of titles and output."""
-        # Imported here since it loads the readers of results, which the plan of a scene does not need.
+        """Hash of problem, discretisation, history and experiment, without titles and output."""
+        # Imported here since it loads the readers of results, which no plan needs.
         from indent_sim.results.writer import to_json
 
         scene = self.scene

@@ -87,7 +87,7 @@ class OptionalOutput:
 
 
 def _root_method(method: Callable[..., T]) -> Callable[..., T | None]:
-    """Wrap a method of ResultFolder that runs on rank 0 and whose failure is raised on all ranks."""
+    """Wrap a method of ResultFolder that runs on rank 0 and raises its failure on all ranks."""
 
     @wraps(method)
     def call(run_output: RunOutput, *args: Any, **options: Any) -> T | None:

@@ -302,7 +302,7 @@ def _curve_columns(
 
 
 def _formula_comparisons(scene: Scene, theory: Theory, state: State) -> list[dict[str, Any]]:
-    """Formulas for films and thin layers at the depth or force of a state, compared with the run."""
+    """Formulas for films and thin layers at the state's depth or force, next to the run."""
     D = scene.physics.scales.depth
     F = scene.physics.scales.force / scene.physics.mirror_multiplicity
     is_forced = scene.physics.path.control == "force"
@@ -363,7 +363,7 @@ def _pull_off_entry(pull_off: PullOff) -> dict[str, Any]:
 
 
 def _jkr_comparison(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
-    """The JKR limit at the deepest state, and its stable branch; None if it is not defined there."""
+    """The JKR limit at the deepest state, and its stable branch; None if it is undefined there."""
     jkr = scene.plan.jkr
     scales = scene.physics.scales
     is_forced = scene.physics.path.control == "force"

@@ -89,7 +89,7 @@ def coarser_scene(scene: Scene, previous_scene: Scene | None = None) -> tuple[fl
 
 
 def refine_scene(scene: Scene, ratio: float) -> Scene:
-    """The same scene with all element sizes divided by `ratio`, or an imported mesh refined once."""
+    """The same scene with element sizes divided by `ratio`, or an imported mesh refined once."""
     level = scene.sizes.refinements
     return coarsen_scene(scene, 1 / ratio) if level is None else _set_refinements(scene, level + 1)
 
