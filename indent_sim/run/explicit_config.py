@@ -16,7 +16,7 @@ from indent_sim.scene.scene import Scene
 
 
 def explicit_config(config: Config, scene: Scene) -> Config:
-    """The config with every decision of the program; it gives the same mesh and the same numbers."""
+    """The config with every decision of the program: it gives the same mesh and numbers."""
     config = remove_unused_material(config, scene.physics.domain)
     gap = scene.physics.gap
     output = dataclasses.replace(config.output, fields=written_fields(config, scene))

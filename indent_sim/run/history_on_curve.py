@@ -321,7 +321,7 @@ class _HistoryEvaluation:
         return {"way": "curve", "method": "JKR" if self.jkr else method, "why": why}
 
     def _rows_at_times(self, rows: list[HistoryRow]) -> list[HistoryRow]:
-        """Select the rows at the requested times, the later one at a jump; all if none are requested."""
+        """Select the rows at the requested times (the later one at a jump), or all rows."""
         if self.scene.history_on_curve is None or not self.scene.history_on_curve.times:
             return rows
         last = {row.t: row for row in rows}
@@ -469,7 +469,7 @@ class _HistoryEvaluation:
         ]
 
     def _jkr_history_rows(self, jkr: Jkr, history: History) -> list[HistoryRow]:
-        """Stable equilibria along a history: snap-in at first touch, pull-off at the stability limit."""
+        """Stable equilibria along a history: snap-in at first touch, pull-off at the limit."""
         compliance = inf if self.has_prescribed_forces else self.compliance
         pull_off = jkr.pull_off(compliance)
         pull_off_value = (

@@ -71,7 +71,7 @@ def remedies(config: Config, scene: Scene) -> list[Remedy]:
 
 
 def _edge_radii(config: Config, scene: Scene) -> list[float]:
-    """Larger edge radii of a punch [length]: twice its own (at least LEAST_ROUNDING), a hemisphere."""
+    """Larger edge radii of a punch: twice its own (at least LEAST_ROUNDING), and a hemisphere."""
     tip = config.indenter
     if (
         not isinstance(tip, FlatPunch)

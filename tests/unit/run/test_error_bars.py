@@ -376,7 +376,7 @@ def test_films_are_counted_once() -> None:
     def film_error(state: State, coarser: float = 1.0) -> float:
         return lost[coarser] * EXACT[state.step]
 
-    film: Any = SimpleNamespace(error=film_error)
+    film: Any = SimpleNamespace(force_error=film_error)
     base = with_theory(scene(**DRAINING), None)
     bars = ErrorBars(base, CoarserRun(REFINEMENT_RATIO, states(-lost[REFINEMENT_RATIO])), film=film)
     alike = ErrorBars(base, CoarserRun(REFINEMENT_RATIO, states(-lost[1.0])))
