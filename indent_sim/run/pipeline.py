@@ -33,33 +33,31 @@ from indent_sim.run.error_estimation.coarser_run import (
     double_bath_ramp,
     halve_penalty,
 )
-from indent_sim.run.error_estimation.error_bars import (
-    AnyErrorBars,
-    ErrorBars,
-    TheoryBars,
-    step_refinement,
+from indent_sim.run.error_estimation.error_bars import AnyErrorBars, ErrorBars, TheoryBars
+from indent_sim.run.error_estimation.error_request import (
+    ErrorRequest,
+    check_same_request,
+    error_request_of,
 )
 from indent_sim.run.error_estimation.film_error import estimate_film_error
 from indent_sim.run.error_estimation.no_slip_runs import no_slip_base_run, solve_no_slip_effect
+from indent_sim.run.error_estimation.predicted_cost import predict_total_cost
 from indent_sim.run.error_estimation.refinement import (
-    ErrorRequest,
     RefinementLevel,
     accuracy_entry,
     adaptive_refinement,
-    check_same_request,
-    error_request_of,
     forceless_row_warnings,
-    predict_total_cost,
 )
+from indent_sim.run.error_estimation.step_refinement import step_refinement
 from indent_sim.run.explicit_config import automatic_keys, explicit_config
 from indent_sim.run.planned_run import collect_scene_errors
 from indent_sim.run.remedies import has_remedies, remedies, try_remedies
-from indent_sim.run.run_output import Comm, OptionalOutput, RunOutput, optional_output_after_run
-from indent_sim.run.sanity_checks import (
+from indent_sim.run.row_warnings import (
     long_step_warnings,
     oscillating_pressure_warnings,
     underresolved_rows,
 )
+from indent_sim.run.run_output import Comm, OptionalOutput, RunOutput, optional_output_after_run
 from indent_sim.run.single_run import Progress, SingleRun, backend
 from indent_sim.run.solvers.hereditary_integral import ERROR_SOURCES, HereditaryIntegralSolver
 from indent_sim.run.solvers.semi_analytic import SemiAnalyticSolver

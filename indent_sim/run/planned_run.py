@@ -32,13 +32,13 @@ class PlannedRun:
         """The same with the time and memory of all auxiliary runs of the error estimate."""
         if not (error_bars or self.scene.plan.resolution):
             return self
-        from indent_sim.run.error_estimation.refinement import predict_total_cost
+        from indent_sim.run.error_estimation.predicted_cost import predict_total_cost
 
         return replace(self, scene=predict_total_cost(self.scene, error_bars))
 
     def study_seconds(self, error_bars: bool = False) -> float:
         """Expected processor time [s] of the run in a process whose libraries are loaded."""
-        from indent_sim.run.error_estimation.refinement import study_seconds
+        from indent_sim.run.error_estimation.predicted_cost import study_seconds
 
         return study_seconds(self.scene, error_bars)
 

@@ -24,8 +24,9 @@ from indent_sim.results.tip_geometry import TipGeometry, plot_width, tip_mesh
 from indent_sim.run.derived_quantities import DerivedQuantities
 from indent_sim.run.error_estimation.error_bars import AnyErrorBars
 from indent_sim.run.explicit_config import written_fields
+from indent_sim.run.previous_rows import PreviousRows
 from indent_sim.run.run_output import RunOutput
-from indent_sim.run.sanity_checks import PreviousRows, precompute_theory_forces, violated_bound
+from indent_sim.run.sanity_checks import precompute_theory_forces, violated_bound
 from indent_sim.run.solvers.hereditary_integral import HereditaryIntegralSolver
 from indent_sim.run.solvers.semi_analytic import SemiAnalyticSolver
 from indent_sim.run.summary import rounded_timings, summary

@@ -14,8 +14,9 @@ from scenes import BOX, CYLINDER, ELASTIC, STRIP, scene, solve
 from indent_sim.model.tips import Plate
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.pipeline import states
-from indent_sim.run.sanity_checks import PreviousRows, violated_bound
-from indent_sim.run.summary import theory_comparison
+from indent_sim.run.sanity_checks import violated_bound
+from indent_sim.run.previous_rows import PreviousRows
+from indent_sim.run.theory_comparison import theory_comparison
 from indent_sim.scene.scene import Scene
 
 PLATE = {"shape": "plate"}

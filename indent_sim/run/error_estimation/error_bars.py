@@ -29,9 +29,8 @@ Engineering (Hermosa, 1998).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
-from math import acosh, inf, nan
+from dataclasses import replace
+from math import inf, nan
 from typing import Any
 
 import numpy as np
@@ -43,16 +42,20 @@ from indent_sim.run.error_estimation.coarser_run import (
     CoarserRun,
     States,
     StatesByStep,
-    halve_increments,
     states_by_step,
 )
+from indent_sim.run.error_estimation.error_budget import (
+    SAFETY_FACTOR,
+    ErrorBudget,
+    grid_convergence_index,
+    ridge_pressure,
+)
 from indent_sim.run.error_estimation.film_error import FilmError
+from indent_sim.run.error_estimation.step_refinement import StepRefinement, value_difference
 from indent_sim.scene.model_warnings import EDGE_ERROR, FORCE_DEPTH_EXPONENT, edge_error
 from indent_sim.scene.resolution import ERROR_CONSTANT, ORDER_OF_CONVERGENCE, error_decay
 from indent_sim.scene.scene import Scene
 
-# Numbers of the rule; docs/accuracy.md has coverage and width with and without each.
-SAFETY_FACTOR = 3.0  # Roache's factor of safety for two meshes
 # Lower bound of the error, relative to ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE (see `resolution`).
 MIN_ERROR_FRACTION = 0.2
 RADIUS_ERROR = 0.09  # error of the contact radius, relative to the element where the contact ends
@@ -61,135 +64,6 @@ PEAK_ERROR = 0.2  # lower bound of the error of p_max, relative to n^-PRESSURE_O
 
 # Columns other than the force that have error bars.
 SECONDARY_COLUMNS = ("a", "p_max", "stick_radius", "dissipation")
-
-
-@dataclass(frozen=True)
-class ErrorBudget:
-    """Parts of the half-width of the error bar of a row's force [force].
-
-    Attributes
-    ----------
-    step
-        The row.
-    discretisation
-        Error of the mesh.
-    enforcement
-        Error of the penalty stiffness.
-    truncation
-        Error of a finite body in place of a half-space, or of flat facets in place of a curved
-        surface.
-    theory
-        Distance from a theory that is exact for this body.
-    path
-        Error of the load increments with friction.
-    time
-        Error of the time steps of a time-dependent body.
-    film
-        Error of unresolved drainage films beside drained faces.
-    bath
-        Error of the finite time in which a suddenly applied bath rises.
-    """
-
-    step: int
-    discretisation: float = 0.0
-    enforcement: float = 0.0
-    truncation: float = 0.0
-    theory: float = 0.0
-    path: float = 0.0
-    time: float = 0.0
-    film: float = 0.0
-    bath: float = 0.0
-
-    @property
-    def parts(self) -> dict[str, float]:
-        """The estimated parts, whose sum is `estimated`."""
-        return {
-            name: value for name, value in asdict(self).items() if name not in ("step", "theory")
-        }
-
-    @property
-    def estimated(self) -> float:
-        """The sum of the parts [force]."""
-        return sum(self.parts.values())
-
-    @property
-    def total(self) -> float:
-        """Half-width [force]: the sum of the parts, at least the distance from exact theory."""
-        return self.theory if self.theory > self.estimated else self.estimated
-
-
-def grid_convergence_index(difference: float, ratio: float, rate: float) -> float:
-    """Roache's grid convergence index: SAFETY_FACTOR difference/|ratio^rate - 1|.
-
-    Parameters
-    ----------
-    difference
-        Distance from the number with sizes (or steps) `ratio` times as large [any unit].
-    ratio
-        Grid refinement ratio; below 1 where the other mesh is finer.
-    rate
-        Order of convergence: the error falls as h^rate.
-    """
-    return SAFETY_FACTOR * difference / abs(ratio**rate - 1)
-
-
-def ridge_pressure(turn: float, refinements: int) -> float:
-    """Largest excess pressure over E* at the ridges of a faceted mesh of a curved surface.
-
-    For a tip that is flat there, two facets that meet at the angle theta act as a cone of the slope
-    theta/2, whose pressure grows as E* theta/4 arccosh(l/r) towards the ridge (Sneddon 1965, Int.
-    J.
-    Eng. Sci. 3, 47; Johnson, Contact Mechanics, 5.2). l is the length of a facet. No pressure is
-    evaluated nearer to the ridge than a quarter of an element, which gives the largest value. On
-    meshes
-    of caps under balls and plates, refined one to three times, p_max was 0.57 to 0.67, 0.67 to 0.72
-    and
-    0.83 to 0.87 of E* theta too large; the formula gives 0.69, 0.87 and 1.04.
-
-    Parameters
-    ----------
-    turn
-        The angle theta [radians]; 0 where nothing is faceted.
-    refinements
-        Number of uniform refinements of each facet.
-    """
-    return turn / 4 * acosh(4.0 * 2.0**refinements)
-
-
-@dataclass(frozen=True)
-class StepRefinement:
-    """The load path of a scene in its own increments and in increments half as long."""
-
-    full_steps: StatesByStep
-    half_steps: StatesByStep
-
-    def error(self, state: State, name: str) -> float:
-        """Error of a number of a step: SAFETY_FACTOR times its change by halved increments.
-
-        Twice that change is Richardson's estimate for order 1, 2.6 times for order 0.7, with which
-        a path
-        converges whose new contact sticks where the increment began. NaN if the step is missing.
-        """
-        return SAFETY_FACTOR * _value_difference(self.full_steps, self.half_steps, state.step, name)
-
-
-def step_refinement(
-    base_run: CoarserRun, follow: Callable[[Scene], States]
-) -> StepRefinement | None:
-    """Solve a run with increments half as long; None where the result does not depend on them."""
-    half_increment_scene = halve_increments(base_run.scene) if base_run.scene else None
-    if base_run.scene is None or half_increment_scene is None:
-        return None
-    half_step_states = follow(half_increment_scene)
-    full_step_states = [
-        replace(
-            last,
-            step=last.step // 2,
-            dissipation=(first.dissipation or 0.0) + (last.dissipation or 0.0),
-        )
-        for first, last in zip(half_step_states[::2], half_step_states[1::2], strict=False)
-    ]
-    return StepRefinement(base_run.states_by_step, states_by_step(full_step_states))
 
 
 class ErrorBars:
@@ -468,7 +342,7 @@ class ErrorBars:
             min_error = (
                 PEAK_ERROR * self._relative_peak_size(state, end_element) ** PRESSURE_ORDER * value
             )
-        difference = _value_difference(self._coarse_states, self._run_states, state.step, name)
+        difference = value_difference(self._coarse_states, self._run_states, state.step, name)
         estimate = grid_convergence_index(difference, self.coarser_run.ratio, PRESSURE_ORDER)
         return float(np.max([estimate, min_error]))  # NaN if either is
 
@@ -498,7 +372,7 @@ class ErrorBars:
         if self._soft_states is None:
             return 0.0
         return (
-            _value_difference(self._coarse_states, self._soft_states, step, name)
+            value_difference(self._coarse_states, self._soft_states, step, name)
             / self._stiffness_ratio
         )
 
@@ -530,10 +404,10 @@ class ErrorBars:
         if name == "force" and self._has_prescribed_forces:
             return (
                 SAFETY_FACTOR
-                * _value_difference(self._coarse_states, self._bath_states, state.step, "delta")
+                * value_difference(self._coarse_states, self._bath_states, state.step, "delta")
                 * self._force_slope(state)
             )
-        return SAFETY_FACTOR * _value_difference(
+        return SAFETY_FACTOR * value_difference(
             self._coarse_states, self._bath_states, state.step, name
         )
 
@@ -615,13 +489,6 @@ AnyErrorBars = ErrorBars | TheoryBars
 def _relative_change(old: float, new: float) -> float:
     """Absolute change relative to the larger of two lengths."""
     return abs(new - old) / (max(old, new) or 1.0)
-
-
-def _value_difference(first: StatesByStep, second: StatesByStep, step: int, name: str) -> float:
-    """Distance of a number of a step between two runs; NaN if a run lacks the step."""
-    if step not in first or step not in second:
-        return nan
-    return float(abs(getattr(second[step], name) - getattr(first[step], name)))
 
 
 def interpolate_force(state: State, delta: float, curve: StatesByStep) -> float:

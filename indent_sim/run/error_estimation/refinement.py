@@ -3,33 +3,19 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from math import inf
-from pathlib import Path
 from typing import Any
 
 from indent_sim.config.schema import Config
-from indent_sim.model.contact import ActiveSet, Penalty
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.error_estimation.coarser_run import (
     CoarserRun,
-    coarser_scene,
-    refine_scene,
-    same_mesh_scenes,
 )
-from indent_sim.run.error_estimation.error_bars import AnyErrorBars, ErrorBudget
-from indent_sim.run.error_estimation.film_error import sudden_load_scene
-from indent_sim.run.error_estimation.no_slip_runs import no_slip_base_run, no_slip_scenes
-from indent_sim.scene.cost import (
-    SECONDS_PER_RUN,
-    SECONDS_PER_THEORY_RUN,
-    START_SECONDS,
-    THEORY_SECONDS,
-    Cost,
-)
+from indent_sim.run.error_estimation.error_bars import AnyErrorBars
+from indent_sim.run.error_estimation.error_budget import ErrorBudget
 from indent_sim.scene.resolution import (
     MAX_ELEMENTS,
     ORDER_OF_CONVERGENCE,
@@ -45,13 +31,6 @@ MIN_FORCE_FRACTION = 1e-6
 MIN_REFINEMENT = 1.3
 MAX_REFINEMENT = 2.5
 REFINEMENT_MARGIN = 1.1  # factor by which the next mesh is finer than the estimate requires
-# The expected relative error of a draining body is DRAINAGE_ERROR n^-DRAINAGE_ORDER with n elements
-# in the contact radius, since the fluid pressure is singular where the tip's seal ends. It is
-# SMEARED_EDGE_ERROR n^-DRAINAGE_ORDER where that edge lies within partly sealed elements. Measured
-# on a punch and a ball with n = 5 to 56.
-DRAINAGE_ERROR = 0.04
-SMEARED_EDGE_ERROR = 0.16
-DRAINAGE_ORDER = 1.3
 
 # Returns the scene with this number of elements in the contact radius.
 Resolve = Callable[[float | None], Scene]
@@ -153,110 +132,7 @@ def adaptive_refinement(
         level = level.next_level
 
 
-def predict_total_cost(scene: Scene, error_bars: bool = False) -> Scene:
-    """The scene with the predicted processor time and memory of its whole run.
-
-    Parameters
-    ----------
-    scene
-        The scene of the run.
-    error_bars
-        Whether error bars are requested in addition to `accuracy`.
-    """
-    if not scene.is_meshed or not (error_bars or scene.plan.resolution):
-        return scene
-    auxiliary_costs = _auxiliary_costs(scene, error_bars)
-    seconds = scene.cost.seconds + sum(
-        cost.seconds - START_SECONDS + SECONDS_PER_RUN for cost in auxiliary_costs
-    )
-    memory = max(cost.memory for cost in (scene.cost, *auxiliary_costs))
-    prediction = scene.plan.prediction | {
-        "memory_MB": round(memory / 1e6),
-        "seconds": float(f"{seconds:.2g}"),
-    }
-    return replace(scene, plan=replace(scene.plan, prediction=prediction))
-
-
-def study_seconds(scene: Scene, error_bars: bool = False) -> float:
-    """Expected processor time [s] of a run in a process whose libraries are loaded.
-
-    It is comparable with `cpu_s` of study.csv.
-    """
-    if not scene.is_meshed:
-        return (
-            float(scene.plan.prediction.get("seconds", THEORY_SECONDS))
-            - THEORY_SECONDS
-            + SECONDS_PER_THEORY_RUN
-        )
-    auxiliary_costs = (
-        _auxiliary_costs(scene, error_bars) if error_bars or scene.plan.resolution else []
-    )
-    return sum(
-        cost.seconds - START_SECONDS + SECONDS_PER_RUN for cost in (scene.cost, *auxiliary_costs)
-    )
-
-
-def _auxiliary_costs(scene: Scene, error_bars: bool) -> list[Cost]:
-    """Cost of each auxiliary scene of the error estimate and of each finer mesh."""
-    meshes = [scene, *(refine_scene(scene, ratio) for ratio in _expected_refinement_ratios(scene))]
-    scenes = auxiliary_scenes(scene, error_bars)
-    for coarser, finer in pairwise(meshes):
-        scenes += [finer, *same_mesh_scenes(coarser), *_undrained_scenes(finer)]
-    return [auxiliary.cost for auxiliary in scenes]
-
-
-def auxiliary_scenes(scene: Scene, no_slip: bool) -> list[Scene]:
-    """All scenes that a run solves in addition to its first mesh.
-
-    Parameters
-    ----------
-    scene
-        The scene of the run.
-    no_slip
-        Whether the no-slip effect is solved, too.
-    """
-    ratio, coarse_scene = coarser_scene(scene)
-    base_scene = (
-        no_slip_base_run(CoarserRun(1.0, (), scene), CoarserRun(ratio, (), coarse_scene)).scene
-        or scene
-    )
-    stick_scenes = no_slip_scenes(base_scene, max(scene.physics.deltas)) if no_slip else []
-    return [coarse_scene, *same_mesh_scenes(coarse_scene), *_undrained_scenes(scene), *stick_scenes]
-
-
-def _undrained_scenes(scene: Scene) -> list[Scene]:
-    """The scene of the film error on its own mesh, if the scene has films."""
-    undrained = sudden_load_scene(scene)
-    return [] if undrained is None else [undrained]
-
-
-def _expected_refinement_ratios(scene: Scene) -> list[float]:
-    """Expected ratios of element sizes between the first mesh and each finer one."""
-    physics = scene.physics
-    resolution = scene.plan.resolution
-    if resolution is None:
-        return []
-    if physics.permeable_regions and physics.drainage.tip == "sealed":
-        is_smeared = scene.sizes.h_edge is None and not isinstance(physics.contact, ActiveSet)
-        ratios = [1.0]
-        error = SMEARED_EDGE_ERROR if is_smeared else DRAINAGE_ERROR
-        while (
-            error_bar := error * (ratios[-1] * resolution.n) ** -DRAINAGE_ORDER
-        ) > resolution.target:
-            ratios.append(ratios[-1] * _refinement_ratio(resolution.target / error_bar))
-        if len(ratios) > 1:
-            return ratios[1:MAX_LEVELS]
-    # The first mesh meets most accuracies. It leaves no margin for the errors of the load
-    # increments with friction or of a penalty, and the element sizes of an imported mesh are given.
-    needs_refinement = (
-        physics.has_friction,
-        isinstance(physics.contact, Penalty),
-        scene.sizes.refinements is not None,
-    )
-    return [MIN_REFINEMENT] if any(needs_refinement) else []
-
-
-def _refinement_ratio(error_ratio: float) -> float:
+def refinement_ratio(error_ratio: float) -> float:
     """Ratio of element sizes that reduces the error to `error_ratio` times its value."""
     return float(
         min(
@@ -377,7 +253,7 @@ def _next_refinement(
         return None, f"{level_count} meshes were not enough"
     fixed_errors = worst.truncation + worst.path + worst.time
     error_ratio = (allowed - fixed_errors) / (worst.total - fixed_errors)
-    factor = 2.0 if resolution.refinements else _refinement_ratio(error_ratio)
+    factor = 2.0 if resolution.refinements else refinement_ratio(error_ratio)
     if resolution.n * factor > MAX_ELEMENTS:
         return None, f"more than {MAX_ELEMENTS:g} elements in the contact radius would be needed"
     try:
@@ -398,44 +274,3 @@ def accuracy_entry(
         {"elements": resolution.n, "tried": list(previous_resolutions)} if resolution else {}
     )
     return None if target is None else {"target": target} | mesh_entries
-
-
-@dataclass(frozen=True)
-class ErrorRequest:
-    """Error estimates that a run was started with: error bars, and an accuracy."""
-
-    error_bars: bool
-    accuracy: float | None
-
-    @property
-    def has_error_bars(self) -> bool:
-        """Whether rows have error estimates."""
-        return self.error_bars or self.accuracy is not None
-
-
-def error_request_of(report: Mapping[str, Any]) -> ErrorRequest:
-    """The error estimates that the run of a run.json was started with.
-
-    A run.json of an older version shows them by its other entries.
-    """
-    target = (report.get("accuracy") or {}).get("target")
-    telltale_keys = {"stick"} if target else {"stick", "error_budget"}
-    request = {"error_bars": bool(telltale_keys & report.keys()), "accuracy": target} | report.get(
-        "asked", {}
-    )
-    return ErrorRequest(request["error_bars"], request["accuracy"])
-
-
-def check_same_request(previous: ErrorRequest, request: ErrorRequest, folder: Path) -> None:
-    """Raise ConfigError if a run cannot be resumed since it had other error estimates."""
-    if request.has_error_bars and not previous.has_error_bars:
-        raise ConfigError(
-            "", f"{folder} holds a run without error bars", "leave --resume out to replace it"
-        )
-    if previous.accuracy != request.accuracy:
-        old_text, new_text = (
-            f"accuracy {accuracy:g}" if accuracy else "no accuracy"
-            for accuracy in (previous.accuracy, request.accuracy)
-        )
-        problem = f"{folder} holds a run with {old_text}, this one has {new_text}"
-        raise ConfigError("accuracy", problem, "leave --resume out to replace it")
