@@ -19,7 +19,13 @@ from indent_sim.run.error_estimation.coarser_run import (
     coarsen_scene,
     coarser_scene,
 )
-from indent_sim.run.error_estimation.error_bars import MIN_ERROR_FRACTION, PEAK_ERROR, PRESSURE_ORDER, RADIUS_ERROR, ErrorBars
+from indent_sim.run.error_estimation.error_bars import (
+    MIN_ERROR_FRACTION,
+    PEAK_ERROR,
+    PRESSURE_ORDER,
+    RADIUS_ERROR,
+    ErrorBars,
+)
 from indent_sim.run.error_estimation.error_budget import SAFETY_FACTOR, ErrorBudget
 from indent_sim.run.error_estimation.refinement import RefinementLevel
 from indent_sim.scene.resolution import (

@@ -12,9 +12,13 @@ import pytest
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
-from indent_sim.run.sanity_checks import CONTACT_RULES, GENERAL_RULES, violated_bound
-from indent_sim.run.row_warnings import long_step_warnings, oscillating_pressure_warnings, underresolved_rows
 from indent_sim.run.previous_rows import PreviousRows
+from indent_sim.run.row_warnings import (
+    long_step_warnings,
+    oscillating_pressure_warnings,
+    underresolved_rows,
+)
+from indent_sim.run.sanity_checks import CONTACT_RULES, GENERAL_RULES, violated_bound
 from indent_sim.scene.model_warnings import SUDDEN_BATH_RATIO, _swelling_deficit
 from indent_sim.scene.scene import Scene, resolve
 
