@@ -138,5 +138,5 @@ def _scene_to_depth(
     """The same scene loaded to a depth in equal steps."""
     depths = tuple(float(value) for value in np.linspace(0.0, depth, steps + 1)[1:])
     return scene.replace_physics(
-        path=LoadPath("depth", depths), deltas=depths, anchor=slip_reference
+        path=LoadPath("depth", depths), deltas=depths, slip_reference=slip_reference
     )
