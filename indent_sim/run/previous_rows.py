@@ -72,6 +72,7 @@ class PreviousRows:
 
 
 def force_interval(state: State) -> RowForce:
+    """Depth, force and half-width of the error bar of a row."""
     return state.delta, state.force, _error_half_width(state)
 
 
