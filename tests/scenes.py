@@ -12,7 +12,8 @@ from indent_sim.mesh.grid import Grid
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
 from indent_sim.run import pipeline
-from indent_sim.run.sanity_checks import PreviousRows, violated_bound
+from indent_sim.run.previous_rows import PreviousRows
+from indent_sim.run.sanity_checks import violated_bound
 from indent_sim.scene.scene import Scene, resolve
 
 CYLINDER = {"shape": "cylinder", "radius": 1.0, "height": 1.0, "base": "fixed", "sides": "free"}

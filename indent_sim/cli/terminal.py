@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from indent_sim.run.pipeline import Outcome
     from indent_sim.run.planned_run import PlannedRun
     from indent_sim.run.single_run import Progress
-    from indent_sim.run.summary import HysteresisLoop
+    from indent_sim.run.work_and_loops import HysteresisLoop
     from indent_sim.studies import StudyPlan
 
 TIME_LABELS = {  # of a scene that is followed in time, in words
@@ -141,7 +141,8 @@ def _final_row_lines(outcome: Outcome) -> list[str]:
     """What a run was made for: its last row, of a path that goes back or lasts also its loop and
     its largest force.
     """
-    from indent_sim.run.summary import hysteresis_loop, row_of_interest
+    from indent_sim.run.summary import row_of_interest
+    from indent_sim.run.work_and_loops import hysteresis_loop
 
     states = outcome.states
     report = outcome.report

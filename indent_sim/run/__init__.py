@@ -1,1 +1,1 @@
-"""One config -> one result folder."""
+"""Simulation of one scene, from its config to its result folder."""

@@ -1,6 +1,4 @@
-"""What a row says beside what was solved: stiffness, contact area, and the modulus of a half-space
-fit.
-"""
+"""Derived quantities of a row: stiffness, contact area, modulus of a half-space fit."""
 
 from __future__ import annotations
 
@@ -16,18 +14,27 @@ from indent_sim.scene.scene import Scene
 from indent_sim.theory.punches import FittedPunches, LayerPunches, Punches, contact_radius
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
-Equilibrium = (
-    Any  # of fe, which is loaded where a mesh is solved alone: its body that has just found a state
-)
+# The equilibrium of `fe` that has just been solved; `fe` is loaded only to solve a mesh.
+Equilibrium = Any
 
 
 class DerivedQuantities:
-    """Reads a scene's states, without units, one by one; `equilibrium`: the body that has just
-    found it.
+    """Computes the derived quantities of successive states, all nondimensional.
 
-    The stiffness is theory's, that of the flat punch in the contact's place (a condensed
-    axisymmetric body: the tangent of a mesh knows which of its points touch, and jumps by a per
-    cent where the next one does), or the tangent's.
+    The stiffness is that of the tangent. It is that of a flat punch in place of the contact by
+    theory
+    and on a condensed axisymmetric body: the tangent of a mesh depends on which of its points touch
+    and
+    jumps by a per cent where the next one does.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    equilibrium
+        The body that has just been solved; None without a mesh.
+    optional_output
+        Evaluates the quantities, which may be missing.
     """
 
     def __init__(
@@ -39,11 +46,11 @@ class DerivedQuantities:
         self.scene = scene
         self._equilibrium = equilibrium
         self._optional_output = optional_output or OptionalOutput()
-        self._condensed_to = -1  # nodes, as many as the punches are made of
+        self._condensed_to = -1  # number of surface nodes for which `_punches` was computed
         self._punches: Punches | None = None
 
     def complete_state(self, state: State) -> State:
-        """The state with its stiffness, area and E_hertz; NaN where there is none."""
+        """The state with its stiffness, area and E_hertz; NaN where one is undefined."""
         if not state.converged:
             return state
         krylov_before = self._krylov_iterations
@@ -57,27 +64,28 @@ class DerivedQuantities:
             values["krylov_iterations"] = (
                 state.krylov_iterations + self._krylov_iterations - krylov_before
             )
-        return State(**vars(state) | values)  # `replace` would ask for every field's default
+        return State(**vars(state) | values)
 
     @property
     def _krylov_iterations(self) -> int:
-        """Those of the body so far."""
+        """Krylov iterations of the body so far."""
         return (self._equilibrium.statistics.krylov or 0) if self._equilibrium else 0
 
     def _hertz_modulus(self, state: State) -> float:
+        """The modulus with which the half-space formula gives the force of the state."""
         physics = self.scene.physics
-        if (
-            physics.path.control == "force" and physics.path.values[state.step - 1] == 0
-        ):  # the force found is rounding
+        # For a prescribed force of zero the force of the state is round-off.
+        if physics.path.control == "force" and physics.path.values[state.step - 1] == 0:
             return nan
         (force,) = hertz_forces(self.scene, [state.delta]) if state.force > 0 else [None]
         return physics.material.constants.E * state.force / force if force else nan
 
     def _stiffness(self, state: State) -> float:
-        if state.stiffness is not None:  # theory's own
+        """dF/ddelta at the state; NaN where it depends on the direction or the rate of loading."""
+        if state.stiffness is not None:
             return state.stiffness
         physics = self.scene.physics
-        if physics.depends_on_step_size:  # it is another on the way out, or in less time
+        if physics.depends_on_step_size:
             return nan
         if self.scene.plan.adhesion is None and (state.delta <= 0 or state.force <= 0):
             return 0.0
@@ -99,11 +107,10 @@ class DerivedQuantities:
 
 
 def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
-    """The flat punches of every radius on a linear axisymmetric body: theory's, or of the body
-    condensed on a mesh.
+    """Flat punches of every radius on a linear axisymmetric body, by theory or condensation.
 
-    ValueError where there are none: a tip whose contact does not grow, or that theory has no shape
-    of, a contact of a few elements.
+    ValueError if the contact does not grow with the load, theory has no shape of the tip, or the
+    contact has too few elements.
     """
     theory = scene.plan.theory
     physics = scene.physics
@@ -115,16 +122,15 @@ def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
         or shape.punch_radius is not None
         or physics.domain.kinematics.name != "axisymmetric"
     ):
-        raise ValueError("the contact is no disc that grows with the load")
+        raise ValueError("the contact is not a circle that grows with the load")
     a, K, P = equilibrium.punches()
     return FittedPunches(a, K, P, shape, physics.material.E_star)
 
 
 def hertz_forces(scene: Scene, deltas: Iterable[float]) -> list[float | None]:
-    """Forces at depths by the half-space formula of the same tip, all without units; None where
-    there is none.
+    """Forces at depths by the half-space formula of the tip, nondimensional; None without one.
 
-    Of a tip over mirror rollers the share of it that is on the body itself.
+    With mirror planes they are the part of the force on the body itself.
     """
     physics = scene.physics
     if physics.scales.dim == 2:
@@ -136,11 +142,16 @@ def hertz_forces(scene: Scene, deltas: Iterable[float]) -> list[float | None]:
 
 
 def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
-    """The modulus E in the user's units that a least-squares fit of the half-space formula to a
-    curve reads, and by how many `percent` it is off that of the matter that the tip touches,
-    which `modulus_text` names where there are several.
+    """Least-squares fit of the half-space formula to the rows of a run.
 
-    None where there is no formula or no contact, or a tip that adheres.
+    None for a tip with adhesion and where there is no formula or no contact.
+
+    Returns
+    -------
+    dict or None
+        `E`: the modulus [user's units]; `percent`: its difference from that of the material below
+        the
+        tip; `against`: the name of that material if there are several.
     """
     if scene.plan.adhesion:
         return None

@@ -1,4 +1,4 @@
-"""The config that reproduces a run: every "auto" replaced by what it became, in the user's units."""
+"""Explicit config of a run: every "auto" replaced by its value, in the user's units."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ from indent_sim.scene.scene import Scene
 
 
 def explicit_config(config: Config, scene: Scene) -> Config:
-    """The same scene with nothing left to decide: it gives the same mesh and the same numbers."""
+    """The config with every decision of the program: it gives the same mesh and numbers."""
     config = remove_unused_material(config, scene.physics.domain)
     gap = scene.physics.gap
     output = dataclasses.replace(config.output, fields=written_fields(config, scene))
     solver = _replace_auto(config.solver, method=scene.solver.method, linear=scene.solver.linear)
-    decided: dict[str, Any] = {
+    sections: dict[str, Any] = {
         "center": config.center or config.body.center,
         "accuracy": None,
         "solver": solver,
     }
-    decided |= {"output": output, "contact": _replace_auto(config.contact, gap=gap)}
+    sections |= {"output": output, "contact": _replace_auto(config.contact, gap=gap)}
     if scene.physics.bath_ramp:
-        decided["drainage"] = _replace_auto(
+        sections["drainage"] = _replace_auto(
             config.drainage or Drainage(), bath_ramp=scene.physics.bath_ramp
         )
     if scene.is_meshed:
-        decided |= _material_sections(config, scene) | {
+        sections |= _material_sections(config, scene) | {
             "contact": _contact_section(config, scene),
             "mesh": _mesh_section(config, scene),
         }
-    return config.model_copy(update=decided)
+    return config.model_copy(update=sections)
 
 
 def written_fields(config: Config, scene: Scene) -> KeptStates:
-    """The steps whose fields are written: where the config does not say, those of a mesh."""
+    """The steps whose fields are written; by default the last one of a meshed scene."""
     scene_default: KeptStates = (
         "last" if scene.is_meshed and scene.history_on_curve is None else "none"
     )
@@ -48,14 +48,17 @@ def written_fields(config: Config, scene: Scene) -> KeptStates:
 
 
 def automatic_keys(config: Config, decided: Config) -> list[str]:
-    """The keys that the program decided, as in `mesh.h_contact`; `center` stands in the indenter."""
-    is_other = {
+    """The keys that the program decided, such as `mesh.h_contact` or `indenter.center`."""
+    is_section_replaced = {
         name: getattr(config, name) is not getattr(decided, name)
         for name in allowed_keys_at((), {})
     }
+    # The center belongs to the section of the indenter.
     changed = [
-        name for name, is_replaced in is_other.items() if is_replaced or name == "indenter"
-    ]  # which has the center
+        name
+        for name, is_replaced in is_section_replaced.items()
+        if is_replaced or name == "indenter"
+    ]
     given_values, decided_values = (
         dict(leaf_values(to_mapping(version, changed))) for version in (config, decided)
     )
@@ -63,7 +66,7 @@ def automatic_keys(config: Config, decided: Config) -> list[str]:
 
 
 def _material_sections(config: Config, scene: Scene) -> dict[str, Any]:
-    """The material, and those of layers and inclusions, with the formulation that each region has."""
+    """The material sections with the formulation of each region."""
     if isinstance(config.body, MeshFromFile):
         return _imported_mesh_sections(config, config.body, scene)
     formulations = [region.formulation for region in scene.physics.domain.regions]
@@ -83,7 +86,7 @@ def _material_sections(config: Config, scene: Scene) -> dict[str, Any]:
 
 
 def _set_formulations(items: Sequence[Any], formulations: Sequence[str]) -> tuple[Any, ...]:
-    """Layers, or inclusions, with the formulation that each has."""
+    """Layers or inclusions with the given formulations."""
     pairs = zip(items, formulations, strict=True)
     return tuple(
         dataclasses.replace(item, material=_replace_auto(item.material, formulation=formulation))
@@ -92,7 +95,7 @@ def _set_formulations(items: Sequence[Any], formulations: Sequence[str]) -> tupl
 
 
 def _imported_mesh_sections(config: Config, body: MeshFromFile, scene: Scene) -> dict[str, Any]:
-    """The materials by name, and the copy of the mesh in the result folder."""
+    """The materials by region, and the copy of the mesh file in the result folder."""
     domain = scene.physics.domain
     formulations = {region.name: region.formulation for region in domain.regions}
     region_laws = {
@@ -114,14 +117,15 @@ def _imported_mesh_sections(config: Config, body: MeshFromFile, scene: Scene) ->
     return {"body": copy, "material": default_material}
 
 
-def _replace_auto(section: Any, **decided: Any) -> Any:
-    """A section with its "auto"s replaced; what was given stays, to the last digit."""
+def _replace_auto(section: Any, **values: Any) -> Any:
+    """Replace values "auto" of a section; given values stay exactly."""
     return dataclasses.replace(
-        section, **{k: v for k, v in decided.items() if getattr(section, k, None) == "auto"}
+        section, **{k: v for k, v in values.items() if getattr(section, k, None) == "auto"}
     )
 
 
 def _mesh_section(config: Config, scene: Scene) -> Any:
+    """The section `mesh` with the element sizes of the scene."""
     if scene.sizes.refinements is not None:
         return dataclasses.replace(config.mesh, refinements=scene.sizes.refinements)
     sizes = scene.sizes
@@ -147,11 +151,11 @@ def _mesh_section(config: Config, scene: Scene) -> Any:
 
 
 def _contact_section(config: Config, scene: Scene) -> Any:
+    """The section `contact` with the contact law of the scene."""
     law = scene.physics.scales.to_user_units(scene.physics.contact)
     settings = config.contact
-    if not isinstance(
-        settings, type(law)
-    ):  # a law of its kind with all that the other says of it too
+    # The program chose another contact law: it takes over the settings that both laws have.
+    if not isinstance(settings, type(law)):
         shared = {f.name for f in dataclasses.fields(law)} - {"method"}
         settings = type(law)(
             **{name: value for name, value in vars(settings).items() if name in shared}

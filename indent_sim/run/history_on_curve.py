@@ -1,6 +1,4 @@
-"""What one elastic curve determines: the rows of a history, with adhesion, relaxing, behind a
-spring.
-"""
+"""History on the elastic curve: force and depth in time with relaxation, adhesion, cantilever."""
 
 from __future__ import annotations
 
@@ -41,27 +39,31 @@ from indent_sim.theory.viscoelastic_stepping import (
 )
 from indent_sim.theory.viscoelasticity import MIN_CURVE_SAMPLES, ElasticCurve, LeeRadokTing, Modulus
 
-CURVE_POINTS = 200  # of an equilibrium curve
-MIN_DEPTH_FRACTION = 1e-5  # of the deepest depth: a power law below
-CURVE_SAMPLES = 80  # of an elastic curve
-MIN_CONTACT_ELEMENTS = 2.0  # elements that a contact must have to be one of them
-DEPTH_OVERSHOOT = 1.001  # of what is asked for: the curve is known up to there
-# By so many distances of nodes contact ends beyond where the edge pressure of nodal punches changes
-# its sign: measured against theory on layers of nu = 0 ... 0.5, 0.14 to 0.18 and 0.04 to 0.08
+CURVE_POINTS = 200  # rows of an experiment without a history
+# Least sampled depth, relative to the largest; the curve is a power law below it.
+MIN_DEPTH_FRACTION = 1e-5
+CURVE_SAMPLES = 80  # samples of an elastic curve
+MIN_CONTACT_ELEMENTS = 2.0  # least number of elements in the contact of a sample
+# The curve is sampled slightly beyond the requested depth.
+DEPTH_OVERSHOOT = 1.001
+# Distance from the zero of the edge pressure of nodal punches to the end of the contact, relative
+# to the distance of nodes. Measured against theory on layers of nu = 0 to 0.5: 0.14 to 0.18 and
+# 0.04 to 0.08.
 EDGE_SHIFT = {"displacement": 0.16, "mixed": 0.06}
-# Of the depth at pull-off by depth: least error of that by force on a mesh, measured: 0.0019
+# Least error of the depth at pull-off under force control on a mesh, relative to that under depth
+# control; measured: 0.0019.
 MIN_PULL_OFF_ERROR = 0.002
-RADIUS_VARIATION = 0.05  # of the tip's radius, for the exponent of the force
+RADIUS_VARIATION = 0.05  # relative change of the tip's radius for the exponent of the force
 DIMENSIONAL_PARTS = ("adhesion", "cantilever")  # parts of run.json whose numbers have units
-MIN_TIME_FRACTION = (
-    1e-3  # of a history: shorter times of a power law do not matter where it is stepped through
-)
+# Shorter times of a power law, relative to the history, have no effect in time stepping.
+MIN_TIME_FRACTION = 1e-3
 
 
 @dataclass(frozen=True)
 class HistoryRow:
-    """One row of a history, or of an equilibrium curve, NaN where there is none; its error is the
-    instrument's.
+    """One row of a history or of an equilibrium curve; NaN where a number is undefined.
+
+    `calibration_error` is the error of the force by the calibration of the instrument.
     """
 
     t: float
@@ -84,8 +86,20 @@ class DynamicStiffness:
 
 @dataclass(frozen=True)
 class HistoryResult:
-    """What a curve determines: the rows, those of dynamic.csv, the parts `experiment` and `time` of
-    run.json, and warnings.
+    """Result of a history or an experiment.
+
+    Attributes
+    ----------
+    rows
+        The rows of the history.
+    dynamic
+        The rows of dynamic.csv.
+    report
+        The part `experiment` of run.json.
+    time
+        The part `time` of run.json.
+    warnings
+        Warnings.
     """
 
     rows: list[HistoryRow]
@@ -95,7 +109,7 @@ class HistoryResult:
     warnings: list[str] = field(default_factory=list)
 
     def in_units(self, scales: Scales) -> HistoryResult:
-        """The same in the user's units, of which the scales are the scene's."""
+        """The same in the user's units."""
         depth = scales.depth
         force = scales.force
         units = {
@@ -113,28 +127,29 @@ class HistoryResult:
         }
         rows = [HistoryRow(**_scale_numbers(vars(row), units)) for row in self.rows]
         dynamic = [DynamicStiffness(**_scale_numbers(vars(row), units)) for row in self.dynamic]
-        measured = {
+        converted = {
             name: _scale_numbers(self.report[name], units)
             for name in DIMENSIONAL_PARTS
             if name in self.report
         }
-        return replace(self, rows=rows, dynamic=dynamic, report=self.report | measured)
+        return replace(self, rows=rows, dynamic=dynamic, report=self.report | converted)
 
 
 def _scale_numbers(numbers: Mapping[str, Any], units: Mapping[str, float]) -> dict[str, Any]:
-    """Numbers by name, or parts with such numbers, times the unit of their name."""
-    return {
-        name: _scale_numbers(value, units)
-        if isinstance(value, dict)
-        else value * units[name]
-        if value and name in units
-        else value
-        for name, value in numbers.items()
-    }
+    """Multiply numbers, also those in nested parts, by the unit of their name."""
+    scaled: dict[str, Any] = {}
+    for name, value in numbers.items():
+        if isinstance(value, dict):
+            scaled[name] = _scale_numbers(value, units)
+        elif value and name in units:
+            scaled[name] = value * units[name]
+        else:
+            scaled[name] = value
+    return scaled
 
 
 def relaxation_modulus(law: Relaxation | None) -> Modulus:
-    """G(t) of a relaxation; 1 of a body that does not relax."""
+    """Normalised relaxation modulus G(t)/G(0); 1 without relaxation."""
     if law and law.power_law:
         return viscoelasticity.PowerLaw(law.power_law.exponent, law.power_law.time)
     terms = law.prony if law and law.prony else ()
@@ -144,16 +159,24 @@ def relaxation_modulus(law: Relaxation | None) -> Modulus:
 
 
 def evaluate_with_units(scene: Scene, equilibrium: Equilibrium = None) -> HistoryResult:
-    """What the elastic curve of a scene determines, in the user's units; see `followed`."""
+    """Evaluate history and experiment of a scene, in the user's units; see `evaluate_history`."""
     return evaluate_history(scene, equilibrium).in_units(scene.physics.scales)
 
 
 def evaluate_history(scene: Scene, equilibrium: Equilibrium = None) -> HistoryResult:
-    """What the elastic curve of a scene determines, without units: the rows of its history, its
-    experiment.
+    """Evaluate history and experiment of a scene on its elastic curve, nondimensional.
 
-    The body is condensed where it is meshed. NotConverged where the curve that is needed has no
-    such depth.
+    Parameters
+    ----------
+    scene
+        The scene.
+    equilibrium
+        The condensed body; None without a mesh.
+
+    Raises
+    ------
+    NotConverged
+        If the elastic curve does not reach a depth.
     """
     try:
         return _HistoryEvaluation(scene, equilibrium).evaluate()
@@ -164,7 +187,7 @@ def evaluate_history(scene: Scene, equilibrium: Equilibrium = None) -> HistoryRe
 
 
 class _HistoryEvaluation:
-    """One history, experiment or both, without units."""
+    """Evaluation of one history, one experiment, or both; nondimensional."""
 
     def __init__(self, scene: Scene, equilibrium: Equilibrium):
         self.scene = scene
@@ -179,28 +202,29 @@ class _HistoryEvaluation:
         self.modulus = relaxation_modulus(scene.relaxation)
         self.uses_time_stepping = needs_time_stepping(
             scene.history_on_curve, scene.relaxation, self.compliance
-        )  # or found to have to be
+        )
         self.warnings: list[str] = []
         self._curves: dict[float, ElasticCurve] = {}
 
     @cached_property
     def punches(self) -> Punches:
+        """The flat punches under the tip."""
         return punches_of(self.scene, self._equilibrium)
 
     @cached_property
     def jkr(self) -> Jkr | None:
-        """The contact of a tip that adheres; None for one that does not."""
+        """The adhesive contact of the tip; None without adhesion."""
         adhesion = self.experiment.adhesion
         return Jkr(self.punches, adhesion.work) if adhesion else None
 
     def elastic_curve(self, top: float) -> ElasticCurve:
-        """The elastic curve up to a depth, worked out once."""
+        """The elastic curve up to a depth, computed once."""
         if top not in self._curves:
             self._curves[top] = self._sample_curve(top)
         return self._curves[top]
 
     def _sample_curve(self, top: float) -> ElasticCurve:
-        """That curve by theory, by flat punches, or by equilibria of the condensed body."""
+        """Sample the elastic curve by theory, by flat punches, or by equilibria."""
         if not self.scene.is_meshed:
             theory = self.scene.plan.theory
             assert theory is not None
@@ -208,9 +232,8 @@ class _HistoryEvaluation:
                 _geometric_samples(MIN_DEPTH_FRACTION * top, DEPTH_OVERSHOOT * top)
             )
             return _elastic_curve([(s.delta, s.force, s.a) for s in solutions])
-        self._solve_depth(
-            self._equilibrium, top * DEPTH_OVERSHOOT, top
-        )  # which condenses to as much surface as is needed
+        # The solution at the largest depth condenses the body to as much surface as is needed.
+        self._solve_depth(self._equilibrium, top * DEPTH_OVERSHOOT, top)
         try:
             radii = _geometric_samples(
                 self.punches.min_radius, contact_radius(self.punches, DEPTH_OVERSHOOT * top)
@@ -221,13 +244,13 @@ class _HistoryEvaluation:
         return _elastic_curve([(p.delta, p.force, p.a) for p in samples])
 
     def _solve_depth(self, equilibrium: Equilibrium, depth: float, stated_depth: float) -> None:
-        """Solve a body at a depth; ValueError where it fails."""
+        """Solve a body at a depth; ValueError if it fails."""
         if not equilibrium.solve(depth):
-            deep = stated_depth * self.scene.physics.scales.depth
-            raise ValueError(f"the depth {deep:g} was not reached: {equilibrium.failure}")
+            failed_depth = stated_depth * self.scene.physics.scales.depth
+            raise ValueError(f"the depth {failed_depth:g} was not reached: {equilibrium.failure}")
 
     def _curve_from_equilibria(self, top: float) -> ElasticCurve:
-        """The same by equilibria at depths at which some elements touch."""
+        """Sample the elastic curve by equilibria down to a contact of a few elements."""
         samples: list[tuple[float, float, float]] = []
         for delta in _geometric_samples(DEPTH_OVERSHOOT * top, MIN_DEPTH_FRACTION * top):
             if not self._equilibrium.solve(delta):
@@ -245,7 +268,7 @@ class _HistoryEvaluation:
         return _elastic_curve(samples[::-1])
 
     def relaxing_surface(self, top: float) -> RelaxingSurface:
-        """The surface up to the contact at a depth, for stepping in time."""
+        """The surface system of viscoelastic time stepping, up to the contact at a depth."""
         if not self.scene.is_meshed:
             theory = self.scene.plan.theory
             assert theory is not None and isinstance(theory.contact, Layer)
@@ -256,12 +279,12 @@ class _HistoryEvaluation:
         x, heights, areas, A = self._equilibrium.contact.weighted_gap_system
         domain = self.scene.physics.domain
         symmetry_factor = self.scene.physics.domain.symmetry_factor
-        is_round = domain.kinematics.name == "axisymmetric"
-        order = np.argsort(x[:, 0]) if is_round else np.arange(len(x))
+        is_axisymmetric = domain.kinematics.name == "axisymmetric"
+        order = np.argsort(x[:, 0]) if is_axisymmetric else np.arange(len(x))
         heights = symmetry_factor * heights[order]
         areas = symmetry_factor * areas[order]
         A = symmetry_factor * A[np.ix_(order, order)]
-        if not is_round:
+        if not is_axisymmetric:
             return RelaxingSurface(
                 A, heights, areas, is_plane_strain=self.scene.physics.scales.dim == 2
             )
@@ -270,7 +293,7 @@ class _HistoryEvaluation:
         )
 
     def evaluate(self) -> HistoryResult:
-        """What the experiment comes to, without units."""
+        """Evaluate the history and the experiment."""
         rows = self._rows_at_times(self._rows())
         experiment = self.experiment
         report: dict[str, Any] = {"by": "condensed body" if self.scene.is_meshed else "theory"}
@@ -288,24 +311,24 @@ class _HistoryEvaluation:
         """The part `time` of run.json; empty without a history."""
         if self.history is None:
             return {}
-        method = (
-            "time steps"
-            if self.uses_time_stepping
-            else "quadrature"
-            if self.scene.relaxation
-            else "equilibria"
-        )
+        if self.uses_time_stepping:
+            method = "time steps"
+        elif self.scene.relaxation:
+            method = "quadrature"
+        else:
+            method = "equilibria"
         why = next(choice.why for choice in self.scene.plan.choices if choice.key == "time")
         return {"way": "curve", "method": "JKR" if self.jkr else method, "why": why}
 
     def _rows_at_times(self, rows: list[HistoryRow]) -> list[HistoryRow]:
-        """Those at the times of the history, at a jump the one after it; all where it names none."""
+        """Select the rows at the requested times (the later one at a jump), or all rows."""
         if self.scene.history_on_curve is None or not self.scene.history_on_curve.times:
             return rows
         last = {row.t: row for row in rows}
         return [last[t] for t in self.scene.history_on_curve.times]
 
     def _rows(self) -> list[HistoryRow]:
+        """The rows by the method that fits history, adhesion and relaxation."""
         if self.history is None:
             return self._jkr_curve_rows(self.jkr) if self.jkr else self._elastic_curve_rows()
         if self.jkr:
@@ -319,7 +342,7 @@ class _HistoryEvaluation:
         )
 
     def _elastic_curve_rows(self) -> list[HistoryRow]:
-        """The elastic curve, without a history."""
+        """Rows of the elastic curve, without a history."""
         curve = self.elastic_curve(self.max_depth)
         depth_fractions = (np.arange(1, CURVE_POINTS + 1) / CURVE_POINTS) ** 2
         return [
@@ -328,6 +351,7 @@ class _HistoryEvaluation:
         ]
 
     def _row_on_curve(self, curve: ElasticCurve, t: float, delta: float, branch: str) -> HistoryRow:
+        """The row of an elastic equilibrium at a depth."""
         contact = AdhesiveContact(
             float(curve.contact_radius(np.array(delta))), delta, float(curve.force(np.array(delta)))
         )
@@ -336,6 +360,7 @@ class _HistoryEvaluation:
     def _make_row(
         self, t: float, contact: AdhesiveContact | viscoelasticity.Response, branch: str
     ) -> HistoryRow:
+        """The row of a contact, with the position of the cantilever's base."""
         return HistoryRow(
             t,
             contact.delta + self.compliance * contact.force,
@@ -346,7 +371,7 @@ class _HistoryEvaluation:
         )
 
     def _quasistatic_rows(self, history: History) -> list[HistoryRow]:
-        """Every point an equilibrium of the elastic curve."""
+        """Rows of a history without relaxation: equilibria on the elastic curve."""
         curve = self.elastic_curve(self._max_depth_at(history.largest_value))
         rows = []
         for instant in history.rows:
@@ -360,14 +385,19 @@ class _HistoryEvaluation:
         return rows
 
     def _max_depth_at(self, largest: float, softest: float = 1.0) -> float:
-        """The depth that the largest value of a history may lead to, in a body that keeps a share
-        of its modulus.
+        """Upper bound of the depth at the largest value of a history.
+
+        Parameters
+        ----------
+        largest
+            The largest depth, base position or force.
+        softest
+            Least fraction of the modulus that remains.
         """
         if not self.has_prescribed_forces and not self.compliance:
             return largest
-        top = (
-            self.max_depth
-        )  # to expect: a narrow or round body lets the tip in farther than a half-space
+        # The expected depth is that of a half-space; a narrow or round body is softer.
+        top = self.max_depth
         for _ in range(60):
             force = softest * float(self.elastic_curve(top).force(np.array(top)))
             if (force if self.has_prescribed_forces else top + self.compliance * force) >= largest:
@@ -378,14 +408,14 @@ class _HistoryEvaluation:
         )
 
     def _lee_radok_ting_rows(self, history: History) -> list[HistoryRow]:
-        """Lee-Radok and Ting; stepping where the contact turns out to grow again."""
+        """Rows by Lee-Radok and Ting, or by time stepping if the contact grows again."""
         times, values = zip(*history.points_from_rest, strict=True)
         cycle = LeeRadokTing(self.modulus, times, values, self.elastic_curve(max(values)))
         instants = history.rows
         if cycle.contact_grows_again([instant.t for instant in instants]):
             self.warnings.append(
-                "the contact grows again while the tip retracts or is held after it: stepped in "
-                "time"
+                "the contact grows again during unloading or a hold after it: solved by time "
+                "stepping"
             )
             self.uses_time_stepping = True
             return self._time_stepped_rows(history)
@@ -399,6 +429,7 @@ class _HistoryEvaluation:
         return rows
 
     def _time_stepped_rows(self, history: History) -> list[HistoryRow]:
+        """Rows of a relaxing body by time stepping."""
         times, values = map(list, zip(*history.points_from_rest, strict=True))
         surface = self.relaxing_surface(
             self._max_depth_at(
@@ -412,7 +443,7 @@ class _HistoryEvaluation:
             surface, modulus, self.compliance, self.has_prescribed_forces
         )
         segment_branches = [branch_of(*pair) for pair in pairwise(values)]
-        # of the piece that ends at each point
+        # Branch of the segment that ends at each point.
         branches = [segment_branches[0], *segment_branches]
         point = 0
         rows = []
@@ -422,7 +453,7 @@ class _HistoryEvaluation:
         return rows[len(history.points_from_rest) - len(history.points) :]
 
     def _jkr_curve_rows(self, jkr: Jkr) -> list[HistoryRow]:
-        """The whole equilibrium curve by the contact radius, without a history."""
+        """The equilibrium curve with adhesion by its contact radius, without a history."""
         pull_off = jkr.pull_off(self.compliance)
         deepest_contact = jkr.stable_equilibrium(self.max_depth)
         assert deepest_contact is not None
@@ -438,9 +469,7 @@ class _HistoryEvaluation:
         ]
 
     def _jkr_history_rows(self, jkr: Jkr, history: History) -> list[HistoryRow]:
-        """Stable equilibria as the history passes: the tip snaps in at first touch and comes off
-        where it must.
-        """
+        """Stable equilibria along a history: snap-in at first touch, pull-off at the limit."""
         compliance = inf if self.has_prescribed_forces else self.compliance
         pull_off = jkr.pull_off(compliance)
         pull_off_value = (
@@ -465,7 +494,7 @@ class _HistoryEvaluation:
             rows.append(separated if contact is None else self._make_row(t, contact, branch))
         if any(isnan(row.delta) for row in rows):
             self.warnings.append(
-                "the force pulls harder than adhesion holds: while it does there is no depth"
+                "the tensile force exceeds the pull-off force: those rows have no depth"
             )
         return rows
 
@@ -477,9 +506,8 @@ class _HistoryEvaluation:
             "force_control": _contact_entry(by_force),
             "depth_control": _contact_entry(by_depth),
         }
-        if isinstance(
-            self.punches, FittedPunches
-        ):  # of a mesh, which knows where the force is least up to an error
+        # On a mesh the depth of the least force has an error.
+        if isinstance(self.punches, FittedPunches):
             depth_differences = (
                 abs(Jkr(neighbour, jkr.work).pull_off(inf).delta - by_force.delta)
                 for neighbour in self.punches.neighbouring_fits
@@ -493,7 +521,7 @@ class _HistoryEvaluation:
         if self.experiment.cantilever:
             jump_in_contact = jkr.stable_equilibrium(0.0, self.compliance)
             pull_off = jkr.pull_off(self.compliance)
-            assert jump_in_contact is not None  # no spring lets go before z < 0
+            assert jump_in_contact is not None  # pull-off needs z < 0
             jump_out = {"z": pull_off.delta + self.compliance * pull_off.force} | _contact_entry(
                 pull_off
             )
@@ -504,7 +532,7 @@ class _HistoryEvaluation:
         return report
 
     def _attraction_range_report(self, work: float) -> dict[str, float]:
-        """Tabor and Maugis numbers, and the pull-off force that the latter gives on a half-space."""
+        """Tabor and Maugis parameters, and the pull-off force of the latter on a half-space."""
         attraction = self.experiment.adhesion
         physics = self.scene.physics
         if attraction is None or attraction.range is None:
@@ -520,8 +548,9 @@ class _HistoryEvaluation:
         }
 
     def _calibration_uncertainty(self, calibration: Calibration) -> tuple[float, float]:
-        """Relative uncertainties of a force, k times a deflection, and of a modulus fitted to it, E
-        ~ F/F_1(R).
+        """Relative uncertainties of a force (k times deflection) and of a modulus fitted to it.
+
+        The modulus is F/F_1(R), with the force F_1 for unit modulus.
         """
         radius_exponent = 0.0
         if calibration.R:
@@ -534,7 +563,7 @@ class _HistoryEvaluation:
         return calibration.stiffness, hypot(calibration.stiffness, radius_exponent * calibration.R)
 
     def _force_with_radius(self, radius_ratio: float) -> float:
-        """The elastic force at the deepest depth with the tip's radius times a share."""
+        """The elastic force at the largest depth with the tip's radius times a factor."""
         theory = self.scene.plan.theory
         tip = self.scene.physics.indenter
         tip = replace(tip, R=radius_ratio * tip.R)  # type: ignore[arg-type, call-arg, union-attr]
@@ -550,7 +579,7 @@ class _HistoryEvaluation:
         return float(equilibrium.force)
 
     def _dynamic_stiffness(self, rows: list[HistoryRow]) -> list[DynamicStiffness]:
-        """K(a) (G' + i G'') of the contact that the history ends with, or of the deepest one."""
+        """K(a) (G' + i G'') of the contact at the end of the history, or of the deepest one."""
         frequencies = self.experiment.frequencies or ()
         stiffness = 0.0
         a = rows[-1].a
@@ -569,12 +598,15 @@ class _HistoryEvaluation:
 
 
 def _geometric_samples(first: float, last: float) -> list[float]:
+    """CURVE_SAMPLES values in geometric progression."""
     return [float(x) for x in np.geomspace(first, last, CURVE_SAMPLES)]
 
 
 def _elastic_curve(samples: list[tuple[float, float, float]]) -> ElasticCurve:
+    """The elastic curve through samples of depth, force and contact radius."""
     return ElasticCurve(*np.array(samples, dtype=float).reshape(-1, 3).T)
 
 
 def _contact_entry(contact: AdhesiveContact) -> dict[str, float]:
+    """Entry of a contact in run.json."""
     return {"delta": contact.delta, "force": contact.force}

@@ -1,4 +1,4 @@
-"""The chain of one run: Config -> Scene -> Grid -> BodyMesh -> State, State, ... -> files."""
+"""Simulation of one scene: Config -> Scene -> Grid -> BodyMesh -> State, State, ... -> files."""
 
 from __future__ import annotations
 
@@ -34,33 +34,31 @@ from indent_sim.run.error_estimation.coarser_run import (
     double_bath_ramp,
     halve_penalty,
 )
-from indent_sim.run.error_estimation.error_bars import (
-    AnyErrorBars,
-    ErrorBars,
-    TheoryBars,
-    step_refinement,
+from indent_sim.run.error_estimation.error_bars import AnyErrorBars, ErrorBars, TheoryBars
+from indent_sim.run.error_estimation.error_request import (
+    ErrorRequest,
+    check_same_request,
+    error_request_of,
 )
 from indent_sim.run.error_estimation.film_error import estimate_film_error
 from indent_sim.run.error_estimation.no_slip_runs import no_slip_base_run, solve_no_slip_effect
+from indent_sim.run.error_estimation.predicted_cost import predict_total_cost
 from indent_sim.run.error_estimation.refinement import (
-    ErrorRequest,
     RefinementLevel,
     accuracy_entry,
     adaptive_refinement,
-    check_same_request,
-    error_request_of,
     forceless_row_warnings,
-    predict_total_cost,
 )
+from indent_sim.run.error_estimation.step_refinement import step_refinement
 from indent_sim.run.explicit_config import automatic_keys, explicit_config
 from indent_sim.run.planned_run import collect_scene_errors
 from indent_sim.run.remedies import has_remedies, remedies, try_remedies
-from indent_sim.run.run_output import Comm, OptionalOutput, RunOutput, optional_output_after_run
-from indent_sim.run.sanity_checks import (
+from indent_sim.run.row_warnings import (
     long_step_warnings,
     oscillating_pressure_warnings,
     underresolved_rows,
 )
+from indent_sim.run.run_output import Comm, OptionalOutput, RunOutput, optional_output_after_run
 from indent_sim.run.single_run import Progress, SingleRun, backend
 from indent_sim.run.solvers.hereditary_integral import ERROR_SOURCES, HereditaryIntegralSolver
 from indent_sim.run.solvers.semi_analytic import SemiAnalyticSolver
@@ -70,20 +68,30 @@ from indent_sim.scene.resolution import target_error
 from indent_sim.scene.scene import Mesher, Scene, resolve, start_mesher
 
 Floats = Sequence[float]
-LOG_INTERVAL = 30.0  # s between lines about a run beside this one
+LOG_INTERVAL = 30.0  # seconds between progress messages of an auxiliary run
 log = logging.getLogger("indent_sim")
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A finished run: where it lies, what run.json says (rank 0), and its states in the user's
-    units.
+    """Result of a finished run.
+
+    Attributes
+    ----------
+    directory
+        The result folder.
+    report
+        Content of run.json (on rank 0).
+    states
+        The rows, in the user's units.
+    resumed_after
+        Number of rows that an earlier call had already computed.
     """
 
     directory: Path
     report: dict[str, Any]
     states: list[State]
-    resumed_after: int = 0  # this many rows were there already
+    resumed_after: int = 0
 
 
 def simulate(
@@ -97,16 +105,36 @@ def simulate(
     error_bars: bool = False,
     overwrite: bool = False,
 ) -> Outcome:
-    """Simulate a scene and write its result folder (collective over `comm` [this process alone],
-    files by rank 0).
+    """Simulate a scene and write its result folder.
 
-    given: a config, or the file or dictionary that says one. scene: what the config becomes, where
-    that is known. With `resume` the rows of an earlier run of the same config stay, and the others
-    are computed. With `error_bars`, or `accuracy` in the config, every row has its force_error;
-    `accuracy` refines the mesh until it is small enough. Rows of another config file and a finished
-    run of another scene are replaced with `overwrite` alone; a finished run of the same scene is
-    replaced once this one is done. Raises ConfigError, UsageError, MeshError, NotConverged,
-    VerificationError, BackendError; what was computed before a failure is on disk.
+    Collective over `comm`; rank 0 writes the files. Everything computed before a failure stays on
+    disk.
+
+    Parameters
+    ----------
+    given
+        A config, or the file or dictionary that contains one.
+    comm
+        MPI communicator; by default this process alone.
+    scene
+        The scene that `resolve` makes of the config, if it is already known.
+    directory
+        Result folder; by default that of the config.
+    progress
+        Called after every row with its state, its number and the number of rows.
+    resume
+        Keep the rows of an earlier run of the same config and compute only the missing ones.
+    error_bars
+        Estimate the errors of every row. `accuracy` in the config does so too and refines the mesh
+        until the estimated error of the force is small enough.
+    overwrite
+        Replace the rows of another config or the finished run of another scene. A finished run of
+        the
+        same scene is replaced without it, as soon as the new run is finished.
+
+    Raises
+    ------
+    ConfigError, UsageError, MeshError, NotConverged, VerificationError, BackendError
     """
     comm = comm if comm is not None else SerialComm()
     config = config_of(given)
@@ -123,7 +151,7 @@ def simulate(
 
 
 class SimulationDriver:
-    """One config simulated on one mesh, or on finer and finer ones, into the same folder."""
+    """Simulates one config on one mesh, or on successively finer ones, into the same folder."""
 
     def __init__(
         self,
@@ -158,7 +186,10 @@ class SimulationDriver:
             self._imported_mesh = read_imported_mesh(config, comm)
 
     def run(self) -> Outcome:
-        """What the last attempt came to; VerificationError when it is not as accurate as asked for."""
+        """Return the outcome of the last refinement level.
+
+        Raises VerificationError if that level is less accurate than requested.
+        """
         accuracy_report = self._previous_report.get("accuracy") or {}
         for level in adaptive_refinement(
             self._resolve_scene, accuracy_report.get("elements"), accuracy_report.get("tried", ())
@@ -169,28 +200,28 @@ class SimulationDriver:
         return outcome
 
     def _resolve_scene(self, elements: float | None) -> Scene:
-        """The scene with that many elements in a contact radius, where `accuracy` leaves it open."""
-        if (
-            elements is None and self._scene is not None and self._imported_mesh is None
-        ):  # a mesh file may have changed since
+        """The scene with this number of elements in the contact radius (None: the config's own)."""
+        # A given scene is not reused with an imported mesh: its file may have changed since.
+        if elements is None and self._scene is not None and self._imported_mesh is None:
             return self._scene
         with self._clock.stage("resolve"):
             return resolve(self.config, elements, self._imported_mesh)
 
     def _run_level(self, level: RefinementLevel) -> Outcome:
-        """Simulate an attempt, with its error bars, and judge it."""
+        """Simulate one refinement level, estimate its errors and assess them."""
         config = self.config
         scene = level.scene
-        decided = explicit_config(self.config, level.scene)
+        explicit = explicit_config(self.config, level.scene)
         self.comm = communicator(self.comm, scene)
-        resume = self._resume and level.coarser_run is None  # only the first one
+        # Only the first level of this call continues an earlier run.
+        resume = self._resume and level.coarser_run is None
         scene_with_cost = (
             scene if level.coarser_run else predict_total_cost(scene, self._request.error_bars)
         )
-        report = self._initial_report(scene, decided, scene_with_cost.plan.prediction)
-        config_yaml = to_yaml(decided)
+        report = self._initial_report(scene, explicit, scene_with_cost.plan.prediction)
+        config_yaml = to_yaml(explicit)
         if resume and (
-            outcome := self._finished_outcome(config_yaml, scene, decided.output, report)
+            outcome := self._finished_outcome(config_yaml, scene, explicit.output, report)
         ):
             return outcome
         columns = (*scene.columns, *self._optional_columns(scene))
@@ -200,17 +231,17 @@ class SimulationDriver:
             if self._imported_mesh and isinstance(body, MeshFromFile)
             else ()
         )
-        folder = {"columns": columns, "guard": not self._overwrite, "resume": resume}
-        opened = RunOutput(
+        folder_options = {"columns": columns, "guard": not self._overwrite, "resume": resume}
+        new_output = RunOutput(
             self.comm,
             self.target,
             config_yaml,
             report,
             surface=config.output.surface,
             mesh=mesh,
-            **folder,
+            **folder_options,
         )
-        with opened as run_output, reraise_signal(), translate_resource_errors():
+        with new_output as run_output, reraise_signal(), translate_resource_errors():
             plan = scene.plan
             self._optional_output = run_output.optional_output
             error_bars = self._error_bars(level) if self._request.has_error_bars else None
@@ -244,7 +275,7 @@ class SimulationDriver:
                 if self._request.error_bars and level.next_level is None:
                     own_run = CoarserRun(1.0, states_with_errors, scene)
                     no_slip = self._optional_output(
-                        "what no slip would change",
+                        "no-slip effect",
                         lambda: self._no_slip_effect(own_run, error_bars),
                         None,
                     )
@@ -261,8 +292,9 @@ class SimulationDriver:
         )
 
     def _try_remedies(self, scene: Scene, step: int, iterations: int) -> str:
-        """What was tried where a path ended early, and how far it came, in words; by one process
-        alone.
+        """Try remedies for a path that ended early and report how far each one came.
+
+        Returns "" where there is no remedy or where several processes solve the scene.
         """
         if self.comm.size > 1 or not has_remedies(scene):
             return ""
@@ -272,8 +304,9 @@ class SimulationDriver:
     def _finished_outcome(
         self, config_yaml: str, scene: Scene, output: OutputSettings, initial_report: dict[str, Any]
     ) -> Outcome | None:
-        """The outcome of a run that came to its end before, with what its files lack since among
-        its warnings.
+        """The outcome of an earlier run that is already complete; None if it is not.
+
+        Files that are missing or damaged since are reported among its warnings.
         """
         comm = self.comm
         target = self.target
@@ -283,8 +316,8 @@ class SimulationDriver:
         physics = scene.physics
         steps = len(earlier.states if scene.history_on_curve else scene.physics.deltas)
         depths = [delta * physics.scales.depth for delta in physics.deltas]
-        is_known = physics.path.control == "depth" and scene.history_on_curve is None
-        earlier.check(depths if is_known else None, steps, target)
+        has_known_depths = physics.path.control == "depth" and scene.history_on_curve is None
+        earlier.check(depths if has_known_depths else None, steps, target)
         if earlier.report.get("status") != "done" or len(earlier.states) != steps:
             return None
         surface = "none" if scene.history_on_curve else output.surface
@@ -296,14 +329,16 @@ class SimulationDriver:
         ):
             absent_files = [*absent_files, EXPERIMENT]
         advice = "missing or damaged since; leave --resume out to compute them again"
-        notes = [f"{', '.join(absent_files)}: {advice}"] if absent_files else []
-        report = earlier.report | {"warnings": [*earlier.report.get("warnings", []), *notes]}
+        absence_warnings = [f"{', '.join(absent_files)}: {advice}"] if absent_files else []
+        report = earlier.report | {
+            "warnings": [*earlier.report.get("warnings", []), *absence_warnings]
+        }
         return Outcome(target, report, list(earlier.states), steps)
 
     def _initial_report(
-        self, scene: Scene, decided: Config, prediction: dict[str, float]
+        self, scene: Scene, explicit: Config, prediction: dict[str, float]
     ) -> dict[str, Any]:
-        """What run.json says from the beginning."""
+        """Entries of run.json that are known before the solution."""
         physics = scene.physics
         plan = scene.plan
         request = asdict(self._request) | config_file_entries(self.config.source.name, self.target)
@@ -315,7 +350,7 @@ class SimulationDriver:
             "method": scene.method,
         }
         center = [c * physics.scales.length for c in physics.center]
-        auto = automatic_keys(self.config, decided)
+        auto = automatic_keys(self.config, explicit)
         planned = {
             "choices": list(plan.choices),
             "prediction": prediction,
@@ -333,9 +368,7 @@ class SimulationDriver:
         return report | {"ranks": self.comm.size, "memory_before_MB": round(current_memory(), 1)}
 
     def _optional_columns(self, scene: Scene) -> tuple[str, ...]:
-        """Columns that apply to the scene: of its linear solver, and the error bars of what it
-        finds.
-        """
+        """Columns of the linear solver, of the error estimates and of the supports' reactions."""
         krylov_columns = KRYLOV_COLUMNS if scene.solver.linear == "iterative" else ()
         prescribed = {"delta"} if scene.physics.path.control == "depth" else set()
         columns = (
@@ -353,19 +386,21 @@ class SimulationDriver:
         return (*krylov_columns, *errors, *reactions)
 
     def _error_bars(self, level: RefinementLevel) -> AnyErrorBars:
+        """Solve the auxiliary runs of the error estimate and set up the error bars."""
         if not level.scene.is_meshed:
             return TheoryBars(level.scene)
         with self._clock.stage("imports"):
             backend()
         with self._clock.stage("companions"):
             coarser_run = level.coarser_run
-            if coarser_run is None:  # that of a resumed run is its earlier attempt, as before
-                earlier = (
+            if coarser_run is None:
+                # A resumed run compares itself with the previous level, as before its interruption.
+                previous_scene = (
                     self._resolve_scene(level.previous_resolutions[-1])
                     if level.previous_resolutions
                     else None
                 )
-                ratio, coarse_scene = coarser_scene(level.scene, earlier)
+                ratio, coarse_scene = coarser_scene(level.scene, previous_scene)
                 coarser_run = CoarserRun(ratio, self._elastic_states(coarse_scene), coarse_scene)
             soft_scene = halve_penalty(coarser_run.scene) if coarser_run.scene else None
             soft_states = self._elastic_states(soft_scene) if soft_scene else None
@@ -376,9 +411,7 @@ class SimulationDriver:
             return ErrorBars(level.scene, coarser_run, soft_states, half_steps, film, bath_states)
 
     def _no_slip_effect(self, run: CoarserRun, error_bars: AnyErrorBars) -> dict[str, Any] | None:
-        """What no slip would change of the deepest force: as the plan knows it, or solved beside
-        the run.
-        """
+        """Change of the largest force by a surface without slip, as planned or solved for it."""
         assert run.scene is not None
         with self._clock.stage("companions"):
             planned_effect = run.scene.plan.stick
@@ -392,23 +425,24 @@ class SimulationDriver:
         return asdict(effect) | {"words": effect.sentence} if effect else None
 
     def _elastic_states(self, scene: Scene) -> list[State]:
-        """The elastic states of a scene without surface tables; what one failed to reach is
-        missing, all where it ended.
+        """Solve the elastic part of an auxiliary scene, without surface tables.
+
+        Returns the states up to the first failure; an empty list if the run failed altogether.
         """
         elastic_scene = replace(scene, history_on_curve=None)
         total = len(elastic_scene.physics.deltas)
 
-        def followed() -> list[State]:
-            reached = []
+        def solve_all() -> list[State]:
+            solved = []
             last_log = time.monotonic()
             for state in states(elastic_scene, self.comm, with_surface=False):
-                reached.append(state)
+                solved.append(state)
                 if (now := time.monotonic()) - last_log > LOG_INTERVAL:
-                    log.info("beside this run, for its error bars: step %d/%d", len(reached), total)
+                    log.info("auxiliary run of the error estimate: step %d/%d", len(solved), total)
                     last_log = now
-            return reached
+            return solved
 
-        return self._optional_output("a run beside this one", followed, [])
+        return self._optional_output("an auxiliary run of the error estimate", solve_all, [])
 
 
 def states(
@@ -418,13 +452,28 @@ def states(
     with_surface: bool = True,
     mesher: Mesher = Scene.grid,
 ) -> Iterator[State]:
-    """Walk a scene without writing anything: one State per requested depth, in the user's units; on
-    the mesh that `mesher` makes of the scene.
+    """Solve a scene without writing files and yield one State per requested depth or force.
 
-    given: a scene, or the config, file or dictionary that says one. For notebooks and tests; a
-    State that is not converged is the last one. The memory of the solution is given back at the
-    last state, and on one process also where the iterator is closed before, as when a loop over it
-    is left.
+    On one process the memory of the solution is released when the iterator is exhausted or closed;
+    on
+    several ranks only when it is exhausted.
+
+    Parameters
+    ----------
+    given
+        A scene, or the config, file or dictionary that contains one.
+    comm
+        MPI communicator; by default this process alone.
+    with_surface
+        Compute the table of the contact surface of every state.
+    mesher
+        Makes the grid of the scene.
+
+    Yields
+    ------
+    State
+        In the user's units. The last one is not converged if the path could not be solved to its
+        end.
     """
     scene = given if isinstance(given, Scene) else resolve(config_of(given))
     comm = communicator(comm if comm is not None else SerialComm(), scene)
@@ -432,22 +481,23 @@ def states(
     fe = backend() if scene.is_meshed else None
     domain = scene.physics.domain
     mesh = fe and fe.distribute(run_on_root(comm, mesher, scene), domain, comm)
-    walk: Any = fe.walk(scene, mesh) if fe else SemiAnalyticSolver(scene, comm)
-    readings = DerivedQuantities(scene, walk.equilibrium if fe else None, optional_output)
+    solver: Any = fe.walk(scene, mesh) if fe else SemiAnalyticSolver(scene, comm)
+    derived = DerivedQuantities(scene, solver.equilibrium if fe else None, optional_output)
     if scene.history_on_curve:
-        walk = HereditaryIntegralSolver(scene, walk)
-        walk.solve()
+        solver = HereditaryIntegralSolver(scene, solver)
+        solver.solve()
     is_complete = False
     try:
-        for state in walk.states(scene.physics.path, lambda step: with_surface):
+        for state in solver.states(scene.physics.path, lambda step: with_surface):
             yield (
-                state if scene.history_on_curve else readings.complete_state(state)
+                state if scene.history_on_curve else derived.complete_state(state)
             ).to_user_units(scene.physics.scales)
         is_complete = True
     finally:
-        del walk, readings  # what dies after the release stays
-        # Several ranks release together: one that leaves early does not know whether the others do.
-        # At the end of the process PETSc is gone before the last of Python's objects are
+        # PETSc does not free objects that are destroyed after the release.
+        del solver, derived
+        # Several ranks release together, and a rank that stops early does not know whether the
+        # others do. At interpreter shutdown PETSc is finalized before the last Python objects.
         if is_complete or (comm.size == 1 and not sys.is_finalizing()):
             optional_output.consensus.free()
             if fe:
@@ -456,18 +506,14 @@ def states(
 
 @dataclass(frozen=True)
 class CondensedBody:
-    """A linear body condensed to its contact surface: thousands of tips and depths, milliseconds
-    each.
-    """
+    """A linear body condensed to its contact surface; another tip or depth takes milliseconds."""
 
     scene: Scene
     equilibrium: Equilibrium
 
     @property
     def compliance(self) -> Any:
-        """`fe.condensed.compliance.Compliance`: u_z = -C F between nodes of the contact surface,
-        without units.
-        """
+        """Nodal compliance C of the contact surface, u_z = -C F, nondimensional."""
         return self.equilibrium.contact.compliance
 
     def states(
@@ -476,11 +522,28 @@ class CondensedBody:
         deltas: Floats | None = None,
         forces: Floats | None = None,
     ) -> list[State]:
-        """Press another tip, or to other depths or forces, all in the user's units; one State each,
-        without surface tables.
+        """Solve the contact for another tip, other depths or other forces, without surface tables.
 
-        The mesh stays: it must be fine enough for this contact too. ValueError when both depths and
-        forces are given.
+        The mesh is kept: it must be fine enough for this contact too.
+
+        Parameters
+        ----------
+        indenter
+            The tip [user's units]; by default that of the scene.
+        deltas
+            Depths [length]; by default the path of the scene.
+        forces
+            Prescribed forces [force], instead of depths.
+
+        Returns
+        -------
+        list of State
+            One per depth or force, in the user's units.
+
+        Raises
+        ------
+        ValueError
+            If both depths and forces are given.
         """
         if deltas is not None and forces is not None:
             raise ValueError("give depths or forces, not both")
@@ -493,24 +556,27 @@ class CondensedBody:
             values = tuple(delta / scales.depth for delta in deltas)
             scene = scene.replace_physics(deltas=values, path=LoadPath("depth", values))
         if forces is not None:
-            first_depth = max(*physics.deltas, 1e-3 * physics.body.height)  # of the search
+            # The search for the depth of a force starts here.
+            first_depth = max(*physics.deltas, 1e-3 * physics.body.height)
             values = tuple(force / scales.force for force in forces)
             scene = scene.replace_physics(
                 deltas=(first_depth,) * len(forces), path=LoadPath("force", values)
             )
         equilibrium = self.equilibrium.reuse_body(scene)
-        readings = DerivedQuantities(scene, equilibrium)
-        walk = backend().Walk(equilibrium)
-        states = walk.states(scene.physics.path, lambda step: False)
+        derived = DerivedQuantities(scene, equilibrium)
+        solver = backend().Walk(equilibrium)
+        states = solver.states(scene.physics.path, lambda step: False)
         return [
-            readings.complete_state(state).to_user_units(scene.physics.scales) for state in states
+            derived.complete_state(state).to_user_units(scene.physics.scales) for state in states
         ]
 
 
 def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
-    """Factor a linear scene's body once and condense it (collective); see `CondensedBody`.
+    """Factor the stiffness matrix of a linear body once and condense it to its contact surface.
 
-    Raises ConfigError when the scene is not one that condenses.
+    Collective over `comm`, by default this process alone. Raises ConfigError if the solver method
+    of
+    the scene is not "condensed".
     """
     if scene.solver.method != "condensed":
         raise ConfigError(
@@ -524,38 +590,36 @@ def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
         fe.release(_released_meshes.pop())
     mesh = fe.distribute(run_on_root(comm, scene.grid), scene.physics.domain, comm)
     body = CondensedBody(scene, fe.equilibrium(scene, mesh))
-    if comm.size == 1:  # several ranks need not let go of it at the same time
+    # On several ranks the garbage collectors do not drop the body at the same time.
+    if comm.size == 1:
         weakref.finalize(body, _released_meshes.append, mesh).atexit = False
     return body
 
 
-_released_meshes: list[
-    Any
-] = []  # meshes of condensed bodies that are gone: what PETSc keeps of them goes with the next one
+# Meshes of condensed bodies that no longer exist; the next `condense` frees their PETSc objects.
+_released_meshes: list[Any] = []
 
 
 def warm_up() -> None:
-    """Load what every run needs, so that the first of many costs no more than the others."""
+    """Load the libraries that every run needs, so that the first of many runs is not slower."""
     start_mesher()
     backend()
 
 
 def config_of(given: SceneInput) -> Config:
-    """The config of a scene, however it is given; TypeError for what `resolve` has made of one."""
+    """The config in any form in which it may be given; TypeError for a resolved Scene."""
     if isinstance(given, Scene):
-        raise TypeError("give what `load` gives, not what `resolve` made of it")
+        raise TypeError("expected a config, a file or a dictionary, not a resolved Scene")
     return given if isinstance(given, Config) else load(given)
 
 
 def communicator(comm: Comm, scene: Scene) -> Comm:
-    """The communicator that solves a scene: a mesh is one of MPI, on this process alone as
-    elsewhere.
-    """
+    """The communicator that solves a scene: MPI's COMM_SELF for a meshed scene on one process."""
     return mpi().COMM_SELF if scene.is_meshed and isinstance(comm, SerialComm) else comm
 
 
 def mpi() -> Any:
-    """mpi4py's MPI, which is up then; BackendError when it is missing."""
+    """Initialise MPI and return mpi4py.MPI; BackendError if mpi4py is missing."""
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
@@ -564,6 +628,7 @@ def mpi() -> Any:
 
 
 def _plot(directory: Path, report: dict[str, Any]) -> None:
+    """Draw the pictures of a finished run; a failure is a warning."""
     from indent_sim.results.pictures import experiment, figures, panels
 
     draw = optional_output_after_run(directory, report)

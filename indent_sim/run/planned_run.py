@@ -1,4 +1,4 @@
-"""Prospect of a run: what becomes of a config before anything is solved or written."""
+"""Planned run: the scene that a config becomes, before anything is solved or written."""
 
 from __future__ import annotations
 
@@ -18,66 +18,59 @@ from indent_sim.scene.scene import Plan, Scene, resolve, start_mesher
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """A config and the scene that it becomes. Depths are in the user's units."""
+    """A config and its resolved scene; depths are in the user's units."""
 
     config: Config = field(repr=False)
     scene: Scene = field(repr=False)
 
     @classmethod
     def resolve(cls, config: Config) -> Self:
-        """The prospect of a config; ConfigError for a scene that cannot exist or that this machine
-        cannot hold.
-        """
+        """Resolve a config; ConfigError for a scene that cannot exist or exceeds this machine."""
         return cls(config, resolve(config))
 
     def add_estimation_cost(self, error_bars: bool = False) -> Self:
-        """The same with seconds and memory of all that is solved for it, for `accuracy` and for
-        error bars.
-        """
-        if not (error_bars or self.scene.plan.resolution):  # nothing is solved beside it
+        """The same with the time and memory of all auxiliary runs of the error estimate."""
+        if not (error_bars or self.scene.plan.resolution):
             return self
-        from indent_sim.run.error_estimation.refinement import predict_total_cost
+        from indent_sim.run.error_estimation.predicted_cost import predict_total_cost
 
         return replace(self, scene=predict_total_cost(self.scene, error_bars))
 
     def study_seconds(self, error_bars: bool = False) -> float:
-        """Processor time [s] to expect of the run in a process that has its libraries."""
-        from indent_sim.run.error_estimation.refinement import study_seconds
+        """Expected processor time [s] of the run in a process whose libraries are loaded."""
+        from indent_sim.run.error_estimation.predicted_cost import study_seconds
 
         return study_seconds(self.scene, error_bars)
 
     @property
     def plan(self) -> Plan:
-        """What is said of the run: choices with their reasons, doubts, predictions."""
+        """The plan of the run: decisions with their reasons, model warnings, predictions."""
         return self.scene.plan
 
     @property
     def depths(self) -> list[float]:
-        """The depth of every row; to expect where forces are prescribed."""
+        """The depth of every row; the expected one where forces are prescribed."""
         return [delta * self.scene.physics.scales.depth for delta in self.scene.physics.deltas]
 
     @property
     def has_prescribed_forces(self) -> bool:
-        """Whether forces are prescribed."""
+        """Whether the load path prescribes forces."""
         return self.scene.physics.path.control == "force"
 
     @property
     def accepts_any_depth(self) -> bool:
-        """Whether forces at any depths are found without a load path to them: by theory, or on a
-        condensed body.
-        """
+        """Whether forces at any depths follow without a load path: by theory or condensation."""
         return not self.scene.is_meshed or self.scene.solver.method == "condensed"
 
     @property
     def modulus(self) -> float:
-        """Young's modulus of what the tip touches, in the user's units."""
+        """Young's modulus of the material that the tip touches [user's units]."""
         return self.scene.physics.material.constants.E * self.scene.physics.scales.pressure
 
     @property
     def identity(self) -> str:
-        """A name for physics, discretisation, history and experiment; titles and output have no
-        part in it.
-        """
+        """Hash of problem, discretisation, history and experiment, without titles and output."""
+        # Imported here since it loads the readers of results, which no plan needs.
         from indent_sim.results.json_text import to_json
 
         scene = self.scene
@@ -91,12 +84,12 @@ class PlannedRun:
 
     @property
     def stiffness_unit(self) -> float:
-        """E*/h_contact in the user's units, of which the stiffness of a contact law is a multiple."""
+        """E*/h_contact in the user's units, the unit of the stiffness of a contact law."""
         return self._stiffness_unit * self.scene.physics.scales.stiffness
 
     @property
     def stiffness(self) -> float | None:
-        """epsilon_n or gamma in E*/h_contact; None for a method without one."""
+        """Stiffness epsilon_n or gamma of the contact law over E*/h_contact; None without one."""
         law = self.scene.physics.contact
         return law.stiffness / self._stiffness_unit if hasattr(law, "stiffness") else None
 
@@ -106,9 +99,7 @@ class PlannedRun:
 
 
 def plan_with_cost(config: Config, error_bars: bool = False) -> PlannedRun:
-    """The prospect of a config, with all that is solved for it; ConfigError with everything that is
-    wrong with it.
-    """
+    """Plan a run with its auxiliary runs; ConfigError with all errors of the config."""
     try:
         return PlannedRun.resolve(config).add_estimation_cost(error_bars)
     except ConfigError as error:
@@ -116,18 +107,21 @@ def plan_with_cost(config: Config, error_bars: bool = False) -> PlannedRun:
 
 
 def collect_scene_errors(first: ConfigError, config: Config) -> ConfigError:
-    """An error of a scene, and those that it has without; a mesh file is read once, so there it
-    stands alone.
+    """Collect further errors of a scene beside the first one.
+
+    With an imported mesh the first one is returned alone, since the mesh file is read only once.
     """
     is_of_file = isinstance(config.body, MeshFromFile)
     return locate_error(config, first) if is_of_file else collect_errors(first, config, resolve)
 
 
 def start_mesher_if_needed(read: Callable[[], Config]) -> bool:
-    """Fork the process that meshes, before MPI is up, unless theory solves what is read; whether it
-    was.
+    """Fork the meshing process, before MPI is initialised, unless theory solves the scene.
+
+    Returns whether it was started.
     """
-    with suppress(IndentSimError):  # what is wrong with the config is said later, by all ranks
+    # Errors of the config are reported later, by all ranks.
+    with suppress(IndentSimError):
         if not needs_mesh(read()):
             return False
     start_mesher()

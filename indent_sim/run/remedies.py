@@ -1,9 +1,9 @@
-"""Remedies of a load path that ended too early: which were tried, and how far each came.
+"""Remedies for a load path that ended early: which ones were tried, and how far each came.
 
-At finite strain a tip with an edge ends because few elements go around the edge, or because they
-are stretched beyond what Newton's method can follow. A rounder edge and other elements are the two
-ways out, and which one helps is not known before it is tried. All tries together cost no more
-iterations than the run itself had spent.
+At finite strain a tip with an edge fails because too few elements go around the edge, or because
+they are distorted beyond what Newton's method can follow. A larger edge radius and other element
+sizes may help, but which one does is not known in advance. All trials together spend no more Newton
+iterations than the run itself.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from indent_sim.model.tips import FlatPunch
 from indent_sim.process.errors import IndentSimError
 from indent_sim.scene.scene import Scene
 
-# Of the radius at which a tip's edge ends: the least rounding that is tried. Rods of the edge radii
-# 1 and 0.99 R went to 4.75 R into neo-Hookean rubber, punches of 0.1 R to 1.3 R and of 0.001 R to a
-# few per cent of R
+# Least edge radius that is tried, relative to the radius of the tip. Rods with edge radii of 1 and
+# 0.99 R reached 4.75 R in neo-Hookean rubber, punches with 0.1 R reached 1.3 R and those with 0.001
+# R a few per cent of R.
 LEAST_ROUNDING = 0.2
-# times the elements in the contact
+# Factors of the element size in the contact.
 FINER = 0.5
 COARSER = 2.0
 
@@ -32,7 +32,7 @@ SolveStates = Callable[[Scene], Iterator[State]]
 
 @dataclass(frozen=True)
 class Remedy:
-    """A key of the scene with another value [user's units], and the scene with it."""
+    """A changed key of the scene with its value [user's units], and the changed config."""
 
     key: str
     value: float
@@ -40,19 +40,25 @@ class Remedy:
 
 
 def has_remedies(scene: Scene) -> bool:
-    """Whether remedies are tried for a scene: of a hyperelastic section, its gap at the deformed
-    point, whose depths are prescribed without times.
+    """Whether remedies are tried for a scene.
+
+    They are for a two-dimensional mesh at finite strain with prescribed depths and without time.
     """
     physics = scene.physics
-    is_section = scene.is_meshed and physics.domain.dim == 2 and scene.sizes.refinements is None
-    is_finite = not physics.small_strain and physics.gap == "current"
-    return is_section and is_finite and physics.path.control == "depth" and not physics.path.times
+    is_two_dimensional = (
+        scene.is_meshed and physics.domain.dim == 2 and scene.sizes.refinements is None
+    )
+    is_finite_strain = not physics.small_strain and physics.gap == "current"
+    return (
+        is_two_dimensional
+        and is_finite_strain
+        and physics.path.control == "depth"
+        and not physics.path.times
+    )
 
 
 def remedies(config: Config, scene: Scene) -> list[Remedy]:
-    """What may help, in the order in which it is tried: rounder edges, smaller elements, larger
-    ones.
-    """
+    """The remedies in the order of trial: larger edge radii, smaller elements, larger elements."""
     remedies_found = [
         Remedy("indenter.edge_radius", rho, _set_edge_radius(config, rho))
         for rho in _edge_radii(config, scene)
@@ -65,9 +71,7 @@ def remedies(config: Config, scene: Scene) -> list[Remedy]:
 
 
 def _edge_radii(config: Config, scene: Scene) -> list[float]:
-    """Larger edge radii of a punch [user's lengths]: twice its own, at least LEAST_ROUNDING, and
-    half a ball.
-    """
+    """Larger edge radii of a punch: twice its own (at least LEAST_ROUNDING), and a hemisphere."""
     tip = config.indenter
     if (
         not isinstance(tip, FlatPunch)
@@ -80,14 +84,17 @@ def _edge_radii(config: Config, scene: Scene) -> list[float]:
 
 
 def _set_edge_radius(config: Config, edge_radius: float) -> Config:
+    """The config with another edge radius."""
     tip: Any = config.indenter
-    mesh = replace(config.mesh, h_edge=None)  # of a sharp edge, which this one may not be
+    # A given size at a sharp edge may not fit a rounded one.
+    mesh = replace(config.mesh, h_edge=None)
     return config.model_copy(
         update={"indenter": replace(tip, edge_radius=edge_radius), "mesh": mesh}
     )
 
 
 def _set_element_size(config: Config, h_contact: float) -> Config:
+    """The config with another element size in the contact."""
     mesh = replace(
         config.mesh, h_contact=h_contact, h_axis=None, h_edge=None, h_corner=None, h_far="auto"
     )
@@ -101,19 +108,20 @@ def try_remedies(
     resolve: Callable[[Config], Scene],
     solve_states: SolveStates,
 ) -> str:
-    """How far the remedies came, in words, up to the first that comes to the step at which the run
-    ended.
+    """Report how far the remedies came, up to the first that passes the failed step.
 
     Parameters
     ----------
-    found
+    remedies_found
         The remedies, in order.
     step
-        The step that was not reached, from 1.
-    spent
-        Iterations of Newton's method that all tries may take together; none begins beyond it.
-    resolve, walk
-        What makes a scene of a config, and its states of a scene.
+        The step that did not converge, counted from 1.
+    iterations_left
+        Newton iterations that all trials may spend together; none begins beyond it.
+    resolve
+        Makes the scene of a config.
+    solve_states
+        Solves a scene and yields its states.
     """
     reports: list[str] = []
     for remedy in remedies_found:
@@ -133,15 +141,15 @@ def try_remedies(
         name = f"{remedy.key}: {remedy.value:g}"
         if last is not None and last.step == step:
             reports.append(
-                f"{name} comes to delta = {last.delta:.6g} with the force {last.force:.6g}"
+                f"{name} reaches delta = {last.delta:.6g} with the force {last.force:.6g}"
             )
             break
-        end = f"ends after delta = {last.delta:.6g}" if last else "comes to no row"
+        end = f"ends after delta = {last.delta:.6g}" if last else "fails at the first row"
         reports.append(f"{name} {end}")
     return f"; tried: {'; '.join(reports)}" if reports else ""
 
 
 def _truncate_path(scene: Scene, step: int) -> Scene:
-    """The scene with the first rows of its path alone."""
+    """The scene with only the first `step` rows of its path."""
     values = scene.physics.path.values[:step]
     return scene.replace_physics(path=LoadPath("depth", values), deltas=values)

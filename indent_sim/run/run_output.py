@@ -1,6 +1,4 @@
-"""The record of a run: its result folder as all ranks see it, its clock, and what is missing beside
-its rows.
-"""
+"""Output of a run: its result folder as all ranks see it, and outputs that may fail."""
 
 from __future__ import annotations
 
@@ -26,15 +24,23 @@ T = TypeVar("T")
 Fallback = TypeVar("Fallback")
 log = logging.getLogger("indent_sim")
 
-Comm = Any  # a communicator of mpi4py, which is loaded where a mesh is solved alone, or `Alone`
-Failure = tuple[str, str]  # why something is missing: in words, and the traceback
+# A communicator of mpi4py, which is loaded only to solve a mesh, or a SerialComm.
+Comm = Any
+Failure = tuple[str, str]  # reason of a missing output, and the traceback
 
 
 class OptionalOutput:
-    """Finds what stands beside the rows of a run: where that fails it is missing, and the run goes
-    on.
+    """Evaluates outputs whose failure is a warning and does not stop the run.
 
-    `say` is told what is missing and why, once for each thing [the log]. Signals pass through.
+    Signals pass through.
+
+    Parameters
+    ----------
+    comm
+        MPI communicator; by default this process alone.
+    report_missing
+        Called with the name and the failure of each missing output, once per name; by default the
+        log.
     """
 
     def __init__(
@@ -48,10 +54,19 @@ class OptionalOutput:
         self._missing: set[str] = set()
 
     def __call__(self, name: str, find: Callable[[], T], fallback: Fallback) -> T | Fallback:
-        """What `find` returns, or `fallback` on all ranks where it fails on any (collective).
+        """Return what `find` returns, or `fallback` on all ranks if it fails on any (collective).
 
-        The error of a rank that the others wait for inside `find` passes through: there all must
-        end.
+        The error of a rank on which others wait inside `find` is raised, since all ranks must stop
+        then.
+
+        Parameters
+        ----------
+        name
+            Name of the output in the warning.
+        find
+            Evaluates the output.
+        fallback
+            The value in its place.
         """
         failure: Failure | None = None
         try:
@@ -74,19 +89,17 @@ class OptionalOutput:
 
 
 def _root_method(method: Callable[..., T]) -> Callable[..., T | None]:
-    """A method of a record that does something with the folder on rank 0; its failure is that of
-    all ranks.
-    """
+    """Wrap a method of ResultFolder that runs on rank 0 and raises its failure on all ranks."""
 
     @wraps(method)
-    def call(record: RunOutput, *args: Any, **options: Any) -> T | None:
-        return run_on_root(record.comm, lambda: method(record._folder, *args, **options))
+    def call(run_output: RunOutput, *args: Any, **options: Any) -> T | None:
+        return run_on_root(run_output.comm, lambda: method(run_output._folder, *args, **options))
 
     return call
 
 
 class RunOutput:
-    """The result folder seen from all ranks: rank 0 writes, every rank learns of a failure."""
+    """The result folder as all ranks see it: rank 0 writes, every rank learns of a failure."""
 
     def __init__(
         self, comm: Comm, target: Path, config_yaml: str, report: Mapping[str, Any], **options: Any
@@ -98,12 +111,11 @@ class RunOutput:
         ).__enter__()
         self._folder: ResultFolder | None = None
         self.earlier: PreviousRun | None = None
-        # of all ranks, of this one
+        # Outputs of all ranks together, and of each rank alone.
         self.optional_output = OptionalOutput(comm, self._report_missing)
         self.rank_optional_output = OptionalOutput(None, self._report_missing)
-        self.failure_consensus = FailureConsensus(
-            comm
-        )  # of ranks whose run has failed: others may just then meet in `beside`
+        # Ranks whose run failed agree apart from `optional_output`, where others may be waiting.
+        self.failure_consensus = FailureConsensus(comm)
 
     def __enter__(self) -> RunOutput:
         self._folder = run_on_root(self.comm, self._open_folder)
@@ -125,7 +137,7 @@ class RunOutput:
             self._folder.__exit__(*error)
             self.report = dict(self._folder.report)
 
-    # what rank 0 does, with what it alone may have
+    # Methods of the folder that rank 0 executes; the arguments of other ranks are ignored.
     open_fields = _root_method(ResultFolder.open_fields)
     write_fields = _root_method(ResultFolder.write_fields)
     append = _root_method(ResultFolder.append)
@@ -134,8 +146,9 @@ class RunOutput:
     _read_checkpoint = _root_method(ResultFolder.read_checkpoint)
 
     def read_checkpoint(self, identity: Mapping[str, Any]) -> Checkpoint:
-        """The last equilibria of the run that is continued, on all ranks; it may have had another
-        number of them.
+        """The last equilibria of the run that is continued, on all ranks.
+
+        That run may have had another number of ranks.
         """
         return self.comm.bcast(self._read_checkpoint(identity)) or Checkpoint()
 
@@ -145,7 +158,7 @@ class RunOutput:
             self._folder.report.update(entries)
 
     def mark_failed(self, error: IndentSimError) -> None:
-        """Say that the run has failed, though all of its rows are there."""
+        """Record that the run has failed although all of its rows are written."""
         if self._folder is not None:
             self._folder.finish(error)
 
@@ -155,25 +168,25 @@ class RunOutput:
             self.add_entries(warnings=[*self._folder.report.get("warnings", []), *warnings])
 
     def _report_missing(self, name: str, failure: Failure) -> None:
+        """Record a missing output in run.json."""
         if self._folder is not None:
             _add_missing_entry(self._folder.report, name, failure)
 
 
 def optional_output_after_run(folder: Path, report: dict[str, Any]) -> OptionalOutput:
-    """Finds what stands beside the rows of a run that has ended, and says in its run.json, and in
-    `report`, what is missing.
-    """
+    """Outputs of a finished run; a missing one is recorded in its run.json and in `report`."""
 
-    def say(name: str, failure: Failure) -> None:
-        for entries in (report, written := read_report(folder)):
+    def report_missing(name: str, failure: Failure) -> None:
+        for entries in (report, stored_report := read_report(folder)):
             _add_missing_entry(entries, name, failure)
         with suppress(OSError):
-            write_atomically(folder / REPORT, to_json(written) + "\n")
+            write_atomically(folder / REPORT, to_json(stored_report) + "\n")
 
-    return OptionalOutput(None, say)
+    return OptionalOutput(None, report_missing)
 
 
 def _add_missing_entry(report: dict[str, Any], name: str, failure: Failure) -> None:
+    """Add a missing output to the warnings and to the entry `missing` of a report."""
     message = f"{name} is missing: {failure[0]}; run.json has the traceback"
     report["warnings"] = [*(report.get("warnings") or []), message]
     report["missing"] = (report.get("missing") or {}) | {name: failure[1]}

@@ -1,157 +1,84 @@
-"""Plausibility of rows: bounds on an elastic body that hold whatever the mesh and the method.
+"""Sanity checks of rows: bounds for every elastic body, whatever the mesh and the method.
 
-The tip only pushes, so nothing pulls, and a tip pressed into a flat body touches it. The force
-grows with the depth and is the derivative of the energy Pi, so 0 <= Pi <= force delta. The surface
-stays below the tip, also where contact is not looked for. The force is theory's where theory is
-exact, and of one order with it where it is nearly so. None of this says how accurate a row is;
-`unresolved` names the rows whose contact is smaller than elements resolve. A tip that adheres may
-pull, and where it lets go or snaps in the force is no derivative: there only the rest is asked.
-Where fluid flows, or shear relaxes, depth and force are of a time: rules that compare them are left
-out. A rough surface gives back less than was put in: its forces are compared while the tip goes in,
-never on the way back.
+Without adhesion the force is not tensile, and a tip below the undeformed surface is in contact. The
+force grows with the depth and is the derivative of the energy Pi, hence 0 <= Pi <= F delta. The
+surface stays outside the tip, also where no contact is modelled. The force agrees with theory where
+theory is exact, and in its order of magnitude where theory is nearly so. These bounds do not say
+how
+accurate a row is; `underresolved_rows` names rows whose contact has too few elements.
 
-Each rule is a function of the scene, a converged state and the states before it (in the user's
-units) to a sentence, or to None where it has nothing against the state. They are wide enough for
-coarse meshes and soft penalties.
+Some bounds do not apply to every scene. With adhesion the force may be tensile, and it jumps where
+the tip snaps in or off. With flow or relaxation depth and force depend on time, and rules that
+compare them are left out. With friction unloading returns less work than loading took: forces are
+compared during loading only.
+
+Each rule is a function of the scene, a converged state and the previous rows (in the user's units).
+It returns a sentence, or None if the state satisfies it. The bounds are wide enough for coarse
+meshes and soft penalties.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from functools import cache
-from math import inf, isfinite, isnan
-
-import numpy as np
+from math import isfinite, isnan
 
 from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.model.state import State
-from indent_sim.model.tips import flat_radius
+from indent_sim.run.previous_rows import PreviousRows, force_interval
 from indent_sim.scene.model_warnings import (
-    UNDERRESOLVED_ERROR,
-    error_text,
     expected_force_error,
     penalty_force_loss,
-    refinement_advice,
-    swelling_force_error,
 )
 from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.solution import Solution
 
-# of the largest force so far: what round-off and the supports' tolerance may leave of none
+# Force that round-off and the tolerance of the supports may leave where there is none, relative to
+# the largest force so far.
 FORCE_NOISE = 1e-6
-DEPTH_TOLERANCE = 1e-6  # of a depth: closer ones may have one solution to the solver's tolerance
-# of the path's largest force: a row with less to expect may lie between two points of its mesh
+# Relative distance of depths below which two rows may be one solution to the solver's tolerance.
+DEPTH_TOLERANCE = 1e-6
+# A row whose expected force is a smaller fraction of the path's largest may touch between two
+# points of its mesh.
 FIRST_TOUCH_FRACTION = 1e-5
-# of the force, with greater depth: convex problems solved to 1e-7; kinks of the others
+# Largest relative fall of the force with increasing depth: of linear problems, which are solved to
+# 1e-7, and of all others, whose force is not smooth on a mesh.
 MAX_LINEAR_FALL = 1e-3
 MAX_FALL = 0.02
-# of force delta: what the contact term of a multiplier adds to the energy on a coarse mesh
+# The contact term of a multiplier adds up to this fraction of F delta to the energy on a coarse
+# mesh.
 ENERGY_TOLERANCE = 0.02
-MAX_OVERLAP = (
-    0.1,
-    0.5,
-)  # of the depth, of an element: twice what a contact of one element was seen to sink in
-# Of the depth. A contact group that ends beside the contact costs force: 0.02 % where the tip is
-# 2e-4 inside the next facets, 0.4 % at 8e-3, 4 % at 6e-2, 20 % at 0.2, measured (axisymmetric and
-# plane; both gaps). Where it does not: 0
+# Largest overlap of a facet with the tip, relative to the depth and to an element: twice the
+# largest that was seen with a contact of one element.
+MAX_OVERLAP = (0.1, 0.5)
+# Largest penetration outside the contact surface, relative to the depth. A contact group of a mesh
+# file that ends within the contact reduces the force: by 0.02 % where the tip is 2e-4 inside the
+# next facets, 0.4 % at 8e-3, 4 % at 6e-2, 20 % at 0.2, measured (axisymmetric and plane; both
+# gaps). The penetration is 0 where the contact surface is large enough.
 MAX_OUTSIDE_PENETRATION = 1e-3
-PENETRATION_FACTOR = (
-    2.0  # of a law that lets the tip sink in: between its quadrature points it may be somewhat more
-)
-# Factors from theory: the same problem; a half-space at small strain instead of the body's
+# A penalty lets the tip penetrate somewhat more between its quadrature points than at them.
+PENETRATION_FACTOR = 2.0
+# Largest ratio of the force and that of theory: for the same problem, and for a half-space at small
+# strain in place of the body.
 SAME_PROBLEM_FACTOR = 1.5
 HALF_SPACE_FACTOR = 10.0
-HALF_SPACE_CONTACT = (
-    0.3  # of the thickness and of the way to the rim: a contact up to this feels little of them
-)
-PILLAR_HEIGHT = 10.0  # ways to the rim: a thicker body is a pillar, whose own shortening counts
-MAX_LINEAR_DEPTH = 0.1  # of the contact radius: up to this depth no law stiffens by a factor
-THEORY_FORCE_ERROR = 1e-4  # of theory's force: its own error
+# A contact up to this fraction of the height and of the lateral extent is close to a half-space's.
+HALF_SPACE_CONTACT = 0.3
+# A body higher than this many lateral extents is a pillar whose overall shortening matters.
+PILLAR_HEIGHT = 10.0
+# Up to this depth, relative to the contact radius, no elastic law stiffens by a factor.
+MAX_LINEAR_DEPTH = 0.1
+THEORY_FORCE_ERROR = 1e-4  # relative error of theory's own force
 
-# A contact pressure that oscillates from node to node by more than this fraction of p_max is warned
-# of. In scenes with a smooth pressure the fraction is 0.002 to 0.02, in a saw-tooth 0.09 to 0.5
-# (measured in docs/decisions/0053).
-MAX_ROUGHNESS = 0.03
-# A stick radius or a dissipation that a long step may have wrong by more than this is warned of.
-# Measured with 1, 2, 5, 10 and 40 even steps under a paraboloid (thick layer, nu 0): with friction
-# 0.3 the stick radius is 0.24, 0.45, 0.50, 0.52 and 0.54 of the contact radius and all heat 2.4,
-# 1.5, 1.07, 1.01 times that of 40 steps; with friction 0.6 it is 0.82, 0.82, 0.85, 0.87 and 0.90 of
-# it, and 0.97, 0.60, 0.64, 0.89 times. The last step adds 1, 0.29, 0.11 and 0.05 of the contact
-# radius.
-MAX_STEP_CHANGE = 0.25
 
 REFINEMENT_REMEDY = (
     "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
 )
 SIDE_REMEDY = (
-    "the top alone is a contact surface: stay above that depth, or let the top slide "
+    "contact is modelled on the top face only: use smaller depths, or let the top slide "
     "(contact.friction: 0)"
 )
-
-
-RowForce = tuple[float, float, float]  # of a row: depth, force, half its bar's width
-
-
-class PreviousRows:
-    """Rows in the order of their path, with what a new one is compared with: it costs the same
-    after few and many.
-    """
-
-    def __init__(self, states: Iterable[State] = ()):
-        self.last: State | None = None
-        self.has_turned = False  # back to a smaller depth
-        self.max_depth = -inf
-        self.largest_force = 0.0
-        self._largest_force_row: RowForce | None = None  # that which surely pushes most
-        self._columns: np.ndarray = np.empty((3, 64))  # depth, force and half its bar's width
-        self._count = 0
-        for state in states:
-            self.append(state)
-
-    def __len__(self) -> int:
-        return self._count
-
-    def append(self, state: State) -> None:
-        """Add the next row."""
-        if self._count == self._columns.shape[1]:
-            self._columns = np.concatenate([self._columns, np.empty_like(self._columns)], axis=1)
-        self._columns[:, self._count] = row_force = _row_force(state)
-        least_force = row_force[1] - row_force[2]
-        if least_force == least_force and (
-            self._largest_force_row is None
-            or least_force > self._largest_force_row[1] - self._largest_force_row[2]
-        ):
-            self._largest_force_row = row_force
-        self._count += 1
-        self.has_turned |= self.last is not None and state.delta < self.last.delta
-        self.max_depth = max(self.max_depth, state.delta)
-        self.largest_force = max(self.largest_force, abs(state.force))
-        self.last = state
-
-    def largest_shallower_force(self, delta: float) -> RowForce | None:
-        """That which surely pushes most of the rows that are less deep; None where there is none."""
-        if delta > self.max_depth:
-            return self._largest_force_row
-        depth, force, bar = self._columns[:, : self._count]
-        return self._row_at_maximum(force - bar, depth < delta)
-
-    def smallest_deeper_force(self, delta: float) -> RowForce | None:
-        """That which surely pushes least of the rows that are deeper; None where there is none."""
-        if delta >= self.max_depth:
-            return None
-        depth, force, bar = self._columns[:, : self._count]
-        return self._row_at_maximum(-force - bar, depth > delta)
-
-    def _row_at_maximum(self, value: np.ndarray, where: np.ndarray) -> RowForce | None:
-        if not where.any():
-            return None
-        depth, force, bar = self._columns[:, int(np.argmax(np.where(where, value, -inf)))]
-        return float(depth), float(force), float(bar)
-
-
-def _row_force(state: State) -> RowForce:
-    return state.delta, state.force, _error_half_width(state)
 
 
 Rule = Callable[[Scene, State, PreviousRows], "str | None"]
@@ -159,20 +86,25 @@ Rules = tuple[Rule, ...]
 
 
 def precompute_theory_forces(scene: Scene) -> None:
-    """Have theory find the forces that rows will be held to together, where their depths are known."""
+    """Let theory solve all prescribed depths at once, with which rows are compared."""
     physics = scene.physics
     if scene.plan.theory and physics.path.control == "depth":
+        # Rows have depths in the user's units: the conversion and back repeats their round-off.
         scale = physics.scales.depth
-        scene.plan.theory.expect_depths(
-            [delta * scale / scale for delta in physics.deltas]
-        )  # as rows say their depths
+        scene.plan.theory.expect_depths([delta * scale / scale for delta in physics.deltas])
 
 
 def violated_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """What cannot be true of a converged state after others on its path, None where nothing is
-    known against it.
+    """Return which bound a converged state violates, with a remedy; None if it violates none.
 
-    The states are in the user's units.
+    Parameters
+    ----------
+    scene
+        The scene of the run.
+    state
+        A converged state [user's units].
+    earlier
+        The rows before it.
     """
     is_pressed = scene.is_meshed and not _is_first_touch(scene, state)
     for rule in _applicable_rules(
@@ -184,195 +116,32 @@ def violated_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | N
     return None
 
 
-def underresolved_rows(scene: Scene, states: Sequence[State]) -> list[str]:
-    """What to say of rows (in the user's units) whose contact has too few elements; nothing where
-    the scene said so beforehand.
-
-    Where the contact grows by itself, in time or under a force, its smallest radius is known only
-    now.
-    """
-    is_predicted = any(force_error.key == "elements" for force_error in scene.plan.model_warnings)
-    if (
-        is_predicted
-        or not scene.is_meshed
-        or scene.history_on_curve
-        or scene.physics.contact.may_snap_through
-    ):
-        return []
-    L = scene.physics.scales.length
-    sizes = scene.sizes
-    min_force = FORCE_NOISE * max((state.force for state in states), default=0.0)
-    force_errors = {
-        state.step: _row_force_error(scene, state)
-        for state in states
-        if state.force > min_force and state.a > 0
-    }
-    steps = [
-        step for step, force_error in force_errors.items() if force_error >= UNDERRESOLVED_ERROR
-    ]
-    if not steps:
-        return []
-    max_elements = max(
-        sizes.elements_in_contact(scene.physics.full_contact_radius(state.a / L))
-        for state in states
-        if state.step in steps
-    )
-    rows = (
-        f"step {steps[0]} has"
-        if len(steps) == 1
-        else f"{len(steps)} rows from step {steps[0]} on have"
-    )
-    errors = sorted(force_errors[step] for step in steps)
-    span = " to ".join(dict.fromkeys(error_text(errors[k]) for k in (0, -1)))
-    force_text = f"the force there may be wrong by {span}, pressures by more"
-    remedy = refinement_advice(
-        sizes, "give mesh.h_contact and a smaller mesh.h_axis, or ask for an accuracy"
-    )
-    return [
-        f"{rows} at most {max_elements:.2g} elements in the contact radius: {force_text}; {remedy}"
-    ]
-
-
-def oscillating_pressure_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
-    """Warn of rows whose contact pressure oscillates from node to node (a saw-tooth).
-
-    Parameters
-    ----------
-    scene
-        The scene of the run.
-    states
-        Its rows, in any units.
-
-    Returns
-    -------
-    list of str
-        One warning at most.
-    """
-    oscillating = [state for state in states if state.roughness > MAX_ROUGHNESS]
-    if not oscillating:
-        return []
-    worst = max(oscillating, key=lambda state: state.roughness)
-    size_text = f"{100 * worst.roughness:.2g} % of p_max"
-    rows = f"step {worst.step}: the pressure alternates from node to node by {size_text}"
-    if len(oscillating) > 1:
-        rows = (
-            f"{len(oscillating)} rows from step {oscillating[0].step} on: the pressure alternates from "
-            "node to node"
-        )
-        min_roughness = min(state.roughness for state in oscillating)
-        rows = f"{rows}, by {100 * min_roughness:.2g} to {size_text}, most in step {worst.step}"
-    return [
-        f"{rows}; p_max and `pressure` of the surface are as uncertain, the force far "
-        f"less; {_smoothing_advice(scene)}"
-    ]
-
-
-def long_step_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
-    """Warn of load increments that are too long to resolve where the surface slips on the tip.
-
-    A step that makes the contact radius grow from a_0 to a takes all that is new in contact to have
-    slipped at once. Its stick radius is off by about (a - a_0)/a of itself, its dissipation by half
-    of (a - a_0)/(a - stick radius), and the force hardly at all. Rows of less than half of the
-    largest contact are left out: the first one is a single step from rest in every run.
-
-    Parameters
-    ----------
-    scene
-        The scene of the run, without error bars.
-    states
-        Its rows, in the user's units.
-
-    Returns
-    -------
-    list of str
-        One warning at most.
-    """
-    if not scene.physics.contact.may_slip or not scene.is_meshed:
-        return []
-    widest = max((state.a for state in states), default=0.0)
-    previous_radius = _radius_of_first_contact(scene) * scene.physics.scales.length
-    step_changes: dict[int, tuple[float, float, float]] = {}
-    for state in states:
-        wider = max(previous_radius, state.a)
-        radius_change = abs(state.a - previous_radius) / wider if wider > 0 else 0.0
-        slips = 1 - (state.stick_radius or 0.0) / state.a if state.a > 0 else 0.0
-        heat = min(radius_change / (2 * slips), 1.0) if state.dissipation and slips > 0 else 0.0
-        if state.a > 0 and wider >= widest / 2 and max(radius_change, heat) > MAX_STEP_CHANGE:
-            step_changes[state.step] = (
-                radius_change,
-                min(radius_change / (1 - radius_change), 1.0) if radius_change < 1 else 1.0,
-                heat,
-            )
-        previous_radius = state.a
-    if not step_changes:
-        return []
-    radius_change, stick, heat = (max(sizes) for sizes in zip(*step_changes.values(), strict=True))
-    first = next(iter(step_changes))
-    rows = (
-        f"step {first} changes"
-        if len(step_changes) == 1
-        else f"{len(step_changes)} rows from step {first} on change"
-    )
-    error_text = (
-        f"stick_radius may be wrong by {_percent_text(stick)} there, dissipation by "
-        f"{_percent_text(heat)}, the force hardly"
-    )
-    remedy = "use more loading.steps, or --error-bars, which say how much"
-    return [
-        f"{rows} the contact radius by up to {100 * radius_change:.0f} %: {error_text}; {remedy}"
-    ]
-
-
-def _percent_text(error: float) -> str:
-    """A relative error in words."""
-    return "its own size or more" if error >= 0.5 else f"about {100 * error:.0f} %"
-
-
-def _radius_of_first_contact(scene: Scene) -> float:
-    """The contact radius [length] of a tip that just touches: that of its flat face on a flat body,
-    otherwise 0.
-    """
-    physics = scene.physics
-    if physics.is_compressed:
-        return physics.body.lateral_extent(physics.center)
-    return 0.0 if physics.domain.top_radius else flat_radius(physics.indenter)
-
-
-def _smoothing_advice(scene: Scene) -> str:
-    """Name the element size whose reduction makes the contact pressure smoother (measured in
-    docs/decisions/0053).
-    """
-    if scene.sizes.rounded_edge_width:
-        return refinement_advice(scene.sizes, "a smaller mesh.h_edge helps")
-    return refinement_advice(scene.sizes, "a smaller mesh.h_contact helps")
-
-
-def _row_force_error(scene: Scene, state: State) -> float:
-    """The relative error of the force to fear with the contact radius that was found."""
-    physics = scene.physics
-    a = scene.physics.full_contact_radius(state.a / scene.physics.scales.length)
-    if physics.is_closed_by_swelling(state.delta / physics.scales.depth, a):
-        return swelling_force_error(scene.sizes, a)
-    return expected_force_error(scene.sizes, a, physics.largest_nu)
-
-
 @cache
-def _applicable_rules(is_pressed: bool, evolves: bool, snaps: bool) -> Rules:
-    """Those that hold for a row that is more than a first touch, where fluid flows, where a tip may
-    snap.
+def _applicable_rules(is_pressed: bool, is_time_dependent: bool, may_snap_through: bool) -> Rules:
+    """The rules that apply to a row.
+
+    Parameters
+    ----------
+    is_pressed
+        Whether the depth exceeds that of first touch.
+    evolves
+        Whether the body is time-dependent.
+    snaps
+        Whether the tip may snap in or off.
     """
-    unknown = {*(REPULSIVE_RULES if snaps else ()), *(ELASTIC_RULES if evolves else ())}
+    excluded = {
+        *(REPULSIVE_RULES if may_snap_through else ()),
+        *(ELASTIC_RULES if is_time_dependent else ()),
+    }
     return tuple(
         rule
         for rule in (GENERAL_RULES + CONTACT_RULES if is_pressed else GENERAL_RULES)
-        if rule not in unknown
+        if rule not in excluded
     )
 
 
 def _check_finite(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Depth, force, contact radius and energy are finite; p_max is infinite in truth under a sharp
-    tip.
-    """
+    """Depth, force, contact radius and energy are finite; p_max is not under a sharp tip."""
     names = (
         "delta",
         "force",
@@ -384,31 +153,31 @@ def _check_finite(scene: Scene, state: State, earlier: PreviousRows) -> str | No
 
 
 def _check_no_tension(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """force >= 0."""
+    """F >= 0."""
     if state.force >= 0 or state.force >= -_force_noise(scene, state, earlier):
         return None
-    return f"the force is {state.force:.6g}, and nothing holds on to the tip"
+    return f"the force is {state.force:.6g}, tensile without adhesion"
 
 
 def _check_no_force_above(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """No force above the body."""
+    """F = 0 for delta < 0."""
     if state.delta >= 0 or state.force <= _force_noise(scene, state, earlier):
         return None
-    return f"the force is {state.force:.6g}, and the tip is above the body"
+    return f"the force is {state.force:.6g}, but the tip is above the body"
 
 
 def _check_contact_found(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """force > 0 and a > 0 where delta > 0: the body was flat, and the tip stands over it."""
+    """F > 0 and a > 0 for delta > 0, since the undeformed tip and body overlap."""
     if (state.force > 0 or scene.physics.contact.may_snap_through) and state.a > 0:
         return None
     missing_text = "no force" if state.force <= 0 else "no contact radius"
     mesh = f"the mesh (h_contact = {scene.sizes.h_contact * scene.physics.scales.length:.3g})"
-    cause = "it went through, or the contact lies between two points of"
-    return f"the tip is {state.delta:.6g} deep in the body and finds {missing_text}: {cause} {mesh}"
+    cause = "the tip went through the surface, or the contact lies between two points of"
+    return f"the depth is {state.delta:.6g}, but there is {missing_text}: {cause} {mesh}"
 
 
 def _check_contact_radius(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """a up to the radius at which the tip ends, and an element to either side."""
+    """The contact radius does not exceed that of the tip by more than two elements."""
     end = scene.physics.indenter.radius_at(scene.physics.body.height)
     L = scene.physics.scales.length
     if state.a <= (end + 2 * scene.sizes.h_contact) * L:
@@ -417,18 +186,22 @@ def _check_contact_radius(scene: Scene, state: State, earlier: PreviousRows) -> 
 
 
 def _check_side_contact(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """delta <= f at the top of a fixed side, which no force moves."""
+    """The depth is below that of contact with the top of a fixed side (unbounded force)."""
     end = scene.physics.side_contact_depth * scene.physics.scales.depth
     if state.delta <= end * (1 + DEPTH_TOLERANCE):
         return None
     return (
-        f"the tip is on the top of a fixed side from {end:.6g} on, and the force there has no bound"
+        f"from the depth {end:.6g} on the tip is in contact with the top of a fixed side, where "
+        "the force is unbounded"
     )
 
 
 def _check_new_solution(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """A new depth is another solution: of no iteration, only where the one foretold was right and
-    the force another.
+    """A new depth has a new solution.
+
+    A solution without iterations is accepted only if the extrapolated state was correct and the
+    force
+    differs from the previous one.
     """
     previous = earlier.last
     is_new = previous is None or abs(state.delta - previous.delta) > DEPTH_TOLERANCE * abs(
@@ -442,24 +215,22 @@ def _check_new_solution(scene: Scene, state: State, earlier: PreviousRows) -> st
     is_other = moved > FORCE_NOISE * DEPTH_TOLERANCE * abs(state.force)
     if state.newton_iterations > 0 or not is_new or is_other:
         return None
-    return "nothing was solved for this depth, and the force is that of another"
+    return "no iteration was done for this depth, and the force is that of the previous depth"
 
 
 def _check_overlap(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """No facet of the deformed surface lies inside the tip, but for what a coarse mesh or a penalty
-    lets it sink in.
-    """
+    """No facet of the deformed surface overlaps the tip more than mesh and penalty explain."""
     allowed = max(
         MAX_OVERLAP[0] * state.delta,
         MAX_OVERLAP[1] * scene.sizes.h_contact * scene.physics.scales.length,
     )
     if state.overlap <= allowed + _allowed_penetration(scene, state):
         return None
-    return f"a facet of the surface lies {state.overlap:.3g} inside the tip, which went through it"
+    return f"a facet of the surface lies {state.overlap:.3g} inside the tip"
 
 
 def _check_outside_penetration(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """No part of the surface that contact is not looked for on lies inside the tip."""
+    """The tip does not penetrate the surface outside the contact surface."""
     if state.intrusion <= MAX_OUTSIDE_PENETRATION * state.delta + _allowed_penetration(
         scene, state
     ):
@@ -472,15 +243,15 @@ def _check_outside_penetration(scene: Scene, state: State, earlier: PreviousRows
             earlier.last.delta if earlier.last and earlier.last.delta < state.delta else 0.0
         )
         cause = (
-            f"a side of the body folds up against it from a depth between {previous_depth:.6g} and "
-            f"{state.delta:.6g} on"
+            f"a side of the body folds against the tip from a depth between {previous_depth:.6g} "
+            f"and {state.delta:.6g} on"
         )
-    where = "inside the surface beside the contact surface, where nothing keeps it out"
+    where = "inside the surface outside the contact surface, where no contact is modelled"
     return f"the tip is {state.intrusion:.3g} {where}: {cause}"
 
 
 def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """0 <= Pi <= force delta, as of any force that grows with the depth."""
+    """0 <= Pi <= F delta, which holds for every force that grows with the depth."""
     work = state.force * state.delta
     is_its_work = -ENERGY_TOLERANCE * work <= state.energy <= (1 + ENERGY_TOLERANCE) * work
     if is_its_work or _may_be_unstable(scene):
@@ -488,22 +259,22 @@ def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | No
     if scene.physics.has_friction and earlier.max_depth > state.delta:
         return None
     return (
-        f"the energy is {state.energy:.6g}, and a force that grew to {state.force:.6g} "
-        f"did {work:.6g} at most"
+        f"the energy is {state.energy:.6g}, but the work of a force that grew to "
+        f"{state.force:.6g} is at most {work:.6g}"
     )
 
 
 def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """force <= force at a greater depth, within the error bars of both where there are any."""
+    """The force does not fall with the depth, within the error bars of both rows."""
     last = earlier.last
     if scene.physics.has_friction and last and (earlier.has_turned or state.delta < last.delta):
-        return None  # friction gives less back
+        return None  # with friction the force is smaller in unloading
     fall = (
         MAX_LINEAR_FALL
         if scene.physics.small_strain and scene.physics.gap == "reference"
         else MAX_FALL
     )
-    row_force = _row_force(state)
+    row_force = force_interval(state)
     for shallow, deep in (
         (earlier.largest_shallower_force(state.delta), row_force),
         (row_force, earlier.smallest_deeper_force(state.delta)),
@@ -519,14 +290,12 @@ def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> st
             forces = (
                 f"{shallow[1]:.6g} at delta = {shallow[0]:.6g} and {deep[1]:.6g} at {deep[0]:.6g}"
             )
-            return f"the force is {forces}, where it must be larger"
+            return f"the force is {forces}, but it must grow with the depth"
     return None
 
 
 def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """The force is theory's within the error bar where theory is exact, and within a factor where
-    it is nearly so.
-    """
+    """The force agrees with theory: within the error bar if exact, else within a factor."""
     theory = scene.plan.theory
     scales = scene.physics.scales
     solution = theory.solution_at_depth(state.delta / scales.depth) if theory else None
@@ -534,16 +303,16 @@ def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> 
         return None
     expected = solution.force / scene.physics.mirror_multiplicity * scales.force
     lowest, highest = _force_ratio_range(scene, solution)
-    message = f"the force is {state.force:.6g}, and {theory.name}"
+    message = f"the force is {state.force:.6g}, but that of {theory.name}"
     if not lowest * expected <= state.force <= highest * expected:
-        return f"{message} expects {expected:.6g}"
+        return f"{message} is {expected:.6g}"
     if not scene.exact_theory or state.force_error is None or isnan(state.force_error):
         return None
     if abs(state.force - expected) <= state.force_error + THEORY_FORCE_ERROR * expected:
         return None
     return (
-        f"{message}, exact for this body, {expected:.6g}: the error bar "
-        f"{state.force_error:.3g} does not hold it"
+        f"{message}, exact for this body, is {expected:.6g}: outside the error bar "
+        f"{state.force_error:.3g}"
     )
 
 
@@ -569,8 +338,8 @@ REPULSIVE_RULES: Rules = (
     _check_energy,
     _check_against_theory,
 )
-# What takes time lets a force fall in a hold, and what was pressed in may not have come back yet,
-# or swells
+# Rules for bodies that do not depend on time: the force of a time-dependent one falls in a hold,
+# and its surface may not have recovered yet, or may swell.
 ELASTIC_RULES: Rules = (
     _check_no_force_above,
     _check_force_growth,
@@ -581,9 +350,7 @@ ELASTIC_RULES: Rules = (
 
 
 def _is_first_touch(scene: Scene, state: State) -> bool:
-    """Whether E* radius_at(depth) depth, of the order of the force, is next to none beside that of
-    the whole path.
-    """
+    """Whether E* radius_at(delta) delta, an estimate of the force, is negligible on this path."""
     depth = state.delta / scene.physics.scales.depth
     deepest = scene.physics.max_depth
     if depth <= 0 or deepest <= depth:
@@ -595,23 +362,24 @@ def _is_first_touch(scene: Scene, state: State) -> bool:
 
 
 def _force_noise(scene: Scene, state: State, earlier: PreviousRows) -> float:
-    """A force that is none [force]: beside those so far, or beside one that presses an element in
-    as deep.
+    """Force that counts as zero [force].
+
+    It is relative to the largest force so far, or to that of one element at the same depth.
     """
     scales = scene.physics.scales
     h = scene.sizes.h_contact
-    pressed = (
+    element_force = (
         scene.physics.material.E_star
         * h ** (scales.dim - 2)
         * abs(state.delta)
         / scales.depth
         * scales.force
     )
-    return FORCE_NOISE * max(pressed, earlier.largest_force)
+    return FORCE_NOISE * max(element_force, earlier.largest_force)
 
 
 def _allowed_penetration(scene: Scene, state: State) -> float:
-    """How far the contact law lets the tip sink in [length]."""
+    """Penetration that the contact law allows [length]."""
     return (
         PENETRATION_FACTOR * state.penetration
         if isinstance(scene.physics.contact, Penalty | Nitsche)
@@ -619,17 +387,13 @@ def _allowed_penetration(scene: Scene, state: State) -> float:
     )
 
 
-def _error_half_width(state: State) -> float:
-    return state.force_error if state.force_error and isfinite(state.force_error) else 0.0
-
-
 def _may_be_unstable(scene: Scene) -> bool:
-    """Whether the law is no longer stable at the strains to expect: then a force may fall."""
-    return any(doubt.key == "stability" for doubt in scene.plan.model_warnings)
+    """Whether the material law may be unstable at the expected strains: the force may fall."""
+    return any(warning.key == "stability" for warning in scene.plan.model_warnings)
 
 
 def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
-    """Least and largest force over theory's that may be true, mesh and penalty included."""
+    """Smallest and largest admissible ratio of the force and that of theory."""
     mesh_factor = 1 + expected_force_error(scene.sizes, theory.a, scene.physics.largest_nu)
     force_fraction = 1 - penalty_force_loss(
         scene.physics.contact, scene.physics.material, scene.plan.theory, theory.delta, theory.a
@@ -639,15 +403,14 @@ def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
             SAME_PROBLEM_FACTOR * mesh_factor
         ), SAME_PROBLEM_FACTOR * mesh_factor
     height = scene.physics.body.height
-    rim = scene.physics.body.lateral_extent(scene.physics.center)
+    lateral_extent = scene.physics.body.lateral_extent(scene.physics.center)
     is_half_space_like = (
-        theory.a <= HALF_SPACE_CONTACT * min(height, rim) and height <= PILLAR_HEIGHT * rim
+        theory.a <= HALF_SPACE_CONTACT * min(height, lateral_extent)
+        and height <= PILLAR_HEIGHT * lateral_extent
     )
-    if (
-        scene.physics.body.inclusions or scene.physics.domain.coatings or not is_half_space_like
-    ):  # skins bend as shells
+    # Coatings bend as shells, which no half-space does.
+    if scene.physics.body.inclusions or scene.physics.domain.coatings or not is_half_space_like:
         return 0.0, float("inf")
     may_stiffen = not scene.physics.small_strain and theory.delta > MAX_LINEAR_DEPTH * theory.a
-    return force_fraction / (HALF_SPACE_FACTOR * mesh_factor), float(
-        "inf"
-    ) if may_stiffen else HALF_SPACE_FACTOR * mesh_factor
+    lowest = force_fraction / (HALF_SPACE_FACTOR * mesh_factor)
+    return lowest, float("inf") if may_stiffen else HALF_SPACE_FACTOR * mesh_factor

@@ -1,9 +1,7 @@
-"""Sensitivities: derivatives of the force with respect to keys of a scene, at every row, on one
-mesh.
+"""Sensitivities: derivatives of the force with respect to keys of a scene, at every row.
 
-The mesh of a changed scene is that of the scene itself, moved with the body's sides, with the
-interfaces of its layers and with the edge of the contact, so that what the elements miss is the
-same part of every force and divides out.
+All scenes are solved on one mesh, moved with the body's sides, the interfaces of its layers and the
+edge of the contact. The discretisation error is then the same fraction of every force and cancels.
 """
 
 from __future__ import annotations
@@ -23,29 +21,50 @@ from indent_sim.run import pipeline
 from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.scene import Scene, resolve
 
-MESH_ERROR = 1e-3  # relative, of a force at automatic sizes
-RELATIVE_STEP = 0.02  # relative; the second difference has twice as much
-# steps of a key that are tried, in this order
+MESH_ERROR = 1e-3  # relative error of a force with automatic element sizes
+RELATIVE_STEP = 0.02  # of a key; the second difference uses twice this step
+# Steps of a key that are tried, in this order.
 CENTRAL_STEPS = (-2.0, -1.0, 1.0, 2.0)
 BACKWARD_STEPS = (-4.0, -2.0, -1.0, 0.0)
 Derivatives = dict[str, dict[str, list[float]]]
 
 
 def sensitivities(config: Config, keys: Sequence[str], step: float = RELATIVE_STEP) -> Derivatives:
-    """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}} in the user's units per
-    unit of the key.
+    """dF/dkey at every row of a scene, in the user's units per unit of the key.
 
-    By differences over relative steps h and 2 h, D = (4 D_h - D_2h)/3, central where the scene may
-    go both ways, else backward; error: what the two differ by, |D_h - D_2h|/3, and F/key times the
-    relative error of the forces, that of a mesh MESH_ERROR where no accuracy is asked for. Depths
-    and their number stay. ConfigError for a key that is no number of the scene, or a scene that
-    prescribes forces; NotConverged.
+    Differences over relative steps h and 2 h are extrapolated, D = (4 D_h - D_2h)/3. They are
+    central
+    where the scene exists on both sides, else backward. The error is |D_h - D_2h|/3 plus F/key
+    times the
+    relative error of the forces, which is MESH_ERROR if no accuracy is requested. Depths and their
+    number do not change.
+
+    Parameters
+    ----------
+    config
+        The scene.
+    keys
+        Keys of numbers in the scene, such as "material.E".
+    step
+        Relative step h.
+
+    Returns
+    -------
+    dict
+        {key: {"value": [...], "error": [...]}}
+
+    Raises
+    ------
+    ConfigError
+        For a key that is not a number of the scene, prescribed forces or a time-dependent scene.
+    NotConverged
+        If one of the scenes is not solved.
     """
     base = resolve(config)
     if base.physics.path.control != "depth" or base.is_time_dependent:
         raise ConfigError(
             "loading",
-            "derivatives of the force are at given depths",
+            "derivatives of the force are defined at prescribed depths only",
             "give loading.delta or deltas",
         )
     explicit = explicit_config(config, base)
@@ -63,7 +82,7 @@ def sensitivities(config: Config, keys: Sequence[str], step: float = RELATIVE_ST
 
 
 class _MeshedScene:
-    """A scene and its mesh, which others that differ a little from it are solved on."""
+    """A scene and its mesh, on which slightly different scenes are solved."""
 
     def __init__(self, scene: Scene):
         self.scene = scene
@@ -71,7 +90,7 @@ class _MeshedScene:
 
     @property
     def error(self) -> float:
-        """The relative error to expect of its forces."""
+        """Expected relative error of the forces."""
         plan = self.scene.plan
         if self._grid is None:
             return plan.theory.error if plan.theory else 0.0
@@ -80,7 +99,7 @@ class _MeshedScene:
         )
 
     def forces(self, config: Config) -> np.ndarray:
-        """The force of another scene at every row [user's units]."""
+        """The force of a changed scene at every row [user's units]."""
         scene = resolve(config)
         mesher = (
             Scene.grid
@@ -89,14 +108,17 @@ class _MeshedScene:
         )
         states = list(pipeline.states(scene, with_surface=False, mesher=mesher))
         if not all(state.converged for state in states):
-            raise NotConverged(f"a scene beside this one: {states[-1].reason}")
+            raise NotConverged(f"a scene with a changed key: {states[-1].reason}")
         return np.array([state.force for state in states])
 
 
 def _derivative(
     config: Config, path: KeyPath, forces: Callable[[Config], np.ndarray], step: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The derivative at every row, how far that over h and over 2 h are apart, and a force near it."""
+    """The derivative at every row, its difference between steps h and 2 h, and a force near it.
+
+    Both are extrapolated to third order; the arrays have one entry per row.
+    """
     value = _key_value(config, path)
     for steps in (CENTRAL_STEPS, BACKWARD_STEPS):
         with suppress(ConfigError):
@@ -108,7 +130,7 @@ def _derivative(
             if steps is CENTRAL_STEPS:
                 near_slope = (forces_at_steps[2] - forces_at_steps[1]) / (2 * h)
                 far_slope = (forces_at_steps[3] - forces_at_steps[0]) / (4 * h)
-            else:  # of second order each
+            else:  # backward differences of second order
                 near_slope = (
                     3 * forces_at_steps[3] - 4 * forces_at_steps[2] + forces_at_steps[1]
                 ) / (2 * h)
@@ -120,8 +142,11 @@ def _derivative(
                 np.abs(near_slope - far_slope) / 3,
                 forces_at_steps[2],
             )
-    resolve(_replace_value(config, path, value * (1 - step)))  # which says what is wrong
-    raise ConfigError(".".join(map(str, path)), "neither side of its value can be run")
+    # Resolving the changed scene raises the error that explains why it does not exist.
+    resolve(_replace_value(config, path, value * (1 - step)))
+    raise ConfigError(
+        ".".join(map(str, path)), "no scene exists with a slightly smaller or larger value"
+    )
 
 
 def _key_value(config: Config, path: KeyPath) -> float:
@@ -133,13 +158,11 @@ def _key_value(config: Config, path: KeyPath) -> float:
         if isinstance(value, (int, float)) and not isinstance(value, bool) and value != 0:
             return float(value)
     key = ".".join(map(str, path))
-    raise ConfigError(
-        key, "is no number of this scene other than 0", "give a key such as material.E"
-    )
+    raise ConfigError(key, "is not a nonzero number of this scene", "give a key such as material.E")
 
 
 def _replace_value(config: Config, path: KeyPath, value: float) -> Config:
-    """The scene with another value."""
+    """The scene with another value of the key."""
     document: Any = to_mapping(config)
     section = document
     for part in path[:-1]:

@@ -1,4 +1,4 @@
-"""One scene on its way through mesh, problem and load path, every state on disk before the next."""
+"""Solution of one scene on one mesh: every state is on disk before the next one is computed."""
 
 from __future__ import annotations
 
@@ -24,35 +24,51 @@ from indent_sim.results.tip_geometry import TipGeometry, plot_width, tip_mesh
 from indent_sim.run.derived_quantities import DerivedQuantities
 from indent_sim.run.error_estimation.error_bars import AnyErrorBars
 from indent_sim.run.explicit_config import written_fields
+from indent_sim.run.previous_rows import PreviousRows
 from indent_sim.run.run_output import RunOutput
-from indent_sim.run.sanity_checks import PreviousRows, precompute_theory_forces, violated_bound
+from indent_sim.run.sanity_checks import precompute_theory_forces, violated_bound
 from indent_sim.run.solvers.hereditary_integral import HereditaryIntegralSolver
 from indent_sim.run.solvers.semi_analytic import SemiAnalyticSolver
 from indent_sim.run.summary import rounded_timings, summary
 from indent_sim.scene.scene import Scene
 
-AUDIT_TOLERANCE = 1e-8  # contact integral against the supports' reactions, relative
-# Of the largest force so far: a body let go of has no force to compare with, only what Newton takes
-# for round-off, 1e-14 of the largest reactions (fe/solve/newton.py), which over 1e4 nodes adds up
-# to 1e-12 of them at most
+# Largest relative difference between the contact force and the reactions of the supports.
+AUDIT_TOLERANCE = 1e-8
+# Least force scale of the audit, relative to the largest force so far. A body without contact has
+# no force to compare with; Newton's method treats 1e-14 of the largest reactions as round-off
+# (fe/solve/newton.py), which adds up to at most 1e-12 of them over 1e4 nodes.
 AUDIT_FLOOR = 1e-4
-
-# of E height^2, or of E a^2 of a body that only drains, what Newton takes for its reactions
+# Scale of the reactions in a body with fluid, relative to E height^2 for a swelling gel and to
+# E a^2 for a body that only drains; Newton's method measures its residual against the same scale.
 SWELLING_REACTION_SCALE = 100.0
-# Of a^2 delta: less fluid than this that moves is none, as in the first moment of a step.
-# AUDIT_TOLERANCE of it is 1e-10 of what the tip displaces, as Newton leaves 1e-10 of the reactions;
-# a snap of a porous rubber leaves 2e-11
+# Least fluid volume of the fluid audit, relative to a^2 delta: less has moved only in the first
+# moment of a step. AUDIT_TOLERANCE of it is 1e-10 of the displaced volume, and Newton's method
+# leaves 1e-10 of the reactions; a snap-through of a porous rubber leaves 2e-11.
 MIN_FLUID_FRACTION = 1e-2
 
 Progress = Callable[[State, int, int], None]
-Remedies = Callable[
-    [int, int], str
-]  # of a step that was not reached and the iterations spent: what was tried, in words
+# Called with a step that did not converge and the Newton iterations spent; returns a report of the
+# remedies that were tried.
+Remedies = Callable[[int, int], str]
 
 
 class SingleRun:
-    """A scene on its way through mesh, problem and load path; every converged state is on disk
-    before the next.
+    """Solves the load path of a scene and writes every converged state before the next one.
+
+    Parameters
+    ----------
+    config
+        The config of the scene.
+    scene
+        What is solved.
+    run_output
+        The open result folder.
+    clock
+        Measures the stages of the run.
+    error_bars
+        Error estimate of the rows; None if none was requested.
+    remedies
+        Called when a step does not converge.
     """
 
     def __init__(
@@ -72,9 +88,8 @@ class SingleRun:
         self.clock = clock
         earlier = run_output.earlier
         self.states = list(earlier.states) if earlier else []
-        if earlier and (
-            roughness := earlier.report.get("roughness")
-        ):  # which the table of rows does not have
+        # run.json has the roughness of the pressure, which has no column in the table of rows.
+        if earlier and (roughness := earlier.report.get("roughness")):
             self.states = [
                 replace(row, roughness=roughness.get(str(row.step), 0.0)) for row in self.states
             ]
@@ -86,13 +101,14 @@ class SingleRun:
         self._kept_steps = (
             frozenset() if scene.history_on_curve else scene.physics.path.retained_rows
         )
-        audit = (earlier.report.get("audit") or {}) if earlier else {}  # of the rows that are there
+        audit = (earlier.report.get("audit") or {}) if earlier else {}
         self._worst_audit = float(audit.get("force_against_reaction") or 0.0)
         self._next_checkpoint = 0.0  # on the monotonic clock [s]
-        self._first_step = len(self.states)  # the row at which the walk stands
+        self._first_step = len(self.states)  # number of rows that the solver has already passed
         self._assemble()
 
     def _assemble(self) -> None:
+        """Mesh the scene, assemble its solver, continue an earlier run and open the field file."""
         earlier_seconds = self.states[-1].wall_s if self.states else 0.0
         if not self.scene.is_meshed:
             self._solver: Any = SemiAnalyticSolver(
@@ -104,33 +120,32 @@ class SingleRun:
             self._fields = self._mesh = None
             self._use_history_solver(earlier_seconds)
             return
-        record = self.run_output
+        run_output = self.run_output
         scene = self.scene
         clock = self.clock
-        part = scene.physics.domain
-        meshing: Any = run_on_root(
-            record.comm, scene.start_meshing
-        )  # it is meshed while the libraries load
+        domain = scene.physics.domain
+        # Gmsh meshes in its own process while the libraries load.
+        mesh_task: Any = run_on_root(run_output.comm, scene.start_meshing)
         with clock.stage("imports"):
             fe = backend()
         with clock.stage("mesh"):
-            grid = run_on_root(record.comm, meshing)
-            self._mesh = mesh = fe.distribute(grid, part, record.comm)
+            grid = run_on_root(run_output.comm, mesh_task)
+            self._mesh = mesh = fe.distribute(grid, domain, run_output.comm)
         with clock.stage("assemble"):
             self._solver = fe.walk(scene, mesh, clock.started - earlier_seconds)
             self._use_history_solver(earlier_seconds)
         self._derived_quantities = DerivedQuantities(
-            scene, self._solver.equilibrium, record.optional_output
+            scene, self._solver.equilibrium, run_output.optional_output
         )
         precompute_theory_forces(scene)
         dofs = self._solver.equilibrium.observed_body.dofs
         versions = fe.versions()
-        if grid is not None:  # rank 0, which writes
+        if grid is not None:  # on rank 0, which writes
             mesh_size = {"cells": len(grid.cells), "points": len(grid.points)}
             petsc_options = (
                 {"PETSC_OPTIONS": options} if (options := os.environ.get("PETSC_OPTIONS")) else {}
             )
-            record.add_entries(
+            run_output.add_entries(
                 dofs=dofs,
                 mesh={"hash": mesh.hash} | mesh_size,
                 versions=versions | {"gmsh": grid.gmsh_version},
@@ -142,13 +157,16 @@ class SingleRun:
             "dolfinx": versions["dolfinx"],
             "order": "of the grid",
         }
-        if (
-            scene.physics.searches_pull_off
-        ):  # a checkpoint without them, of an earlier version, is none
+        # A checkpoint of an earlier version without these rows cannot be continued.
+        if scene.physics.searches_pull_off:
             self._identity["pull_off"] = "rows around the largest pull"
-        earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
+        earlier = (
+            (run_output.earlier.report.get("mesh") or {}).get("hash")
+            if run_output.earlier
+            else None
+        )
         if earlier not in (None, mesh.hash):
-            record.add_warnings(
+            run_output.add_warnings(
                 f"steps 1 to {len(self.states)} were computed on another mesh (another version of "
                 "gmsh?)"
             )
@@ -167,7 +185,7 @@ class SingleRun:
                 if grid is None
                 else (grid.points * L, grid.cells, grid.regions, self._drawn_tip_geometry())
             )
-            record.open_fields(
+            run_output.open_fields(
                 *mesh_arrays,
                 keep=self._keep_fields,
                 extra_arrays=self._fields.optional_names,
@@ -175,16 +193,14 @@ class SingleRun:
             )
 
     def _use_history_solver(self, earlier_seconds: float) -> None:
-        """Take the rows of a history in place of those of its elastic curve, whose error bars they
-        have.
-        """
+        """Replace the solver of the elastic curve by that of the history evaluated on it."""
         if self.scene.history_on_curve:
             self._solver = HereditaryIntegralSolver(
                 self.scene, self._solver, self.clock.started - earlier_seconds
             )
 
     def _drawn_tip_geometry(self) -> TipGeometry:
-        """The tip above the mesh of the fields, in the user's units."""
+        """Surface of the tip for the field file, in the user's units."""
         physics = self.scene.physics
         scales = self.scene.physics.scales
         tip = scales.to_user_units(physics.indenter)
@@ -195,23 +211,23 @@ class SingleRun:
         )
 
     def _resume(self) -> None:
-        """Stand where the run that is continued stopped."""
+        """Bring the solver to the last row of the run that is continued."""
         physics = self.scene.physics
         row_count = len(self.states)
         is_complete = row_count == len(physics.deltas) and not physics.searches_pull_off
         if row_count == 0 or is_complete or self.scene.history_on_curve:
             return
         saved = self.run_output.read_checkpoint(self._identity)
-        if physics.path.times:  # the rows since then are walked again, as they were
+        # Time-dependent rows after the checkpoint are solved again to restore their history.
+        if physics.path.times:
             with self.clock.stage("resume"):
                 self._solver.resume(saved.equilibria, [], saved.step, saved.pull_off_points)
             self._first_step = saved.step
             return
-        increments = [
-            physics.path.segment(step) for step in range(saved.step + 1, row_count + 1)
-        ]  # with the rows that are there
+        increments = [physics.path.segment(step) for step in range(saved.step + 1, row_count + 1)]
         points_passed = [point for increment in increments for point in increment]
-        if physics.path.control != "depth":  # every step is a row
+        # The depths of prescribed forces are known from the rows.
+        if physics.path.control != "depth":
             points_passed = [
                 (state.delta / physics.scales.depth, 0.0) for state in self.states[saved.step :]
             ]
@@ -221,12 +237,14 @@ class SingleRun:
             ):
                 depth = f"delta = {self.states[-1].delta:.6g}"
                 raise NotConverged(
-                    f"the last row's {depth} was not reached again: {self._solver.failure}"
+                    f"the equilibrium of the last row, {depth}, was not reached again: "
+                    f"{self._solver.failure}"
                 )
 
     def _save_checkpoint(self) -> None:
-        """Keep the last equilibria; the next time after a second, and twenty times as long as this
-        took.
+        """Save the last equilibria.
+
+        The next checkpoint follows after at least a second and 20 times the duration of this one.
         """
         start_time = time.monotonic()
         if self.states and (points := self._solver.points):
@@ -239,7 +257,7 @@ class SingleRun:
 
     @property
     def _row_count(self) -> int:
-        """Rows of the whole run; of a history known once its curve is."""
+        """Number of rows of the whole run; that of a history is known once its curve is solved."""
         return len(
             self._solver.history_result.rows
             if isinstance(self._solver, HereditaryIntegralSolver)
@@ -247,7 +265,10 @@ class SingleRun:
         )
 
     def solve_path(self, progress: Progress | None) -> list[State]:
-        """Walk the load path to its end; NotConverged or VerificationError where it stops before."""
+        """Solve the load path and return its states in the user's units.
+
+        Raises NotConverged or VerificationError where the path ends early.
+        """
         row_count = len(self.states)
         try:
             if isinstance(self._solver, HereditaryIntegralSolver):
@@ -260,8 +281,9 @@ class SingleRun:
             )
             while state := self._next_state(solved_states):
                 if not state.converged:
+                    remedies_text = self._remedies_text(state)
                     raise NotConverged(
-                        f"step {state.step} of {self._row_count}: {state.reason}{self._remedies_text(state)}"
+                        f"step {state.step} of {self._row_count}: {state.reason}{remedies_text}"
                     )
                 if state.step <= row_count:
                     continue
@@ -274,7 +296,8 @@ class SingleRun:
                         "pull-off", self._find_pull_off, None
                     )
         except (NotConverged, KeyboardInterrupt) as end:
-            # a signal reaches the ranks one by one: only a failure may be known to all of them
+            # Saving is collective. A signal reaches ranks at different places; only a failure to
+            # converge can be known to all of them.
             if self.run_output.comm.size == 1 or (
                 isinstance(end, NotConverged)
                 and self.run_output.failure_consensus.all_ranks_failed()
@@ -300,19 +323,20 @@ class SingleRun:
         return self.states
 
     def _find_pull_off(self) -> PullOff | None:
-        """Search for the largest pull between the rows; audited, in the user's units, None where
-        there is none.
+        """Search for the largest tensile force between rows; None if there is none.
+
+        The result is audited and in the user's units.
         """
-        found: PullOff | None = self._solver.find_pull_off()
-        if found is None:
+        pull_off: PullOff | None = self._solver.find_pull_off()
+        if pull_off is None:
             return None
         scales = self.scene.physics.scales
-        state = found.state.to_user_units(scales)
+        state = pull_off.state.to_user_units(scales)
         self._audit(state)
-        return PullOff(state, found.error * scales.force, found.equilibria)
+        return PullOff(state, pull_off.error * scales.force, pull_off.equilibria)
 
     def _remedies_text(self, failed: State) -> str:
-        """Which remedies were tried for a row that was not found, in words."""
+        """Report of the remedies that were tried for a step that did not converge."""
         iterations = failed.newton_iterations + sum(
             state.newton_iterations for state in self.states
         )
@@ -320,64 +344,63 @@ class SingleRun:
             return self._remedies(failed.step, iterations)
 
     def _note_time_stepping(self) -> None:
-        """Say how a history was followed row by row, the parts before this one included."""
+        """Add the number of time steps and cutbacks to run.json, with those of earlier calls."""
         if not (self.scene.plan.time and self.scene.physics.path.times):
             return
-        previous = (
+        previous_counts = (
             (self.run_output.earlier.report.get("time") or {}) if self.run_output.earlier else {}
         )
-        previous = (
-            previous if "cuts" in previous else {}
-        )  # of a run that was killed stages are the planned ones
+        # A killed run has left only the planned number of stages.
+        previous_counts = previous_counts if "cuts" in previous_counts else {}
         counts = {
-            name: count + int(previous.get(name, 0)) for name, count in self._solver.counts.items()
+            name: count + int(previous_counts.get(name, 0))
+            for name, count in self._solver.counts.items()
         }
         self.run_output.add_entries(time=self.scene.plan.time.report | counts)
 
     def write_experiment(self) -> None:
-        """Compute and write what the experiment makes of the curve; nothing without one."""
+        """Evaluate the simulated experiment on the elastic curve and write its results."""
         if not self.scene.uses_elastic_curve:
             return
-        from indent_sim.run.history_on_curve import (
-            HistoryResult,
-            evaluate_with_units,
-        )  # with scipy's searches, which no other scene needs
+        # Imported here since it loads scipy.optimize, which other scenes do not need.
+        from indent_sim.run.history_on_curve import HistoryResult, evaluate_with_units
 
         if isinstance(self._solver, HereditaryIntegralSolver):
-            findings = self._solver.history_result.in_units(self.scene.physics.scales)
+            history_result = self._solver.history_result.in_units(self.scene.physics.scales)
         else:
             equilibrium = self._solver.equilibrium if self.scene.is_meshed else None
             with self.clock.stage("experiment"):
-                findings = self.run_output.optional_output(
+                history_result = self.run_output.optional_output(
                     EXPERIMENT,
                     lambda: evaluate_with_units(self.scene, equilibrium),
                     HistoryResult([]),
                 )
         self.run_output.write_experiment(
-            [] if self.scene.history_on_curve else findings.rows, findings.dynamic
+            [] if self.scene.history_on_curve else history_result.rows, history_result.dynamic
         )
-        entries: dict[str, Any] = {"experiment": findings.report} if self.scene.experiment else {}
-        if self.scene.plan.time and findings.time:
-            entries["time"] = self.scene.plan.time.report | findings.time
+        entries: dict[str, Any] = (
+            {"experiment": history_result.report} if self.scene.experiment else {}
+        )
+        if self.scene.plan.time and history_result.time:
+            entries["time"] = self.scene.plan.time.report | history_result.time
         self.run_output.add_entries(**entries, timings=rounded_timings(self.clock.stages))
-        self.run_output.add_warnings(*findings.warnings)
+        self.run_output.add_warnings(*history_result.warnings)
 
     def release(self) -> None:
-        """Give the memory of the solution back (collective); a process may have many runs before
-        it.
-        """
+        """Free the memory of the solution (collective); a process may have many runs before it."""
         self._solver = self._fields = self._derived_quantities = None
         if self._mesh is not None:
             backend().release(self._mesh)
 
     def _wants_surface(self, step: int) -> bool:
-        has_few = (
-            self.scene.is_meshed and len(self.scene.physics.deltas) <= 100
-        )  # then a killed run has its last too
-        is_written = {"all": True, "last": has_few or step in self._kept_steps}
+        """Whether the surface table of a step is computed."""
+        # With few rows all tables are computed, so that a killed run has its last one too.
+        has_few_rows = self.scene.is_meshed and len(self.scene.physics.deltas) <= 100
+        is_written = {"all": True, "last": has_few_rows or step in self._kept_steps}
         return is_written.get(self.output_settings.surface, False)
 
     def _next_state(self, solved_states: Iterator[State]) -> State | None:
+        """Solve the next state and complete its derived quantities; None at the end of the path."""
         with self.clock.stage("solve"):
             state = next(solved_states, None)
             return (
@@ -387,8 +410,9 @@ class SingleRun:
             )
 
     def _record_state(self, state: State) -> None:
-        """Audit a converged state and write it down; the rows of a history follow from a curve that
-        was judged.
+        """Check a converged state and write it.
+
+        Rows of a history are not checked again: they follow from an elastic curve that was.
         """
         state = (
             self._solver.add_error_estimate(state)
@@ -401,33 +425,28 @@ class SingleRun:
             self.run_output.append(state)
             self.states.append(state)
             self._previous_rows.append(state)
-            is_time = self.run_output.comm.bcast(
-                time.monotonic() >= self._next_checkpoint
-            )  # all ranks give their share
-            if is_time and state.step < self._row_count:
+            # Saving is collective, so rank 0 decides for all.
+            is_due = self.run_output.comm.bcast(time.monotonic() >= self._next_checkpoint)
+            if is_due and state.step < self._row_count:
                 self._save_checkpoint()
 
     def _check_state(self, state: State) -> State:
-        """A state with its error bars; VerificationError for one that fails its audit or cannot be
-        true.
-        """
+        """Add the error estimate to a state; VerificationError if a check fails."""
         if self.scene.is_meshed:
             self._audit(state)
         state = state if self.error_bars is None else self.error_bars.add_error_estimate(state)
         if violation := self.run_output.rank_optional_output(
-            "check of its rows",
+            "sanity check of the rows",
             lambda: violated_bound(self.scene, state, self._previous_rows),
             None,
         ):
             step_text = f"step {state.step}, at delta = {state.delta:.6g}"
-            raise VerificationError(f"{step_text}, is a row that cannot be true: {violation}")
+            raise VerificationError(f"{step_text}, is physically impossible: {violation}")
         return state
 
     @property
     def states_with_errors(self) -> list[State]:
-        """The states that the error bars are of: the rows, or those of the elastic curve of a
-        history.
-        """
+        """The states with error estimates: the rows, or the elastic curve of a history."""
         return (
             self._solver.states_with_errors
             if isinstance(self._solver, HereditaryIntegralSolver)
@@ -435,15 +454,16 @@ class SingleRun:
         )
 
     def _audit(self, state: State) -> None:
+        """Compare the contact force with the supports' reactions, and pin reactions with zero."""
         physics = self.scene.physics
         a = self.scene.plan.prediction["a"]
         attraction = (
             physics.contact.adhesion and physics.scales.to_user_units(physics.contact).adhesion
         )
-        pull = (
-            attraction.work * a if attraction else 0.0
-        )  # about; the force may be less, where as much pushes
-        swelling_force = 0.0  # what supports hold of a body with fluid, with or without a tip
+        # Order of the tensile force; the net force may be smaller where as much pressure pushes.
+        tensile_force = attraction.work * a if attraction else 0.0
+        # Supports of a body with fluid have reactions even without a tip.
+        swelling_force = 0.0
         if physics.permeable_regions:
             swelling_force = (
                 SWELLING_REACTION_SCALE
@@ -451,7 +471,9 @@ class SingleRun:
                 * (1.0 if physics.is_swelling else (a / physics.scales.length) ** 2)
             )
         largest = max(swelling_force, self._previous_rows.largest_force, abs(state.force))
-        force_scale = max(abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest, pull)
+        force_scale = max(
+            abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest, tensile_force
+        )
         difference = abs(state.force - state.reaction) / force_scale if force_scale > 0 else 0.0
         pin_fraction = state.stray_reaction / force_scale if force_scale > 0 else 0.0
         self._worst_audit = max(self._worst_audit, difference, pin_fraction)
@@ -468,11 +490,10 @@ class SingleRun:
         self._audit_fluid(state)
 
     def _audit_fluid(self, state: State) -> None:
-        """What has left the body and what is missing in it must be one, beside the most that ever
-        left or moved.
+        """Compare the fluid that left the body with the loss of its content.
 
-        Rows that an earlier call wrote tell what left, not what moved inside: their table has no
-        column of it.
+        The difference is relative to the largest volume that left or moved. Rows of an earlier call
+        contribute only what left, since the table of rows has no column for what moved inside.
         """
         if state.unbalanced == 0:
             return
@@ -484,13 +505,14 @@ class SingleRun:
         self._worst_audit = max(self._worst_audit, unbalanced)
         if not unbalanced <= AUDIT_TOLERANCE:
             message = (
-                f"{state.unbalanced:.3g} of the fluid has neither left nor is there, of "
-                f"{largest:.3g} that moved"
+                f"the fluid volume is not conserved: {state.unbalanced:.3g} has neither left the "
+                f"body nor is still in it, of {largest:.3g} that moved"
             )
             raise VerificationError(f"step {state.step} failed its audit: {message}")
 
     def _write_fields(self, state: State) -> None:
-        if (observed := self._fields) is None:
+        """Write the fields of a state in the user's units."""
+        if (fields_output := self._fields) is None:
             return
         scales = self.scene.physics.scales
         units = {
@@ -500,11 +522,11 @@ class SingleRun:
         self._solver.restore_row()
         if (
             gathered := self.run_output.optional_output(
-                "fields", lambda: observed.gather() or {}, None
+                "fields", lambda: fields_output.gather() or {}, None
             )
         ) is None:
             return
-        fields = gathered.items()  # rank 0 has them
+        fields = gathered.items()  # on rank 0, empty elsewhere
         values = {name: field * units.get(name, scales.pressure) for name, field in fields}
         grows = self.scene.physics.path.is_increasing
         self.run_output.write_fields(
@@ -513,21 +535,22 @@ class SingleRun:
 
 
 def kernel_folder() -> Path:
-    """Where compiled kernels are kept; dolfinx is loaded for it, as a run loads it."""
+    """The folder of compiled kernels; loads dolfinx in the same way as a run."""
     return load_dolfinx()
 
 
 def backend() -> Any:
-    """What solves: `fe.solver`; BackendError when a library is missing."""
+    """The module `fe.solver`; BackendError if a library is missing."""
     is_new = "indent_sim.fe.solver" not in sys.modules
     try:
-        with defer_signals():  # a signal inside an import would look like a missing library
+        # A signal inside an import would look like a missing library.
+        with defer_signals():
             load_dolfinx()
             from indent_sim.fe import solver
     except ImportError as missing:
         raise BackendError(f"{missing}; `indent-sim doctor` says what is missing") from missing
-    if (
-        is_new and not gc.isenabled()
-    ):  # a program of one run: libraries stay, and each run ends with a search for garbage
+    # In a program of one run the libraries stay loaded; freezing them shortens the garbage
+    # collection at its end.
+    if is_new and not gc.isenabled():
         gc.freeze()
     return solver

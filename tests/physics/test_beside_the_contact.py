@@ -14,10 +14,11 @@ from mesh_files import block, section, write
 from indent_sim.config.scene_file import load
 from indent_sim.config.strict_yaml import dump
 from indent_sim.run import pipeline
-from indent_sim.run.sanity_checks import PreviousRows, violated_bound
+from indent_sim.run.previous_rows import PreviousRows
+from indent_sim.run.sanity_checks import violated_bound
 from indent_sim.scene.scene import resolve
 
-SAID = "inside the surface beside the contact surface"
+SAID = "inside the surface outside the contact surface"
 BODIES = {
     "axisymmetric": lambda: section(1.0, 0.5, 20, 10),
     "plane_strain": lambda: section(1.0, 0.5, 20, 10),

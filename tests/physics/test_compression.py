@@ -14,8 +14,9 @@ from scenes import BOX, CYLINDER, ELASTIC, STRIP, scene, solve
 from indent_sim.model.tips import Plate
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.pipeline import states
-from indent_sim.run.sanity_checks import PreviousRows, violated_bound
-from indent_sim.run.summary import theory_comparison
+from indent_sim.run.previous_rows import PreviousRows
+from indent_sim.run.sanity_checks import violated_bound
+from indent_sim.run.theory_comparison import theory_comparison
 from indent_sim.scene.scene import Scene
 
 PLATE = {"shape": "plate"}
@@ -217,7 +218,9 @@ def test_a_side_that_folds_up_against_the_plate_is_found() -> None:
         violated_bound(base, one, PreviousRows(found[:k])) for k, one in enumerate(found)
     )
     assert first is None and second is None
-    assert third is not None and "folds up against it from a depth between 0.2 and 0.25 on" in third
+    assert (
+        third is not None and "folds against the tip from a depth between 0.2 and 0.25 on" in third
+    )
     assert "let the top slide" in third and "contact.method" not in third
 
 

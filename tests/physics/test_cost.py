@@ -20,10 +20,10 @@ import pytest
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, WALLED, grid_of, scene
 
 from indent_sim.config.scene_file import load
-from indent_sim.run.error_estimation.refinement import (
+from indent_sim.run.error_estimation.predicted_cost import (
     _expected_refinement_ratios as ratios_foreseen,
 )
-from indent_sim.run.error_estimation.refinement import predict_total_cost
+from indent_sim.run.error_estimation.predicted_cost import predict_total_cost
 from indent_sim.run.pipeline import states
 from indent_sim.scene.cost import _mesh_counts as counts
 from indent_sim.scene.scene import resolve

@@ -388,7 +388,7 @@ def test_a_tip_that_was_pulled_off_and_comes_back_is_warned_of() -> None:
     history = {"force_history": [[0, 0], [1, 1e-2], [2, -1e-2], [3, 1e-2]]}
     findings = found(HALF_SPACE, STICKY | history)
     assert findings.rows[-1].a > 0 and any(math.isnan(row.delta) for row in findings.rows)
-    assert len(findings.warnings) == 1 and "pulls harder" in findings.warnings[0]
+    assert len(findings.warnings) == 1 and "exceeds the pull-off force" in findings.warnings[0]
 
 
 @pytest.mark.parametrize(

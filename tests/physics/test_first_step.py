@@ -25,7 +25,8 @@ from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import pipeline
-from indent_sim.run.sanity_checks import PreviousRows, violated_bound
+from indent_sim.run.previous_rows import PreviousRows
+from indent_sim.run.sanity_checks import violated_bound
 from indent_sim.scene.model_warnings import NEGLIGIBLE_ERROR
 from indent_sim.scene.scene import Scene, resolve
 

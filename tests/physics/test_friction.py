@@ -19,10 +19,11 @@ from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.error_estimation.coarser_run import CoarserRun, coarser_scene
-from indent_sim.run.error_estimation.error_bars import ErrorBars, step_refinement
+from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.run.error_estimation.no_slip_runs import solve_no_slip_effect
+from indent_sim.run.error_estimation.step_refinement import step_refinement
 from indent_sim.run.pipeline import simulate, states
-from indent_sim.run.summary import theory_comparison
+from indent_sim.run.theory_comparison import theory_comparison
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.studies import cases, study_file
 from indent_sim.theory.no_slip import (

@@ -16,7 +16,8 @@ from scenes import scene, solve
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.error_estimation.coarser_run import CoarserRun, coarser_scene
-from indent_sim.run.error_estimation.error_bars import ErrorBars, step_refinement
+from indent_sim.run.error_estimation.error_bars import ErrorBars
+from indent_sim.run.error_estimation.step_refinement import step_refinement
 from indent_sim.scene.scene import Scene
 
 SCENES, STICKY = 6, 5  # 20 s of CPU each; 120 and 80 told no more of the bars

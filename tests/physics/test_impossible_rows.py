@@ -37,7 +37,7 @@ def test_the_rows_before_stay(scene, tmp_path, monkeypatch):
         single_run, "violated_bound", lambda scene, state, earlier: "so to say" if earlier else None
     )
     with pytest.raises(
-        VerificationError, match=r"step 2, at delta = 0.2, is a row that cannot be true: so to say"
+        VerificationError, match=r"step 2, at delta = 0.2, is physically impossible: so to say"
     ):
         simulate(load(scene), directory=tmp_path / "out")
     found = read(tmp_path / "out")

@@ -15,7 +15,7 @@ from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.derived_quantities import hertz_fit
 from indent_sim.run.pipeline import states
-from indent_sim.run.summary import theory_comparison
+from indent_sim.run.theory_comparison import theory_comparison
 from indent_sim.scene.scene import Scene, resolve
 
 WALLS = ("x_min", "x_max", "y_min", "y_max")

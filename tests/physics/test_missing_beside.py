@@ -31,12 +31,12 @@ OUTER: dict[str, tuple[Any, str]] = {
     "area": (Axisymmetric, "contact_area"),
     "E_hertz": (derived_quantities.DerivedQuantities, "_hertz"),
     "fields": (Fields, "gather"),
-    "check of its rows": (single_run, "violated_bound"),
+    "sanity check of the rows": (single_run, "violated_bound"),
     "theory": (summary, "theory_comparison"),
     "Hertz fit": (summary, "hertz_fit"),
     "experiment.csv": (conducted, "conduct"),
-    "a run beside this one": (pipeline, "states"),
-    "what no slip would change": (pipeline, "sticks"),
+    "an auxiliary run of the error estimate": (pipeline, "states"),
+    "no-slip effect": (pipeline, "sticks"),
     "force_indentation.png": (forces, "force_indentation"),
 }
 INNER: dict[str, tuple[Any, str]] = {

@@ -89,7 +89,7 @@ def test_the_mesh_is_refined_until_the_bars_are_narrow_enough(
 
 def test_what_no_mesh_can_mend_ends_with_exit_code_6_and_the_rows(tmp_path: Path) -> None:
     """A penalty as soft as this is 1 % low whatever the mesh."""
-    with pytest.raises(VerificationError, match="epsilon_n alone costs") as caught:
+    with pytest.raises(VerificationError, match="epsilon_n alone causes") as caught:
         simulate(
             tmp_path / "run", accuracy=0.001, contact={"method": "penalty", "epsilon_n": 1000.0}
         )
@@ -102,7 +102,7 @@ def test_what_no_mesh_can_mend_ends_with_exit_code_6_and_the_rows(tmp_path: Path
 def test_a_machine_that_is_too_small_ends_the_refinement(tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.setattr("indent_sim.run.error_estimation.accuracy.ATTEMPTS", 1)
     monkeypatch.setitem(resolution.ERROR_CONSTANT, 2, 0.02)
-    with pytest.raises(VerificationError, match="1 attempts were not enough"):
+    with pytest.raises(VerificationError, match="1 meshes were not enough"):
         simulate(tmp_path / "run", accuracy=0.001)
     assert len(read(tmp_path / "run")) == 5
 

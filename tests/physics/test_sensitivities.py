@@ -123,8 +123,8 @@ def test_at_finite_strain_against_accurate_runs(key: str) -> None:
 @pytest.mark.parametrize(
     ("scene", "key", "message"),
     [
-        (LAYER, "material.G", "material.G: is no number of this scene"),
-        (LAYER, "body.shape", "body.shape: is no number of this scene"),
+        (LAYER, "material.G", "material.G: is not a nonzero number of this scene"),
+        (LAYER, "body.shape", "body.shape: is not a nonzero number of this scene"),
         (
             LAYER | {"loading": {"force": 1.0, "steps": 1}},
             "material.E",

@@ -11,7 +11,7 @@ import pytest
 from scenes import PARABOLOID, scene, solve
 from test_friction import A, rough
 
-from indent_sim.run.summary import energy_balance
+from indent_sim.run.work_and_loops import energy_balance
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.3])

@@ -1,1 +1,1 @@
-"""Scenes solved beside one: what they tell of its force."""
+"""Estimate of the error of every row from auxiliary runs of the same scene."""

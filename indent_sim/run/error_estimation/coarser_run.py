@@ -1,4 +1,4 @@
-"""The scenes solved beside one: a coarser mesh, a softer penalty, and steps half as long."""
+"""Auxiliary scenes of the error estimate: coarser mesh, softer penalty, steps half as long."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from indent_sim.model.state import State
 from indent_sim.scene import resolution
 from indent_sim.scene.scene import Scene
 
-# of the element sizes of the companion to those of the run; its reason stands in `error_bars`
+# Ratio of the element sizes of the coarser run to those of the run; see `error_bars`.
 REFINEMENT_RATIO = 1.6
 
 StatesByStep = dict[int, State]
@@ -20,9 +20,16 @@ States = Sequence[State]
 
 @dataclass(frozen=True)
 class CoarserRun:
-    """A run of the same scene on a mesh whose sizes are `ratio` times as large.
+    """A run of the same scene on a mesh whose element sizes are `ratio` times as large.
 
-    A ratio below 1 is a finer mesh. `scene`: that of this mesh; None where it is not known.
+    Attributes
+    ----------
+    ratio
+        Grid refinement ratio; below 1 the mesh is finer.
+    states
+        The rows of the run.
+    scene
+        The scene of this mesh; None where it is not known.
     """
 
     ratio: float
@@ -31,7 +38,7 @@ class CoarserRun:
 
     @property
     def states_by_step(self) -> StatesByStep:
-        """The state of every step that was reached."""
+        """The converged states by their step."""
         return states_by_step(self.states)
 
 
@@ -41,7 +48,7 @@ def states_by_step(states: States) -> StatesByStep:
 
 
 def coarsen_scene(scene: Scene, ratio: float) -> Scene:
-    """The same scene on a mesh whose sizes are that much larger, near and far alike."""
+    """The same scene with all element sizes multiplied by `ratio`."""
     physics = scene.physics
     sizes = resolution.coarsened_sizes(
         scene.sizes, ratio, physics.domain.height, is_column=physics.is_porous_column
@@ -52,20 +59,25 @@ def coarsen_scene(scene: Scene, ratio: float) -> Scene:
 
 
 def coarser_scene(scene: Scene, previous_scene: Scene | None = None) -> tuple[float, Scene]:
-    """The scene of the companion, and the ratio of its element sizes to those of this scene.
+    """Choose the scene of the coarser run and its grid refinement ratio.
+
+    An imported mesh has given element sizes: its coarser run is refined once less, or once more if
+    the
+    mesh is not refined at all.
 
     Parameters
     ----------
     scene
-        The scene whose error is asked for.
-    earlier
-        The last attempt at its accuracy, on a coarser mesh; it is the companion then.
+        The scene whose error is estimated.
+    previous_scene
+        The previous level of adaptive refinement; it serves as the coarser run.
 
     Returns
     -------
-    ratio, companion
-        A mesh from a file has the sizes that it has: its companion is refined once less, or once
-        more where it is not refined at all.
+    ratio
+        Element sizes of the coarser scene over those of `scene`.
+    coarser_scene
+        The scene of the coarser run.
     """
     level = scene.sizes.refinements
     if level is not None:
@@ -77,15 +89,13 @@ def coarser_scene(scene: Scene, previous_scene: Scene | None = None) -> tuple[fl
 
 
 def refine_scene(scene: Scene, ratio: float) -> Scene:
-    """The same scene on a mesh whose sizes are that much smaller, or halved where it is from a
-    file.
-    """
+    """The same scene with element sizes divided by `ratio`, or an imported mesh refined once."""
     level = scene.sizes.refinements
     return coarsen_scene(scene, 1 / ratio) if level is None else _set_refinements(scene, level + 1)
 
 
 def _set_refinements(scene: Scene, refinements: int) -> Scene:
-    """The same scene on the same file, refined that often."""
+    """The same scene on the same imported mesh with this number of uniform refinements."""
     return replace(scene, sizes=resolution.refined_sizes(scene.sizes, refinements))
 
 
@@ -100,7 +110,7 @@ def halve_penalty(scene: Scene) -> Scene | None:
 
 
 def halve_increments(scene: Scene) -> Scene | None:
-    """The same scene in steps half as long; None where neither the path nor time matters."""
+    """The same scene in increments half as long; None where the result does not depend on them."""
     physics = scene.physics
     if not physics.depends_on_step_size:
         return None
@@ -110,18 +120,22 @@ def halve_increments(scene: Scene) -> Scene | None:
 
 
 def double_bath_ramp(scene: Scene) -> Scene | None:
-    """The same scene with a bath that takes twice as long to come; None where no bath comes."""
+    """The same scene with a bath that rises for twice as long; None where no bath does."""
     ramp = scene.physics.bath_ramp
     return scene.replace_physics(bath_ramp=2 * ramp) if ramp else None
 
 
 def same_mesh_scenes(scene: Scene) -> list[Scene]:
-    """What is solved beside the companion, on its mesh."""
+    """The auxiliary scenes that are solved on the same mesh as `scene`."""
     scenes = (halve_penalty(scene), halve_increments(scene), double_bath_ramp(scene))
     return [auxiliary for auxiliary in scenes if auxiliary is not None]
 
 
 def _halve_values(values: Sequence[float]) -> tuple[float, ...]:
-    """The values of a path, and between each and the one before the mean of the two."""
+    """The values of a path with the mean of each and its predecessor inserted before it."""
     steps = pairwise((0.0, *values))
-    return tuple(half for previous, value in steps for half in ((previous + value) / 2, value))
+    return tuple(
+        refined_value
+        for previous, value in steps
+        for refined_value in ((previous + value) / 2, value)
+    )

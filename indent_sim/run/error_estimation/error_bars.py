@@ -1,24 +1,26 @@
-"""Half-widths of the error bars of a run's rows, from one companion on a coarser mesh.
+"""Half-widths of the error bars of a run's rows, from one run on a coarser mesh.
 
-Elements of the size h give a number f, elements of q h the number f_q. Where the error falls as
-h^p, Richardson's extrapolation says that f is off by |f_q - f|/(q^p - 1), and Roache's grid
-convergence index takes SAFETY = 3 of it where two meshes alone are known, since nothing then tests
-whether the error falls so. Two meshes may agree by accident (which elements touch changes from step
-to step, and the difference passes through zero): so no bar is narrower than a floor, a share of the
-error that so many elements in a contact radius have cost in general.
+Elements of the size h give a number f, elements of the size q h the number f_q. If the error falls
+as h^p, Richardson extrapolation gives the error |f_q - f|/(q^p - 1) of f. Roache's grid convergence
+index multiplies it by the factor of safety 3 if only two meshes are known, since nothing then tests
+the assumed order. Two meshes may agree by accident (which elements touch changes from step to step,
+and the difference passes through zero). Therefore every bar has a lower bound: a fraction of the
+error that a mesh of this resolution has in general.
 
-    force    max(SAFETY |F_q - F|/(q^RATE - 1), FLOOR CONSTANT n^-RATE |F|, edge) + corners
-    a        RADIUS times the element in which the contact ends
-    p_max    max(SAFETY |p_q - p|/(q^PRESSURE_RATE - 1), PEAK n^-PRESSURE_RATE p)
+    force    max(SAFETY_FACTOR |F_q - F|/(q^p - 1), MIN_ERROR_FRACTION C n^-p |F|, edge) + corners
+             with C = ERROR_CONSTANT and p = ORDER_OF_CONVERGENCE
+    a        RADIUS_ERROR times the element in which the contact ends
+    p_max    max(SAFETY_FACTOR |p_q - p|/(q^2 - 1), PEAK_ERROR n^-2 p), 2 = PRESSURE_ORDER
 
-with n elements in the contact radius of the row (for p_max beneath a punch's rounded edge in its
-part on the arc). The rule has eight numbers: the ratio q of the meshes, SAFETY, RATE, FLOOR,
-RADIUS, PRESSURE_RATE, PEAK, and that of an edge, of a sharp punch in three dimensions or of a
-contact that ends where the tip's slope jumps (`doubts.EDGE`). CONSTANT is that by which `accuracy`
-chooses its meshes. To this come the parts that no mesh shows, each measured by a run of its own or
-known beforehand: see `Budget`. No bar of a force is narrower than its distance from a theory that
-is exact for the body. `scripts/make_error_bar_table` measures coverage and width with and without
-each number of the rule.
+n is the number of elements in the contact radius of the row (for p_max beneath a punch's rounded
+edge in the part on the arc). The rule has eight numbers: the refinement ratio q, SAFETY_FACTOR,
+ORDER_OF_CONVERGENCE, MIN_ERROR_FRACTION, RADIUS_ERROR, PRESSURE_ORDER, PEAK_ERROR, and EDGE_ERROR
+of `model_warnings` for the edge of a sharp punch in three dimensions or a contact that ends where
+the tip's slope jumps. ERROR_CONSTANT is the one by which `accuracy` chooses its meshes. Errors that
+do not depend on the mesh are added, each measured by an auxiliary run or known in advance: see
+`ErrorBudget`. The bar of a force is never narrower than its distance from a theory that is exact
+for the body. `scripts/make_error_bar_table` measures coverage and width with and without each
+number of the rule.
 
 Roache, J. Fluids Eng. 116, 405 (1994); Annu. Rev. Fluid Mech. 29, 123 (1997), whose safety factors
 are 3 for two grids and 1.25 for three; Verification and Validation in Computational Science and
@@ -27,9 +29,8 @@ Engineering (Hermosa, 1998).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
-from math import acosh, inf, nan
+from dataclasses import replace
+from math import inf, nan
 from typing import Any
 
 import numpy as np
@@ -41,170 +42,51 @@ from indent_sim.run.error_estimation.coarser_run import (
     CoarserRun,
     States,
     StatesByStep,
-    halve_increments,
     states_by_step,
 )
+from indent_sim.run.error_estimation.error_budget import (
+    SAFETY_FACTOR,
+    ErrorBudget,
+    grid_convergence_index,
+    ridge_pressure,
+)
 from indent_sim.run.error_estimation.film_error import FilmError
+from indent_sim.run.error_estimation.step_refinement import StepRefinement, value_difference
 from indent_sim.scene.model_warnings import EDGE_ERROR, FORCE_DEPTH_EXPONENT, edge_error
 from indent_sim.scene.resolution import ERROR_CONSTANT, ORDER_OF_CONVERGENCE, error_decay
 from indent_sim.scene.scene import Scene
 
-# ---- the numbers of the rule: docs/accuracy.md has coverage and width with and without each
-# ------------------------
-
-SAFETY_FACTOR = 3.0  # Roache's, where two meshes alone are known
-# of CONSTANT n^-RATE, from which `accuracy` chooses n elements in a contact radius (see `fineness`)
+# Lower bound of the error, relative to ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE (see `resolution`).
 MIN_ERROR_FRACTION = 0.2
-RADIUS_ERROR = 0.09  # of the element where the contact ends, to which the radius is read off
-# of the largest pressure: quadratic elements have stresses of order 2
-PRESSURE_ORDER = 2.0
-PEAK_ERROR = 0.2
+RADIUS_ERROR = 0.09  # error of the contact radius, relative to the element where the contact ends
+PRESSURE_ORDER = 2.0  # order of convergence of p_max: that of the stresses of quadratic elements
+PEAK_ERROR = 0.2  # lower bound of the error of p_max, relative to n^-PRESSURE_ORDER p_max
 
-SECONDARY_COLUMNS = (
-    "a",
-    "p_max",
-    "stick_radius",
-    "dissipation",
-)  # numbers beside the force that have bars
-
-
-@dataclass(frozen=True)
-class ErrorBudget:
-    """What makes up the half-width of the error bar of a row's force [force].
-
-    discretisation: the mesh. enforcement: the penalty's stiffness. truncation: the finite body that
-    stands for a half-space, or flat facets for a curved surface. theory: the distance from a theory
-    that is exact for this body. path: with friction the steps of the path. time: of a body that
-    evolves the steps in time. film: of a body that drains, the films beside its drained faces.
-    bath: of a gel, the time that a sudden bath takes to come.
-    """
-
-    step: int
-    discretisation: float = 0.0
-    enforcement: float = 0.0
-    truncation: float = 0.0
-    theory: float = 0.0
-    path: float = 0.0
-    time: float = 0.0
-    film: float = 0.0
-    bath: float = 0.0
-
-    @property
-    def parts(self) -> dict[str, float]:
-        """Everything that is estimated, which adds up."""
-        return {
-            name: value for name, value in asdict(self).items() if name not in ("step", "theory")
-        }
-
-    @property
-    def estimated(self) -> float:
-        """The sum of the parts [force]."""
-        return sum(self.parts.values())
-
-    @property
-    def total(self) -> float:
-        """The half-width [force]: the sum of the parts, but never less than what exact theory knows
-        to be wrong.
-        """
-        return self.theory if self.theory > self.estimated else self.estimated
-
-
-def grid_convergence_index(difference: float, ratio: float, rate: float) -> float:
-    """The error of a number by Roache's grid convergence index: SAFETY difference/|ratio^rate - 1|.
-
-    Parameters
-    ----------
-    difference
-        How far the number is from that with sizes (or steps) `ratio` times as large [any unit].
-    ratio
-        Below 1 where the companion is finer.
-    rate
-        Of the error, which falls as h^rate.
-    """
-    return SAFETY_FACTOR * difference / abs(ratio**rate - 1)
-
-
-def ridge_pressure(turn: float, refinements: int) -> float:
-    """Return the largest excess pressure over E* at the ridges of a faceted mesh that stands for a
-    curved surface.
-
-    Two facets that meet at the angle theta are a cone of the slope theta/2 to a tip that is flat
-    there, whose pressure grows as E* theta/4 arccosh(l/r) towards the ridge (Sneddon 1965, Int. J.
-    Eng. Sci. 3, 47; Johnson, Contact Mechanics, 5.2). l is the length of a facet, and no pressure
-    is read off nearer than a quarter of an element, so that this is the most. On meshes of caps
-    under balls and plates, refined one to three times, p_max was 0.57 to 0.67, 0.67 to 0.72 and
-    0.83 to 0.87 of E* theta too large, where this says 0.69, 0.87 and 1.04.
-
-    Parameters
-    ----------
-    turn
-        The angle theta [radians]; 0 where nothing is faceted.
-    refinements
-        How often each facet has been halved.
-    """
-    return turn / 4 * acosh(4.0 * 2.0**refinements)
-
-
-@dataclass(frozen=True)
-class StepRefinement:
-    """The path of a scene with friction, or of a body that evolves, in its own steps and in steps
-    half as long.
-    """
-
-    full_steps: StatesByStep
-    half_steps: StatesByStep
-
-    def error(self, state: State, name: str) -> float:
-        """The error of a number of a step: SAFETY times what steps half as long change; NaN without
-        such a step.
-
-        Twice that change is Richardson's error of first order, 2.6 times that of order 0.7, with
-        which a path converges whose new contact sticks where its step began.
-        """
-        return SAFETY_FACTOR * _value_difference(self.full_steps, self.half_steps, state.step, name)
-
-
-def step_refinement(
-    base_run: CoarserRun, follow: Callable[[Scene], States]
-) -> StepRefinement | None:
-    """What the steps of a path may cost, by a run and steps half as long; None where it does not
-    matter.
-    """
-    finer = halve_increments(base_run.scene) if base_run.scene else None
-    if base_run.scene is None or finer is None:
-        return None
-    half_step_states = follow(finer)
-    full_step_states = [
-        replace(
-            last,
-            step=last.step // 2,
-            dissipation=(first.dissipation or 0.0) + (last.dissipation or 0.0),
-        )
-        for first, last in zip(half_step_states[::2], half_step_states[1::2], strict=False)
-    ]
-    return StepRefinement(base_run.states_by_step, states_by_step(full_step_states))
+# Columns other than the force that have error bars.
+SECONDARY_COLUMNS = ("a", "p_max", "stick_radius", "dissipation")
 
 
 class ErrorBars:
-    """Judges one row after another against the companion's curve.
+    """Estimates the errors of one row after another by comparison with the coarser run.
 
-    Where forces are prescribed and depths found, the error of the force is that at the row's depth,
-    and the error of the depth what the curve makes of it.
+    Where forces are prescribed, the error of the force is that at the depth of the row, and the
+    error
+    of the depth follows from it by the slope of the curve.
 
     Parameters
     ----------
     scene
         The scene of the run.
     companion
-        The same scene on another mesh.
+        The coarser run.
     soft
-        The companion with half the penalty's stiffness, where there is a penalty.
+        The coarser run with half the penalty stiffness, where there is a penalty.
     ways
-        The companion's path in its own steps and in steps half as long, where they matter.
+        The coarser run in its own and in halved increments, where they matter.
     film
-        What the films beside drained faces cost on the run's own mesh, of a body that drains.
+        Error by drainage films on the mesh of the run, for a body that drains.
     bath
-        The companion in a bath that takes twice as long to come, of a body whose bath comes.
+        The coarser run with a bath that rises for twice as long, where a bath rises.
     """
 
     def __init__(
@@ -230,7 +112,9 @@ class ErrorBars:
         self._scales = scene.physics.scales
         self._has_prescribed_forces = scene.physics.path.control == "force"
         self._truncation = sum(
-            doubt.force_error for doubt in scene.plan.model_warnings if doubt.key == "truncation"
+            warning.force_error
+            for warning in scene.plan.model_warnings
+            if warning.key == "truncation"
         )
         domain = scene.physics.domain
         contact_place = scene.physics.center, scene.sizes.a, scene.sizes.refinements or 0
@@ -243,14 +127,13 @@ class ErrorBars:
         )
         law = scene.physics.contact
         coarse_law = (companion.scene or scene).physics.contact
-        self._stiffness_ratio = (
-            1.0  # than its companion, whose penalty may be that of an earlier attempt
-        )
+        # The coarser run may be a previous refinement level with another penalty stiffness.
+        self._stiffness_ratio = 1.0
         if isinstance(law, Penalty) and isinstance(coarse_law, Penalty):
             self._stiffness_ratio = law.stiffness / coarse_law.stiffness
 
     def add_error_estimate(self, state: State) -> State:
-        """The state with its error bars; NaN where the companion has no such step."""
+        """Return the state with its error estimates; NaN where the coarser run lacks the step."""
         self._run_states[state.step] = state
         force_parts = (
             self._missed_contact_parts(state)
@@ -270,11 +153,10 @@ class ErrorBars:
             **errors,
         )
 
-    # ---- the force
-    # ---------------------------------------------------------------------------------------------------
+    # ---- force
 
     def _force_error_parts(self, state: State) -> dict[str, float]:
-        """The parts of the force's error [force], as `Budget` names them; one line each."""
+        """Parts of the error of the force [force], named as in `ErrorBudget`."""
         force = abs(state.force)
         return {
             "discretisation": self._discretisation_error(state),
@@ -287,7 +169,7 @@ class ErrorBars:
         }
 
     def _discretisation_error(self, state: State) -> float:
-        """What the mesh costs the force."""
+        """Error of the force by the mesh [force]."""
         force = abs(state.force)
         dim = self._physics.domain.dim
         estimate = grid_convergence_index(
@@ -301,55 +183,53 @@ class ErrorBars:
         )
         edge = edge_error(self._sizes) * force if dim == 3 else 0.0
         discontinuity_error = self._slope_discontinuity_error(state) * force
+        # np.max, unlike max, returns NaN if any of its arguments is NaN.
         return (
             float(np.max([estimate, min_error, edge, discontinuity_error]))
             + self._sizes.corner_error * force
-        )  # NaN where one is
+        )
 
     def _slope_discontinuity_error(self, state: State) -> float:
-        """The relative error of a contact that ends within an element of a circle where the tip's
-        slope jumps.
+        """Relative error of a contact that ends within an element of the tip's slope discontinuity.
 
-        Elements that end there stand for a contact that is narrower or wider, as at the edge of a
-        sharp punch: EDGE times their size over the radius. Under profiles and rounded punches 0.02
-        to 0.1 of that ratio was measured (tests/physics/test_accuracy.py). At a sharp punch's own
-        edge elements are refined.
+        The contact of elements that end there is narrower or wider than the true one, as at the
+        edge of a
+        sharp punch: the error is EDGE_ERROR times the ratio of their size and the radius. Under
+        profiles
+        and rounded punches errors of 0.02 to 0.1 of that ratio were measured
+        (tests/physics/test_accuracy.py). Elements at the edge of a sharp punch are refined.
         """
         tip = self._physics.indenter
         a = state.a / self._scales.length
         error = 0.0
         for r, width in tip.slope_discontinuities():
-            ends_here = width == 0 and self._sizes.punch_edge is not None
-            if r > 0 and not ends_here and abs(a - r) <= (size := self._sizes.surface_size(r)):
+            is_punch_edge = width == 0 and self._sizes.punch_edge is not None
+            if r > 0 and not is_punch_edge and abs(a - r) <= (size := self._sizes.surface_size(r)):
                 error = max(error, EDGE_ERROR * size / r)
         return error
 
     def _elements_in_radius(self, state: State) -> float:
-        """Elements in the contact radius, as they were chosen from an accuracy: not those near an
-        edge or a corner.
-        """
+        """Elements in the contact radius, without the refinement near an edge or a corner."""
         regular_sizes = replace(self._sizes, corners=(), punch_edge=None)
         return regular_sizes.elements_in_contact(state.a / self._scales.length)
 
     def _force_difference(self, step: int) -> float:
-        """How far the companion's force is from the run's at the same depth; NaN where one has no
-        such step.
-        """
+        """Distance of the coarser run's force at the same depth; NaN if the step is missing."""
         run_states = self._run_states
         coarse_states = self._coarse_states
         if step not in run_states or step not in coarse_states:
             return nan
         state = run_states[step]
         coarse_state = coarse_states[step]
-        if self._physics.is_time_dependent:  # no other row is on its curve
+        # The curve of a time-dependent row contains no other row to interpolate from.
+        if self._physics.is_time_dependent:
             return self._transient_force_difference(state, coarse_state)
         return abs(interpolate_force(coarse_state, state.delta, coarse_states) - state.force)
 
     def _transient_force_difference(self, state: State, coarse_state: State) -> float:
-        """The same of a row in time, which has a curve of its own.
+        """The same for a time-dependent row, by the linearised force at its depth.
 
-        What the films beside drained faces take from the force is known on both meshes, and has a
-        part of the bar.
+        The error by drainage films is known on both meshes and is a part of its own.
         """
         difference = (
             coarse_state.force
@@ -363,9 +243,7 @@ class ErrorBars:
         return abs(difference)
 
     def _penalty_error(self, step: int) -> float:
-        """The relative error of a penalty, whose 1/force is linear in 1/epsilon_n from stiff to
-        soft.
-        """
+        """Relative error by the penalty stiffness: 1/F is linear in 1/epsilon_n."""
         if self._soft_states is None:
             return 0.0
         stiff_state = self._coarse_states.get(step)
@@ -379,20 +257,19 @@ class ErrorBars:
         return abs(1 / inverse - 1) / self._stiffness_ratio if inverse > 0 else inf
 
     def _geometry_error(self, state: State) -> float:
-        """The relative error of a body that stands for a half-space, or of facets by which a tip is
-        less deep.
+        """Relative error by the truncation of a half-space and by flat facets of a curved surface.
+
+        Facets reduce the effective depth by their sagitta.
         """
-        faceted = (
+        facet_error = (
             FORCE_DEPTH_EXPONENT * self._sag * self._scales.depth / state.delta
             if state.delta > 0
             else 0.0
         )
-        return self._truncation + faceted
+        return self._truncation + facet_error
 
     def _theory_distance(self, state: State) -> float:
-        """|F - F_theory| where theory is exact for the body [force]; 0 where it is not, or ends
-        before this depth.
-        """
+        """|F - F_theory| [force] where theory is exact for the body at this depth, else 0."""
         theory = self._scene.exact_theory
         solution = (
             theory.solution_at_depth(state.delta / self._scales.depth)
@@ -402,15 +279,17 @@ class ErrorBars:
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _depth_error(self, state: State, error: float) -> float | None:
-        """The error of a depth that was found, from that of the force; None where depths are given."""
+        """Error of a computed depth from that of the force; None where depths are prescribed."""
         if not self._has_prescribed_forces:
             return None
         slope = self._force_slope(state)
         return error / slope if slope > 0 else error
 
     def _force_slope(self, state: State) -> float:
-        """dF/ddelta of the companion; of a body that evolves at its time: a paraboloid's power of
-        the depth, or that of the contact on a half-space, whichever is more.
+        """Slope dF/ddelta of the coarser run.
+
+        For a time-dependent body, at fixed time, the larger one of the slope of a paraboloid, F ~
+        delta^1.5, and of a flat punch on a half-space.
         """
         if self._physics.is_time_dependent:
             contact_stiffness = self._physics.material.E_star * self._scales.pressure
@@ -427,14 +306,14 @@ class ErrorBars:
             / state.delta
         )
 
-    # ---- the numbers beside the force
-    # --------------------------------------------------------------------------------
+    # ---- contact radius, pressure, stick radius, dissipation
 
     def _secondary_names(self, state: State) -> list[str]:
+        """Columns other than the force that the row has."""
         return [name for name in SECONDARY_COLUMNS if getattr(state, name) is not None]
 
     def _secondary_error(self, state: State, name: str) -> float:
-        """The error of a number beside the force."""
+        """Error of a number other than the force."""
         if self._is_contact_missed(state):
             return self._shallowest_value(state, name)
         value = abs(getattr(state, name))
@@ -449,7 +328,7 @@ class ErrorBars:
         return sum(contributions)
 
     def _secondary_mesh_error(self, state: State, name: str) -> float:
-        """What the mesh costs a number beside the force."""
+        """Error of a number other than the force by the mesh."""
         L = self._scales.length
         end_element = self._sizes.surface_size(state.a / L) * L if state.a > 0 else 0.0
         if name == "a":
@@ -457,23 +336,29 @@ class ErrorBars:
         value = abs(getattr(state, name))
         min_error = RADIUS_ERROR * end_element / state.a * value if state.a > 0 else 0.0
         if name == "p_max":
+            # The pressure is that of the element that closed last, which no other mesh shares.
             if self._physics.is_closed_by_swelling(state.delta / self._scales.depth, state.a / L):
-                return (
-                    nan  # the pressure of the element that closed last, which no other mesh shares
-                )
+                return nan
             min_error = (
                 PEAK_ERROR * self._relative_peak_size(state, end_element) ** PRESSURE_ORDER * value
             )
-        difference = _value_difference(self._coarse_states, self._run_states, state.step, name)
+        difference = value_difference(self._coarse_states, self._run_states, state.step, name)
         estimate = grid_convergence_index(difference, self.coarser_run.ratio, PRESSURE_ORDER)
-        return float(np.max([estimate, min_error]))  # NaN where one is
+        return float(np.max([estimate, min_error]))  # NaN if either is
 
     def _relative_peak_size(self, state: State, end_element: float) -> float:
-        """The size at_end [length] of the element where the contact ends, over the width of what
-        bears the peak.
+        """Ratio of the element at the end of the contact and the width that carries the peak.
 
-        That is the contact radius. Where the contact ends at a punch's rounded edge, it is the part
-        that lies on the arc.
+        The width is the contact radius, or its part on the arc where the contact ends at a punch's
+        rounded
+        edge.
+
+        Parameters
+        ----------
+        state
+            The row [user's units].
+        end_element
+            Size of the element at the end of the contact [length].
         """
         if state.a <= 0:
             return 0.0
@@ -483,54 +368,55 @@ class ErrorBars:
         return end_element / max(width, min(end_element, state.a))
 
     def _secondary_penalty_error(self, step: int, name: str) -> float:
-        """What a penalty takes from a number, which is as linear in 1/epsilon_n."""
+        """Error of a number by the penalty stiffness; it is linear in 1/epsilon_n."""
         if self._soft_states is None:
             return 0.0
         return (
-            _value_difference(self._coarse_states, self._soft_states, step, name)
+            value_difference(self._coarse_states, self._soft_states, step, name)
             / self._stiffness_ratio
         )
 
-    # ---- the path
-    # ----------------------------------------------------------------------------------------------------
+    # ---- load increments and time steps
 
     def _step_error(self, state: State, name: str) -> float:
-        """What the steps of the path may cost a number, in a force of the depth that prescribed
-        forces have found.
+        """Error of a number by the load increments or time steps.
+
+        For a prescribed force it follows from the error of the depth.
         """
         if self._step_refinement is None:
             return 0.0
         if name == "force" and self._has_prescribed_forces:
             return self._step_refinement.error(state, "delta") * self._force_slope(state)
-        unseen = self._long_step_error(state, name) if self._physics.contact.may_slip else 0.0
-        return self._step_refinement.error(state, name) + unseen
+        unresolved_error = (
+            self._long_step_error(state, name) if self._physics.contact.may_slip else 0.0
+        )
+        return self._step_refinement.error(state, name) + unresolved_error
 
     def _bath_error(self, state: State, name: str) -> float:
-        """What it costs a number, in a force of the depth that is found, that a sudden bath takes
-        some time to come.
+        """Error of a number by the finite time in which a suddenly applied bath rises.
 
-        A bath that takes twice as long changes a number by as much as this one does, as soon as it
-        is all there.
+        A bath that rises for twice as long changes a number as much as this one does, once it has
+        risen.
+        For a prescribed force the error follows from that of the depth.
         """
         if self._bath_states is None:
             return 0.0
         if name == "force" and self._has_prescribed_forces:
             return (
                 SAFETY_FACTOR
-                * _value_difference(self._coarse_states, self._bath_states, state.step, "delta")
+                * value_difference(self._coarse_states, self._bath_states, state.step, "delta")
                 * self._force_slope(state)
             )
-        return SAFETY_FACTOR * _value_difference(
+        return SAFETY_FACTOR * value_difference(
             self._coarse_states, self._bath_states, state.step, name
         )
 
     def _long_step_error(self, state: State, name: str) -> float:
-        """What halves of a step that is long beside its contact may not show of where and how far
-        the surface slips.
+        """Error of the slip by a long increment that halving the increment may not show.
 
-        All of it may differ in the share of the contact radius that the step adds or takes, of the
-        dissipation, which is one of the area, in the square of that share. After one step from rest
-        neither is known.
+        It is the relative change of the contact radius in the increment, for the dissipation (per
+        area) the
+        square of it. Neither is known after one increment from rest.
         """
         previous = self._run_states.get(state.step - 1)
         value = getattr(state, name)
@@ -544,23 +430,24 @@ class ErrorBars:
         return 0.0
 
     def _unresolved_stick(self, stick: float) -> float:
-        """What an element may not show of a place that sticks and is narrower than itself [length]."""
+        """Length that an element cannot resolve of a stick zone narrower than itself [length]."""
         r = stick / self._scales.length
         return max(self._sizes.surface_size(r) - r, 0.0) / 2 * self._scales.length
 
-    # ---- a contact that no point of the mesh notices
-    # -----------------------------------------------------------------
+    # ---- contact between the points of the mesh
 
     def _is_contact_missed(self, state: State) -> bool:
-        """Whether the tip is pressed in so little that no point of the mesh notices."""
+        """Whether the depth is so small that no integration point is in contact."""
         return state.delta > 0 and state.force == 0 and not self._physics.is_time_dependent
 
     def _missed_contact_parts(self, state: State) -> dict[str, float]:
+        """The error budget of such a row."""
         return {"discretisation": self._shallowest_value(state, "force")}
 
     def _shallowest_value(self, state: State, name: str) -> float:
-        """A number of the companion's shallowest contact from this depth on, where what grows with
-        it is more.
+        """Value of the shallowest contact on the coarser mesh at this depth or deeper.
+
+        It is an upper bound of a number that grows with the depth; NaN if there is none.
         """
         deeper_states = (
             coarse_state
@@ -572,9 +459,9 @@ class ErrorBars:
 
 
 class TheoryBars:
-    """The error bars of a scene that theory solves: its own stated error, of every number.
+    """Error bars of a scene that theory solves: the stated error of the theory, for every number.
 
-    Where its tip would have to pull, contact radius and pressure are not known at all.
+    Where the theoretical contact contains tension, contact radius and pressure are unknown.
     """
 
     coarser_run: CoarserRun | None = None
@@ -587,7 +474,7 @@ class TheoryBars:
         self._contact_error = 1.0 if scene.plan.theory.tension_fraction else self._error
 
     def add_error_estimate(self, state: State) -> State:
-        """The state with its error bars."""
+        """Return the state with its error estimates."""
         force = self._error * abs(state.force)
         contact = self._contact_error
         self.budgets.append(ErrorBudget(state.step, theory=force))
@@ -600,22 +487,24 @@ AnyErrorBars = ErrorBars | TheoryBars
 
 
 def _relative_change(old: float, new: float) -> float:
-    """How much of the larger of two lengths a step adds or takes."""
+    """Absolute change relative to the larger of two lengths."""
     return abs(new - old) / (max(old, new) or 1.0)
 
 
-def _value_difference(first: StatesByStep, second: StatesByStep, step: int, name: str) -> float:
-    """How far a number of a step is apart on two curves; NaN where one has no such step."""
-    if step not in first or step not in second:
-        return nan
-    return float(abs(getattr(second[step], name) - getattr(first[step], name)))
-
-
 def interpolate_force(state: State, delta: float, curve: StatesByStep) -> float:
-    """The force of a curve at a depth near one of its states: force (delta/its depth)^m, m the
-    slope of their logs.
+    """Force of a curve at a depth near one of its states, F (delta/delta_state)^m.
 
-    At the state's own depth it is the state's force, to the last digit.
+    m is the slope dlnF/dlndelta there. At the depth of the state the force is exactly that of the
+    state.
+
+    Parameters
+    ----------
+    state
+        The state near the depth.
+    delta
+        The depth [length].
+    curve
+        The states of the curve by step.
     """
     if state.delta == delta or state.delta <= 0 or delta <= 0:
         return state.force
@@ -623,7 +512,7 @@ def interpolate_force(state: State, delta: float, curve: StatesByStep) -> float:
 
 
 def _log_slope(state: State, curve: StatesByStep) -> float:
-    """dlnF/dlndelta between the states beside one; that of a paraboloid where there are none."""
+    """Slope dlnF/dlndelta between the neighbours of a state; 1.5, a paraboloid's, without any."""
     neighbours = [curve[k] for k in (state.step - 1, state.step, state.step + 1) if k in curve]
     first = min(neighbours, key=lambda s: s.delta)
     last = max(neighbours, key=lambda s: s.delta)

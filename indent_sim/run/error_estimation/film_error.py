@@ -1,13 +1,14 @@
-"""What films beside drained faces cost the force on the elements of a run, from one undrained
-equilibrium.
+"""Error of the force by unresolved drainage films beside drained faces.
 
-At once nothing has drained, and the pressure p of the fluid at the drained faces is known from the
-run's own mesh. What elements there then lose too much is known, too (`scene.boundary_films`), and
-what that takes from the force follows by reciprocity:
+The error follows from one undrained equilibrium on the mesh of the run. At the moment of loading
+nothing has drained, and the fluid pressure p at the drained faces is known from this mesh. Elements
+there lose too much fluid by a known amount (`scene.boundary_films`), and reciprocity gives its
+effect on the force:
 
     dF(row) = 1/2 d/ddelta sum_i p_i^2 A_i E(h_i)/M
 
-over the vertices i of drained faces, with elements of the height h_i and the area A_i each.
+The sum extends over the vertices i of drained faces, with the height h_i and the area A_i of their
+elements.
 """
 
 from __future__ import annotations
@@ -25,16 +26,29 @@ from indent_sim.scene.boundary_films import PathRow
 from indent_sim.scene.problem_setup import is_undrained_incompressible
 from indent_sim.scene.scene import Scene
 
-SECOND_DEPTH_FRACTION = 0.95  # of the largest depth or force: the second equilibrium, for the slope
+# Depth or force of a second equilibrium, relative to the largest, from which the slope follows.
+SECOND_DEPTH_FRACTION = 0.95
 
 
 @dataclass(frozen=True)
 class FilmError:
-    """The error that films leave in the force of each row [force].
+    """Error of the force of each row by drainage films [force].
 
-    heights, losses: at each vertex of a drained face the height of its elements [length], and the
-    force [force/length] that is lost per `excess_length` at the largest value of the history. All
-    without units, but for the force.
+    All but the losses is nondimensional.
+
+    Attributes
+    ----------
+    rows
+        Loading history up to each row.
+    diffusivity
+        Smallest diffusivity of the body.
+    element_heights
+        Height of the elements at each vertex of a drained face [length].
+    force_losses
+        Force that is lost per `excess_length` at each vertex, at the largest value of the history
+        [force/length].
+    is_draining_column
+        Whether the body deforms only by drainage.
     """
 
     rows: Sequence[PathRow]
@@ -44,7 +58,7 @@ class FilmError:
     is_draining_column: bool = False
 
     def force_error(self, state: State, coarser: float = 1.0) -> float:
-        """Of a row's force, at its depth [force]; on elements that are so many times as large."""
+        """Error of a row's force at its depth [force], on elements `coarser` times as large."""
         row = self.rows[state.step - 1]
         heights = coarser * self.element_heights
         if self.is_draining_column:
@@ -52,9 +66,7 @@ class FilmError:
         return float(self.force_losses @ row.excess_length(heights, self.diffusivity))
 
     def _column_error(self, row: PathRow, state: State, heights: np.ndarray) -> float:
-        """Of a column that gives way by what has drained alone: the share of that length which is
-        too much.
-        """
+        """Error of a column that deforms only by drainage, from its excess drained length."""
         drained = row.drained_length(self.diffusivity)
         excess = float(np.max(row.excess_length(heights, self.diffusivity), initial=0.0))
         return abs(state.force) * excess / drained if drained else 0.0
@@ -63,10 +75,21 @@ class FilmError:
 def estimate_film_error(
     scene: Scene, follow: Callable[[Scene], Sequence[State]]
 ) -> FilmError | None:
-    """The errors of films in a scene's rows; None where there are none: no fluid, or a gel that its
-    bath swells.
+    """Estimate the film errors of a scene's rows.
 
-    `follow` solves a scene. Where the undrained body finds no equilibrium, the errors are NaN.
+    Parameters
+    ----------
+    scene
+        The scene of the run.
+    follow
+        Solves a scene and returns its states.
+
+    Returns
+    -------
+    FilmError or None
+        None without films: no fluid, or a gel that swells in its bath. NaN errors where the
+        undrained
+        body has no equilibrium.
     """
     physics = scene.physics
     if not _has_films(scene):
@@ -96,7 +119,7 @@ def estimate_film_error(
 
 
 def _has_films(scene: Scene) -> bool:
-    """Whether films beside drained faces cost something: not those of a gel that its bath swells."""
+    """Whether drainage films cost accuracy; those of a gel that swells in its bath do not."""
     physics = scene.physics
     path = scene.physics.path
     return (
@@ -108,9 +131,9 @@ def _has_films(scene: Scene) -> bool:
 
 
 def sudden_load_scene(scene: Scene) -> Scene | None:
-    """The scene whose largest depth or force comes at once, in two steps, which tells what films
-    cost; None where nothing is asked of it: without films, or of a column that has no undrained
-    equilibrium.
+    """The scene whose largest depth or force is applied at once, in two steps.
+
+    None where it is not needed: without films, or for a column that has no undrained equilibrium.
     """
     path = scene.physics.path
     if not _has_films(scene) or is_undrained_incompressible(scene.physics):

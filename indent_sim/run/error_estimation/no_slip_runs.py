@@ -1,4 +1,4 @@
-"""What no slip instead of no friction would change of a scene's force, solved beside a run."""
+"""Change of a scene's force if the surface could not slip on the tip, solved after a run."""
 
 from __future__ import annotations
 
@@ -18,18 +18,31 @@ from indent_sim.scene.predictions import STICK_FRICTION, NoSlipEffect, tensile_r
 from indent_sim.scene.scene import Scene
 
 SLIP_REFERENCES: tuple[SlipReference, ...] = ("mid", "implicit", "glue")
-STICK_STEPS = {
-    2: 10,
-    3: 4,
-}  # by dim: new contact sticks on the way through each, to 0.05 % and 0.15 % of the force
+# Steps to the depth by dimension of the mesh. New contact sticks during a step; with these numbers
+# the force is accurate to 0.05 % and 0.15 %.
+STICK_STEPS = {2: 10, 3: 4}
 
 
 def solve_no_slip_effect(run: CoarserRun, follow: Callable[[Scene], States]) -> NoSlipEffect | None:
-    """What pure stick instead of no friction would change of the deepest force of a run or a
-    companion, on its mesh: with the anchor `mid`, between its two ends.
+    """Change of the largest force of a run by no slip instead of no friction, on the same mesh.
 
-    None where there is no such number: friction or adhesion already, no contact, a body that may
-    slide away, or a run that fails.
+    The slip reference `mid` gives the value; the smallest and the largest value of all slip
+    references
+    are its bounds.
+
+    Parameters
+    ----------
+    run
+        The run, or its coarser run.
+    follow
+        Solves a scene and returns its states.
+
+    Returns
+    -------
+    NoSlipEffect or None
+        None where the effect is not defined (friction or adhesion in the scene, no contact, a body
+        that
+        is held by pins alone) or where one of the runs fails.
     """
     deepest = max((state.delta for state in run.states_by_step.values()), default=0.0)
     if run.scene is None:
@@ -39,12 +52,13 @@ def solve_no_slip_effect(run: CoarserRun, follow: Callable[[Scene], States]) -> 
     if not forces or not forces[0] > 0 or any(map(isnan, forces)):
         return None
     changes = [100 * (force / forces[0] - 1) for force in forces[1:]]
-    return NoSlipEffect(changes[0], min(changes), max(changes), "solved beside this run")
+    return NoSlipEffect(changes[0], min(changes), max(changes), "solved for this run")
 
 
 def no_slip_scenes(scene: Scene, depth: float) -> list[Scene]:
-    """The scenes that tell what stick would change of a scene's force at a depth: without friction,
-    and with each anchor; none where there is no such number.
+    """Scenes that determine the no-slip effect at a depth: frictionless, and each slip reference.
+
+    An empty list where the effect is not defined.
     """
     frictionless = _frictionless_scene(scene) if depth > 0 else None
     if frictionless is None:
@@ -58,19 +72,19 @@ def no_slip_scenes(scene: Scene, depth: float) -> list[Scene]:
 
 
 def no_slip_base_run(run: CoarserRun, coarser_run: CoarserRun | None) -> CoarserRun:
-    """The one on whose mesh stick is solved: the run itself, in three dimensions its companion."""
-    is_solid = run.scene is not None and run.scene.physics.domain.dim == 3
-    return coarser_run if coarser_run is not None and is_solid else run
+    """The run on whose mesh the no-slip effect is solved: in 3D the coarser one."""
+    is_three_dimensional = run.scene is not None and run.scene.physics.domain.dim == 3
+    return coarser_run if coarser_run is not None and is_three_dimensional else run
 
 
 def _frictionless_scene(scene: Scene) -> Scene | None:
-    """The same frictionless scene with a law that may have friction; None for one that may not."""
+    """The frictionless scene with a contact law that allows friction; None where none does."""
     physics = scene.physics
     if physics.is_path_dependent or physics.domain.pins:
         return None
     if scene.solver.linear == "iterative":
-        factored = _direct_solver_scene(scene)
-        return _frictionless_scene(factored) if factored else None
+        direct_scene = _direct_solver_scene(scene)
+        return _frictionless_scene(direct_scene) if direct_scene else None
     law = physics.contact
     if not isinstance(law, AugmentedLagrangian):
         law = AugmentedLagrangian(epsilon_n=physics.material.E_star / scene.sizes.typical_size)
@@ -78,15 +92,20 @@ def _frictionless_scene(scene: Scene) -> Scene | None:
 
 
 def _direct_solver_scene(scene: Scene) -> Scene | None:
-    """The same scene for a solver that knows friction; None where that does not fit this machine."""
+    """The same scene with a direct solver, which allows friction; None if it exceeds the memory."""
     physics = scene.physics
     domain = scene.physics.domain
     is_linear = physics.small_strain and physics.gap == "reference"
     is_small = candidate_count(scene.sizes, domain) * domain.dim <= MAX_CANDIDATES
     method: Literal["condensed", "newton"] = "condensed" if is_linear and is_small else "newton"
-    mixed = any(region.formulation == "mixed" for region in domain.regions)
+    has_mixed_elements = any(region.formulation == "mixed" for region in domain.regions)
     work = SolverWork(
-        method, "direct", mixed, STICK_STEPS[domain.dim], is_nonlinear=True, has_friction=True
+        method,
+        "direct",
+        has_mixed_elements,
+        STICK_STEPS[domain.dim],
+        is_nonlinear=True,
+        has_friction=True,
     )
     if predict_cost(scene.sizes, domain, work).memory > machine_memory():
         return None
@@ -94,8 +113,9 @@ def _direct_solver_scene(scene: Scene) -> Scene | None:
 
 
 def _sticking_scene(scene: Scene) -> Scene:
-    """A frictionless scene whose surface sticks, on the whole body where a compliance along it
-    would be too large.
+    """The frictionless scene without slip.
+
+    The whole body is solved where its tangential surface compliance would be too large.
     """
     law = scene.physics.contact
     domain = scene.physics.domain
@@ -115,7 +135,7 @@ def _sticking_scene(scene: Scene) -> Scene:
 def _scene_to_depth(
     scene: Scene, depth: float, steps: int, slip_reference: SlipReference = "implicit"
 ) -> Scene:
-    """The same scene on its way to a depth in equal steps."""
+    """The same scene loaded to a depth in equal steps."""
     depths = tuple(float(value) for value in np.linspace(0.0, depth, steps + 1)[1:])
     return scene.replace_physics(
         path=LoadPath("depth", depths), deltas=depths, slip_reference=slip_reference

@@ -1,1 +1,1 @@
-"""Walks along a load path that is not solved row by row on a mesh."""
+"""Solvers of load paths that are not solved row by row on a mesh."""

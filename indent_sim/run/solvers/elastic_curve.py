@@ -1,4 +1,4 @@
-"""Elastic curve of a scene at any depths, by its own solver, and the flat punches under its tip.
+"""Elastic force curve of a scene at any depths, and the flat punches under its tip.
 
 Depths, forces and lengths are in the user's units.
 """
@@ -20,15 +20,27 @@ from indent_sim.scene.scene import Scene
 from indent_sim.theory.punches import contact_radius
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
-DEEP_FRACTION = 0.5  # of the deepest: from there on the error bar of a curve counts
-ADHERING_DEPTH = 1.6  # times the depth: an adhering tip has the contact of a deeper one
-PUNCH_COUNT = 40  # flat punches
+# The error bars of depths above this fraction of the largest one count.
+DEEP_FRACTION = 0.5
+# An adhesive contact is as wide as one without adhesion at this multiple of its depth.
+ADHERING_DEPTH = 1.6
+PUNCH_COUNT = 40  # number of flat punches
 
 
 @dataclass(frozen=True)
 class ElasticForces:
-    """Forces (n,) at depths, theory's beside them where it has them all, the contact radius at the
-    deepest, and the relative half-width of the error bar of the deep ones.
+    """Elastic force curve of a scene.
+
+    Attributes
+    ----------
+    forces
+        Forces at the depths, shape (n,).
+    theory_forces
+        Forces of theory, shape (n,); None where theory does not reach all depths.
+    contact_radius
+        Contact radius at the largest depth.
+    error
+        Largest relative half-width of the error bars of the deep rows.
     """
 
     forces: np.ndarray
@@ -38,9 +50,22 @@ class ElasticForces:
 
 
 def elastic_forces(prospect: PlannedRun, depths: np.ndarray) -> ElasticForces:
-    """The forces of an elastic scene at depths, increasing; those of the load path where neither
-    theory solves it nor it condenses. NotConverged where one is not reached, UNSOLVED where
-    theory has no solution.
+    """Forces of an elastic scene at depths.
+
+    Parameters
+    ----------
+    prospect
+        The planned run of the scene.
+    depths
+        Increasing depths, shape (n,). A scene that neither theory nor a condensed body solves has
+        those of its load path.
+
+    Raises
+    ------
+    NotConverged
+        If a depth is not reached.
+    SOLUTION_ERRORS
+        If theory has no solution.
     """
     scene = prospect.scene
     scales = prospect.scene.physics.scales
@@ -70,13 +95,14 @@ def elastic_forces(prospect: PlannedRun, depths: np.ndarray) -> ElasticForces:
 
 
 def _solve_depths(scene: Scene, depths: np.ndarray) -> list[State]:
+    """States at depths, by the condensed body or along the load path of the scene."""
     if scene.solver.method == "condensed":
         return condense(scene).states(deltas=list(map(float, depths)))
     return list(states(scene, with_surface=False))
 
 
 def _relative_error(scene: Scene, states_found: list[State], depths: np.ndarray) -> float:
-    """The relative error bar of the deepest forces, from a coarser mesh."""
+    """Relative error bar of the deep forces, from a coarser mesh."""
     ratio, coarse_scene = coarser_scene(scene)
     soft_scene = halve_penalty(coarse_scene)
     error_bars = ErrorBars(
@@ -84,9 +110,8 @@ def _relative_error(scene: Scene, states_found: list[State], depths: np.ndarray)
         CoarserRun(ratio, _solve_depths(coarse_scene, depths), coarse_scene),
         _solve_depths(soft_scene, depths) if soft_scene else None,
     )
-    estimated = [
-        error_bars.add_error_estimate(state) for state in states_found
-    ]  # each knows those before it
+    # The error of a row depends on the rows before it.
+    estimated = [error_bars.add_error_estimate(state) for state in states_found]
     deep_states = [
         state
         for state in estimated
@@ -98,9 +123,30 @@ def _relative_error(scene: Scene, states_found: list[State], depths: np.ndarray)
 def flat_punches(
     prospect: PlannedRun, deepest: float, min_ratio: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Flat punches under the tip: radii (n,) over the widest, that of an adhering contact at a
-    depth, from `min_ratio` on; depth, force, stiffness and its slope over the radius (4, n); the
-    widest radius. UNSOLVED where there are none.
+    """Flat punches under the tip, up to the contact radius with adhesion at a depth.
+
+    Parameters
+    ----------
+    prospect
+        The planned run of the scene.
+    deepest
+        The depth.
+    min_ratio
+        Least radius relative to the largest one.
+
+    Returns
+    -------
+    radii
+        Radii relative to the largest one, shape (n,).
+    values
+        Depth, force, stiffness and its derivative with respect to the radius, shape (4, n).
+    max_radius
+        The largest radius.
+
+    Raises
+    ------
+    SOLUTION_ERRORS
+        If the tip has no such punches.
     """
     scene = prospect.scene
     scales = prospect.scene.physics.scales
@@ -130,8 +176,16 @@ def flat_punches(
 
 
 def half_space_modulus(prospect: PlannedRun, delta: np.ndarray, force: np.ndarray) -> float | None:
-    """The modulus E that a least-squares fit of the half-space formula to a curve (n,) reads; None
-    where there is no formula or no contact.
+    """Young's modulus of a least-squares fit of the half-space formula to a curve.
+
+    None where there is no formula or no contact.
+
+    Parameters
+    ----------
+    prospect
+        The planned run of the scene.
+    delta, force
+        The curve, shape (n,).
     """
     scene = prospect.scene
     scales = prospect.scene.physics.scales

@@ -1,4 +1,4 @@
-"""A scene followed in time on its elastic curve: the rows of its history."""
+"""Solution of a history on the elastic curve of a scene."""
 
 from __future__ import annotations
 
@@ -16,18 +16,23 @@ from indent_sim.run.derived_quantities import Equilibrium
 from indent_sim.run.error_estimation.error_bars import AnyErrorBars
 from indent_sim.scene.scene import Scene
 
-ERROR_SOURCES = {
-    "force_error": "force",
-    "a_error": "a",
-    "delta_error": "delta",
-}  # that the rows of a history have, and of what
+# Error columns of a history, and the column whose error each one is.
+ERROR_SOURCES = {"force_error": "force", "a_error": "a", "delta_error": "delta"}
 
 
 class HereditaryIntegralSolver:
-    """The rows of a history, step by step: what `fe.walk` is for a path without time.
+    """Solver of a history, with the interface of the load stepper of a meshed scene.
 
-    `elastic`: the walk of the same scene along its elastic curve, on a mesh or by theory. All rows
-    come at once, from the curve; a run that goes on computes it anew.
+    All rows follow at once from the elastic curve; a resumed run computes them again.
+
+    Parameters
+    ----------
+    scene
+        The scene with its history.
+    elastic
+        Solver of the same scene along its elastic curve, on a mesh or by theory.
+    started
+        Time at which the clock of the rows started [s].
     """
 
     points = ()
@@ -37,26 +42,25 @@ class HereditaryIntegralSolver:
         self.scene = scene
         self._elastic_solver = elastic
         self._started = time.perf_counter() if started is None else started
-        self.states_with_errors: list[
-            State
-        ] = []  # equilibria of the elastic curve with their error bars, in the user's units
+        # Equilibria of the elastic curve with their error bars, in the user's units.
+        self.states_with_errors: list[State] = []
 
     @property
     def equilibrium(self) -> Equilibrium:
-        """The condensed body; None by theory."""
+        """The condensed body; None without a mesh."""
         return self._elastic_solver.equilibrium if self.scene.is_meshed else None
 
     def resume(self, saved: Any, depths: Any) -> bool:
-        """Nothing is left to be reached again."""
+        """Nothing has to be restored; returns True."""
         return True
 
     def solve(self, error_bars: AnyErrorBars | None = None) -> None:
-        """Find all rows, and judge the equilibria of the elastic curve; NotConverged where the
-        curve is not known.
+        """Compute all rows, and the error bars of the elastic curve.
+
+        Raises NotConverged if the elastic curve cannot be computed.
         """
-        from indent_sim.run.history_on_curve import (
-            evaluate_history,
-        )  # with scipy's searches, which no other scene needs
+        # Imported here since it loads scipy.optimize, which other scenes do not need.
+        from indent_sim.run.history_on_curve import evaluate_history
 
         self.history_result = evaluate_history(self.scene, self.equilibrium)
         self._seconds = time.perf_counter() - self._started
@@ -74,7 +78,7 @@ class HereditaryIntegralSolver:
     def states(
         self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0
     ) -> Iterator[State]:
-        """One State per row after the first `done`, once they are found."""
+        """Yield one State per row after the first `done` rows; `solve` comes first."""
         has_base = "z" in self.scene.columns
         for step, row in enumerate(self.history_result.rows[done:], start=done + 1):
             numbers = (row.delta, row.force, row.a, nan, nan, nan, 0, self._seconds)
@@ -84,9 +88,7 @@ class HereditaryIntegralSolver:
             yield replace(state, z=row.z) if has_base else state
 
     def add_error_estimate(self, row: State) -> State:
-        """A row with the relative error of the elastic curve at its depth; one that does not push
-        has none.
-        """
+        """Return a row with the relative error of the elastic curve at its depth."""
         loaded_states = [state for state in self.states_with_errors if state.delta > 0]
         if not loaded_states:
             return row

@@ -1,4 +1,4 @@
-"""A scene solved by theory: the states of its load path without a mesh."""
+"""Semi-analytic solution of a scene: the states of its load path by theory, without a mesh."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from indent_sim.run.run_output import Comm
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.solution import Solution
 
-SURFACE_EXTENT = 10.0  # contact radii of the surface that are written, where no wall is nearer
+# Extent of the written surface in contact radii, if no wall is nearer.
+SURFACE_EXTENT = 10.0
 
 
 class SemiAnalyticSolver:
-    """States by theory, row by row: what `fe.walk` is for a mesh. Rank 0 alone computes.
+    """Solver by theory, row by row, with the interface of the load stepper of a meshed scene.
 
-    No row depends on another, so there is nothing to keep for a run that goes on (`points`).
+    Only rank 0 computes. No row depends on another, so a checkpoint is empty (`points`).
     """
 
     points = ()
@@ -39,15 +40,15 @@ class SemiAnalyticSolver:
     def states(
         self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0
     ) -> Iterator[State]:
-        """One State per requested value after the first `done`; after one that theory does not
-        reach no other.
+        """Yield one State per requested value after the first `done` rows.
+
+        The first value that theory does not reach is the last one.
         """
         solutions = run_on_root(self._comm, self._solve_all, path.values) or [None] * len(
             path.values
         )
-        rows = list(
-            zip(path.values, solutions, strict=True)
-        )  # of the whole path: a row does not know where a run goes on
+        # The whole path is solved, so that a row does not depend on where a run is resumed.
+        rows = list(zip(path.values, solutions, strict=True))
         for step, (value, solution) in enumerate(rows[done:], start=done + 1):
             state = self._comm.bcast(
                 run_on_root(self._comm, self._state, step, value, solution, wants_surface)
@@ -57,8 +58,9 @@ class SemiAnalyticSolver:
                 return
 
     def _solve_all(self, values: Sequence[float]) -> Sequence[Solution | None] | None:
-        """The contacts of all rows at once, which cost little more than a few; None where theory
-        ends before.
+        """The contacts of all rows at once, which is hardly more expensive than a few of them.
+
+        None where theory does not reach one of them.
         """
         return (
             self.theory.solutions_at_forces(values)
@@ -71,7 +73,7 @@ class SemiAnalyticSolver:
         return self.scene.physics.path.control == "force"
 
     def _solve_one(self, value: float) -> Solution | None:
-        """The contact at one depth, or under one force; None where theory ends before."""
+        """The contact at one depth or force; None where theory does not reach it."""
         depth: float | None = value
         if self._has_prescribed_forces:
             depth = self.theory.depth_of_force(value, inf) if value > 0 else 0.0
@@ -84,12 +86,13 @@ class SemiAnalyticSolver:
         cached_solution: Solution | None,
         wants_surface: Callable[[int], bool],
     ) -> State:
+        """The state of one row."""
         solution = cached_solution or self._solve_one(value)
         seconds = time.perf_counter() - self._started
         if solution is None:
             reason = (
-                "theory finds no contact, or ends before: at a wall, the tip's end, or 100 "
-                "thicknesses"
+                "theory has no solution here: it ends at a lateral wall, at the end of the tip or "
+                "at a contact radius of 100 layer thicknesses"
             )
             return State(
                 step, nan, nan, nan, nan, nan, nan, 0, seconds, converged=False, reason=reason
@@ -103,7 +106,7 @@ class SemiAnalyticSolver:
         return surface_radii(self.scene)
 
     def _surface(self, solution: Solution) -> Surface:
-        """Pressure (not a number where it is infinite), u_z and gap; theory does not say u_x."""
+        """Pressure (NaN where it is infinite), u_z and gap; theory does not give u_x."""
         r = self._radii
         tip = self.scene.physics.indenter
         p = np.asarray(solution.pressure(r))
@@ -117,14 +120,15 @@ class SemiAnalyticSolver:
 
 
 def surface_radii(scene: Scene) -> np.ndarray:
-    """Distances from the tip's axis at which the surface is written: to its rim, or SEEN radii of
-    the widest contact.
+    """Distances from the tip's axis at which the surface is written.
 
-    One of them is where the widest contact ends.
+    They extend to the end of the body or to SURFACE_EXTENT radii of the largest contact, and
+    contain
+    the end of that contact.
     """
     sizes = scene.sizes
-    rim = scene.physics.body.lateral_extent(scene.physics.center)
-    end = min(SURFACE_EXTENT * sizes.a, rim)
+    lateral_extent = scene.physics.body.lateral_extent(scene.physics.center)
+    end = min(SURFACE_EXTENT * sizes.a, lateral_extent)
     distances = [0.0]
     while distances[-1] < end * (1 - 1e-9):
         distances.append(

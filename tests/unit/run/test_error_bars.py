@@ -24,10 +24,9 @@ from indent_sim.run.error_estimation.error_bars import (
     PEAK_ERROR,
     PRESSURE_ORDER,
     RADIUS_ERROR,
-    SAFETY_FACTOR,
     ErrorBars,
-    ErrorBudget,
 )
+from indent_sim.run.error_estimation.error_budget import SAFETY_FACTOR, ErrorBudget
 from indent_sim.run.error_estimation.refinement import RefinementLevel
 from indent_sim.scene.resolution import (
     ERROR_CONSTANT,
@@ -469,7 +468,8 @@ def test_sizes_that_do_not_fit_the_scene(mesh: dict[str, float], key: str) -> No
 
 
 @pytest.mark.parametrize(
-    ("paths", "said"), [((0.02, 0.05), "one step from rest"), ((0.001, 0.05), "more of them may")]
+    ("paths", "said"),
+    [((0.02, 0.05), "single step from rest"), ((0.001, 0.05), "more of them may")],
 )
 def test_more_steps_are_advised_where_they_help(paths: tuple[float, float], said: str) -> None:
     """The first row is one step from rest, whatever the path: an accuracy it cannot have is not to

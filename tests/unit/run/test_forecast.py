@@ -14,11 +14,8 @@ from indent_sim.config.strict_yaml import dump
 from indent_sim.model.state import State
 from indent_sim.run import pipeline
 from indent_sim.run.error_estimation.coarser_run import CoarserRun
-from indent_sim.run.error_estimation.refinement import (
-    RefinementLevel,
-    auxiliary_scenes,
-    predict_total_cost,
-)
+from indent_sim.run.error_estimation.predicted_cost import auxiliary_scenes, predict_total_cost
+from indent_sim.run.error_estimation.refinement import RefinementLevel
 from indent_sim.scene.scene import Scene, resolve
 
 PLAIN: dict[str, Any] = {

@@ -62,7 +62,7 @@ def test_the_first_that_helps_is_the_last_that_is_tried() -> None:
     said = try_remedies(remedies(config, scene), 2, 1000, resolve, walk_to({1.0: 3}))
     ends, comes = (
         "indenter.edge_radius: 0.3 ends after delta = 0.5",
-        "indenter.edge_radius: 1 comes to delta = 1 ",
+        "indenter.edge_radius: 1 reaches delta = 1 ",
     )
     assert said.startswith(f"; tried: {ends}; {comes}with the force 10")
     assert "h_contact" not in said

@@ -1,0 +1,51 @@
+"""Error estimates with which a run was started."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from indent_sim.process.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class ErrorRequest:
+    """Error estimates that a run was started with: error bars, and an accuracy."""
+
+    error_bars: bool
+    accuracy: float | None
+
+    @property
+    def has_error_bars(self) -> bool:
+        """Whether rows have error estimates."""
+        return self.error_bars or self.accuracy is not None
+
+
+def error_request_of(report: Mapping[str, Any]) -> ErrorRequest:
+    """The error estimates that the run of a run.json was started with.
+
+    A run.json of an older version shows them by its other entries.
+    """
+    target = (report.get("accuracy") or {}).get("target")
+    telltale_keys = {"stick"} if target else {"stick", "error_budget"}
+    request = {"error_bars": bool(telltale_keys & report.keys()), "accuracy": target} | report.get(
+        "asked", {}
+    )
+    return ErrorRequest(request["error_bars"], request["accuracy"])
+
+
+def check_same_request(previous: ErrorRequest, request: ErrorRequest, folder: Path) -> None:
+    """Raise ConfigError if a run cannot be resumed since it had other error estimates."""
+    if request.has_error_bars and not previous.has_error_bars:
+        raise ConfigError(
+            "", f"{folder} holds a run without error bars", "leave --resume out to replace it"
+        )
+    if previous.accuracy != request.accuracy:
+        old_text, new_text = (
+            f"accuracy {accuracy:g}" if accuracy else "no accuracy"
+            for accuracy in (previous.accuracy, request.accuracy)
+        )
+        problem = f"{folder} holds a run with {old_text}, this one has {new_text}"
+        raise ConfigError("accuracy", problem, "leave --resume out to replace it")

@@ -1,0 +1,81 @@
+"""Previous rows of a path, with which a new row is compared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import inf, isfinite
+
+import numpy as np
+
+from indent_sim.model.state import State
+
+RowForce = tuple[float, float, float]  # depth, force and half-width of its error bar
+
+
+class PreviousRows:
+    """The previous rows of a path, with what a new row is compared with.
+
+    The cost of a comparison hardly depends on the number of rows.
+    """
+
+    def __init__(self, states: Iterable[State] = ()):
+        self.last: State | None = None
+        self.has_turned = False  # back to a smaller depth
+        self.max_depth = -inf
+        self.largest_force = 0.0
+        self._largest_force_row: RowForce | None = None  # by the lower end of its error bar
+        self._columns: np.ndarray = np.empty((3, 64))  # the entries of `RowForce` by row
+        self._count = 0
+        for state in states:
+            self.append(state)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def append(self, state: State) -> None:
+        """Add the next row."""
+        if self._count == self._columns.shape[1]:
+            self._columns = np.concatenate([self._columns, np.empty_like(self._columns)], axis=1)
+        self._columns[:, self._count] = row_force = force_interval(state)
+        least_force = row_force[1] - row_force[2]
+        if least_force == least_force and (
+            self._largest_force_row is None
+            or least_force > self._largest_force_row[1] - self._largest_force_row[2]
+        ):
+            self._largest_force_row = row_force
+        self._count += 1
+        self.has_turned |= self.last is not None and state.delta < self.last.delta
+        self.max_depth = max(self.max_depth, state.delta)
+        self.largest_force = max(self.largest_force, abs(state.force))
+        self.last = state
+
+    def largest_shallower_force(self, delta: float) -> RowForce | None:
+        """The less deep row with the largest lower end of its error bar; None if there is none."""
+        if delta > self.max_depth:
+            return self._largest_force_row
+        depth, force, bar = self._columns[:, : self._count]
+        return self._row_at_maximum(force - bar, depth < delta)
+
+    def smallest_deeper_force(self, delta: float) -> RowForce | None:
+        """The deeper row with the smallest upper end of its error bar; None if there is none."""
+        if delta >= self.max_depth:
+            return None
+        depth, force, bar = self._columns[:, : self._count]
+        return self._row_at_maximum(-force - bar, depth > delta)
+
+    def _row_at_maximum(self, value: np.ndarray, where: np.ndarray) -> RowForce | None:
+        """The row with the largest of these values among the selected rows, if there are any."""
+        if not where.any():
+            return None
+        depth, force, bar = self._columns[:, int(np.argmax(np.where(where, value, -inf)))]
+        return float(depth), float(force), float(bar)
+
+
+def force_interval(state: State) -> RowForce:
+    """Depth, force and half-width of the error bar of a row."""
+    return state.delta, state.force, _error_half_width(state)
+
+
+def _error_half_width(state: State) -> float:
+    """Half-width of the error bar of a row's force [force]; 0 without one."""
+    return state.force_error if state.force_error and isfinite(state.force_error) else 0.0

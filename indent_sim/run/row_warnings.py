@@ -1,0 +1,224 @@
+"""Warnings of rows: too few elements, oscillating pressure, long load increments."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from indent_sim.model.state import State
+from indent_sim.model.tips import flat_radius
+from indent_sim.run.sanity_checks import FORCE_NOISE
+from indent_sim.scene.model_warnings import (
+    UNDERRESOLVED_ERROR,
+    error_text,
+    expected_force_error,
+    refinement_advice,
+    swelling_force_error,
+)
+from indent_sim.scene.scene import Scene
+
+# Rows are reported whose contact pressure oscillates from node to node by more than this fraction
+# of p_max. It is 0.002 to 0.02 where the pressure is smooth and 0.09 to 0.5 in a saw-tooth
+# (measured in docs/decisions/0053).
+MAX_ROUGHNESS = 0.03
+
+
+# Rows are reported whose stick radius or dissipation may be wrong by more than this fraction
+# because of a long step. Measured with 1, 2, 5, 10 and 40 even steps under a paraboloid (thick
+# layer, nu 0). Friction 0.3: the stick radius is 0.24, 0.45, 0.50, 0.52 and 0.54 of the contact
+# radius, and the total dissipation 2.4, 1.5, 1.07, 1.01 times that of 40 steps. Friction 0.6: 0.82,
+# 0.82, 0.85, 0.87 and 0.90, and 0.97, 0.60, 0.64, 0.89 times. The last step adds 1, 0.29, 0.11 and
+# 0.05 of the contact radius.
+MAX_STEP_CHANGE = 0.25
+
+
+def underresolved_rows(scene: Scene, states: Sequence[State]) -> list[str]:
+    """Warn of rows whose contact has too few elements, unless the plan has warned of it.
+
+    Where the contact grows by itself, in time or under a force, its smallest radius is known only
+    from
+    the rows.
+
+    Parameters
+    ----------
+    scene
+        The scene of the run.
+    states
+        Its rows [user's units].
+
+    Returns
+    -------
+    list of str
+        One warning at most.
+    """
+    is_predicted = any(force_error.key == "elements" for force_error in scene.plan.model_warnings)
+    if (
+        is_predicted
+        or not scene.is_meshed
+        or scene.history_on_curve
+        or scene.physics.contact.may_snap_through
+    ):
+        return []
+    L = scene.physics.scales.length
+    sizes = scene.sizes
+    min_force = FORCE_NOISE * max((state.force for state in states), default=0.0)
+    force_errors = {
+        state.step: _row_force_error(scene, state)
+        for state in states
+        if state.force > min_force and state.a > 0
+    }
+    steps = [
+        step for step, force_error in force_errors.items() if force_error >= UNDERRESOLVED_ERROR
+    ]
+    if not steps:
+        return []
+    max_elements = max(
+        sizes.elements_in_contact(scene.physics.full_contact_radius(state.a / L))
+        for state in states
+        if state.step in steps
+    )
+    rows = (
+        f"step {steps[0]} has"
+        if len(steps) == 1
+        else f"{len(steps)} rows from step {steps[0]} on have"
+    )
+    errors = sorted(force_errors[step] for step in steps)
+    span = " to ".join(dict.fromkeys(error_text(errors[k]) for k in (0, -1)))
+    force_text = f"the force there may be wrong by {span}, pressures by more"
+    remedy = refinement_advice(
+        sizes, "give mesh.h_contact and a smaller mesh.h_axis, or ask for an accuracy"
+    )
+    return [
+        f"{rows} at most {max_elements:.2g} elements in the contact radius: {force_text}; {remedy}"
+    ]
+
+
+def oscillating_pressure_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
+    """Warn of rows whose contact pressure oscillates from node to node (a saw-tooth).
+
+    Parameters
+    ----------
+    scene
+        The scene of the run.
+    states
+        Its rows, in any units.
+
+    Returns
+    -------
+    list of str
+        One warning at most.
+    """
+    oscillating = [state for state in states if state.roughness > MAX_ROUGHNESS]
+    if not oscillating:
+        return []
+    worst = max(oscillating, key=lambda state: state.roughness)
+    size_text = f"{100 * worst.roughness:.2g} % of p_max"
+    rows = f"step {worst.step}: the pressure alternates from node to node by {size_text}"
+    if len(oscillating) > 1:
+        rows = (
+            f"{len(oscillating)} rows from step {oscillating[0].step} on: the pressure alternates "
+            "from node to node"
+        )
+        min_roughness = min(state.roughness for state in oscillating)
+        rows = f"{rows}, by {100 * min_roughness:.2g} to {size_text}, most in step {worst.step}"
+    return [
+        f"{rows}; p_max and `pressure` of the surface are as uncertain, the force far "
+        f"less; {_smoothing_advice(scene)}"
+    ]
+
+
+def long_step_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
+    """Warn of load increments that are too long to resolve where the surface slips on the tip.
+
+    An increment in which the contact radius grows from a_0 to a treats all new contact as slipping
+    at
+    once. The relative error of the stick radius is about (a - a_0)/a, that of the dissipation half
+    of
+    (a - a_0)/(a - stick radius); that of the force is small. Rows with less than half of the
+    largest
+    contact radius are left out, since the first row is a single increment from rest in every run.
+
+    Parameters
+    ----------
+    scene
+        The scene of the run, without error bars.
+    states
+        Its rows, in the user's units.
+
+    Returns
+    -------
+    list of str
+        One warning at most.
+    """
+    if not scene.physics.contact.may_slip or not scene.is_meshed:
+        return []
+    largest_radius = max((state.a for state in states), default=0.0)
+    previous_radius = _radius_of_first_contact(scene) * scene.physics.scales.length
+    step_changes: dict[int, tuple[float, float, float]] = {}
+    for state in states:
+        larger_radius = max(previous_radius, state.a)
+        radius_change = abs(state.a - previous_radius) / larger_radius if larger_radius > 0 else 0.0
+        slip_fraction = 1 - (state.stick_radius or 0.0) / state.a if state.a > 0 else 0.0
+        dissipation_error = (
+            min(radius_change / (2 * slip_fraction), 1.0)
+            if state.dissipation and slip_fraction > 0
+            else 0.0
+        )
+        if (
+            state.a > 0
+            and larger_radius >= largest_radius / 2
+            and max(radius_change, dissipation_error) > MAX_STEP_CHANGE
+        ):
+            step_changes[state.step] = (
+                radius_change,
+                min(radius_change / (1 - radius_change), 1.0) if radius_change < 1 else 1.0,
+                dissipation_error,
+            )
+        previous_radius = state.a
+    if not step_changes:
+        return []
+    radius_change, stick_error, dissipation_error = (
+        max(values) for values in zip(*step_changes.values(), strict=True)
+    )
+    first = next(iter(step_changes))
+    rows = (
+        f"step {first} changes"
+        if len(step_changes) == 1
+        else f"{len(step_changes)} rows from step {first} on change"
+    )
+    error_text = (
+        f"stick_radius may be wrong by {_percent_text(stick_error)} there, dissipation by "
+        f"{_percent_text(dissipation_error)}; the error of the force is small"
+    )
+    remedy = "use more loading.steps, or --error-bars to quantify the error"
+    return [
+        f"{rows} the contact radius by up to {100 * radius_change:.0f} %: {error_text}; {remedy}"
+    ]
+
+
+def _percent_text(error: float) -> str:
+    """Text of a relative error."""
+    return "its own size or more" if error >= 0.5 else f"about {100 * error:.0f} %"
+
+
+def _radius_of_first_contact(scene: Scene) -> float:
+    """Contact radius [length] at first touch: that of a flat face on a flat body, otherwise 0."""
+    physics = scene.physics
+    if physics.is_compressed:
+        return physics.body.lateral_extent(physics.center)
+    return 0.0 if physics.domain.top_radius else flat_radius(physics.indenter)
+
+
+def _smoothing_advice(scene: Scene) -> str:
+    """Name the element size whose reduction smooths the contact pressure (docs/decisions/0053)."""
+    if scene.sizes.rounded_edge_width:
+        return refinement_advice(scene.sizes, "a smaller mesh.h_edge helps")
+    return refinement_advice(scene.sizes, "a smaller mesh.h_contact helps")
+
+
+def _row_force_error(scene: Scene, state: State) -> float:
+    """Expected relative error of the force at the contact radius of the row."""
+    physics = scene.physics
+    a = scene.physics.full_contact_radius(state.a / scene.physics.scales.length)
+    if physics.is_closed_by_swelling(state.delta / physics.scales.depth, a):
+        return swelling_force_error(scene.sizes, a)
+    return expected_force_error(scene.sizes, a, physics.largest_nu)
