@@ -26,14 +26,13 @@ import numpy as np
 from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.model.state import State
 from indent_sim.model.tips import flat_radius
-from indent_sim.scene.model_warnings import (
-    UNDERRESOLVED_ERROR,
+from indent_sim.scene.expected_error import (
     error_text,
     expected_force_error,
     penalty_force_loss,
-    refinement_advice,
     swelling_force_error,
 )
+from indent_sim.scene.model_warnings import UNDERRESOLVED_ERROR, refinement_advice
 from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.solution import Solution

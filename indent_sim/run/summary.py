@@ -17,8 +17,9 @@ from indent_sim.process.usage import Clock, peak_memory
 from indent_sim.run.derived_quantities import hertz_fit, hertz_forces
 from indent_sim.run.run_output import OptionalOutput
 from indent_sim.run.sanity_checks import MAX_ROUGHNESS
+from indent_sim.scene.half_space_formulas import half_space_depth, half_space_force
 from indent_sim.scene.predictions import ExpectedAdhesion
-from indent_sim.scene.reference_theory import half_space_depth, half_space_force, relative_tip
+from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import FRICTION_WHY, Scene
 from indent_sim.theory.no_slip import FRICTIONLESS
 from indent_sim.theory.solution import SOLUTION_ERRORS, Solution

@@ -31,13 +31,10 @@ import numpy as np
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Conductance
 from indent_sim.model.loading import LoadPath
-from indent_sim.scene.problem_setup import (
-    RIM_TOLERANCE,
-    ProblemDefinition,
-    ProblemSetup,
-    is_undrained_incompressible,
-)
-from indent_sim.scene.reference_theory import undrained_law
+from indent_sim.scene.depth_limits import RIM_TOLERANCE
+from indent_sim.scene.elastic_limit_laws import undrained_law
+from indent_sim.scene.problem_definition import ProblemDefinition, is_undrained_incompressible
+from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.theory.poroelasticity import drained_length, excess_length
 
 MEAN_SQUARE_FACTOR = 9 / 8  # mean square of a paraboloid's pressure over the square of its mean

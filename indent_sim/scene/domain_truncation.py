@@ -25,7 +25,8 @@ from indent_sim.model.body import (
 )
 from indent_sim.model.materials import LinearElastic, Material
 from indent_sim.model.tips import Indenter
-from indent_sim.scene.reference_theory import half_space_theory, stack_of, theory_tip_shape
+from indent_sim.scene.reference_theory import half_space_theory, stack_of
+from indent_sim.scene.tip_theories import theory_tip_shape
 from indent_sim.theory import profiles
 from indent_sim.theory.half_space import estimate_depth
 from indent_sim.theory.layer import Layer as LayerContact

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from indent_sim.model.tips import FlatPunch, max_radius
 from indent_sim.process.errors import ConfigError
 from indent_sim.process.repr_tables import ReprTable, cell_text
 from indent_sim.process.usage import machine_memory
-from indent_sim.scene import choices, sizing
+from indent_sim.scene import choices, contact_choices, curve_choices, sizing, solver_choices
 from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import (
     SECONDS_PER_ROW,
@@ -30,6 +30,7 @@ from indent_sim.scene.cost import (
     candidate_count,
 )
 from indent_sim.scene.cost import predict_cost as cost_of
+from indent_sim.scene.history_path import problem_along_history
 from indent_sim.scene.model_warnings import (
     ModelWarning,
     fluid_warnings,
@@ -38,32 +39,23 @@ from indent_sim.scene.model_warnings import (
     scene_warnings,
     theory_warnings,
 )
-from indent_sim.scene.predictions import (
-    ExpectedAdhesion,
-    NoSlipEffect,
-    TimePrediction,
+from indent_sim.scene.no_slip_effect import (
     friction_correction,
     friction_sentence,
-    missing_peak_reason,
     no_slip_effect,
-    prediction_of,
-    time_prediction,
 )
-from indent_sim.scene.problem_setup import (
-    ProblemDefinition,
-    ProblemSetup,
-    problem_along_history,
-    set_up_problem,
-    truncate_body,
-)
+from indent_sim.scene.peak_pressure import missing_peak_reason
+from indent_sim.scene.plan import Plan
+from indent_sim.scene.predictions import prediction_of
+from indent_sim.scene.problem_definition import ProblemDefinition
+from indent_sim.scene.problem_setup import ProblemSetup, set_up_problem, truncate_body
 from indent_sim.scene.resolution import MeshResolution
 from indent_sim.scene.sizing import END_FRACTION
-from indent_sim.theory.no_slip import FrictionCorrection
+from indent_sim.scene.time_prediction import TimePrediction, time_prediction
 from indent_sim.theory.theory import Theory
 
 if TYPE_CHECKING:
-    from indent_sim.config.schema import Config, SolverSettings, Units
-    from indent_sim.theory.adhesion import Jkr
+    from indent_sim.config.schema import Config, SolverSettings
 
 # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
 WALL_STIFFNESS = 1e3
@@ -71,51 +63,6 @@ WALL_WHY = f"u.n = 0 with the cylinder's own normal, weakly, by {WALL_STIFFNESS:
 GAP_WHY = "the gap is tested at the deformed point, theory's at the undeformed one"
 PLANE_GAP_WHY = "the gap is tested at the undeformed point, and the contact of theory spreads"
 FRICTION_WHY = "the surface is rough, theory's frictionless"
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What is said of a simulation before it runs: names, theory, choices with their reasons,
-    doubts, predictions.
-    """
-
-    title: str
-    units: Units
-    theory: Theory | None = field(repr=False)
-    resolution: MeshResolution | None  # where `accuracy` chose the sizes
-    choices: tuple[Choice, ...]
-    model_warnings: tuple[ModelWarning, ...]
-    prediction: dict[str, float]  # in the user's units
-    stick: NoSlipEffect | None = (
-        None  # what no slip would change; None where there is friction, or nothing is known
-    )
-    friction: FrictionCorrection | None = (
-        None  # what it changes of theory's contact, where that is known
-    )
-    adhesion: ExpectedAdhesion | None = None  # of a tip that adheres
-    jkr: Jkr | None = field(default=None, repr=False)  # the same tip without range, without units
-    time: TimePrediction | None = None  # of a scene that is followed in time
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Where the model or the mesh is a poor one for what is asked, a sentence each."""
-        return tuple(doubt.message for doubt in self.model_warnings if doubt.message)
-
-    def as_json(self) -> dict[str, Any]:
-        """The plan as one JSON object."""
-        parts = (
-            "title",
-            "units",
-            "choices",
-            "prediction",
-            "stick",
-            "friction",
-            "adhesion",
-            "warnings",
-        )
-        return {name: getattr(self, name) for name in parts} | {
-            "time": self.time.report if self.time else None
-        }
 
 
 @dataclass(frozen=True)
@@ -307,7 +254,7 @@ def resolve(
     ConfigError for a scene that cannot exist or that this machine cannot hold.
     """
     setup = set_up_problem(config, piece)
-    if by_theory := choices.theory(config, setup):
+    if by_theory := solver_choices.theory(config, setup):
         return _theory_scene(config, setup, by_theory)
     return _meshed_scene(config, truncate_body(config, setup), per_radius)
 
@@ -317,14 +264,14 @@ def _theory_scene(config: Config, setup: ProblemSetup, solver: Choice) -> Scene:
     are written.
     """
     physics = setup.physics
-    curve_choices = choices.curve(config, setup, solver)
+    decisions_on_curve = curve_choices.curve(config, setup, solver)
     choices.refuse_reactions(config, "theory solves it, without a mesh")
     choices.refuse_nodal_stress(config, has_fields=False)
     all_choices = (
         *choices.quantities(config),
         solver,
         *choices.theory_choices(config, setup),
-        *curve_choices,
+        *decisions_on_curve,
     )
     seconds_per_row = (
         SECONDS_PER_SEARCHED_ROW
@@ -363,13 +310,13 @@ def _theory_scene(config: Config, setup: ProblemSetup, solver: Choice) -> Scene:
 
 def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None) -> Scene:
     fineness = sizing.mesh_resolution(config, setup, per_radius)
-    gap, gap_choice = choices.gap(config.contact, setup)
+    gap, gap_choice = contact_choices.gap(config.contact, setup)
     sizes = sizing.sizes(config, setup, fineness, gap)
-    law, law_choice = choices.contact(config.contact, setup, sizes, fineness)
-    law, anchor, friction_choice = choices.friction(law, setup, sizes)
-    adhesion, adhesion_choice = choices.adhesion(law, setup, sizes)
+    law, law_choice = contact_choices.contact(config.contact, setup, sizes, fineness)
+    law, anchor, friction_choice = contact_choices.friction(law, setup, sizes)
+    adhesion, adhesion_choice = contact_choices.adhesion(law, setup, sizes)
     wall_stiffness, wall_choice = _wall_stiffness(setup, sizes)
-    tip, tip_choice = choices.tip(config, setup, gap)
+    tip, tip_choice = contact_choices.tip(config, setup, gap)
     physics = replace(
         setup.physics,
         wall_stiffness=wall_stiffness,
@@ -395,7 +342,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         *choices.model_choices(setup),
         *choices.formulations(setup),
     )
-    contact_choices = (
+    contact_decisions = (
         gap_choice,
         law_choice,
         *friction_choice,
@@ -406,7 +353,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
     peak_reason = missing_peak_reason(physics, sizes, setup.a if setup.max_depth > 0 else 0.0)
     peak_choices = [Choice("p_max", "empty", peak_reason)] if peak_reason else []
     mesh_choices = choices.mesh(config, setup, sizes, fineness)
-    curve_choices = choices.curve(config, setup, solver, is_in_time)
+    decisions_on_curve = curve_choices.curve(config, setup, solver, is_in_time)
     choices.refuse_nodal_stress(config, has_fields=not setup.history or is_in_time)
     if setup.history and not is_in_time:
         choices.refuse_reactions(
@@ -416,10 +363,10 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         choices.refuse_reactions(
             config, "a body without end is held at its base alone, by the force"
         )
-    time_choices = (*curve_choices, *choices.time_steps(setup, physics, sizes))
+    time_choices = (*decisions_on_curve, *choices.time_steps(setup, physics, sizes))
     all_choices = (
         *body_choices,
-        *contact_choices,
+        *contact_decisions,
         *peak_choices,
         *mesh_choices,
         solver,
@@ -470,13 +417,15 @@ def _choose_solver(
     nodes = candidate_count(sizes, physics.domain) * (
         physics.domain.dim if physics.has_friction else 1
     )
-    method = choices.solver(config, setup, physics, nodes)
+    method = solver_choices.solver(config, setup, physics, nodes)
     direct = cost_of(sizes, physics.domain, physics.solver_work(str(method.value), "direct"))
     iterative = cost_of(sizes, physics.domain, physics.solver_work("newton", "iterative"))
-    linear = choices.linear_solver(config, physics, sizes, direct, iterative, machine_memory())
+    linear = solver_choices.linear_solver(
+        config, physics, sizes, direct, iterative, machine_memory()
+    )
     if linear.value == "direct":
         return method, linear, direct
-    why = method.why if method.value == "newton" else choices.WHOLE_BODY_WHY
+    why = method.why if method.value == "newton" else solver_choices.WHOLE_BODY_WHY
     return Choice("solver.method", "newton", why), linear, iterative
 
 
@@ -503,7 +452,9 @@ def _memory_error(
     iterative = cost_of(
         sizes, physics.domain, replace(work, method="newton", linear="iterative")
     ).memory
-    if iterative <= available_memory and not choices.iterative_obstacle(config, physics, sizes):
+    if iterative <= available_memory and not solver_choices.iterative_obstacle(
+        config, physics, sizes
+    ):
         return ConfigError(
             key, memory_text, f"solver.linear: iterative needs {iterative / 1e9:.3g} GB"
         )

@@ -16,7 +16,8 @@ from indent_sim.model.units import Scales, round_length
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene import boundary_films
 from indent_sim.scene.corner_singularities import corners
-from indent_sim.scene.problem_setup import ProblemSetup, problem_along_history
+from indent_sim.scene.history_path import problem_along_history
+from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.scene.resolution import (
     FixedSizes,
     MeshResolution,

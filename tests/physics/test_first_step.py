@@ -26,7 +26,7 @@ from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import pipeline
 from indent_sim.run.sanity_checks import PreviousRows, violated_bound
-from indent_sim.scene.model_warnings import NEGLIGIBLE_ERROR
+from indent_sim.scene.expected_error import NEGLIGIBLE_ERROR
 from indent_sim.scene.scene import Scene, resolve
 
 AGREE = 1e-6  # of the force: Newton stops at 1e-9 of it, and Uzawa's multiplier at 1e-8

@@ -16,9 +16,9 @@ from indent_sim.model.body import Layer as BodyLayer
 from indent_sim.model.materials import LinearElastic
 from indent_sim.model.tips import FlatPunch, Paraboloid
 from indent_sim.process.errors import ConfigError
-from indent_sim.scene.choices import needs_mesh
 from indent_sim.scene.domain_truncation import TRUNCATION_SAFETY, truncate
 from indent_sim.scene.reference_theory import half_space_theory, layer_theory
+from indent_sim.scene.solver_choices import needs_mesh
 from indent_sim.theory import profiles
 from indent_sim.theory.films import dimitriadis_force, gao_modulus
 from indent_sim.theory.layer import Layer

@@ -16,7 +16,8 @@ from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid
 from indent_sim.run.error_estimation.coarser_run import CoarserRun
 from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.run.explicit_config import explicit_config
-from indent_sim.scene.model_warnings import characteristic_strain, penalty_force_loss
+from indent_sim.scene.characteristic_strain import characteristic_strain
+from indent_sim.scene.expected_error import penalty_force_loss
 from indent_sim.scene.scene import Scene, resolve
 
 SCENES: dict[str, dict[str, Any]] = {

@@ -11,7 +11,7 @@ from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.tips import FlatPunch
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.explicit_config import explicit_config
-from indent_sim.scene.predictions import NoSlipEffect, tensile_rim_width
+from indent_sim.scene.no_slip_effect import NoSlipEffect, tensile_rim_width
 from indent_sim.scene.scene import Scene, resolve
 
 CYLINDER = {"shape": "cylinder", "radius": 4.0, "height": 1.0, "base": "fixed", "sides": "roller"}
