@@ -1,4 +1,4 @@
-"""Plan: what a scene says of its simulation before it runs."""
+"""Plan: the theory, choices, warnings and predictions of a simulation before it runs."""
 
 from __future__ import annotations
 
@@ -6,12 +6,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.scene.choices import Choice
-from indent_sim.scene.model_warnings import (
-    ModelWarning,
-)
-from indent_sim.scene.no_slip_effect import (
-    NoSlipEffect,
-)
+from indent_sim.scene.model_warnings import ModelWarning
+from indent_sim.scene.no_slip_effect import NoSlipEffect
 from indent_sim.scene.predictions import ExpectedAdhesion
 from indent_sim.scene.resolution import MeshResolution
 from indent_sim.scene.time_prediction import TimePrediction
@@ -25,31 +21,43 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is said of a simulation before it runs: names, theory, choices with their reasons,
-    doubts, predictions.
+    """All that is reported about a simulation before it runs.
+
+    Attributes
+    ----------
+    resolution : MeshResolution or None
+        The mesh resolution, if the key `accuracy` determined the element sizes.
+    prediction : dict
+        Predicted results and cost by name, in the user's units.
+    stick : NoSlipEffect or None
+        Change of the force if the surface could not slip; None with friction, or if unknown.
+    friction : FrictionCorrection or None
+        Effect of friction on the contact of the reference theory, if it is known.
+    adhesion : ExpectedAdhesion or None
+        Cohesive zone and pull-off force of an adhesive tip.
+    jkr : Jkr or None
+        The nondimensional JKR contact of the same tip.
+    time : TimePrediction or None
+        Characteristic times and elastic limits of a scene with a history.
     """
 
     title: str
     units: Units
     theory: Theory | None = field(repr=False)
-    resolution: MeshResolution | None  # where `accuracy` chose the sizes
+    resolution: MeshResolution | None
     choices: tuple[Choice, ...]
     model_warnings: tuple[ModelWarning, ...]
-    prediction: dict[str, float]  # in the user's units
-    stick: NoSlipEffect | None = (
-        None  # what no slip would change; None where there is friction, or nothing is known
-    )
-    friction: FrictionCorrection | None = (
-        None  # what it changes of theory's contact, where that is known
-    )
-    adhesion: ExpectedAdhesion | None = None  # of a tip that adheres
-    jkr: Jkr | None = field(default=None, repr=False)  # the same tip without range, without units
-    time: TimePrediction | None = None  # of a scene that is followed in time
+    prediction: dict[str, float]
+    stick: NoSlipEffect | None = None
+    friction: FrictionCorrection | None = None
+    adhesion: ExpectedAdhesion | None = None
+    jkr: Jkr | None = field(default=None, repr=False)
+    time: TimePrediction | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Where the model or the mesh is a poor one for what is asked, a sentence each."""
-        return tuple(doubt.message for doubt in self.model_warnings if doubt.message)
+        """The messages of all model warnings that have one."""
+        return tuple(warning.message for warning in self.model_warnings if warning.message)
 
     def as_json(self) -> dict[str, Any]:
         """The plan as one JSON object."""

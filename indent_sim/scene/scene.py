@@ -1,4 +1,4 @@
-"""Scene: physics, sizes, solver and plan; `resolve` makes it from a Config."""
+"""Scene: a completely decided simulation, which `resolve` makes from a Config."""
 
 from __future__ import annotations
 
@@ -57,27 +57,40 @@ from indent_sim.theory.theory import Theory
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config, SolverSettings
 
-# of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
+# The factor of E/h_far: under the pressure E a curved roller wall then moves by less than 1e-3 of
+# an element.
 WALL_STIFFNESS = 1e3
-WALL_WHY = f"u.n = 0 with the cylinder's own normal, weakly, by {WALL_STIFFNESS:g} E/h_far"
-GAP_WHY = "the gap is tested at the deformed point, theory's at the undeformed one"
-PLANE_GAP_WHY = "the gap is tested at the undeformed point, and the contact of theory spreads"
-FRICTION_WHY = "the surface is rough, theory's frictionless"
+WALL_WHY = (
+    "u.n = 0 on the curved roller wall is imposed weakly, along the normal of the cylinder, with "
+    f"the stiffness {WALL_STIFFNESS:g} E/h_far"
+)
+GAP_WHY = "the gap is evaluated at the deformed point, in the theory at the undeformed one"
+PLANE_GAP_WHY = (
+    "the gap is evaluated at the undeformed point, in the theory the surface slides under the plate"
+)
+FRICTION_WHY = "the surface has friction, the theory has none"
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A completely decided simulation: what is simulated, on which elements, how it is solved, and
-    what is said.
+    """A completely decided simulation: physics, element sizes, solver and plan.
+
+    Attributes
+    ----------
+    experiment : Experiment or None
+        Properties of the experiment that are added to the solved curve, nondimensional.
+    history_on_curve : History or None
+        The nondimensional history that is evaluated on the elastic curve; `physics.path` is then
+        the path of that curve. None if the path itself holds the rows.
+    relaxation : Relaxation or None
+        Relaxation of the whole body that is applied to its elastic curve.
     """
 
     physics: ProblemDefinition
     sizes: Sizes
     solver: SolverSettings
     plan: Plan
-    experiment: Experiment | None = None  # what is computed from the solved curve, without units
-    # What its rows follow on the elastic curve, that of the physics' path, without units; None
-    # where the path says it
+    experiment: Experiment | None = None
     history_on_curve: History | None = None
     relaxation: Relaxation | None = None
 
@@ -88,7 +101,7 @@ class Scene:
         return self._repr_table().html
 
     def _repr_table(self) -> ReprTable:
-        """What a notebook shows: every choice with its reason, and what to expect."""
+        """The table that a notebook shows: every choice with its reason, and the predictions."""
         rows = [(choice.key, choice.value, choice.why) for choice in self.plan.choices]
         expected = ", ".join(
             f"{name.replace('_', ' ')} {cell_text(value)}"
@@ -102,24 +115,25 @@ class Scene:
 
     @property
     def is_meshed(self) -> bool:
-        """Whether a mesh is solved; where theory is, `sizes` are distances between points of the
-        surface.
+        """True if the scene is solved on a mesh.
+
+        If theory solves it, `sizes` are the distances between the surface points that are written.
         """
         return self.solver.method != "theory"
 
     @property
     def uses_elastic_curve(self) -> bool:
-        """Whether something is made of its elastic curve: an experiment, the rows of a history."""
+        """True if an experiment or the rows of a history are computed from the elastic curve."""
         return self.experiment is not None or self.history_on_curve is not None
 
     @property
     def is_time_dependent(self) -> bool:
-        """Whether its rows have times."""
+        """True if every row has a time."""
         return self.history_on_curve is not None or bool(self.physics.path.times)
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of its force table beyond those of every scene."""
+        """Columns of the force table that this scene has in addition to the common ones."""
         if self.history_on_curve is None:
             return (*self.physics.columns, *(("t", "branch") if self.physics.path.times else ()))
         has_compliance = self.experiment and self.experiment.compliance
@@ -133,67 +147,87 @@ class Scene:
 
     @property
     def reaction_columns(self) -> tuple[str, ...]:
-        """Columns of its force table with the reactions of its supports, for a run that writes
-        them.
-        """
+        """Columns with the reactions of the supports, for a run that writes them."""
         return reaction_columns(self.physics.domain)
 
     @property
     def method(self) -> str:
-        """The contact method, or theory."""
+        """The contact method, or "theory" if no mesh is solved."""
         return self.physics.contact.method if self.is_meshed else "theory"
 
     @property
     def cost(self) -> Cost:
-        """What its mesh will cost, alone."""
+        """Predicted cost of this scene on its mesh, without error bars."""
         work = self.physics.solver_work(self.solver.method, self.solver.linear)
         return cost_of(self.sizes, self.physics.domain, work)
 
     def grid(self) -> Grid:
-        """The mesh of its part by its sizes; MeshError where gmsh fails."""
-        from indent_sim.mesh import gmsh  # with processes, which no plan needs
+        """Mesh the model domain with the element sizes; MeshError if gmsh fails."""
+        from indent_sim.mesh import gmsh  # A plan needs no process that meshes.
 
         return gmsh.build_mesh(self.physics.domain, self.sizes)
 
-    def adapt_grid(self, other: Scene, grid: Grid) -> Grid:
-        """The mesh of a scene that differs from this one a little, moved to this one's body and
-        contact; a mesh of its own where it cannot be moved.
+    def adapt_grid(self, similar_scene: Scene, grid: Grid) -> Grid:
+        """Map the mesh of a similar scene to the body and the contact of this one.
+
+        Parameters
+        ----------
+        similar_scene : Scene
+            A scene whose body and contact differ little from those of this one.
+        grid : Grid
+            The mesh of the similar scene.
+
+        Returns
+        -------
+        Grid
+            The mapped mesh, or a new mesh if it cannot be mapped.
         """
         radii = tuple(
             scene.plan.prediction.get("a", 0.0) / scene.physics.scales.length
-            for scene in (other, self)
+            for scene in (similar_scene, self)
         )
-        return map_grid(grid, other.physics.domain, self.physics.domain, radii) or self.grid()
+        mapped_grid = map_grid(grid, similar_scene.physics.domain, self.physics.domain, radii)
+        return mapped_grid or self.grid()
 
     def start_meshing(self) -> Callable[[], Grid]:
-        """Have its mesh made in the process that meshes; the function that is returned waits for
-        it.
-        """
+        """Start meshing in another process; return the function that waits for the mesh."""
         from indent_sim.mesh import gmsh
 
         return gmsh.start_meshing(self.physics.domain, self.sizes)
 
     def replace_physics(self, **changes: Any) -> Scene:
-        """The same simulation of something else: another tip, path or contact law on the same
-        elements.
-        """
+        """Return this scene with another tip, path or contact law on the same elements."""
         return replace(self, physics=replace(self.physics, **changes))
 
     @cached_property
     def theory_differences(self) -> tuple[str, ...]:
-        """What this problem has that theory's has not, in words; empty when they are one, or there
-        is no theory.
+        """Differences between this problem and that of the reference theory, in words.
+
+        The tuple is empty if there are none.
         """
         theory = self.plan.theory
         physics = self.physics
         is_finite = theory is not None and theory.is_finite_strain
-        has_plate = physics.is_compressed  # a plane is the same at every point
+        # The gap to a plate is the same at the deformed and the undeformed point.
+        has_plate = physics.is_compressed
         reasons = (
-            (not physics.small_strain and not is_finite, "strain is finite, theory's small"),
+            (
+                not physics.small_strain and not is_finite,
+                "strains are finite, the theory is for small strain",
+            ),
             (physics.has_friction, FRICTION_WHY),
-            (bool(physics.permeable_regions), "fluid flows in the pores, theory's body has none"),
-            (bool(physics.relaxing_regions), "its shear relaxes, theory's body is elastic"),
-            (physics.contact.may_snap_through, "the attraction has a range, theory's none"),
+            (
+                bool(physics.permeable_regions),
+                "fluid flows in the pores, the theory has no pore fluid",
+            ),
+            (
+                bool(physics.relaxing_regions),
+                "the shear modulus relaxes, the theory is elastic",
+            ),
+            (
+                physics.contact.may_snap_through,
+                "the attraction has a finite range, in the theory it has none",
+            ),
             (physics.gap == "current" and not has_plate, GAP_WHY),
             (physics.gap == "reference" and is_finite, PLANE_GAP_WHY),
             (theory is not None and not theory.is_exact, theory.reason if theory else ""),
@@ -202,9 +236,7 @@ class Scene:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What else is said of its plan, a sentence each: how it is followed in time, what no slip
-        or its friction changes.
-        """
+        """Remarks on the plan: its behaviour in time, the effect of no slip and of friction."""
         time = self.plan.time
         no_slip = self.plan.stick
         friction = self.plan.friction
@@ -217,12 +249,14 @@ class Scene:
 
     @property
     def exact_theory(self) -> Theory | None:
-        """The theory of this very problem."""
+        """The reference theory if it solves exactly this problem, else None."""
         return self.plan.theory if not self.theory_differences else None
 
     def has_peak_pressure(self, a: float) -> bool:
-        """Whether the pressures of a contact of radius a [length] have a largest one that a mesh
-        can know. Not where contact ends at the end of a tip, as under a punch.
+        """True if a mesh can resolve the peak pressure of a contact of radius a [length].
+
+        It cannot where the contact ends at the edge of the tip, as under a punch: the pressure is
+        singular there.
         """
         tip = self.physics.indenter
         if (
@@ -234,11 +268,11 @@ class Scene:
         return not missing_peak_reason(self.physics, self.sizes, a)
 
 
-Mesher = Callable[[Scene], Grid]  # makes the mesh of a scene
+Mesher = Callable[[Scene], Grid]
 
 
 def start_mesher() -> None:
-    """Fork the process that meshes, which loads gmsh while this one does something else."""
+    """Start the process that meshes, so that it loads gmsh while this one goes on."""
     from indent_sim.mesh import gmsh
 
     gmsh.start_mesher()
@@ -247,11 +281,27 @@ def start_mesher() -> None:
 def resolve(
     config: Config, per_radius: float | None = None, piece: ImportedMesh | None = None
 ) -> Scene:
-    """Decide everything the config leaves open.
+    """Decide everything that the config leaves open.
 
-    With `accuracy` there are `per_radius` elements in every contact radius, or as many as it is
-    expected to need. piece: the body of the config's mesh file, where it has been read. Raises
-    ConfigError for a scene that cannot exist or that this machine cannot hold.
+    Parameters
+    ----------
+    config : Config
+        The validated scene file.
+    per_radius : float, optional
+        Elements in every contact radius, for a config with `accuracy`; by default the number that
+        this accuracy is expected to need.
+    piece : ImportedMesh, optional
+        The mesh from the config's mesh file, if it has been read already.
+
+    Returns
+    -------
+    Scene
+        The decided simulation.
+
+    Raises
+    ------
+    ConfigError
+        If the scene is impossible, or needs more memory than this machine has.
     """
     setup = set_up_problem(config, piece)
     if by_theory := solver_choices.theory(config, setup):
@@ -260,12 +310,10 @@ def resolve(
 
 
 def _theory_scene(config: Config, setup: ProblemSetup, solver: Choice) -> Scene:
-    """The scene that theory solves: what stands for its sizes are the points of the surface that
-    are written.
-    """
+    """Return the scene that theory solves; its sizes are distances between surface points."""
     physics = setup.physics
     decisions_on_curve = curve_choices.curve(config, setup, solver)
-    choices.refuse_reactions(config, "theory solves it, without a mesh")
+    choices.refuse_reactions(config, "theory solves this scene, without a mesh")
     choices.refuse_nodal_stress(config, has_fields=False)
     all_choices = (
         *choices.quantities(config),
@@ -309,6 +357,7 @@ def _theory_scene(config: Config, setup: ProblemSetup, solver: Choice) -> Scene:
 
 
 def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None) -> Scene:
+    """Return the scene that is solved on a mesh, with all its choices in their order."""
     fineness = sizing.mesh_resolution(config, setup, per_radius)
     gap, gap_choice = contact_choices.gap(config.contact, setup)
     sizes = sizing.sizes(config, setup, fineness, gap)
@@ -357,11 +406,11 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
     choices.refuse_nodal_stress(config, has_fields=not setup.history or is_in_time)
     if setup.history and not is_in_time:
         choices.refuse_reactions(
-            config, "a history is followed on the elastic curve, of forces alone"
+            config, "a history is evaluated on the elastic curve, which holds forces only"
         )
     elif isinstance(config.body, UnboundedBody):
         choices.refuse_reactions(
-            config, "a body without end is held at its base alone, by the force"
+            config, "an unbounded body is supported at its base only, whose reaction is the force"
         )
     time_choices = (*decisions_on_curve, *choices.time_steps(setup, physics, sizes))
     all_choices = (
@@ -396,13 +445,14 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
 
 
 def _history_reason(all_choices: Iterable[Choice]) -> str:
-    """Why a history is followed as it is; empty without one."""
+    """Why a history is solved by the chosen method; empty without a history."""
     return next((choice.why for choice in all_choices if choice.key == "time"), "")
 
 
 def _wall_stiffness(setup: ProblemSetup, sizes: Sizes) -> tuple[float, list[Choice]]:
-    """The stiffness of a curved roller wall in three dimensions [pressure/length, without units];
-    0: there is none.
+    """Return the nondimensional stiffness of a curved roller wall [pressure/length] and its choice.
+
+    Only three-dimensional domains have such a wall; without one the stiffness is 0.
     """
     physics = setup.physics
     if not physics.domain.has_curved_roller:
@@ -414,6 +464,7 @@ def _wall_stiffness(setup: ProblemSetup, sizes: Sizes) -> tuple[float, list[Choi
 def _choose_solver(
     config: Config, setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes
 ) -> tuple[Choice, Choice, Cost]:
+    """Choose method and linear solver by their predicted costs; return both and the cost."""
     nodes = candidate_count(sizes, physics.domain) * (
         physics.domain.dim if physics.has_friction else 1
     )
@@ -436,12 +487,11 @@ def _memory_error(
     work: SolverWork,
     fineness: MeshResolution | None,
 ) -> ConfigError:
-    """What to say of a scene that is beyond this machine, and what would fit."""
+    """Return the error for a scene that needs more memory than there is, with a remedy."""
     cost = cost_of(sizes, physics.domain, work)
     available_memory = machine_memory()
-    key, name = (
-        ("accuracy", "accuracy") if fineness else ("mesh.h_contact", "h_contact")
-    )  # whoever set the sizes
+    # The remedy names the key that determined the element sizes.
+    key, name = ("accuracy", "accuracy") if fineness else ("mesh.h_contact", "h_contact")
     if cost_of(replace(sizes, inclusions=()), physics.domain, work).memory <= available_memory:
         key = "mesh.h_inclusions"
         name = "h_inclusions, or inclusions"
@@ -464,9 +514,11 @@ def _memory_error(
 def _predict(
     setup: ProblemSetup, warnings: tuple[ModelWarning, ...], cost: Cost, time: TimePrediction | None
 ) -> dict[str, float]:
-    """What to expect of the results and of the run, in the user's units."""
+    """Return the predicted results and cost of a meshed scene, in the user's units."""
     truncation = {"truncation_error": setup.truncation.error} if setup.truncation else {}
-    error = sum(doubt.force_error for doubt in warnings) if setup.physics.deltas[-1] > 0 else 0.0
+    error = 0.0
+    if setup.physics.deltas[-1] > 0:
+        error = sum(warning.force_error for warning in warnings)
     mesh_size = {
         "cells": round(cost.cells),
         "dofs": round(cost.dofs),

@@ -61,7 +61,9 @@ PUNCH_FORMULA = ("Sneddon (flat punch)", half_space.flat_punch_force)
 SQUARE_PYRAMID_FORMULA = ("a square pyramid on a half-space", half_space.square_pyramid_force)
 
 PYRAMID_THEORY = TipTheory(
-    profiles.equivalent_cone, ("half_angle", "roundness", "tip_radius"), *SQUARE_PYRAMID_FORMULA
+    profiles.equivalent_cone,
+    ("half_angle", "equivalent_radius_ratio", "tip_radius"),
+    *SQUARE_PYRAMID_FORMULA,
 )
 
 TIP_THEORIES: dict[type, TipTheory] = {
@@ -74,7 +76,7 @@ TIP_THEORIES: dict[type, TipTheory] = {
     FlatPunch: TipTheory(profiles.flat_punch, ("radius", "edge_radius"), *PUNCH_FORMULA),
     Plate: TipTheory(profiles.flat_plate),
     **dict.fromkeys((tips.Pyramid, tips.Berkovich, tips.Vickers, tips.CubeCorner), PYRAMID_THEORY),
-    Profile: TipTheory(_piecewise_linear_tip, ("points", "tip_radius", "slope", "corners")),
+    Profile: TipTheory(_piecewise_linear_tip, ("points", "tip_radius", "slope", "rounding_arcs")),
 }
 
 

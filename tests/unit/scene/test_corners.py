@@ -195,7 +195,7 @@ def _doubled(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(map(_doubled, value))
     if isinstance(value, Side):
-        points = {name: getattr(value, name) for name in ("start", "end", "middle")}
+        points = {name: getattr(value, name) for name in ("start", "end", "center")}
         return replace(value, **{name: point and _doubled(point) for name, point in points.items()})
     return 2 * value
 

@@ -251,7 +251,7 @@ def test_elements_that_cross_the_edge_see_the_rim_that_would_pull(
     nu: float, dim: int, is_seen: bool
 ) -> None:
     """The facets of a solid do at 0.1, however large they are, and no longer at 0.4: measured."""
-    sizes = SimpleNamespace(edge=0.1, h_edge=0.01)
+    sizes = SimpleNamespace(punch_edge=0.1, h_edge=0.01)
     assert (tensile_rim_width(FlatPunch(0.1), nu, sizes, dim) > 0) == is_seen  # type: ignore[arg-type]
 
 
